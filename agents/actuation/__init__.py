@@ -1,0 +1,1 @@
+"""How a person's joints are driven."""

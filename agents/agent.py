@@ -1,0 +1,64 @@
+"""What acts and observes in a world."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.body import Body
+from rcare_marl.observable import Observable
+from rcare_marl.pose import Pose
+from rcare_marl.world import World
+
+Array = npt.NDArray[np.float64]
+
+
+class Agent(abc.ABC):
+    """An actor with a body. It holds handles and set-points; its state is in the world.
+
+    Attributes:
+        name: The role that it plays.
+        body: Its body, once spawned.
+    """
+
+    name: str
+    body: Body
+
+    @property
+    @abc.abstractmethod
+    def action_size(self) -> int:
+        """Number of action values, each in [-1, 1]."""
+
+    @property
+    @abc.abstractmethod
+    def action_names(self) -> tuple[str, ...]:
+        """What each action value moves, with its unit, one a value."""
+
+    @abc.abstractmethod
+    def spawn(self, world: World, pose: Pose) -> None:
+        """Load the body into `world` with its base at `pose`, once."""
+
+    @abc.abstractmethod
+    def reset(self, rng: np.random.Generator) -> None:
+        """Take a start posture and clear every set-point."""
+
+    @abc.abstractmethod
+    def command(self, action: Array, duration: float) -> None:
+        """Accept an action, shape [action_size], for the coming control step of `duration` [s]."""
+
+    def actuate(self) -> None:
+        """Apply forces for the coming physics step; nothing where motors hold their targets."""
+
+    def sense(self) -> None:
+        """Read the body's state once, for all observables, after the physics of a control step."""
+
+    @abc.abstractmethod
+    def observables(self) -> Sequence[Observable]:
+        """Return what the agent senses of itself."""
+
+    def describe(self) -> dict[str, str]:
+        """Return facts worth showing to a person, such as the model and where it came from."""
+        return {}

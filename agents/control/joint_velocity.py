@@ -1,0 +1,39 @@
+"""Control by joint speeds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcare_marl.pose import Array
+
+from ..arm import Arm
+
+
+class JointVelocity:
+    """Each action value is the speed of one joint, 1 being its greatest.
+
+    A joint slows down so that it stops at its limit. The motors keep the speed until the next
+    command.
+    """
+
+    MARGIN = 0.005  # [rad or m] kept to a limit
+
+    def __init__(self, arm: Arm) -> None:
+        self.size = len(arm)
+        self.names = tuple(f"{name} [rad/s]" for name in arm.names)
+        self.max = arm.velocity.copy()
+        self._arm = arm
+
+    def reset(self) -> None:
+        self._arm.drive_velocities(np.zeros(self.size), self._arm.effort)
+
+    def command(self, action: Array, duration: float) -> None:
+        arm = self._arm
+        positions = arm.positions()
+        least = np.minimum((arm.lower + self.MARGIN - positions) / duration, self.max)
+        most = np.maximum((arm.upper - self.MARGIN - positions) / duration, -self.max)
+        speeds = np.clip(np.clip(self.max * action, least, most), -self.max, self.max)
+        arm.drive_velocities(speeds, arm.effort)
+
+    def actuate(self) -> None:
+        """Do nothing: the motors hold their speeds."""

@@ -1,0 +1,361 @@
+"""People: one class, one YAML file for each avatar; how they move and who decides are parts."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from rcare_marl import assets
+from rcare_marl.cache import cached
+from rcare_marl.config import load
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.observable import Observable
+from rcare_marl.pose import Pose, conjugate, quaternion_from_matrix, rotate
+from rcare_marl.world import GRAVITY, World
+
+from .actuation.chain import make_chain
+from .actuation.skeletal import SkeletalDrive
+from .agent import Agent, Array
+from .body.anthropometry import Sex
+from .body.posture import PostureConfig, lay_arm, pelvis_pose
+from .body.segment import Segment, make_segments
+from .body.skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINT_INDEX, JOINTS
+from .body.skin import BodyModel, JointFrame, PersonSkin, load_body_model
+from .body.urdf import PersonUrdf, write_urdf
+from .profile import ClinicalProfile, Range, normal_strength
+
+MAX_SPEED = 0.8  # [rad/s] of a target angle at full action; our own choice: an unhurried movement
+LEAST_GRADE = 3.0  # MMT grade that holds a limb against gravity; below it furniture must
+FRICTION = 0.6  # skin and clothes against plastic and metal; our own choice
+
+
+@dataclass(frozen=True)
+class AvatarConfig:
+    """A person: body and clinical abilities (`assets/avatars/<name>.yaml`).
+
+    Attributes:
+        name: First name.
+        condition: Diagnosis.
+        sex: Of the body proportions and of the strength norms.
+        height_m: Stature [m].
+        mass_kg: Weight [kg].
+        body: A body model, relative to assets/avatars or an absolute path: one of ours, or the
+            user's own `SMPLX_*.npz`.
+        pronoun: For texts.
+        age_years: Age [years].
+        profile: What the person can do.
+    """
+
+    name: str
+    condition: str
+    sex: Sex
+    height_m: float
+    mass_kg: float
+    body: str
+    pronoun: str = "they"
+    age_years: float = 40.0
+    profile: ClinicalProfile = field(default_factory=ClinicalProfile)
+
+    def __post_init__(self) -> None:
+        for name, low, high in (("height_m", 0.5, 2.5), ("mass_kg", 5, 300), ("age_years", 0, 120)):
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} must lie in {low}..{high}, got {getattr(self, name)}")
+
+    def body_path(self) -> Path:
+        """Return the file of the body model."""
+        return assets.ROOT / "avatars" / Path(self.body).expanduser()
+
+
+def load_avatar(name: str | Path) -> AvatarConfig:
+    """Return the avatar of that name, or from that YAML file."""
+    path = Path(name)
+    return load(AvatarConfig, path if path.suffix in (".yaml", ".yml") else assets.find("avatars", str(name)))
+
+
+def load_posture(name: str | Path) -> PostureConfig:
+    """Return the posture of that name, or from that YAML file."""
+    path = Path(name)
+    found = path if path.suffix in (".yaml", ".yml") else assets.find("postures", str(name))
+    return load(PostureConfig, found)
+
+
+@lru_cache(maxsize=32)
+def _body(path: Path, height: float) -> BodyModel:
+    model = load_body_model(path)
+    measured = float(model.meta.get("height_m", np.ptp(model.vertices[:, 1])))
+    scale = height / measured
+    return dataclasses.replace(
+        model,
+        vertices=model.vertices * np.float32(scale),
+        joints=model.joints * scale,
+        mouth=model.mouth * scale,
+    )
+
+
+@lru_cache(maxsize=32)
+def _segments(path: Path, height: float, mass: float, sex: Sex) -> dict[str, Segment]:
+    return make_segments(_body(path, height), mass, sex)
+
+
+def person_urdf(
+    avatar: AvatarConfig,
+    kind: Range,
+    *,
+    movable: Sequence[str] | None = None,
+    posture: Array | None = None,
+) -> PersonUrdf:
+    """Return the URDF of an avatar: limits of `active` (AROM) or `passive` (PROM) range.
+
+    Args:
+        avatar: The person.
+        kind: Which range of motion the joint limits are.
+        movable: Names of the movable DoFs, all 112 if None.
+        posture: Angle of every DoF [rad], shape [112], where fixed ones stay; the T-pose if None.
+    """
+    path = avatar.body_path()
+    limits = avatar.profile.limits(kind)
+    low, high = avatar.profile.strength(avatar.sex)
+    effort = dict(zip((dof.name for dof in DOFS), np.maximum(low, high).tolist(), strict=True))
+    chosen = [dof.name for dof in DOFS] if movable is None else movable
+    return write_urdf(
+        avatar.name.lower().replace(" ", "_"),
+        _segments(path, avatar.height_m, avatar.mass_kg, avatar.sex),
+        _body(path, avatar.height_m).joints,
+        limits={name: limits[name] for name in chosen},
+        posture=np.zeros(len(DOFS)) if posture is None else posture,
+        effort=effort,
+    )
+
+
+class Human(Agent):
+    """A person whose abilities come from an avatar.
+
+    Attributes:
+        avatar: Who it is.
+        posture: How the person starts.
+        movable: The DoFs that move, proximal first; all others are fixed in the posture.
+        active: Active limits of the movable DoFs [rad], shape [n, 2].
+        passive: Their passive limits [rad], shape [n, 2].
+        positions: Angles of the movable DoFs at the end of the last control step [rad].
+        velocities: Their rates then [rad/s].
+    """
+
+    def __init__(
+        self,
+        name: str,
+        avatar: AvatarConfig,
+        *,
+        posture: PostureConfig,
+        movable: Sequence[str] | None = None,
+        fixed_base: bool = True,
+    ) -> None:
+        """Prepare a person.
+
+        Args:
+            name: The role.
+            avatar: Who it is.
+            posture: How the person starts.
+            movable: DoFs, or joints for all DoFs of a joint, that move; all 112 if None.
+            fixed_base: Whether the pelvis is held in place, as by a lap belt.
+        """
+        self.name, self.avatar, self.posture = name, avatar, posture
+        self.movable = _expand(movable)
+        self._fixed_base = fixed_base
+        self._arm_rests: dict[str, Pose] = {}
+        order = [DOF_INDEX[dof] for dof in self.movable]
+        limits = [avatar.profile.limits(kind) for kind in ("active", "passive")]
+        self.active, self.passive = (
+            np.array([lim[dof] for dof in self.movable]).reshape(-1, 2) for lim in limits
+        )
+        self._order = order
+
+    @property
+    def action_size(self) -> int:
+        return len(self.movable)
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        return tuple(f"{dof} [{MAX_SPEED} rad/s]" for dof in self.movable)
+
+    def use_arm_rests(self, left: Pose | None, right: Pose | None) -> None:
+        """Say where armrests are, before `spawn`: middle of a pad's top, x along it to the front."""
+        pads = {"left": left, "right": right}
+        self._arm_rests = {side: pad for side, pad in pads.items() if pad is not None}
+
+    def spawn(self, world: World, pose: Pose) -> None:
+        """Load the person onto the support at `pose`; see `body.posture.pelvis_pose`."""
+        avatar, path = self.avatar, self.avatar.body_path()
+        self.model = _body(path, avatar.height_m)
+        self.segments = _segments(path, avatar.height_m, avatar.mass_kg, avatar.sex)
+        limits = avatar.profile.limits("passive")
+        angles = self.posture.angles(limits)
+        self.pelvis = pelvis_pose(self.posture, self.model, angles, pose)
+        if self.posture.arms == "armrests":
+            for side, pad in self._arm_rests.items():
+                radius = self.segments[f"{side}_elbow"].shapes[0].size[1]
+                angles = lay_arm(
+                    side, self.model, angles, self.pelvis, pad, limits, clearance=radius
+                )
+        self.angles = angles
+        urdf = person_urdf(avatar, "passive", movable=self.movable, posture=angles)
+        file = cached(avatar.name.lower().replace(" ", "_"), ".urdf", urdf.text)
+        self.body = world.load_urdf(
+            file, self.pelvis, name=self.name, fixed=self._fixed_base
+        )
+        self.body.set_damping()
+        self.body.set_friction(range(-1, self.body.link_count), lateral=FRICTION)
+        self._joints = self.body.indices(self.movable)
+        self.body.release_motors(self._joints)
+        self._start = angles[self._order]
+        self.body.set_joints(self._joints, self._start)
+        self.frames = [
+            JointFrame(self.body.link_index(f.link), f.rotation, f.offset) for f in urdf.frames
+        ]
+        self.drive = self._make_drive(world.physics_dt)
+        self._target = self.drive.target
+        self.sense()
+        self._gravity = np.zeros(3)
+        self._find_gravity()
+        world.skins.append(PersonSkin(self.model, self.body, self.frames))
+        self._mouth = {
+            joint: self.model.mouth - self.model.joints[JOINT_INDEX[joint]]
+            for joint in ("head", "jaw")
+        }
+
+    def _make_drive(self, physics_dt: float) -> SkeletalDrive:
+        avatar = self.avatar
+        chain = make_chain(self.segments, self.model.joints, self.angles, self.movable)
+        if chain.names != self.movable:
+            raise ConfigError("the movable DoFs of a person must be in the order of the skeleton")
+        low, high = avatar.profile.strength(avatar.sex)
+        rows = [DOFS[i] for i in self._order]
+        weak = [
+            min(avatar.profile.grade(d, positive=True), avatar.profile.grade(d, positive=False))
+            < LEAST_GRADE
+            for d in rows
+        ]
+        held = self.posture.supported
+        supported = np.array(
+            [w and (held == "all" or d.joint in held) for w, d in zip(weak, rows, strict=True)],
+            np.bool_,
+        )
+        return SkeletalDrive(
+            chain,
+            strength=np.column_stack((low, high))[self._order],
+            normal_strength=normal_strength(avatar.sex)[self._order],
+            supported=supported,
+            posture=self._start,
+            physics_dt=physics_dt,
+        )
+
+    def _find_gravity(self) -> None:
+        base = self.body.base_pose().quaternion if not self._fixed_base else self.pelvis.quaternion
+        self._gravity[:] = rotate(conjugate(base), (0.0, 0.0, -GRAVITY))
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self.body.set_joints(self._joints, self._start)
+        self._target[:] = self._start
+
+    def set_angles(self, angles: Mapping[str, float]) -> None:
+        """Teleport movable DoFs to `angles` [rad], by name, kept inside the passive range."""
+        for dof, angle in angles.items():
+            if dof not in self.movable:
+                raise UnknownNameError("movable degree of freedom", dof, self.movable)
+            i = self.movable.index(dof)
+            value = float(np.clip(angle, *self.passive[i]))
+            self.body.set_joints([self._joints[i]], [value])
+            self._target[i] = value
+
+    def command(self, action: Array, duration: float) -> None:
+        """Move each target by `action` times `MAX_SPEED`; active movement ends at the active range."""
+        step = action * (MAX_SPEED * duration)
+        np.clip(self._target + step, *self._reach(), out=self._target)
+
+    def _reach(self) -> tuple[Array, Array]:
+        # Where a posture starts outside the active range the person cannot go further out.
+        return (
+            np.minimum(self.active[:, 0], self._start),
+            np.maximum(self.active[:, 1], self._start),
+        )
+
+    def actuate(self) -> None:
+        if not self._joints:
+            return
+        if not self._fixed_base:
+            self._find_gravity()
+        positions, velocities = self.body.joint_states(self._joints)
+        self.body.drive_torques(
+            self._joints, self.drive.torques(positions, velocities, self._gravity)
+        )
+
+    def sense(self) -> None:
+        self.positions, self.velocities = self.body.joint_states(self._joints)
+
+    def joint_pose(self, joint: str) -> Pose:
+        """Return the pose of an SMPL-X joint's frame in the world."""
+        if joint not in JOINT_INDEX:
+            raise UnknownNameError("joint", joint, JOINTS)
+        frame = self.frames[JOINT_INDEX[joint]]
+        link = self.body.link_pose(frame.link)
+        local = np.eye(4)
+        local[:3, :3], local[:3, 3] = frame.rotation, frame.offset
+        matrix = link.matrix() @ local
+        return Pose(tuple(matrix[:3, 3].tolist()), tuple(quaternion_from_matrix(matrix[:3, :3]).tolist()))
+
+    def mouth_position(self) -> Array:
+        """Return the point between the lips in the world [m], shape [3]; it follows head and jaw."""
+        total = np.zeros(3)
+        for joint, local in self._mouth.items():
+            frame = self.frames[JOINT_INDEX[joint]]
+            link = self.body.link_pose(frame.link)
+            total += rotate(link.quaternion, frame.rotation @ local + frame.offset) + link.position
+        return total / 2
+
+    def face_direction(self) -> Array:
+        """Return where the face looks, a unit vector in the world, shape [3]."""
+        frame = self.frames[JOINT_INDEX["head"]]
+        return rotate(self.body.link_pose(frame.link).quaternion, frame.rotation[:, 2])
+
+    def angle(self, dof: str) -> float:
+        """Return the present angle of a DoF [rad], fixed or movable."""
+        if dof not in DOF_INDEX:
+            raise UnknownNameError("degree of freedom", dof, DOF_INDEX)
+        if dof in self.movable:
+            return self.body.joint_states([self._joints[self.movable.index(dof)]])[0][0]
+        return float(self.angles[DOF_INDEX[dof]])
+
+    def observables(self) -> Sequence[Observable]:
+        count = self.action_size
+        return [
+            Observable("joint_position", "rad", count, lambda: self.positions),
+            Observable("joint_velocity", "rad/s", count, lambda: self.velocities),
+            Observable("joint_target", "rad", count, lambda: self._target),
+        ]
+
+    def describe(self) -> dict[str, str]:
+        return {
+            "avatar": self.avatar.name,
+            "condition": self.avatar.condition,
+            "posture": self.posture.description,
+            "movable": f"{self.action_size} of {len(DOFS)} degrees of freedom",
+        }
+
+
+def _expand(movable: Sequence[str] | None) -> tuple[str, ...]:
+    """Return DoF names in the order of the skeleton; a joint stands for all of its DoFs."""
+    if movable is None:
+        return tuple(dof.name for dof in DOFS)
+    chosen: set[str] = set()
+    for name in movable:
+        if name in DOF_INDEX:
+            chosen.add(name)
+        elif name in JOINT_INDEX and name != JOINTS[0]:
+            chosen.update(dof.name for dof in DOFS_OF[name])
+        else:
+            raise UnknownNameError("joint or degree of freedom", name, [*JOINTS[1:], *DOF_INDEX])
+    return tuple(dof.name for dof in DOFS if dof.name in chosen)

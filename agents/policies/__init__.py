@@ -1,0 +1,1 @@
+"""Policies for roles that are not learned."""

@@ -1,0 +1,218 @@
+"""What a person can do: ranges of motion, strength, spasticity, sensation and vital signs.
+
+Angles in files are clinical degrees, each side separately; here they become radians of the DoFs of
+`agents/body/skeleton.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl import assets
+from rcare_marl.config import load
+from rcare_marl.errors import UnknownNameError
+
+from .body.anthropometry import Sex
+from .body.skeleton import DOFS, Dof
+
+Array = npt.NDArray[np.float64]
+Range = Literal["active", "passive"]
+ASHWORTH = ("0", "1", "1+", "2", "3", "4")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a healthy adult man can do in one motion.
+
+    Attributes:
+        range_deg: Normal range [deg].
+        torque: Greatest isometric torque at MMT grade 5 [N·m].
+        group: Muscle group that makes the motion.
+        range_source: Where the range comes from; the file explains the keys.
+        torque_source: Where the torque comes from.
+    """
+
+    range_deg: float
+    torque: float
+    group: str
+    range_source: str
+    torque_source: str
+
+
+@dataclass(frozen=True)
+class ClinicalNorms:
+    """The healthy norms that a profile departs from (`assets/clinical/motions.yaml`)."""
+
+    female_strength: float
+    motions: dict[str, Motion]
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """All muscle groups, sorted."""
+        return tuple(sorted({motion.group for motion in self.motions.values()}))
+
+
+@lru_cache(maxsize=1)
+def clinical_norms() -> ClinicalNorms:
+    """Return the healthy norms."""
+    return load(ClinicalNorms, assets.find("clinical", "motions"))
+
+
+@dataclass(frozen=True)
+class SideProfile:
+    """What departs from the norm on one side of the body, or in its middle.
+
+    Attributes:
+        prom_deg: Passive range of motion by motion [deg]; the norm where absent.
+        arom_deg: Active range of motion [deg]; the passive one where absent.
+        mmt: Manual muscle testing grade by muscle group, 0 (none) to 5 (normal); 5 where absent.
+        spasticity: Modified Ashworth grade by muscle group: 0, 1, 1+, 2, 3 or 4; 0 where absent.
+        sensation: How much is felt.
+    """
+
+    prom_deg: dict[str, float] = field(default_factory=dict)
+    arom_deg: dict[str, float] = field(default_factory=dict)
+    mmt: dict[str, float] = field(default_factory=dict)
+    spasticity: dict[str, str] = field(default_factory=dict)
+    sensation: Literal["normal", "reduced", "absent"] = "normal"
+
+    def __post_init__(self) -> None:
+        norms = clinical_norms()
+        for key in ("prom_deg", "arom_deg"):
+            for motion, angle in getattr(self, key).items():
+                if motion not in norms.motions:
+                    raise UnknownNameError(f"motion in {key}", motion, norms.motions)
+                if not -90 <= angle <= 190:
+                    raise ValueError(f"{key}.{motion} must lie in -90..190 deg, got {angle}")
+        for motion, angle in self.arom_deg.items():
+            passive = self.prom_deg.get(motion, norms.motions[motion].range_deg)
+            if angle > passive:
+                raise ValueError(
+                    f"arom_deg.{motion} is {angle} deg, beyond the passive range of {passive} deg"
+                )
+        for group, grade in self.mmt.items():
+            if group not in norms.groups:
+                raise UnknownNameError("muscle group in mmt", group, norms.groups)
+            if not 0 <= grade <= 5:
+                raise ValueError(f"mmt.{group} is a grade from 0 to 5, got {grade}")
+        for group, mas in self.spasticity.items():
+            if group not in norms.groups:
+                raise UnknownNameError("muscle group in spasticity", group, norms.groups)
+            if mas not in ASHWORTH:
+                raise ValueError(
+                    f"spasticity.{group} is a Modified Ashworth grade, one of {ASHWORTH}, got {mas!r}"
+                )
+
+
+@dataclass(frozen=True)
+class Vitals:
+    """Vital signs at rest.
+
+    Attributes:
+        heart_rate: [1/min].
+        systolic: Blood pressure [mmHg].
+        diastolic: Blood pressure [mmHg].
+        temperature: Body temperature [°C].
+    """
+
+    heart_rate: float = 72.0
+    systolic: float = 120.0
+    diastolic: float = 78.0
+    temperature: float = 36.8
+
+    def __post_init__(self) -> None:
+        if not 30 <= self.heart_rate <= 200:
+            raise ValueError(f"heart_rate must lie in 30..200 per minute, got {self.heart_rate}")
+        if not 30 <= self.diastolic < self.systolic <= 260:
+            raise ValueError(
+                f"blood pressure must satisfy 30 <= diastolic < systolic <= 260 mmHg, got "
+                f"{self.systolic}/{self.diastolic}"
+            )
+        if not 30 <= self.temperature <= 43:
+            raise ValueError(f"temperature must lie in 30..43 °C, got {self.temperature}")
+
+
+@dataclass(frozen=True)
+class ClinicalProfile:
+    """The abilities of one person.
+
+    Attributes:
+        axial: Trunk, neck and jaw.
+        left: Left limbs.
+        right: Right limbs.
+        vitals: Vital signs at rest.
+    """
+
+    axial: SideProfile = field(default_factory=SideProfile)
+    left: SideProfile = field(default_factory=SideProfile)
+    right: SideProfile = field(default_factory=SideProfile)
+    vitals: Vitals = field(default_factory=Vitals)
+
+    def side(self, name: str) -> SideProfile:
+        """Return the profile of `left`, `right` or `axial`."""
+        return {"left": self.left, "right": self.right, "axial": self.axial}[name]
+
+    def limits(self, kind: Range) -> dict[str, tuple[float, float]]:
+        """Return lower and upper limit of each of the 112 DoFs [rad], by name.
+
+        An eye has no clinical range; it gets the norm of the eye muscles for both kinds.
+        """
+        return {dof.name: self._limit(dof, kind) for dof in DOFS}
+
+    def _limit(self, dof: Dof, kind: Range) -> tuple[float, float]:
+        side = self.side(dof.side)
+        high = _angle(side, dof.positive, kind) * dof.share - dof.clinical_zero
+        low = -_angle(side, dof.negative, kind) * dof.share - dof.clinical_zero
+        if low > high:  # a deficit on both ends: the range is a point
+            low = high = 0.5 * (low + high)
+        return low, high
+
+    def grade(self, dof: Dof, *, positive: bool) -> float:
+        """Return the MMT grade of the muscles that move `dof` in one direction."""
+        motion = clinical_norms().motions[dof.positive if positive else dof.negative]
+        return self.side(dof.side).mmt.get(motion.group, 5.0)
+
+    def strength(self, sex: Sex) -> tuple[Array, Array]:
+        """Return the greatest torques of each DoF, negative and positive [N·m], each [112].
+
+        The paper's uniform map from grade to strength: torque = normal torque × grade / 5.
+        """
+        norms = clinical_norms()
+        factor = norms.female_strength if sex == "female" else 1.0
+        rows = [
+            [
+                norms.motions[motion].torque * factor * self.grade(dof, positive=positive) / 5
+                for motion, positive in ((dof.negative, False), (dof.positive, True))
+            ]
+            for dof in DOFS
+        ]
+        both = np.array(rows)
+        return both[:, 0], both[:, 1]
+
+
+def _angle(side: SideProfile, motion: str, kind: Range) -> float:
+    norm = clinical_norms().motions[motion].range_deg
+    degrees = side.prom_deg.get(motion, norm)
+    if kind == "active":
+        degrees = side.arom_deg.get(motion, degrees)
+    return math.radians(degrees)
+
+
+def normal_strength(sex: Sex) -> Array:
+    """Return the greatest torque of each DoF in its stronger direction at grade 5 [N·m], [112]."""
+    norms = clinical_norms()
+    factor = norms.female_strength if sex == "female" else 1.0
+    return np.array(
+        [factor * max(_torque(norms.motions, d.positive), _torque(norms.motions, d.negative)) for d in DOFS]
+    )
+
+
+def _torque(motions: Mapping[str, Motion], motion: str) -> float:
+    return motions[motion].torque

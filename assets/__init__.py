@@ -1,0 +1,26 @@
+"""Files of the package: robots, avatars, postures, devices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rcare_marl.errors import UnknownNameError
+
+ROOT = Path(__file__).resolve().parent
+
+
+def names(kind: str) -> tuple[str, ...]:
+    """Return the names of all YAML files of a `kind`, a folder here, sorted."""
+    return tuple(sorted(path.stem for path in (ROOT / kind).glob("*.yaml")))
+
+
+def find(kind: str, name: str) -> Path:
+    """Return the YAML file of the `kind` (a folder here) called `name`.
+
+    Raises:
+        UnknownNameError: If there is none; the message lists those there are.
+    """
+    known = names(kind)
+    if name not in known:
+        raise UnknownNameError(kind.rstrip("s"), name, known)
+    return ROOT / kind / f"{name}.yaml"

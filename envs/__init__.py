@@ -1,0 +1,70 @@
+"""Environments: `make` is the way in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rcare_marl.config import load
+
+from . import tasks as tasks  # registers the built-in tasks
+from .care_env import CareEnv
+from .cast import CastEntry, find_policy, make_cast
+from .registry import policy_names, register_policy, register_task, task_class, task_names
+from .task import Role, Task
+
+__all__ = [
+    "CareEnv",
+    "Role",
+    "Task",
+    "make",
+    "policy_names",
+    "register_policy",
+    "register_task",
+    "task_names",
+]
+
+
+def make(
+    task: str,
+    *,
+    options: Mapping[str, Any] | None = None,
+    policies: Mapping[str, Any] | None = None,
+    physics_dt: float = 1 / 240,
+    render_mode: str | None = None,
+    **cast: CastEntry,
+) -> CareEnv:
+    """Return a new environment, a PettingZoo parallel environment.
+
+    Every role that acts is an agent to be learned, but those that are given a policy.
+
+    Args:
+        task: A task name, see `rcare_marl.task_names()`.
+        options: Settings of the task, such as `{"reward": "shaped"}`; see its class.
+        policies: For roles that are not learned: the name of a policy, see `policy_names`, or a
+            function that takes the environment and the role and returns a policy.
+        physics_dt: Physics step [s].
+        render_mode: `rgb_array` for pictures, `human` for a live page, or None.
+        **cast: For a role of the task: the name of a robot or avatar, a YAML file, or a mapping
+            such as `{"model": "karan", "policy": "cooperative"}`; None leaves an optional role out.
+            What is not named is played by the task's default.
+
+    Raises:
+        UnknownNameError: If a task, role, model, option or policy does not exist.
+        ConfigError: If a value is impossible.
+
+    Example:
+        >>> env = make("feeding", robot="kinova_gen3", recipient="karan")
+        >>> env = make("feeding", policies={"recipient": "cooperative"})  # only the robot learns
+    """
+    cls = task_class(task)
+    agents, factories = make_cast(task, cls, cast)
+    for role, policy in (policies or {}).items():
+        factories[role] = find_policy(task, role, policy)
+    return CareEnv(
+        cls(load(cls.Options, dict(options or {}), f"options of {task!r}")),
+        agents,
+        factories,
+        physics_dt=physics_dt,
+        render_mode=render_mode,
+    )

@@ -1,0 +1,274 @@
+"""The environment: one final class that joins a world, agents and a task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+from pettingzoo import ParallelEnv
+
+from rcare_marl.agents.agent import Agent, Array
+from rcare_marl.agents.policy import Policy
+from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNameError
+from rcare_marl.observable import ObservationVector
+from rcare_marl.world import World
+
+from .registry import PolicyFactory
+from .task import Task
+
+if TYPE_CHECKING:
+    from rcare_marl.rendering import Renderer, Viewer
+
+Obs = npt.NDArray[np.float32]
+RENDER_MODES = ("rgb_array", "human")
+
+
+@final
+class CareEnv(ParallelEnv[str, Obs, Obs]):
+    """A PettingZoo parallel environment. Do not subclass it: write a `Task`.
+
+    Attributes:
+        task: What the episode is about.
+        cast: The agents by role.
+        world: The physics world.
+        policies: The roles that are not learned, and who decides for them.
+        possible_agents: The roles that are learned.
+        agents: Those of them that are in the running episode; empty once it is over.
+        is_over: Whether no episode is running.
+    """
+
+    metadata = {"name": "rcare_marl_v0", "render_modes": list(RENDER_MODES), "render_fps": 10}
+
+    def __init__(
+        self,
+        task: Task,
+        cast: Mapping[str, Agent],
+        policies: Mapping[str, PolicyFactory] | None = None,
+        *,
+        physics_dt: float = 1 / 240,
+        render_mode: str | None = None,
+    ) -> None:
+        """Build the scene.
+
+        Args:
+            task: The task.
+            cast: An agent for each role that is played.
+            policies: For roles that are not learned, what makes their policy.
+            physics_dt: Physics step [s]; the control step must be a multiple of it.
+            render_mode: `rgb_array`, `human` or None.
+
+        Raises:
+            ConfigError: If the time steps do not fit, or a policy is for a role that nobody plays.
+        """
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise UnknownNameError("render mode", str(render_mode), RENDER_MODES)
+        self._substeps = round(task.control_dt / physics_dt) if physics_dt > 0 else 0
+        if self._substeps < 1 or abs(self._substeps * physics_dt - task.control_dt) > 1e-9:
+            raise ConfigError(
+                f"control_dt {task.control_dt} s is no multiple of physics_dt {physics_dt} s"
+            )
+        strangers = sorted(set(policies or {}) - set(cast))
+        if strangers:
+            raise ConfigError(f"policies for {strangers}, but the cast is {sorted(cast)}")
+        self.render_mode = render_mode
+        self.metadata = {**type(self).metadata, "render_fps": round(1 / task.control_dt)}
+        self.task, self.cast = task, dict(cast)
+        self.world = World(physics_dt)
+        try:
+            self._build()
+        except BaseException:
+            self.world.close()
+            raise
+        self._order = tuple(self.cast.values())
+        self._vectors = {
+            role: ObservationVector([*agent.observables(), *task.observables(role)])
+            for role, agent in self.cast.items()
+        }
+        self._spaces = {
+            role: spaces.Box(-1, 1, (agent.action_size,), np.float32)
+            for role, agent in self.cast.items()
+        }
+        self.policies: dict[str, Policy] = {
+            role: make(self, role) for role, make in (policies or {}).items()
+        }
+        self.possible_agents = [role for role in self.cast if role not in self.policies]
+        self.agents: list[str] = []
+        self.is_over = True
+        self._rng = np.random.default_rng()
+        self._renderer: Renderer | None = None
+        self._viewer: Viewer | None = None
+
+    def _build(self) -> None:
+        self.task.cast = self.cast
+        poses = self.task.furnish(self.world)
+        for role, agent in self.cast.items():
+            agent.spawn(self.world, poses[role])
+        self.task.build(self.world)
+        self.world.mark_start()
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        return self._vectors[self._known(agent)].space
+
+    def action_space(self, agent: str) -> spaces.Box:
+        return self._spaces[self._known(agent)]
+
+    @property
+    def state_space(self) -> spaces.Box:
+        """The space of `state`."""
+        size = sum(vector.size for vector in self._vectors.values())
+        return spaces.Box(-np.inf, np.inf, (size,), np.float32)
+
+    def state(self) -> Obs:
+        """Return what all roles observe, learned or not, one after the other, for critics."""
+        return np.concatenate([vector.read() for vector in self._vectors.values()])
+
+    def observe(self, role: str) -> Obs:
+        """Return what one role observes now, learned or not."""
+        return self._vectors[self._known(role)].read()
+
+    def describe(self, role: str) -> list[tuple[slice, str, str]]:
+        """Return (slice, name, unit) of each part of a role's observation."""
+        return self._vectors[self._known(role)].table()
+
+    def _known(self, role: str) -> str:
+        if role not in self.cast:
+            raise UnknownNameError("role in this cast", str(role), self.cast)
+        return role
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Obs], dict[str, dict[str, Any]]]:
+        """Begin an episode, which is a function of `seed`; without one the last sequence goes on.
+
+        `options` has no meaning yet and is there for PettingZoo.
+        """
+        if self.world.client < 0:
+            raise EpisodeError("the environment is closed: make a new one")
+        if seed is not None:
+            self._rng = np.random.default_rng(seed)
+        self.world.rewind()
+        for agent in self._order:
+            agent.reset(self._rng)
+        self.task.reset(self._rng)
+        self._sense()
+        for policy in self.policies.values():
+            policy.reset(self._rng)
+        self.agents, self.is_over = list(self.possible_agents), False
+        if self.render_mode == "human":
+            self.render()
+        return (
+            {role: self._vectors[role].read() for role in self.agents},
+            {role: self._info(self.task.rewards(role)) for role in self.agents},
+        )
+
+    def step(
+        self, actions: dict[str, Obs]
+    ) -> tuple[
+        dict[str, Obs],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Let everybody act for one control step.
+
+        Raises:
+            EpisodeError: If no episode is running.
+            ActionError: If an action is missing, for nobody, misshapen or not finite; nothing has
+                moved then, and `step` may be called again.
+        """
+        commands = self._checked(actions)
+        for role, policy in self.policies.items():
+            commands[role] = policy.act()
+        task, world = self.task, self.world
+        for role, agent in self.cast.items():
+            agent.command(commands[role], task.control_dt)
+        for _ in range(self._substeps):
+            for agent in self._order:
+                agent.actuate()
+            world.step()
+            task.after_substep()
+        self._sense()
+        roles = self.agents
+        terms = {role: task.rewards(role) for role in roles}
+        done = task.is_success() or task.is_failure()
+        late = world.time >= task.time_limit - 1e-9
+        observations = {role: self._vectors[role].read() for role in roles}
+        infos = {role: self._info(terms[role]) for role in roles}
+        if done or late:
+            self.agents, self.is_over = [], True
+        if self.render_mode == "human":
+            self.render()
+        return (
+            observations,
+            {role: float(sum(terms[role].values())) for role in roles},
+            dict.fromkeys(roles, done),
+            dict.fromkeys(roles, late and not done),
+            infos,
+        )
+
+    def _sense(self) -> None:
+        for agent in self._order:
+            agent.sense()
+        self.task.after_step()
+
+    def _info(self, terms: Mapping[str, float]) -> dict[str, Any]:
+        return {"success": float(self.task.is_success()), **self.task.metrics(), **terms}
+
+    def _checked(self, actions: Mapping[str, Obs]) -> dict[str, Array]:
+        if self.is_over:
+            raise EpisodeError("no episode is running: call reset() before step()")
+        if not isinstance(actions, Mapping) or actions.keys() != set(self.agents):
+            got = sorted(map(str, actions)) if isinstance(actions, Mapping) else actions
+            raise ActionError(f"actions are for {got}, the agents are {sorted(self.agents)}")
+        out = {}
+        for role in self.agents:
+            wanted = self._spaces[role].shape
+            try:
+                action = np.asarray(actions[role], np.float64)
+            except (TypeError, ValueError) as error:
+                raise ActionError(f"action of {role!r} is no array of numbers: {error}") from error
+            if action.shape != wanted:
+                raise ActionError(
+                    f"action of {role!r} must have shape {wanted}, got {action.shape}"
+                )
+            if not np.isfinite(action).all():
+                raise ActionError(f"action of {role!r} must be finite, got {action}")
+            out[role] = np.minimum(np.maximum(action, -1.0), 1.0)
+        return out
+
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """Return a picture, shape [height, width, 3], or bring the live page up to date.
+
+        Raises:
+            EpisodeError: If the environment was made without a render mode.
+        """
+        if self.render_mode is None:
+            raise EpisodeError("made without a render mode: make(..., render_mode='rgb_array')")
+        from rcare_marl.rendering import Viewer, make_renderer
+
+        if self.render_mode == "human":
+            if self._viewer is None:
+                self._viewer = Viewer(self.world, self.task.camera())
+            self._viewer.update()
+            return None
+        if self._renderer is None:
+            self._renderer = make_renderer(self.world)
+        return self._renderer.render(self.task.camera())
+
+    @property
+    def viewer_url(self) -> str | None:
+        """Address of the live page, once there is one."""
+        return self._viewer.url if self._viewer is not None else None
+
+    def close(self) -> None:
+        """Free the physics client and the renderers; safe to call twice."""
+        for part in (self._renderer, self._viewer):
+            if part is not None:
+                part.close()
+        self._renderer = self._viewer = None
+        self.agents, self.is_over = [], True
+        self.world.close()

@@ -1,0 +1,90 @@
+"""Names of tasks and of policies. Other packages add theirs by decorator or by entry point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, TypeVar
+
+from rcare_marl.agents.policy import Policy
+from rcare_marl.errors import ConfigError, UnknownNameError
+
+from .task import Task
+
+if TYPE_CHECKING:
+    from .care_env import CareEnv
+
+TaskClass = TypeVar("TaskClass", bound=type[Task])
+PolicyFactory = Callable[["CareEnv", str], Policy]
+FactoryT = TypeVar("FactoryT", bound=PolicyFactory)
+
+_TASKS: dict[str, type[Task]] = {}
+_POLICIES: dict[tuple[str, str, str], PolicyFactory] = {}
+
+
+def register_task(name: str) -> Callable[[TaskClass], TaskClass]:
+    """Return a decorator that makes a task known as `name` to `rcare_marl.make`.
+
+    Raises:
+        ConfigError: If the name is taken.
+    """
+
+    def register(cls: TaskClass) -> TaskClass:
+        if name in _TASKS:
+            raise ConfigError(f"task {name!r} is already {_TASKS[name].__qualname__}")
+        _TASKS[name] = cls
+        return cls
+
+    return register
+
+
+def task_class(name: str) -> type[Task]:
+    """Return the task class registered as `name`; UnknownNameError if there is none."""
+    if name not in _TASKS:
+        raise UnknownNameError("task", name, _TASKS)
+    return _TASKS[name]
+
+
+def task_names() -> tuple[str, ...]:
+    """Return the names of all registered tasks, sorted."""
+    return tuple(sorted(_TASKS))
+
+
+def register_policy(task: str, role: str, name: str) -> Callable[[FactoryT], FactoryT]:
+    """Return a decorator that makes a policy known as `name` for a role of a task.
+
+    The decorated factory takes the environment and the role, once the scene is built, and returns
+    the policy. A package of its own lists the module under the entry point `rcare_marl.policies`.
+
+    Raises:
+        ConfigError: If the name is taken for that role.
+    """
+
+    def register(factory: FactoryT) -> FactoryT:
+        if (task, role, name) in _POLICIES:
+            raise ConfigError(f"policy {name!r} of {role!r} in {task!r} is there already")
+        _POLICIES[task, role, name] = factory
+        return factory
+
+    return register
+
+
+def policy_factory(task: str, role: str, name: str) -> PolicyFactory:
+    """Return the factory of a policy; UnknownNameError lists those of the role."""
+    known = policy_names(task, role)
+    if name not in known:
+        raise UnknownNameError(f"policy of {role!r} in task {task!r}", name, known)
+    return _POLICIES[task, role, name]
+
+
+def policy_names(task: str, role: str) -> tuple[str, ...]:
+    """Return the names of the policies of a role of a task, sorted."""
+    _load_plugins()
+    return tuple(sorted(n for t, r, n in _POLICIES if (t, r) == (task, role)))
+
+
+@lru_cache(maxsize=1)
+def _load_plugins() -> None:
+    for plugin in entry_points(group="rcare_marl.policies"):
+        plugin.load()

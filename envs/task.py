@@ -1,0 +1,139 @@
+"""What an episode is about."""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+
+import numpy as np
+from typing_extensions import Self
+
+from rcare_marl.agents.agent import Agent
+from rcare_marl.observable import Observable
+from rcare_marl.pose import Pose
+from rcare_marl.world import World
+
+if TYPE_CHECKING:
+    from rcare_marl.rendering import Camera
+
+AgentT = TypeVar("AgentT", bound=Agent)
+
+
+class Role(Generic[AgentT]):
+    """A part in a task: on the class the part itself, on a task the agent that plays it.
+
+    Attributes:
+        kind: The class of agent that can play it.
+        default: Model that plays it where the cast names none; None leaves an optional role empty.
+        optional: Whether the task can do without it.
+        posture: How a person starts (`assets/postures`).
+        movable: DoFs or joints of a person that move in this task; the others cost nothing.
+        control: Control mode of a robot where the cast names none.
+        partner: Policy that plays the role where another one is the only learner.
+    """
+
+    def __init__(
+        self,
+        kind: type[AgentT],
+        *,
+        default: str | None,
+        optional: bool = False,
+        posture: str = "standing",
+        movable: Sequence[str] | None = None,
+        control: str = "tool_delta",
+        partner: str | None = None,
+    ) -> None:
+        self.kind, self.default, self.optional = kind, default, optional
+        self.posture, self.movable = posture, movable
+        self.control, self.partner = control, partner
+
+    def __set_name__(self, owner: type[Task], name: str) -> None:
+        self._name = name
+
+    @overload
+    def __get__(self, task: None, owner: type[Task]) -> Self: ...
+    @overload
+    def __get__(self, task: Task, owner: type[Task]) -> AgentT: ...
+    def __get__(self, task: Task | None, owner: type[Task]) -> Self | AgentT:
+        if task is None:
+            return self
+        agent = task.cast[self._name]
+        assert isinstance(agent, self.kind)
+        return agent
+
+
+class Task(abc.ABC):
+    """Scene, goal and rewards. A task knows its agents by role, never by model.
+
+    `observables`, `rewards`, `metrics`, `is_success` and `is_failure` are pure: calling them twice
+    changes nothing. Only `after_substep` and `after_step` change the memory of an episode.
+
+    Attributes:
+        Options: The frozen dataclass of a task's settings.
+        cast: The agents by role; set by the environment before `furnish`.
+        control_dt: Length of a control step [s].
+        time_limit: Length of an episode [s].
+    """
+
+    Options: type[Any]
+    cast: Mapping[str, Agent]
+    control_dt: float = 0.1
+    time_limit: float = 20.0
+
+    def __init__(self, options: Any) -> None:
+        """Take settings, an instance of `Options`."""
+        self.options = options
+
+    @classmethod
+    def roles(cls) -> dict[str, Role[Any]]:
+        """Return the parts declared in the class body, in order."""
+        bodies = [vars(base).items() for base in reversed(cls.__mro__)]
+        return {k: v for body in bodies for k, v in body if isinstance(v, Role)}
+
+    @abc.abstractmethod
+    def furnish(self, world: World) -> dict[str, Pose]:
+        """Add what stands in the room, once, and return where each role of the cast starts.
+
+        A robot starts with its base there; a person rests on the surface there, see
+        `agents.body.posture.pelvis_pose`.
+        """
+
+    @abc.abstractmethod
+    def build(self, world: World) -> None:
+        """Add props, once; the agents stand there already."""
+
+    @abc.abstractmethod
+    def reset(self, rng: np.random.Generator) -> None:
+        """Place props for a new episode and clear any memory of the last one."""
+
+    def after_substep(self) -> None:
+        """Look at the world after each physics step (contacts are short-lived)."""
+
+    @abc.abstractmethod
+    def after_step(self) -> None:
+        """Update the memory once a control step, before anything is read; `reset` calls it too."""
+
+    @abc.abstractmethod
+    def observables(self, role: str) -> Sequence[Observable]:
+        """Return what the agent in `role` sees of the task."""
+
+    @abc.abstractmethod
+    def rewards(self, role: str) -> Mapping[str, float]:
+        """Return the named, weighted reward terms of `role`; their sum is the reward."""
+
+    def metrics(self) -> Mapping[str, float]:
+        """Return what is worth reporting about the episode so far, always under the same names."""
+        return {}
+
+    @abc.abstractmethod
+    def is_success(self) -> bool:
+        """Return whether the goal is reached; the episode then terminates."""
+
+    def is_failure(self) -> bool:
+        """Return whether the goal is out of reach or someone was hurt; likewise."""
+        return False
+
+    @abc.abstractmethod
+    def camera(self) -> Camera:
+        """Return the view that shows the task best."""

@@ -1,0 +1,293 @@
+"""Feeding: bring a spoonful of food to the person's mouth without spilling or pushing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.policies.behaviour_tree import BehaviourTree, StayStill, eat_when_fed
+from rcare_marl.agents.robot import Robot
+from rcare_marl.observable import Observable
+from rcare_marl.pose import Array, Pose, Vector, quaternion_from_rpy, rotate
+from rcare_marl.rendering.camera import Camera
+from rcare_marl.world import World
+
+from ..care_env import CareEnv
+from ..devices.spoon import Spoon
+from ..devices.wheelchair import Wheelchair
+from ..registry import register_policy, register_task
+from ..rewards import tolerance
+from ..task import Role, Task
+
+MOUTH_RADIUS = 0.03  # [m] food within this of the mouth is eaten: Assistive Gym, feeding.py
+LOST_DISTANCE = 0.10  # [m] food farther than this from the spoon is spilled: Assistive Gym
+FORCE_LIMIT = 20.0  # [N] on the person; comfort ended there for the user of the RCareWorld paper
+COMFORT_FORCE = 10.0  # [N] free of penalty below: Assistive Gym, config.ini
+OPEN_MOUTH = math.radians(10)  # of the jaw, before anything can be eaten; our own choice
+MOUTH_IN_FRONT = 0.01  # [m] the target lies this far in front of the lips; our own choice
+TIME_LIMIT = 20.0  # [s], 200 control steps, as in Assistive Gym
+FOOD_COUNT, FOOD_RADIUS, FOOD_MASS = 4, 0.005, 0.001  # size and mass of Assistive Gym's pieces
+START_GAP = (0.28, 0.36)  # [m] from mouth to spoon at the start; our own choice
+START_SPREAD = (0.0, 0.06, 0.05)  # [m] uniform, each way: along, across, up; our own choice
+HEAD_TURN, HEAD_TILT = math.radians(20), math.radians(8)  # uniform, each way; our own choice
+SETTLE_STEPS = 240  # physics steps that the food gets to come to rest in the spoon, once
+APART = (0.0, 0.0, -50.0)  # [m] where eaten food is parked: bodies can never be removed
+
+MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw_opening")
+SHAPED_WEIGHTS = {"food": 0.1, "approach": 0.9, "comfort": 0.5, "level": 0.1}  # our own choice
+
+
+@dataclass(frozen=True)
+class FeedingOptions:
+    """Settings of the feeding task.
+
+    Attributes:
+        reward: `paper` as in the RCareWorld paper; `shaped` adds comfort and a level spoon.
+        mount: Side of the wheelchair that the robot is mounted on.
+        force_limit: Force on the person that ends the episode as a failure [N].
+    """
+
+    reward: Literal["paper", "shaped"] = "paper"
+    mount: Literal["wheelchair_left", "wheelchair_right"] = "wheelchair_right"
+    force_limit: float = FORCE_LIMIT
+
+    def __post_init__(self) -> None:
+        if not self.force_limit > 0:
+            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
+
+
+@register_task("feeding")
+class Feeding(Task):
+    """A robot on the wheelchair feeds the person who sits in it.
+
+    Goal: all food eaten. A piece is eaten when it comes near the mouth while the mouth is open.
+    Randomised at reset: where the spoon starts, how the head is turned and tilted.
+    Success and failure: all pieces eaten; one spilled, or a force above the limit on the person.
+    """
+
+    robot = Role(Robot, default="kinova_gen3", partner="scripted")
+    recipient = Role(
+        Human, default="karan", posture="wheelchair", movable=MOVABLE, partner="cooperative"
+    )
+    caregiver = Role(
+        Human,
+        default=None,
+        optional=True,
+        posture="standing",
+        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
+        partner="still",
+    )
+
+    Options = FeedingOptions
+    time_limit = TIME_LIMIT
+    options: FeedingOptions
+
+    def furnish(self, world: World) -> dict[str, Pose]:
+        self._chair = Wheelchair()
+        floor = world.add_box((6, 6, 0.1), Pose((0, 0, -0.05)), name="floor", rgba=(0.72, 0.68, 0.62, 1))
+        floor.set_friction([-1], lateral=0.8)
+        self._chair.spawn(world, Pose())
+        self.recipient.use_arm_rests(
+            self._chair.frame("armrest_left"), self._chair.frame("armrest_right")
+        )
+        away = quaternion_from_rpy(0, 0, -math.pi / 2)  # beside the chair, facing it
+        return {
+            "robot": self.robot.mount(self.options.mount, self._chair.pose),
+            "recipient": self._chair.frame("seat_back"),
+            "caregiver": Pose((0.15, 0.85, 0.0), tuple(away.tolist())),
+        }
+
+    def build(self, world: World) -> None:
+        self._world = world
+        people = [a for a in self.cast.values() if isinstance(a, Human)]
+        for person in people:  # the posture already keeps them apart
+            world.set_collision(person.body, self._chair.body, False)
+        world.set_collision(self.robot.body, self._chair.body, False)
+        self._spoon = Spoon()
+        self._spoon_body = self._spoon.spawn(world)
+        world.set_collision(self._spoon_body, self._chair.body, False)
+        self._mouth_at_rest = self.recipient.mouth_position()
+        self._head_dofs = [d for d in self.recipient.movable if d.startswith(("neck", "head"))]
+        self._set_spoon(self._start_pose(np.zeros(4)))
+        self.robot.grasp(self._spoon_body, self._spoon.in_tool)
+        self._food = [
+            world.add_sphere(
+                FOOD_RADIUS, Pose((0, 0, 3 + 0.1 * i)), mass=FOOD_MASS, name=f"food_{i}",
+                rgba=(0.85, 0.45, 0.15, 1),
+            )
+            for i in range(FOOD_COUNT)
+        ]  # fmt: skip
+        self._settle()
+
+    def _settle(self) -> None:
+        """Let the food come to rest in the spoon once, and remember where in the spoon it lies."""
+        bowl = self._spoon_body.base_pose() @ Pose(self._spoon.bowl)
+        for i, piece in enumerate(self._food):
+            angle = 2 * math.pi * i / FOOD_COUNT
+            offset = (1.2 * FOOD_RADIUS * math.cos(angle), 1.2 * FOOD_RADIUS * math.sin(angle), 0.012)
+            piece.set_friction([-1], lateral=0.5, rolling=0.0005, spinning=0.0005)
+            piece.set_base(Pose(tuple(np.add(bowl.position, offset).tolist())))
+        for _ in range(SETTLE_STEPS):
+            for agent in self.cast.values():
+                agent.actuate()
+            self._world.step()
+        spoon = self._spoon_body.base_pose().inverse()
+        self._food_in_spoon = [spoon @ piece.base_pose() for piece in self._food]
+
+    def _start_pose(self, offset: Vector) -> Pose:
+        """Return a start pose of the bowl: level, in front of the face, its tip towards it."""
+        gap = START_GAP[0] + (START_GAP[1] - START_GAP[0]) * float(offset[3])
+        position = np.add(self._mouth_at_rest, (gap + offset[0], offset[1], offset[2] - 0.05))
+        return Pose(tuple(position.tolist()), tuple(self._spoon.facing((-1.0, 0.0, 0.0)).tolist()))
+
+    def _set_spoon(self, bowl: Pose) -> None:
+        """Put the robot where the bowl of the spoon in its hand is at `bowl`."""
+        base = bowl @ Pose(self._spoon.bowl).inverse()
+        tool = base @ self._spoon.in_tool.inverse()
+        self.robot.set_posture(self.robot.solve_ik(tool, seed=self.robot.arm.rest).posture)
+        self._spoon_body.set_base(self.robot.tool_pose() @ self._spoon.in_tool)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        turn, tilt = rng.uniform(-HEAD_TURN, HEAD_TURN), rng.uniform(-HEAD_TILT, HEAD_TILT)
+        start = {"neck_rotation_left": turn / 2, "head_rotation_left": turn / 2}
+        start |= {"neck_flexion": tilt / 2, "head_flexion": tilt / 2}
+        offset = np.append(rng.uniform(-1, 1, 3) * START_SPREAD, rng.uniform())
+        self.recipient.set_angles({d: a for d, a in start.items() if d in self._head_dofs})
+        self._set_spoon(self._start_pose(offset))
+        spoon = self._spoon_body.base_pose()
+        for piece, local in zip(self._food, self._food_in_spoon, strict=True):
+            piece.set_base(spoon @ local)
+        self._eaten = np.zeros(FOOD_COUNT, np.bool_)
+        self._spilled = np.zeros(FOOD_COUNT, np.bool_)
+        self._force = self._peak_force = self._step_force = 0.0
+        self._time_to_mouth = -1.0
+
+    def after_substep(self) -> None:
+        force = self._world.contact_force(self.recipient.body)
+        if force > self._step_force:
+            self._step_force = force
+
+    def after_step(self) -> None:
+        self._force, self._step_force = self._step_force, 0.0
+        self._peak_force = max(self._peak_force, self._force)
+        spoon = self._spoon_body.base_pose()
+        self._bowl = rotate(spoon.quaternion, self._spoon.bowl) + spoon.position
+        self._up = rotate(spoon.quaternion, self._spoon.up)
+        self._face = self.recipient.face_direction()
+        self._mouth = self.recipient.mouth_position() + MOUTH_IN_FRONT * self._face
+        self._gap = self._mouth - self._bowl
+        self._distance = math.sqrt(float(self._gap @ self._gap))
+        self._jaw = self.recipient.angle("jaw_opening")
+        self._update_food()
+
+    def _update_food(self) -> None:
+        places = np.array([piece.base_pose().position for piece in self._food])
+        carried = ~(self._eaten | self._spilled)
+        if self._jaw >= OPEN_MOUTH:
+            near = carried & (np.linalg.norm(places - self._mouth, axis=1) < MOUTH_RADIUS)
+            for i in np.flatnonzero(near):
+                self._food[i].set_base(Pose(APART))
+            self._eaten |= near
+            carried &= ~near
+        self._spilled |= carried & (np.linalg.norm(places - self._bowl, axis=1) > LOST_DISTANCE)
+        carried &= ~self._spilled
+        self._on_spoon = float(carried.mean())
+        if self._time_to_mouth < 0 and self._eaten.all():
+            self._time_to_mouth = self._world.time
+
+    def observables(self, role: str) -> Sequence[Observable]:
+        return [
+            Observable("bowl_position", "m", 3, lambda: self._bowl),
+            Observable("bowl_to_mouth", "m", 3, lambda: self._gap),
+            Observable("bowl_up", "1", 3, lambda: self._up),
+            Observable("face_direction", "1", 3, lambda: self._face),
+            Observable("jaw_opening", "rad", 1, lambda: (self._jaw,)),
+            Observable("food_on_spoon", "1", 1, lambda: (self._on_spoon,)),
+            Observable("food_eaten", "1", 1, lambda: (float(self._eaten.mean()),)),
+            Observable("contact_force", "N", 1, lambda: (self._force,)),
+            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
+        ]
+
+    def rewards(self, role: str) -> Mapping[str, float]:
+        # Food in the mouth counts as food on the spoon, or eating would cost reward.
+        food = self._on_spoon + float(self._eaten.mean())
+        near = tolerance(self._distance, bounds=(0, MOUTH_RADIUS), margin=0.3)
+        terms = {"food": food * food, "approach": food * near}
+        # An episode that ends well is paid as if it had gone on at its best: else to dawdle in
+        # front of the mouth would pay more than to feed.
+        best = 2.0
+        if self.options.reward == "shaped":
+            excess = max(self._force - COMFORT_FORCE, 0.0) / (self.options.force_limit - COMFORT_FORCE)
+            terms |= {"comfort": -min(excess, 1.0), "level": float(self._up[2]) - 1.0}
+            terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
+            best = SHAPED_WEIGHTS["food"] + SHAPED_WEIGHTS["approach"]
+        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
+        terms["eaten"] = best * left if self.is_success() else 0.0
+        return terms
+
+    def metrics(self) -> Mapping[str, float]:
+        return {
+            "peak_force_n": self._peak_force,
+            "force_n": self._force,
+            "distance_m": self._distance,
+            "spilled": float(self._spilled.sum()),
+            "eaten_pieces": float(self._eaten.sum()),
+            "time_to_mouth_s": self._time_to_mouth,
+        }
+
+    def is_success(self) -> bool:
+        return bool(self._eaten.all()) and not self.is_failure()
+
+    def is_failure(self) -> bool:
+        return bool(self._spilled.any()) or self._peak_force > self.options.force_limit
+
+    def bowl_position(self) -> Array:
+        """Return where the middle of the spoon's bowl is in the world [m], shape [3]."""
+        return self._bowl
+
+    def mouth_position(self) -> Array:
+        """Return where the spoon should go, just in front of the lips [m], shape [3]."""
+        return self._mouth
+
+    def face_direction(self) -> Array:
+        """Return where the recipient looks, a unit vector, shape [3]."""
+        return self._face
+
+    def distance(self) -> float:
+        """Return the distance from bowl to mouth [m]."""
+        return self._distance
+
+    def jaw_opening(self) -> float:
+        """Return how far the jaw is open [rad]."""
+        return self._jaw
+
+    def spoon_quaternion(self) -> Array:
+        """Return how the spoon is turned, shape [4]."""
+        return np.asarray(self._spoon_body.base_pose().quaternion)
+
+    def spoon_facing(self, direction: Vector) -> Array:
+        """Return how a level spoon is turned whose tip points along `direction`, shape [4]."""
+        return self._spoon.facing(direction)
+
+    def camera(self) -> Camera:
+        return Camera(eye=(1.55, -1.35, 1.75), target=(0.12, 0.0, 0.92), fov_deg=42)
+
+
+@register_policy("feeding", "recipient", "cooperative")
+def cooperative(env: CareEnv, role: str) -> BehaviourTree:
+    """Return a recipient who looks at the spoon and opens the mouth when it comes near."""
+    task = env.task
+    assert isinstance(task, Feeding)
+    return eat_when_fed(task.recipient, task.bowl_position, task.distance, task.control_dt)
+
+
+@register_policy("feeding", "caregiver", "still")
+@register_policy("feeding", "recipient", "still")
+def still(env: CareEnv, role: str) -> StayStill:
+    """Return a person who does not act at all."""
+    return StayStill(env.cast[role].action_size)

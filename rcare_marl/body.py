@@ -1,0 +1,340 @@
+"""A handle on one multibody: names in, numbers out. The state stays in the physics client."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pybullet as bullet
+
+from .errors import UnknownNameError
+from .pose import Array, Pose, Vector
+
+if TYPE_CHECKING:
+    from .world import World
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A movable joint as its URDF states it.
+
+    Attributes:
+        index: Index in the physics client.
+        kind: `revolute` or `prismatic`.
+        lower: Lower limit [rad or m]; -inf for a continuous joint.
+        upper: Upper limit [rad or m]; inf for a continuous joint.
+        effort: Greatest torque or force [N·m or N].
+        velocity: Greatest speed [rad/s or m/s].
+        dof: Place among the movable joints of the body, for Jacobians.
+    """
+
+    index: int
+    kind: str
+    lower: float
+    upper: float
+    effort: float
+    velocity: float
+    dof: int
+
+
+class Body:
+    """A handle on one multibody of a world; it holds names and indices, never state.
+
+    Attributes:
+        uid: Body id in the physics client.
+        name: Name given by the loader, unique in its world.
+        joints: The movable joints by name.
+        links: Link indices by name; the base is -1 and is found under its own name and as `base`.
+    """
+
+    def __init__(self, world: World, uid: int, name: str) -> None:
+        self._world, self._client, self.uid, self.name = world, world.client, uid, name
+        base_link = bullet.getBodyInfo(uid, physicsClientId=self._client)[0].decode()
+        self.links: dict[str, int] = {"base": -1, base_link: -1}
+        self.joints: dict[str, Joint] = {}
+        for index in range(bullet.getNumJoints(uid, physicsClientId=self._client)):
+            info = bullet.getJointInfo(uid, index, physicsClientId=self._client)
+            self.links[info[12].decode()] = index
+            if info[2] == bullet.JOINT_FIXED:
+                continue
+            lower, upper = (info[8], info[9]) if info[8] <= info[9] else (-np.inf, np.inf)
+            kind = "prismatic" if info[2] == bullet.JOINT_PRISMATIC else "revolute"
+            self.joints[info[1].decode()] = Joint(
+                index, kind, lower, upper, info[10], info[11], len(self.joints)
+            )
+        self.link_names = {index: link for link, index in self.links.items()}
+        self.link_count = max(self.links.values()) + 1  # without the base
+        dynamics = bullet.getDynamicsInfo(uid, -1, physicsClientId=self._client)
+        self._inertial = Pose(dynamics[3], dynamics[4])
+        self._from_inertial = self._inertial.inverse()
+        self._has_offset = self._inertial != Pose()
+
+    def indices(self, joints: Iterable[str]) -> list[int]:
+        """Return the indices of the named movable joints.
+
+        Raises:
+            UnknownNameError: If there is no movable joint of that name.
+        """
+        return [self.joint(name).index for name in joints]
+
+    def joint(self, name: str) -> Joint:
+        """Return the movable joint `name`; UnknownNameError if there is none."""
+        if name not in self.joints:
+            raise UnknownNameError("movable joint", name, self.joints)
+        return self.joints[name]
+
+    def link_index(self, link: str) -> int:
+        """Return the index of the named link; UnknownNameError if there is none."""
+        if link not in self.links:
+            raise UnknownNameError("link", link, self.links)
+        return self.links[link]
+
+    def mass(self, link: int | None = None) -> float:
+        """Return the mass of one link, or of the whole body [kg]."""
+        links = range(-1, self.link_count) if link is None else (link,)
+        return float(
+            sum(bullet.getDynamicsInfo(self.uid, i, physicsClientId=self._client)[0] for i in links)
+        )
+
+    def joint_states(self, indices: Sequence[int]) -> tuple[list[float], list[float]]:
+        """Return positions [rad or m] and velocities [rad/s or m/s] of joints, each of length n."""
+        states = bullet.getJointStates(self.uid, indices, physicsClientId=self._client)
+        return [s[0] for s in states], [s[1] for s in states]
+
+    def joint_torques(self, indices: Sequence[int]) -> list[float]:
+        """Return what the motors of joints applied in the last physics step [N·m or N]."""
+        states = bullet.getJointStates(self.uid, indices, physicsClientId=self._client)
+        return [s[3] for s in states]
+
+    def base_pose(self) -> Pose:
+        """Return the pose of the base link's frame in the world."""
+        pose = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self._client))
+        return pose @ self._from_inertial if self._has_offset else pose
+
+    def link_pose(self, index: int) -> Pose:
+        """Return the pose of a link's frame in the world; index -1 is the base."""
+        if index < 0:
+            return self.base_pose()
+        state = bullet.getLinkState(
+            self.uid, index, computeForwardKinematics=1, physicsClientId=self._client
+        )
+        return Pose(state[4], state[5])
+
+    def link_poses(self) -> tuple[Array, Array]:
+        """Return positions [m], shape [links + 1, 3], and quaternions [links + 1, 4], base first."""
+        base = self.base_pose()
+        positions = np.empty((self.link_count + 1, 3))
+        quaternions = np.empty((self.link_count + 1, 4))
+        positions[0], quaternions[0] = base.position, base.quaternion
+        if self.link_count:
+            states = bullet.getLinkStates(
+                self.uid,
+                range(self.link_count),
+                computeForwardKinematics=1,
+                physicsClientId=self._client,
+            )
+            positions[1:] = [s[4] for s in states]
+            quaternions[1:] = [s[5] for s in states]
+        return positions, quaternions
+
+    def link_velocity(self, index: int) -> tuple[Array, Array]:
+        """Return linear [m/s] and angular [rad/s] velocity of a link's centre of mass, shape [3]."""
+        if index < 0:
+            linear, angular = bullet.getBaseVelocity(self.uid, physicsClientId=self._client)
+        else:
+            state = bullet.getLinkState(
+                self.uid, index, computeLinkVelocity=1, physicsClientId=self._client
+            )
+            linear, angular = state[6], state[7]
+        return np.array(linear), np.array(angular)
+
+    def jacobian(self, link: int, point: Vector = (0.0, 0.0, 0.0)) -> Array:
+        """Return the geometric Jacobian of a point of a link, shape [6, movable joints].
+
+        The first three rows are linear [m/rad], the last three angular, all in the world frame.
+        For a body with a free base the first six columns belong to the base.
+
+        Args:
+            link: Link index.
+            point: The point in the link's frame [m].
+        """
+        order = [j.index for j in self.joints.values()]
+        positions = self.joint_states(order)[0]
+        inertial = bullet.getDynamicsInfo(self.uid, link, physicsClientId=self._client)
+        zero = [0.0] * len(order)
+        # Bullet wants the point relative to the link's centre of mass, along the link's axes.
+        local = np.subtract(point, inertial[3]).tolist()
+        linear, angular = bullet.calculateJacobian(
+            self.uid, link, local, positions, zero, zero, physicsClientId=self._client
+        )
+        return np.vstack((linear, angular))
+
+    def set_joints(self, indices: Sequence[int], positions: Vector) -> None:
+        """Teleport joints to `positions` [rad or m] at rest."""
+        for index, position in zip(indices, positions, strict=True):
+            bullet.resetJointState(
+                self.uid, index, float(position), 0.0, physicsClientId=self._client
+            )
+
+    def drive_positions(
+        self,
+        indices: Sequence[int],
+        targets: Vector,
+        forces: Vector,
+        *,
+        position_gain: float = 0.1,
+        velocity_gain: float = 1.0,
+    ) -> None:
+        """Drive joints to `targets` [rad or m] with at most `forces` [N·m or N].
+
+        The gains are Bullet's: the share of the position error, and of the velocity error, that the
+        motor tries to remove in one physics step.
+        """
+        count = len(indices)
+        bullet.setJointMotorControlArray(
+            self.uid,
+            indices,
+            bullet.POSITION_CONTROL,
+            targetPositions=targets,
+            forces=forces,
+            positionGains=[position_gain] * count,
+            velocityGains=[velocity_gain] * count,
+            physicsClientId=self._client,
+        )
+
+    def drive_velocities(self, indices: Sequence[int], targets: Vector, forces: Vector) -> None:
+        """Drive joints at `targets` [rad/s or m/s] with at most `forces` [N·m or N]."""
+        bullet.setJointMotorControlArray(
+            self.uid,
+            indices,
+            bullet.VELOCITY_CONTROL,
+            targetVelocities=targets,
+            forces=forces,
+            physicsClientId=self._client,
+        )
+
+    def drive_torques(self, indices: Sequence[int], torques: Sequence[float]) -> None:
+        """Apply joint `torques` [N·m or N] for one physics step. A list is faster than an array."""
+        bullet.setJointMotorControlArray(
+            self.uid,
+            indices,
+            bullet.TORQUE_CONTROL,
+            forces=torques,
+            physicsClientId=self._client,
+        )
+
+    def release_motors(self, indices: Sequence[int], friction: float = 0.0) -> None:
+        """Turn off the default velocity motors, leaving `friction` [N·m or N]."""
+        if indices:
+            self.drive_velocities(indices, [0.0] * len(indices), [friction] * len(indices))
+
+    def apply_force(self, link: int, force: Vector, point: Vector) -> None:
+        """Push a link with `force` [N] at `point` [m], both in the world, for one physics step."""
+        bullet.applyExternalForce(
+            self.uid, link, force, point, bullet.WORLD_FRAME, physicsClientId=self._client
+        )
+
+    def mass_matrix(self, positions: Sequence[float]) -> Array:
+        """Return the joint-space mass matrix at joint `positions` [rad or m].
+
+        Its size is that of `positions` for a fixed base, and six more for a free one.
+        """
+        return np.array(
+            bullet.calculateMassMatrix(self.uid, positions, physicsClientId=self._client)
+        )
+
+    def set_base(self, pose: Pose) -> None:
+        """Teleport the base link's frame to `pose`, at rest."""
+        at = pose @ self._inertial if self._has_offset else pose
+        bullet.resetBasePositionAndOrientation(
+            self.uid, at.position, at.quaternion, physicsClientId=self._client
+        )
+        bullet.resetBaseVelocity(self.uid, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
+
+    def set_damping(self, *, linear: float = 0.0, angular: float = 0.0, joint: float = 0.0) -> None:
+        """Replace Bullet's default damping of every link: shares per second, and [N·m·s/rad]."""
+        for link in range(-1, self.link_count):
+            bullet.changeDynamics(
+                self.uid,
+                link,
+                linearDamping=linear,
+                angularDamping=angular,
+                jointDamping=joint,
+                physicsClientId=self._client,
+            )
+
+    def set_friction(
+        self, links: Iterable[int], *, lateral: float, rolling: float = 0.0, spinning: float = 0.0
+    ) -> None:
+        """Set the friction coefficients of `links`: sliding [1], rolling and spinning [m]."""
+        for link in links:
+            bullet.changeDynamics(
+                self.uid,
+                link,
+                lateralFriction=lateral,
+                rollingFriction=rolling,
+                spinningFriction=spinning,
+                physicsClientId=self._client,
+            )
+
+    def set_collision_group(self, links: Iterable[int], *, group: int, mask: int) -> None:
+        """Let `links` touch only what shares a bit: mine `group` & its mask, its group & my `mask`."""
+        for link in links:
+            bullet.setCollisionFilterGroupMask(
+                self.uid, link, group, mask, physicsClientId=self._client
+            )
+
+    def visual_shapes(self) -> list[VisualShape]:
+        """Return the shapes to draw, each in the frame of its link."""
+        rows = bullet.getVisualShapeData(self.uid, physicsClientId=self._client)
+        return [
+            VisualShape(
+                link=row[1],
+                kind=_SHAPES[row[2]],
+                size=tuple(row[3]),
+                mesh=row[4].decode(),
+                pose=self._in_link(row[1], Pose(row[5], row[6])),
+                rgba=tuple(row[7]),
+            )
+            for row in rows
+            if row[2] in _SHAPES
+        ]
+
+    def _in_link(self, link: int, pose: Pose) -> Pose:
+        # Bullet gives the shapes of the base, alone, relative to its centre of mass.
+        return self._inertial @ pose if link < 0 and self._has_offset else pose
+
+
+@dataclass(frozen=True)
+class VisualShape:
+    """A shape to draw, in the frame of its link.
+
+    Attributes:
+        link: Link index, -1 for the base.
+        kind: `box`, `sphere`, `cylinder`, `capsule`, `mesh` or `plane`.
+        size: Box edges; sphere radius; cylinder or capsule length and radius [m]; mesh scale.
+        mesh: File of a mesh, empty otherwise.
+        pose: Pose in the frame of the link.
+        rgba: Colour, each value in [0, 1].
+    """
+
+    link: int
+    kind: str
+    size: tuple[float, ...]
+    mesh: str
+    pose: Pose
+    rgba: tuple[float, ...]
+
+
+_SHAPES = {
+    bullet.GEOM_BOX: "box",
+    bullet.GEOM_SPHERE: "sphere",
+    bullet.GEOM_CYLINDER: "cylinder",
+    bullet.GEOM_CAPSULE: "capsule",
+    bullet.GEOM_MESH: "mesh",
+    bullet.GEOM_PLANE: "plane",
+}
+
+__all__ = ["Body", "Joint", "VisualShape"]

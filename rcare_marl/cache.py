@@ -1,0 +1,93 @@
+"""Generated files, such as URDFs: written once into the user's cache, named by what is in them."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from .errors import ConfigError
+
+
+def cache_folder() -> Path:
+    """Return the folder of generated files: `RCARE_MARL_CACHE`, or the platform's user cache."""
+    chosen = os.environ.get("RCARE_MARL_CACHE")
+    if chosen:
+        return Path(chosen)
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "rcare_marl"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", str(Path.home()))) / "rcare_marl" / "cache"
+    return Path(os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))) / "rcare_marl"
+
+
+def cached(name: str, suffix: str, content: str | bytes) -> Path:
+    """Return a file in the cache that holds `content`, written now if it is not there yet.
+
+    The file appears whole or not at all, so that two processes may ask for it at once.
+
+    Args:
+        name: Start of the file name, for a person who looks into the folder.
+        suffix: End of the file name, such as `.urdf`.
+        content: Text (UTF-8) or bytes.
+
+    Raises:
+        ConfigError: If the folder cannot be written.
+    """
+    data = content.encode() if isinstance(content, str) else content
+    folder = cache_folder()
+    file = folder / f"{name}-{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
+    if file.is_file():
+        return file
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, suffix=suffix, delete=False) as temporary:
+            temporary.write(data)
+        os.replace(temporary.name, file)
+    except OSError as error:
+        raise ConfigError(
+            f"cannot write generated files to {folder}: {error}. Set RCARE_MARL_CACHE to a folder "
+            "that you may write"
+        ) from error
+    return file
+
+
+def cached_folder(name: str, recipe: bytes, make: Callable[[], Mapping[str, str]]) -> Path:
+    """Return a folder in the cache that holds what `make` returns, made now if it is not there yet.
+
+    Like `cached`, for files that belong together and take long to make.
+
+    Args:
+        name: Start of the folder's name, for a person who looks into the cache.
+        recipe: Everything that the files depend on; the folder is named by its hash.
+        make: Returns the files, text by file name.
+
+    Raises:
+        ConfigError: If the folder cannot be written.
+    """
+    folder = cache_folder() / f"{name}-{hashlib.sha256(recipe).hexdigest()[:16]}"
+    if folder.is_dir():
+        return folder
+    files = make()
+    scratch: Path | None = None
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+        for file, text in files.items():
+            (scratch / file).write_text(text, encoding="utf-8")
+        scratch.chmod(0o755)
+        os.replace(scratch, folder)
+    except OSError as error:
+        if not folder.is_dir():  # else another process was first: its files are the same
+            raise ConfigError(
+                f"cannot write generated files to {folder}: {error}. Set RCARE_MARL_CACHE to a "
+                "folder that you may write"
+            ) from error
+    finally:
+        if scratch is not None:
+            shutil.rmtree(scratch, ignore_errors=True)
+    return folder

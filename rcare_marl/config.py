@@ -1,0 +1,157 @@
+"""Strict loading of frozen dataclasses from YAML: unknown keys and wrong types are errors."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import types
+import typing
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from .errors import ConfigError, UnknownNameError
+
+T = TypeVar("T")
+
+
+def read_yaml(path: str | Path) -> dict[str, Any]:
+    """Return the mapping in a YAML file.
+
+    Raises:
+        ConfigError: If there is no such file, it is no YAML, or it holds no mapping.
+    """
+    file = Path(path)
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot read {file}: {error}") from error
+    try:
+        data = yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{file} is not valid YAML: {error}") from error
+    if not isinstance(data, dict):
+        raise ConfigError(f"{file}: expected a mapping, got {type(data).__name__}")
+    return data
+
+
+class _Loader(yaml.SafeLoader):
+    """Refuses a key that stands twice, which YAML's own loader silently lets win."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]  # type: ignore[no-untyped-call]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key {key!r} stands twice", node.start_mark
+                )
+        return super().construct_mapping(node, deep)
+
+
+def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") -> T:
+    """Build the dataclass `cls` from a YAML file or a mapping.
+
+    Args:
+        cls: A frozen dataclass; nested dataclasses, tuples and dicts are built in turn.
+        source: A YAML file or an already parsed mapping.
+        where: Path of the value inside its file, for messages.
+
+    Raises:
+        ConfigError: If a key is missing, or a value has the wrong type or is refused by `cls`.
+        UnknownNameError: If a key is not a field of `cls`.
+    """
+    is_file = isinstance(source, str | Path)
+    data: Any = read_yaml(source) if is_file else source  # type: ignore[arg-type]
+    where = where or (str(source) if is_file else cls.__name__)
+    if not isinstance(data, Mapping):
+        raise ConfigError(f"{where}: expected a mapping, got {type(data).__name__}")
+    hints = _hints(cls)
+    for key in data:
+        if key not in hints:
+            raise UnknownNameError(f"field of {cls.__name__} ({where})", str(key), hints)
+    missing = [
+        f.name
+        for f in dataclasses.fields(typing.cast(Any, cls))
+        if f.name not in data
+        and f.default is dataclasses.MISSING
+        and f.default_factory is dataclasses.MISSING
+    ]
+    if missing:
+        raise ConfigError(f"{where}: missing {', '.join(missing)}")
+    values = {k: _convert(hints[k], v, f"{where}.{k}") for k, v in data.items()}
+    try:
+        return cls(**values)
+    except (ConfigError, UnknownNameError) as error:
+        raise ConfigError(f"{where}: {error}") from error
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{where}: {error}") from error
+
+
+@lru_cache(maxsize=None)
+def _hints(cls: type) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
+
+
+def _convert(hint: Any, value: Any, where: str) -> Any:
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if hint is Any:
+        return value
+    if origin in (types.UnionType, typing.Union):
+        return _convert_union(args, value, where)
+    if dataclasses.is_dataclass(hint):
+        return load(typing.cast(type, hint), value, where)
+    if origin is tuple:
+        return _convert_tuple(args, value, where)
+    if origin is dict:
+        if not isinstance(value, dict):
+            raise ConfigError(f"{where}: expected a mapping, got {_shown(value)}")
+        return {
+            _convert(args[0], k, f"{where} (key)"): _convert(args[1], v, f"{where}.{k}")
+            for k, v in value.items()
+        }
+    if origin is typing.Literal:
+        if value not in args or isinstance(value, bool) != isinstance(args[args.index(value)], bool):
+            raise UnknownNameError(f"value for {where}", str(value), [str(a) for a in args])
+        return value
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if isinstance(hint, type) and (
+        not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool)
+    ):
+        raise ConfigError(f"{where}: expected {hint.__name__}, got {_shown(value)}")
+    if hint is float and not math.isfinite(value):
+        raise ConfigError(f"{where}: expected a finite number, got {value}")
+    return value
+
+
+def _convert_union(args: tuple[Any, ...], value: Any, where: str) -> Any:
+    if value is None and type(None) in args:
+        return None
+    options = [a for a in args if a is not type(None)]
+    if len(options) == 1:
+        return _convert(options[0], value, where)
+    problems = []
+    for option in options:
+        try:
+            return _convert(option, value, where)
+        except (ConfigError, UnknownNameError) as error:
+            problems.append(str(error))
+    raise ConfigError(f"{where}: " + "; or ".join(problems))
+
+
+def _convert_tuple(args: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        raise ConfigError(f"{where}: expected a list, got {_shown(value)}")
+    item = [args[0]] * len(value) if args[-1] is Ellipsis else list(args)
+    if len(item) != len(value):
+        raise ConfigError(f"{where}: expected {len(item)} values, got {len(value)}")
+    return tuple(
+        _convert(h, v, f"{where}[{i}]") for i, (h, v) in enumerate(zip(item, value, strict=True))
+    )
+
+
+def _shown(value: Any) -> str:
+    return f"{type(value).__name__} {value!r}"

@@ -1,0 +1,48 @@
+"""Errors raised for bad input. Each message names the culprit, what was got and what is allowed."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class RcareError(Exception):
+    """Base class of every error that this package raises on purpose."""
+
+
+class ConfigError(RcareError, ValueError):
+    """A configuration has an unknown, missing or impossible value."""
+
+
+class ActionError(RcareError, ValueError):
+    """An action has the wrong agent, shape or a value that is not finite."""
+
+
+class WorldError(RcareError, RuntimeError):
+    """The physics world is asked for something that its present state forbids."""
+
+
+class EpisodeError(RcareError, RuntimeError):
+    """`step` came before `reset`, or after the end of the episode."""
+
+
+class RenderingError(RcareError, RuntimeError):
+    """No picture can be drawn with the backend that was asked for."""
+
+
+class MissingPackageError(RcareError, ImportError):
+    """An optional package is needed and is not installed."""
+
+    def __init__(self, what: str, extra: str) -> None:
+        super().__init__(f"{what} needs an optional package: pip install 'rcare-marl[{extra}]'")
+
+
+class UnknownNameError(RcareError, KeyError):
+    """A task, robot, avatar, joint or link of that name does not exist."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        known = sorted(known)
+        near = get_close_matches(name, known, n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        super().__init__(f"no {kind} named {name!r}.{hint} Known: {', '.join(known)}")
+
+    def __str__(self) -> str:
+        return str(self.args[0])

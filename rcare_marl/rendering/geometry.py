@@ -1,0 +1,188 @@
+"""Everything rigid in a world as one indexed vertex buffer, and the transforms that place it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pybullet as bullet
+
+from ..body import Body, VisualShape
+from ..world import World
+from .mesh import Floats, Mesh, shape_mesh
+
+VERTEX = np.dtype([("position", "f4", 3), ("normal", "f4", 3), ("rgba", "u1", 4), ("slot", "u4")])
+
+_SLAB_WIDTH = 3.0  # [m]; a flat thing wider than that in both directions is a floor
+_SLAB_HEIGHT = 0.3
+_WALL = 1.9  # [m]; a still thing larger than that in two directions casts no shadow, or rooms go dark
+
+
+@dataclass(frozen=True)
+class Part:
+    """A shape with its mesh and its place in the scene."""
+
+    body: Body
+    shape: VisualShape
+    mesh: Mesh
+    rgba: npt.NDArray[np.uint8]  # sRGB, shape [n, 4]
+    is_still: bool
+
+    @property
+    def alpha(self) -> float:
+        """Opacity in [0, 1]."""
+        return self.shape.rgba[3]
+
+    @property
+    def is_floor(self) -> bool:
+        """Whether the renderer draws its own floor here."""
+        low, high = self.mesh.vertices.min(axis=0), self.mesh.vertices.max(axis=0)
+        wide, deep, high_ = (high - low).tolist()
+        return self.is_still and min(wide, deep) > _SLAB_WIDTH and high_ < _SLAB_HEIGHT
+
+    @property
+    def casts(self) -> bool:
+        """Whether it casts a shadow."""
+        extent = np.sort(np.ptp(self.mesh.vertices, axis=0))
+        return self.alpha >= 0.99 and not (self.is_still and extent[1] > _WALL)
+
+
+def skinned_bodies(world: World) -> set[int]:
+    """Return the `id` of each body that a skin is drawn for."""
+    return {id(skin.body) for skin in world.skins}
+
+
+def world_parts(world: World) -> list[Part]:
+    """Return the shapes of every body that no skin stands for; what is invisible is left out."""
+    skinned = skinned_bodies(world)
+    out = []
+    for body in world.bodies:
+        if id(body) in skinned:
+            continue
+        dynamics = bullet.getDynamicsInfo(body.uid, -1, physicsClientId=world.client)
+        is_still = dynamics[0] == 0 and not body.link_count
+        for shape in body.visual_shapes():
+            mesh = shape_mesh(shape) if shape.rgba[3] > 0.003 else None
+            if mesh is not None and len(mesh.faces):
+                out.append(Part(body, shape, mesh, _rgba(shape, mesh), is_still))
+    return out
+
+
+def _rgba(shape: VisualShape, mesh: Mesh) -> npt.NDArray[np.uint8]:
+    given = np.round(np.clip(shape.rgba, 0, 1) * 255).astype(np.uint8)
+    out = np.tile(given, (len(mesh.vertices), 1))
+    if mesh.colors is not None and min(shape.rgba[:3]) > 0.99:  # Bullet's white: the file decides
+        out[:, :3] = mesh.colors
+    return out
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run of indices that is drawn at once."""
+
+    first: int
+    count: int
+    is_floor: bool
+    is_still: bool
+    casts: bool
+    closed: bool
+    alpha: float
+    slot: int
+
+
+class Geometry:
+    """The rigid shapes of a world in one vertex and one index buffer.
+
+    Attributes:
+        vertices: Array of `VERTEX`, in the frames of the shapes.
+        indices: Shape [3 m].
+        runs: What to draw at once.
+        transforms: Rows of the matrices from shape to world, shape [slots, 3, 4]; slot 0 is identity.
+        still: Slots of what does not move by itself.
+    """
+
+    def __init__(self, parts: Sequence[Part]) -> None:
+        self._parts = sorted(parts, key=_order)
+        self.transforms = np.zeros((len(parts) + 1, 3, 4), np.float32)
+        self.transforms[0, :, :3] = np.eye(3)
+        self.still = np.array([1 + i for i, p in enumerate(self._parts) if p.is_still], np.intp)
+        blocks, faces, start = [], [], 0
+        for slot, part in enumerate(self._parts, 1):
+            block = np.empty(len(part.mesh.vertices), VERTEX)
+            block["position"], block["normal"] = part.mesh.vertices, part.mesh.normals
+            block["rgba"], block["slot"] = part.rgba, slot
+            blocks.append(block)
+            faces.append(part.mesh.faces.ravel() + start)
+            start += len(block)
+        empty: npt.NDArray[Any] = np.empty(0, VERTEX)
+        self.vertices = np.concatenate([empty, *blocks])
+        self.indices = np.concatenate([np.empty(0, np.int32), *faces]).astype(np.int32)
+        self.runs = self._find_runs()
+        self._bodies: list[tuple[Body, list[int], npt.NDArray[np.intp], Floats]] = []
+        by_body: dict[int, list[int]] = {}
+        for i, part in enumerate(self._parts):
+            by_body.setdefault(id(part.body), []).append(i)
+        for indices in by_body.values():
+            body = self._parts[indices[0]].body
+            links = [self._parts[i].shape.link + 1 for i in indices]
+            local = np.stack([self._parts[i].shape.pose.matrix() for i in indices])
+            self._bodies.append(
+                (body, links, np.array(indices, np.intp) + 1, local.astype(np.float32))
+            )
+
+    def _find_runs(self) -> list[Run]:
+        out, first, slot = [], 0, 1
+        for key, group in groupby(self._parts, _order):
+            members = list(group)
+            # What is transparent is drawn shape by shape, the farthest first.
+            for some in [[m] for m in members] if key[0] else [members]:
+                count = sum(m.mesh.faces.size for m in some)
+                lead = some[0]
+                out.append(
+                    Run(
+                        first,
+                        count,
+                        lead.is_floor,
+                        lead.is_still,
+                        lead.casts,
+                        lead.mesh.closed,
+                        lead.alpha,
+                        slot,
+                    )
+                )
+                first += count
+                slot += len(some)
+        return out
+
+    def update(self) -> bool:
+        """Fetch the poses of all links; return whether a still thing moved."""
+        before = self.transforms[self.still].copy()
+        for body, links, slots, local in self._bodies:
+            positions, quaternions = body.link_poses()
+            matrices = _matrices(positions[links], quaternions[links])
+            self.transforms[slots] = matrices @ local
+        return not np.array_equal(before, self.transforms[self.still])
+
+
+def _order(part: Part) -> tuple[bool, bool, bool, bool, bool]:
+    return (part.alpha < 0.99, part.is_floor, part.is_still, part.casts, part.mesh.closed)
+
+
+def _matrices(positions: npt.NDArray[Any], quaternions: npt.NDArray[Any]) -> Floats:
+    """Return rigid transforms without their last row, shape [n, 3, 4]."""
+    x, y, z, w = quaternions.T
+    out = np.empty((len(positions), 3, 4), np.float32)
+    out[:, 0, 0], out[:, 0, 1] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w)
+    out[:, 0, 2], out[:, 1, 0] = 2 * (x * z + y * w), 2 * (x * y + z * w)
+    out[:, 1, 1], out[:, 1, 2] = 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    out[:, 2, 0], out[:, 2, 1] = 2 * (x * z - y * w), 2 * (y * z + x * w)
+    out[:, 2, 2] = 1 - 2 * (x * x + y * y)
+    out[:, :, 3] = positions
+    return out
+
+
+__all__ = ["VERTEX", "Geometry", "Part", "Run", "skinned_bodies", "world_parts"]

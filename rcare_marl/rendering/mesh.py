@@ -1,0 +1,311 @@
+"""Triangle meshes to draw: made from primitives, read from files, smoothed up to their creases."""
+
+from __future__ import annotations
+
+import logging
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..body import VisualShape
+from ..errors import MissingPackageError
+from .collada import read_collada
+
+Floats = npt.NDArray[np.float32]
+Ints = npt.NDArray[np.int32]
+Bytes = npt.NDArray[np.uint8]
+
+CREASE = 35.0  # [deg]; sharper edges stay edges
+_LOG = logging.getLogger(__package__)
+_BEVEL = 0.004  # [m], so that the edges of boxes catch light as real ones do
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh.
+
+    Attributes:
+        vertices: Positions [m], shape [n, 3].
+        normals: Unit normals, shape [n, 3].
+        faces: Vertex indices, counter-clockwise from outside, shape [m, 3].
+        colors: sRGB colours of the file, shape [n, 3]; None where the file has none.
+        closed: Whether the inside can never be seen.
+    """
+
+    vertices: Floats
+    normals: Floats
+    faces: Ints
+    colors: Bytes | None
+    closed: bool
+
+
+def shape_mesh(shape: VisualShape) -> Mesh | None:
+    """Return the mesh of a shape in the shape's own frame, or None if it cannot be read."""
+    if shape.kind == "mesh":
+        return _file_mesh(shape.mesh, _triple(shape.size))
+    return _primitive(shape.kind, tuple(round(float(x), 6) for x in shape.size))
+
+
+def _triple(size: tuple[float, ...]) -> tuple[float, float, float]:
+    return (float(size[0]), float(size[1]), float(size[2])) if len(size) >= 3 else (1.0, 1.0, 1.0)
+
+
+def _trimesh() -> Any:
+    try:
+        import trimesh
+    except ImportError as error:
+        raise MissingPackageError("drawing", "view") from error
+    return trimesh
+
+
+@lru_cache(maxsize=512)
+def _primitive(kind: str, size: tuple[float, ...]) -> Mesh:
+    creation = _trimesh().creation
+    if kind == "box":
+        return _box(np.array(size[:3]))
+    if kind == "plane":
+        made = creation.box((40.0, 40.0, 0.001))
+        made.apply_translation((0, 0, -0.0005))
+    elif kind == "sphere":
+        made = creation.uv_sphere(radius=size[0], count=(24, 32))
+    elif kind == "cylinder":
+        made = creation.cylinder(radius=size[1], height=size[0], sections=40)
+    else:
+        made = creation.capsule(height=size[0], radius=size[1], count=(24, 24))
+        low, high = made.bounds
+        made.apply_translation(-(low + high) / 2)
+    return smoothed(np.asarray(made.vertices), np.asarray(made.faces), None, closed=True)
+
+
+def _box(size: npt.NDArray[np.float64]) -> Mesh:
+    """Return a box whose edges are bevelled: six faces that share their normals with the bevels."""
+    half = size / 2
+    inset = half - min(_BEVEL, 0.15 * float(size.min()))
+    # Each corner has three vertices, one on each of the three faces that meet there.
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
+    vertices, normals = np.empty((24, 3)), np.zeros((24, 3))
+    for axis in range(3):
+        vertices[axis::3] = signs * inset
+        vertices[axis::3, axis] = signs[:, axis] * half[axis]
+        normals[axis::3, axis] = signs[:, axis]
+    hull = _trimesh().convex.convex_hull(vertices)
+    order = np.argmin(np.linalg.norm(hull.vertices[:, None] - vertices[None], axis=2), axis=1)
+    return Mesh(
+        vertices.astype(np.float32),
+        normals.astype(np.float32),
+        order[hull.faces].astype(np.int32),
+        None,
+        True,
+    )
+
+
+@lru_cache(maxsize=1024)
+def _file_mesh(path: str, scale: tuple[float, float, float]) -> Mesh | None:
+    if not os.path.isfile(path):
+        import pybullet_data
+
+        path = os.path.join(pybullet_data.getDataPath(), path)
+    if not os.path.isfile(path):
+        _LOG.warning("no mesh file at %s: the shape is left out of the picture", path)
+        return None
+    try:
+        parts = _read(path)
+    except (ValueError, KeyError, IndexError, OSError, NotImplementedError) as error:
+        _LOG.warning("cannot read the mesh %s: %s: it is left out of the picture", path, error)
+        return None
+    if not parts:
+        return None
+    meshes = []
+    for vertices, faces, colors in parts:
+        if np.prod(scale) < 0:
+            faces = faces[:, ::-1]
+        meshes.append(smoothed(vertices * np.asarray(scale), faces, colors))
+    return _joined(meshes)
+
+
+Part = tuple[npt.NDArray[np.float64], Ints, Bytes | None]
+
+
+def _read(path: str) -> list[Part]:
+    """Return (vertices, faces, colours or None) of each part of a file."""
+    if path.lower().endswith(".dae"):
+        return read_collada(path)
+    trimesh = _trimesh()
+    loaded = trimesh.load_scene(path, process=False, maintain_order=True)
+    parts: list[Part] = []
+    for mesh in loaded.dump():
+        if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+            continue
+        parts.append((np.asarray(mesh.vertices), np.asarray(mesh.faces, np.int32), _colors(mesh)))
+    return parts
+
+
+def _colors(mesh: Any) -> Bytes | None:
+    """Return the colours of the vertices from a file's materials, textures or vertex colours."""
+    visual = mesh.visual
+    if visual.kind == "vertex":
+        return np.asarray(visual.vertex_colors[:, :3], np.uint8)
+    if visual.kind != "texture":
+        return None
+    image = getattr(visual.material, "image", None) or getattr(
+        visual.material, "baseColorTexture", None
+    )
+    if image is not None:
+        # One colour: the vertices are too far apart to carry a texture.
+        mean = np.asarray(image.convert("RGB").resize((1, 1), 4))[0, 0]
+    else:
+        mean = np.asarray(visual.material.main_color)[:3]
+    return np.tile(np.asarray(mean, np.uint8), (len(mesh.vertices), 1))
+
+
+def _joined(meshes: list[Mesh]) -> Mesh:
+    if len(meshes) == 1:
+        return meshes[0]
+    starts = np.cumsum([0] + [len(m.vertices) for m in meshes])
+    colors = None
+    if any(m.colors is not None for m in meshes):
+        colors = np.concatenate(
+            [np.full((len(m.vertices), 3), 255, np.uint8) if m.colors is None else m.colors
+             for m in meshes]
+        )  # fmt: skip
+    return Mesh(
+        np.concatenate([m.vertices for m in meshes]),
+        np.concatenate([m.normals for m in meshes]),
+        np.concatenate([m.faces + s for m, s in zip(meshes, starts, strict=False)]).astype(np.int32),
+        colors,
+        all(m.closed for m in meshes),
+    )
+
+
+def smoothed(
+    vertices: npt.NDArray[np.float64],
+    faces: npt.NDArray[np.integer[Any]],
+    colors: Bytes | None,
+    *,
+    closed: bool | None = None,
+) -> Mesh:
+    """Return a mesh with smooth normals that are split at creases sharper than `CREASE`.
+
+    The normal of a corner is the area-weighted mean over the faces around its vertex whose own
+    normals lie within the crease angle of its face's.
+
+    Args:
+        vertices: Positions [m], shape [n, 3]; coincident ones are joined.
+        faces: Vertex indices, shape [m, 3].
+        colors: sRGB colours, shape [n, 3], or None.
+        closed: Whether the mesh is watertight; found out if None.
+    """
+    weld = _weld(vertices)
+    joined = weld[faces]
+    corners = vertices[faces]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(area, axis=1)
+    keep = (length > 1e-14) & (joined != np.roll(joined, 1, axis=1)).all(axis=1)
+    faces, joined, area, length = faces[keep], joined[keep], area[keep], length[keep]
+    unit = area / length[:, None]
+    normal = _corner_normals(joined.ravel(), area, unit).reshape(-1, 3)
+    # Corners become vertices; those that agree in place, normal and colour become one.
+    source = faces.ravel()
+    bits = np.round(normal * 300).astype(np.int64) + 300
+    key = (joined.ravel().astype(np.int64) * 601 + bits[:, 0]) * 601 + bits[:, 1]
+    key = key * 2 + (bits[:, 2] > 300)
+    if colors is not None:
+        packed = colors[source].astype(np.int64) >> 3
+        key = key * 32768 + (packed[:, 0] * 1024 + packed[:, 1] * 32 + packed[:, 2])
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    if closed is None:
+        closed = _is_closed(joined, vertices, faces)
+    return Mesh(
+        vertices[source[first]].astype(np.float32),
+        normal[first].astype(np.float32),
+        inverse.reshape(-1, 3).astype(np.int32),
+        None if colors is None else colors[source[first]],
+        closed,
+    )
+
+
+def _weld(vertices: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    """Return for each vertex the number of its place; coincident vertices share one."""
+    size = max(float(np.ptp(vertices, axis=0).max()), 1e-9)
+    grid = np.round((vertices - vertices.min(axis=0)) / (size * 2e-6)).astype(np.int64)
+    key = (grid[:, 0] << 42) + (grid[:, 1] << 21) + grid[:, 2]
+    return np.unique(key, return_inverse=True)[1].reshape(-1)
+
+
+def _corner_normals(
+    places: npt.NDArray[np.int64],
+    area: npt.NDArray[np.float64],
+    unit: npt.NDArray[np.float64],
+) -> npt.NDArray[np.float64]:
+    order = np.argsort(places, kind="stable")
+    face = np.repeat(np.arange(len(unit)), 3)[order]
+    ranked = places[order]
+    starts = np.flatnonzero(np.r_[True, ranked[1:] != ranked[:-1]])
+    counts = np.diff(np.r_[starts, len(ranked)])
+    start, count = np.repeat(starts, counts), np.repeat(counts, counts)
+    limit = np.cos(np.radians(CREASE))
+    total = area[face].copy()
+    here = np.arange(len(ranked)) - start
+    for step in range(1, int(counts.max(initial=1))):  # the corner that is `step` places on
+        rows = np.flatnonzero(count > step)
+        other = face[start[rows] + (here[rows] + step) % count[rows]]
+        smooth = np.einsum("ij,ij->i", unit[face[rows]], unit[other]) > limit
+        total[rows[smooth]] += area[other[smooth]]
+    total /= np.maximum(np.linalg.norm(total, axis=1), 1e-30)[:, None]
+    out = np.empty_like(total)
+    out[order] = total
+    return out
+
+
+def _is_closed(
+    joined: npt.NDArray[np.int64], vertices: npt.NDArray[np.float64], faces: npt.NDArray[Any]
+) -> bool:
+    """Return whether each edge is met once in each direction, and the surface faces outwards."""
+    edges = np.concatenate([joined[:, (i, (i + 1) % 3)] for i in range(3)])
+    big = int(joined.max(initial=0)) + 1
+    forward, backward = edges[:, 0] * big + edges[:, 1], edges[:, 1] * big + edges[:, 0]
+    if len(np.unique(forward)) != len(forward):
+        return False
+    if not np.array_equal(np.sort(forward), np.sort(backward)):
+        return False
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return bool(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0)
+
+
+class SmoothNormals:
+    """The vertex normals of a deforming surface, with its adjacency worked out once."""
+
+    def __init__(self, faces: Ints, vertex_count: int) -> None:
+        corners = faces.ravel()
+        order = np.argsort(corners, kind="stable")
+        self._faces = np.ascontiguousarray(faces.T.astype(np.intp))
+        self._face_of_corner = order // 3
+        used, self._starts = np.unique(corners[order], return_index=True)
+        self._used = None if len(used) == vertex_count else used
+        self._count = vertex_count
+
+    def compute(self, vertices: Floats) -> Floats:
+        """Return area-weighted unit normals, shape [n, 3]."""
+        if not len(self._starts):
+            return np.zeros((self._count, 3), np.float32)
+        a, b, c = (vertices.take(index, axis=0) for index in self._faces)
+        b -= a
+        c -= a
+        area = np.empty_like(a)
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            area[:, i] = b[:, j] * c[:, k] - b[:, k] * c[:, j]
+        total = np.add.reduceat(area.take(self._face_of_corner, axis=0), self._starts, axis=0)
+        length = np.sqrt(np.einsum("ij,ij->i", total, total))
+        total /= np.maximum(length, np.float32(1e-20))[:, None]
+        if self._used is None:
+            return total
+        out = np.zeros((self._count, 3), np.float32)
+        out[self._used] = total
+        return out
+
+
+__all__ = ["CREASE", "Mesh", "SmoothNormals", "shape_mesh", "smoothed"]

@@ -1,0 +1,334 @@
+"""The GLSL of the renderer: a studio with a warm key light, a cool fill, a sky and a wooden floor.
+
+Lighting is in linear colour with a GGX highlight (Walter et al. 2007, with the visibility term of
+Karis 2013) and a filmic curve (Narkowicz 2015). Human skin gets wrapped diffuse light, redder towards
+the shadow (after d'Eon and Luebke, GPU Gems 3, ch. 14). Ambient occlusion is in screen space, with
+the estimator of McGuire et al. 2012. Shadows are percentage-closer filtered; the kernel widens with
+the distance to what casts them.
+"""
+
+KEY_DIRECTION = (0.42, -0.5, 0.95)  # towards the light, not normalised
+HORIZON = (0.83, 0.85, 0.87)  # sRGB
+ZENITH = (0.60, 0.68, 0.77)
+
+_HEAD = "#version 330\n"
+
+# Colours leave the vertex stage in linear light; each slot of `transforms` holds three matrix rows.
+_VERTEX = (
+    _HEAD
+    + """
+uniform mat4 view_projection;
+uniform mat4 light_matrix;
+uniform sampler2D transforms;
+uniform float shadow_texel;
+in vec3 in_position;
+in vec3 in_normal;
+in vec4 in_rgba;
+in uint in_slot;
+out vec3 normal;
+out vec3 position;
+out vec4 albedo;
+out vec3 in_light;
+
+void main() {
+    int row = int(in_slot);
+    vec4 r0 = texelFetch(transforms, ivec2(0, row), 0);
+    vec4 r1 = texelFetch(transforms, ivec2(1, row), 0);
+    vec4 r2 = texelFetch(transforms, ivec2(2, row), 0);
+    vec4 local = vec4(in_position, 1.0);
+    vec3 world = vec3(dot(r0, local), dot(r1, local), dot(r2, local));
+    normal = vec3(dot(r0.xyz, in_normal), dot(r1.xyz, in_normal), dot(r2.xyz, in_normal));
+    position = world;
+    albedo = vec4(pow(in_rgba.rgb, vec3(2.2)), in_rgba.a);
+    // Looking up a little outside of the surface keeps it from shadowing itself.
+    in_light = (light_matrix * vec4(world + normal * shadow_texel * 1.6, 1.0)).xyz * 0.5 + 0.5;
+    gl_Position = view_projection * vec4(world, 1.0);
+}
+"""
+)
+
+DEPTH_VERTEX = (
+    _HEAD
+    + """
+uniform mat4 view_projection;
+uniform sampler2D transforms;
+in vec3 in_position;
+in uint in_slot;
+void main() {
+    int row = int(in_slot);
+    vec4 local = vec4(in_position, 1.0);
+    vec4 world = vec4(dot(texelFetch(transforms, ivec2(0, row), 0), local),
+                      dot(texelFetch(transforms, ivec2(1, row), 0), local),
+                      dot(texelFetch(transforms, ivec2(2, row), 0), local), 1.0);
+    gl_Position = view_projection * world;
+}
+"""
+)
+
+DEPTH_FRAGMENT = _HEAD + "void main() {}\n"
+
+_FRAGMENT = """
+uniform vec3 eye;
+uniform vec3 key;
+uniform vec3 horizon;
+uniform vec3 middle;
+uniform float shadow_texel_uv;
+uniform sampler2DShadow shadow;
+uniform sampler2D shadow_depth;
+in vec3 normal;
+in vec3 position;
+in vec4 albedo;
+in vec3 in_light;
+out vec4 color;
+
+float lit(vec3 at) {
+    vec2 edge = abs(at.xy - 0.5);
+    if (max(edge.x, edge.y) > 0.49 || at.z > 1.0) return 1.0;
+    vec4 near = textureGather(shadow_depth, at.xy);
+    float gap = at.z - min(min(near.x, near.y), min(near.z, near.w));
+    float wide = shadow_texel_uv * clamp(1.0 + gap * SOFTNESS, 1.0, 2.1);
+    float sum = 2.0 * texture(shadow, at)
+        + texture(shadow, vec3(at.xy + vec2(-0.9, -1.5) * wide, at.z))
+        + texture(shadow, vec3(at.xy + vec2(1.5, -0.9) * wide, at.z))
+        + texture(shadow, vec3(at.xy + vec2(0.9, 1.5) * wide, at.z))
+        + texture(shadow, vec3(at.xy + vec2(-1.5, 0.9) * wide, at.z));
+    if (sum <= 0.0 || sum >= 6.0) return sum / 6.0;
+    sum += texture(shadow, vec3(at.xy + vec2(-2.3, 1.0) * wide, at.z))
+        + texture(shadow, vec3(at.xy + vec2(1.0, 2.3) * wide, at.z))
+        + texture(shadow, vec3(at.xy + vec2(2.3, -1.0) * wide, at.z))
+        + texture(shadow, vec3(at.xy + vec2(-1.0, -2.3) * wide, at.z));
+    return smoothstep(0.0, 1.0, sum * 0.1);
+}
+
+vec3 filmic(vec3 x) {
+    x *= EXPOSURE;
+    return pow(clamp(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0), vec3(0.4545));
+}
+
+vec3 sky(float up) {
+    return mix(vec3(0.36, 0.33, 0.30), vec3(0.80, 0.86, 0.95), up * 0.5 + 0.5);
+}
+
+void main() {
+    vec3 n = normalize(gl_FrontFacing ? normal : -normal);
+    vec3 v = normalize(eye - position);
+    vec3 base = albedo.rgb;
+    float alpha = albedo.a;
+    float roughness = ROUGHNESS;
+    vec3 wrap = vec3(0.0);
+    float shine = 1.0;
+    SURFACE
+    float facing = dot(n, key);
+    float shade = facing > -0.35 ? lit(in_light) : 0.0;
+    vec3 diffuse = clamp((vec3(facing) + wrap) / ((1.0 + wrap) * (1.0 + wrap)), 0.0, 1.0);
+    vec3 h = normalize(key + v);
+    float nl = max(facing, 0.0), nh = max(dot(n, h), 0.0), nv = max(dot(n, v), 1e-3);
+    float a2 = roughness * roughness;
+    a2 *= a2;
+    float spread = nh * nh * (a2 - 1.0) + 1.0;
+    float k = (roughness + 1.0) * (roughness + 1.0) * 0.125;
+    float gloss = a2 / (12.566 * spread * spread * (nl * (1.0 - k) + k) * (nv * (1.0 - k) + k));
+    float rim = 1.0 - nv;
+    rim = rim * rim * rim * rim * rim;
+    float fresnel = 0.04 + (1.0 - roughness) * 0.6 * rim;
+    vec3 light = sky(n.z) * 0.78
+        + vec3(3.05, 2.88, 2.62) * diffuse * mix(wrap * 0.25, vec3(1.0), shade)
+        + vec3(0.20, 0.25, 0.33) * max(dot(n, vec3(-0.76, 0.57, 0.31)), 0.0);
+    vec3 mirrored = reflect(-v, n);
+    vec3 out_light = base * light * 0.62
+        + shine * (vec3(3.05, 2.88, 2.62) * 0.04 * gloss * nl * shade
+                   + sky(mirrored.z) * fresnel * (1.0 - 0.6 * roughness));
+    vec3 seen = filmic(out_light);
+    FADE
+    color = vec4(seen, alpha);
+}
+"""
+
+_PLASTIC = "shine = 1.0 + 0.5 * (1.0 - alpha);"
+
+# The colour of a vertex tells skin (red over green over blue) from cloth.
+_SKIN = """
+    float warm = clamp((base.r - base.b) / (base.r + 1e-3) * 2.2 - 0.35, 0.0, 1.0)
+        * step(base.b, base.g * 1.25);
+    wrap = warm * vec3(0.42, 0.20, 0.12);
+    roughness = mix(0.85, 0.52, warm);
+    shine = mix(0.5, 0.8, warm);
+"""
+
+# Planks of light oak, 14 cm by 1.6 m, each with its own tone; lines and grain fade where too fine.
+_FLOOR = """
+    vec2 at = position.xy / vec2(1.6, 0.14);
+    float row = floor(at.y);
+    at.x += fract(sin(row * 12.9898) * 43758.5453);
+    vec2 cell = vec2(floor(at.x), row);
+    float tone = fract(sin(dot(cell, vec2(127.1, 311.7))) * 43758.5453);
+    vec2 inside = fract(at);
+    vec2 fine = fwidth(position.xy / vec2(1.6, 0.14));
+    float grain = sin(position.y * 260.0 + 2.6 * sin(position.x * 2.3 + tone * 40.0) + tone * 90.0)
+        * sin(position.y * 97.0 + 1.7 * sin(position.x * 4.1 + tone * 17.0));
+    grain *= clamp(1.0 - fine.y * 9.0, 0.0, 1.0);
+    vec2 gap = min(inside, 1.0 - inside) * vec2(1.6, 0.14);
+    vec2 pixel = fine * vec2(1.6, 0.14);
+    float seam = max(1.0 - smoothstep(0.0008, 0.0008 + pixel.y, gap.y),
+                     1.0 - smoothstep(0.0008, 0.0008 + pixel.x, gap.x));
+    seam *= clamp(0.0035 / (pixel.y + 0.0012), 0.0, 1.0);
+    base *= (0.93 + 0.14 * tone + 0.022 * grain) * (1.0 - 0.35 * seam);
+    roughness = 0.48 + 0.05 * tone;
+    shine = 0.8;
+"""
+
+_FLOOR_FADE = """
+    float away = length(position.xy - middle.xy);
+    seen = mix(seen, horizon, smoothstep(FADE_NEAR, FADE_FAR, away));
+"""
+
+SCREEN_VERTEX = (
+    _HEAD
+    + """
+out vec2 uv;
+void main() {
+    uv = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0;
+    gl_Position = vec4(uv * 2.0 - 1.0, 1.0, 1.0);
+}
+"""
+)
+
+BACKGROUND_FRAGMENT = (
+    _HEAD
+    + """
+uniform mat4 from_clip;
+uniform vec3 horizon;
+uniform vec3 zenith;
+in vec2 uv;
+out vec4 color;
+void main() {
+    vec4 far = from_clip * vec4(uv * 2.0 - 1.0, 1.0, 1.0);
+    vec4 near = from_clip * vec4(uv * 2.0 - 1.0, -1.0, 1.0);
+    vec3 ray = normalize(far.xyz / far.w - near.xyz / near.w);
+    color = vec4(mix(horizon, zenith, smoothstep(0.0, 0.75, ray.z)), 1.0);
+}
+"""
+)
+
+# Writes (occlusion, distance) at half size. `lens` is (tan(fov/2) * aspect, tan(fov/2)).
+OCCLUSION_FRAGMENT = """
+uniform DEPTH_SAMPLER depth;
+uniform vec2 lens;
+uniform vec2 planes;
+uniform ivec2 size;
+in vec2 uv;
+out vec2 result;
+
+vec3 place(ivec2 pixel) {
+    pixel = clamp(pixel, ivec2(0), size - 1);
+    float z = texelFetch(depth, pixel, 0).r * 2.0 - 1.0;
+    float d = 2.0 * planes.x * planes.y / (planes.y + planes.x - z * (planes.y - planes.x));
+    return vec3(((vec2(pixel) + 0.5) / vec2(size) * 2.0 - 1.0) * lens * d, -d);
+}
+
+void main() {
+    ivec2 here = ivec2(gl_FragCoord.xy) * 2;
+    vec3 p = place(here);
+    if (-p.z > planes.y * 0.6) { result = vec2(1.0, -p.z); return; }
+    vec3 left = p - place(here - ivec2(2, 0)), right = place(here + ivec2(2, 0)) - p;
+    vec3 down = p - place(here - ivec2(0, 2)), up = place(here + ivec2(0, 2)) - p;
+    vec3 dx = abs(left.z) < abs(right.z) ? left : right;
+    vec3 dy = abs(down.z) < abs(up.z) ? down : up;
+    vec3 n = normalize(cross(dx, dy));
+    float reach = min(float(size.y) * 0.5 * RADIUS / (lens.y * -p.z), float(size.y) * 0.2);
+    ivec2 tile = ivec2(gl_FragCoord.xy) & 3;
+    float turn = float((tile.x * 4 + tile.y * 7 + (tile.x ^ tile.y) * 2) & 15) * 0.3927;
+    float sum = 0.0;
+    for (int i = 0; i < TAPS; ++i) {
+        float t = (float(i) + 0.5) / float(TAPS);
+        float angle = t * 6.2832 * 3.0 + turn;
+        vec3 d = place(here + ivec2(vec2(cos(angle), sin(angle)) * reach * t)) - p;
+        float dd = dot(d, d);
+        float f = max(RADIUS * RADIUS - dd, 0.0);
+        sum += f * f * f * max((dot(d, n) - 0.004 * -p.z) / (dd + 1e-4), 0.0);
+    }
+    float r6 = RADIUS * RADIUS * RADIUS * RADIUS * RADIUS * RADIUS;
+    result = vec2(max(0.0, 1.0 - sum * RADIUS * 1.6 / (r6 * float(TAPS))), -p.z);
+}
+"""
+
+# The noise of the taps has a period of four pixels: a box of four by four removes it.
+BLUR_FRAGMENT = (
+    _HEAD
+    + """
+uniform sampler2D raw;
+in vec2 uv;
+out float result;
+void main() {
+    ivec2 here = ivec2(gl_FragCoord.xy), last = textureSize(raw, 0) - 1;
+    float z = texelFetch(raw, here, 0).g;
+    vec2 sum = vec2(0.0);
+    for (int y = -2; y < 2; ++y) for (int x = -2; x < 2; ++x) {
+        vec2 s = texelFetch(raw, clamp(here + ivec2(x, y), ivec2(0), last), 0).rg;
+        float w = max(0.02, 1.0 - abs(s.g - z) / (0.03 * z));
+        sum += vec2(s.r * w, w);
+    }
+    result = sum.x / sum.y;
+}
+"""
+)
+
+# Row 0 of a picture is its top, row 0 of a texture its bottom: the last pass turns it over.
+FINAL_FRAGMENT = (
+    _HEAD
+    + """
+uniform sampler2D picture;
+uniform sampler2D occlusion;
+uniform float strength;
+in vec2 uv;
+out vec4 color;
+void main() {
+    vec2 at = vec2(uv.x, 1.0 - uv.y);
+    vec3 c = texture(picture, at).rgb;
+    if (strength > 0.0) {
+        float open = mix(1.0, texture(occlusion, at).r, strength);
+        c *= mix(vec3(open), vec3(1.0), 0.35 * (1.0 - open) * c);
+    }
+    color = vec4(c, 1.0);
+}
+"""
+)
+
+
+def surface_program(kind: str) -> tuple[str, str]:
+    """Return the vertex and fragment source for a kind of surface: `plastic`, `skin` or `floor`."""
+    surface = {"plastic": _PLASTIC, "skin": _SKIN, "floor": _FLOOR}[kind]
+    constants = {
+        "EXPOSURE": "0.62",
+        "ROUGHNESS": "0.42",
+        "SOFTNESS": "40.0",
+        "FADE_NEAR": "2.5",
+        "FADE_FAR": "8.0",
+    }
+    defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
+    gather = "#extension GL_ARB_texture_gather : require\n"
+    body = _FRAGMENT.replace("SURFACE", surface)
+    body = body.replace("    FADE\n", _FLOOR_FADE if kind == "floor" else "")
+    return _VERTEX, _HEAD + gather + defines + body
+
+
+def occlusion_program(*, multisampled: bool) -> tuple[str, str]:
+    """Return the vertex and fragment source of the ambient occlusion pass."""
+    sampler = "sampler2DMS" if multisampled else "sampler2D"
+    defines = f"#define DEPTH_SAMPLER {sampler}\n#define TAPS 8\n#define RADIUS 0.35\n"
+    return SCREEN_VERTEX, _HEAD + defines + OCCLUSION_FRAGMENT
+
+
+__all__ = [
+    "BACKGROUND_FRAGMENT",
+    "BLUR_FRAGMENT",
+    "DEPTH_FRAGMENT",
+    "DEPTH_VERTEX",
+    "FINAL_FRAGMENT",
+    "HORIZON",
+    "KEY_DIRECTION",
+    "SCREEN_VERTEX",
+    "ZENITH",
+    "occlusion_program",
+    "surface_program",
+]

@@ -1,0 +1,469 @@
+"""Models of linked bodies as data, and the URDF files that PyBullet loads, made from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree as xml
+
+from . import mesh
+from .cache import cached_folder
+from .errors import ConfigError, UnknownNameError
+from .mesh import Mesh
+from .pose import Pose, quaternion_from_axis_angle, quaternion_from_rpy, rpy_from_matrix
+
+Triple = tuple[float, float, float]
+ZERO: Triple = (0.0, 0.0, 0.0)
+SOLID = ("box", "sphere", "cylinder", "capsule")
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A shape in the frame of its link. Lengths in metres.
+
+    Attributes:
+        kind: `box`, `sphere`, `cylinder`, `capsule`; for the eye only `lathe`, `loft`, `tube`.
+        material: Name of its colour in the model.
+        at: Origin of the shape.
+        rpy: Turn of the shape, fixed-axis roll, pitch, yaw [rad].
+        size: Edges of a box.
+        bevel: Rounding of the edges of a box, for the eye only.
+        radius: Of a sphere, cylinder, capsule or tube.
+        length: Of a cylinder, or between the cap centres of a capsule; along z.
+        profile: Of a lathe: (radius, z), see `mesh.lathe`.
+        sections: Of a loft: (z, centre x, centre y, half width x, half width y).
+        points: Path of a tube; with two points, also the ends of a cylinder or capsule.
+        bend: Rounding of the corners of the path of a tube.
+    """
+
+    kind: Literal["box", "sphere", "cylinder", "capsule", "lathe", "loft", "tube"]
+    material: str = ""
+    at: Triple = ZERO
+    rpy: Triple = ZERO
+    size: Triple = ZERO
+    bevel: float = 0.0
+    radius: float = 0.0
+    length: float = 0.0
+    profile: tuple[tuple[float, float], ...] = ()
+    sections: tuple[tuple[float, ...], ...] = ()
+    points: tuple[Triple, ...] = ()
+    bend: float = 0.0
+
+    def __post_init__(self) -> None:
+        needs = {"box": "size", "lathe": "profile", "loft": "sections", "tube": "points"}
+        need = needs.get(self.kind, "radius")
+        if not any(v for v in _flat(getattr(self, need))):
+            raise ValueError(f"a {self.kind} needs `{need}`")
+        if self.points and self.kind not in ("tube", "cylinder", "capsule"):
+            raise ValueError(f"a {self.kind} has no `points`")
+
+    def pose(self) -> Pose:
+        """Return the pose of the shape's own frame in its link, z along cylinders and capsules."""
+        if self.kind in ("cylinder", "capsule") and self.points:
+            start, end = self.points
+            middle = tuple((a + b) / 2 for a, b in zip(start, end, strict=True))
+            return Pose(middle, _turn_z_to([b - a for a, b in zip(start, end, strict=True)]))
+        return Pose(self.at, tuple(quaternion_from_rpy(*self.rpy).tolist()))
+
+    def span(self) -> float:
+        """Return the length of a cylinder, or between the cap centres of a capsule [m]."""
+        if self.points:
+            start, end = self.points
+            return float(sum((b - a) ** 2 for a, b in zip(start, end, strict=True)) ** 0.5)
+        return self.length
+
+    def mesh(self) -> Mesh:
+        """Return the surface in the frame of the link."""
+        makers = {
+            "box": lambda: mesh.box(self.size, self.bevel),
+            "sphere": lambda: mesh.sphere(self.radius),
+            "cylinder": lambda: mesh.cylinder(self.radius, self.span()),
+            "capsule": lambda: mesh.capsule(self.radius, self.span()),
+            "lathe": lambda: mesh.lathe(self.profile),
+            "loft": lambda: mesh.loft(self.sections),
+            "tube": lambda: mesh.tube(self.points, self.radius, self.bend),
+        }
+        return makers[self.kind]().moved(self.pose())
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh file to draw with a link, in place of generated shapes.
+
+    Attributes:
+        file: Absolute path.
+        rgba: Colour where the file has none.
+        scale: Factor on the file's numbers, one an axis.
+        at: Origin of the mesh in the link [m].
+        rpy: Turn of the mesh in the link [rad].
+    """
+
+    file: str
+    rgba: tuple[float, ...]
+    scale: Triple = (1.0, 1.0, 1.0)
+    at: Triple = ZERO
+    rpy: Triple = ZERO
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid part.
+
+    Attributes:
+        mass: Mass [kg]; zero makes a frame without weight.
+        com: Centre of mass in the link's frame [m].
+        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, link's axes [kg·m²].
+        visual: What to draw.
+        collision: What to collide with; boxes, spheres, cylinders and capsules only.
+    """
+
+    mass: float = 0.0
+    com: Triple = ZERO
+    inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    visual: tuple[Shape, ...] = ()
+    collision: tuple[Shape, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.mass < 0:
+            raise ValueError(f"a mass cannot be negative, got {self.mass}")
+        for shape in self.collision:
+            if shape.kind not in SOLID:
+                raise ValueError(f"a {shape.kind} cannot collide, only one of {', '.join(SOLID)}")
+
+
+@dataclass(frozen=True)
+class Follow:
+    """How a joint follows another: position = multiplier × the other's + offset."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What joins two links, as in URDF.
+
+    Attributes:
+        kind: Kind of joint.
+        parent: Link that carries.
+        child: Link that is carried.
+        at: Origin of the child's frame in the parent's [m].
+        rpy: Turn of the child's frame in the parent's, fixed axes [rad].
+        axis: Axis of motion in the child's frame.
+        lower: Lower limit [rad or m].
+        upper: Upper limit [rad or m].
+        effort: Greatest torque or force [N·m or N].
+        velocity: Greatest speed [rad/s or m/s].
+        follows: The joint that it follows, if any; Bullet ignores this, we drive it.
+    """
+
+    kind: Literal["fixed", "revolute", "continuous", "prismatic"]
+    parent: str
+    child: str
+    at: Triple = ZERO
+    rpy: Triple = ZERO
+    axis: Triple = (0.0, 0.0, 1.0)
+    lower: float = 0.0
+    upper: float = 0.0
+    effort: float = 0.0
+    velocity: float = 0.0
+    follows: Follow | None = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """A tree of links and joints.
+
+    Attributes:
+        name: Name of the model.
+        source: Where the figures are from.
+        licence: Licence of the source of the figures.
+        materials: Colours by name, red, green, blue, alpha, each in [0, 1].
+        links: Links by name, the root first.
+        joints: Joints by name, parents before children.
+    """
+
+    name: str
+    source: str
+    links: dict[str, Link]
+    licence: str = ""
+    materials: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    joints: dict[str, Joint] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, link in self.links.items():
+            for shape in link.visual:
+                if shape.material not in self.materials:
+                    raise UnknownNameError(f"material ({name})", shape.material, self.materials)
+        placed = {self.root}
+        for name, joint in self.joints.items():
+            for end in (joint.parent, joint.child):
+                if end not in self.links:
+                    raise UnknownNameError(f"link (joint {name})", end, self.links)
+            if joint.parent not in placed or joint.child in placed:
+                raise ValueError(f"joint {name!r} does not grow the tree from {self.root!r}")
+            placed.add(joint.child)
+        if placed != set(self.links):
+            raise ValueError(f"no joint carries {sorted(set(self.links) - placed)}")
+
+    @property
+    def root(self) -> str:
+        """Name of the root link."""
+        return next(iter(self.links))
+
+    @property
+    def mass(self) -> float:
+        """Mass of all links [kg]."""
+        return sum(link.mass for link in self.links.values())
+
+
+def write(
+    model: Model,
+    *,
+    fixed_joints: Mapping[str, float] | None = None,
+    visuals: Mapping[str, tuple[MeshFile, ...]] | None = None,
+) -> Path:
+    """Write `model` as a URDF with its meshes into the cache, once, and return the URDF's path.
+
+    Args:
+        model: The model.
+        fixed_joints: Joints to freeze, with their positions [rad or m]: cost follows free joints.
+        visuals: Mesh files that replace the drawn shapes of links.
+
+    Raises:
+        UnknownNameError: If `fixed_joints` or `visuals` name what the model does not have.
+    """
+    fixed_joints, visuals = dict(fixed_joints or {}), dict(visuals or {})
+    for joint in fixed_joints:
+        if joint not in model.joints:
+            raise UnknownNameError("joint", joint, model.joints)
+    for link in visuals:
+        if link not in model.links:
+            raise UnknownNameError("link", link, model.links)
+    recipe = repr((model, sorted(fixed_joints.items()), sorted(visuals.items()))).encode()
+    for maker in (__file__, mesh.__file__):  # other code makes other files
+        recipe += Path(maker).read_bytes()
+    made = cached_folder(model.name, recipe, lambda: _files(model, fixed_joints, visuals))
+    return made / f"{model.name}.urdf"
+
+
+def read(path: str | Path) -> Model:
+    """Return the links and joints of a URDF file, without its shapes.
+
+    Raises:
+        ConfigError: If there is no such file, or it is no URDF that we can follow.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise ConfigError(f"no URDF at {file}")
+    try:
+        robot = xml.parse(file).getroot()
+        links = {e.attrib["name"]: _read_link(e) for e in robot.findall("link")}
+        joints = {e.attrib["name"]: _read_joint(e) for e in robot.findall("joint")}
+        if not links:
+            raise ValueError("it has no links")
+        ordered = _parents_first(links, joints)
+        children = {joint.child for joint in joints.values()}
+        root = next((name for name in links if name not in children), next(iter(links)))
+        links = {root: links[root], **links}
+        return Model(robot.get("name") or file.stem, str(file), links, joints=ordered)
+    except (xml.ParseError, KeyError, TypeError, ValueError, UnknownNameError) as error:
+        raise ConfigError(f"{file} is not a URDF that can be used: {error}") from error
+
+
+def _parents_first(links: Mapping[str, Link], joints: Mapping[str, Joint]) -> dict[str, Joint]:
+    placed = set(links) - {joint.child for joint in joints.values()}
+    left, out = dict(joints), {}
+    while left:
+        ready = {name: joint for name, joint in left.items() if joint.parent in placed}
+        if not ready:
+            raise ValueError(f"joints {sorted(left)} hang on no link")
+        for name, joint in ready.items():
+            out[name] = left.pop(name)
+            placed.add(joint.child)
+    return out
+
+
+def _read_link(element: xml.Element) -> Link:
+    mass = element.find("inertial/mass")
+    if mass is None:
+        return Link()
+    at, _ = _read_origin(element.find("inertial/origin"))
+    return Link(mass=float(mass.attrib["value"]), com=at)
+
+
+def _read_joint(element: xml.Element) -> Joint:
+    kind = element.attrib["type"]
+    if kind not in ("fixed", "revolute", "continuous", "prismatic"):
+        raise ValueError(f"joint {element.attrib['name']!r} is {kind}, which we do not drive")
+    at, rpy = _read_origin(element.find("origin"))
+    axis, limit, mimic = (element.find(tag) for tag in ("axis", "limit", "mimic"))
+    limits = {} if limit is None else limit.attrib
+    ends = [element.find(tag) for tag in ("parent", "child")]
+    parent, child = (end.attrib["link"] for end in ends if end is not None)
+    follows = None
+    if mimic is not None:
+        follows = Follow(
+            mimic.attrib["joint"],
+            float(mimic.get("multiplier", 1)),
+            float(mimic.get("offset", 0)),
+        )
+    return Joint(
+        kind=kind,  # type: ignore[arg-type]  # checked above
+        parent=parent,
+        child=child,
+        at=at,
+        rpy=rpy,
+        axis=(1.0, 0.0, 0.0) if axis is None else _triple(axis.attrib["xyz"]),
+        lower=float(limits.get("lower", 0)),
+        upper=float(limits.get("upper", 0)),
+        effort=float(limits.get("effort", 0)),
+        velocity=float(limits.get("velocity", 0)),
+        follows=follows,
+    )
+
+
+def _read_origin(element: xml.Element | None) -> tuple[Triple, Triple]:
+    if element is None:
+        return ZERO, ZERO
+    return _triple(element.get("xyz", "0 0 0")), _triple(element.get("rpy", "0 0 0"))
+
+
+def _triple(text: str) -> Triple:
+    x, y, z = (float(word) for word in text.split())
+    return x, y, z
+
+
+def _files(
+    model: Model,
+    fixed_joints: Mapping[str, float],
+    visuals: Mapping[str, tuple[MeshFile, ...]],
+) -> dict[str, str]:
+    files: dict[str, str] = {}
+    robot = xml.Element("robot", name=model.name)
+    robot.append(xml.Comment(f" generated by rcare_marl; figures: {model.source} "))
+    for name, link in model.links.items():
+        element = xml.SubElement(robot, "link", name=name)
+        _inertial(element, link)
+        if name in visuals:
+            for drawn in visuals[name]:
+                _mesh_visual(element, drawn)
+        else:
+            files |= _generated_visuals(element, name, link, model)
+        for shape in link.collision:
+            collision = xml.SubElement(element, "collision")
+            _origin(collision, shape.pose())
+            _geometry(collision, shape)
+    for name, joint in model.joints.items():
+        _joint(robot, name, joint, fixed_joints.get(name))
+    xml.indent(robot)
+    files[f"{model.name}.urdf"] = xml.tostring(robot, encoding="unicode") + "\n"
+    return files
+
+
+def _inertial(element: xml.Element, link: Link) -> None:
+    inertial = xml.SubElement(element, "inertial")
+    xml.SubElement(inertial, "origin", xyz=_text(link.com), rpy="0 0 0")
+    # A link without mass would become 1 kg in Bullet: a frame weighs a hundredth of a gram.
+    xml.SubElement(inertial, "mass", value=repr(link.mass or 1e-5))
+    values = link.inertia if link.mass else (1e-9, 0.0, 0.0, 1e-9, 0.0, 1e-9)
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    xml.SubElement(
+        inertial, "inertia", {n: repr(float(v)) for n, v in zip(names, values, strict=True)}
+    )
+
+
+def _generated_visuals(
+    element: xml.Element, name: str, link: Link, model: Model
+) -> dict[str, str]:
+    """Draw a link by one mesh a colour; return the files."""
+    files = {}
+    for material in dict.fromkeys(shape.material for shape in link.visual):
+        shapes = [shape.mesh() for shape in link.visual if shape.material == material]
+        file = f"{name}_{material}.obj"
+        files[file] = mesh.merge(shapes).obj()
+        visual = xml.SubElement(element, "visual")
+        xml.SubElement(xml.SubElement(visual, "geometry"), "mesh", filename=file)
+        # Bullet keeps one colour for each material name of a link: make it unique.
+        painted = xml.SubElement(visual, "material", name=f"{name}_{material}")
+        xml.SubElement(painted, "color", rgba=_text(model.materials[material]))
+    return files
+
+
+def _mesh_visual(element: xml.Element, drawn: MeshFile) -> None:
+    visual = xml.SubElement(element, "visual")
+    xml.SubElement(visual, "origin", xyz=_text(drawn.at), rpy=_text(drawn.rpy))
+    shape = xml.SubElement(visual, "geometry")
+    xml.SubElement(shape, "mesh", filename=drawn.file, scale=_text(drawn.scale))
+    painted = xml.SubElement(visual, "material", name=f"{Path(drawn.file).stem}_{drawn.rgba}")
+    xml.SubElement(painted, "color", rgba=_text(drawn.rgba))
+
+
+def _geometry(element: xml.Element, shape: Shape) -> None:
+    geometry = xml.SubElement(element, "geometry")
+    if shape.kind == "box":
+        xml.SubElement(geometry, "box", size=_text(shape.size))
+    elif shape.kind == "sphere":
+        xml.SubElement(geometry, "sphere", radius=repr(shape.radius))
+    else:
+        size = {"radius": repr(shape.radius), "length": repr(shape.span())}
+        xml.SubElement(geometry, shape.kind, size)
+
+
+def _joint(robot: xml.Element, name: str, joint: Joint, frozen: float | None) -> None:
+    kind = joint.kind if frozen is None else "fixed"
+    element = xml.SubElement(robot, "joint", name=name, type=kind)
+    xml.SubElement(element, "parent", link=joint.parent)
+    xml.SubElement(element, "child", link=joint.child)
+    _origin(element, joint_pose(joint, frozen or 0.0))
+    if kind == "fixed":
+        return
+    xml.SubElement(element, "axis", xyz=_text(joint.axis))
+    limit = {"effort": repr(joint.effort), "velocity": repr(joint.velocity)}
+    if kind != "continuous":
+        limit |= {"lower": repr(joint.lower), "upper": repr(joint.upper)}
+    xml.SubElement(element, "limit", limit)
+
+
+def joint_pose(joint: Joint, position: float = 0.0) -> Pose:
+    """Return the pose of a joint's child in its parent at `position` [rad or m]."""
+    origin = Pose(joint.at, tuple(quaternion_from_rpy(*joint.rpy).tolist()))
+    if joint.kind == "fixed" or position == 0.0:
+        return origin
+    if joint.kind == "prismatic":
+        return origin @ Pose(tuple(position * a for a in joint.axis))
+    return origin @ Pose(
+        quaternion=tuple(quaternion_from_axis_angle(joint.axis, position).tolist())
+    )
+
+
+def _origin(element: xml.Element, pose: Pose) -> None:
+    rpy = rpy_from_matrix(pose.matrix()[:3, :3])
+    xml.SubElement(element, "origin", xyz=_text(pose.position), rpy=_text(rpy))
+
+
+def _turn_z_to(direction: list[float]) -> tuple[float, ...]:
+    x, y, z = direction
+    length = (x * x + y * y + z * z) ** 0.5
+    if length == 0:
+        raise ConfigError("a cylinder or capsule needs two points that differ")
+    if z / length < -1 + 1e-9:
+        return (1.0, 0.0, 0.0, 0.0)
+    # Half-way rotation from z: (z × d, 1 + z · d), normalised.
+    w = 1 + z / length
+    q = (-y / length, x / length, 0.0, w)
+    norm = sum(v * v for v in q) ** 0.5
+    return tuple(v / norm for v in q)
+
+
+def _flat(value: object) -> list[object]:
+    if isinstance(value, tuple):
+        return [leaf for item in value for leaf in _flat(item)]
+    return [value]
+
+
+def _text(values: tuple[float, ...]) -> str:
+    return " ".join(repr(float(v)) for v in values)

@@ -1,0 +1,362 @@
+"""The physics world: one PyBullet client with its clock, snapshots, contacts and attachments.
+
+Conventions everywhere in this package: SI units, right-handed world frame with z up,
+quaternions as (x, y, z, w), joints and links addressed by their URDF name.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+import pybullet as bullet
+
+from .body import Body
+from .errors import ConfigError, WorldError
+from .pose import Array, Pose, Vector
+
+GRAVITY = 9.81  # [m/s²]
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One contact point between two bodies.
+
+    Attributes:
+        link_a: Link index of the first body.
+        link_b: Link index of the second body.
+        position: Point on the second body in the world [m], shape [3].
+        normal: From the second body to the first, unit length, shape [3].
+        distance: Gap [m]; negative where the bodies overlap.
+        force: Normal force [N].
+    """
+
+    link_a: int
+    link_b: int
+    position: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    distance: float
+    force: float
+
+
+class Skin(Protocol):
+    """A deforming surface to draw in place of a body's own shapes."""
+
+    body: Body
+    faces: npt.NDArray[np.int32]
+    colors: npt.NDArray[np.uint8]
+
+    def vertices(self) -> npt.NDArray[np.float32]:
+        """Return the present vertices in the world [m], shape [n, 3]."""
+
+    def rest_pieces(self) -> list[tuple[int, npt.NDArray[np.float32], npt.NDArray[np.int32]]]:
+        """Return (link, vertices in the link's frame, indices of its faces) of rigid pieces."""
+
+
+class Attachment:
+    """A rigid bond between a link and another body, owned by the world."""
+
+    def __init__(
+        self, world: World, parent: Body, link: int, child: Body, child_in_link: Pose, force: float
+    ) -> None:
+        self.parent, self.link, self.child = parent, link, child
+        self.child_in_link, self.force = child_in_link, force
+        self._world = weakref.proxy(world)
+        self._uid: int | None = None
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the bond holds at present."""
+        return self._uid is not None
+
+    def _make(self) -> None:
+        client = self._world.client
+        link_inertial = bullet.getDynamicsInfo(self.parent.uid, self.link, physicsClientId=client)
+        child_inertial = bullet.getDynamicsInfo(self.child.uid, -1, physicsClientId=client)
+        # Bullet's frames are relative to centres of mass.
+        in_parent = Pose(link_inertial[3], link_inertial[4]).inverse() @ self.child_in_link
+        in_child = Pose(child_inertial[3], child_inertial[4]).inverse()
+        self._uid = bullet.createConstraint(
+            self.parent.uid,
+            self.link,
+            self.child.uid,
+            -1,
+            bullet.JOINT_FIXED,
+            (0, 0, 0),
+            in_parent.position,
+            in_child.position,
+            in_parent.quaternion,
+            in_child.quaternion,
+            physicsClientId=client,
+        )
+        bullet.changeConstraint(self._uid, maxForce=self.force, physicsClientId=client)
+
+    def _break(self) -> None:
+        if self._uid is not None:
+            bullet.removeConstraint(self._uid, physicsClientId=self._world.client)
+            self._uid = None
+
+
+class World:
+    """One PyBullet client with its clock. All simulated state lives here.
+
+    Attributes:
+        client: Id of the physics client, -1 once closed.
+        physics_dt: Length of one physics step [s].
+        step_count: Physics steps since the start or the last `rewind`.
+        bodies: Every body, in the order of loading.
+        skins: Deforming surfaces for the renderers.
+    """
+
+    def __init__(self, physics_dt: float = 1 / 240) -> None:
+        """Connect a private physics client.
+
+        Args:
+            physics_dt: Length of one physics step [s].
+
+        Raises:
+            ConfigError: If `physics_dt` is not a positive number.
+        """
+        if not 0 < physics_dt < 1:
+            raise ConfigError(f"physics_dt must lie between 0 and 1 s, got {physics_dt}")
+        self.client: int = bullet.connect(bullet.DIRECT)
+        if self.client < 0:
+            raise WorldError("PyBullet has no free physics client left: close some environments")
+        self._closer = weakref.finalize(self, _disconnect, self.client)
+        self.physics_dt = physics_dt
+        self.step_count = 0
+        self.bodies: list[Body] = []
+        self.skins: list[Skin] = []
+        self._attachments: list[Attachment] = []
+        self._marked: list[tuple[Attachment, bool]] = []
+        self._start: int | None = None
+        # Bullet sorts overlapping pairs by address unless told otherwise: that breaks repeatability.
+        bullet.setPhysicsEngineParameter(
+            fixedTimeStep=physics_dt,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self.client,
+        )
+        bullet.setGravity(0, 0, -GRAVITY, physicsClientId=self.client)
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the start or the last `rewind` [s]."""
+        return self.step_count * self.physics_dt
+
+    def load_urdf(
+        self,
+        path: str | Path,
+        pose: Pose = Pose(),
+        *,
+        name: str = "",
+        fixed: bool = True,
+        self_collision: bool = False,
+    ) -> Body:
+        """Load a URDF with the frame of its base link at `pose` and return a handle on it.
+
+        Args:
+            path: The URDF file.
+            pose: Pose of the base link.
+            name: Name in this world; the file's stem if empty.
+            fixed: Whether the base is held in place.
+            self_collision: Whether links that are not parent and child collide with each other.
+
+        Raises:
+            ConfigError: If there is no such file, or Bullet cannot read it.
+        """
+        self._check_unmarked("load a body")
+        if not Path(path).is_file():
+            raise ConfigError(f"no URDF at {path}")
+        flags = bullet.URDF_USE_INERTIA_FROM_FILE
+        if self_collision:
+            flags |= bullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
+        try:
+            uid = bullet.loadURDF(
+                str(path), useFixedBase=fixed, flags=flags, physicsClientId=self.client
+            )
+        except bullet.error as error:
+            raise ConfigError(f"Bullet cannot read the URDF {path}: {error}") from error
+        body = self._register(uid, name or Path(path).stem)
+        body.set_base(pose)
+        return body
+
+    def add_sphere(
+        self,
+        radius: float,
+        pose: Pose = Pose(),
+        *,
+        mass: float = 0.0,
+        name: str = "sphere",
+        rgba: Vector = (0.8, 0.8, 0.8, 1.0),
+        collides: bool = True,
+    ) -> Body:
+        """Add a sphere of `radius` [m] and `mass` [kg]; mass 0 makes it immovable."""
+        return self._add(bullet.GEOM_SPHERE, {"radius": radius}, pose, mass, name, rgba, collides)
+
+    def add_box(
+        self,
+        size: Vector,
+        pose: Pose = Pose(),
+        *,
+        mass: float = 0.0,
+        name: str = "box",
+        rgba: Vector = (0.8, 0.8, 0.8, 1.0),
+        collides: bool = True,
+    ) -> Body:
+        """Add a box with edges `size` [m], shape [3], and `mass` [kg]; mass 0 makes it immovable."""
+        half = [0.5 * float(edge) for edge in size]
+        return self._add(bullet.GEOM_BOX, {"halfExtents": half}, pose, mass, name, rgba, collides)
+
+    def _add(
+        self,
+        kind: int,
+        geometry: dict[str, float | list[float]],
+        pose: Pose,
+        mass: float,
+        name: str,
+        rgba: Vector,
+        collides: bool,
+    ) -> Body:
+        self._check_unmarked("add a body")
+        shape = -1
+        if collides:
+            shape = bullet.createCollisionShape(kind, **geometry, physicsClientId=self.client)
+        visual = bullet.createVisualShape(
+            kind, **geometry, rgbaColor=rgba, physicsClientId=self.client
+        )
+        uid = bullet.createMultiBody(
+            mass, shape, visual, pose.position, pose.quaternion, physicsClientId=self.client
+        )
+        return self._register(uid, name)
+
+    def _register(self, uid: int, name: str) -> Body:
+        taken = {body.name for body in self.bodies}
+        unique = name if name not in taken else f"{name}_{uid}"
+        body = Body(self, uid, unique)
+        self.bodies.append(body)
+        return body
+
+    def attach(
+        self,
+        parent: Body,
+        link: str,
+        child: Body,
+        child_in_link: Pose | None = None,
+        *,
+        force: float = 500.0,
+    ) -> Attachment:
+        """Bond `child` rigidly to a link of `parent`.
+
+        Args:
+            parent: The body that holds.
+            link: The link that holds.
+            child: The body that is held, by its base.
+            child_in_link: Pose of the child's base in the frame of the link; as it is now if None.
+            force: Greatest force of the bond [N].
+        """
+        index = parent.link_index(link)
+        if child_in_link is None:
+            child_in_link = parent.link_pose(index).inverse() @ child.base_pose()
+        attachment = Attachment(self, parent, index, child, child_in_link, force)
+        attachment._make()
+        self._attachments.append(attachment)
+        return attachment
+
+    def detach(self, attachment: Attachment) -> None:
+        """Break a bond; breaking it twice does no harm."""
+        attachment._break()
+
+    def set_collision(
+        self, a: Body, b: Body, enabled: bool, *, links_a: Iterable[int] | None = None
+    ) -> None:
+        """Switch the collision of all links of `a` (or `links_a`) with all links of `b`."""
+        for link_a in range(-1, a.link_count) if links_a is None else links_a:
+            for link_b in range(-1, b.link_count):
+                bullet.setCollisionFilterPair(
+                    a.uid, b.uid, link_a, link_b, int(enabled), physicsClientId=self.client
+                )
+
+    def step(self) -> None:
+        """Advance by one physics step."""
+        bullet.stepSimulation(physicsClientId=self.client)
+        self.step_count += 1
+
+    def mark_start(self) -> None:
+        """Remember the present state as the one that `rewind` returns to.
+
+        From here on no body can be added: the state could not be restored.
+        """
+        if self._start is not None:
+            bullet.removeState(self._start, physicsClientId=self.client)
+        self._start = bullet.saveState(physicsClientId=self.client)
+        self._marked = [(a, a.is_active) for a in self._attachments]
+
+    def rewind(self) -> None:
+        """Return to the marked state, attachments included, and set the clock to zero.
+
+        Raises:
+            WorldError: If `mark_start` was never called.
+        """
+        if self._start is None:
+            raise WorldError("rewind() needs a state to return to: call mark_start() first")
+        marked = {attachment for attachment, _ in self._marked}
+        for attachment in self._attachments:
+            if attachment not in marked:
+                attachment._break()
+        self._attachments = [attachment for attachment, _ in self._marked]
+        for attachment, was_active in self._marked:
+            if was_active and not attachment.is_active:
+                attachment._make()
+            elif attachment.is_active and not was_active:
+                attachment._break()
+        bullet.restoreState(self._start, physicsClientId=self.client)
+        self.step_count = 0
+
+    def contacts(self, a: Body, b: Body | None = None) -> list[Contact]:
+        """Return the contact points of `a` with `b`, or with anything, after the last step."""
+        points = (
+            bullet.getContactPoints(a.uid, physicsClientId=self.client)
+            if b is None
+            else bullet.getContactPoints(a.uid, b.uid, physicsClientId=self.client)
+        )
+        return [Contact(p[3], p[4], p[6], p[7], p[8], p[9]) for p in points]
+
+    def contact_force(self, a: Body, b: Body | None = None) -> float:
+        """Return the summed normal force on `a` by `b`, or by everything [N]."""
+        points = (
+            bullet.getContactPoints(a.uid, physicsClientId=self.client)
+            if b is None
+            else bullet.getContactPoints(a.uid, b.uid, physicsClientId=self.client)
+        )
+        return sum([point[9] for point in points]) if points else 0.0
+
+    def link_forces(self, a: Body, b: Body | None = None) -> Array:
+        """Return the summed normal force on each link of `a` [N], shape [links + 1], base first."""
+        out = np.zeros(a.link_count + 1)
+        for contact in self.contacts(a, b):
+            out[contact.link_a + 1] += contact.force
+        return out
+
+    def separation(self, a: Body, b: Body, *, within: float) -> float:
+        """Return the least distance between two bodies [m], negative in overlap; `within` at most."""
+        points = bullet.getClosestPoints(a.uid, b.uid, within, physicsClientId=self.client)
+        return min([within, *(point[8] for point in points)])
+
+    def close(self) -> None:
+        """Disconnect the client; safe to call twice."""
+        self._closer()
+        self.client = -1
+
+    def _check_unmarked(self, what: str) -> None:
+        if self._start is not None:
+            raise WorldError(f"cannot {what} after mark_start(): create every body before it")
+
+
+def _disconnect(client: int) -> None:
+    if bullet.isConnected(client):
+        bullet.disconnect(client)
