@@ -8,13 +8,16 @@ Example:
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+import gymnasium
+
 if TYPE_CHECKING:
-    from rcare_marl.envs import make, register_task, task_names
+    from rcare_marl.envs import make, policy_names, register_policy, register_task, task_names
 
 __version__ = "0.1.0"
-__all__ = ["make", "register_task", "task_names"]
+__all__ = ["make", "policy_names", "register_policy", "register_task", "task_names"]
 
 
 def __getattr__(name: str) -> object:
@@ -28,3 +31,24 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])
+
+
+def _register_gymnasium_ids() -> None:
+    """Make `gymnasium.make("rcare_marl/Feeding-v0")` work: one id a file of `envs/tasks`."""
+    folder = Path(__file__).parent / "envs" / "tasks"
+    if not folder.is_dir():  # an installed checkout without links maps the folder elsewhere
+        from importlib.util import find_spec
+
+        spec = find_spec("rcare_marl.envs")
+        assert spec is not None and spec.origin is not None
+        folder = Path(spec.origin).parent / "tasks"
+    for file in sorted(folder.glob("[a-z]*.py")):
+        title = "".join(word.capitalize() for word in file.stem.split("_"))
+        gymnasium.register(
+            f"rcare_marl/{title}-v0",
+            entry_point="rcare_marl.envs.gym:SingleAgentEnv",
+            kwargs={"task": file.stem},
+        )
+
+
+_register_gymnasium_ids()

@@ -295,16 +295,12 @@ class Body:
                 kind=_SHAPES[row[2]],
                 size=tuple(row[3]),
                 mesh=row[4].decode(),
-                pose=self._in_link(row[1], Pose(row[5], row[6])),
+                pose=Pose(row[5], row[6]),
                 rgba=tuple(row[7]),
             )
             for row in rows
             if row[2] in _SHAPES
         ]
-
-    def _in_link(self, link: int, pose: Pose) -> Pose:
-        # Bullet gives the shapes of the base, alone, relative to its centre of mass.
-        return self._inertial @ pose if link < 0 and self._has_offset else pose
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ class Shape:
         sections: Of a loft: (z, centre x, centre y, half width x, half width y).
         points: Path of a tube; with two points, also the ends of a cylinder or capsule.
         bend: Rounding of the corners of the path of a tube.
+        scale: Stretch along the shape's own axes, for the eye only.
     """
 
     kind: Literal["box", "sphere", "cylinder", "capsule", "lathe", "loft", "tube"]
@@ -50,6 +51,7 @@ class Shape:
     sections: tuple[tuple[float, ...], ...] = ()
     points: tuple[Triple, ...] = ()
     bend: float = 0.0
+    scale: Triple = (1.0, 1.0, 1.0)
 
     def __post_init__(self) -> None:
         needs = {"box": "size", "lathe": "profile", "loft": "sections", "tube": "points"}
@@ -85,7 +87,8 @@ class Shape:
             "loft": lambda: mesh.loft(self.sections),
             "tube": lambda: mesh.tube(self.points, self.radius, self.bend),
         }
-        return makers[self.kind]().moved(self.pose())
+        made = makers[self.kind]()
+        return Mesh(made.vertices * self.scale, made.faces).moved(self.pose())
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ class FeedingOptions:
     """
 
     reward: Literal["paper", "shaped"] = "paper"
-    mount: Literal["wheelchair_left", "wheelchair_right"] = "wheelchair_right"
+    mount: Literal["left", "right"] = "right"
     force_limit: float = FORCE_LIMIT
 
     def __post_init__(self) -> None:
@@ -88,17 +88,18 @@ class Feeding(Task):
     options: FeedingOptions
 
     def furnish(self, world: World) -> dict[str, Pose]:
-        self._chair = Wheelchair()
-        floor = world.add_box((6, 6, 0.1), Pose((0, 0, -0.05)), name="floor", rgba=(0.72, 0.68, 0.62, 1))
+        self._chair = Wheelchair(mounts=self.options.mount)
+        floor = world.add_box((6, 6, 0.1), Pose((0, 0, -0.05)), name="floor")
         floor.set_friction([-1], lateral=0.8)
         self._chair.spawn(world, Pose())
         self.recipient.use_arm_rests(
-            self._chair.frame("armrest_left"), self._chair.frame("armrest_right")
+            self._chair.frame_in_world("armrest_left"),
+            self._chair.frame_in_world("armrest_right"),
         )
         away = quaternion_from_rpy(0, 0, -math.pi / 2)  # beside the chair, facing it
         return {
-            "robot": self.robot.mount(self.options.mount, self._chair.pose),
-            "recipient": self._chair.frame("seat_back"),
+            "robot": self._chair.frame_in_world(f"mount_{self.options.mount}"),
+            "recipient": self._chair.frame_in_world("seat_back"),
             "caregiver": Pose((0.15, 0.85, 0.0), tuple(away.tolist())),
         }
 

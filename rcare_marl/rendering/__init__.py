@@ -1,1 +1,84 @@
-"""Pictures."""
+"""Pictures of a world: by OpenGL, by PyBullet's software rasteriser, or live on a web page."""
+
+from __future__ import annotations
+
+import logging
+import os
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import ConfigError, MissingPackageError, RenderingError
+from ..world import World
+from .camera import Camera
+from .gl_renderer import GLRenderer
+from .software_renderer import SoftwareRenderer
+from .viewer import Viewer
+
+BACKENDS = ("auto", "gl", "software")
+VARIABLE = "RCARE_MARL_RENDERER"
+
+_LOG = logging.getLogger(__name__)
+_WARNED: set[str] = set()
+
+
+class Renderer(Protocol):
+    """Takes pictures of one world; the physics is read, never changed."""
+
+    def render(self, camera: Camera) -> npt.NDArray[np.uint8]:
+        """Return the picture that `camera` takes, shape [height, width, 3]."""
+
+    def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
+        """Return the distance along the line of sight [m], shape [height, width]; inf for nothing."""
+
+    def refresh(self) -> None:
+        """Read the shapes and colours of all bodies again."""
+
+    def close(self) -> None:
+        """Free what the renderer holds; safe to call twice."""
+
+
+def make_renderer(world: World, backend: Literal["auto", "gl", "software"] = "auto") -> Renderer:
+    """Return a renderer of `world`.
+
+    Args:
+        world: What to draw.
+        backend: `gl` is fast and good-looking, `software` works everywhere; `auto` tries the first
+            and falls back to the second with one warning a process. The environment variable
+            RCARE_MARL_RENDERER decides what `auto` means.
+
+    Raises:
+        ConfigError: If the backend, or the value of the variable, is unknown.
+        RenderingError: If `gl` is asked for and there is none.
+        MissingPackageError: If `gl` is asked for and moderngl is not installed.
+    """
+    chosen: str = backend
+    where = "backend"
+    if backend == "auto" and VARIABLE in os.environ:
+        chosen, where = os.environ[VARIABLE], VARIABLE
+    if chosen not in BACKENDS:
+        raise ConfigError(f"{where} must be one of {', '.join(BACKENDS)}, got {chosen!r}")
+    if chosen == "software":
+        return SoftwareRenderer(world)
+    if chosen == "gl":
+        return GLRenderer(world)
+    try:
+        return GLRenderer(world)
+    except (RenderingError, MissingPackageError) as error:
+        if "fallback" not in _WARNED:
+            _WARNED.add("fallback")
+            _LOG.warning("drawing in software, slowly and plainly, since there is %s", error)
+        return SoftwareRenderer(world)
+
+
+__all__ = [
+    "BACKENDS",
+    "VARIABLE",
+    "Camera",
+    "GLRenderer",
+    "Renderer",
+    "SoftwareRenderer",
+    "Viewer",
+    "make_renderer",
+]
