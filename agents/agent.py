@@ -49,6 +49,11 @@ class Agent(abc.ABC):
     def command(self, action: Array, duration: float) -> None:
         """Accept an action, shape [action_size], for the coming control step of `duration` [s]."""
 
+    @property
+    def needs_actuation(self) -> bool:
+        """Whether `actuate` must be called before every physics step; asked once, after `spawn`."""
+        return True
+
     def actuate(self) -> None:
         """Apply forces for the coming physics step; nothing where motors hold their targets."""
 

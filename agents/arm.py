@@ -43,6 +43,8 @@ class Arm:
         self.upper = np.array([joint.upper for joint in joints])
         self.velocity = np.array([joint.velocity for joint in joints])
         self.effort = np.array([joint.effort for joint in joints])
+        self._dofs = [joint.dof for joint in joints]
+        self._all = [joint.index for joint in body.joints.values()]
         self.physics_dt = world.physics_dt
         self.rest = np.array(rest, np.float64)
         self.chain.place(body.base_pose())
@@ -51,7 +53,7 @@ class Arm:
         return len(self.names)
 
     def read(self) -> tuple[Array, Array, Array]:
-        """Return positions, velocities and the motor torques of the last step, each of shape [n]."""
+        """Return positions, velocities and motor torques of the last step, each of shape [n]."""
         states = bullet.getJointStates(self._uid, self.indices, physicsClientId=self._client)
         positions, velocities, _, torques = zip(*states, strict=True)
         return np.array(positions), np.array(velocities), np.array(torques)
@@ -59,6 +61,19 @@ class Arm:
     def positions(self) -> Array:
         """Return the joint positions [rad or m], shape [n]."""
         return np.array(self.body.joint_states(self.indices)[0])
+
+    def velocities(self) -> Array:
+        """Return the joint velocities [rad/s or m/s], shape [n]."""
+        return np.array(self.body.joint_states(self.indices)[1])
+
+    def inertial_torques(self, positions: Array, acceleration: Array) -> Array:
+        """Return the torques that accelerate the arm [N·m or N], shape [n], without speed terms."""
+        everything = positions.tolist()
+        if len(self._all) != len(self.indices):
+            everything = self.body.joint_states(self._all)[0]
+        matrix = self.body.mass_matrix(everything)
+        out: Array = matrix[np.ix_(self._dofs, self._dofs)] @ acceleration
+        return out
 
     def drive_to(self, targets: Array, speeds: Array, forces: Array) -> None:
         """Drive joints to `targets` [rad or m] no faster than `speeds`, with at most `forces`.
@@ -95,6 +110,18 @@ class Arm:
     def drive_velocities(self, speeds: Array, forces: Array) -> None:
         """Drive joints at `speeds` [rad/s or m/s] with at most `forces` [N·m or N]."""
         self.body.drive_velocities(self.indices, speeds.tolist(), forces.tolist())
+
+    def limit_speed(self) -> None:
+        """Let the physics cut all joint speeds a fifth above the greatest that any joint may have.
+
+        For modes whose motors do not rule the speed.
+        """
+        bullet.changeDynamics(
+            self._uid,
+            -1,
+            maxJointVelocity=1.2 * float(self.velocity.max()),
+            physicsClientId=self._client,
+        )
 
     def solve(self, goal: Pose, seed: Array, *, position_only: bool = False) -> IkResult:
         """Return the posture that puts the tool at `goal`: the first good one, else the best.

@@ -1,4 +1,7 @@
-"""Grippers of one driven joint and joints that follow it; Bullet ignores `<mimic>`, so we drive all."""
+"""Grippers of one driven joint and joints that follow it.
+
+Bullet ignores `<mimic>`, so we drive all of them.
+"""
 
 from __future__ import annotations
 

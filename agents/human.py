@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rcare_marl import assets
+from rcare_marl.body import Body
 from rcare_marl.cache import cached
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError
@@ -213,6 +214,7 @@ class Human(Agent):
         self.body.release_motors(self._joints)
         self._start = angles[self._order]
         self.body.set_joints(self._joints, self._start)
+        self._world = world
         self.frames = [
             JointFrame(self.body.link_index(f.link), f.rotation, f.offset) for f in urdf.frames
         ]
@@ -222,10 +224,13 @@ class Human(Agent):
         self._gravity = np.zeros(3)
         self._find_gravity()
         world.skins.append(PersonSkin(self.model, self.body, self.frames))
-        self._mouth = {
-            joint: self.model.mouth - self.model.joints[JOINT_INDEX[joint]]
-            for joint in ("head", "jaw")
-        }
+        self._face, self._jaw = (self._mouth_on(joint) for joint in ("head", "jaw"))
+
+    def _mouth_on(self, joint: str) -> tuple[int, Array, Array]:
+        """Return the link of a joint, and mouth and forward direction in the frame of that link."""
+        frame = self.frames[JOINT_INDEX[joint]]
+        mouth = self.model.mouth - self.model.joints[JOINT_INDEX[joint]]
+        return frame.link, frame.rotation @ mouth + frame.offset, frame.rotation[:, 2]
 
     def _make_drive(self, physics_dt: float) -> SkeletalDrive:
         avatar = self.avatar
@@ -288,10 +293,9 @@ class Human(Agent):
             return
         if not self._fixed_base:
             self._find_gravity()
-        positions, velocities = self.body.joint_states(self._joints)
-        self.body.drive_torques(
-            self._joints, self.drive.torques(positions, velocities, self._gravity)
-        )
+        body, joints = self.body, self._joints
+        positions, velocities = body.joint_states(joints)
+        body.drive_torques(joints, self.drive.torques(positions, velocities, self._gravity))
 
     def sense(self) -> None:
         self.positions, self.velocities = self.body.joint_states(self._joints)
@@ -307,19 +311,50 @@ class Human(Agent):
         matrix = link.matrix() @ local
         return Pose(tuple(matrix[:3, 3].tolist()), tuple(quaternion_from_matrix(matrix[:3, :3]).tolist()))
 
+    def contact_forces(self, by: Body | None = None) -> dict[str, float]:
+        """Return the normal force on each touched segment [N], by SMPL-X joint, after the last step.
+
+        Args:
+            by: What presses; everything if None.
+        """
+        forces: dict[str, float] = {}
+        for contact in self._world.contacts(self.body, by):
+            if contact.force > 0:
+                joint = self._segment_at(contact.link_a, np.array(contact.position))
+                forces[joint] = forces.get(joint, 0.0) + contact.force
+        return forces
+
+    def _segment_at(self, link: int, point: Array) -> str:
+        """Return the segment of a link whose surface is nearest to a point in the world [m]."""
+        pose = self.body.link_pose(link)
+        local = rotate(conjugate(pose.quaternion), point - pose.position)
+        best, nearest = "pelvis", np.inf
+        for joint, frame in zip(JOINTS, self.frames, strict=True):
+            if frame.link == link:
+                here = frame.rotation.T @ (local - frame.offset)
+                for shape in self.segments[joint].shapes:
+                    distance = shape.distance(here)
+                    if distance < nearest:
+                        best, nearest = joint, distance
+        return best
+
     def mouth_position(self) -> Array:
         """Return the point between the lips in the world [m], shape [3]; it follows head and jaw."""
-        total = np.zeros(3)
-        for joint, local in self._mouth.items():
-            frame = self.frames[JOINT_INDEX[joint]]
-            link = self.body.link_pose(frame.link)
-            total += rotate(link.quaternion, frame.rotation @ local + frame.offset) + link.position
-        return total / 2
+        return self.mouth_and_face()[0]
 
     def face_direction(self) -> Array:
         """Return where the face looks, a unit vector in the world, shape [3]."""
-        frame = self.frames[JOINT_INDEX["head"]]
-        return rotate(self.body.link_pose(frame.link).quaternion, frame.rotation[:, 2])
+        return self.mouth_and_face()[1]
+
+    def mouth_and_face(self) -> tuple[Array, Array]:
+        """Return the point between the lips [m] and where the face looks, each of shape [3]."""
+        head_link, on_head, forward = self._face
+        jaw_link, on_jaw, _ = self._jaw
+        head = self.body.link_pose(head_link)
+        jaw = self.body.link_pose(jaw_link) if jaw_link != head_link else head
+        upper = rotate(head.quaternion, on_head) + head.position
+        lower = rotate(jaw.quaternion, on_jaw) + jaw.position
+        return 0.5 * (upper + lower), rotate(head.quaternion, forward)
 
     def angle(self, dof: str) -> float:
         """Return the present angle of a DoF [rad], fixed or movable."""

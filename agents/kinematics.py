@@ -127,9 +127,7 @@ class Chain:
     def gravity_torques(self, positions: Array) -> Array:
         """Return the torques that hold the chain still [N·m or N], shape [n]."""
         parts = forward(self.base, self.origins, self.axes, self.slides, positions)
-        out: Array = holding(
-            parts[1], parts[2], parts[3], self.slides, self.masses, self.centres
-        )
+        out: Array = holding(parts[1], parts[2], parts[3], self.slides, self.masses, self.centres)
         return out
 
     def solve(

@@ -20,10 +20,10 @@ from rcare_marl.world import Attachment, World
 
 from .agent import Agent, Array
 from .arm import Arm
-from .control import CONTROLS, Control, ToolDelta, make_control
+from .control import CONTROLS, Control, JointTorque, ToolDelta, make_control
 from .gripper import Gripper, GripperConfig
 from .kinematics import Chain, IkResult
-from .robot_model import Meshes, MeshPackage, RobotFiles, robot_files
+from .robot_model import Meshes, MeshPackage, robot_files
 
 GripperUse = Literal["held", "free", "commanded"]
 
@@ -62,6 +62,8 @@ class RobotConfig:
         gripper: The gripper, if it has one.
         package: Where its real meshes can be had, if anywhere.
         base: Whether the base is bolted down or drives.
+        contact_stiffness: Of contact with any link [N/m]; zero is rigid.
+        contact_damping: Of contact with any link [N·s/m].
     """
 
     model: str
@@ -72,6 +74,8 @@ class RobotConfig:
     gripper: GripperConfig | None = None
     package: MeshPackage | None = None
     base: Literal["fixed", "wheeled"] = "fixed"
+    contact_stiffness: float = 0.0
+    contact_damping: float = 0.0
 
     def __post_init__(self) -> None:
         if "home" not in self.postures:
@@ -113,7 +117,7 @@ class Robot(Agent):
         config: RobotConfig,
         *,
         control: str = "tool_delta",
-        posture: str = "home",
+        posture: str | None = None,
         posture_noise: float = 0.0,
         gripper: GripperUse = "held",
         grip_width: float = 0.02,
@@ -128,7 +132,7 @@ class Robot(Agent):
             name: The role that it plays.
             config: The model.
             control: One of `CONTROLS`.
-            posture: Name of the start posture.
+            posture: Name of the start posture; that of the mount, or `home`, if None.
             posture_noise: Standard deviation of the start posture [rad or m].
             gripper: `held` freezes the fingers round something `grip_width` thick, which makes the
                 simulation faster; `free` leaves them to `set_gripper`; `commanded` adds an action
@@ -146,14 +150,15 @@ class Robot(Agent):
         """
         if control not in CONTROLS:
             raise UnknownNameError("control mode", control, CONTROLS)
-        if posture not in config.postures:
+        if posture is not None and posture not in config.postures:
             raise UnknownNameError("posture", posture, config.postures)
         if gripper not in ("held", "free", "commanded"):
             raise UnknownNameError("use of a gripper", gripper, ("held", "free", "commanded"))
         if contact_force <= 0:
             raise ConfigError(f"contact_force must be positive, got {contact_force} N")
         self.name, self.config = name, config
-        self._control_name, self._posture_name = control, posture
+        self._control_name = control
+        self._posture_name, self._posture_is_chosen = posture or "home", posture is not None
         self._noise, self._contact_force = posture_noise, contact_force
         self._self_collision = self_collision
         self._commanded = gripper == "commanded"
@@ -169,9 +174,7 @@ class Robot(Agent):
             self.files = robot_files(
                 config.model, config.package, meshes=meshes, fixed_joints=frozen
             )
-        self._chain = Chain(
-            self.files.model, config.arm_joints, config.tool_link, others=frozen
-        )
+        self._chain = Chain(self.files.model, config.arm_joints, config.tool_link, others=frozen)
 
     @property
     def action_size(self) -> int:
@@ -190,11 +193,16 @@ class Robot(Agent):
     def mount(self, name: str, on: Pose = Pose()) -> Pose:
         """Return the pose of the base for the mount `name` of a device that stands at `on`.
 
+        Before `spawn` this also chooses the start posture of that name, if the model has one and
+        none was asked for.
+
         Raises:
             UnknownNameError: If the model has no mount of that name.
         """
         if name not in self.config.mounts:
             raise UnknownNameError("mount", name, self.config.mounts)
+        if not self._posture_is_chosen and name in self.config.postures:
+            self._posture_name = name
         return on @ self.config.mounts[name].pose
 
     def spawn(self, world: World, pose: Pose) -> None:
@@ -202,8 +210,13 @@ class Robot(Agent):
         self.body = world.load_urdf(
             self.files.urdf, pose, name=self.name, self_collision=self._self_collision
         )
+        if self.config.contact_stiffness > 0:
+            self.body.set_softness(
+                stiffness=self.config.contact_stiffness, damping=self.config.contact_damping
+            )
         rest = self.config.postures[self._posture_name]
         self.arm = Arm(world, self.body, self._chain, rest)
+        self._continuous = np.isinf(self.arm.upper)
         self.control = make_control(self._control_name, self.arm)
         if isinstance(self.control, ToolDelta):
             self.control.contact_force = self._contact_force
@@ -211,6 +224,7 @@ class Robot(Agent):
             self.gripper.bind(self.body)
             self.gripper.drive(self.gripper.start, teleport=True)
         self.set_posture(rest)
+        self.sense()
 
     def reset(self, rng: np.random.Generator) -> None:
         posture = np.array(self.config.postures[self._posture_name])
@@ -226,6 +240,10 @@ class Robot(Agent):
             action = action[:-1]
         self.control.command(action, duration)
 
+    @property
+    def needs_actuation(self) -> bool:
+        return isinstance(self.control, (JointTorque, ToolDelta))
+
     def actuate(self) -> None:
         self.control.actuate()
 
@@ -236,7 +254,7 @@ class Robot(Agent):
         self.control.reset()
 
     def set_posture(self, posture: Sequence[float] | Array) -> None:
-        """Teleport the arm to `posture` [rad or m], shape [n], clipped to its limits, and hold it."""
+        """Teleport the arm to `posture` [rad or m], shape [n], cut to its limits, and hold it."""
         values = np.clip(np.asarray(posture, np.float64), self.arm.lower, self.arm.upper)
         self.body.set_joints(self.arm.indices, values)
         self.control.reset()
@@ -262,18 +280,14 @@ class Robot(Agent):
         start = self.arm.positions() if seed is None else np.asarray(seed, np.float64)
         return self.arm.solve(pose, start, position_only=position_only)
 
-    def grasp(
-        self, body: Body, body_in_tool: Pose = Pose(), *, force: float = 500.0
-    ) -> Attachment:
+    def grasp(self, body: Body, body_in_tool: Pose = Pose(), *, force: float = 500.0) -> Attachment:
         """Put the base of `body` at `body_in_tool` in the tool's frame and bond it there.
 
         The robot and what it holds do not collide from then on.
         """
         body.set_base(self.tool_pose() @ body_in_tool)
         self._world.set_collision(self.body, body, False)
-        return self._world.attach(
-            self.body, self.config.tool_link, body, body_in_tool, force=force
-        )
+        return self._world.attach(self.body, self.config.tool_link, body, body_in_tool, force=force)
 
     def set_gripper(self, closing: float) -> None:
         """Drive the gripper to `closing`: 0 is open, 1 is closed.
@@ -287,25 +301,21 @@ class Robot(Agent):
             )
         self.gripper.drive_fraction(closing)
 
+    def sense(self) -> None:
+        positions, self._velocities, _ = self.arm.read()
+        pose = self._chain.tip_pose(positions)
+        # A continuous joint is at the same place every turn.
+        turns = np.where(self._continuous, (positions + np.pi) % (2 * np.pi) - np.pi, positions)
+        self._positions, self._tool_position = turns, pose.position
+        self._tool_rotation = rotation_vector(pose.quaternion)
+
     def observables(self) -> Sequence[Observable]:
         count = len(self.arm)
-        continuous = np.isinf(self.arm.upper)
-
-        def joint_position() -> Array:
-            q = self.arm.positions()
-            return np.where(continuous, (q + np.pi) % (2 * np.pi) - np.pi, q)
-
-        def tool_position() -> tuple[float, ...]:
-            return self.tool_pose().position
-
-        def tool_rotation() -> Array:
-            return rotation_vector(self.tool_pose().quaternion)
-
         out = [
-            Observable("joint_position", "rad", count, joint_position),
-            Observable("joint_velocity", "rad/s", count, lambda: self.arm.read()[1]),
-            Observable("tool_position", "m", 3, tool_position),
-            Observable("tool_rotation", "rad", 3, tool_rotation),
+            Observable("joint_position", "rad", count, lambda: self._positions),
+            Observable("joint_velocity", "rad/s", count, lambda: self._velocities),
+            Observable("tool_position", "m", 3, lambda: self._tool_position),
+            Observable("tool_rotation", "rad", 3, lambda: self._tool_rotation),
         ]
         gripper = self.gripper
         if gripper is not None and gripper.is_movable:

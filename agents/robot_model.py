@@ -1,4 +1,4 @@
-"""Finds or makes the files of a robot: a user's URDF, or our model, drawn plainly or by real meshes.
+"""Finds or makes the files of a robot: a user's URDF, or our model, drawn plain or by real meshes.
 
 Our model alone decides dynamics and collision, so that results do not depend on what is installed.
 An optional package adds nothing but the look.
@@ -17,7 +17,8 @@ from xml.etree import ElementTree as xml
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, MissingPackageError
-from rcare_marl.urdf import MeshFile, Model, read, write
+from rcare_marl.urdf import MeshFile, Model, write
+from rcare_marl.urdf_reader import read
 
 Meshes = Literal["auto", "never", "required"]
 

@@ -83,6 +83,7 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
             self.world.close()
             raise
         self._order = tuple(self.cast.values())
+        self._actuated = tuple(a.actuate for a in self._order if a.needs_actuation)
         self._vectors = {
             role: ObservationVector([*agent.observables(), *task.observables(role)])
             for role, agent in self.cast.items()
@@ -186,11 +187,12 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         task, world = self.task, self.world
         for role, agent in self.cast.items():
             agent.command(commands[role], task.control_dt)
+        step, look = world.step, task.after_substep
         for _ in range(self._substeps):
-            for agent in self._order:
-                agent.actuate()
-            world.step()
-            task.after_substep()
+            for actuate in self._actuated:
+                actuate()
+            step()
+            look()
         self._sense()
         roles = self.agents
         terms = {role: task.rewards(role) for role in roles}

@@ -113,13 +113,18 @@ class Body:
         pose = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self._client))
         return pose @ self._from_inertial if self._has_offset else pose
 
+    def base_position(self) -> tuple[float, float, float]:
+        """Return where the centre of mass of the base is in the world [m]; cheaper than a pose."""
+        position: tuple[float, float, float] = bullet.getBasePositionAndOrientation(
+            self.uid, physicsClientId=self._client
+        )[0]
+        return position
+
     def link_pose(self, index: int) -> Pose:
         """Return the pose of a link's frame in the world; index -1 is the base."""
         if index < 0:
             return self.base_pose()
-        state = bullet.getLinkState(
-            self.uid, index, computeForwardKinematics=1, physicsClientId=self._client
-        )
+        state = bullet.getLinkState(self.uid, index, 0, 1, physicsClientId=self._client)
         return Pose(state[4], state[5])
 
     def link_poses(self) -> tuple[Array, Array]:
@@ -276,6 +281,17 @@ class Body:
                 lateralFriction=lateral,
                 rollingFriction=rolling,
                 spinningFriction=spinning,
+                physicsClientId=self._client,
+            )
+
+    def set_softness(self, *, stiffness: float, damping: float) -> None:
+        """Let all links yield in contact: `stiffness` [N/m] and `damping` [N·s/m]."""
+        for link in range(-1, self.link_count):
+            bullet.changeDynamics(
+                self.uid,
+                link,
+                contactStiffness=stiffness,
+                contactDamping=damping,
                 physicsClientId=self._client,
             )
 

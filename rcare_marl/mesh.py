@@ -16,7 +16,7 @@ Faces = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangle mesh: vertices [m], shape [n, 3], and faces, shape [m, 3], outward by right hand."""
+    """A triangle mesh: vertices [m], shape [n, 3]; faces, shape [m, 3], outward by right hand."""
 
     vertices: Array
     faces: Faces
@@ -128,7 +128,7 @@ def capsule(radius: float, length: float, segments: int = 24) -> Mesh:
 def tube(
     points: Sequence[Sequence[float]], radius: float, bend: float = 0.0, segments: int = 14
 ) -> Mesh:
-    """Sweep a circle of `radius` along a path of `points` whose corners are rounded by `bend` [m]."""
+    """Sweep a circle of `radius` along `points`, the corners rounded by `bend` [m]."""
     path = _rounded(np.asarray(points, np.float64), bend)
     tangents = np.gradient(path, axis=0)
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)

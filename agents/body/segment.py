@@ -50,6 +50,16 @@ class Shape:
         length, radius = self.size
         return float(np.pi * radius**2 * (length + 4 / 3 * radius))
 
+    def distance(self, point: Array) -> float:
+        """Return how far a point in the frame of the joint is from the surface [m]; negative inside."""
+        local = self.rotation.T @ (point - self.centre)
+        if self.kind == "box":
+            beyond = np.abs(local) - 0.5 * np.array(self.size)
+            return float(np.linalg.norm(np.maximum(beyond, 0.0)) + min(beyond.max(), 0.0))
+        length, radius = self.size
+        along = min(max(local[2], -0.5 * length), 0.5 * length)
+        return float(np.hypot(np.hypot(local[0], local[1]), local[2] - along) - radius)
+
     def inertia(self, mass: float) -> Array:
         """Return the inertia about the centre of a homogeneous shape [kg·m²], shape [3, 3]."""
         if self.kind == "box":

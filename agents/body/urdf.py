@@ -1,8 +1,7 @@
 """Writes the URDF of a person.
 
-Every joint that is not asked for becomes a fixed one at the angle of the posture: the cost of a
-physics step follows the number of movable joints. Fixed fingers and eyes melt into the hand and the
-head.
+A segment whose joint does not move melts, in the angle of the posture, into the one that it hangs on:
+the cost of a physics step follows the number of links, fixed ones too.
 """
 
 from __future__ import annotations
@@ -17,14 +16,13 @@ import numpy.typing as npt
 from rcare_marl.pose import rpy_from_matrix
 
 from .segment import LEAST_INERTIA, Segment, Shape, combined
-from .skeleton import BODY, DOF_INDEX, DOFS_OF, EYES, JOINT_INDEX, JOINTS, PARENTS, axis_rotation
+from .skeleton import DOF_INDEX, DOFS_OF, JOINT_INDEX, JOINTS, PARENTS, axis_rotation
 
 Array = npt.NDArray[np.float64]
 
 # The first links of a joint with several axes have no flesh of their own. A trace of mass lets Bullet
 # accept them, and a trace of inertia keeps the mass matrix regular where two axes align.
 TRACE_MASS = 1e-6  # [kg]
-_MELTED = frozenset(JOINTS) - frozenset(BODY) | frozenset(EYES)
 
 
 @dataclass(eq=False)
@@ -66,7 +64,7 @@ def write_urdf(
         name: Name of the robot element.
         segments: The 55 segments by SMPL-X joint.
         joints: Joint centres in the T-pose [m], shape [55, 3].
-        limits: For each movable DoF its lower and upper limit [rad]; the others are fixed.
+        limits: For each movable DoF its lower and upper limit [rad]; the others melt.
         posture: Angle of every DoF [rad], shape [112]; fixed DoFs stay there.
         effort: Greatest torque of each movable DoF [N·m]; 1000 where none is given.
     """
@@ -111,7 +109,7 @@ def _add_joint(
             continue
         is_last = dof is movable[-1]
         child = joint if is_last else f"{joint}_{movable.index(dof) + 1}"
-        element = _joint(dof.name, "revolute", link, child, rotation, offset)
+        element = _joint(dof.name, link, child, rotation, offset)
         ElementTree.SubElement(element, "axis", xyz=_text(dof.axis))
         low, high = limits[dof.name]
         ElementTree.SubElement(
@@ -127,10 +125,6 @@ def _add_joint(
         if not is_last:
             links[child].parts.append((TRACE_MASS, np.zeros(3), LEAST_INERTIA * np.eye(3)))
         link, rotation, offset = child, np.eye(3), np.zeros(3)
-    if not movable and joint not in _MELTED:
-        connections.append(_joint(f"{joint}_fixed", "fixed", link, joint, rotation, offset))
-        links[joint] = _Link(joint)
-        link, rotation, offset = joint, np.eye(3), np.zeros(3)
     return Frame(link, rotation, offset)
 
 
@@ -167,9 +161,9 @@ def _write_link(root: ElementTree.Element, link: _Link) -> None:
 
 
 def _joint(
-    name: str, kind: str, parent: str, child: str, rotation: Array, offset: Array
+    name: str, parent: str, child: str, rotation: Array, offset: Array
 ) -> ElementTree.Element:
-    element = ElementTree.Element("joint", name=name, type=kind)
+    element = ElementTree.Element("joint", name=name, type="revolute")
     ElementTree.SubElement(element, "parent", link=parent)
     ElementTree.SubElement(element, "child", link=child)
     ElementTree.SubElement(

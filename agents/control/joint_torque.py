@@ -12,43 +12,38 @@ from ..arm import Arm
 class JointTorque:
     """Each action value is a torque of one joint, added to what holds the arm against gravity.
 
-    A value of 1 is a third of the joint's greatest torque; the sum never exceeds the greatest.
-    Close to a limit and beyond the greatest speed a joint brakes by itself.
+    A value of 1 is a third of the joint's greatest torque. The torque is applied by a motor that
+    would go at the joint's greatest speed, or as fast as its limit allows, and has no more than that
+    torque to do so: speed stays limited without the instability of torques that react a step late.
     """
 
     SHARE = 1 / 3
-    BRAKE_ZONE = 0.15  # [rad or m] before a limit
-    DAMPING = 0.05  # of a joint's greatest torque at its greatest speed
+    FRICTION = 0.02  # of a joint's greatest torque, against its motion
+    MARGIN = 0.03  # [rad or m] kept to a limit
 
     def __init__(self, arm: Arm) -> None:
         self.size = len(arm)
         self.names = tuple(f"{name} [N·m]" for name in arm.names)
         self.max = self.SHARE * arm.effort
         self._arm = arm
-        self._torque = np.zeros(self.size)
-        # The strongest brake that one physics step can bear, for the lightest posture of the arm.
-        self._stiffness = 2 * arm.effort / self.BRAKE_ZONE
+        arm.limit_speed()
 
     def reset(self) -> None:
-        self._torque[:] = 0.0
-        self._arm.body.release_motors(self._arm.indices)
+        self._arm.drive_velocities(np.zeros(self.size), self.FRICTION * self._arm.effort)
 
     def command(self, action: Array, duration: float) -> None:
-        self._torque = self.max * action
+        arm = self._arm
+        positions = arm.positions()
+        least = np.minimum((arm.lower + self.MARGIN - positions) / duration, arm.velocity)
+        most = np.maximum((arm.upper - self.MARGIN - positions) / duration, -arm.velocity)
+        wanted = np.sign(action) * arm.velocity
+        speeds = np.clip(wanted, np.maximum(least, -arm.velocity), np.minimum(most, arm.velocity))
+        torques = np.maximum(self.max * np.abs(action), self.FRICTION * arm.effort)
+        # A joint that is held back from its limit may use what it has.
+        arm.drive_velocities(speeds, np.where(speeds == wanted, torques, arm.effort))
 
     def actuate(self) -> None:
+        """Carry the weight of the arm."""
         arm = self._arm
-        positions, speeds, _ = arm.read()
-        hold = arm.chain.gravity_torques(positions)
-        relative = speeds / arm.velocity
-        torque = self._torque - self.DAMPING * arm.effort * relative
-        # Fade out what drives a joint beyond its greatest speed.
-        fast = np.clip(2 - 2 * np.abs(relative), 0.0, 1.0)
-        torque = np.where(torque * speeds > 0, torque * fast, torque)
-        into_low = np.maximum(arm.lower + self.BRAKE_ZONE - positions, 0.0)
-        into_high = np.maximum(positions - arm.upper + self.BRAKE_ZONE, 0.0)
-        near = (into_low > 0) | (into_high > 0)
-        torque += self._stiffness * (into_low - into_high)
-        torque -= np.where(near, 0.3 * arm.effort * relative, 0.0)
-        total = np.clip(hold + torque, -arm.effort, arm.effort)
-        arm.body.drive_torques(arm.indices, total.tolist())
+        hold = arm.chain.gravity_torques(arm.positions())
+        arm.body.drive_torques(arm.indices, hold.tolist())

@@ -21,6 +21,9 @@ from ..kinematics import (
 )
 
 REST_PULL = 0.5  # [1/s] towards the rest posture, at full speed of the tool
+HEADROOM = 1.5  # motor torque over what `contact_force` at the tool takes
+FELT = 0.4  # share of `contact_force` that counts as contact
+YIELD = 0.002  # way of the target into a light contact, and back out of one twice too hard [m]
 DAMPING = 0.01  # of the least squares
 
 
@@ -30,7 +33,8 @@ class ToolDelta:
     Joints follow the target by damped least squares within their position and speed limits. Three
     things keep contact gentle: the target stays on a short leash from the real tool; it gives way
     where the motors feel more than `contact_force` at the tool; and motors get no more torque than
-    gravity and that force need, with room for acceleration.
+    that force needs, with some room for acceleration. For that the weight of the arm is carried by
+    torques of its own, which the limits of the motors could not tell from a push.
 
     Attributes:
         contact_force: Force at the tool from which the target gives way [N].
@@ -52,23 +56,32 @@ class ToolDelta:
         self._arm = arm
         self._goal = np.zeros((3, 4))
         self._target = np.zeros(len(arm))
-        self._is_fresh = True
+        self._hold = np.zeros(len(arm))
+        self._hold_list = self._hold.tolist()
+        self._steps_left = -1  # physics steps to the end of the control step
+        self._velocities = np.zeros(len(arm))
 
     def reset(self) -> None:
         arm, chain = self._arm, self._arm.chain
         self._target = arm.positions()
-        self._is_fresh = True
-        self._goal[:] = forward(
-            chain.base, chain.origins, chain.axes, chain.slides, self._target
-        )[0]
+        self._steps_left = -1
+        self._hold = chain.gravity_torques(self._target)
+        self._hold_list = self._hold.tolist()
+        self._goal[:] = forward(chain.base, chain.origins, chain.axes, chain.slides, self._target)[
+            0
+        ]
         arm.drive_to(self._target, arm.velocity, arm.effort)
 
     def command(self, action: Array, duration: float) -> None:
         arm, chain = self._arm, self._arm.chain
-        positions, _, torques = arm.read()
-        if self._is_fresh:  # no physics step since the reset: the motors felt nothing yet
-            torques, self._is_fresh = chain.gravity_torques(positions), False
-        speeds, forces = _follow(
+        positions, velocities, torques = arm.read()
+        if self._steps_left == 0:  # the step ran as planned: leave out the torque to speed up
+            rate = (velocities - self._velocities) / arm.physics_dt
+            torques = torques + self._hold - arm.inertial_torques(positions, rate)
+        else:  # nothing can be told of what the motors felt
+            torques = chain.gravity_torques(positions)
+        self._steps_left = max(round(duration / arm.physics_dt), 1)
+        speeds, forces, hold = _follow(
             self._goal,
             self._target,
             positions,
@@ -89,10 +102,15 @@ class ToolDelta:
             self.LEASH,
             self.contact_force,
         )
+        self._hold, self._hold_list = hold, hold.tolist()
         arm.drive_to(self._target, speeds, forces)
 
     def actuate(self) -> None:
-        """Do nothing: the motors hold their targets."""
+        """Carry the weight of the arm."""
+        self._steps_left -= 1
+        if self._steps_left == 0:
+            self._velocities = self._arm.velocities()
+        self._arm.body.drive_torques(self._arm.indices, self._hold_list)
 
 
 @numba.njit(cache=True)
@@ -117,7 +135,7 @@ def _follow(  # type: ignore[no-untyped-def]
     leash,
     contact_force,
 ):
-    """Move `goal` [3, 4] and `target` [n] in place; return motor speeds [n] and torques [n]."""
+    """Move `goal` [3, 4] and `target` [n] in place; return motor speeds, torques and weight [n]."""
     real, points, directions, frames = forward(base, origins, axes, slides, positions)
     hold = holding(points, directions, frames, slides, masses, centres)
     here = jacobian(real, points, directions, slides)
@@ -163,11 +181,11 @@ def _follow(  # type: ignore[no-untyped-def]
     forces, speeds = np.empty(n), np.empty(n)
     for i in range(n):
         lever = math.sqrt(here[0, i] ** 2 + here[1, i] ** 2 + here[2, i] ** 2)
-        need = abs(hold[i]) + 2 * contact_force * lever + 0.1 * effort[i]
+        need = HEADROOM * contact_force * lever + 0.1 * effort[i]
         forces[i] = min(need, effort[i])
         way = abs(target[i] - positions[i])
         speeds[i] = min(max(way / duration, RETURN_SPEED), velocity[i])
-    return speeds, forces
+    return speeds, forces, hold
 
 
 @numba.njit(cache=True)
@@ -181,11 +199,11 @@ def _give_way(goal, real, matrix, outside, twist, duration, leash, contact_force
     # The force at the tool from the torques that gravity does not explain: J^T F = outside.
     force = least_squares(matrix.T.copy(), outside, np.ones(6, np.bool_), 0.05)[:3]
     size = math.sqrt((force**2).sum())
-    if size > contact_force:
+    if size > FELT * contact_force:
         along = force / size  # points out of what is touched
         into = -(gap * along).sum()
-        # At the limit the goal stops at the real tool, beyond it the goal backs off.
-        allowed = -min((size - contact_force) / contact_force, 1.0) * 0.3 * leash[0]
+        # The harder the contact the smaller the way into it, and beyond the limit a way back.
+        allowed = max(1 - size / contact_force, -2.0) * YIELD
         if into > allowed:
             gap += (into - allowed) * along
     goal[:, 3] = real[:, 3] + gap

@@ -62,8 +62,13 @@ class StayStill:
         return self._action
 
 
-def look_at(person: Human, point: Callable[[], Array]) -> Callable[[], dict[str, float]]:
-    """Return the angles of neck and head that turn the face towards a point in the world [m]."""
+def look_at(
+    person: Human, point: Callable[[], Array], *, beyond: float = 0.15
+) -> Callable[[], dict[str, float]]:
+    """Return the angles of neck and head that turn the mouth towards a point in the world [m].
+
+    Within `beyond` [m] of the mouth the direction means nothing any more: then the head keeps still.
+    """
     halves = [
         (f"{joint}_{motion}", motion)
         for joint in ("neck", "head")
@@ -73,9 +78,10 @@ def look_at(person: Human, point: Callable[[], Array]) -> Callable[[], dict[str,
     limits = {dof: person.active[person.movable.index(dof)] for dof, _ in halves}
 
     def wish() -> dict[str, float]:
-        base = person.body.base_pose()
-        head = person.joint_pose("head")
-        local = rotate(conjugate(base.quaternion), np.subtract(point(), head.position))
+        way = point() - person.mouth_position()
+        if way @ way < beyond**2:
+            return {}
+        local = rotate(conjugate(person.body.base_pose().quaternion), way)
         turn = {
             "rotation_left": float(np.arctan2(local[0], local[2])),
             "flexion": float(np.arctan2(-local[1], np.hypot(local[0], local[2]))),

@@ -72,7 +72,5 @@ class Device(abc.ABC):
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         """Load it into `world` at `pose`, once, and return its body."""
         model = self.model()
-        self.body = world.load_urdf(
-            write(model), pose, name=name or model.name, fixed=self._fixed
-        )
+        self.body = world.load_urdf(write(model), pose, name=name or model.name, fixed=self._fixed)
         return self.body

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet as bullet
 
 from rcare_marl import assets
 from rcare_marl.body import Body
@@ -100,12 +99,8 @@ class Spoon(Device):
 
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         body = super().spawn(world, pose, name=name)
-        bullet.changeDynamics(
-            body.uid,
-            -1,
-            contactStiffness=self.config.contact_stiffness,
-            contactDamping=self.config.contact_damping,
-            physicsClientId=world.client,
+        body.set_softness(
+            stiffness=self.config.contact_stiffness, damping=self.config.contact_damping
         )
         return body
 
@@ -156,7 +151,10 @@ class Spoon(Device):
             visual=(handle, neck, self._bowl()),
             collision=(grip, shank, *self._walls()),
         )
-        materials = {"metal": (0.72, 0.73, 0.75, 1.0), "handle": (0.16, 0.36, 0.55, 1.0)}
+        materials: dict[str, tuple[float, ...]] = {
+            "metal": (0.72, 0.73, 0.75, 1.0),
+            "handle": (0.16, 0.36, 0.55, 1.0),
+        }
         return Model(name="spoon", source=c.source, links={"spoon": link}, materials=materials)
 
     def _bowl(self) -> Shape:
@@ -164,7 +162,7 @@ class Spoon(Device):
         c = self.config
         steps = 12
         outside = [
-            (math.sin(0.5 * math.pi * k / steps), -math.cos(0.5 * math.pi * k / steps) ** 0.8)
+            (math.sin(0.5 * math.pi * k / steps), -(math.cos(0.5 * math.pi * k / steps) ** 0.8))
             for k in range(steps + 1)
         ]
         rim, deep = 0.5 * c.bowl_width, c.bowl_depth
@@ -201,7 +199,11 @@ class Spoon(Device):
             out.append(
                 Shape(
                     kind="box",
-                    at=(floor_top + c.bowl_depth / 2, 0.5 * (y0 + y1), 0.5 * (z0 + z1)),
+                    at=(
+                        floor_top + c.bowl_depth / 2,
+                        0.5 * (y0 + y1),
+                        c.grip_to_bowl + 0.5 * (z0 + z1),
+                    ),
                     rpy=(math.atan2(z1 - z0, y1 - y0), 0.0, 0.0),
                     size=(c.bowl_depth, length + _WALL / 2, _WALL),
                 )

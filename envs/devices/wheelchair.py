@@ -58,8 +58,9 @@ class Wheelchair(Device):
     """A wheelchair that stands still: x forward, y left, origin on the floor under the seat.
 
     Frames: `seat` (middle of the surface), `seat_back` (where it meets the backrest), `backrest`
-    (middle of its face, x out of it), `headrest`, `armrest_left`, `armrest_right` (middle of the pad's top), `footplate_left`,
-    `footplate_right`, `mount_left`, `mount_right` (base of a robot arm).
+    (middle of its face, x out of it), `headrest`, `armrest_left`, `armrest_right` (middle of the
+    pad's top), `footplate_left`, `footplate_right`, `mount_left`, `mount_right` (base of a robot
+    arm).
     """
 
     def __init__(self, config: WheelchairConfig | None = None, *, mounts: str = "both") -> None:
@@ -217,42 +218,119 @@ class Wheelchair(Device):
             y, arm = sign * side, sign * self._armrest_y()
             cane = self._back(top) - 0.055
             # Backrest cane that bends into the push handle, and the side frame.
-            out.append(("frame", 0.06, [(rear, y, low), (rear, y, c.seat_height),
-                                        (cane, y, top), (cane - 0.13, y, top - 0.012)]))
-            out.append(("frame", 0.05, [(rear, y, rail), (front, y, rail),
-                                        (front + 0.1, y, rail - 0.06),
-                                        (c.footplate_forward - 0.14, y, c.footplate_height + 0.03),
-                                        (c.footplate_forward - 0.06, sign * c.footplate_side,
-                                         c.footplate_height - 0.035)]))
-            out.append(("frame", 0.04, [(rear, y, low), (front - 0.02, y, low),
-                                        (front - 0.02, y, rail)]))
+            out.append(
+                (
+                    "frame",
+                    0.06,
+                    [
+                        (rear, y, low),
+                        (rear, y, c.seat_height),
+                        (cane, y, top),
+                        (cane - 0.13, y, top - 0.012),
+                    ],
+                )
+            )
+            out.append(
+                (
+                    "frame",
+                    0.05,
+                    [
+                        (rear, y, rail),
+                        (front, y, rail),
+                        (front + 0.1, y, rail - 0.06),
+                        (c.footplate_forward - 0.14, y, c.footplate_height + 0.03),
+                        (
+                            c.footplate_forward - 0.06,
+                            sign * c.footplate_side,
+                            c.footplate_height - 0.035,
+                        ),
+                    ],
+                )
+            )
+            out.append(
+                ("frame", 0.04, [(rear, y, low), (front - 0.02, y, low), (front - 0.02, y, rail)])
+            )
             # Armrest hoop.
             under = c.armrest_height - 0.04
-            out.append(("frame", 0.05, [(-0.13, arm, rail - 0.01), (-0.13, arm, under),
-                                        (0.17, arm, under), (0.17, arm, rail - 0.01)]))
+            out.append(
+                (
+                    "frame",
+                    0.05,
+                    [
+                        (-0.13, arm, rail - 0.01),
+                        (-0.13, arm, under),
+                        (0.17, arm, under),
+                        (0.17, arm, rail - 0.01),
+                    ],
+                )
+            )
             # Cross brace below the seat and the fork of the caster.
-            out.append(("frame", 0.0, [(0.05 + 0.02 * sign, y, rail), (0.05 + 0.02 * sign, -y, low)]))
+            brace = 0.05 + 0.02 * sign
+            out.append(("frame", 0.0, [(brace, y, rail), (brace, -y, low)]))
             fork = c.caster_axle - 0.03
-            out.append(("frame", 0.02, [(front - 0.02, y, low), (fork, y, low),
-                                        (fork, y, c.caster_diameter + 0.02)]))
-            out.append(("frame", 0.0, [(c.wheel_axle, sign * (side - 0.01), 0.5 * c.wheel_diameter),
-                                       (c.wheel_axle, y, rail)]))
+            out.append(
+                (
+                    "frame",
+                    0.02,
+                    [(front - 0.02, y, low), (fork, y, low), (fork, y, c.caster_diameter + 0.02)],
+                )
+            )
+            out.append(
+                (
+                    "frame",
+                    0.0,
+                    [
+                        (c.wheel_axle, sign * (side - 0.01), 0.5 * c.wheel_diameter),
+                        (c.wheel_axle, y, rail),
+                    ],
+                )
+            )
         head = c.seat_height + c.headrest_height
         low_bar = c.seat_height + c.backrest_height - 0.1
-        out.append(("steel", 0.0, [(self._back(low_bar) - 0.06, -side, low_bar),
-                                   (self._back(low_bar) - 0.06, side, low_bar)]))
-        out.append(("steel", 0.04, [(self._back(low_bar) - 0.06, 0.0, low_bar),
-                                    (self._back(head) - 0.09, 0.0, head - 0.05),
-                                    (self._back(head) + c.headrest_forward - 0.05, 0.0, head)]))
+        out.append(
+            (
+                "steel",
+                0.0,
+                [
+                    (self._back(low_bar) - 0.06, -side, low_bar),
+                    (self._back(low_bar) - 0.06, side, low_bar),
+                ],
+            )
+        )
+        out.append(
+            (
+                "steel",
+                0.04,
+                [
+                    (self._back(low_bar) - 0.06, 0.0, low_bar),
+                    (self._back(head) - 0.09, 0.0, head - 0.05),
+                    (self._back(head) + c.headrest_forward - 0.05, 0.0, head),
+                ],
+            )
+        )
         shapes = [
-            Shape(kind="tube", material=material, radius=_TUBE if material == "frame" else 0.009,
-                  bend=bend, points=tuple(points))
+            Shape(
+                kind="tube",
+                material=material,
+                radius=_TUBE if material == "frame" else 0.009,
+                bend=bend,
+                points=tuple(points),
+            )
             for material, bend, points in out
         ]
         for sign in (1, -1):  # rubber grips on the push handles
             x = self._back(top) - 0.055
-            shapes.append(Shape(kind="tube", material="pad", radius=0.017, points=(
-                (x - 0.05, sign * side, top - 0.004), (x - 0.14, sign * side, top - 0.013))))
+            shapes.append(
+                Shape(
+                    kind="tube",
+                    material="pad",
+                    radius=0.017,
+                    points=(
+                        (x - 0.05, sign * side, top - 0.004),
+                        (x - 0.14, sign * side, top - 0.013),
+                    ),
+                )
+            )
         return shapes  # fmt: skip
 
     def _wheel(self, sign: int) -> list[Shape]:
@@ -291,25 +369,48 @@ class Wheelchair(Device):
         for k in range(6):  # what holds the handrim
             angle = 2 * math.pi * (k + 0.5) / 6
             a, b = radius - 0.037, radius - 0.055
-            shapes.append(Shape(kind="tube", material="steel", radius=0.004, points=(
-                (hub[0] + a * math.cos(angle), y, hub[2] + a * math.sin(angle)),
-                (hub[0] + b * math.cos(angle), outer, hub[2] + b * math.sin(angle)))))
+            shapes.append(
+                Shape(
+                    kind="tube",
+                    material="steel",
+                    radius=0.004,
+                    points=(
+                        (hub[0] + a * math.cos(angle), y, hub[2] + a * math.sin(angle)),
+                        (hub[0] + b * math.cos(angle), outer, hub[2] + b * math.sin(angle)),
+                    ),
+                )
+            )
         return shapes  # fmt: skip
 
     def _caster(self, sign: int) -> list[Shape]:
         c = self.config
         radius, x, y = 0.5 * c.caster_diameter, c.caster_axle - 0.06, sign * 0.5 * c.seat_width
-        tyre = ((radius - 0.012, -0.014), (radius, -0.008), (radius, 0.008), (radius - 0.012, 0.014))
+        bead = radius - 0.012
+        tyre = ((bead, -0.014), (radius, -0.008), (radius, 0.008), (bead, 0.014))
         fork = c.caster_axle - 0.03
         shapes = [
             Shape(kind="lathe", material="tyre", at=(x, y, radius), rpy=_SIDEWAYS, profile=tyre),
-            Shape(kind="cylinder", material="steel", radius=radius - 0.03,
-                  points=((x, y - 0.0155, radius), (x, y + 0.0155, radius))),
+            Shape(
+                kind="cylinder",
+                material="steel",
+                radius=radius - 0.03,
+                points=((x, y - 0.0155, radius), (x, y + 0.0155, radius)),
+            ),
         ]
         for side in (-0.022, 0.022):
-            shapes.append(Shape(kind="tube", material="steel", radius=0.006, bend=0.02, points=(
-                (x, y + side, radius), (fork - 0.01, y + side, c.caster_diameter + 0.015),
-                (fork, y, c.caster_diameter + 0.022))))
+            shapes.append(
+                Shape(
+                    kind="tube",
+                    material="steel",
+                    radius=0.006,
+                    bend=0.02,
+                    points=(
+                        (x, y + side, radius),
+                        (fork - 0.01, y + side, c.caster_diameter + 0.015),
+                        (fork, y, c.caster_diameter + 0.022),
+                    ),
+                )
+            )
         return shapes  # fmt: skip
 
     def _post(self, sign: int) -> list[Shape]:
@@ -336,7 +437,10 @@ class Wheelchair(Device):
         outer = 0.5 * c.width
         solids = [*self._cushions(), *self._armrests(), *self._plates()]
         for sign in (1, -1):
-            wheel = ((c.wheel_axle, sign * (outer - 0.065), radius), (c.wheel_axle, sign * outer, radius))
+            wheel = (
+                (c.wheel_axle, sign * (outer - 0.065), radius),
+                (c.wheel_axle, sign * outer, radius),
+            )
             solids.append(Shape(kind="cylinder", radius=radius, points=wheel))
         for sign in self._posts:
             x, y, z = c.mount

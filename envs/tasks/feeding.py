@@ -127,12 +127,12 @@ class Feeding(Task):
 
     def _settle(self) -> None:
         """Let the food come to rest in the spoon once, and remember where in the spoon it lies."""
-        bowl = self._spoon_body.base_pose() @ Pose(self._spoon.bowl)
+        floor = self._spoon_body.base_pose() @ self._spoon.frame("floor")
         for i, piece in enumerate(self._food):
-            angle = 2 * math.pi * i / FOOD_COUNT
-            offset = (1.2 * FOOD_RADIUS * math.cos(angle), 1.2 * FOOD_RADIUS * math.sin(angle), 0.012)
-            piece.set_friction([-1], lateral=0.5, rolling=0.0005, spinning=0.0005)
-            piece.set_base(Pose(tuple(np.add(bowl.position, offset).tolist())))
+            angle, radius = 2 * math.pi * (i + 0.5) / FOOD_COUNT, 1.6 * FOOD_RADIUS
+            offset = (radius * math.cos(angle), radius * math.sin(angle), 1.2 * FOOD_RADIUS)
+            piece.set_friction([-1], lateral=0.5)
+            piece.set_base(Pose(tuple(np.add(floor.position, offset).tolist())))
         for _ in range(SETTLE_STEPS):
             for agent in self.cast.values():
                 agent.actuate()
@@ -163,8 +163,7 @@ class Feeding(Task):
         spoon = self._spoon_body.base_pose()
         for piece, local in zip(self._food, self._food_in_spoon, strict=True):
             piece.set_base(spoon @ local)
-        self._eaten = np.zeros(FOOD_COUNT, np.bool_)
-        self._spilled = np.zeros(FOOD_COUNT, np.bool_)
+        self._fate = ["carried"] * FOOD_COUNT
         self._force = self._peak_force = self._step_force = 0.0
         self._time_to_mouth = -1.0
 
@@ -179,26 +178,28 @@ class Feeding(Task):
         spoon = self._spoon_body.base_pose()
         self._bowl = rotate(spoon.quaternion, self._spoon.bowl) + spoon.position
         self._up = rotate(spoon.quaternion, self._spoon.up)
-        self._face = self.recipient.face_direction()
-        self._mouth = self.recipient.mouth_position() + MOUTH_IN_FRONT * self._face
+        lips, self._face = self.recipient.mouth_and_face()
+        self._mouth = lips + MOUTH_IN_FRONT * self._face
         self._gap = self._mouth - self._bowl
         self._distance = math.sqrt(float(self._gap @ self._gap))
         self._jaw = self.recipient.angle("jaw_opening")
         self._update_food()
 
     def _update_food(self) -> None:
-        places = np.array([piece.base_pose().position for piece in self._food])
-        carried = ~(self._eaten | self._spilled)
-        if self._jaw >= OPEN_MOUTH:
-            near = carried & (np.linalg.norm(places - self._mouth, axis=1) < MOUTH_RADIUS)
-            for i in np.flatnonzero(near):
-                self._food[i].set_base(Pose(APART))
-            self._eaten |= near
-            carried &= ~near
-        self._spilled |= carried & (np.linalg.norm(places - self._bowl, axis=1) > LOST_DISTANCE)
-        carried &= ~self._spilled
-        self._on_spoon = float(carried.mean())
-        if self._time_to_mouth < 0 and self._eaten.all():
+        is_open = self._jaw >= OPEN_MOUTH
+        for i, piece in enumerate(self._food):
+            if self._fate[i] != "carried":
+                continue
+            place = piece.base_position()
+            if is_open and math.dist(place, self._mouth) < MOUTH_RADIUS:
+                piece.set_base(Pose(APART))
+                self._fate[i] = "eaten"
+            elif math.dist(place, self._bowl) > LOST_DISTANCE:
+                self._fate[i] = "spilled"
+        self._carried, self._eaten, self._spilled = (
+            self._fate.count(fate) for fate in ("carried", "eaten", "spilled")
+        )
+        if self._time_to_mouth < 0 and self._eaten == FOOD_COUNT:
             self._time_to_mouth = self._world.time
 
     def observables(self, role: str) -> Sequence[Observable]:
@@ -208,15 +209,15 @@ class Feeding(Task):
             Observable("bowl_up", "1", 3, lambda: self._up),
             Observable("face_direction", "1", 3, lambda: self._face),
             Observable("jaw_opening", "rad", 1, lambda: (self._jaw,)),
-            Observable("food_on_spoon", "1", 1, lambda: (self._on_spoon,)),
-            Observable("food_eaten", "1", 1, lambda: (float(self._eaten.mean()),)),
+            Observable("food_on_spoon", "1", 1, lambda: (self._carried / FOOD_COUNT,)),
+            Observable("food_eaten", "1", 1, lambda: (self._eaten / FOOD_COUNT,)),
             Observable("contact_force", "N", 1, lambda: (self._force,)),
             Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
         ]
 
     def rewards(self, role: str) -> Mapping[str, float]:
         # Food in the mouth counts as food on the spoon, or eating would cost reward.
-        food = self._on_spoon + float(self._eaten.mean())
+        food = (self._carried + self._eaten) / FOOD_COUNT
         near = tolerance(self._distance, bounds=(0, MOUTH_RADIUS), margin=0.3)
         terms = {"food": food * food, "approach": food * near}
         # An episode that ends well is paid as if it had gone on at its best: else to dawdle in
@@ -236,16 +237,16 @@ class Feeding(Task):
             "peak_force_n": self._peak_force,
             "force_n": self._force,
             "distance_m": self._distance,
-            "spilled": float(self._spilled.sum()),
-            "eaten_pieces": float(self._eaten.sum()),
+            "spilled": float(self._spilled),
+            "eaten_pieces": float(self._eaten),
             "time_to_mouth_s": self._time_to_mouth,
         }
 
     def is_success(self) -> bool:
-        return bool(self._eaten.all()) and not self.is_failure()
+        return self._eaten == FOOD_COUNT and not self.is_failure()
 
     def is_failure(self) -> bool:
-        return bool(self._spilled.any()) or self._peak_force > self.options.force_limit
+        return self._spilled > 0 or self._peak_force > self.options.force_limit
 
     def bowl_position(self) -> Array:
         """Return where the middle of the spoon's bowl is in the world [m], shape [3]."""

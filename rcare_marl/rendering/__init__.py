@@ -30,7 +30,7 @@ class Renderer(Protocol):
         """Return the picture that `camera` takes, shape [height, width, 3]."""
 
     def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
-        """Return the distance along the line of sight [m], shape [height, width]; inf for nothing."""
+        """Return the distance in line of sight [m], shape [height, width]; inf for nothing."""
 
     def refresh(self) -> None:
         """Read the shapes and colours of all bodies again."""

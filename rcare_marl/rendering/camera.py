@@ -79,7 +79,7 @@ class Camera:
         return np.array((right, np.cross(back, right), back))
 
     def view(self) -> Array:
-        """Return the transform from the world to the camera (x right, y up, z back), shape [4, 4]."""
+        """Return the transform from world to camera (x right, y up, z back), shape [4, 4]."""
         return look(self.axes(), self.eye)
 
     def projection(self) -> Array:
@@ -97,7 +97,7 @@ class Camera:
 
 
 def look(axes: Array, eye: tuple[float, float, float] | Array) -> Array:
-    """Return the transform into a frame with `axes` as rows and its origin at `eye`, shape [4, 4]."""
+    """Return the transform into a frame with rows `axes` and origin `eye`, shape [4, 4]."""
     out = np.eye(4)
     out[:3, :3] = axes
     out[:3, 3] = -axes @ np.asarray(eye, np.float64)

@@ -78,11 +78,15 @@ class _Reader:
             text = diffuse.findtext("color")
             if text:
                 rgb = np.array([float(x) for x in text.split()[:3]])
-                return np.round(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
+                rounded: npt.NDArray[np.uint8] = np.round(rgb.clip(0, 1) * 255).astype(np.uint8)
+                return rounded
         return None
 
     def _geometry(
-        self, geometry: Element, transform: Array, materials: dict[str, npt.NDArray[np.uint8] | None]
+        self,
+        geometry: Element,
+        transform: Array,
+        materials: dict[str, npt.NDArray[np.uint8] | None],
     ) -> list[Part]:
         out: list[Part] = []
         mesh = geometry.find("mesh")

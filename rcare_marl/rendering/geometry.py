@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import groupby
 from typing import Any
 
@@ -13,13 +14,16 @@ import pybullet as bullet
 
 from ..body import Body, VisualShape
 from ..world import World
-from .mesh import Floats, Mesh, shape_mesh
+from .detail import detail_levels
+from .mesh import Floats, Ints, Mesh, shape_mesh
 
 VERTEX = np.dtype([("position", "f4", 3), ("normal", "f4", 3), ("rgba", "u1", 4), ("slot", "u4")])
 
 _SLAB_WIDTH = 3.0  # [m]; a flat thing wider than that in both directions is a floor
 _SLAB_HEIGHT = 0.3
-_WALL = 1.9  # [m]; a still thing larger than that in two directions casts no shadow, or rooms go dark
+_WALL = (
+    1.9  # [m]; a still thing larger than that in two directions casts no shadow, or rooms go dark
+)
 
 
 @dataclass(frozen=True)
@@ -39,10 +43,21 @@ class Part:
 
     @property
     def is_floor(self) -> bool:
-        """Whether the renderer draws its own floor here."""
-        low, high = self.mesh.vertices.min(axis=0), self.mesh.vertices.max(axis=0)
-        wide, deep, high_ = (high - low).tolist()
-        return self.is_still and min(wide, deep) > _SLAB_WIDTH and high_ < _SLAB_HEIGHT
+        """Whether it is a wide flat slab that does not move and lies level."""
+        wide, deep, high = np.ptp(self.mesh.vertices, axis=0).tolist()
+        pose = self.body.base_pose() @ self.shape.pose
+        level = abs(float(pose.matrix()[2, 2])) > 0.999
+        return self.is_still and level and min(wide, deep) > _SLAB_WIDTH and high < _SLAB_HEIGHT
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether it is a floor without thickness."""
+        return self.is_floor and float(np.ptp(self.mesh.vertices[:, 2])) < 0.002
+
+    @property
+    def height(self) -> float:
+        """Height of its middle at present [m]."""
+        return float((self.body.base_pose() @ self.shape.pose).position[2])
 
     @property
     def casts(self) -> bool:
@@ -82,16 +97,28 @@ def _rgba(shape: VisualShape, mesh: Mesh) -> npt.NDArray[np.uint8]:
 
 @dataclass(frozen=True)
 class Run:
-    """A run of indices that is drawn at once."""
+    """A run of indices that is drawn at once: a dense shape, or many plain ones of a kind.
 
-    first: int
-    count: int
+    Attributes:
+        levels: (first index, count) of each level of detail, the full one first.
+        slot: Row of the transform of its first shape.
+        center: Middle of its first shape in the frame of the shape [m], shape [3].
+        radius: Of the sphere around its first shape [m].
+    """
+
+    levels: tuple[tuple[int, int], ...]
     is_floor: bool
     is_still: bool
     casts: bool
     closed: bool
     alpha: float
     slot: int
+    center: npt.NDArray[np.float32]
+    radius: float
+
+    def level(self, wanted: int) -> tuple[int, int]:
+        """Return (first index, count) of a level, or of the coarsest there is."""
+        return self.levels[min(wanted, len(self.levels) - 1)]
 
 
 class Geometry:
@@ -99,9 +126,9 @@ class Geometry:
 
     Attributes:
         vertices: Array of `VERTEX`, in the frames of the shapes.
-        indices: Shape [3 m].
+        indices: Shape [n].
         runs: What to draw at once.
-        transforms: Rows of the matrices from shape to world, shape [slots, 3, 4]; slot 0 is identity.
+        transforms: From shape to world, without the last row, shape [slots, 3, 4]; 0 is identity.
         still: Slots of what does not move by itself.
     """
 
@@ -110,18 +137,18 @@ class Geometry:
         self.transforms = np.zeros((len(parts) + 1, 3, 4), np.float32)
         self.transforms[0, :, :3] = np.eye(3)
         self.still = np.array([1 + i for i, p in enumerate(self._parts) if p.is_still], np.intp)
-        blocks, faces, start = [], [], 0
+        blocks: list[npt.NDArray[Any]] = [np.empty(0, VERTEX)]
         for slot, part in enumerate(self._parts, 1):
             block = np.empty(len(part.mesh.vertices), VERTEX)
             block["position"], block["normal"] = part.mesh.vertices, part.mesh.normals
             block["rgba"], block["slot"] = part.rgba, slot
             blocks.append(block)
-            faces.append(part.mesh.faces.ravel() + start)
-            start += len(block)
-        empty: npt.NDArray[Any] = np.empty(0, VERTEX)
-        self.vertices = np.concatenate([empty, *blocks])
-        self.indices = np.concatenate([np.empty(0, np.int32), *faces]).astype(np.int32)
+        self.vertices = np.concatenate(blocks)
+        self._starts = np.cumsum([0] + [len(block) for block in blocks[1:]])
+        self._index_blocks: list[Ints] = []
+        self._index_count = 0
         self.runs = self._find_runs()
+        self.indices = np.concatenate([np.empty(0, np.int32), *self._index_blocks])
         self._bodies: list[tuple[Body, list[int], npt.NDArray[np.intp], Floats]] = []
         by_body: dict[int, list[int]] = {}
         for i, part in enumerate(self._parts):
@@ -135,28 +162,40 @@ class Geometry:
             )
 
     def _find_runs(self) -> list[Run]:
-        out, first, slot = [], 0, 1
-        for key, group in groupby(self._parts, _order):
+        out: list[Run] = []
+        for key, group in groupby(range(len(self._parts)), lambda i: _order(self._parts[i])):
             members = list(group)
-            # What is transparent is drawn shape by shape, the farthest first.
-            for some in [[m] for m in members] if key[0] else [members]:
-                count = sum(m.mesh.faces.size for m in some)
-                lead = some[0]
-                out.append(
-                    Run(
-                        first,
-                        count,
-                        lead.is_floor,
-                        lead.is_still,
-                        lead.casts,
-                        lead.mesh.closed,
-                        lead.alpha,
-                        slot,
-                    )
-                )
-                first += count
-                slot += len(some)
+            # What is transparent or dense is drawn shape by shape.
+            alone = [i for i in members if key[0] or len(mesh_levels(self._parts[i].mesh)) > 1]
+            together = [i for i in members if i not in alone]
+            out.extend(self._run([i]) for i in alone)
+            if together:
+                out.append(self._run(together))
         return out
+
+    def _run(self, members: list[int]) -> Run:
+        lead = self._parts[members[0]]
+        per_part = [mesh_levels(self._parts[i].mesh) for i in members]
+        levels: list[tuple[int, int]] = []
+        for level in range(len(per_part[0])):
+            count = 0
+            for i, faces in zip(members, per_part, strict=True):
+                self._index_blocks.append((faces[level].ravel() + self._starts[i]).astype(np.int32))
+                count += faces[level].size
+            levels.append((self._index_count, count))
+            self._index_count += count
+        low, high = lead.mesh.vertices.min(axis=0), lead.mesh.vertices.max(axis=0)
+        return Run(
+            tuple(levels),
+            lead.is_floor,
+            lead.is_still,
+            lead.casts,
+            lead.mesh.closed,
+            lead.alpha,
+            members[0] + 1,
+            (low + high) / 2,
+            float(np.linalg.norm(high - low)) / 2,
+        )
 
     def update(self) -> bool:
         """Fetch the poses of all links; return whether a still thing moved."""
@@ -166,6 +205,12 @@ class Geometry:
             matrices = _matrices(positions[links], quaternions[links])
             self.transforms[slots] = matrices @ local
         return not np.array_equal(before, self.transforms[self.still])
+
+
+@lru_cache(maxsize=512)
+def mesh_levels(mesh: Mesh) -> tuple[Ints, ...]:
+    """Return the faces of a mesh at each level of detail."""
+    return tuple(detail_levels(mesh.vertices, mesh.normals, mesh.faces, mesh.colors))
 
 
 def _order(part: Part) -> tuple[bool, bool, bool, bool, bool]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -24,7 +25,7 @@ _LOG = logging.getLogger(__package__)
 _BEVEL = 0.004  # [m], so that the edges of boxes catch light as real ones do
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """A triangle mesh.
 
@@ -113,7 +114,9 @@ def _file_mesh(path: str, scale: tuple[float, float, float]) -> Mesh | None:
         _LOG.warning("no mesh file at %s: the shape is left out of the picture", path)
         return None
     try:
-        parts = _read(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # trimesh averages empty textures
+            parts = _read(path)
     except (ValueError, KeyError, IndexError, OSError, NotImplementedError) as error:
         _LOG.warning("cannot read the mesh %s: %s: it is left out of the picture", path, error)
         return None
@@ -175,7 +178,9 @@ def _joined(meshes: list[Mesh]) -> Mesh:
     return Mesh(
         np.concatenate([m.vertices for m in meshes]),
         np.concatenate([m.normals for m in meshes]),
-        np.concatenate([m.faces + s for m, s in zip(meshes, starts, strict=False)]).astype(np.int32),
+        np.concatenate([m.faces + s for m, s in zip(meshes, starts, strict=False)]).astype(
+            np.int32
+        ),
         colors,
         all(m.closed for m in meshes),
     )
@@ -218,7 +223,7 @@ def smoothed(
         key = key * 32768 + (packed[:, 0] * 1024 + packed[:, 1] * 32 + packed[:, 2])
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     if closed is None:
-        closed = _is_closed(joined, vertices, faces)
+        closed = is_closed(joined, vertices, faces)
     return Mesh(
         vertices[source[first]].astype(np.float32),
         normal[first].astype(np.float32),
@@ -256,24 +261,41 @@ def _corner_normals(
         smooth = np.einsum("ij,ij->i", unit[face[rows]], unit[other]) > limit
         total[rows[smooth]] += area[other[smooth]]
     total /= np.maximum(np.linalg.norm(total, axis=1), 1e-30)[:, None]
-    out = np.empty_like(total)
+    out: npt.NDArray[np.float64] = np.empty_like(total)
     out[order] = total
     return out
 
 
-def _is_closed(
-    joined: npt.NDArray[np.int64], vertices: npt.NDArray[np.float64], faces: npt.NDArray[Any]
+def is_closed(
+    joined: npt.NDArray[Any],
+    vertices: npt.NDArray[Any],
+    faces: npt.NDArray[Any],
+    *,
+    tolerance: float = 0.0,
 ) -> bool:
-    """Return whether each edge is met once in each direction, and the surface faces outwards."""
+    """Return whether each edge is met once in each direction, and the surface faces outwards.
+
+    Args:
+        joined: Faces with coincident vertices joined, shape [m, 3].
+        vertices: Positions [m], shape [n, 3].
+        faces: Vertex indices, shape [m, 3].
+        tolerance: Share of the edges that may lie open.
+    """
+    if not len(faces):
+        return False
+    joined = joined.astype(np.int64)
     edges = np.concatenate([joined[:, (i, (i + 1) % 3)] for i in range(3)])
-    big = int(joined.max(initial=0)) + 1
+    big = int(joined.max()) + 1
     forward, backward = edges[:, 0] * big + edges[:, 1], edges[:, 1] * big + edges[:, 0]
-    if len(np.unique(forward)) != len(forward):
+    unique = np.unique(forward)
+    open_count = len(forward) - len(unique) + np.count_nonzero(~np.isin(unique, backward))
+    if open_count > tolerance * len(forward):
         return False
-    if not np.array_equal(np.sort(forward), np.sort(backward)):
-        return False
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    return bool(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0)
+    a, b, c = (vertices[faces[:, i]] - vertices.mean(axis=0) for i in range(3))
+    normals = np.cross(b - a, c - a)
+    volume = float(np.einsum("ij,ij->i", a, normals).sum()) / 6
+    area = float(np.linalg.norm(normals, axis=1).sum()) / 2
+    return bool(volume > 1e-3 * area**1.5)  # a sheet holds nothing
 
 
 class SmoothNormals:
@@ -308,4 +330,4 @@ class SmoothNormals:
         return out
 
 
-__all__ = ["CREASE", "Mesh", "SmoothNormals", "shape_mesh", "smoothed"]
+__all__ = ["CREASE", "Mesh", "SmoothNormals", "is_closed", "shape_mesh", "smoothed"]

@@ -1,10 +1,10 @@
 """The GLSL of the renderer: a studio with a warm key light, a cool fill, a sky and a wooden floor.
 
 Lighting is in linear colour with a GGX highlight (Walter et al. 2007, with the visibility term of
-Karis 2013) and a filmic curve (Narkowicz 2015). Human skin gets wrapped diffuse light, redder towards
-the shadow (after d'Eon and Luebke, GPU Gems 3, ch. 14). Ambient occlusion is in screen space, with
-the estimator of McGuire et al. 2012. Shadows are percentage-closer filtered; the kernel widens with
-the distance to what casts them.
+Karis 2013) and a filmic curve (Narkowicz 2015). Human skin gets wrapped diffuse light, redder
+towards the shadow (after d'Eon and Luebke, GPU Gems 3, ch. 14). Ambient occlusion is in screen
+space, with the estimator of McGuire et al. 2012. Shadows are percentage-closer filtered; the kernel
+widens with the distance to what casts them.
 """
 
 KEY_DIRECTION = (0.42, -0.5, 0.95)  # towards the light, not normalised
@@ -13,7 +13,8 @@ ZENITH = (0.60, 0.68, 0.77)
 
 _HEAD = "#version 330\n"
 
-# Colours leave the vertex stage in linear light; each slot of `transforms` holds three matrix rows.
+# Colours leave the vertex stage in linear light, by a gamma of 2, which is near sRGB and cheap.
+# Each slot of `transforms` holds three matrix rows.
 _VERTEX = (
     _HEAD
     + """
@@ -39,7 +40,7 @@ void main() {
     vec3 world = vec3(dot(r0, local), dot(r1, local), dot(r2, local));
     normal = vec3(dot(r0.xyz, in_normal), dot(r1.xyz, in_normal), dot(r2.xyz, in_normal));
     position = world;
-    albedo = vec4(pow(in_rgba.rgb, vec3(2.2)), in_rgba.a);
+    albedo = vec4(in_rgba.rgb * in_rgba.rgb, in_rgba.a);
     // Looking up a little outside of the surface keeps it from shadowing itself.
     in_light = (light_matrix * vec4(world + normal * shadow_texel * 1.6, 1.0)).xyz * 0.5 + 0.5;
     gl_Position = view_projection * vec4(world, 1.0);
@@ -84,8 +85,12 @@ out vec4 color;
 float lit(vec3 at) {
     vec2 edge = abs(at.xy - 0.5);
     if (max(edge.x, edge.y) > 0.49 || at.z > 1.0) return 1.0;
-    vec4 near = textureGather(shadow_depth, at.xy);
-    float gap = at.z - min(min(near.x, near.y), min(near.z, near.w));
+    vec2 reach = vec2(2.5, 1.0) * shadow_texel_uv;
+    float nearest = min(
+        min(texture(shadow_depth, at.xy + reach).r, texture(shadow_depth, at.xy - reach).r),
+        min(texture(shadow_depth, at.xy + reach.yx * vec2(1.0, -1.0)).r,
+            texture(shadow_depth, at.xy + reach.yx * vec2(-1.0, 1.0)).r));
+    float gap = at.z - nearest;
     float wide = shadow_texel_uv * clamp(1.0 + gap * SOFTNESS, 1.0, 2.1);
     float sum = 2.0 * texture(shadow, at)
         + texture(shadow, vec3(at.xy + vec2(-0.9, -1.5) * wide, at.z))
@@ -102,7 +107,7 @@ float lit(vec3 at) {
 
 vec3 filmic(vec3 x) {
     x *= EXPOSURE;
-    return pow(clamp(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0), vec3(0.4545));
+    return sqrt(clamp(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0));
 }
 
 vec3 sky(float up) {
@@ -131,7 +136,7 @@ void main() {
     float rim = 1.0 - nv;
     rim = rim * rim * rim * rim * rim;
     float fresnel = 0.04 + (1.0 - roughness) * 0.6 * rim;
-    vec3 light = sky(n.z) * 0.78
+    vec3 light = sky(n.z) * 0.80
         + vec3(3.05, 2.88, 2.62) * diffuse * mix(wrap * 0.25, vec3(1.0), shade)
         + vec3(0.20, 0.25, 0.33) * max(dot(n, vec3(-0.76, 0.57, 0.31)), 0.0);
     vec3 mirrored = reflect(-v, n);
@@ -236,13 +241,16 @@ void main() {
     vec3 dy = abs(down.z) < abs(up.z) ? down : up;
     vec3 n = normalize(cross(dx, dy));
     float reach = min(float(size.y) * 0.5 * RADIUS / (lens.y * -p.z), float(size.y) * 0.2);
+    // Bayer's order of four by four: all sixteen turns are met within one tile.
     ivec2 tile = ivec2(gl_FragCoord.xy) & 3;
-    float turn = float((tile.x * 4 + tile.y * 7 + (tile.x ^ tile.y) * 2) & 15) * 0.3927;
+    int mixed = tile.x ^ tile.y;
+    int rank = (mixed & 1) * 8 + (tile.y & 1) * 4 + (mixed & 2) + (tile.y >> 1);
+    float turn = float(rank) * 0.3927, shift = (float((rank * 5) & 15) + 0.5) / 16.0;
     float sum = 0.0;
     for (int i = 0; i < TAPS; ++i) {
-        float t = (float(i) + 0.5) / float(TAPS);
-        float angle = t * 6.2832 * 3.0 + turn;
-        vec3 d = place(here + ivec2(vec2(cos(angle), sin(angle)) * reach * t)) - p;
+        float t = (float(i) + shift) / float(TAPS);
+        float angle = float(i) * 2.3999 + turn;
+        vec3 d = place(here + ivec2(vec2(cos(angle), sin(angle)) * max(reach * t, 1.5))) - p;
         float dd = dot(d, d);
         float f = max(RADIUS * RADIUS - dd, 0.0);
         sum += f * f * f * max((dot(d, n) - 0.004 * -p.z) / (dd + 1e-4), 0.0);
@@ -261,11 +269,12 @@ in vec2 uv;
 out float result;
 void main() {
     ivec2 here = ivec2(gl_FragCoord.xy), last = textureSize(raw, 0) - 1;
-    float z = texelFetch(raw, here, 0).g;
+    float z = texelFetch(raw, here, 0).g, sharp = 1.0 / (0.03 * z);
     vec2 sum = vec2(0.0);
-    for (int y = -2; y < 2; ++y) for (int x = -2; x < 2; ++x) {
-        vec2 s = texelFetch(raw, clamp(here + ivec2(x, y), ivec2(0), last), 0).rg;
-        float w = max(0.02, 1.0 - abs(s.g - z) / (0.03 * z));
+    for (int i = 0; i < 16; ++i) {
+        ivec2 at = clamp(here + ivec2(i & 3, i >> 2) - 2, ivec2(0), last);
+        vec2 s = texelFetch(raw, at, 0).rg;
+        float w = max(0.02, 1.0 - abs(s.g - z) * sharp);
         sum += vec2(s.r * w, w);
     }
     result = sum.x / sum.y;
@@ -284,10 +293,11 @@ in vec2 uv;
 out vec4 color;
 void main() {
     vec2 at = vec2(uv.x, 1.0 - uv.y);
-    vec3 c = texture(picture, at).rgb;
+    ivec2 size = textureSize(picture, 0), pixel = ivec2(gl_FragCoord.xy);
+    vec3 c = texelFetch(picture, ivec2(pixel.x, size.y - 1 - pixel.y), 0).rgb;
     if (strength > 0.0) {
         float open = mix(1.0, texture(occlusion, at).r, strength);
-        c *= mix(vec3(open), vec3(1.0), 0.35 * (1.0 - open) * c);
+        c *= mix(vec3(open), vec3(1.0), 0.45 * c);  // light that bounces takes on the colour
     }
     color = vec4(c, 1.0);
 }
@@ -299,23 +309,22 @@ def surface_program(kind: str) -> tuple[str, str]:
     """Return the vertex and fragment source for a kind of surface: `plastic`, `skin` or `floor`."""
     surface = {"plastic": _PLASTIC, "skin": _SKIN, "floor": _FLOOR}[kind]
     constants = {
-        "EXPOSURE": "0.62",
+        "EXPOSURE": "0.51",
         "ROUGHNESS": "0.42",
         "SOFTNESS": "40.0",
         "FADE_NEAR": "2.5",
         "FADE_FAR": "8.0",
     }
     defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
-    gather = "#extension GL_ARB_texture_gather : require\n"
     body = _FRAGMENT.replace("SURFACE", surface)
     body = body.replace("    FADE\n", _FLOOR_FADE if kind == "floor" else "")
-    return _VERTEX, _HEAD + gather + defines + body
+    return _VERTEX, _HEAD + defines + body
 
 
 def occlusion_program(*, multisampled: bool) -> tuple[str, str]:
     """Return the vertex and fragment source of the ambient occlusion pass."""
     sampler = "sampler2DMS" if multisampled else "sampler2D"
-    defines = f"#define DEPTH_SAMPLER {sampler}\n#define TAPS 8\n#define RADIUS 0.35\n"
+    defines = f"#define DEPTH_SAMPLER {sampler}\n#define TAPS 8\n#define RADIUS 0.25\n"
     return SCREEN_VERTEX, _HEAD + defines + OCCLUSION_FRAGMENT
 
 

@@ -6,6 +6,7 @@ It draws in a physics client of its own, so that the world's saved states stay r
 from __future__ import annotations
 
 import weakref
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +20,8 @@ from .camera import Camera
 from .geometry import world_parts
 from .mesh import Floats, Ints, SmoothNormals
 from .piece import split_by_color
-from .shading import KEY_DIRECTION
+from .shading import HORIZON, KEY_DIRECTION
 
-_BACKGROUND = (0.83, 0.85, 0.87)
 _FLOOR_RGBA = (0.77, 0.67, 0.55, 1.0)
 _FLOOR_HALF = 6.0  # [m]
 
@@ -64,8 +64,7 @@ class SoftwareRenderer:
         image = self._image(camera)
         seen = np.reshape(np.asarray(image[2], np.uint8), (camera.height, camera.width, 4))
         out = np.ascontiguousarray(seen[:, :, :3])
-        nothing = np.reshape(np.asarray(image[3]), (camera.height, camera.width)) >= 1.0
-        out[nothing] = np.round(np.multiply(_BACKGROUND, 255)).astype(np.uint8)
+        out[np.isinf(_distances(image, camera))] = np.round(np.multiply(HORIZON, 255))
         return out
 
     def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
@@ -74,17 +73,14 @@ class SoftwareRenderer:
         Raises:
             WorldError: If the renderer or the world is closed.
         """
-        raw = np.reshape(np.asarray(self._image(camera)[3]), (camera.height, camera.width))
-        near, far = camera.near, camera.far
-        distance = 2 * near * far / (near + far - (raw * 2 - 1) * (far - near))
-        return np.where(raw < 1, distance, np.inf).astype(np.float32)
+        return _distances(self._image(camera), camera)
 
     def close(self) -> None:
         """Free the second client; safe to call twice."""
         self._closer()
         self._client = -1
 
-    def _image(self, camera: Camera) -> tuple[object, ...]:
+    def _image(self, camera: Camera) -> tuple[Any, ...]:
         if self._client < 0:
             raise WorldError("this renderer is closed: make a new one")
         if self._world.client < 0:
@@ -97,7 +93,7 @@ class SoftwareRenderer:
             self._known = known
             self._build()
         self._follow()
-        image: tuple[object, ...] = bullet.getCameraImage(
+        image: tuple[Any, ...] = bullet.getCameraImage(
             camera.width,
             camera.height,
             viewMatrix=camera.view().T.ravel().tolist(),
@@ -122,8 +118,8 @@ class SoftwareRenderer:
         if self._floor and not any(part.is_floor for part in parts):
             self._add_floor(-0.002)
         for part in parts:
-            if part.is_floor and np.ptp(part.mesh.vertices[:, 2]) < 0.002:
-                self._add_floor(part.body.base_pose().position[2])
+            if part.is_plane:
+                self._add_floor(part.height)
                 continue
             colors = part.rgba[:, :3]
             for piece in split_by_color(part.mesh.faces, colors):
@@ -181,6 +177,14 @@ class SoftwareRenderer:
             bullet.resetBasePositionAndOrientation(
                 uid, at.position, at.quaternion, physicsClientId=self._client
             )
+
+
+def _distances(image: tuple[Any, ...], camera: Camera) -> Floats:
+    raw = np.reshape(np.asarray(image[3], np.float64), (camera.height, camera.width))
+    near, far = camera.near, camera.far
+    out = 2 * near * far / (near + far - (raw * 2 - 1) * (far - near))
+    out[out > 0.999 * far] = np.inf  # an empty pixel is a hair nearer than `far`
+    return out.astype(np.float32)
 
 
 def _disconnect(client: int) -> None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import socket
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from ..body import Body
 from ..errors import ConfigError, MissingPackageError
@@ -82,9 +82,10 @@ class Viewer:
         except ImportError as error:
             raise MissingPackageError("the viewer", "view") from error
         self._world, self._camera, self.follow = world, camera, follow
-        self._server: Any = viser.ViserServer(
-            host=host, port=port or _free_port(host), label="rcare-marl", verbose=False
-        )
+        with _quiet():
+            self._server: Any = viser.ViserServer(
+                host=host, port=port or _free_port(host), label="rcare-marl", verbose=False
+            )
         self.url = f"http://{host}:{self._server.get_port()}"
         self._running = threading.Event()
         self._running.set()
@@ -124,7 +125,8 @@ class Viewer:
         server, self._server = self._server, None
         self._running.set()
         if server is not None:
-            server.stop()
+            with _quiet():
+                server.stop()
 
     def _furnish(self) -> None:
         scene = self._server.scene
@@ -204,7 +206,7 @@ class Viewer:
                 handle.remove()
         self._nodes, self._surfaces = [], []
         for number, part in enumerate(world_parts(self._world)):
-            if part.is_floor and np.ptp(part.mesh.vertices[:, 2]) < 0.002:
+            if part.is_plane:
                 continue  # the page has its own
             pieces = split_by_color(part.mesh.faces, part.rgba[:, :3], at_most=8)
             for color, piece in enumerate(pieces):
@@ -255,6 +257,19 @@ class Viewer:
         elif ahead > 0:
             time.sleep(ahead)
         self._last_simulated = simulated
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep viser from printing: where the page is, the log says."""
+    import rich  # viser needs it
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before
 
 
 def _free_port(host: str) -> int:

@@ -1,0 +1,360 @@
+"""How good policies are at a task: seeded episodes, and numbers over them.
+
+Example:
+    >>> from rcare_marl.baselines.evaluate import evaluate, lead_policies
+    >>> result = evaluate("feeding", lead_policies("feeding", "scripted"), episodes=10, seed=0)
+    >>> result.success_rate, result.peak_force
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import math
+import platform
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+import rcare_marl
+from rcare_marl.agents.policies.behaviour_tree import StayStill
+from rcare_marl.agents.policies.sampled import RandomPolicy
+from rcare_marl.agents.policy import Policy
+from rcare_marl.agents.robot import Robot
+from rcare_marl.envs import make
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.cast import CastEntry, find_policy
+from rcare_marl.envs.registry import policy_names, register_policy, task_class
+from rcare_marl.errors import ConfigError, UnknownNameError
+
+RANDOM = "random"  # the one name that stands for everybody, see `lead_policies`
+NORMAL_95 = 1.959963984540054  # two-sided 95 % quantile of the normal distribution
+EVENT = "time_to_"  # metrics named so are negative where the event never came
+MEASURED_WITH = ("pybullet", "numpy", "numba", "gymnasium", "pettingzoo")
+
+StepHook = Callable[[CareEnv], None]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What came of one episode.
+
+    Attributes:
+        seed: Seed of the reset and of the policies.
+        success: Whether it ended in success.
+        steps: Control steps.
+        duration: Simulated time [s].
+        returns: Summed reward of each role.
+        metrics: What the task reports at the end, see `Task.metrics`.
+    """
+
+    seed: int
+    success: bool
+    steps: int
+    duration: float
+    returns: Mapping[str, float]
+    metrics: Mapping[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON; an event that never came is None."""
+        return {
+            "seed": self.seed,
+            "success": self.success,
+            "steps": self.steps,
+            "duration_s": round(self.duration, 6),
+            "returns": dict(self.returns),
+            "metrics": {name: _came(name, value) for name, value in self.metrics.items()},
+        }
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What came of many episodes.
+
+    Attributes:
+        task: Name of the task.
+        policies: Name of the policy of each role.
+        cast: Name of the model that plays each role.
+        options: Settings of the task that were given.
+        seed: Seed of the first episode; each further one has the next.
+        episodes: The episodes, in order.
+        versions: Versions of what the numbers depend on.
+    """
+
+    task: str
+    policies: Mapping[str, str]
+    cast: Mapping[str, str]
+    options: Mapping[str, Any]
+    seed: int
+    episodes: tuple[Episode, ...]
+    versions: Mapping[str, str] = field(default_factory=lambda: versions())
+
+    @property
+    def success_rate(self) -> float:
+        """Share of episodes that ended in success, 0 to 1."""
+        return float(np.mean([episode.success for episode in self.episodes]))
+
+    @property
+    def success_interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval of the success rate."""
+        return wilson_interval(sum(e.success for e in self.episodes), len(self.episodes))
+
+    @property
+    def peak_force(self) -> float | None:
+        """Greatest force on the person in any episode [N]; None where the task reports none."""
+        values = self.values("peak_force_n")
+        return max(values) if values else None
+
+    def values(self, metric: str) -> list[float]:
+        """Return a metric at the end of each episode, without events that never came."""
+        found = [_came(metric, e.metrics[metric]) for e in self.episodes if metric in e.metrics]
+        return [value for value in found if value is not None]
+
+    def to_dict(self, *, each: bool = False) -> dict[str, Any]:
+        """Return plain values for JSON, the same on every run of the same seeds.
+
+        For each metric of the task there are its `_mean` and `_max` over episodes. `peak_force_n`
+        is the maximum over episodes and `spilled` the sum, since these are what harms.
+
+        Args:
+            each: Whether to list every episode too.
+        """
+        first = self.episodes[0]
+        out: dict[str, Any] = {
+            "task": self.task,
+            "policy": self.policies.get(lead_roles(self.task)[0], ""),
+            "policies": dict(self.policies),
+            "cast": dict(self.cast),
+            "options": dict(self.options),
+            "seed": self.seed,
+            "episodes": len(self.episodes),
+            "successes": sum(e.success for e in self.episodes),
+            "success_rate": self.success_rate,
+            "success_interval_95": list(self.success_interval),
+            "peak_force_n": self.peak_force,
+            "spilled": sum(self.values("spilled")) if "spilled" in first.metrics else None,
+        }
+        for name in first.metrics:
+            values = self.values(name)
+            out[f"{name}_mean"] = float(np.mean(values)) if values else None
+            out[f"{name}_max"] = max(values) if values else None
+        out |= {
+            "steps": sum(e.steps for e in self.episodes),
+            "steps_mean": float(np.mean([e.steps for e in self.episodes])),
+            "mean_return": {
+                role: float(np.mean([e.returns[role] for e in self.episodes]))
+                for role in first.returns
+            },
+            "versions": dict(self.versions),
+        }
+        if each:
+            out["each"] = [episode.to_dict() for episode in self.episodes]
+        return out
+
+
+def evaluate(
+    task: str,
+    policies: Mapping[str, Any] | None = None,
+    *,
+    episodes: int = 100,
+    seed: int = 0,
+    options: Mapping[str, Any] | None = None,
+    cast: Mapping[str, CastEntry] | None = None,
+    on_episode: Callable[[Episode], None] | None = None,
+) -> Evaluation:
+    """Run seeded episodes and return what came of them.
+
+    Args:
+        task: Name of the task.
+        policies: For each role the name of a policy or what makes one, see `rcare_marl.make`; the
+            role's default partner where none is given.
+        episodes: How many.
+        seed: Episode i has the seed `seed + i`.
+        options: Settings of the task.
+        cast: Who plays, by role; see `rcare_marl.make`.
+        on_episode: Called after each episode.
+
+    Raises:
+        UnknownNameError: If a task, role, model, option or policy does not exist.
+        ConfigError: If a value is impossible, or a role has no policy.
+    """
+    if episodes < 1:
+        raise ConfigError(f"episodes must be at least 1, got {episodes}")
+    task_class(task)  # an unknown task is the first thing to say
+    env = make(task, options=options, **dict(cast or {}))
+    try:
+        names, players = make_players(env, task, policies or {})
+        done = []
+        for number in range(episodes):
+            done.append(run_episode(env, players, seed + number))
+            if on_episode is not None:
+                on_episode(done[-1])
+        return Evaluation(task, names, model_names(env), dict(options or {}), seed, tuple(done))
+    finally:
+        env.close()
+
+
+def run_episode(
+    env: CareEnv,
+    policies: Mapping[str, Policy],
+    seed: int,
+    *,
+    on_step: StepHook | None = None,
+) -> Episode:
+    """Run one episode to its end and return what came of it.
+
+    The policy of each role is seeded from the episode's seed and the role's place in the task, so
+    that a role acts alike whoever else is in the scene.
+
+    Args:
+        env: The environment.
+        policies: A policy for each role that the environment leaves to be learned.
+        seed: Seed of the episode, not negative.
+        on_step: Called once after the reset and then after each control step.
+
+    Raises:
+        ConfigError: If a role has no policy, or the seed is negative.
+    """
+    missing = sorted(set(env.possible_agents) - set(policies))
+    if missing:
+        raise ConfigError(f"no policy for {missing}; there are policies for {sorted(policies)}")
+    if seed < 0:
+        raise ConfigError(f"seed must not be negative, got {seed}")
+    env.reset(seed=seed)
+    order = list(env.task.roles())
+    for role in env.possible_agents:
+        policies[role].reset(np.random.default_rng([seed, order.index(role)]))
+    returns = dict.fromkeys(env.possible_agents, 0.0)
+    steps = 0
+    if on_step is not None:
+        on_step(env)
+    while not env.is_over:
+        actions = {role: policies[role].act() for role in env.agents}
+        _, rewards, *_ = env.step(actions)  # type: ignore[arg-type]  # float64 will do
+        steps += 1
+        for role, reward in rewards.items():
+            returns[role] += reward
+        if on_step is not None:
+            on_step(env)
+    return Episode(
+        seed, env.task.is_success(), steps, env.world.time, returns, dict(env.task.metrics())
+    )
+
+
+def lead_roles(task: str) -> tuple[str, ...]:
+    """Return the roles whose policy is in question: the robots of the task, or all its roles."""
+    roles = task_class(task).roles()
+    return tuple(name for name, role in roles.items() if role.kind is Robot) or tuple(roles)
+
+
+def lead_policies(
+    task: str, policy: str, others: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """Return the name of a policy for each role of a task.
+
+    Args:
+        task: Name of the task.
+        policy: Policy of the robots. `random` stands for everybody: all roles act at random.
+        others: Policies of single roles, before all else.
+
+    The other roles are played by their default partner.
+
+    Raises:
+        UnknownNameError: If there is no such task or role.
+    """
+    roles = task_class(task).roles()
+    for role in others or {}:
+        if role not in roles:
+            raise UnknownNameError(f"role in task {task!r}", role, roles)
+    leads = lead_roles(task)
+    out = {
+        name: policy if name in leads or policy == RANDOM else role.partner
+        for name, role in roles.items()
+    }
+    return {name: found for name, found in {**out, **(others or {})}.items() if found is not None}
+
+
+def make_players(
+    env: CareEnv, task: str, policies: Mapping[str, Any]
+) -> tuple[dict[str, str], dict[str, Policy]]:
+    """Return the names of the policies and the policies themselves, for each role to be learned.
+
+    Args:
+        env: The environment.
+        task: The name of its task.
+        policies: As for `evaluate`; those of optional roles that nobody plays are left out.
+
+    Raises:
+        UnknownNameError: If a role or a policy does not exist.
+        ConfigError: If a role has no policy.
+    """
+    know_common_policies(task)
+    roles = env.task.roles()
+    for role in policies:
+        if role not in roles:
+            raise UnknownNameError(f"role in task {task!r}", role, roles)
+    names: dict[str, str] = {}
+    players: dict[str, Policy] = {}
+    for role in env.possible_agents:
+        chosen = policies.get(role, roles[role].partner)
+        if chosen is None:
+            raise ConfigError(f"role {role!r} of task {task!r} has no default policy: name one")
+        names[role] = chosen if isinstance(chosen, str) else _name_of(chosen)
+        players[role] = find_policy(task, role, chosen)(env, role)
+    return names, players
+
+
+def know_common_policies(task: str) -> None:
+    """Make `random` and `still` known for every role of a task; doing it twice does no harm."""
+    for role in task_class(task).roles():
+        known = policy_names(task, role)
+        for name, factory in (("random", sample), ("still", stay_still)):
+            if name not in known:
+                register_policy(task, role, name)(factory)
+
+
+def sample(env: CareEnv, role: str) -> RandomPolicy:
+    """Return a policy that draws every action uniformly from the action box."""
+    return RandomPolicy(env.cast[role].action_size)
+
+
+def stay_still(env: CareEnv, role: str) -> StayStill:
+    """Return a policy that never asks for any movement."""
+    return StayStill(env.cast[role].action_size)
+
+
+def model_names(env: CareEnv) -> dict[str, str]:
+    """Return the name of the robot or avatar that plays each role."""
+    out = {}
+    for role, agent in env.cast.items():
+        facts = agent.describe()
+        out[role] = facts.get("avatar") or facts.get("model") or type(agent).__name__
+    return out
+
+
+def wilson_interval(successes: int, count: int, quantile: float = NORMAL_95) -> tuple[float, float]:
+    """Return Wilson's score interval of a success rate, 95 % by default.
+
+    Source: Wilson (1927), J. Am. Stat. Assoc. 22, 209-212. Unlike the usual interval it is right
+    for rates near 0 and 1.
+    """
+    rate, square = successes / count, quantile**2
+    middle = (rate + square / (2 * count)) / (1 + square / count)
+    spread = math.sqrt(rate * (1 - rate) / count + square / (4 * count**2))
+    half = quantile / (1 + square / count) * spread
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def versions(packages: Iterable[str] = MEASURED_WITH) -> dict[str, str]:
+    """Return the versions of this package, of Python, and of `packages`."""
+    found = {name: importlib.metadata.version(name) for name in packages}
+    return {"rcare_marl": rcare_marl.__version__, "python": platform.python_version(), **found}
+
+
+def _came(metric: str, value: float) -> float | None:
+    return None if metric.startswith(EVENT) and value < 0 else float(value)
+
+
+def _name_of(factory: object) -> str:
+    return str(getattr(factory, "__name__", type(factory).__name__))

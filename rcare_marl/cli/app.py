@@ -1,0 +1,344 @@
+"""The commands and their options. What they do is in the modules beside this one, loaded on use."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Sequence
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+import rcare_marl
+from rcare_marl.errors import RcareError
+
+from .console import print_error, print_line
+
+INTERRUPTED = 130  # exit status of a program that Ctrl-C ended, as shells have it
+TERMINATED = 143  # the same for SIGTERM
+
+
+class Guarded(TyperGroup):
+    """Says what is wrong in one line, without a traceback, when the library refuses something."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except RcareError as error:
+            if ctx.params.get("debug"):
+                raise
+            print_error(str(error))
+            raise typer.Exit(2) from None
+        except KeyboardInterrupt:
+            print_line("interrupted")
+            raise typer.Exit(INTERRUPTED) from None
+
+
+app = typer.Typer(
+    cls=Guarded,
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+class Kind(str, Enum):
+    """What `list` can list."""
+
+    tasks = "tasks"
+    robots = "robots"
+    avatars = "avatars"
+    postures = "postures"
+    policies = "policies"
+
+
+Task = Annotated[str, typer.Argument(metavar="TASK", help="A task, see: rcare-marl list tasks")]
+RobotModel = Annotated[
+    str | None,
+    typer.Option(
+        "--robot", metavar="MODEL", help="Robot, by name or YAML file; else the task's own choice."
+    ),
+]
+RecipientModel = Annotated[
+    str | None,
+    typer.Option(
+        "--recipient",
+        metavar="MODEL",
+        help="Avatar who is cared for, by name or YAML file; else the task's own choice.",
+    ),
+]
+CaregiverModel = Annotated[
+    str | None,
+    typer.Option("--caregiver", metavar="MODEL", help="Avatar who helps; nobody if left out."),
+]
+TaskOptions = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--option",
+        metavar="NAME=VALUE",
+        help="Setting of the task, such as reward=shaped; may be given several times. "
+        "See: rcare-marl describe TASK",
+    ),
+]
+PolicyName = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="Policy of the robot, see: rcare-marl list policies. Beside it the other roles are "
+        "played by their default partner. Only with [bold]random[/bold] all roles act at random.",
+    ),
+]
+RolePolicies = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--role-policy",
+        metavar="ROLE=NAME",
+        help="Policy of one role, such as recipient=still; may be given several times.",
+    ),
+]
+Seed = Annotated[
+    int, typer.Option(min=0, help="Seed of the first episode; episode i has the seed SEED + i.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON value and nothing else.")]
+
+
+@app.callback(invoke_without_command=True)
+def root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")] = False,
+) -> None:
+    """Multi-agent caregiving: people with real mobility limitations, robots, care tasks.
+
+    Start with: rcare-marl demo
+    """
+    if version:
+        typer.echo(rcare_marl.__version__)
+        raise typer.Exit()
+
+
+@app.command("list")
+def list_(
+    kind: Annotated[
+        Kind | None, typer.Argument(help="What to list; everything if left out.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """List what there is: tasks, robots, avatars, postures, policies.
+
+    Example: rcare-marl list avatars
+    """
+    from . import listing
+
+    kinds = [kind.value] if kind is not None else [each.value for each in Kind]
+    rows = {name: listing.rows(name) for name in kinds}
+    if as_json:
+        _print_json(rows[kinds[0]] if kind is not None else rows)
+    else:
+        listing.show(rows)
+
+
+@app.command()
+def describe(
+    task: Task,
+    robot: RobotModel = None,
+    recipient: RecipientModel = None,
+    caregiver: CaregiverModel = None,
+    option: TaskOptions = None,
+    as_json: Json = False,
+) -> None:
+    """Show who plays in a task, what each role does and sees, its settings and its constants.
+
+    Example: rcare-marl describe feeding --recipient jose
+    """
+    from . import description
+
+    facts = description.describe(task, _cast(robot, recipient, caregiver), _settings(option))
+    if as_json:
+        _print_json(facts)
+    else:
+        description.show(facts)
+
+
+@app.command()
+def evaluate(
+    task: Task,
+    policy: PolicyName = "scripted",
+    episodes: Annotated[int, typer.Option(min=1, help="How many episodes to run.")] = 100,
+    seed: Seed = 0,
+    role_policy: RolePolicies = None,
+    robot: RobotModel = None,
+    recipient: RecipientModel = None,
+    caregiver: CaregiverModel = None,
+    option: TaskOptions = None,
+    as_json: Json = False,
+    output: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Also write the JSON, with every episode, to this file."),
+    ] = None,
+) -> None:
+    """Run seeded episodes and report success, forces, spilling and returns.
+
+    The same seed gives the same numbers. peak_force_n is the greatest force of all episodes,
+    spilled the sum over episodes; each metric also has its _mean and _max.
+
+    Example: rcare-marl evaluate feeding --policy scripted --episodes 20 --json
+    """
+    from . import evaluation
+
+    result = evaluation.run(
+        task,
+        policy,
+        _pairs(role_policy, "--role-policy"),
+        episodes=episodes,
+        seed=seed,
+        options=_settings(option),
+        cast=_cast(robot, recipient, caregiver),
+    )
+    if output is not None:
+        from .folder import write_whole
+
+        write_whole(output, _json(result.to_dict(each=True)).encode())
+    if as_json:
+        _print_json(result.to_dict())
+    else:
+        evaluation.show(result)
+        if output is not None:
+            print_line(f"wrote {output}")
+
+
+@app.command()
+def demo(
+    episodes: Annotated[int, typer.Option(min=1, help="How many episodes to run.")] = 10,
+    seed: Seed = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Where to leave the files; runs/demo-1, -2, ... if left out."
+        ),
+    ] = None,
+    video: Annotated[bool, typer.Option(help="Whether to film the first episodes.")] = True,
+    robot: RobotModel = None,
+    recipient: RecipientModel = None,
+) -> None:
+    """Let a robot feed a person ten times; leave a video, a plot and a JSON record.
+
+    Files appear whole or not at all, also if you press Ctrl-C.
+
+    Example: rcare-marl demo --recipient jose --output runs/jose
+    """
+    from . import demonstration
+
+    demonstration.run(
+        episodes=episodes,
+        seed=seed,
+        output=output,
+        video=video,
+        cast=_cast(robot, recipient, None),
+    )
+
+
+@app.command()
+def play(
+    task: Task,
+    policy: PolicyName = "scripted",
+    seed: Seed = 0,
+    episodes: Annotated[
+        int, typer.Option(min=0, help="How many episodes to show; 0 goes on until Ctrl-C.")
+    ] = 0,
+    role_policy: RolePolicies = None,
+    robot: RobotModel = None,
+    recipient: RecipientModel = None,
+    caregiver: CaregiverModel = None,
+    option: TaskOptions = None,
+) -> None:
+    """Show episodes live in your browser, in real time, until Ctrl-C.
+
+    Example: rcare-marl play feeding --policy scripted
+    """
+    from . import live
+
+    live.play(
+        task,
+        policy,
+        _pairs(role_policy, "--role-policy"),
+        episodes=episodes,
+        seed=seed,
+        options=_settings(option),
+        cast=_cast(robot, recipient, caregiver),
+    )
+
+
+@app.command()
+def bench(
+    task: Task,
+    steps: Annotated[int, typer.Option(min=1, help="Control steps to time.")] = 300,
+    seed: Seed = 0,
+    robot: RobotModel = None,
+    recipient: RecipientModel = None,
+    caregiver: CaregiverModel = None,
+    as_json: Json = False,
+) -> None:
+    """Measure speed: steps, resets, import, and what the environment costs on top of the physics.
+
+    overhead_ratio is the time of a control step over that of its bare physics steps from the same
+    state with the same motor targets.
+
+    Example: rcare-marl bench feeding --json
+    """
+    from . import benchmark
+
+    result = benchmark.bench(task, steps, seed, _cast(robot, recipient, caregiver))
+    if as_json:
+        _print_json(result)
+    else:
+        benchmark.show(result)
+
+
+def _cast(robot: str | None, recipient: str | None, caregiver: str | None) -> dict[str, Any]:
+    entries = {"robot": robot, "recipient": recipient, "caregiver": caregiver}
+    return {role: model for role, model in entries.items() if model is not None}
+
+
+def _pairs(values: Sequence[str] | None, flag: str) -> dict[str, str]:
+    out = {}
+    for value in values or ():
+        name, sign, rest = value.partition("=")
+        if not (name and sign and rest):
+            raise typer.BadParameter(f"expected NAME=VALUE, got {value!r}", param_hint=flag)
+        out[name.strip()] = rest.strip()
+    return out
+
+
+def _settings(values: Sequence[str] | None) -> dict[str, Any]:
+    import yaml
+
+    out: dict[str, Any] = {}
+    for name, text in _pairs(values, "--option").items():
+        try:
+            out[name] = yaml.safe_load(text)  # so that 20 is a number and true is true
+        except yaml.YAMLError:
+            raise typer.BadParameter(f"cannot read {text!r}", param_hint="--option") from None
+    return out
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+
+
+def _print_json(value: Any) -> None:
+    typer.echo(_json(value), nl=False)
+
+
+def _terminate(*_: object) -> None:
+    raise SystemExit(TERMINATED)  # so that temporary files are removed on the way out
+
+
+def main() -> None:
+    """Run the command line."""
+    signal.signal(signal.SIGTERM, _terminate)
+    app()

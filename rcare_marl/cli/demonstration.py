@@ -1,0 +1,155 @@
+"""The command `demo`: seeded feeding episodes; a table, a film, a figure and a record of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.text import Text
+
+from rcare_marl.baselines import evaluate as baseline
+from rcare_marl.baselines.recording import Recorder
+from rcare_marl.envs import make
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.tasks.feeding import FORCE_LIMIT, MOUTH_RADIUS
+
+from .console import console, progress, table
+from .evaluation import successes
+from .figure import draw
+from .film import Film
+from .folder import draft
+
+TASK, POLICY = "feeding", "scripted"
+FILMED = 3  # episodes
+FOLDER = Path("runs") / "demo"
+VIDEO, PLOT, RECORD = "feeding.mp4", "feeding.png", "feeding.json"
+
+
+def run(
+    *, episodes: int, seed: int, output: Path | None, video: bool, cast: Mapping[str, Any]
+) -> None:
+    """Run the demo; arguments as for the command. Nothing is left if it does not come to its end."""
+    with draft(output or FOLDER, numbered=output is None) as folder:
+        env = make(TASK, **cast)
+        try:
+            names, players = baseline.make_players(env, TASK, baseline.lead_policies(TASK, POLICY))
+            film = None
+            try:
+                if video:
+                    film = Film(folder.path / VIDEO, env.world, fps=1 / env.task.control_dt)
+                done, records = _run_episodes(env, players, episodes, seed, film)
+            finally:
+                if film is not None:
+                    film.close()
+            models = baseline.model_names(env)
+            config = {
+                "physics_dt_s": env.world.physics_dt,
+                "control_dt_s": env.task.control_dt,
+                "time_limit_s": env.task.time_limit,
+                "agents": {role: agent.describe() for role, agent in env.cast.items()},
+            }
+        finally:
+            env.close()
+        result = baseline.Evaluation(TASK, names, models, {}, seed, tuple(done))
+        record = {
+            "config": config,
+            "summary": result.to_dict(),
+            "episodes": [
+                {**episode.to_dict(), "series": series.to_dict()}
+                for episode, series in zip(done, records, strict=True)
+            ],
+        }
+        (folder.path / RECORD).write_text(json.dumps(record, allow_nan=False) + "\n", "utf-8")
+        title = f"Feeding: {models['robot']} feeds {models['recipient']}, {len(done)} episodes"
+        draw(
+            folder.path / PLOT,
+            done,
+            records,
+            title=title,
+            reach=MOUTH_RADIUS,
+            force_limit=FORCE_LIMIT,
+        )
+        where = folder.publish()
+    _show(result, title, [where / name for name in (VIDEO, PLOT, RECORD)][0 if video else 1 :])
+
+
+def _run_episodes(
+    env: CareEnv,
+    players: Mapping[str, Any],
+    count: int,
+    seed: int,
+    film: Film | None,
+) -> tuple[list[baseline.Episode], list[Recorder]]:
+    done: list[baseline.Episode] = []
+    records: list[Recorder] = []
+    with progress("feeding") as bar:
+        job = bar.add_task("", total=count)
+        for number in range(count):
+            record = Recorder()
+            shot = film if number < FILMED else None
+            bar.update(job, description="with video" if shot else "")
+
+            def on_step(env: CareEnv, record: Recorder = record, shot: Film | None = shot) -> None:
+                record(env)
+                if shot is not None:
+                    _film_step(shot, env, f"episode {len(done) + 1} of {count}")
+
+            done.append(baseline.run_episode(env, players, seed + number, on_step=on_step))
+            records.append(record)
+            bar.advance(job)
+    return done, records
+
+
+def _film_step(film: Film, env: CareEnv, title: str) -> None:
+    metrics = env.task.metrics()
+    left = f"{title}   {env.world.time:4.1f} s"
+    right = (
+        f"spoon to mouth {100 * metrics['distance_m']:.1f} cm   force {metrics['force_n']:.1f} N"
+    )
+    if not env.is_over:
+        film.add(env.task.camera(), left, right)
+        return
+    good = env.task.is_success()
+    film.add(env.task.camera(), left, "success" if good else "no success", good=good)
+    film.hold()
+
+
+def _show(result: baseline.Evaluation, title: str, files: Sequence[Path]) -> None:
+    columns = ("episode", "seed", "success", "time to mouth", "peak force", "food spilled")
+    rows = []
+    for number, episode in enumerate(result.episodes, 1):
+        facts = episode.to_dict()["metrics"]
+        rows.append(
+            (
+                str(number),
+                str(episode.seed),
+                "yes" if episode.success else "no",
+                seconds(facts["time_to_mouth_s"]),
+                f"{facts['peak_force_n']:.1f} N",
+                f"{facts['spilled']:.0f}",
+            )
+        )
+    numbers = result.to_dict()
+    right = dict.fromkeys(("episode", "seed", "time to mouth", "peak force", "food spilled"), True)
+    out = table(title, columns, rows, **right)
+    out.add_section()
+    out.add_row(
+        "all",
+        "",
+        successes(result),
+        f"mean {seconds(numbers['time_to_mouth_s_mean'])}",
+        f"max {numbers['peak_force_n']:.1f} N",
+        f"{numbers['spilled']:.0f}",
+        style="bold",
+    )
+    screen = console()
+    screen.print(out)
+    for file in files:
+        screen.print(Text(str(file)), soft_wrap=True)
+
+
+def seconds(value: float | None) -> str:
+    """Return a time as a text, a dash where there is none."""
+    return "-" if value is None else f"{value:.1f} s"

@@ -1,0 +1,111 @@
+"""What there is, as rows: for tables and for JSON."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping, Sequence
+
+from rcare_marl import assets
+from rcare_marl.agents.human import load_avatar, load_posture
+from rcare_marl.agents.robot import load_robot
+from rcare_marl.baselines.evaluate import know_common_policies
+from rcare_marl.envs.registry import policy_factory, policy_names, task_class, task_names
+
+from .console import console, table
+
+Row = dict[str, str]
+
+
+def rows(kind: str) -> list[Row]:
+    """Return one row for each task, robot, avatar, posture or policy; all have the same keys."""
+    return {
+        "tasks": _tasks,
+        "robots": _robots,
+        "avatars": _avatars,
+        "postures": _postures,
+        "policies": _policies,
+    }[kind]()
+
+
+def show(kinds: Mapping[str, Sequence[Row]]) -> None:
+    """Print a table for each kind."""
+    screen = console()
+    for kind, found in kinds.items():
+        columns = list(found[0]) if found else ["name"]
+        screen.print(table(kind, columns, (list(row.values()) for row in found)))
+
+
+def _tasks() -> list[Row]:
+    out = []
+    for name in task_names():
+        cls = task_class(name)
+        roles = (
+            f"{role} ({part.default})" if part.default else f"{role} (optional)"
+            for role, part in cls.roles().items()
+        )
+        out.append({"name": name, "roles": ", ".join(roles), "about": first_line(cls)})
+    return out
+
+
+def _robots() -> list[Row]:
+    out = []
+    for name in assets.names("robots"):
+        config = load_robot(name)
+        out.append(
+            {
+                "name": name,
+                "arm joints": str(len(config.arm_joints)),
+                "gripper": "yes" if config.gripper is not None else "no",
+                "base": config.base,
+                "mounts": ", ".join(config.mounts),
+            }
+        )
+    return out
+
+
+def _avatars() -> list[Row]:
+    out = []
+    for name in assets.names("avatars"):
+        avatar = load_avatar(name)
+        out.append(
+            {
+                "name": name,
+                "condition": avatar.condition,
+                "age": f"{avatar.age_years:g}",
+                "height": f"{avatar.height_m:.2f} m",
+                "mass": f"{avatar.mass_kg:g} kg",
+            }
+        )
+    return out
+
+
+def _postures() -> list[Row]:
+    return [
+        {"name": name, "about": load_posture(name).description} for name in assets.names("postures")
+    ]
+
+
+def _policies() -> list[Row]:
+    out = []
+    for task in task_names():
+        know_common_policies(task)
+        for role, part in task_class(task).roles().items():
+            for name in policy_names(task, role):
+                out.append(
+                    {
+                        "task": task,
+                        "role": role,
+                        "name": name,
+                        "default": "yes" if name == part.partner else "",
+                        "about": first_line(policy_factory(task, role, name)),
+                    }
+                )
+    return out
+
+
+def first_line(thing: object) -> str:
+    """Return the first sentence of what documents a class or function, as a description."""
+    text = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").strip()
+    if text.startswith("Return "):
+        text = text.removeprefix("Return ").capitalize()
+    return text.rstrip(".")

@@ -1,0 +1,45 @@
+"""The command `play`: episodes on a live page."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from typing import Any
+
+from rcare_marl.baselines import evaluate as baseline
+from rcare_marl.envs import make
+from rcare_marl.envs.care_env import CareEnv
+
+from .console import print_line
+
+
+def play(
+    task: str,
+    policy: str,
+    role_policies: Mapping[str, str],
+    *,
+    episodes: int,
+    seed: int,
+    options: Mapping[str, Any],
+    cast: Mapping[str, Any],
+) -> None:
+    """Show episodes until Ctrl-C, or `episodes` of them if not 0; the page keeps real time."""
+    policies = baseline.lead_policies(task, policy, role_policies)
+    env = make(task, options=options, render_mode="human", **cast)
+    told: list[str] = []
+
+    def tell(env: CareEnv) -> None:
+        if not told and env.viewer_url is not None:
+            told.append(env.viewer_url)
+            print_line(f"watch at {env.viewer_url}  (Ctrl-C ends)")
+
+    try:
+        _, players = baseline.make_players(env, task, policies)
+        for number in range(episodes) if episodes else itertools.count():
+            episode = baseline.run_episode(env, players, seed + number, on_step=tell)
+            outcome = "success" if episode.success else "no success"
+            print_line(f"episode {number}: {outcome} after {episode.duration:.1f} s")
+    except KeyboardInterrupt:  # the way to end it, so no failure
+        print_line("stopped")
+    finally:
+        env.close()
