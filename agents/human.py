@@ -25,7 +25,15 @@ from .agent import Agent, Array
 from .body.anthropometry import Sex
 from .body.posture import PostureConfig, lay_arm, pelvis_pose
 from .body.segment import Segment, make_segments
-from .body.skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINT_INDEX, JOINTS
+from .body.skeleton import (
+    DOF_INDEX,
+    DOFS,
+    DOFS_OF,
+    JOINT_INDEX,
+    JOINTS,
+    SIDES,
+    forward_kinematics,
+)
 from .body.skin import BodyModel, JointFrame, PersonSkin, load_body_model
 from .body.urdf import PersonUrdf, write_urdf
 from .profile import ClinicalProfile, Range, normal_strength
@@ -187,6 +195,23 @@ class Human(Agent):
         """Say where armrests are, before `spawn`: middle of a pad's top, x along it to the front."""
         pads = {"left": left, "right": right}
         self._arm_rests = {side: pad for side, pad in pads.items() if pad is not None}
+
+    def soles(self, pose: Pose) -> dict[str, Array]:
+        """Return the middle of each sole, by side [m], for the posture on the support at `pose`."""
+        model = _body(self.avatar.body_path(), self.avatar.height_m)
+        angles = self.posture.angles(self.avatar.profile.limits("passive"))
+        base = pelvis_pose(self.posture, model, angles, pose).matrix()
+        rotations, positions = forward_kinematics(model.joints, angles)
+        surface, out = model.posed(rotations, positions), {}
+        for side in SIDES:
+            ankle = JOINT_INDEX[f"{side}_ankle"]
+            foot = np.isin(model.owner, (ankle, JOINT_INDEX[f"{side}_foot"]))
+            local = (surface[foot] - positions[ankle]) @ rotations[ankle]  # y out of the sole
+            low, high = local.min(axis=0), local.max(axis=0)
+            middle = (0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2]))
+            here = rotations[ankle] @ middle + positions[ankle]
+            out[side] = (base @ np.append(here, 1.0))[:3]
+        return out
 
     def spawn(self, world: World, pose: Pose) -> None:
         """Load the person onto the support at `pose`; see `body.posture.pelvis_pose`."""

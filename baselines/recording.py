@@ -41,9 +41,10 @@ class Recorder:
         return np.array(self._metrics[name])
 
     def torques(self, role: str) -> Array:
-        """Return what the joints of a robot's arm applied [N·m or N], shape [steps + 1, joints].
+        """Return what the motors of a robot's arm applied [N·m or N], shape [steps + 1, joints].
 
-        The first row stems from before the episode: no motor has worked yet.
+        What a control mode adds to carry the weight of the arm is not in it. The first row stems
+        from before the episode: no motor has worked yet.
         """
         return np.array(self._torques[role])
 
@@ -52,7 +53,7 @@ class Recorder:
         return {
             "time_s": _rounded(self._times),
             **{name: _rounded(values) for name, values in self._metrics.items()},
-            "joint_torque_nm": {
+            "motor_torque_nm": {
                 role: [_rounded(row) for row in rows] for role, rows in self._torques.items()
             },
         }

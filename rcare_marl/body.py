@@ -100,7 +100,8 @@ class Body:
 
     def joint_states(self, indices: Sequence[int]) -> tuple[list[float], list[float]]:
         """Return positions [rad or m] and velocities [rad/s or m/s] of joints, each of length n."""
-        states = bullet.getJointStates(self.uid, indices, physicsClientId=self._client)
+        # Bullet answers None where it is asked for no joint.
+        states = bullet.getJointStates(self.uid, indices, physicsClientId=self._client) or ()
         return [s[0] for s in states], [s[1] for s in states]
 
     def joint_torques(self, indices: Sequence[int]) -> list[float]:

@@ -67,7 +67,8 @@ def test_nothing_of_the_wheelchair_is_in_the_way_of_the_robot() -> None:
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_robot_on_the_wheelchair_reaches_the_mouth_with_a_level_spoon(side: str) -> None:
-    world, robot, chair, spoon = World(), Robot("robot", load_robot("kinova_gen3")), Wheelchair(), Spoon()
+    world, robot = World(), Robot("robot", load_robot("kinova_gen3"))
+    chair, spoon = Wheelchair(), Spoon()
     chair.spawn(world)
     robot.spawn(world, robot.mount(f"wheelchair_{side}"))
     level = tuple(spoon.facing((-1, 0, 0)).tolist())

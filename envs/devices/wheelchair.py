@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Vector
 from rcare_marl.urdf import Link, Model, Shape, Triple
 
 from .device import Device, Frame
@@ -78,6 +80,19 @@ class Wheelchair(Device):
         self.config = config or load(WheelchairConfig, assets.find("devices", "wheelchair"))
         self._posts = {"both": (1, -1), "left": (1,), "right": (-1,), "none": ()}[mounts]
         self._tan = math.tan(math.radians(self.config.recline_deg))
+
+    def fit_footplates(self, left: Vector, right: Vector) -> None:
+        """Move the footplates under a person's soles, given in the chair's frame [m], before `spawn`.
+
+        Both plates stand at one height and distance: under the lower foot.
+        """
+        low = left if left[2] < right[2] else right
+        self.config = dataclasses.replace(
+            self.config,
+            footplate_forward=float(low[0]),
+            footplate_side=0.5 * float(left[1] - right[1]),
+            footplate_height=max(float(low[2]), 0.05),
+        )
 
     @property
     def frames(self) -> Mapping[str, Frame]:

@@ -91,7 +91,9 @@ class Feeding(Task):
         self._chair = Wheelchair(mounts=self.options.mount)
         floor = world.add_box((6, 6, 0.1), Pose((0, 0, -0.05)), name="floor")
         floor.set_friction([-1], lateral=0.8)
-        self._chair.spawn(world, Pose())
+        soles = self.recipient.soles(self._chair.frame("seat_back"))
+        self._chair.fit_footplates(soles["left"], soles["right"])
+        self._chair.spawn(world)
         self.recipient.use_arm_rests(
             self._chair.frame_in_world("armrest_left"),
             self._chair.frame_in_world("armrest_right"),

@@ -8,11 +8,11 @@ turns first and second,
 - as many bare `stepSimulation` calls of the same client as the step has physics steps, with the
   motor targets that are set: nothing but Bullet.
 
-Each run begins right after a restore of the saved state, and the episode goes on from the state that
-`env.step` reached. The ratio is that of the two medians. The one difference left is that people's
-muscle torques, which Bullet forgets after each physics step, are missing from the bare steps; over
-one control step that changes neither contacts nor joint limits noticeably. One thread, garbage
-collection as usual, `time.perf_counter`, numba compiled before.
+Each run begins right after a restore of the saved state, and the episode goes on from the state
+that `env.step` reached. The ratio is that of the two medians. The one difference left is that the
+torques of muscles, and those that carry the arm's weight, which Bullet forgets after each physics
+step, are missing from the bare steps: over one control step that hardly changes the contacts, which
+are what costs. One thread, garbage collection as usual, `time.perf_counter`, numba compiled before.
 """
 
 from __future__ import annotations

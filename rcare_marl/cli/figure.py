@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -77,16 +78,17 @@ def _draw_distances(
     axis.axhline(100 * reach, color="0.45", linewidth=0.9, linestyle=":")
     axis.set_ylim(bottom=0)
     axis.set_ylabel("spoon to mouth [cm]")
-    axis.legend(
-        handles=[
-            Line2D([], [], **_style(True), label=f"seed {episodes[0].seed}"),
-            Line2D([], [], **_style(False), label="other seeds"),
-            Line2D([], [], color=GOOD, marker="o", linestyle="none", label="success"),
-            Line2D([], [], color=BAD, marker="X", linestyle="none", label="no success"),
-            Line2D([], [], color="0.45", linestyle=":", label=f"eaten within {100 * reach:g} cm"),
-        ],
-        **_LEGEND,
-    )
+    handles = [Line2D([], [], label=f"seed {episodes[0].seed}", **_style(True))]
+    if len(episodes) > 1:
+        handles.append(Line2D([], [], label="other seeds", **_style(False)))
+    outcomes = {episode.success for episode in episodes}
+    if True in outcomes:
+        handles.append(Line2D([], [], color=GOOD, marker="o", linestyle="none", label="success"))
+    if False in outcomes:
+        handles.append(Line2D([], [], color=BAD, marker="X", linestyle="none", label="no success"))
+    near = f"eaten within {100 * reach:g} cm"
+    handles.append(Line2D([], [], color="0.45", linestyle=":", label=near))
+    axis.legend(handles=handles, **_LEGEND)
 
 
 def _draw_forces(axis: Axes, records: Sequence[Recorder], limit: float) -> None:
@@ -118,14 +120,19 @@ def _draw_torques(axis: Axes, record: Recorder, episode: Episode, robot: str) ->
             label=f"joint {joint + 1}",
         )
     axis.axhline(0, color="0.75", linewidth=0.6, zorder=1)
-    axis.set_ylabel(f"{robot} joint torque [N·m]")
+    axis.set_ylabel("motor torque of joints [N·m]")
     axis.legend(title=f"seed {episode.seed}", title_fontsize=8, **_LEGEND)
 
 
-_LEGEND = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "frameon": False, "fontsize": 8}
+_LEGEND: dict[str, Any] = {
+    "loc": "upper left",
+    "bbox_to_anchor": (1.0, 1.0),
+    "frameon": False,
+    "fontsize": 8,
+}
 
 
-def _style(is_first: bool) -> dict[str, object]:
+def _style(is_first: bool) -> dict[str, Any]:
     if is_first:
         return {"color": STRONG, "linewidth": 1.6, "zorder": 4}
     return {"color": FAINT, "linewidth": 0.8, "zorder": 2}

@@ -1,0 +1,58 @@
+# Each target sets up what it needs from nothing: a virtual environment in .venv with the exact
+# versions of constraints.txt. The second time there is nothing to set up.
+# PYTHON=/path/to/python chooses the interpreter, VENV=folder the environment.
+
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+CONSTRAINTS := $(wildcard constraints.txt)
+ARGS ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-all lint types clean
+
+help:  ## show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(STAMP)  ## install everything into .venv
+
+demo: $(STAMP)  ## ten seeded feeding episodes: a table, a video, a plot, a record (ARGS="--seed 7")
+	@$(BIN)/rcare-marl demo $(ARGS)
+
+test: $(STAMP)  ## the quick tests
+	@$(BIN)/python -m pytest -q $(ARGS)
+
+test-all: $(STAMP)  ## all tests, the slow ones too
+	@$(BIN)/python -m pytest -q -m "" $(ARGS)
+
+lint: $(STAMP)  ## ruff
+	@$(BIN)/ruff check .
+
+types: $(STAMP)  ## mypy, strict
+	@$(BIN)/mypy
+
+clean:  ## remove .venv, caches and build products; runs/ stays
+	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .coverage
+	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +
+
+# PyBullet has wheels for CPython 3.10 and 3.11 only.
+$(STAMP): pyproject.toml setup.py $(CONSTRAINTS)
+	@set -e; \
+	python=; \
+	for candidate in $(PYTHON) python3.11 python3.10 python3; do \
+	  if "$$candidate" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] < (3, 12))' \
+	    >/dev/null 2>&1; then python=$$candidate; break; fi; \
+	done; \
+	if [ -z "$$python" ]; then \
+	  echo "error: no Python 3.10 or 3.11 found (PyBullet has no wheels for others). Install one," >&2; \
+	  echo "       or say where it is: make PYTHON=/path/to/python3.11" >&2; \
+	  exit 1; \
+	fi; \
+	if ! $(BIN)/python -m pip --version >/dev/null 2>&1; then \
+	  echo "making $(VENV) with $$("$$python" --version)"; \
+	  "$$python" -m venv --clear $(VENV); \
+	fi; \
+	echo "installing into $(VENV) (some minutes, once)"; \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  $(if $(CONSTRAINTS),-c $(CONSTRAINTS)) -e '.[dev]'; \
+	touch $@
