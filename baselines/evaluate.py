@@ -182,7 +182,8 @@ def evaluate(
     if episodes < 1:
         raise ConfigError(f"episodes must be at least 1, got {episodes}")
     task_class(task)  # an unknown task is the first thing to say
-    env = make(task, options=options, **dict(cast or {}))
+    entries: dict[str, Any] = dict(cast or {})
+    env = make(task, options=options, **entries)
     try:
         names, players = make_players(env, task, policies or {})
         done = []

@@ -29,7 +29,9 @@ class Recorder:
         for role, agent in env.cast.items():
             if isinstance(agent, Robot):
                 torques = agent.body.joint_torques(agent.arm.indices)
-                self._torques.setdefault(role, []).append([float(value) for value in torques])
+                if env.world.time == 0:  # Bullet still tells those of the last episode
+                    torques = [0.0] * len(torques)
+                self._torques.setdefault(role, []).append(torques)
 
     @property
     def time(self) -> Array:
@@ -43,8 +45,8 @@ class Recorder:
     def torques(self, role: str) -> Array:
         """Return what the motors of a robot's arm applied [N·m or N], shape [steps + 1, joints].
 
-        What a control mode adds to carry the weight of the arm is not in it. The first row stems
-        from before the episode: no motor has worked yet.
+        What a control mode adds to carry the weight of the arm is not in it. The first row is zero:
+        no motor has worked yet.
         """
         return np.array(self._torques[role])
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rcare_marl.config import load
+from rcare_marl.errors import UnknownNameError
 
 from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
@@ -60,6 +61,8 @@ def make(
     cls = task_class(task)
     agents, factories = make_cast(task, cls, cast)
     for role, policy in (policies or {}).items():
+        if role not in agents:
+            raise UnknownNameError(f"role in the cast of {task!r}", role, agents)
         factories[role] = find_policy(task, role, policy)
     return CareEnv(
         cls(load(cls.Options, dict(options or {}), f"options of {task!r}")),

@@ -27,7 +27,7 @@ class Joint:
         upper: Upper limit [rad or m]; inf for a continuous joint.
         effort: Greatest torque or force [N·m or N].
         velocity: Greatest speed [rad/s or m/s].
-        dof: Place among the movable joints of the body, for Jacobians.
+        dof: Place among the movable joints of the body.
     """
 
     index: int
@@ -47,6 +47,7 @@ class Body:
         name: Name given by the loader, unique in its world.
         joints: The movable joints by name.
         links: Link indices by name; the base is -1 and is found under its own name and as `base`.
+        is_movable: Whether the base can move.
     """
 
     def __init__(self, world: World, uid: int, name: str) -> None:
@@ -67,6 +68,7 @@ class Body:
         self.link_names = {index: link for link, index in self.links.items()}
         self.link_count = max(self.links.values()) + 1  # without the base
         dynamics = bullet.getDynamicsInfo(uid, -1, physicsClientId=self._client)
+        self.is_movable = dynamics[0] > 0
         self._inertial = Pose(dynamics[3], dynamics[4])
         self._from_inertial = self._inertial.inverse()
         self._has_offset = self._inertial != Pose()
@@ -144,38 +146,6 @@ class Body:
             positions[1:] = [s[4] for s in states]
             quaternions[1:] = [s[5] for s in states]
         return positions, quaternions
-
-    def link_velocity(self, index: int) -> tuple[Array, Array]:
-        """Return linear [m/s] and angular [rad/s] velocity of a link's centre of mass, shape [3]."""
-        if index < 0:
-            linear, angular = bullet.getBaseVelocity(self.uid, physicsClientId=self._client)
-        else:
-            state = bullet.getLinkState(
-                self.uid, index, computeLinkVelocity=1, physicsClientId=self._client
-            )
-            linear, angular = state[6], state[7]
-        return np.array(linear), np.array(angular)
-
-    def jacobian(self, link: int, point: Vector = (0.0, 0.0, 0.0)) -> Array:
-        """Return the geometric Jacobian of a point of a link, shape [6, movable joints].
-
-        The first three rows are linear [m/rad], the last three angular, all in the world frame.
-        For a body with a free base the first six columns belong to the base.
-
-        Args:
-            link: Link index.
-            point: The point in the link's frame [m].
-        """
-        order = [j.index for j in self.joints.values()]
-        positions = self.joint_states(order)[0]
-        inertial = bullet.getDynamicsInfo(self.uid, link, physicsClientId=self._client)
-        zero = [0.0] * len(order)
-        # Bullet wants the point relative to the link's centre of mass, along the link's axes.
-        local = np.subtract(point, inertial[3]).tolist()
-        linear, angular = bullet.calculateJacobian(
-            self.uid, link, local, positions, zero, zero, physicsClientId=self._client
-        )
-        return np.vstack((linear, angular))
 
     def set_joints(self, indices: Sequence[int], positions: Vector) -> None:
         """Teleport joints to `positions` [rad or m] at rest."""
@@ -294,13 +264,6 @@ class Body:
                 contactStiffness=stiffness,
                 contactDamping=damping,
                 physicsClientId=self._client,
-            )
-
-    def set_collision_group(self, links: Iterable[int], *, group: int, mask: int) -> None:
-        """Let `links` touch only what shares a bit: mine `group` & its mask, its group & my `mask`."""
-        for link in links:
-            bullet.setCollisionFilterGroupMask(
-                self.uid, link, group, mask, physicsClientId=self._client
             )
 
     def visual_shapes(self) -> list[VisualShape]:

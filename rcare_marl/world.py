@@ -21,6 +21,8 @@ from .errors import ConfigError, WorldError
 from .pose import Array, Pose, Vector
 
 GRAVITY = 9.81  # [m/s²]
+FAR_AWAY = 100.0  # [m]
+STALE_PAIR_PASSES = 12  # of the broad phase, more than any scene has needed
 SOLVER_ITERATIONS = 40  # of contacts and motors a step; ten fewer than Bullet asks for, measured to hold as well
 
 
@@ -292,10 +294,28 @@ class World:
 
         From here on no body can be added: the state could not be restored.
         """
-        if self._start is not None:
+        if self._start is None:
+            self._join_islands()
+        else:
             bullet.removeState(self._start, physicsClientId=self.client)
         self._start = bullet.saveState(physicsClientId=self.client)
         self._marked = [(a, a.is_active) for a in self._attachments]
+
+    def _join_islands(self) -> None:
+        """Tie all jointed bodies together by constraints without force.
+
+        The solver sorts constraints by the island of touching bodies that they belong to, and how it
+        numbers islands depends on what the broad phase has seen since the client was made: with forty
+        iterations the order shows in the seventh digit. Bodies in one island are always in one order.
+        """
+        jointed = [body for body in self.bodies if body.joints]
+        for a, b in zip(jointed, jointed[1:], strict=False):
+            links = (next(iter(body.joints.values())).index for body in (a, b))
+            uid = bullet.createConstraint(
+                a.uid, next(links), b.uid, next(links), bullet.JOINT_GEAR,
+                (1, 0, 0), (0, 0, 0), (0, 0, 0), physicsClientId=self.client,
+            )  # fmt: skip
+            bullet.changeConstraint(uid, gearRatio=1, maxForce=0, physicsClientId=self.client)
 
     def rewind(self) -> None:
         """Return to the marked state, attachments included, and set the clock to zero.
@@ -315,8 +335,23 @@ class World:
                 attachment._make()
             elif attachment.is_active and not was_active:
                 attachment._break()
+        self._forget_pairs()
         bullet.restoreState(self._start, physicsClientId=self.client)
+        bullet.performCollisionDetection(physicsClientId=self.client)
         self.step_count = 0
+
+    def _forget_pairs(self) -> None:
+        """Let the broad phase forget the last episode.
+
+        `restoreState` does not restore it: its fattened boxes, and so its pairs, keep a trace of where
+        bodies have been, and pairs decide the order in which the solver works. Far from everything
+        each box is made anew and no pair is left; a few stale ones are dropped at each pass.
+        """
+        for i, body in enumerate(self.bodies):
+            if body.joints or body.is_movable:
+                body.set_base(Pose((FAR_AWAY * (i + 1), FAR_AWAY, FAR_AWAY)))
+        for _ in range(STALE_PAIR_PASSES):
+            bullet.performCollisionDetection(physicsClientId=self.client)
 
     def contacts(self, a: Body, b: Body | None = None) -> list[Contact]:
         """Return the contact points of `a` with `b`, or with anything, after the last step."""

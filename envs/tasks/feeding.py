@@ -141,6 +141,8 @@ class Feeding(Task):
             self._world.step()
         spoon = self._spoon_body.base_pose().inverse()
         self._food_in_spoon = [spoon @ piece.base_pose() for piece in self._food]
+        for i, piece in enumerate(self._food):  # nothing touches in the state that episodes start from
+            piece.set_base(Pose((0.0, 0.0, APART[2] - i)))
 
     def _start_pose(self, offset: Vector) -> Pose:
         """Return a start pose of the bowl: level, in front of the face, its tip towards it."""

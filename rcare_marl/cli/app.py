@@ -183,8 +183,9 @@ def evaluate(
 ) -> None:
     """Run seeded episodes and report success, forces, spilling and returns.
 
-    The same seed gives the same numbers. peak_force_n is the greatest force of all episodes,
-    spilled the sum over episodes; each metric also has its _mean and _max.
+    In the JSON, peak_force_n is the greatest force of all episodes and spilled the sum.
+
+    Every metric of the task also has its _mean and _max over episodes.
 
     Example: rcare-marl evaluate feeding --policy scripted --episodes 20 --json
     """
@@ -285,8 +286,7 @@ def bench(
 ) -> None:
     """Measure speed: steps, resets, import, and what the environment costs on top of the physics.
 
-    overhead_ratio is the time of a control step over that of its bare physics steps from the same
-    state with the same motor targets.
+    overhead_ratio is the time of a control step over that of its physics steps alone.
 
     Example: rcare-marl bench feeding --json
     """

@@ -22,7 +22,8 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,7 @@ def bench(task: str, steps: int, seed: int, cast: Mapping[str, Any]) -> dict[str
         for _ in range(WARM_STEPS):
             _go_on(env, seed)
             env.step(_actions(env, rng))
-        resets = [_timed(lambda i=i: env.reset(seed=seed + i)) for i in range(RESETS)]  # type: ignore[misc]
+        resets = [_timed(partial(env.reset, seed=seed + i)) for i in range(RESETS)]
         pairs = _step_pairs(env, steps, seed, rng)
         substeps, control_dt = substep_count(env), env.task.control_dt
     finally:
@@ -97,8 +98,7 @@ def import_time(starts: int = STARTS) -> float:
         return _timed(lambda: subprocess.run(command, check=True, capture_output=True))
 
     pairs = [(start("import rcare_marl"), start("pass")) for _ in range(starts)]
-    full, bare = (statistics.median(column) for column in zip(*pairs, strict=True))
-    return full - bare
+    return statistics.median(full for full, _ in pairs) - statistics.median(b for _, b in pairs)
 
 
 def _step_pairs(
@@ -115,7 +115,7 @@ def _step_pairs(
         if number % 2:
             bare = _bare(client, before, substeps)
         bullet.restoreState(before, physicsClientId=client)
-        own = _timed(lambda actions=actions: env.step(actions))  # type: ignore[misc]
+        own = _timed(partial(env.step, actions))
         if not number % 2:
             after = bullet.saveState(physicsClientId=client)
             bare = _bare(client, before, substeps)
@@ -149,7 +149,7 @@ def _actions(env: CareEnv, rng: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def _timed(what: Any) -> float:
+def _timed(what: Callable[[], object]) -> float:
     begin = time.perf_counter()
     what()
     return time.perf_counter() - begin

@@ -30,7 +30,7 @@ VIDEO, PLOT, RECORD = "feeding.mp4", "feeding.png", "feeding.json"
 def run(
     *, episodes: int, seed: int, output: Path | None, video: bool, cast: Mapping[str, Any]
 ) -> None:
-    """Run the demo and leave its files, or nothing if it ends early; arguments as for the command."""
+    """Run the demo and leave its files, or none if it ends early; arguments as for the command."""
     with draft(output or FOLDER, numbered=output is None) as folder:
         env = make(TASK, **cast)
         try:

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from rcare_marl.rendering import Camera, make_renderer
 from rcare_marl.world import World
 
-WIDTH, HEIGHT = 960, 720  # [pixel], even as the codec wants
+SIZE = (960, 720)  # [pixel], even as the codec wants
 QUALITY = 8  # of 10, in imageio-ffmpeg's scale
 BAR = 46  # [pixel] height of the caption
 FONT_SIZE = 20  # [pixel]
@@ -40,7 +40,7 @@ class Film:
         self._last: Picture | None = None
         self._writer = imageio_ffmpeg.write_frames(
             str(path),
-            (WIDTH, HEIGHT),
+            SIZE,
             fps=fps,
             codec="libx264",
             quality=QUALITY,
@@ -51,14 +51,15 @@ class Film:
 
     def add(self, camera: Camera, left: str, right: str, *, good: bool | None = None) -> None:
         """Add a picture with a caption; `good` colours the text on the right green or red."""
-        view = dataclasses.replace(camera, width=WIDTH, height=HEIGHT)
+        width, height = SIZE
+        view = dataclasses.replace(camera, width=width, height=height)
         image = Image.fromarray(self._renderer.render(view))
         pen = ImageDraw.Draw(image, "RGBA")
-        pen.rectangle((0, HEIGHT - BAR, WIDTH, HEIGHT), fill=(20, 24, 28, 200))
-        middle = HEIGHT - BAR // 2
+        pen.rectangle((0, height - BAR, width, height), fill=(20, 24, 28, 200))
+        middle = height - BAR // 2
         colour = {None: "white", True: "#7fd99a", False: "#ff9a8a"}[good]
         pen.text((16, middle), left, font=self._font, fill="white", anchor="lm")
-        pen.text((WIDTH - 16, middle), right, font=self._font, fill=colour, anchor="rm")
+        pen.text((width - 16, middle), right, font=self._font, fill=colour, anchor="rm")
         self._last = np.asarray(image)
         self._writer.send(np.ascontiguousarray(self._last))
 

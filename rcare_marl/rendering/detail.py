@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .mesh import Bytes, Floats, Ints
 
 CELLS = (0.002, 0.004, 0.008, 0.016)  # [m], edge of a cell of each coarser level
+_FINEST = 0.08  # greatest cell, as a share of the size of the mesh
 _SMALLEST = 400  # faces; a mesh with fewer is always drawn as it is
 
 
@@ -31,7 +32,10 @@ def detail_levels(
         bins = (colors[:, :3] >> 5).astype(np.int64)
         kind = ((kind * 8 + bins[:, 0]) * 8 + bins[:, 1]) * 8 + bins[:, 2]
     low = vertices.min(axis=0)
+    size = float(np.ptp(vertices, axis=0).max())
     for cell in CELLS:
+        if cell > _FINEST * size:  # or small things would vanish
+            break
         grid = ((vertices - low) / cell).astype(np.int64)
         place = (grid[:, 0] << 28) + (grid[:, 1] << 14) + grid[:, 2]
         coarse = _clustered(vertices, low + (grid + 0.5) * cell, place, kind, faces)

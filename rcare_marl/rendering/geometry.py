@@ -19,6 +19,8 @@ from .mesh import Floats, Ints, Mesh, shape_mesh
 
 VERTEX = np.dtype([("position", "f4", 3), ("normal", "f4", 3), ("rgba", "u1", 4), ("slot", "u4")])
 
+FLOOR_RGBA = (186, 160, 131, 255)  # light oak, sRGB
+_UNCHOSEN = 0.8  # the grey of a shape that no colour was given to
 _SLAB_WIDTH = 3.0  # [m]; a flat thing wider than that in both directions is a floor
 _SLAB_HEIGHT = 0.3
 _WALL = (
@@ -55,9 +57,16 @@ class Part:
         return self.is_floor and float(np.ptp(self.mesh.vertices[:, 2])) < 0.002
 
     @property
-    def height(self) -> float:
-        """Height of its middle at present [m]."""
-        return float((self.body.base_pose() @ self.shape.pose).position[2])
+    def top(self) -> float:
+        """Height of a level part's upper side at present [m]."""
+        pose = self.body.base_pose() @ self.shape.pose
+        return float(pose.position[2] + np.abs(self.mesh.vertices[:, 2]).max())
+
+    @property
+    def area(self) -> float:
+        """Area of the box around it, seen from above its own frame [m²]."""
+        wide, deep, _ = np.ptp(self.mesh.vertices, axis=0).tolist()
+        return float(wide * deep)
 
     @property
     def casts(self) -> bool:
@@ -83,7 +92,10 @@ def world_parts(world: World) -> list[Part]:
         for shape in body.visual_shapes():
             mesh = shape_mesh(shape) if shape.rgba[3] > 0.003 else None
             if mesh is not None and len(mesh.faces):
-                out.append(Part(body, shape, mesh, _rgba(shape, mesh), is_still))
+                part = Part(body, shape, mesh, _rgba(shape, mesh), is_still)
+                if part.is_floor and (part.is_plane or _is_grey(shape)):
+                    part.rgba[:] = FLOOR_RGBA  # nobody chose a colour
+                out.append(part)
     return out
 
 
@@ -93,6 +105,10 @@ def _rgba(shape: VisualShape, mesh: Mesh) -> npt.NDArray[np.uint8]:
     if mesh.colors is not None and min(shape.rgba[:3]) > 0.99:  # Bullet's white: the file decides
         out[:, :3] = mesh.colors
     return out
+
+
+def _is_grey(shape: VisualShape) -> bool:
+    return bool(np.allclose(shape.rgba[:3], _UNCHOSEN, atol=0.01))
 
 
 @dataclass(frozen=True)
@@ -230,4 +246,4 @@ def _matrices(positions: npt.NDArray[Any], quaternions: npt.NDArray[Any]) -> Flo
     return out
 
 
-__all__ = ["VERTEX", "Geometry", "Part", "Run", "skinned_bodies", "world_parts"]
+__all__ = ["FLOOR_RGBA", "VERTEX", "Geometry", "Part", "Run", "skinned_bodies", "world_parts"]

@@ -12,13 +12,13 @@ from ..pose import Array
 from ..world import World
 from .camera import Camera
 from .detail import level_for
-from .geometry import VERTEX, Geometry, Run, world_parts
+from .geometry import FLOOR_RGBA, VERTEX, Geometry, Part, Run, world_parts
 from .gl_context import make_program, matrix_bytes
 from .gl_skin import SkinBuffers
 from .mesh import Floats
 from .shading import DEPTH_FRAGMENT, DEPTH_VERTEX, surface_program
 
-_FLOOR_RGBA = (186, 160, 131, 255)  # light oak, sRGB
+_COARSENESS = 1.4  # [pixel], of the cells that vertices are joined in
 _FLOOR_HALF = 14.0  # [m]
 _SURFACE = ("3f 3f 4f1 1u4", "in_position", "in_normal", "in_rgba", "in_slot")
 _DEPTH = ("3f 16x 1u4", "in_position", "in_slot")
@@ -91,15 +91,17 @@ class GLScene:
             *self._arrays.values(), self._depth_array, vertices, indices, self._transforms
         ]  # fmt: skip
         self._floor_arrays: list[Any] = []
-        if self._floor and len(planes) == len(floors):
-            # Without a plane it lies a hair below, so that thin things at z = 0 stay visible.
-            self._add_floor(planes[0].height if planes else -0.002)
+        if self._floor:
+            self._add_floor(max(floors, key=lambda part: part.area, default=None))
 
-    def _add_floor(self, height: float) -> None:
+    def _add_floor(self, like: Part | None) -> None:
+        """Draw a floor to the horizon, a hair lower than what lies on it or is one itself."""
+        height = (like.top if like is not None else 0.0) - 0.002
+        rgba = FLOOR_RGBA if like is None else like.rgba[0]
         corners = np.zeros(4, VERTEX)
         corners["position"] = [(x, y, height) for x in (-1, 1) for y in (-1, 1)]
         corners["position"][:, :2] *= _FLOOR_HALF
-        corners["normal"], corners["rgba"] = (0, 0, 1), _FLOOR_RGBA
+        corners["normal"], corners["rgba"] = (0, 0, 1), rgba
         buffer = self._gl.buffer(corners.tobytes())
         index = self._gl.buffer(np.array((0, 2, 1, 1, 2, 3), np.int32).tobytes())
         self._floor_arrays = [
@@ -191,13 +193,13 @@ class GLScene:
 
 
 def _level_of(camera: Camera) -> Level:
-    """Return what picks the level whose cells are as small as a pixel."""
+    """Return what picks the level whose cells are about as small as a pixel."""
     pixel = 2 * math.tan(math.radians(camera.fov_deg) / 2) / camera.height
     eye = np.asarray(camera.eye)
 
     def level(center: Floats, radius: float) -> int:
         nearest = max(float(np.linalg.norm(center - eye)) - radius, camera.near)
-        return level_for(nearest * pixel)
+        return level_for(_COARSENESS * nearest * pixel)
 
     return level
 

@@ -14,22 +14,23 @@ import pybullet as bullet
 
 from ..body import Body
 from ..errors import WorldError
-from ..pose import Pose
-from ..world import World
+from ..pose import Pose, matrix_from_quaternion
+from ..world import Skin, World
 from .camera import Camera
-from .geometry import world_parts
+from .geometry import FLOOR_RGBA, world_parts
 from .mesh import Floats, Ints, SmoothNormals
 from .piece import split_by_color
 from .shading import HORIZON, KEY_DIRECTION
 
-_FLOOR_RGBA = (0.77, 0.67, 0.55, 1.0)
 _FLOOR_HALF = 6.0  # [m]
 
 
 class SoftwareRenderer:
     """Draws a world with PyBullet's TinyRenderer: slow and plain, but it works everywhere.
 
-    Skins are drawn as rigid pieces that follow the links of their body, each of one colour.
+    Skins are drawn as rigid pieces that follow the links of their body, each of one colour; they
+    are cut where the skin lies at the first picture, or at `refresh`. Bullet never frees a mesh
+    (7 MB for a coarse person), so they are not cut anew for each picture.
     """
 
     def __init__(self, world: World, *, shadows: bool = True, floor: bool = True) -> None:
@@ -119,7 +120,7 @@ class SoftwareRenderer:
             self._add_floor(-0.002)
         for part in parts:
             if part.is_plane:
-                self._add_floor(part.height)
+                self._add_floor(part.top)
                 continue
             colors = part.rgba[:, :3]
             for piece in split_by_color(part.mesh.faces, colors):
@@ -128,16 +129,28 @@ class SoftwareRenderer:
                 uid = self._add(vertices, normals, piece.faces, (*piece.rgb, part.alpha * 255))
                 self._copies.append((part.body, part.shape.link, part.shape.pose, uid))
         for skin in self._world.skins:
-            for link, vertices, chosen in skin.rest_pieces():
-                normals = SmoothNormals(skin.faces, len(vertices)).compute(vertices)
-                for piece in split_by_color(skin.faces[chosen], skin.colors[:, :3]):
-                    uid = self._add(
-                        vertices[piece.source],
-                        normals[piece.source],
-                        piece.faces,
-                        (*piece.rgb, 255),
-                    )
-                    self._copies.append((skin.body, link, Pose(), uid))
+            self._add_skin(skin)
+
+    def _add_skin(self, skin: Skin) -> None:
+        """Cut a skin, as it lies now, into pieces that follow a link each."""
+        vertices = skin.vertices()
+        normals = SmoothNormals(skin.faces, len(vertices)).compute(vertices)
+        positions, quaternions = skin.body.link_poses()
+        for link, _, chosen in skin.rest_pieces():
+            # Neighbouring pieces overlap by a row of faces, so that no gap opens where they bend.
+            inside = np.zeros(len(vertices), np.bool_)
+            inside[skin.faces[chosen]] = True
+            faces = skin.faces[inside[skin.faces].any(axis=1)]
+            turn = matrix_from_quaternion(quaternions[link + 1])
+            for piece in split_by_color(faces, skin.colors[:, :3]):
+                local = (vertices[piece.source] - positions[link + 1]) @ turn
+                uid = self._add(
+                    local.astype(np.float32),
+                    (normals[piece.source] @ turn).astype(np.float32),
+                    piece.faces,
+                    (*piece.rgb, 255),
+                )
+                self._copies.append((skin.body, link, Pose(), uid))
 
     def _add(
         self,
@@ -161,7 +174,7 @@ class SoftwareRenderer:
         visual = bullet.createVisualShape(
             bullet.GEOM_BOX,
             halfExtents=(_FLOOR_HALF, _FLOOR_HALF, 0.01),
-            rgbaColor=_FLOOR_RGBA,
+            rgbaColor=[value / 255 for value in FLOOR_RGBA],
             physicsClientId=self._client,
         )
         bullet.createMultiBody(0, -1, visual, (0, 0, height - 0.01), physicsClientId=self._client)

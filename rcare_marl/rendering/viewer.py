@@ -17,12 +17,13 @@ from ..errors import ConfigError, MissingPackageError
 from ..pose import Pose
 from ..world import Skin, World
 from .camera import Camera
-from .geometry import world_parts
+from .geometry import FLOOR_RGBA, world_parts
 from .piece import Piece, split_by_color
 
 SKIN_RATE = 20.0  # [Hz], how often deforming surfaces are sent
 POSE_RATE = 40.0  # [Hz], how often poses are sent
 _SPEEDS = (0.1, 4.0)
+_LINE_RGB = (168, 143, 116)
 _LONGEST_PAUSE = 0.2  # [s]; slower than that and the world is not made to catch up
 
 _LOG = logging.getLogger(__package__)
@@ -132,17 +133,21 @@ class Viewer:
         scene = self._server.scene
         scene.set_up_direction("+z")
         scene.configure_default_lights(enabled=True, cast_shadow=True)
-        scene.configure_environment_map("studio", environment_intensity=0.35)
+        # A sky in place of viser's light maps, with which the page takes seconds to fade in.
+        scene.configure_environment_map(None)
+        scene.add_light_hemisphere(
+            "/sky", sky_color=(235, 242, 255), ground_color=(205, 190, 172), intensity=2.2
+        )
         self._server.gui.configure_theme(control_layout="collapsible", show_share_button=False)
-        scene.add_grid(
+        self._grid = scene.add_grid(
             "/floor",
             infinite_grid=True,
             cell_size=0.2,
-            cell_color=(226, 222, 216),
-            section_color=(200, 195, 188),
+            cell_color=_LINE_RGB,
+            section_color=_LINE_RGB,
             fade_distance=14.0,
             shadow_opacity=0.3,
-            plane_color=(240, 236, 230),
+            plane_color=FLOOR_RGBA[:3],
             plane_opacity=1.0,
             position=(0.0, 0.0, -0.003),
         )
@@ -205,9 +210,14 @@ class Viewer:
             for _, handle in surface.pieces:
                 handle.remove()
         self._nodes, self._surfaces = [], []
-        for number, part in enumerate(world_parts(self._world)):
-            if part.is_plane:
-                continue  # the page has its own
+        parts = world_parts(self._world)
+        floors = [part for part in parts if part.is_floor]
+        if len(floors) == 1:  # the page's own floor goes on to the horizon
+            parts.remove(floors[0])
+            self._grid.position = (0.0, 0.0, floors[0].top - 0.001)
+            red, green, blue, _ = floors[0].rgba[0].tolist()
+            self._grid.plane_color = (red, green, blue)
+        for number, part in enumerate(parts):
             pieces = split_by_color(part.mesh.faces, part.rgba[:, :3], at_most=8)
             for color, piece in enumerate(pieces):
                 handle = scene.add_mesh_simple(

@@ -1,0 +1,241 @@
+"""The command `rcare-marl`: what it prints, what it leaves, and how it fails."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as iio
+import pytest
+from typer.testing import CliRunner
+
+import rcare_marl
+from rcare_marl.baselines import evaluate as baseline
+from rcare_marl.cli import app
+from rcare_marl.cli.folder import draft, write_whole
+
+COMMANDS = ("list", "describe", "evaluate", "demo", "play", "bench")
+FILES = {"feeding.json", "feeding.mp4", "feeding.png"}
+
+
+def call(*arguments: str, code: int = 0) -> Any:
+    result = CliRunner().invoke(app, list(arguments))
+    assert result.exit_code == code, result.output
+    return result
+
+
+def answer(*arguments: str) -> Any:
+    return json.loads(call(*arguments, "--json").stdout)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_each_command_shows_an_example(command: str) -> None:
+    assert f"Example: rcare-marl {command}" in call(command, "--help").stdout
+
+
+def test_help_names_every_command() -> None:
+    text = call("--help").stdout
+    assert all(command in text for command in COMMANDS)
+
+
+def test_version_is_printed() -> None:
+    assert call("--version").stdout.strip() == rcare_marl.__version__
+
+
+def test_list_shows_all_kinds() -> None:
+    text = call("list").stdout
+    for name in ("feeding", "kinova_gen3", "karan", "wheelchair", "cooperative"):
+        assert name in text
+
+
+def test_list_knows_random_for_every_role() -> None:
+    rows = answer("list", "policies")
+    roles = {row["role"] for row in rows}
+    assert {row["role"] for row in rows if row["name"] == "random"} == roles
+    assert {"robot", "recipient", "caregiver"} <= roles
+
+
+def test_describe_tells_actions_observations_and_constants() -> None:
+    facts = answer("describe", "feeding", "--recipient", "jose")
+    robot, recipient = facts["roles"]["robot"], facts["roles"]["recipient"]
+    assert recipient["facts"]["avatar"] == "Jose"
+    env = rcare_marl.make("feeding", recipient="jose")
+    for role, part in (("robot", robot), ("recipient", recipient)):
+        assert len(part["actions"]) == env.action_space(role).shape[0]
+        stops = [row["slice"][1] for row in part["observations"]]
+        starts = [row["slice"][0] for row in part["observations"]]
+        assert [0, *stops] == [*starts, *env.observation_space(role).shape]
+    env.close()
+    assert all(option["about"] for option in facts["options"])
+    limit = next(row for row in facts["constants"] if row["name"] == "FORCE_LIMIT")
+    assert limit["about"].startswith("[N]")
+    assert facts["unplayed_roles"] == ["caregiver"]
+
+
+def test_describe_prints_tables() -> None:
+    text = call("describe", "feeding").stdout
+    for word in ("tool_position", "jaw_opening", "FORCE_LIMIT", "force_limit", "eaten"):
+        assert word in text
+
+
+def test_evaluate_prints_one_json_object_with_all_keys() -> None:
+    result = answer("evaluate", "feeding", "--policy", "random", "--episodes", "1", "--seed", "4")
+    assert result["episodes"] == 1 and result["seed"] == 4 and result["success_rate"] == 0.0
+    assert result.keys() >= {
+        "peak_force_n", "peak_force_n_mean", "peak_force_n_max", "spilled", "time_to_mouth_s_mean",
+        "mean_return", "steps", "policy", "policies", "versions", "success_interval_95",
+    }  # fmt: skip
+
+
+def test_evaluate_takes_role_policies_and_options_and_writes_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "new" / "result.json"
+    result = answer(
+        "evaluate", "feeding", "--policy", "still", "--role-policy", "recipient=still",
+        "--option", "reward=shaped", "--option", "force_limit=15", "--recipient", "jose",
+        "--episodes", "1", "--output", str(file),
+    )  # fmt: skip
+    written = json.loads(file.read_text())
+    assert len(written.pop("each")) == 1 and written == result
+    assert result["policies"] == {"robot": "still", "recipient": "still"}
+    assert result["options"] == {"reward": "shaped", "force_limit": 15}
+    assert result["cast"]["recipient"] == "Jose"
+    assert [path.name for path in file.parent.iterdir()] == ["result.json"]
+
+
+def test_evaluate_prints_a_table() -> None:
+    text = call("evaluate", "feeding", "--episodes", "1").stdout
+    assert "95 % interval" in text and "1 of 1, 100.0 %" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("evaluate", "feedng"), "Did you mean 'feeding'?"),
+        (("describe", "feedng"), "Did you mean 'feeding'?"),
+        (("bench", "feedng"), "Did you mean 'feeding'?"),
+        (("play", "feedng"), "Did you mean 'feeding'?"),
+        (("evaluate", "feeding", "--policy", "scriptd"), "Did you mean 'scripted'?"),
+        (("evaluate", "feeding", "--recipient", "karn"), "Did you mean 'karan'?"),
+        (("evaluate", "feeding", "--role-policy", "robt=still"), "Did you mean 'robot'?"),
+        (("evaluate", "feeding", "--option", "rewrd=paper"), "Did you mean 'reward'?"),
+    ],
+)
+def test_mistake_is_one_line_with_a_suggestion(arguments: tuple[str, ...], message: str) -> None:
+    result = call(*arguments, code=2)
+    assert result.stdout == ""
+    assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1
+    assert message in result.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("list", "robot"),
+        ("evaluate", "feeding", "--episodes", "0"),
+        ("evaluate", "feeding", "--seed", "-1"),
+        ("evaluate", "feeding", "--option", "reward"),
+    ],
+)
+def test_impossible_value_is_refused(arguments: tuple[str, ...]) -> None:
+    call(*arguments, code=2)
+
+
+def test_debug_lets_the_error_through() -> None:
+    result = CliRunner().invoke(app, ["--debug", "describe", "feedng"])
+    assert isinstance(result.exception, rcare_marl.errors.UnknownNameError)
+
+
+def test_demo_leaves_three_whole_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rcare_marl.cli.film.SIZE", (320, 240))
+    folder = tmp_path / "runs" / "one"
+    text = call("demo", "--episodes", "1", "--seed", "2", "--output", str(folder)).stdout
+    assert {file.name for file in folder.iterdir()} == FILES
+    assert [path.name for path in folder.parent.iterdir()] == ["one"]
+    assert all(name in text for name in FILES)
+    record = json.loads((folder / "feeding.json").read_text())
+    steps = record["episodes"][0]["steps"]
+    series = record["episodes"][0]["series"]
+    assert len(series["time_s"]) == len(series["motor_torque_nm"]["robot"]) == steps + 1
+    assert record["summary"]["success_rate"] == 1.0 and "versions" in record["summary"]
+    film = iio.imread(folder / "feeding.mp4", plugin="FFMPEG")
+    assert film.shape[1:] == (240, 320, 3)
+    assert film.shape[0] == steps + 1 + 10  # a picture a control step, and one second of the last
+    assert film.std() > 10
+    assert iio.imread(folder / "feeding.png").shape[0] > 1000
+
+
+def test_demos_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        call("demo", "--episodes", "1", "--no-video")
+    assert sorted(path.name for path in Path("runs").iterdir()) == ["demo-1", "demo-2"]
+    assert {file.name for file in Path("runs/demo-2").iterdir()} == FILES - {"feeding.mp4"}
+
+
+@pytest.mark.parametrize("video", ["--video", "--no-video"])
+def test_interrupted_demo_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, video: str
+) -> None:
+    whole = baseline.run_episode
+    monkeypatch.chdir(tmp_path)
+
+    def interrupted(*args: Any, **options: Any) -> Any:
+        whole(*args, **options)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(baseline, "run_episode", interrupted)
+    result = call("demo", "--episodes", "2", video, code=130)
+    assert result.stdout == "" and result.stderr == "interrupted\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_demo_does_not_overwrite_a_file(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("mine")
+    result = call("demo", "--episodes", "1", "--output", str(tmp_path / "taken"), code=2)
+    assert "there is a file of that name" in result.stderr
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_draft_replaces_files_of_the_same_name_only(tmp_path: Path) -> None:
+    target = tmp_path / "folder"
+    target.mkdir()
+    (target / "old").write_text("old")
+    (target / "both").write_text("old")
+    with draft(target) as folder:
+        (folder.path / "both").write_text("new")
+        folder.publish()
+    assert {file.name: file.read_text() for file in target.iterdir()} == {
+        "old": "old",
+        "both": "new",
+    }
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_file_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(rcare_marl.errors.ConfigError, match="cannot write"):
+        write_whole(tmp_path / "file" / "below", b"")
+
+
+def test_bench_prints_one_json_object_with_all_keys() -> None:
+    result = answer("bench", "feeding", "--steps", "4")
+    keys = (
+        "env_steps_per_s", "physics_steps_per_s", "real_time_factor", "reset_ms", "import_s",
+        "overhead_ratio",
+    )  # fmt: skip
+    assert all(result[key] > 0 for key in keys)
+    assert result["steps"] == 4 and result["physics_steps_per_control_step"] == 24
+
+
+def test_play_tells_where_to_watch_and_stops_calmly(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("viser")
+
+    def stop_after_reset(env: Any, policies: Any, seed: int, *, on_step: Any) -> Any:
+        env.reset(seed=seed)
+        on_step(env)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(baseline, "run_episode", stop_after_reset)
+    lines = call("play", "feeding").stderr.splitlines()
+    assert lines[0].startswith("watch at http://") and lines[1] == "stopped"

@@ -1,0 +1,148 @@
+"""Evaluation: seeded, complete, and the same on every run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rcare_marl
+from rcare_marl.agents.policies.sampled import RandomPolicy
+from rcare_marl.baselines.evaluate import (
+    Evaluation,
+    evaluate,
+    lead_policies,
+    make_players,
+    run_episode,
+    wilson_interval,
+)
+from rcare_marl.baselines.recording import Recorder
+from rcare_marl.envs import CareEnv
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.rendering import make_renderer
+
+
+def run(policy: str, episodes: int, seed: int = 0) -> Evaluation:
+    return evaluate("feeding", lead_policies("feeding", policy), episodes=episodes, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def scripted() -> Evaluation:
+    return run("scripted", 2)
+
+
+def test_same_seeds_give_the_same_numbers(scripted: Evaluation) -> None:
+    assert run("scripted", 2).to_dict(each=True) == scripted.to_dict(each=True)
+
+
+def test_each_episode_has_the_next_seed(scripted: Evaluation) -> None:
+    assert [episode.seed for episode in scripted.episodes] == [0, 1]
+
+
+def test_every_role_has_a_return(scripted: Evaluation) -> None:
+    assert scripted.to_dict()["mean_return"].keys() == {"robot", "recipient"}
+
+
+def test_scripted_robot_succeeds(scripted: Evaluation) -> None:
+    assert scripted.success_rate == 1.0
+    assert scripted.to_dict()["time_to_mouth_s_mean"] > 0
+
+
+def test_random_robot_never_succeeds() -> None:
+    result = run("random", 3)
+    assert result.success_rate == 0.0
+    assert result.policies == {"robot": "random", "recipient": "random"}
+    assert result.to_dict()["time_to_mouth_s_mean"] is None
+
+
+def test_random_stands_for_all_roles_unless_one_is_named() -> None:
+    chosen = lead_policies("feeding", "random", {"recipient": "cooperative"})
+    assert chosen == {"robot": "random", "recipient": "cooperative", "caregiver": "random"}
+
+
+def test_partners_play_beside_a_policy() -> None:
+    chosen = lead_policies("feeding", "scripted")
+    assert chosen == {"robot": "scripted", "recipient": "cooperative", "caregiver": "still"}
+
+
+def test_random_actions_are_a_function_of_the_seed_and_fill_the_box() -> None:
+    policy = RandomPolicy(6)
+    policy.reset(np.random.default_rng(5))
+    first = np.array([policy.act() for _ in range(200)])
+    policy.reset(np.random.default_rng(5))
+    np.testing.assert_array_equal(first, [policy.act() for _ in range(200)])
+    assert first.shape == (200, 6)
+    assert -1 <= first.min() < -0.95 and 0.95 < first.max() <= 1
+
+
+def test_on_episode_hears_of_every_episode() -> None:
+    heard: list[int] = []
+    options = {"recipient": "still"}
+    evaluate("feeding", options, episodes=2, seed=7, on_episode=lambda e: heard.append(e.seed))
+    assert heard == [7, 8]
+
+
+def test_recorder_notes_every_step() -> None:
+    env = rcare_marl.make("feeding")
+    _, players = make_players(env, "feeding", {})
+    record = Recorder()
+    episode = run_episode(env, players, 0, on_step=record)
+    env.close()
+    count = episode.steps + 1
+    assert record.time.shape == record.metric("force_n").shape == (count,)
+    assert record.torques("robot").shape == (count, 7)
+    assert record.time[-1] == pytest.approx(episode.duration)
+    assert record.metric("distance_m")[-1] == episode.metrics["distance_m"]
+
+
+def test_episode_depends_on_its_seed_alone() -> None:
+    env = rcare_marl.make("feeding")
+    _, players = make_players(env, "feeding", {})
+    renderer = make_renderer(env.world, "software")
+    first, after, filmed = Recorder(), Recorder(), Recorder()
+
+    def film(env: CareEnv) -> None:
+        filmed(env)
+        if env.world.step_count % 240 == 0:
+            renderer.render(env.task.camera())
+
+    episode = run_episode(env, players, 0, on_step=first)
+    run_episode(env, players, 1)
+    assert run_episode(env, players, 0, on_step=after) == episode
+    assert run_episode(env, players, 0, on_step=film) == episode
+    assert first.to_dict() == after.to_dict() == filmed.to_dict()
+    renderer.close()
+    env.close()
+
+
+def test_unknown_role_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'recipient'"):
+        lead_policies("feeding", "scripted", {"recipent": "still"})
+
+
+def test_unknown_policy_is_refused_with_a_suggestion() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'scripted'"):
+        run("scriptd", 1)
+
+
+def test_role_without_policy_is_refused() -> None:
+    env = rcare_marl.make("feeding")
+    with pytest.raises(ConfigError, match="no policy for"):
+        run_episode(env, {}, 0)
+    env.close()
+
+
+@pytest.mark.parametrize(("episodes", "seed"), [(0, 0), (1, -1)])
+def test_impossible_numbers_are_refused(episodes: int, seed: int) -> None:
+    with pytest.raises(ConfigError):
+        run("random", episodes, seed)
+
+
+def test_wilson_interval_matches_published_values() -> None:
+    # Newcombe (1998), Statistics in Medicine 17, table I, method 3: 81/263, 15/148, 0/20, 1/29.
+    for successes, count, low, high in (
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ):
+        assert wilson_interval(successes, count) == pytest.approx((low, high), abs=5e-5)
