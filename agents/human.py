@@ -238,6 +238,9 @@ class Human(Agent):
         self._joints = self.body.indices(self.movable)
         self.body.release_motors(self._joints)
         self._start = angles[self._order]
+        # Where a posture starts outside the active range the person cannot go further out.
+        self._lowest = np.minimum(self.active[:, 0], self._start)
+        self._highest = np.maximum(self.active[:, 1], self._start)
         self.body.set_joints(self._joints, self._start)
         self._world = world
         self.frames = [
@@ -303,15 +306,10 @@ class Human(Agent):
 
     def command(self, action: Array, duration: float) -> None:
         """Move each target by `action` times `MAX_SPEED`; active movement ends at the active range."""
-        step = action * (MAX_SPEED * duration)
-        np.clip(self._target + step, *self._reach(), out=self._target)
-
-    def _reach(self) -> tuple[Array, Array]:
-        # Where a posture starts outside the active range the person cannot go further out.
-        return (
-            np.minimum(self.active[:, 0], self._start),
-            np.maximum(self.active[:, 1], self._start),
-        )
+        target = self._target
+        target += action * (MAX_SPEED * duration)
+        np.maximum(target, self._lowest, out=target)
+        np.minimum(target, self._highest, out=target)
 
     def actuate(self) -> None:
         if not self._joints:

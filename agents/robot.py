@@ -216,7 +216,8 @@ class Robot(Agent):
             )
         rest = self.config.postures[self._posture_name]
         self.arm = Arm(world, self.body, self._chain, rest)
-        self._continuous = np.isinf(self.arm.upper)
+        self._period = np.where(np.isinf(self.arm.upper), 2 * np.pi, 1e9)
+        self._tool = self.tool_index
         self.control = make_control(self._control_name, self.arm)
         if isinstance(self.control, ToolDelta):
             self.control.contact_force = self._contact_force
@@ -303,10 +304,10 @@ class Robot(Agent):
 
     def sense(self) -> None:
         positions, self._velocities, _ = self.arm.read()
-        pose = self._chain.tip_pose(positions)
+        pose = self.body.link_pose(self._tool)
         # A continuous joint is at the same place every turn.
-        turns = np.where(self._continuous, (positions + np.pi) % (2 * np.pi) - np.pi, positions)
-        self._positions, self._tool_position = turns, pose.position
+        self._positions = positions - self._period * np.rint(positions / self._period)
+        self._tool_position = pose.position
         self._tool_rotation = rotation_vector(pose.quaternion)
 
     def observables(self) -> Sequence[Observable]:

@@ -18,14 +18,12 @@ from typing import Any
 import numpy as np
 
 import rcare_marl
-from rcare_marl.agents.policies.behaviour_tree import StayStill
-from rcare_marl.agents.policies.sampled import RandomPolicy
 from rcare_marl.agents.policy import Policy
 from rcare_marl.agents.robot import Robot
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.cast import CastEntry, find_policy
-from rcare_marl.envs.registry import policy_names, register_policy, task_class
+from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 RANDOM = "random"  # the one name that stands for everybody, see `lead_policies`
@@ -290,7 +288,6 @@ def make_players(
         UnknownNameError: If a role or a policy does not exist.
         ConfigError: If a role has no policy.
     """
-    know_common_policies(task)
     roles = env.task.roles()
     for role in policies:
         if role not in roles:
@@ -304,25 +301,6 @@ def make_players(
         names[role] = chosen if isinstance(chosen, str) else _name_of(chosen)
         players[role] = find_policy(task, role, chosen)(env, role)
     return names, players
-
-
-def know_common_policies(task: str) -> None:
-    """Make `random` and `still` known for every role of a task; doing it twice does no harm."""
-    for role in task_class(task).roles():
-        known = policy_names(task, role)
-        for name, factory in (("random", sample), ("still", stay_still)):
-            if name not in known:
-                register_policy(task, role, name)(factory)
-
-
-def sample(env: CareEnv, role: str) -> RandomPolicy:
-    """Return a policy that draws every action uniformly from the action box."""
-    return RandomPolicy(env.cast[role].action_size)
-
-
-def stay_still(env: CareEnv, role: str) -> StayStill:
-    """Return a policy that never asks for any movement."""
-    return StayStill(env.cast[role].action_size)
 
 
 def model_names(env: CareEnv) -> dict[str, str]:

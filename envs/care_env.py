@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, final
 
@@ -237,9 +238,10 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
                 raise ActionError(
                     f"action of {role!r} must have shape {wanted}, got {action.shape}"
                 )
-            if not np.isfinite(action).all():
+            values = action.tolist()
+            if not math.isfinite(sum(values)):
                 raise ActionError(f"action of {role!r} must be finite, got {action}")
-            out[role] = np.minimum(np.maximum(action, -1.0), 1.0)
+            out[role] = np.array([min(max(value, -1.0), 1.0) for value in values])
         return out
 
     def render(self) -> npt.NDArray[np.uint8] | None:

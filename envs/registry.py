@@ -7,6 +7,8 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, TypeVar
 
+from rcare_marl.agents.policies.behaviour_tree import StayStill
+from rcare_marl.agents.policies.sampled import RandomPolicy
 from rcare_marl.agents.policy import Policy
 from rcare_marl.errors import ConfigError, UnknownNameError
 
@@ -21,6 +23,19 @@ FactoryT = TypeVar("FactoryT", bound=PolicyFactory)
 
 _TASKS: dict[str, type[Task]] = {}
 _POLICIES: dict[tuple[str, str, str], PolicyFactory] = {}
+
+
+def _random(env: CareEnv, role: str) -> Policy:
+    """Return an agent that draws each action evenly from the action space."""
+    return RandomPolicy(env.cast[role].action_size)
+
+
+def _still(env: CareEnv, role: str) -> Policy:
+    """Return an agent that does not act at all."""
+    return StayStill(env.cast[role].action_size)
+
+
+_COMMON: dict[str, PolicyFactory] = {"random": _random, "still": _still}  # known for every role
 
 
 def register_task(name: str) -> Callable[[TaskClass], TaskClass]:
@@ -75,13 +90,14 @@ def policy_factory(task: str, role: str, name: str) -> PolicyFactory:
     known = policy_names(task, role)
     if name not in known:
         raise UnknownNameError(f"policy of {role!r} in task {task!r}", name, known)
-    return _POLICIES[task, role, name]
+    return _POLICIES.get((task, role, name)) or _COMMON[name]
 
 
 def policy_names(task: str, role: str) -> tuple[str, ...]:
     """Return the names of the policies of a role of a task, sorted."""
     _load_plugins()
-    return tuple(sorted(n for t, r, n in _POLICIES if (t, r) == (task, role)))
+    own = {n for t, r, n in _POLICIES if (t, r) == (task, role)}
+    return tuple(sorted(own | _COMMON.keys()))
 
 
 @lru_cache(maxsize=1)

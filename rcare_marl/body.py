@@ -116,12 +116,19 @@ class Body:
         pose = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self._client))
         return pose @ self._from_inertial if self._has_offset else pose
 
-    def base_position(self) -> tuple[float, float, float]:
-        """Return where the centre of mass of the base is in the world [m]; cheaper than a pose."""
-        position: tuple[float, float, float] = bullet.getBasePositionAndOrientation(
+    def centre_pose(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return where the base's centre of mass is [m] and how its principal axes are turned.
+
+        Cheaper than `base_pose`; see `in_centre_frame`.
+        """
+        pose: tuple[tuple[float, ...], tuple[float, ...]] = bullet.getBasePositionAndOrientation(
             self.uid, physicsClientId=self._client
-        )[0]
-        return position
+        )
+        return pose
+
+    def in_centre_frame(self, pose: Pose) -> Pose:
+        """Return a pose in the base link's frame relative to its centre of mass and principal axes."""
+        return self._from_inertial @ pose
 
     def link_pose(self, index: int) -> Pose:
         """Return the pose of a link's frame in the world; index -1 is the base."""

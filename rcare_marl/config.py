@@ -7,7 +7,7 @@ import math
 import types
 import typing
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -90,7 +90,7 @@ def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") 
         raise ConfigError(f"{where}: {error}") from error
 
 
-@lru_cache(maxsize=None)
+@cache
 def _hints(cls: type) -> dict[str, Any]:
     return typing.get_type_hints(cls)
 

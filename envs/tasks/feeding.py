@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from rcare_marl.agents.human import Human
-from rcare_marl.agents.policies.behaviour_tree import BehaviourTree, StayStill, eat_when_fed
+from rcare_marl.agents.policies.behaviour_tree import BehaviourTree, eat_when_fed
 from rcare_marl.agents.robot import Robot
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, Vector, quaternion_from_rpy, rotate
@@ -114,6 +114,9 @@ class Feeding(Task):
         self._spoon = Spoon()
         self._spoon_body = self._spoon.spawn(world)
         world.set_collision(self._spoon_body, self._chair.body, False)
+        in_spoon = self._spoon_body.in_centre_frame(Pose(self._spoon.bowl))
+        self._bowl_in_spoon = in_spoon.position
+        self._up_in_spoon = rotate(in_spoon.quaternion, self._spoon.up)
         self._mouth_at_rest = self.recipient.mouth_position()
         self._head_dofs = [d for d in self.recipient.movable if d.startswith(("neck", "head"))]
         self._set_spoon(self._start_pose(np.zeros(4)))
@@ -179,9 +182,9 @@ class Feeding(Task):
     def after_step(self) -> None:
         self._force, self._step_force = self._step_force, 0.0
         self._peak_force = max(self._peak_force, self._force)
-        spoon = self._spoon_body.base_pose()
-        self._bowl = rotate(spoon.quaternion, self._spoon.bowl) + spoon.position
-        self._up = rotate(spoon.quaternion, self._spoon.up)
+        position, quaternion = self._spoon_body.centre_pose()
+        self._bowl = rotate(quaternion, self._bowl_in_spoon) + position
+        self._up = rotate(quaternion, self._up_in_spoon)
         lips, self._face = self.recipient.mouth_and_face()
         self._mouth = lips + MOUTH_IN_FRONT * self._face
         self._gap = self._mouth - self._bowl
@@ -194,7 +197,7 @@ class Feeding(Task):
         for i, piece in enumerate(self._food):
             if self._fate[i] != "carried":
                 continue
-            place = piece.base_position()
+            place = piece.centre_pose()[0]
             if is_open and math.dist(place, self._mouth) < MOUTH_RADIUS:
                 piece.set_base(Pose(APART))
                 self._fate[i] = "eaten"
@@ -290,10 +293,3 @@ def cooperative(env: CareEnv, role: str) -> BehaviourTree:
     task = env.task
     assert isinstance(task, Feeding)
     return eat_when_fed(task.recipient, task.bowl_position, task.distance, task.control_dt)
-
-
-@register_policy("feeding", "caregiver", "still")
-@register_policy("feeding", "recipient", "still")
-def still(env: CareEnv, role: str) -> StayStill:
-    """Return a person who does not act at all."""
-    return StayStill(env.cast[role].action_size)

@@ -13,7 +13,6 @@ from typing import Any
 
 from rich.text import Text
 
-from rcare_marl.baselines.evaluate import know_common_policies
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import policy_names, task_class
@@ -30,7 +29,6 @@ def describe(task: str, cast: Mapping[str, Any], options: Mapping[str, Any]) -> 
     cls = task_class(task)
     env = make(task, options=options, **cast)
     try:
-        know_common_policies(task)
         env.reset(seed=0)
         roles = {role: _role(env, task, role) for role in env.cast}
         return {

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from rcare_marl import assets
 from rcare_marl.agents.human import load_avatar, load_posture
 from rcare_marl.agents.robot import load_robot
-from rcare_marl.baselines.evaluate import know_common_policies
 from rcare_marl.envs.registry import policy_factory, policy_names, task_class, task_names
 
 from .console import console, table
@@ -88,7 +87,6 @@ def _postures() -> list[Row]:
 def _policies() -> list[Row]:
     out = []
     for task in task_names():
-        know_common_policies(task)
         for role, part in task_class(task).roles().items():
             for name in policy_names(task, role):
                 out.append(
