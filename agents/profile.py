@@ -170,8 +170,11 @@ class ClinicalProfile:
         side = self.side(dof.side)
         high = _angle(side, dof.positive, kind) * dof.share - dof.clinical_zero
         low = -_angle(side, dof.negative, kind) * dof.share - dof.clinical_zero
-        if low > high:  # a deficit on both ends: the range is a point
+        if low > high:  # deficits at both ends leave a point, for active movement a possible one
             low = high = 0.5 * (low + high)
+            if kind == "active":
+                least, most = self._limit(dof, "passive")
+                low = high = min(max(low, least), most)
         return low, high
 
     def grade(self, dof: Dof, *, positive: bool) -> float:

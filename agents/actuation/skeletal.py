@@ -257,7 +257,7 @@ def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  
         work[i, _CLIPPED] = 0.0
     # A muscle at the end of its strength pulls with that strength, whatever the stiffness: when some
     # are, the accelerations are found once more without theirs.
-    for attempt in range(2):
+    for _ in range(2):
         for i in range(count):
             row, j = table[i], i
             while j >= 0:

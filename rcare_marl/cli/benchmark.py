@@ -13,7 +13,8 @@ that `env.step` reached. The ratio is that of the two medians. The one differenc
 torques of muscles, and those that carry the arm's weight, which Bullet forgets after each physics
 step, are missing from the bare steps. Over half a second that hardly changes the contacts, which are
 what costs (bare steps get 2 to 5 % dearer); over a second and more the person would slump, and the
-ratio look better than it is. Blocks of one control step would time the first touch of restored memory. One thread, garbage collection as usual, `time.perf_counter`, numba compiled before.
+ratio look better than it is. Blocks of one control step would time the first touch of restored memory.
+One thread, garbage collection as usual, `time.perf_counter`, numba compiled before.
 """
 
 from __future__ import annotations

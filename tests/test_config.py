@@ -1,0 +1,135 @@
+"""Malformed YAML gets an error that names the field, what was got and what is allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from rcare_marl import assets
+from rcare_marl.agents.human import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.robot import load_robot
+from rcare_marl.config import load, read_yaml
+from rcare_marl.errors import ConfigError, RcareError, UnknownNameError
+
+KARAN = read_yaml(assets.find("avatars", "karan"))
+
+
+def changed(path: str, value: Any) -> dict[str, Any]:
+    """Return Karan's file with one value changed; `path` is dotted."""
+    data = yaml.safe_load(yaml.safe_dump(KARAN))
+    *parents, last = path.split(".")
+    place = data
+    for key in parents:
+        place = place[key]
+    place[last] = value
+    return data
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("name", 3, "name: expected str"),
+        ("condition", None, "condition: expected str"),
+        ("sex", "man", "female"),
+        ("height_m", "tall", "height_m: expected float"),
+        ("height_m", 17.0, "height_m must lie in"),
+        ("mass_kg", -1, "mass_kg must lie in"),
+        ("mass_kg", True, "mass_kg: expected float"),
+        ("mass_kg", float("nan"), "finite"),
+        ("age_years", 200, "age_years must lie in"),
+        ("body", 1.0, "body: expected str"),
+        ("heigth_m", 1.7, "Did you mean 'height_m'"),
+        ("profile", [], "profile: expected a mapping"),
+        ("profile.lft", {}, "Did you mean 'left'"),
+        ("profile.left.mmt.elbow_flexors", 7, "grade from 0 to 5"),
+        ("profile.left.mmt.elbow_flexers", 3, "Did you mean 'elbow_flexors'"),
+        ("profile.left.mmt.elbow_flexors", "three", "expected float"),
+        ("profile.left.prom_deg.elbow_flexon", 3, "Did you mean 'elbow_flexion'"),
+        ("profile.left.prom_deg.elbow_flexion", 400, "-90..190"),
+        ("profile.left.arom_deg.shoulder_flexion", 150, "beyond the passive range"),
+        ("profile.left.spasticity.elbow_flexors", "5", "Modified Ashworth"),
+        ("profile.left.spasticity.elbow", "1", "elbow_flexors"),
+        ("profile.left.sensation", "some", "reduced"),
+        ("profile.vitals.heart_rate", 500, "heart_rate must lie in"),
+        ("profile.vitals.systolic", 40, "blood pressure"),
+        ("profile.vitals.temperature", 20, "temperature must lie in"),
+    ],
+)
+def test_each_wrong_field_of_an_avatar_is_named(path: str, value: Any, message: str) -> None:
+    with pytest.raises(RcareError, match=message):
+        load(AvatarConfig, changed(path, value))
+
+
+@pytest.mark.parametrize("missing", ["name", "condition", "sex", "height_m", "mass_kg", "body"])
+def test_each_missing_field_of_an_avatar_is_named(missing: str) -> None:
+    with pytest.raises(ConfigError, match=f"missing {missing}"):
+        load(AvatarConfig, {key: value for key, value in KARAN.items() if key != missing})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name: [", "not valid YAML"),
+        ("- a\n- b", "expected a mapping"),
+        ("name: a\nname: b", "stands twice"),
+        ("", "expected a mapping"),
+    ],
+)
+def test_a_file_that_is_no_mapping_is_named(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "me.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_avatar(file)
+    assert "me.yaml" in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="nobody.yaml"):
+        load_avatar(tmp_path / "nobody.yaml")
+
+
+def test_a_file_that_is_not_text_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "me.yaml"
+    file.write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(ConfigError, match="me.yaml"):
+        load_avatar(file)
+
+
+def test_a_misspelt_name_gets_the_nearest_one() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'karan'"):
+        load_avatar("karen")
+    with pytest.raises(UnknownNameError, match="Did you mean 'wheelchair'"):
+        load_posture("wheelchiar")
+    with pytest.raises(UnknownNameError, match="Did you mean 'kinova_gen3'"):
+        load_robot("kinova_gen33")
+
+
+def test_a_posture_with_an_unknown_angle_or_joint_is_refused(tmp_path: Path) -> None:
+    good = read_yaml(assets.find("postures", "standing"))
+    for change, message in (
+        ({"angles_deg": {"knee_flexon": 3}}, "knee_flexion"),
+        ({"rests_on": ["left_anckle"]}, "left_ankle"),
+        ({"rests_on": []}, "at least one"),
+        ({"sink": 1.0}, "sink"),
+        ({"arms": "up"}, "armrests"),
+    ):
+        file = tmp_path / "posture.yaml"
+        file.write_text(yaml.safe_dump({**good, **change}))
+        with pytest.raises(RcareError, match=message):
+            load_posture(file)
+
+
+@pytest.mark.parametrize("kind", ["avatars", "postures", "robots"])
+def test_every_shipped_file_loads(kind: str) -> None:
+    loader = {"avatars": load_avatar, "postures": load_posture, "robots": load_robot}[kind]
+    for name in assets.names(kind):
+        loader(name)
+
+
+def test_synthetic_profiles_say_so_and_name_their_sources() -> None:
+    for name in assets.names("avatars"):
+        text = assets.find("avatars", name).read_text()
+        assert "SYNTHETIC" in text and "AAOS" in text
