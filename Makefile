@@ -26,7 +26,7 @@ test-all: $(STAMP)  ## all tests, the slow ones too
 	@$(BIN)/python -m pytest -q -m "" $(ARGS)
 
 lint: $(STAMP)  ## ruff
-	@$(BIN)/ruff check .
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check -q .
 
 types: $(STAMP)  ## mypy, strict
 	@$(BIN)/mypy

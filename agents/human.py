@@ -83,7 +83,10 @@ class AvatarConfig:
 def load_avatar(name: str | Path) -> AvatarConfig:
     """Return the avatar of that name, or from that YAML file."""
     path = Path(name)
-    return load(AvatarConfig, path if path.suffix in (".yaml", ".yml") else assets.find("avatars", str(name)))
+    return load(
+        AvatarConfig,
+        path if path.suffix in (".yaml", ".yml") else assets.find("avatars", str(name)),
+    )
 
 
 def load_posture(name: str | Path) -> PostureConfig:
@@ -230,9 +233,7 @@ class Human(Agent):
         self.angles = angles
         urdf = person_urdf(avatar, "passive", movable=self.movable, posture=angles)
         file = cached(avatar.name.lower().replace(" ", "_"), ".urdf", urdf.text)
-        self.body = world.load_urdf(
-            file, self.pelvis, name=self.name, fixed=self._fixed_base
-        )
+        self.body = world.load_urdf(file, self.pelvis, name=self.name, fixed=self._fixed_base)
         self.body.set_damping()
         self.body.set_friction(range(-1, self.body.link_count), lateral=FRICTION)
         self._joints = self.body.indices(self.movable)
@@ -332,7 +333,9 @@ class Human(Agent):
         local = np.eye(4)
         local[:3, :3], local[:3, 3] = frame.rotation, frame.offset
         matrix = link.matrix() @ local
-        return Pose(tuple(matrix[:3, 3].tolist()), tuple(quaternion_from_matrix(matrix[:3, :3]).tolist()))
+        return Pose(
+            tuple(matrix[:3, 3].tolist()), tuple(quaternion_from_matrix(matrix[:3, :3]).tolist())
+        )
 
     def contact_forces(self, by: Body | None = None) -> dict[str, float]:
         """Return the normal force on each touched segment [N], by SMPL-X joint, after the last step.

@@ -213,7 +213,10 @@ def normal_strength(sex: Sex) -> Array:
     norms = clinical_norms()
     factor = norms.female_strength if sex == "female" else 1.0
     return np.array(
-        [factor * max(_torque(norms.motions, d.positive), _torque(norms.motions, d.negative)) for d in DOFS]
+        [
+            factor * max(_torque(norms.motions, d.positive), _torque(norms.motions, d.negative))
+            for d in DOFS
+        ]
     )
 
 

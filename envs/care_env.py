@@ -111,14 +111,14 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         self.task.build(self.world)
         self.world.mark_start()
 
-    def observation_space(self, agent: str) -> spaces.Box:
+    def observation_space(self, agent: str) -> spaces.Box[np.float32]:
         return self._vectors[self._known(agent)].space
 
-    def action_space(self, agent: str) -> spaces.Box:
+    def action_space(self, agent: str) -> spaces.Box[np.float32]:
         return self._spaces[self._known(agent)]
 
     @property
-    def state_space(self) -> spaces.Box:
+    def state_space(self) -> spaces.Box[np.float32]:
         """The space of `state`."""
         size = sum(vector.size for vector in self._vectors.values())
         return spaces.Box(-np.inf, np.inf, (size,), np.float32)

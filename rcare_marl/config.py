@@ -42,7 +42,7 @@ class _Loader(yaml.SafeLoader):
     """Refuses a key that stands twice, which YAML's own loader silently lets win."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]  # type: ignore[no-untyped-call]
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
         for key in keys:
             if keys.count(key) > 1:
                 raise yaml.constructor.ConstructorError(
@@ -68,7 +68,7 @@ def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") 
     where = where or (str(source) if is_file else cls.__name__)
     if not isinstance(data, Mapping):
         raise ConfigError(f"{where}: expected a mapping, got {type(data).__name__}")
-    hints = _hints(cls)
+    hints = _hints(typing.cast(Any, cls))
     for key in data:
         if key not in hints:
             raise UnknownNameError(f"field of {cls.__name__} ({where})", str(key), hints)
@@ -91,7 +91,7 @@ def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") 
 
 
 @cache
-def _hints(cls: type) -> dict[str, Any]:
+def _hints(cls: Any) -> dict[str, Any]:
     return typing.get_type_hints(cls)
 
 
@@ -113,7 +113,9 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
             for k, v in value.items()
         }
     if origin is typing.Literal:
-        if value not in args or isinstance(value, bool) != isinstance(args[args.index(value)], bool):
+        if value not in args or isinstance(value, bool) != isinstance(
+            args[args.index(value)], bool
+        ):
             raise UnknownNameError(f"value for {where}", str(value), [str(a) for a in args])
         return value
     if hint is float and isinstance(value, int) and not isinstance(value, bool):

@@ -40,9 +40,7 @@ class Pose:
     def inverse(self) -> "Pose":
         """Return the pose of the reference frame in this pose's frame."""
         back = conjugate(self.quaternion)
-        return Pose(
-            tuple((-rotate(back, self.position)).tolist()), tuple(back.tolist())
-        )
+        return Pose(tuple((-rotate(back, self.position)).tolist()), tuple(back.tolist()))
 
     def matrix(self) -> Array:
         """Return the homogeneous transform, shape [4, 4]."""

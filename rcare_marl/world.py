@@ -23,7 +23,9 @@ from .pose import Array, Pose, Vector
 GRAVITY = 9.81  # [m/s²]
 FAR_AWAY = 100.0  # [m]
 STALE_PAIR_PASSES = 12  # of the broad phase, more than any scene has needed
-SOLVER_ITERATIONS = 30  # for contacts and motors, of Bullet's 50: food stays on the spoon just as well
+SOLVER_ITERATIONS = (
+    30  # for contacts and motors, of Bullet's 50: food stays on the spoon just as well
+)
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,8 @@ class World:
         self._start: int | None = None
         # Bullet sorts overlapping pairs by address unless told otherwise: that breaks repeatability.
         bullet.setPhysicsEngineParameter(
-            fixedTimeStep=physics_dt, numSolverIterations=SOLVER_ITERATIONS,
+            fixedTimeStep=physics_dt,
+            numSolverIterations=SOLVER_ITERATIONS,
             deterministicOverlappingPairs=1,
             physicsClientId=self.client,
         )

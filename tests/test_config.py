@@ -19,7 +19,7 @@ KARAN = read_yaml(assets.find("avatars", "karan"))
 
 def changed(path: str, value: Any) -> dict[str, Any]:
     """Return Karan's file with one value changed; `path` is dotted."""
-    data = yaml.safe_load(yaml.safe_dump(KARAN))
+    data: dict[str, Any] = yaml.safe_load(yaml.safe_dump(KARAN))
     *parents, last = path.split(".")
     place = data
     for key in parents:

@@ -121,9 +121,7 @@ def test_the_trunk_and_head_bend_the_way_they_say() -> None:
 def test_segment_masses_sum_to_the_weight(avatar: str) -> None:
     config = load_avatar(avatar)
     for movable in (None, ("head", "jaw_opening"), ()):
-        root = ElementTree.fromstring(
-            person_urdf(config, "passive", movable=_names(movable)).text
-        )
+        root = ElementTree.fromstring(person_urdf(config, "passive", movable=_names(movable)).text)
         masses = [float(mass.get("value", "nan")) for mass in root.iter("mass")]
         assert sum(masses) == pytest.approx(config.mass_kg, rel=1e-4)
 
@@ -362,7 +360,9 @@ def test_the_mouth_follows_head_and_jaw() -> None:
 def test_forearms_lie_on_the_armrests_and_not_in_them(avatar: str) -> None:
     _, human = spawned(avatar)
     for side in SIDES:
-        elbow, wrist = (np.array(human.joint_pose(f"{side}_{j}").position) for j in ("elbow", "wrist"))
+        elbow, wrist = (
+            np.array(human.joint_pose(f"{side}_{j}").position) for j in ("elbow", "wrist")
+        )
         radius = human.segments[f"{side}_elbow"].shapes[0].size[1]
         for point in (elbow, wrist):
             assert 0.77 + 0.5 * radius < point[2] < 0.77 + radius + 0.04

@@ -84,7 +84,9 @@ def test_a_person_with_a_users_own_smplx_body_stands_in_the_world(smplx_file: Pa
         ("f", np.full((5, 3), 99999), "faces name vertices"),
     ],
 )
-def test_a_misshapen_smplx_file_is_named(tmp_path: Path, key: str, value: Any, message: str) -> None:
+def test_a_misshapen_smplx_file_is_named(
+    tmp_path: Path, key: str, value: Any, message: str
+) -> None:
     file = tmp_path / "SMPLX_WRONG.npz"
     np.savez(file, **{**synthetic_smplx(), key: value})
     with pytest.raises(ConfigError, match=message):

@@ -42,10 +42,13 @@ def test_a_lifted_box_touches_nothing(world: World) -> None:
 
 
 def test_rewind_brings_back_the_marked_state_to_the_bit(world: World) -> None:
-    boxes = [world.add_box((0.2, 0.2, 0.2), Pose((0.05 * i, 0, 0.5 + 0.3 * i)), mass=1) for i in range(3)]
+    boxes = [
+        world.add_box((0.2, 0.2, 0.2), Pose((0.05 * i, 0, 0.5 + 0.3 * i)), mass=1) for i in range(3)
+    ]
     world.mark_start()
-    first = []
-    for history in (first, again := []):
+    first: list[list[Pose]] = []
+    again: list[list[Pose]] = []
+    for history in (first, again):
         world.rewind()
         assert world.time == 0.0
         for _ in range(120):
@@ -115,7 +118,9 @@ _ARM = """<robot name="arm"><link name="root"/>
 <limit lower="-2" upper="1" effort="10" velocity="5"/></joint></robot>"""
 
 
-def test_names_find_joints_and_links_and_a_typo_gets_the_nearest(world: World, tmp_path: Path) -> None:
+def test_names_find_joints_and_links_and_a_typo_gets_the_nearest(
+    world: World, tmp_path: Path
+) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(_ARM)
     arm = world.load_urdf(file, Pose((0, 0, 1)))
@@ -127,7 +132,9 @@ def test_names_find_joints_and_links_and_a_typo_gets_the_nearest(world: World, t
         arm.link_index("uper")
 
 
-def test_the_base_frame_is_that_of_the_urdf_wherever_its_mass_lies(world: World, tmp_path: Path) -> None:
+def test_the_base_frame_is_that_of_the_urdf_wherever_its_mass_lies(
+    world: World, tmp_path: Path
+) -> None:
     file = tmp_path / "stick.urdf"
     file.write_text(
         '<robot name="stick"><link name="stick"><inertial><origin xyz="0 0 0.3" rpy="0.4 0 1"/>'

@@ -78,7 +78,9 @@ def make_chain(
     parents: list[int] = []
     axes, rotations, offsets = [], [], []
     flesh: list[list[tuple[float, Array, Array]]] = []  # of each part: masses, centres, inertias
-    frames: list[tuple[int, Array, Array]] = []  # of each SMPL-X joint: part, rotation, offset in it
+    frames: list[
+        tuple[int, Array, Array]
+    ] = []  # of each SMPL-X joint: part, rotation, offset in it
     for j, joint in enumerate(JOINTS):
         part, rotation, offset = (-1, np.eye(3), np.zeros(3))
         if j:
@@ -106,7 +108,11 @@ def make_chain(
                 )
             )
     count = len(names)
-    sliver = (0.0, np.zeros(3), LEAST_INERTIA * np.eye(3))  # links of an axis alone, see body/urdf.py
+    sliver = (
+        0.0,
+        np.zeros(3),
+        LEAST_INERTIA * np.eye(3),
+    )  # links of an axis alone, see body/urdf.py
     bodies = [combined(parts) if parts else sliver for parts in flesh]
     return Chain(
         names=tuple(names),

@@ -28,7 +28,9 @@ Array = npt.NDArray[np.float64]
 # Our own choices; no measurement of everyday joint impedance covers all 112 degrees of freedom.
 STIFFNESS_PER_TORQUE = 2.5  # [1/rad]: full strength answers an error of 0.4 rad
 TISSUE_DAMPING_PER_TORQUE = 0.02  # [s/rad]
-MAX_FREQUENCY = 40.0  # [rad/s] of a joint on its own stiffness: a finger's strength is not its stiffness
+MAX_FREQUENCY = (
+    40.0  # [rad/s] of a joint on its own stiffness: a finger's strength is not its stiffness
+)
 
 # Columns of the kernel's table, one row a DoF.
 _AXIS, _OFFSET, _CENTRE, _ROTATION, _TENSOR = 0, 3, 6, 9, 18
@@ -90,7 +92,9 @@ class SkeletalDrive:
         self._matrices = np.zeros((2, count, count))
         self._out = np.zeros(count)
 
-    def torques(self, positions: list[float], velocities: list[float], gravity: Array) -> list[float]:
+    def torques(
+        self, positions: list[float], velocities: list[float], gravity: Array
+    ) -> list[float]:
         """Return joint torques [N·m], length n.
 
         Args:
@@ -116,7 +120,7 @@ _WEIGHT, _CLIPPED = 31, 32  # torque against gravity; 0, or the sign of the stre
 _WORK = 33
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _place(table, parents, positions, work) -> None:  # type: ignore[no-untyped-def]
     """Find where every part is, and its own mass, first moment and inertia."""
     for i in range(table.shape[0]):
@@ -148,7 +152,9 @@ def _place(table, parents, positions, work) -> None:  # type: ignore[no-untyped-
                 mine[_R + 3 * a + b] = f0 * turn[0][b] + f1 * turn[1][b] + f2 * turn[2][b]
         for a in range(3):
             r0, r1, r2 = mine[3 * a], mine[3 * a + 1], mine[3 * a + 2]
-            centre = mine[_P + a] + r0 * row[_CENTRE] + r1 * row[_CENTRE + 1] + r2 * row[_CENTRE + 2]
+            centre = (
+                mine[_P + a] + r0 * row[_CENTRE] + r1 * row[_CENTRE + 1] + r2 * row[_CENTRE + 2]
+            )
             mine[_H + a] = row[_MASS] * centre
             mine[_A + a] = r0 * x + r1 * y + r2 * z
         mine[_M] = row[_MASS]
@@ -159,7 +165,7 @@ def _place(table, parents, positions, work) -> None:  # type: ignore[no-untyped-
         mine[_V + 2] = mine[_P] * mine[_A + 1] - mine[_P + 1] * mine[_A]
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _tensor(row, mine) -> None:  # type: ignore[no-untyped-def]
     """Write a part's inertia about the origin of the pelvis."""
     squared = 0.0
@@ -181,7 +187,7 @@ def _tensor(row, mine) -> None:  # type: ignore[no-untyped-def]
             mine[_I + 3 * a + b] = value
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _mass_matrix(parents, gravity, work, matrix) -> None:  # type: ignore[no-untyped-def]
     """Write the mass matrix, lower triangle, and the torques that hold the parts against gravity."""
     for i in range(parents.shape[0] - 1, -1, -1):
@@ -216,7 +222,7 @@ def _mass_matrix(parents, gravity, work, matrix) -> None:  # type: ignore[no-unt
         )
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _solve(parents, matrix, x) -> None:  # type: ignore[no-untyped-def]
     """Solve in place; fill-in stays on the branches of the tree (matrix = Lᵀ L)."""
     count = x.shape[0]
@@ -247,7 +253,7 @@ def _solve(parents, matrix, x) -> None:  # type: ignore[no-untyped-def]
         x[i] /= matrix[i, i]
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  # type: ignore[no-untyped-def]
     """Write the torque of each DoF into `out`."""
     count = table.shape[0]
@@ -297,7 +303,7 @@ def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  
             break
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True)
 def _spent(row, sign):  # type: ignore[no-untyped-def]
     """Return the torque of a muscle at the end of its strength."""
     return row[_STRENGTH_ALONG] if sign > 0 else -row[_STRENGTH_AGAINST]

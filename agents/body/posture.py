@@ -158,9 +158,7 @@ def lay_arm(
     def residual(x: Array) -> Array:
         out[chosen] = x
         rotations, positions = _arm_chain(rest, out, wrist)
-        at = {
-            j: (to_pad @ base @ np.append(positions[j], 1.0))[:3] for j in (elbow, wrist)
-        }
+        at = {j: (to_pad @ base @ np.append(positions[j], 1.0))[:3] for j in (elbow, wrist)}
         palm = to_pad[:3, :3] @ base[:3, :3] @ rotations[wrist] @ np.array((0.0, 1.0, 0.0))
         error = [
             at[elbow][1], at[elbow][2] - clearance, at[wrist][1], at[wrist][2] - clearance,
@@ -214,5 +212,3 @@ def _least_squares(residual: object, start: Array, bounds: Array) -> Array:
             if damping > 1e6:
                 break
     return x
-
-

@@ -160,7 +160,9 @@ def _fit(joint: str, points: Array, model: BodyModel) -> tuple[Shape, ...]:
     if kind == "head":
         level = np.quantile(points[:, 1], 0.5)
         cranium = points[points[:, 1] > level]
-        face = points[(points[:, 2] > np.quantile(points[:, 2], 0.4)) & (points[:, 1] < level + 0.06)]
+        face = points[
+            (points[:, 2] > np.quantile(points[:, 2], 0.4)) & (points[:, 1] < level + 0.06)
+        ]
         return (_capsule(cranium, axis=2), _capsule(face, axis=1))
     to_end = _far_end(joint, model)
     if not to_end.any():

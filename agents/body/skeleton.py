@@ -28,7 +28,33 @@ JOINTS: tuple[str, ...] = BODY + tuple(
 )
 JOINT_INDEX = {name: i for i, name in enumerate(JOINTS)}
 
-_BODY_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15)
+_BODY_PARENTS = (
+    -1,
+    0,
+    0,
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    9,
+    9,
+    12,
+    13,
+    14,
+    16,
+    17,
+    18,
+    19,
+    15,
+    15,
+    15,
+)
 PARENTS: tuple[int, ...] = _BODY_PARENTS + tuple(
     wrist if k == 0 else first + 3 * finger + k - 1
     for wrist, first in ((20, 25), (21, 40))
@@ -150,8 +176,10 @@ def _mirrored(axis: Axis, side: str) -> Axis:
     return axis if side == "left" else (axis[0], -axis[1], -axis[2])
 
 
-def _finger_motion(suffix: str, motion: str) -> str:
+def _clinical_motion(suffix: str, motion: str) -> str:
     """Return the clinical name: the thumb has its own joints, the fingers share theirs."""
+    if suffix in _LEFT:
+        return f"{suffix.removesuffix('_smplhf')}_{motion}"
     level = ("cmc", "mcp", "ip") if suffix.startswith("thumb") else ("mcp", "pip", "dip")
     owner = "thumb" if suffix.startswith("thumb") else "finger"
     return f"{owner}_{level[int(suffix[-1]) - 1]}_{motion}"
@@ -166,19 +194,17 @@ def _limb_dofs(joint: str) -> list[Dof]:
     dofs = []
     for suffix, positive, negative, axis in rows:
         clinical = suffix.removesuffix("_smplhf")
-        is_finger = suffix not in _LEFT
-        name = (lambda m, s=suffix: _finger_motion(s, m)) if is_finger else (
-            lambda m, c=clinical: f"{c}_{m}"
-        )
         dofs.append(
             Dof(
                 name=f"{side}_{clinical}_{positive}",
                 joint=joint,
                 axis=_mirrored(axis, side),
-                positive=name(positive),
-                negative=name(negative),
+                positive=_clinical_motion(suffix, positive),
+                negative=_clinical_motion(suffix, negative),
                 share=1.0,
-                clinical_zero=math.pi / 2 if clinical == "shoulder" and positive == "abduction" else 0.0,
+                clinical_zero=math.pi / 2
+                if clinical == "shoulder" and positive == "abduction"
+                else 0.0,
                 side=side,
             )
         )

@@ -70,7 +70,7 @@ class BodyModel:
         return out
 
 
-@numba.njit(cache=True, fastmath=False)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, fastmath=False)
 def _blend(  # type: ignore[no-untyped-def]
     vertices, weight_joints, weights, rotations, offsets, out
 ) -> None:
@@ -101,7 +101,9 @@ def load_body_model(path: str | Path) -> BodyModel:
             wanted = _SMPLX_KEYS if is_smplx else _BAKED_KEYS
             missing = [key for key in wanted if key not in data.files]
             if missing:
-                raise ConfigError(f"{file} lacks {', '.join(missing)}; it has {', '.join(data.files)}")
+                raise ConfigError(
+                    f"{file} lacks {', '.join(missing)}; it has {', '.join(data.files)}"
+                )
             arrays = {key: np.asarray(data[key]) for key in wanted}
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         if isinstance(error, ConfigError):
@@ -144,7 +146,9 @@ def _from_smplx(a: dict[str, npt.NDArray[Any]], file: Path) -> BodyModel:
         )
     full = a["weights"].astype(np.float32)
     if full.shape != (len(vertices), len(JOINTS)):
-        raise ConfigError(f"{file}: weights must be {(len(vertices), len(JOINTS))}, got {full.shape}")
+        raise ConfigError(
+            f"{file}: weights must be {(len(vertices), len(JOINTS))}, got {full.shape}"
+        )
     if a["J_regressor"].shape != (len(JOINTS), len(vertices)):
         raise ConfigError(
             f"{file}: J_regressor must be {(len(JOINTS), len(vertices))}, got {a['J_regressor'].shape}"
@@ -237,5 +241,7 @@ class PersonSkin:
             faces = np.flatnonzero(owner == j).astype(np.int32)
             if len(faces):
                 local = (self.model.vertices - self.model.joints[j]) @ self._rotations[j].T
-                pieces.append((int(self._links[j]) - 1, (local + self._offsets[j]).astype(np.float32), faces))
+                pieces.append(
+                    (int(self._links[j]) - 1, (local + self._offsets[j]).astype(np.float32), faces)
+                )
         return pieces

@@ -140,8 +140,17 @@ def _write_link(root: ElementTree.Element, link: _Link) -> None:
     inertial = ElementTree.SubElement(element, "inertial")
     ElementTree.SubElement(inertial, "origin", xyz=_text(centre), rpy="0 0 0")
     ElementTree.SubElement(inertial, "mass", value=f"{mass:.8f}")
-    rows = ((0, 0, "ixx"), (0, 1, "ixy"), (0, 2, "ixz"), (1, 1, "iyy"), (1, 2, "iyz"), (2, 2, "izz"))
-    ElementTree.SubElement(inertial, "inertia", {key: f"{inertia[a, b]:.10f}" for a, b, key in rows})
+    rows = (
+        (0, 0, "ixx"),
+        (0, 1, "ixy"),
+        (0, 2, "ixz"),
+        (1, 1, "iyy"),
+        (1, 2, "iyz"),
+        (2, 2, "izz"),
+    )
+    ElementTree.SubElement(
+        inertial, "inertia", {key: f"{inertia[a, b]:.10f}" for a, b, key in rows}
+    )
     for shape, rotation, offset in link.shapes:
         collision = ElementTree.SubElement(element, "collision")
         ElementTree.SubElement(

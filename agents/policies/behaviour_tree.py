@@ -112,7 +112,10 @@ def eat_when_fed(
     taking = Sequence(
         "take the food",
         memory=False,
-        children=[Condition("spoon is near", lambda: gap() < 0.20), mouth("open the mouth", widest)],
+        children=[
+            Condition("spoon is near", lambda: gap() < 0.20),
+            mouth("open the mouth", widest),
+        ],
     )
     eating = Selector("eat", memory=False, children=[taking, mouth("close the mouth", 0.0)])
     root = Parallel(

@@ -20,6 +20,19 @@ _SPOKES = 24
 _SIDEWAYS = (-math.pi / 2, 0.0, 0.0)  # turns z to +y, the axle of wheels
 
 
+_Tube = tuple[str, float, list[Triple]]  # material, rounding of the corners [m], path
+
+
+def _tube(material: str, bend: float, points: list[Triple]) -> Shape:
+    return Shape(
+        kind="tube",
+        material=material,
+        radius=_TUBE if material == "frame" else 0.009,
+        bend=bend,
+        points=tuple(points),
+    )
+
+
 @dataclass(frozen=True)
 class WheelchairConfig:
     """Dimensions of a wheelchair [m]; see `assets/devices/wheelchair.yaml`."""
@@ -228,7 +241,7 @@ class Wheelchair(Device):
         front, rear = 0.5 * c.seat_depth + 0.02, self._back(c.seat_height) - 0.04
         top = c.handle_height
         low = 0.5 * c.wheel_diameter - 0.04
-        out: list[tuple[str, float, list[Triple]]] = []
+        out: list[_Tube] = []
         for sign in (1, -1):
             y, arm = sign * side, sign * self._armrest_y()
             cane = self._back(top) - 0.055
@@ -300,39 +313,7 @@ class Wheelchair(Device):
                     ],
                 )
             )
-        head = c.seat_height + c.headrest_height
-        low_bar = c.seat_height + c.backrest_height - 0.1
-        out.append(
-            (
-                "steel",
-                0.0,
-                [
-                    (self._back(low_bar) - 0.06, -side, low_bar),
-                    (self._back(low_bar) - 0.06, side, low_bar),
-                ],
-            )
-        )
-        out.append(
-            (
-                "steel",
-                0.04,
-                [
-                    (self._back(low_bar) - 0.06, 0.0, low_bar),
-                    (self._back(head) - 0.09, 0.0, head - 0.05),
-                    (self._back(head) + c.headrest_forward - 0.05, 0.0, head),
-                ],
-            )
-        )
-        shapes = [
-            Shape(
-                kind="tube",
-                material=material,
-                radius=_TUBE if material == "frame" else 0.009,
-                bend=bend,
-                points=tuple(points),
-            )
-            for material, bend, points in out
-        ]
+        shapes = [_tube(*each) for each in (*out, *self._headrest_tubes(side))]
         for sign in (1, -1):  # rubber grips on the push handles
             x = self._back(top) - 0.055
             shapes.append(
@@ -346,7 +327,32 @@ class Wheelchair(Device):
                     ),
                 )
             )
-        return shapes  # fmt: skip
+        return shapes
+
+    def _headrest_tubes(self, side: float) -> list[_Tube]:
+        """Return the bar behind the backrest and the stalk of the headrest."""
+        c = self.config
+        head = c.seat_height + c.headrest_height
+        low_bar = c.seat_height + c.backrest_height - 0.1
+        return [
+            (
+                "steel",
+                0.0,
+                [
+                    (self._back(low_bar) - 0.06, -side, low_bar),
+                    (self._back(low_bar) - 0.06, side, low_bar),
+                ],
+            ),
+            (
+                "steel",
+                0.04,
+                [
+                    (self._back(low_bar) - 0.06, 0.0, low_bar),
+                    (self._back(head) - 0.09, 0.0, head - 0.05),
+                    (self._back(head) + c.headrest_forward - 0.05, 0.0, head),
+                ],
+            ),
+        ]
 
     def _wheel(self, sign: int) -> list[Shape]:
         c = self.config

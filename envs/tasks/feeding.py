@@ -144,7 +144,9 @@ class Feeding(Task):
             self._world.step()
         spoon = self._spoon_body.base_pose().inverse()
         self._food_in_spoon = [spoon @ piece.base_pose() for piece in self._food]
-        for i, piece in enumerate(self._food):  # nothing touches in the state that episodes start from
+        for i, piece in enumerate(
+            self._food
+        ):  # nothing touches in the state that episodes start from
             piece.set_base(Pose((0.0, 0.0, APART[2] - i)))
 
     def _start_pose(self, offset: Vector) -> Pose:
@@ -231,7 +233,9 @@ class Feeding(Task):
         # front of the mouth would pay more than to feed.
         best = 2.0
         if self.options.reward == "shaped":
-            excess = max(self._force - COMFORT_FORCE, 0.0) / (self.options.force_limit - COMFORT_FORCE)
+            excess = max(self._force - COMFORT_FORCE, 0.0) / (
+                self.options.force_limit - COMFORT_FORCE
+            )
             terms |= {"comfort": -min(excess, 1.0), "level": float(self._up[2]) - 1.0}
             terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
             best = SHAPED_WEIGHTS["food"] + SHAPED_WEIGHTS["approach"]

@@ -1,0 +1,171 @@
+"""Feeding: food must arrive by physics, in an open mouth, gently, and the task can be done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import cast
+
+import numpy as np
+import pytest
+
+import rcare_marl
+from rcare_marl import assets
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.tasks import feeding
+from rcare_marl.envs.tasks.feeding import Feeding
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Pose
+
+BOTH = {"robot": "scripted", "recipient": "cooperative"}
+
+
+def task_of(env: CareEnv) -> Feeding:
+    return cast(Feeding, env.task)
+
+
+def run(env: CareEnv, seed: int) -> Feeding:
+    env.reset(seed=seed)
+    while not env.is_over:
+        env.step({})
+    return task_of(env)
+
+
+@pytest.fixture(scope="module")
+def scripted() -> Iterator[CareEnv]:
+    env = rcare_marl.make("feeding", policies=BOTH)
+    yield env
+    env.close()
+
+
+def test_the_scripted_robot_feeds_karan(scripted: CareEnv) -> None:
+    successes = sum(run(scripted, seed).is_success() for seed in range(10))
+    assert successes >= 9
+
+
+@pytest.mark.slow
+def test_the_scripted_robot_succeeds_in_ninety_of_a_hundred_episodes(scripted: CareEnv) -> None:
+    assert sum(run(scripted, seed).is_success() for seed in range(100)) >= 90
+
+
+@pytest.mark.parametrize("avatar", assets.names("avatars"))
+def test_every_avatar_can_be_fed(avatar: str) -> None:
+    env = rcare_marl.make("feeding", recipient=avatar, policies=BOTH)
+    assert run(env, 0).is_success()
+    env.close()
+
+
+@pytest.mark.parametrize("mount", ["left", "right"])
+def test_the_robot_can_be_mounted_on_either_side(mount: str) -> None:
+    env = rcare_marl.make("feeding", options={"mount": mount}, policies=BOTH)
+    assert sum(run(env, seed).is_success() for seed in range(3)) >= 2
+    env.close()
+
+
+def test_a_closed_mouth_is_never_fed() -> None:
+    env = rcare_marl.make("feeding", policies={"robot": "scripted", "recipient": "still"})
+    task = run(env, 0)
+    assert task.metrics()["eaten_pieces"] == 0 and not task.is_success()
+    env.close()
+
+
+def test_at_the_start_all_food_lies_in_a_level_spoon_before_the_face(scripted: CareEnv) -> None:
+    for seed in range(5):
+        scripted.reset(seed=seed)
+        task = task_of(scripted)
+        assert task.metrics()["spilled"] == 0 and task.rewards("robot")["food"] == 1
+        assert task._up[2] > 0.99
+        assert feeding.START_GAP[0] - 0.12 < task.distance() < feeding.START_GAP[1] + 0.12
+
+
+def test_food_rides_by_contact_alone_and_falls_when_the_spoon_turns_over() -> None:
+    env = rcare_marl.make("feeding", policies={"recipient": "still"})
+    env.reset(seed=0)
+    roll = np.array((0, 0, 0, 1, 0, 0), np.float32)  # about the handle, which points to the person
+    while not env.is_over:
+        env.step({"robot": roll})
+    task = task_of(env)
+    assert task.metrics()["spilled"] > 0 and task.is_failure() and not task.is_success()
+    env.close()
+
+
+def test_too_much_force_ends_the_episode_as_a_failure() -> None:
+    env = rcare_marl.make("feeding", policies={"recipient": "still"}, options={"force_limit": 2.0})
+    env.reset(seed=0)
+    while not env.is_over:
+        task = task_of(env)
+        aim = task.mouth_position() - 0.05 * task.face_direction() - task.bowl_position()
+        push = np.zeros(6, np.float32)
+        push[:3] = np.clip(8 * aim, -0.5, 0.5)
+        env.step({"robot": push})
+    assert task_of(env).metrics()["peak_force_n"] > 2.0
+    assert task_of(env).is_failure()
+    env.close()
+
+
+def test_the_mouth_target_follows_the_head(scripted: CareEnv) -> None:
+    scripted.reset(seed=0)
+    task = task_of(scripted)
+    before = task.mouth_position().copy()
+    task.recipient.set_angles({"neck_rotation_left": 0.5, "head_rotation_left": 0.3})
+    task.after_step()
+    assert np.linalg.norm(task.mouth_position() - before) > 0.03
+
+
+def test_eaten_food_is_parked_far_from_the_scene(scripted: CareEnv) -> None:
+    task = run(scripted, 1)
+    assert all(piece.base_pose().position[2] < -10 for piece in task._food)
+
+
+def test_a_good_end_pays_at_least_what_waiting_would(scripted: CareEnv) -> None:
+    scripted.reset(seed=0)
+    best = 0.0
+    while not scripted.is_over:
+        best = max(best, sum(task_of(scripted).rewards("robot").values()))
+        scripted.step({})
+    left = (feeding.TIME_LIMIT - scripted.world.time) / task_of(scripted).control_dt
+    assert task_of(scripted).rewards("robot")["eaten"] >= best * left
+
+
+def test_the_paper_reward_is_its_formula() -> None:
+    env = rcare_marl.make("feeding")
+    env.reset(seed=0)
+    terms = task_of(env).rewards("robot")
+    assert terms["food"] == 1.0 and 0 < terms["approach"] < 1 and terms["eaten"] == 0
+    task = task_of(env)
+    task._food[0].set_base(Pose((2, 2, 2)))
+    task.after_step()
+    assert task.rewards("robot")["food"] == pytest.approx(0.75**2)
+    env.close()
+
+
+def test_the_shaped_reward_has_its_own_terms() -> None:
+    env = rcare_marl.make("feeding", options={"reward": "shaped"})
+    _, infos = env.reset(seed=0)
+    assert {"food", "approach", "comfort", "level", "eaten"} <= set(infos["robot"])
+    env.close()
+
+
+def test_a_caregiver_can_be_cast_and_learned() -> None:
+    env = rcare_marl.make("feeding", caregiver="caregiver")
+    assert env.possible_agents == ["robot", "recipient", "caregiver"]
+    env.close()
+
+
+def test_the_scripted_robot_says_which_control_mode_it_needs() -> None:
+    with pytest.raises(ConfigError, match="tool_delta"):
+        rcare_marl.make(
+            "feeding", robot={"control": "joint_velocity"}, policies={"robot": "scripted"}
+        )
+
+
+@pytest.mark.parametrize(
+    "control", ["joint_position", "joint_velocity", "joint_torque", "tool_delta"]
+)
+def test_every_control_mode_keeps_the_food_at_rest_for_a_second(control: str) -> None:
+    env = rcare_marl.make("feeding", robot={"control": control}, policies={"recipient": "still"})
+    env.reset(seed=0)
+    rest = np.zeros(env.action_space("robot").shape, np.float32)
+    for _ in range(10):
+        env.step({"robot": rest})
+    assert task_of(env).metrics()["spilled"] == 0
+    env.close()

@@ -1,0 +1,108 @@
+"""Installed in any of the three ways, the package finds every file that it needs."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PARTS = ("agents", "assets", "baselines", "envs")
+
+# Everything that reads a file of the package, run far from the checkout.
+_USE = """
+import json, rcare_marl
+from rcare_marl import assets
+from rcare_marl.agents.human import load_avatar, load_posture
+from rcare_marl.agents.robot import load_robot
+for name in assets.names("avatars"):
+    assert load_avatar(name).body_path().is_file(), name
+for name in assets.names("postures"):
+    load_posture(name)
+for name in assets.names("robots"):
+    load_robot(name)
+env = rcare_marl.make("feeding", policies={"robot": "scripted", "recipient": "cooperative"})
+env.reset(seed=0)
+env.step({})
+print(json.dumps({"where": rcare_marl.__file__, "assets": str(assets.ROOT)}))
+"""
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a copy of what git tracks, so that a build leaves nothing in the checkout."""
+    folder = tmp_path_factory.mktemp("source")
+    listed = subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True,
+        check=True,
+    )  # fmt: skip
+    for name in listed.stdout.splitlines():
+        origin, target = ROOT / name, folder / name
+        if origin.is_symlink() or origin.is_file():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(origin, target, follow_symlinks=False)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "-q", "-w", str(out), str(source)]
+    subprocess.run(command, check=True, capture_output=True)
+    return next(out.glob("*.whl"))
+
+
+def test_the_wheel_holds_every_module_and_asset_once(wheel: Path, source: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    assert len(names) == len(set(names))
+    for part in PARTS:
+        for file in (source / part).rglob("*"):
+            if file.is_file() and file.suffix in (".py", ".yaml", ".npz"):
+                assert f"rcare_marl/{file.relative_to(source)}" in names
+    assert "rcare_marl/py.typed" in names
+    assert not any(name.startswith(("tests/", "experiments/", "agents/")) for name in names)
+
+
+def _environment(folder: Path) -> Path:
+    """Return the Python of a fresh environment that borrows the installed dependencies."""
+    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
+    python = folder / "bin" / "python"
+    site = subprocess.run(
+        [str(python), "-c", "import site; print(site.getsitepackages()[0])"],
+        capture_output=True, text=True, check=True,
+    ).stdout.strip()  # fmt: skip
+    ours = Path(shutil.__file__).parent  # only to be sure that site-packages is not the library
+    borrowed = [path for path in sys.path if path.endswith("site-packages") and path != str(ours)]
+    (Path(site) / "borrowed.pth").write_text("\n".join(borrowed) + "\n")
+    return python
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["wheel", "folder", "editable"])
+def test_each_way_to_install_finds_every_asset(
+    way: str, wheel: Path, source: Path, tmp_path: Path
+) -> None:
+    python = _environment(tmp_path / "venv")
+    what = {"wheel": [str(wheel)], "folder": [str(source)], "editable": ["-e", str(source)]}[way]
+    install = [str(python), "-m", "pip", "install", "-q", "--no-deps", "--force-reinstall",
+               "--no-build-isolation", *what]  # fmt: skip
+    if way != "wheel":
+        install.remove("--no-build-isolation")
+    subprocess.run(install, check=True, capture_output=True)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    run = subprocess.run(
+        [str(python), "-c", _USE], cwd=elsewhere, capture_output=True, text=True, env=environment
+    )
+    assert run.returncode == 0, run.stderr
+    found = json.loads(run.stdout.splitlines()[-1])
+    home = str(source) if way == "editable" else str(tmp_path / "venv")
+    assert found["where"].startswith(home) and found["assets"].startswith(home)
