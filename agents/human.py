@@ -126,14 +126,14 @@ def person_urdf(
     Args:
         avatar: The person.
         kind: Which range of motion the joint limits are.
-        movable: Names of the movable DoFs, all 112 if None.
+        movable: DoFs, or joints for all DoFs of a joint, that move; all 112 if None.
         posture: Angle of every DoF [rad], shape [112], where fixed ones stay; the T-pose if None.
     """
     path = avatar.body_path()
     limits = avatar.profile.limits(kind)
     low, high = avatar.profile.strength(avatar.sex)
     effort = dict(zip((dof.name for dof in DOFS), np.maximum(low, high).tolist(), strict=True))
-    chosen = [dof.name for dof in DOFS] if movable is None else movable
+    chosen = _expand(movable)
     return write_urdf(
         avatar.name.lower().replace(" ", "_"),
         _segments(path, avatar.height_m, avatar.mass_kg, avatar.sex),

@@ -31,8 +31,9 @@ class RenderingError(RcareError, RuntimeError):
 class MissingPackageError(RcareError, ImportError):
     """An optional package is needed and is not installed."""
 
-    def __init__(self, what: str, extra: str) -> None:
-        super().__init__(f"{what} needs an optional package: pip install 'rcare-marl[{extra}]'")
+    def __init__(self, what: str, extra: str = "", *, package: str = "") -> None:
+        wanted = package or f"'rcare-marl[{extra}]'"
+        super().__init__(f"{what} needs a package that is not installed: pip install {wanted}")
 
 
 class UnknownNameError(RcareError, KeyError):

@@ -27,7 +27,7 @@ ACCELERATION = 0.6  # [m/s²] that keeps food on the spoon
 
 
 class ScriptedFeeding:
-    """The robot's policy."""
+    """Levels the spoon, waits before the mouth until it opens, and goes in; sees everything."""
 
     def __init__(self, env: CareEnv, role: str) -> None:
         """Take the environment and the robot's role.

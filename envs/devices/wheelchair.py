@@ -236,84 +236,10 @@ class Wheelchair(Device):
         ]
 
     def _tubes(self) -> list[Shape]:
-        c = self.config
-        rail, side = c.seat_height - c.cushion - 0.015, 0.5 * c.seat_width
-        front, rear = 0.5 * c.seat_depth + 0.02, self._back(c.seat_height) - 0.04
-        top = c.handle_height
-        low = 0.5 * c.wheel_diameter - 0.04
-        out: list[_Tube] = []
-        for sign in (1, -1):
-            y, arm = sign * side, sign * self._armrest_y()
-            cane = self._back(top) - 0.055
-            # Backrest cane that bends into the push handle, and the side frame.
-            out.append(
-                (
-                    "frame",
-                    0.06,
-                    [
-                        (rear, y, low),
-                        (rear, y, c.seat_height),
-                        (cane, y, top),
-                        (cane - 0.13, y, top - 0.012),
-                    ],
-                )
-            )
-            out.append(
-                (
-                    "frame",
-                    0.05,
-                    [
-                        (rear, y, rail),
-                        (front, y, rail),
-                        (front + 0.1, y, rail - 0.06),
-                        (c.footplate_forward - 0.14, y, c.footplate_height + 0.03),
-                        (
-                            c.footplate_forward - 0.06,
-                            sign * c.footplate_side,
-                            c.footplate_height - 0.035,
-                        ),
-                    ],
-                )
-            )
-            out.append(
-                ("frame", 0.04, [(rear, y, low), (front - 0.02, y, low), (front - 0.02, y, rail)])
-            )
-            # Armrest hoop.
-            under = c.armrest_height - 0.04
-            out.append(
-                (
-                    "frame",
-                    0.05,
-                    [
-                        (-0.13, arm, rail - 0.01),
-                        (-0.13, arm, under),
-                        (0.17, arm, under),
-                        (0.17, arm, rail - 0.01),
-                    ],
-                )
-            )
-            # Cross brace below the seat and the fork of the caster.
-            brace = 0.05 + 0.02 * sign
-            out.append(("frame", 0.0, [(brace, y, rail), (brace, -y, low)]))
-            fork = c.caster_axle - 0.03
-            out.append(
-                (
-                    "frame",
-                    0.02,
-                    [(front - 0.02, y, low), (fork, y, low), (fork, y, c.caster_diameter + 0.02)],
-                )
-            )
-            out.append(
-                (
-                    "frame",
-                    0.0,
-                    [
-                        (c.wheel_axle, sign * (side - 0.01), 0.5 * c.wheel_diameter),
-                        (c.wheel_axle, y, rail),
-                    ],
-                )
-            )
-        shapes = [_tube(*each) for each in (*out, *self._headrest_tubes(side))]
+        side = 0.5 * self.config.seat_width
+        paths = [*self._side_tubes(1), *self._side_tubes(-1), *self._headrest_tubes(side)]
+        shapes = [_tube(*each) for each in paths]
+        top = self.config.handle_height
         for sign in (1, -1):  # rubber grips on the push handles
             x = self._back(top) - 0.055
             shapes.append(
@@ -328,6 +254,86 @@ class Wheelchair(Device):
                 )
             )
         return shapes
+
+    def _side_tubes(self, sign: int) -> list[_Tube]:
+        """Return the tubes of the left (1) or right (-1) half of the frame."""
+        c = self.config
+        rail, side = c.seat_height - c.cushion - 0.015, 0.5 * c.seat_width
+        front, rear = 0.5 * c.seat_depth + 0.02, self._back(c.seat_height) - 0.04
+        top = c.handle_height
+        low = 0.5 * c.wheel_diameter - 0.04
+        out: list[_Tube] = []
+        y, arm = sign * side, sign * self._armrest_y()
+        cane = self._back(top) - 0.055
+        # Backrest cane that bends into the push handle, and the side frame.
+        out.append(
+            (
+                "frame",
+                0.06,
+                [
+                    (rear, y, low),
+                    (rear, y, c.seat_height),
+                    (cane, y, top),
+                    (cane - 0.13, y, top - 0.012),
+                ],
+            )
+        )
+        out.append(
+            (
+                "frame",
+                0.05,
+                [
+                    (rear, y, rail),
+                    (front, y, rail),
+                    (front + 0.1, y, rail - 0.06),
+                    (c.footplate_forward - 0.14, y, c.footplate_height + 0.03),
+                    (
+                        c.footplate_forward - 0.06,
+                        sign * c.footplate_side,
+                        c.footplate_height - 0.035,
+                    ),
+                ],
+            )
+        )
+        out.append(
+            ("frame", 0.04, [(rear, y, low), (front - 0.02, y, low), (front - 0.02, y, rail)])
+        )
+        # Armrest hoop.
+        under = c.armrest_height - 0.04
+        out.append(
+            (
+                "frame",
+                0.05,
+                [
+                    (-0.13, arm, rail - 0.01),
+                    (-0.13, arm, under),
+                    (0.17, arm, under),
+                    (0.17, arm, rail - 0.01),
+                ],
+            )
+        )
+        # Cross brace below the seat and the fork of the caster.
+        brace = 0.05 + 0.02 * sign
+        out.append(("frame", 0.0, [(brace, y, rail), (brace, -y, low)]))
+        fork = c.caster_axle - 0.03
+        out.append(
+            (
+                "frame",
+                0.02,
+                [(front - 0.02, y, low), (fork, y, low), (fork, y, c.caster_diameter + 0.02)],
+            )
+        )
+        out.append(
+            (
+                "frame",
+                0.0,
+                [
+                    (c.wheel_axle, sign * (side - 0.01), 0.5 * c.wheel_diameter),
+                    (c.wheel_axle, y, rail),
+                ],
+            )
+        )
+        return out
 
     def _headrest_tubes(self, side: float) -> list[_Tube]:
         """Return the bar behind the backrest and the stalk of the headrest."""

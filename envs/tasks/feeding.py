@@ -100,7 +100,7 @@ class Feeding(Task):
         )
         away = quaternion_from_rpy(0, 0, -math.pi / 2)  # beside the chair, facing it
         return {
-            "robot": self._chair.frame_in_world(f"mount_{self.options.mount}"),
+            "robot": self.robot.mount(f"wheelchair_{self.options.mount}", self._chair.pose),
             "recipient": self._chair.frame_in_world("seat_back"),
             "caregiver": Pose((0.15, 0.85, 0.0), tuple(away.tolist())),
         }

@@ -21,7 +21,7 @@ def create_context() -> Any:
     try:
         import moderngl  # type: ignore[import-untyped, unused-ignore]
     except ImportError as error:
-        raise MissingPackageError("drawing with OpenGL", "view") from error
+        raise MissingPackageError("drawing with OpenGL", package="moderngl") from error
     settings: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         return moderngl.create_context(require=330, standalone=True, **settings)

@@ -59,7 +59,7 @@ def _trimesh() -> Any:
     try:
         import trimesh
     except ImportError as error:
-        raise MissingPackageError("drawing", "view") from error
+        raise MissingPackageError("drawing", package="trimesh") from error
     return trimesh
 
 
