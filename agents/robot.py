@@ -172,7 +172,11 @@ class Robot(Agent):
             raise ConfigError(f"{self.files.model.name} has no gripper to command")
         if gripper == "held" and urdf is None:  # in a user's own URDF motors hold the fingers
             self.files = robot_files(
-                config.model, config.package, meshes=meshes, fixed_joints=frozen
+                config.model,
+                config.package,
+                meshes=meshes,
+                fixed_joints=frozen,
+                melt_except=(config.tool_link,),
             )
         self._chain = Chain(self.files.model, config.arm_joints, config.tool_link, others=frozen)
 

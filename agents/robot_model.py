@@ -7,7 +7,7 @@ An optional package adds nothing but the look.
 from __future__ import annotations
 
 import importlib.metadata as metadata
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -68,6 +68,7 @@ def robot_files(
     urdf: str | Path | None = None,
     meshes: Meshes = "never",
     fixed_joints: Mapping[str, float] | None = None,
+    melt_except: Collection[str] | None = None,
 ) -> RobotFiles:
     """Return the files of a robot, made now if they are not in the cache.
 
@@ -77,6 +78,7 @@ def robot_files(
         urdf: A URDF of the user's own, which then replaces the model altogether.
         meshes: `never` draws our own shapes, `required` the real meshes, `auto` those if installed.
         fixed_joints: Joints to freeze, with their positions [rad or m].
+        melt_except: As for `rcare_marl.urdf.write`.
 
     Raises:
         ConfigError: If the model or the user's URDF cannot be read or used.
@@ -105,7 +107,7 @@ def robot_files(
             drawn = _mesh_visuals(source, package.package_root, frozenset(data.links))
             version = metadata.version(package.distribution)
             look = f"meshes of {package.distribution} {version} ({package.licence})"
-    file = write(data, fixed_joints=fixed_joints, visuals=drawn)
+    file = write(data, fixed_joints=fixed_joints, visuals=drawn, melt_except=melt_except)
     return RobotFiles(file, data, f"generated model; figures: {data.source}", look)
 
 

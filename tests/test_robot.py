@@ -15,6 +15,7 @@ from rcare_marl import assets
 from rcare_marl.agents.control import CONTROLS
 from rcare_marl.agents.robot import Robot, RobotConfig, load_robot
 from rcare_marl.agents.robot_model import robot_files
+from rcare_marl.body import Body
 from rcare_marl.config import load
 from rcare_marl.envs.devices import Spoon
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError
@@ -223,17 +224,42 @@ def test_gripper_can_be_an_action() -> None:
     assert robot.gripper is not None and robot.gripper.closing() == pytest.approx(1, abs=0.03)
 
 
-def test_held_gripper_has_no_joints_and_leaves_the_asked_gap() -> None:
-    robot = gen3(grip_width=0.02)
+def test_a_gripper_starts_with_the_asked_gap() -> None:
+    robot = gen3(grip_width=0.02, gripper="free")
     spawn(robot)
-    assert len(robot.body.joints) == 7
-    fingers = [robot.body.link_pose(robot.body.link_index(f"robotiq_85_{side}_finger_tip_link"))
-               for side in ("left", "right")]  # fmt: skip
+    fingers = [
+        robot.body.link_pose(robot.body.link_index(f"robotiq_85_{side}_finger_tip_link"))
+        for side in ("left", "right")
+    ]
     pads = [pose @ Pose((x, 0, 0.0295)) for pose, x in zip(fingers, (-0.0253, 0.0253), strict=True)]
     gap = np.subtract(pads[0].position, pads[1].position)
     assert np.linalg.norm(gap) == pytest.approx(0.02, abs=1e-3)
+
+
+def test_a_held_gripper_melts_into_the_hand_and_weighs_the_same() -> None:
+    held, free = gen3(), gen3(gripper="free")
+    worlds = [spawn(held), spawn(free)]
+    assert len(held.body.joints) == 7 and held.body.link_count == 8  # the joints, and the tool
+    assert held.body.mass() == pytest.approx(free.body.mass(), abs=1e-3)
+    bodies = (held.body, free.body)
+    assert held.tool_pose().position == pytest.approx(free.tool_pose().position, abs=1e-6)
+    lows, highs = zip(*(bounds(world, body) for world, body in zip(worlds, bodies, strict=True)),
+                      strict=True)  # fmt: skip
+    np.testing.assert_allclose(lows[0], lows[1], atol=0.01)  # Bullet bounds merged shapes loosely
+    np.testing.assert_allclose(highs[0], highs[1], atol=0.01)  # Bullet bounds merged shapes loosely
     with pytest.raises(ConfigError, match="gripper='free'"):
-        robot.set_gripper(1.0)
+        held.set_gripper(1.0)
+
+
+def bounds(world: World, body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Return the box around all collision shapes of a body."""
+    import pybullet
+
+    boxes = [
+        pybullet.getAABB(body.uid, link, physicsClientId=world.client)
+        for link in range(-1, body.link_count)
+    ]
+    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
 def test_reset_forgets_the_last_episode() -> None:

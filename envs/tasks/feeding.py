@@ -288,7 +288,7 @@ class Feeding(Task):
         return self._spoon.facing(direction)
 
     def camera(self) -> Camera:
-        return Camera(eye=(1.55, -1.35, 1.75), target=(0.12, 0.0, 0.92), fov_deg=42)
+        return Camera(eye=(1.75, -1.45, 1.6), target=(0.17, 0.0, 0.78), fov_deg=42)
 
 
 @register_policy("feeding", "recipient", "cooperative")
