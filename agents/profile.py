@@ -155,6 +155,23 @@ class ClinicalProfile:
     right: SideProfile = field(default_factory=SideProfile)
     vitals: Vitals = field(default_factory=Vitals)
 
+    def __post_init__(self) -> None:
+        for side in ("axial", "left", "right"):
+            motions = {m for d in DOFS if d.side == side for m in (d.positive, d.negative)}
+            groups = {clinical_norms().motions[m].group for m in motions}
+            profile = self.side(side)
+            for key, known in (
+                ("prom_deg", motions),
+                ("arom_deg", motions),
+                ("mmt", groups),
+                ("spasticity", groups),
+            ):
+                for name in getattr(profile, key):
+                    if name not in known:
+                        raise UnknownNameError(
+                            f"entry of {key} that belongs to {side}", name, known
+                        )
+
     def side(self, name: str) -> SideProfile:
         """Return the profile of `left`, `right` or `axial`."""
         return {"left": self.left, "right": self.right, "axial": self.axial}[name]

@@ -232,6 +232,7 @@ class Robot(Agent):
         self.sense()
 
     def reset(self, rng: np.random.Generator) -> None:
+        self._chain.place(self.body.base_pose())
         posture = np.array(self.config.postures[self._posture_name])
         if self._noise:
             posture += rng.normal(0.0, self._noise, len(posture))

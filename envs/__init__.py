@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rcare_marl.config import load
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import ConfigError, UnknownNameError
 
 from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
@@ -58,11 +58,16 @@ def make(
         >>> env = make("feeding", robot="kinova_gen3", recipient="karan")
         >>> env = make("feeding", policies={"recipient": "cooperative"})  # only the robot learns
     """
+    for name, value in (("options", options), ("policies", policies)):
+        if value is not None and not isinstance(value, Mapping):
+            raise ConfigError(f"{name} must be a mapping, got {type(value).__name__} {value!r}")
     cls = task_class(task)
     agents, factories = make_cast(task, cls, cast)
     for role, policy in (policies or {}).items():
         if role not in agents:
             raise UnknownNameError(f"role in the cast of {task!r}", role, agents)
+        if role in factories:
+            raise ConfigError(f"two policies for {role!r}: one in the cast, one in policies")
         factories[role] = find_policy(task, role, policy)
     return CareEnv(
         cls(load(cls.Options, dict(options or {}), f"options of {task!r}")),

@@ -66,7 +66,11 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         """
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise UnknownNameError("render mode", str(render_mode), RENDER_MODES)
-        self._substeps = round(task.control_dt / physics_dt) if physics_dt > 0 else 0
+        if not isinstance(physics_dt, int | float) or not physics_dt > 0:
+            raise ConfigError(
+                f"physics_dt must be a positive number of seconds, got {physics_dt!r}"
+            )
+        self._substeps = round(task.control_dt / physics_dt)
         if self._substeps < 1 or abs(self._substeps * physics_dt - task.control_dt) > 1e-9:
             raise ConfigError(
                 f"control_dt {task.control_dt} s is no multiple of physics_dt {physics_dt} s"
@@ -78,30 +82,20 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         self.metadata = {**type(self).metadata, "render_fps": round(1 / task.control_dt)}
         self.task, self.cast = task, dict(cast)
         self.world = World(physics_dt)
+        self._renderer: Renderer | None = None
+        self._viewer: Viewer | None = None
+        self.agents: list[str] = []
+        self.is_over, self._has_begun = True, False
+        self._rng = np.random.default_rng()
         try:
             self._build()
+            self.policies: dict[str, Policy] = {
+                role: make(self, role) for role, make in (policies or {}).items()
+            }
         except BaseException:
             self.world.close()
             raise
-        self._order = tuple(self.cast.values())
-        self._actuated = tuple(a.actuate for a in self._order if a.needs_actuation)
-        self._vectors = {
-            role: ObservationVector([*agent.observables(), *task.observables(role)])
-            for role, agent in self.cast.items()
-        }
-        self._spaces = {
-            role: spaces.Box(-1, 1, (agent.action_size,), np.float32)
-            for role, agent in self.cast.items()
-        }
-        self.policies: dict[str, Policy] = {
-            role: make(self, role) for role, make in (policies or {}).items()
-        }
         self.possible_agents = [role for role in self.cast if role not in self.policies]
-        self.agents: list[str] = []
-        self.is_over = True
-        self._rng = np.random.default_rng()
-        self._renderer: Renderer | None = None
-        self._viewer: Viewer | None = None
 
     def _build(self) -> None:
         self.task.cast = self.cast
@@ -110,6 +104,16 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
             agent.spawn(self.world, poses[role])
         self.task.build(self.world)
         self.world.mark_start()
+        self._order = tuple(self.cast.values())
+        self._actuated = tuple(a.actuate for a in self._order if a.needs_actuation)
+        self._vectors = {
+            role: ObservationVector([*agent.observables(), *self.task.observables(role)])
+            for role, agent in self.cast.items()
+        }
+        self._spaces: dict[str, spaces.Box[np.float32]] = {
+            role: spaces.Box(-1, 1, (agent.action_size,), np.float32)
+            for role, agent in self.cast.items()
+        }
 
     def observation_space(self, agent: str) -> spaces.Box[np.float32]:
         return self._vectors[self._known(agent)].space
@@ -125,11 +129,19 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
 
     def state(self) -> Obs:
         """Return what all roles observe, learned or not, one after the other, for critics."""
+        self._check_begun()
         return np.concatenate([vector.read() for vector in self._vectors.values()])
 
     def observe(self, role: str) -> Obs:
         """Return what one role observes now, learned or not."""
+        self._check_begun()
         return self._vectors[self._known(role)].read()
+
+    def _check_begun(self) -> None:
+        if self.world.client < 0:
+            raise EpisodeError("the environment is closed: make a new one")
+        if not self._has_begun:
+            raise EpisodeError("there is nothing to see yet: call reset() first")
 
     def describe(self, role: str) -> list[tuple[slice, str, str]]:
         """Return (slice, name, unit) of each part of a role's observation."""
@@ -150,6 +162,8 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         if self.world.client < 0:
             raise EpisodeError("the environment is closed: make a new one")
         if seed is not None:
+            if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+                raise ConfigError(f"a seed is a whole number from 0 on, got {seed!r}")
             self._rng = np.random.default_rng(seed)
         self.world.rewind()
         for agent in self._order:
@@ -159,6 +173,7 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         for policy in self.policies.values():
             policy.reset(self._rng)
         self.agents, self.is_over = list(self.possible_agents), False
+        self._has_begun = True
         if self.render_mode == "human":
             self.render()
         return (
@@ -184,7 +199,7 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         """
         commands = self._checked(actions)
         for role, policy in self.policies.items():
-            commands[role] = policy.act()
+            commands[role] = self._valid(role, policy.act())
         task, world = self.task, self.world
         for role, agent in self.cast.items():
             agent.command(commands[role], task.control_dt)
@@ -227,22 +242,21 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         if not isinstance(actions, Mapping) or actions.keys() != set(self.agents):
             got = sorted(map(str, actions)) if isinstance(actions, Mapping) else actions
             raise ActionError(f"actions are for {got}, the agents are {sorted(self.agents)}")
-        out = {}
-        for role in self.agents:
-            wanted = self._spaces[role].shape
-            try:
-                action = np.asarray(actions[role], np.float64)
-            except (TypeError, ValueError) as error:
-                raise ActionError(f"action of {role!r} is no array of numbers: {error}") from error
-            if action.shape != wanted:
-                raise ActionError(
-                    f"action of {role!r} must have shape {wanted}, got {action.shape}"
-                )
-            values = action.tolist()
-            if not math.isfinite(sum(values)):
-                raise ActionError(f"action of {role!r} must be finite, got {action}")
-            out[role] = np.array([min(max(value, -1.0), 1.0) for value in values])
-        return out
+        return {role: self._valid(role, actions[role]) for role in self.agents}
+
+    def _valid(self, role: str, given: object) -> Array:
+        """Return an action as numbers in [-1, 1]; ActionError if it cannot be one."""
+        wanted = self._spaces[role].shape
+        try:
+            action = np.asarray(given, np.float64)
+        except (TypeError, ValueError) as error:
+            raise ActionError(f"action of {role!r} is no array of numbers: {error}") from error
+        if action.shape != wanted:
+            raise ActionError(f"action of {role!r} must have shape {wanted}, got {action.shape}")
+        values = action.tolist()
+        if not math.isfinite(sum(values)):
+            raise ActionError(f"action of {role!r} must be finite, got {action}")
+        return np.array([min(max(value, -1.0), 1.0) for value in values])
 
     def render(self) -> npt.NDArray[np.uint8] | None:
         """Return a picture, shape [height, width, 3], or bring the live page up to date.
@@ -252,6 +266,7 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         """
         if self.render_mode is None:
             raise EpisodeError("made without a render mode: make(..., render_mode='rgb_array')")
+        self._check_begun()
         from rcare_marl.rendering import Viewer, make_renderer
 
         if self.render_mode == "human":
@@ -270,9 +285,11 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
 
     def close(self) -> None:
         """Free the physics client and the renderers; safe to call twice."""
-        for part in (self._renderer, self._viewer):
-            if part is not None:
-                part.close()
-        self._renderer = self._viewer = None
-        self.agents, self.is_over = [], True
-        self.world.close()
+        try:
+            for part in (self._renderer, self._viewer):
+                if part is not None:
+                    part.close()
+        finally:
+            self._renderer = self._viewer = None
+            self.agents, self.is_over = [], True
+            self.world.close()

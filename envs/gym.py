@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -53,7 +54,10 @@ class SingleAgentEnv(gymnasium.Env[Obs, Obs]):
         others = {
             name: part.partner
             for name, part in task_class(task).roles().items()
-            if name != role and part.partner is not None and (part.default or cast.get(name))
+            if name != role
+            and part.partner is not None
+            and (part.default or cast.get(name))
+            and not (isinstance(cast.get(name), Mapping) and "policy" in cast[name])
         }
         self.care_env = make(
             task,

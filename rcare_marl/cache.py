@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -40,13 +41,15 @@ def cached(name: str, suffix: str, content: str | bytes) -> Path:
     """
     data = content.encode() if isinstance(content, str) else content
     folder = cache_folder()
-    file = folder / f"{name}-{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
+    plain = re.sub(r"\W+", "_", name)  # a name is no path
+    file = folder / f"{plain}-{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
     if file.is_file():
         return file
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=folder, suffix=suffix, delete=False) as temporary:
             temporary.write(data)
+        os.chmod(temporary.name, 0o644)
         os.replace(temporary.name, file)
     except OSError as error:
         raise ConfigError(

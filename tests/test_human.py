@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from xml.etree import ElementTree
 
 import numpy as np
@@ -217,6 +218,36 @@ def test_a_paralysed_limb_does_not_follow_its_target() -> None:
             run(world, human, 0.1)
         moved[avatar] = abs(human.angle("left_elbow_flexion") - start)
     assert moved["jose"] < 0.02 < 0.3 < moved["caregiver"]
+
+
+def test_furniture_does_not_move_a_paralysed_person() -> None:
+    """Held by the chair or not: without strength no action moves a limb, whatever its range."""
+    avatar = load_avatar("karan")
+    axial = dataclasses.replace(
+        avatar.profile.axial, mmt={"trunk": 0, "neck_flexors": 0, "neck_extensors": 0}, arom_deg={}
+    )
+    profile = dataclasses.replace(avatar.profile, axial=axial)
+    world = World()
+    human = Human("recipient", dataclasses.replace(avatar, profile=profile),
+                  posture=load_posture("wheelchair"), movable=("spine1", "neck", "head"))  # fmt: skip
+    human.spawn(world, Pose((0, 0, 0.5)))
+    human.reset(np.random.default_rng(0))
+    for _ in range(10):
+        human.command(np.ones(human.action_size), 0.1)
+        run(world, human, 0.1)
+    assert np.abs(np.array(human.positions) - human._start).max() < 0.01
+
+
+def test_a_weak_muscle_moves_a_held_limb_a_little() -> None:
+    world, human = spawned("kim", movable=("right_elbow_flexion",))
+    assert human.drive._table[0, -1] == 1.0  # extensors of grade 2: the armrest holds the forearm
+    start = human.angle("right_elbow_flexion")
+    for _ in range(10):
+        human.command(np.ones(1), 0.1)
+        run(world, human, 0.1)
+    strength = human.drive._table[0, -2]
+    limit = strength / human.drive._table[0, 28]
+    assert 0.02 < human.angle("right_elbow_flexion") - start < limit + 0.02
 
 
 def test_pushed_hard_a_joint_stops_at_its_passive_range() -> None:

@@ -5,7 +5,8 @@ The torque of a degree of freedom is the sum of
 * muscle: holds the limb against gravity and pulls towards the target (a stable proportional-
   derivative law), but never beyond the strength of the muscles on that side of the joint;
 * support: where a posture rests a limb on furniture and the muscles are too weak to hold it, the
-  furniture holds it by the same law without a limit;
+  furniture carries its weight and holds it in the posture by the same law, without a limit; the
+  muscles pull against it with what strength they have;
 * tissue: damping everywhere. The passive range ends at a hard stop, which is the physics engine's.
 
 Stiffness and damping act at the end of the coming step (Tan, Liu & Turk, "Stable proportional-
@@ -64,7 +65,7 @@ class SkeletalDrive:
             strength: Greatest torque against and along the axis [N·m], shape [n, 2], both >= 0.
             normal_strength: Torque of a healthy person, the scale of stiffness [N·m], shape [n].
             supported: Whether furniture holds the limb, shape [n].
-            posture: Angles at which the damping is critical [rad], shape [n].
+            posture: Angles where furniture holds, and where damping is critical [rad], shape [n].
             physics_dt: Physics step [s].
         """
         count = len(chain.names)
@@ -86,7 +87,8 @@ class SkeletalDrive:
         table[:, _STRENGTH_AGAINST], table[:, _STRENGTH_ALONG] = strength.T
         table[:, _SUPPORT] = supported
         self._table = table
-        self._state = np.zeros((3, count))
+        self._state = np.zeros((4, count))
+        self._state[3] = posture
         self.target = self._state[2]
         self._work = np.zeros((count, _WORK))
         self._matrices = np.zeros((2, count, count))
@@ -260,7 +262,9 @@ def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  
     _place(table, parents, state[0], work)
     _mass_matrix(parents, gravity, work, matrices[0])
     for i in range(count):
-        work[i, _CLIPPED] = 0.0
+        row = table[i]
+        is_paralysed = row[_STRENGTH_ALONG] == 0.0 and row[_STRENGTH_AGAINST] == 0.0
+        work[i, _CLIPPED] = 1.0 if is_paralysed else 0.0
     # A muscle at the end of its strength pulls with that strength, whatever the stiffness: when some
     # are, the accelerations are found once more without theirs.
     for _ in range(2):
@@ -270,35 +274,34 @@ def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  
                 matrices[1, i, j] = matrices[0, i, j]
                 j = parents[j]
             velocity = state[1, i]
-            out[i] = -row[_TISSUE] * velocity
-            implicit = dt * row[_TISSUE]
+            ahead = state[0, i] + dt * velocity
+            stiffness, damping, support = row[_STIFFNESS], row[_DAMPING], row[_SUPPORT]
+            out[i] = support * (stiffness * (state[3, i] - ahead) - damping * velocity)
+            out[i] -= row[_TISSUE] * velocity
+            implicit = dt * (row[_TISSUE] + support * (damping + dt * stiffness))
             if work[i, _CLIPPED] == 0.0:
-                ahead = state[0, i] + dt * velocity
-                out[i] += row[_STIFFNESS] * (state[2, i] - ahead) - row[_DAMPING] * velocity
-                implicit += dt * (row[_DAMPING] + dt * row[_STIFFNESS])
-            else:
-                out[i] += _spent(row, work[i, _CLIPPED]) - work[i, _WEIGHT]
+                out[i] += stiffness * (state[2, i] - ahead) - damping * velocity
+                implicit += dt * (damping + dt * stiffness)
+            else:  # the muscle does not give what would carry the weight, unless furniture does
+                out[i] += _spent(row, work[i, _CLIPPED]) - (1 - support) * work[i, _WEIGHT]
             matrices[1, i, i] += implicit
         _solve(parents, matrices[1], out)
         is_new = False
         for i in range(count):
-            row, velocity, acceleration = table[i], state[1, i], out[i]
-            tissue = -row[_TISSUE] * (velocity + dt * acceleration)
+            row, support, weight = table[i], table[i, _SUPPORT], work[i, _WEIGHT]
+            after = state[1, i] + dt * out[i]
+            there = state[0, i] + dt * after
+            held = weight + row[_STIFFNESS] * (state[3, i] - there) - row[_DAMPING] * after
             if work[i, _CLIPPED] == 0.0:
-                after = velocity + dt * acceleration
-                muscle = (
-                    work[i, _WEIGHT]
-                    + row[_STIFFNESS] * (state[2, i] - state[0, i] - dt * after)
-                    - row[_DAMPING] * after
-                )
-                if row[_SUPPORT] == 0.0:
-                    if muscle > row[_STRENGTH_ALONG]:
-                        work[i, _CLIPPED], muscle, is_new = 1.0, row[_STRENGTH_ALONG], True
-                    elif muscle < -row[_STRENGTH_AGAINST]:
-                        work[i, _CLIPPED], muscle, is_new = -1.0, -row[_STRENGTH_AGAINST], True
+                muscle = row[_STIFFNESS] * (state[2, i] - there) - row[_DAMPING] * after
+                muscle += (1 - support) * weight
+                if muscle > row[_STRENGTH_ALONG]:
+                    work[i, _CLIPPED], muscle, is_new = 1.0, row[_STRENGTH_ALONG], True
+                elif muscle < -row[_STRENGTH_AGAINST]:
+                    work[i, _CLIPPED], muscle, is_new = -1.0, -row[_STRENGTH_AGAINST], True
             else:
                 muscle = _spent(row, work[i, _CLIPPED])
-            out[i] = muscle + tissue
+            out[i] = muscle + support * held - row[_TISSUE] * after
         if not is_new:
             break
 

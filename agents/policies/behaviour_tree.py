@@ -9,6 +9,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector, Sequence
 
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, rotate
 
 from ..agent import Array
@@ -101,9 +102,16 @@ def eat_when_fed(
         spoon: Returns where the spoon's bowl is in the world [m].
         gap: Returns the distance from bowl to mouth [m].
         control_dt: Length of a control step [s].
+
+    Raises:
+        ConfigError: If the jaw cannot move.
     """
     intent: Intent = {}
     jaw = "jaw_opening"
+    if jaw not in person.movable:
+        raise ConfigError(
+            f"to eat, {person.name!r} needs {jaw!r} among the movable degrees of freedom"
+        )
     widest = float(person.active[person.movable.index(jaw), 1]) * OPENING
 
     def mouth(name: str, angle: float) -> Pursue:

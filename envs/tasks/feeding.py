@@ -12,6 +12,7 @@ import numpy as np
 from rcare_marl.agents.human import Human
 from rcare_marl.agents.policies.behaviour_tree import BehaviourTree, eat_when_fed
 from rcare_marl.agents.robot import Robot
+from rcare_marl.errors import ConfigError
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, Vector, quaternion_from_rpy, rotate
 from rcare_marl.rendering.camera import Camera
@@ -119,7 +120,9 @@ class Feeding(Task):
         self._up_in_spoon = rotate(in_spoon.quaternion, self._spoon.up)
         self._mouth_at_rest = self.recipient.mouth_position()
         self._head_dofs = [d for d in self.recipient.movable if d.startswith(("neck", "head"))]
+        self._is_built = False
         self._set_spoon(self._start_pose(np.zeros(4)))
+        self._is_built = True
         self.robot.grasp(self._spoon_body, self._spoon.in_tool)
         self._food = [
             world.add_sphere(
@@ -129,6 +132,11 @@ class Feeding(Task):
             for i in range(FOOD_COUNT)
         ]  # fmt: skip
         self._settle()
+        if world.contact_force(self.recipient.body) > 0:
+            raise ConfigError(
+                "the robot or the spoon touches the person before the episode begins: feeding wants a "
+                "person who sits in the wheelchair"
+            )
 
     def _settle(self) -> None:
         """Let the food come to rest in the spoon once, and remember where in the spoon it lies."""
@@ -159,7 +167,13 @@ class Feeding(Task):
         """Put the robot where the bowl of the spoon in its hand is at `bowl`."""
         base = bowl @ Pose(self._spoon.bowl).inverse()
         tool = base @ self._spoon.in_tool.inverse()
-        self.robot.set_posture(self.robot.solve_ik(tool, seed=self.robot.arm.rest).posture)
+        found = self.robot.solve_ik(tool, seed=self.robot.arm.rest)
+        if not self._is_built and not found.is_within(0.02, 0.1):
+            raise ConfigError(
+                f"the robot cannot hold the spoon in front of the face: it misses by "
+                f"{found.distance:.2f} m. Feeding wants a person who sits in the wheelchair"
+            )
+        self.robot.set_posture(found.posture)
         self._spoon_body.set_base(self.robot.tool_pose() @ self._spoon.in_tool)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -233,9 +247,9 @@ class Feeding(Task):
         # front of the mouth would pay more than to feed.
         best = 2.0
         if self.options.reward == "shaped":
-            excess = max(self._force - COMFORT_FORCE, 0.0) / (
-                self.options.force_limit - COMFORT_FORCE
-            )
+            limit = self.options.force_limit
+            comfort = min(COMFORT_FORCE, 0.5 * limit)
+            excess = max(self._force - comfort, 0.0) / (limit - comfort)
             terms |= {"comfort": -min(excess, 1.0), "level": float(self._up[2]) - 1.0}
             terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
             best = SHAPED_WEIGHTS["food"] + SHAPED_WEIGHTS["approach"]
