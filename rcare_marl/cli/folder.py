@@ -52,7 +52,11 @@ class Draft:
             self.target = _claim(self.path, self.target)
         elif self.target.exists():
             for file in sorted(self.path.iterdir()):
-                os.replace(file, self.target / file.name)
+                try:
+                    os.replace(file, self.target / file.name)
+                except OSError as error:
+                    place = self.target / file.name
+                    raise ConfigError(f"cannot write {place}: {error.strerror}") from error
         else:
             os.rename(self.path, self.target)
         return self.target
