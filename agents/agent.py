@@ -30,7 +30,12 @@ class Agent(abc.ABC):
     @property
     @abc.abstractmethod
     def action_size(self) -> int:
-        """Number of action values, each in [-1, 1]."""
+        """Number of action values, each in [action_low, 1]."""
+
+    @property
+    def action_low(self) -> float:
+        """Least value of an action: -1, or 0 for what only pulls."""
+        return -1.0
 
     @property
     @abc.abstractmethod

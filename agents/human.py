@@ -2,146 +2,36 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
-from rcare_marl import assets
 from rcare_marl.body import Body
 from rcare_marl.cache import cached
-from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Pose, conjugate, quaternion_from_matrix, rotate
 from rcare_marl.world import GRAVITY, World
 
+from .actuation.actuation import Actuation
 from .actuation.chain import make_chain
 from .actuation.skeletal import SkeletalDrive
 from .agent import Agent, Array
-from .body.anthropometry import Sex
+from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf
 from .body.posture import PostureConfig, lay_arm, pelvis_pose
-from .body.segment import Segment, make_segments
 from .body.skeleton import (
     DOF_INDEX,
     DOFS,
-    DOFS_OF,
     JOINT_INDEX,
     JOINTS,
     SIDES,
     forward_kinematics,
 )
-from .body.skin import BodyModel, JointFrame, PersonSkin, load_body_model
-from .body.urdf import PersonUrdf, write_urdf
-from .profile import ClinicalProfile, Range, normal_strength
+from .body.skin import JointFrame, PersonSkin
+from .profile import normal_strength
 
-MAX_SPEED = 0.8  # [rad/s] of a target angle at full action; our own choice: an unhurried movement
 LEAST_GRADE = 3.0  # MMT grade that holds a limb against gravity; below it furniture must
 FRICTION = 0.6  # skin and clothes against plastic and metal; our own choice
-
-
-@dataclass(frozen=True)
-class AvatarConfig:
-    """A person: body and clinical abilities (`assets/avatars/<name>.yaml`).
-
-    Attributes:
-        name: First name.
-        condition: Diagnosis.
-        sex: Of the body proportions and of the strength norms.
-        height_m: Stature [m].
-        mass_kg: Weight [kg].
-        body: A body model, relative to assets/avatars or an absolute path: one of ours, or the
-            user's own `SMPLX_*.npz`.
-        pronoun: For texts.
-        age_years: Age [years].
-        profile: What the person can do.
-    """
-
-    name: str
-    condition: str
-    sex: Sex
-    height_m: float
-    mass_kg: float
-    body: str
-    pronoun: str = "they"
-    age_years: float = 40.0
-    profile: ClinicalProfile = field(default_factory=ClinicalProfile)
-
-    def __post_init__(self) -> None:
-        for name, low, high in (("height_m", 0.5, 2.5), ("mass_kg", 5, 300), ("age_years", 0, 120)):
-            if not low <= getattr(self, name) <= high:
-                raise ValueError(f"{name} must lie in {low}..{high}, got {getattr(self, name)}")
-
-    def body_path(self) -> Path:
-        """Return the file of the body model."""
-        return assets.ROOT / "avatars" / Path(self.body).expanduser()
-
-
-def load_avatar(name: str | Path) -> AvatarConfig:
-    """Return the avatar of that name, or from that YAML file."""
-    path = Path(name)
-    return load(
-        AvatarConfig,
-        path if path.suffix in (".yaml", ".yml") else assets.find("avatars", str(name)),
-    )
-
-
-def load_posture(name: str | Path) -> PostureConfig:
-    """Return the posture of that name, or from that YAML file."""
-    path = Path(name)
-    found = path if path.suffix in (".yaml", ".yml") else assets.find("postures", str(name))
-    return load(PostureConfig, found)
-
-
-@lru_cache(maxsize=32)
-def _body(path: Path, height: float) -> BodyModel:
-    model = load_body_model(path)
-    measured = float(model.meta.get("height_m", np.ptp(model.vertices[:, 1])))
-    scale = height / measured
-    return dataclasses.replace(
-        model,
-        vertices=model.vertices * np.float32(scale),
-        joints=model.joints * scale,
-        mouth=model.mouth * scale,
-    )
-
-
-@lru_cache(maxsize=32)
-def _segments(path: Path, height: float, mass: float, sex: Sex) -> dict[str, Segment]:
-    return make_segments(_body(path, height), mass, sex)
-
-
-def person_urdf(
-    avatar: AvatarConfig,
-    kind: Range,
-    *,
-    movable: Sequence[str] | None = None,
-    posture: Array | None = None,
-) -> PersonUrdf:
-    """Return the URDF of an avatar: limits of `active` (AROM) or `passive` (PROM) range.
-
-    Args:
-        avatar: The person.
-        kind: Which range of motion the joint limits are.
-        movable: DoFs, or joints for all DoFs of a joint, that move; all 112 if None.
-        posture: Angle of every DoF [rad], shape [112], where fixed ones stay; the T-pose if None.
-    """
-    path = avatar.body_path()
-    limits = avatar.profile.limits(kind)
-    low, high = avatar.profile.strength(avatar.sex)
-    effort = dict(zip((dof.name for dof in DOFS), np.maximum(low, high).tolist(), strict=True))
-    chosen = _expand(movable)
-    return write_urdf(
-        avatar.name.lower().replace(" ", "_"),
-        _segments(path, avatar.height_m, avatar.mass_kg, avatar.sex),
-        _body(path, avatar.height_m).joints,
-        limits={name: limits[name] for name in chosen},
-        posture=np.zeros(len(DOFS)) if posture is None else posture,
-        effort=effort,
-    )
 
 
 class Human(Agent):
@@ -176,7 +66,7 @@ class Human(Agent):
             fixed_base: Whether the pelvis is held in place, as by a lap belt.
         """
         self.name, self.avatar, self.posture = name, avatar, posture
-        self.movable = _expand(movable)
+        self.movable = expand_movable(movable)
         self._fixed_base = fixed_base
         self._arm_rests: dict[str, Pose] = {}
         order = [DOF_INDEX[dof] for dof in self.movable]
@@ -185,14 +75,19 @@ class Human(Agent):
             np.array([lim[dof] for dof in self.movable]).reshape(-1, 2) for lim in limits
         )
         self._order = order
+        self._index = {dof: i for i, dof in enumerate(self.movable)}
 
     @property
     def action_size(self) -> int:
-        return len(self.movable)
+        return len(self.drive.action_names)
+
+    @property
+    def action_low(self) -> float:
+        return self.drive.action_low
 
     @property
     def action_names(self) -> tuple[str, ...]:
-        return tuple(f"{dof} [{MAX_SPEED} rad/s]" for dof in self.movable)
+        return self.drive.action_names
 
     def use_arm_rests(self, left: Pose | None, right: Pose | None) -> None:
         """Say where armrests are, before `spawn`: middle of a pad's top, x along it to the front."""
@@ -201,7 +96,7 @@ class Human(Agent):
 
     def soles(self, pose: Pose) -> dict[str, Array]:
         """Return the middle of each sole, by side [m], for the posture on the support at `pose`."""
-        model = _body(self.avatar.body_path(), self.avatar.height_m)
+        model = body_model(self.avatar.body_path(), self.avatar.height_m)
         angles = self.posture.angles(self.avatar.profile.limits("passive"))
         base = pelvis_pose(self.posture, model, angles, pose).matrix()
         rotations, positions = forward_kinematics(model.joints, angles)
@@ -219,8 +114,8 @@ class Human(Agent):
     def spawn(self, world: World, pose: Pose) -> None:
         """Load the person onto the support at `pose`; see `body.posture.pelvis_pose`."""
         avatar, path = self.avatar, self.avatar.body_path()
-        self.model = _body(path, avatar.height_m)
-        self.segments = _segments(path, avatar.height_m, avatar.mass_kg, avatar.sex)
+        self.model = body_model(path, avatar.height_m)
+        self.segments = body_segments(path, avatar.height_m, avatar.mass_kg, avatar.sex)
         limits = avatar.profile.limits("passive")
         angles = self.posture.angles(limits)
         self.pelvis = pelvis_pose(self.posture, self.model, angles, pose)
@@ -248,7 +143,6 @@ class Human(Agent):
             JointFrame(self.body.link_index(f.link), f.rotation, f.offset) for f in urdf.frames
         ]
         self.drive = self._make_drive(world.physics_dt)
-        self._target = self.drive.target
         self.sense()
         self._gravity = np.zeros(3)
         self._find_gravity()
@@ -261,7 +155,7 @@ class Human(Agent):
         mouth = self.model.mouth - self.model.joints[JOINT_INDEX[joint]]
         return frame.link, frame.rotation @ mouth + frame.offset, frame.rotation[:, 2]
 
-    def _make_drive(self, physics_dt: float) -> SkeletalDrive:
+    def _make_drive(self, physics_dt: float) -> Actuation:
         avatar = self.avatar
         chain = make_chain(self.segments, self.model.joints, self.angles, self.movable)
         if chain.names != self.movable:
@@ -284,6 +178,7 @@ class Human(Agent):
             normal_strength=normal_strength(avatar.sex)[self._order],
             supported=supported,
             posture=self._start,
+            limits=np.column_stack((self._lowest, self._highest)),
             physics_dt=physics_dt,
         )
 
@@ -293,24 +188,35 @@ class Human(Agent):
 
     def reset(self, rng: np.random.Generator) -> None:
         self.body.set_joints(self._joints, self._start)
-        self._target[:] = self._start
+        self.drive.reset(rng)
 
     def set_angles(self, angles: Mapping[str, float]) -> None:
         """Teleport movable DoFs to `angles` [rad], by name, kept inside the passive range."""
         for dof, angle in angles.items():
-            if dof not in self.movable:
+            if dof not in self._index:
                 raise UnknownNameError("movable degree of freedom", dof, self.movable)
-            i = self.movable.index(dof)
+            i = self._index[dof]
             value = float(np.clip(angle, *self.passive[i]))
             self.body.set_joints([self._joints[i]], [value])
-            self._target[i] = value
+            self.drive.target[i] = value
 
     def command(self, action: Array, duration: float) -> None:
-        """Move each target by `action` times `MAX_SPEED`; active movement ends at the active range."""
-        target = self._target
-        target += action * (MAX_SPEED * duration)
-        np.maximum(target, self._lowest, out=target)
-        np.minimum(target, self._highest, out=target)
+        self.drive.command(action, duration)
+
+    def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
+        """Return the action that pursues `angles` [rad] of some movable DoFs, whatever drives them.
+
+        Args:
+            angles: Wished angles by DoF [rad]; the other DoFs stay where they are held.
+            duration: Length of the control step [s].
+
+        Raises:
+            UnknownNameError: If a DoF does not move.
+        """
+        for dof in angles:
+            if dof not in self._index:
+                raise UnknownNameError("movable degree of freedom", dof, self.movable)
+        return self.drive.action_towards(angles, duration)
 
     def actuate(self) -> None:
         if not self._joints:
@@ -386,16 +292,16 @@ class Human(Agent):
         """Return the present angle of a DoF [rad], fixed or movable."""
         if dof not in DOF_INDEX:
             raise UnknownNameError("degree of freedom", dof, DOF_INDEX)
-        if dof in self.movable:
-            return self.body.joint_states([self._joints[self.movable.index(dof)]])[0][0]
+        if dof in self._index:
+            return self.body.joint_states([self._joints[self._index[dof]]])[0][0]
         return float(self.angles[DOF_INDEX[dof]])
 
     def observables(self) -> Sequence[Observable]:
-        count = self.action_size
+        count = len(self.movable)
         return [
             Observable("joint_position", "rad", count, lambda: self.positions),
             Observable("joint_velocity", "rad/s", count, lambda: self.velocities),
-            Observable("joint_target", "rad", count, lambda: self._target),
+            *self.drive.observables(),
         ]
 
     def describe(self) -> dict[str, str]:
@@ -403,20 +309,5 @@ class Human(Agent):
             "avatar": self.avatar.name,
             "condition": self.avatar.condition,
             "posture": self.posture.description,
-            "movable": f"{self.action_size} of {len(DOFS)} degrees of freedom",
+            "movable": f"{len(self.movable)} of {len(DOFS)} degrees of freedom",
         }
-
-
-def _expand(movable: Sequence[str] | None) -> tuple[str, ...]:
-    """Return DoF names in the order of the skeleton; a joint stands for all of its DoFs."""
-    if movable is None:
-        return tuple(dof.name for dof in DOFS)
-    chosen: set[str] = set()
-    for name in movable:
-        if name in DOF_INDEX:
-            chosen.add(name)
-        elif name in JOINT_INDEX and name != JOINTS[0]:
-            chosen.update(dof.name for dof in DOFS_OF[name])
-        else:
-            raise UnknownNameError("joint or degree of freedom", name, [*JOINTS[1:], *DOF_INDEX])
-    return tuple(dof.name for dof in DOFS if dof.name in chosen)

@@ -111,7 +111,7 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
             for role, agent in self.cast.items()
         }
         self._spaces: dict[str, spaces.Box[np.float32]] = {
-            role: spaces.Box(-1, 1, (agent.action_size,), np.float32)
+            role: spaces.Box(agent.action_low, 1, (agent.action_size,), np.float32)
             for role, agent in self.cast.items()
         }
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rcare_marl.agents.agent import Agent
-from rcare_marl.agents.human import AvatarConfig, Human, load_avatar, load_posture
+from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.human import Human
 from rcare_marl.agents.robot import Robot, RobotConfig, load_robot
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from rcare_marl import assets
-from rcare_marl.agents.human import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
 from rcare_marl.agents.robot import load_robot
 from rcare_marl.config import load, read_yaml
 from rcare_marl.errors import ConfigError, RcareError, UnknownNameError

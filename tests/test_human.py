@@ -20,7 +20,8 @@ from rcare_marl.agents.body.skeleton import (
     SIDES,
     forward_kinematics,
 )
-from rcare_marl.agents.human import Human, load_avatar, load_posture, person_urdf
+from rcare_marl.agents.avatar import load_avatar, load_posture, person_urdf
+from rcare_marl.agents.human import Human
 from rcare_marl.agents.profile import clinical_norms
 from rcare_marl.errors import UnknownNameError
 from rcare_marl.pose import Pose

@@ -13,7 +13,7 @@ from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, rotate
 
 from ..agent import Array
-from ..human import MAX_SPEED, Human
+from ..human import Human
 from .leaves import Condition, Intent, Pursue
 
 OPENING = 0.8  # share of the active range that an eating mouth opens; our own choice
@@ -33,8 +33,7 @@ class BehaviourTree:
         """
         self.root = root
         self._person, self._intent = person, intent
-        self._reach = MAX_SPEED * control_dt
-        self._index = {dof: i for i, dof in enumerate(person.movable)}
+        self._control_dt = control_dt
 
     def reset(self, rng: np.random.Generator) -> None:
         self.root.stop(Status.INVALID)
@@ -42,12 +41,7 @@ class BehaviourTree:
 
     def act(self) -> Array:
         self.root.tick_once()
-        action = np.zeros(self._person.action_size)
-        target = self._person.drive.target
-        for dof, angle in self._intent.items():
-            i = self._index[dof]
-            action[i] = (angle - target[i]) / self._reach
-        return np.clip(action, -1.0, 1.0)
+        return self._person.action_towards(self._intent, self._control_dt)
 
 
 class StayStill:

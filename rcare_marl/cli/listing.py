@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Mapping, Sequence
 
 from rcare_marl import assets
-from rcare_marl.agents.human import load_avatar, load_posture
+from rcare_marl.agents.avatar import load_avatar, load_posture
 from rcare_marl.agents.robot import load_robot
 from rcare_marl.envs.registry import policy_factory, policy_names, task_class, task_names
 
