@@ -20,6 +20,7 @@ from .body.posture import PostureConfig
 from .body.segment import Segment, make_segments
 from .body.skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINT_INDEX, JOINTS
 from .body.skin import BodyModel, load_body_model
+from .body.tissue import with_cores
 from .body.urdf import PersonUrdf, write_urdf
 from .profile import ClinicalProfile, Range
 
@@ -103,6 +104,7 @@ def person_urdf(
     *,
     movable: Sequence[str] | None = None,
     posture: Array | None = None,
+    tissue: Sequence[str] = (),
 ) -> PersonUrdf:
     """Return the URDF of an avatar: limits of `active` (AROM) or `passive` (PROM) range.
 
@@ -111,15 +113,20 @@ def person_urdf(
         kind: Which range of motion the joint limits are.
         movable: DoFs, or joints for all DoFs of a joint, that move; all 112 if None.
         posture: Angle of every DoF [rad], shape [112], where fixed ones stay; the T-pose if None.
+        tissue: Segments with soft tissue, as in `body.tissue.expand_tissue`: their shapes shrink to
+            the core.
     """
     path = avatar.body_path()
+    segments = body_segments(path, avatar.height_m, avatar.mass_kg, avatar.sex)
+    if tissue:
+        segments = with_cores(segments, body_model(path, avatar.height_m), tissue)
     limits = avatar.profile.limits(kind)
     low, high = avatar.profile.strength(avatar.sex)
     effort = dict(zip((dof.name for dof in DOFS), np.maximum(low, high).tolist(), strict=True))
     chosen = expand_movable(movable)
     return write_urdf(
         avatar.name.lower().replace(" ", "_"),
-        body_segments(path, avatar.height_m, avatar.mass_kg, avatar.sex),
+        segments,
         body_model(path, avatar.height_m).joints,
         limits={name: limits[name] for name in chosen},
         posture=np.zeros(len(DOFS)) if posture is None else posture,

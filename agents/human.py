@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from rcare_marl.world import GRAVITY, World
 
 from .actuation.actuation import Actuation
 from .actuation.chain import make_chain
-from .actuation.skeletal import SkeletalDrive
+from .actuation.drive import ActuationConfig, make_drive
 from .agent import Agent, Array
 from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf
 from .body.posture import PostureConfig, lay_arm, pelvis_pose
@@ -28,10 +29,18 @@ from .body.skeleton import (
     forward_kinematics,
 )
 from .body.skin import JointFrame, PersonSkin
-from .profile import normal_strength
+from .load import LoadMeter
+from .physiology import Physiology
+from .physiology_model import REGIONS, physiology_model
 
-LEAST_GRADE = 3.0  # MMT grade that holds a limb against gravity; below it furniture must
 FRICTION = 0.6  # skin and clothes against plastic and metal; our own choice
+
+
+class Course(Protocol):
+    """Moves a person by itself, in place of the drive: a walk, or a clip that is played back."""
+
+    def advance(self) -> None:
+        """Put the person where the coming physics step wants them."""
 
 
 class Human(Agent):
@@ -45,6 +54,10 @@ class Human(Agent):
         passive: Their passive limits [rad], shape [n, 2].
         positions: Angles of the movable DoFs at the end of the last control step [rad].
         velocities: Their rates then [rad/s].
+        physiology: Vital signs, fatigue, pain and comfort.
+        supports: Bodies that can move and carry the person: to rest on them is no pressure.
+        pelvis: Where the pelvis was put, in the world; where a held pelvis is.
+        course: What moves the person in place of the drive, if anything; `reset` ends it.
     """
 
     def __init__(
@@ -55,6 +68,8 @@ class Human(Agent):
         posture: PostureConfig,
         movable: Sequence[str] | None = None,
         fixed_base: bool = True,
+        actuation: ActuationConfig | None = None,
+        physiology_observed: bool = False,
     ) -> None:
         """Prepare a person.
 
@@ -64,10 +79,17 @@ class Human(Agent):
             posture: How the person starts.
             movable: DoFs, or joints for all DoFs of a joint, that move; all 112 if None.
             fixed_base: Whether the pelvis is held in place, as by a lap belt.
+            actuation: How the joints are driven; `skeletal` if None.
+            physiology_observed: Whether the person observes their own physiology.
         """
+        self.physiology = Physiology(avatar)
+        self.supports: list[Body] = []
+        self._physiology_observed = physiology_observed
+        self._is_tired = False
         self.name, self.avatar, self.posture = name, avatar, posture
         self.movable = expand_movable(movable)
         self._fixed_base = fixed_base
+        self._actuation = actuation or ActuationConfig()
         self._arm_rests: dict[str, Pose] = {}
         order = [DOF_INDEX[dof] for dof in self.movable]
         limits = [avatar.profile.limits(kind) for kind in ("active", "passive")]
@@ -118,7 +140,8 @@ class Human(Agent):
         self.segments = body_segments(path, avatar.height_m, avatar.mass_kg, avatar.sex)
         limits = avatar.profile.limits("passive")
         angles = self.posture.angles(limits)
-        self.pelvis = pelvis_pose(self.posture, self.model, angles, pose)
+        self.pelvis = self._home = pelvis_pose(self.posture, self.model, angles, pose)
+        self.course: Course | None = None
         if self.posture.arms == "armrests":
             for side, pad in self._arm_rests.items():
                 radius = self.segments[f"{side}_elbow"].shapes[0].size[1]
@@ -143,9 +166,17 @@ class Human(Agent):
             JointFrame(self.body.link_index(f.link), f.rotation, f.offset) for f in urdf.frames
         ]
         self.drive = self._make_drive(world.physics_dt)
+        self._sensed_at = world.time
         self.sense()
         self._gravity = np.zeros(3)
         self._find_gravity()
+        self._regions = [
+            REGIONS.index(physiology_model().region(DOFS[i].joint)) for i in self._order
+        ]
+        self._meter = LoadMeter(self, world, gravity=self._gravity, posture=self._start)
+        self.physiology.reset(upright=self._meter.upright())
+        self._is_tired = True  # perhaps from the last episode
+        self._tire()
         world.skins.append(PersonSkin(self.model, self.body, self.frames))
         self._face, self._jaw = (self._mouth_on(joint) for joint in ("head", "jaw"))
 
@@ -156,29 +187,17 @@ class Human(Agent):
         return frame.link, frame.rotation @ mouth + frame.offset, frame.rotation[:, 2]
 
     def _make_drive(self, physics_dt: float) -> Actuation:
-        avatar = self.avatar
         chain = make_chain(self.segments, self.model.joints, self.angles, self.movable)
         if chain.names != self.movable:
             raise ConfigError("the movable DoFs of a person must be in the order of the skeleton")
-        low, high = avatar.profile.strength(avatar.sex)
-        rows = [DOFS[i] for i in self._order]
-        weak = [
-            min(avatar.profile.grade(d, positive=True), avatar.profile.grade(d, positive=False))
-            < LEAST_GRADE
-            for d in rows
-        ]
-        held = self.posture.supported
-        supported = np.array(
-            [w and (held == "all" or d.joint in held) for w, d in zip(weak, rows, strict=True)],
-            np.bool_,
-        )
-        return SkeletalDrive(
+        return make_drive(
+            self.avatar,
             chain,
-            strength=np.column_stack((low, high))[self._order],
-            normal_strength=normal_strength(avatar.sex)[self._order],
-            supported=supported,
+            self._actuation,
+            lying=self.posture,
             posture=self._start,
             limits=np.column_stack((self._lowest, self._highest)),
+            passive=self.passive,
             physics_dt=physics_dt,
         )
 
@@ -187,8 +206,15 @@ class Human(Agent):
         self._gravity[:] = rotate(conjugate(base), (0.0, 0.0, -GRAVITY))
 
     def reset(self, rng: np.random.Generator) -> None:
+        self.course = None
+        if self.pelvis is not self._home:
+            self.place(self._home)
         self.body.set_joints(self._joints, self._start)
-        self.drive.reset(rng)
+        self.drive.reset(rng, self._gravity)
+        self._sensed_at = self._world.time
+        self.physiology.reset(upright=self._meter.upright())
+        self._is_tired = True  # perhaps from the last episode
+        self._tire()
 
     def set_angles(self, angles: Mapping[str, float]) -> None:
         """Teleport movable DoFs to `angles` [rad], by name, kept inside the passive range."""
@@ -199,6 +225,12 @@ class Human(Agent):
             value = float(np.clip(angle, *self.passive[i]))
             self.body.set_joints([self._joints[i]], [value])
             self.drive.target[i] = value
+
+    def place(self, pelvis: Pose) -> None:
+        """Teleport the pelvis to a pose in the world, at rest; a held pelvis is held there."""
+        self.body.set_base(pelvis)
+        self.pelvis = pelvis
+        self._find_gravity()
 
     def command(self, action: Array, duration: float) -> None:
         self.drive.command(action, duration)
@@ -219,6 +251,9 @@ class Human(Agent):
         return self.drive.action_towards(angles, duration)
 
     def actuate(self) -> None:
+        if self.course is not None:
+            self.course.advance()
+            return
         if not self._joints:
             return
         if not self._fixed_base:
@@ -229,6 +264,17 @@ class Human(Agent):
 
     def sense(self) -> None:
         self.positions, self.velocities = self.body.joint_states(self._joints)
+        passed, self._sensed_at = self._world.time - self._sensed_at, self._world.time
+        if passed > 0:
+            self.physiology.advance(passed, self._meter.read())
+            self._tire()
+
+    def _tire(self) -> None:
+        """Let tired regions lose strength."""
+        tired = self.physiology.fatigues()
+        if max(tired) > 0.0 or self._is_tired:
+            self._is_tired = max(tired) > 0.0
+            self.drive.weaken(1.0 - np.array(tired)[self._regions])
 
     def joint_pose(self, joint: str) -> Pose:
         """Return the pose of an SMPL-X joint's frame in the world."""
@@ -302,6 +348,7 @@ class Human(Agent):
             Observable("joint_position", "rad", count, lambda: self.positions),
             Observable("joint_velocity", "rad/s", count, lambda: self.velocities),
             *self.drive.observables(),
+            *(self.physiology.observables() if self._physiology_observed else ()),
         ]
 
     def describe(self) -> dict[str, str]:

@@ -7,7 +7,7 @@ Angles in files are clinical degrees, each side separately; here they become rad
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Literal
@@ -25,6 +25,11 @@ from .body.skeleton import DOFS, Dof
 Array = npt.NDArray[np.float64]
 Range = Literal["active", "passive"]
 ASHWORTH = ("0", "1", "1+", "2", "3", "4")
+SPINAL_LEVELS = tuple(
+    f"{part}{i + 1}"
+    for part, count in (("C", 8), ("T", 12), ("L", 5), ("S", 5))
+    for i in range(count)
+)
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,8 @@ class SideProfile:
         arom_deg: Active range of motion [deg]; the passive one where absent.
         mmt: Manual muscle testing grade by muscle group, 0 (none) to 5 (normal); 5 where absent.
         spasticity: Modified Ashworth grade by muscle group: 0, 1, 1+, 2, 3 or 4; 0 where absent.
+        tremor: Amplitude of a tremor by muscle group, a share of its strength; 0 where absent.
+        dyskinesia: Amplitude of slow irregular movement likewise.
         sensation: How much is felt.
     """
 
@@ -81,6 +88,8 @@ class SideProfile:
     arom_deg: dict[str, float] = field(default_factory=dict)
     mmt: dict[str, float] = field(default_factory=dict)
     spasticity: dict[str, str] = field(default_factory=dict)
+    tremor: dict[str, float] = field(default_factory=dict)
+    dyskinesia: dict[str, float] = field(default_factory=dict)
     sensation: Literal["normal", "reduced", "absent"] = "normal"
 
     def __post_init__(self) -> None:
@@ -102,6 +111,12 @@ class SideProfile:
                 raise UnknownNameError("muscle group in mmt", group, norms.groups)
             if not 0 <= grade <= 5:
                 raise ValueError(f"mmt.{group} is a grade from 0 to 5, got {grade}")
+        for key in ("tremor", "dyskinesia"):
+            for group, amplitude in getattr(self, key).items():
+                if group not in norms.groups:
+                    raise UnknownNameError(f"muscle group in {key}", group, norms.groups)
+                if not 0 <= amplitude <= 1:
+                    raise ValueError(f"{key}.{group} is a share from 0 to 1, got {amplitude}")
         for group, mas in self.spasticity.items():
             if group not in norms.groups:
                 raise UnknownNameError("muscle group in spasticity", group, norms.groups)
@@ -120,12 +135,14 @@ class Vitals:
         systolic: Blood pressure [mmHg].
         diastolic: Blood pressure [mmHg].
         temperature: Body temperature [°C].
+        respiration_rate: [1/min].
     """
 
     heart_rate: float = 72.0
     systolic: float = 120.0
     diastolic: float = 78.0
     temperature: float = 36.8
+    respiration_rate: float = 14.0
 
     def __post_init__(self) -> None:
         if not 30 <= self.heart_rate <= 200:
@@ -137,6 +154,10 @@ class Vitals:
             )
         if not 30 <= self.temperature <= 43:
             raise ValueError(f"temperature must lie in 30..43 °C, got {self.temperature}")
+        if not 4 <= self.respiration_rate <= 60:
+            raise ValueError(
+                f"respiration_rate must lie in 4..60 per minute, got {self.respiration_rate}"
+            )
 
 
 @dataclass(frozen=True)
@@ -148,14 +169,19 @@ class ClinicalProfile:
         left: Left limbs.
         right: Right limbs.
         vitals: Vital signs at rest.
+        injury_level: Lowest segment of the spinal cord that still works, such as `C6`; None without
+            an injury of the cord. What lies above it feels normally, whatever `sensation` says.
     """
 
     axial: SideProfile = field(default_factory=SideProfile)
     left: SideProfile = field(default_factory=SideProfile)
     right: SideProfile = field(default_factory=SideProfile)
     vitals: Vitals = field(default_factory=Vitals)
+    injury_level: str | None = None
 
     def __post_init__(self) -> None:
+        if self.injury_level is not None and self.injury_level not in SPINAL_LEVELS:
+            raise UnknownNameError("spinal level", self.injury_level, SPINAL_LEVELS)
         for side in ("axial", "left", "right"):
             motions = {m for d in DOFS if d.side == side for m in (d.positive, d.negative)}
             groups = {clinical_norms().motions[m].group for m in motions}
@@ -165,6 +191,8 @@ class ClinicalProfile:
                 ("arom_deg", motions),
                 ("mmt", groups),
                 ("spasticity", groups),
+                ("tremor", groups),
+                ("dyskinesia", groups),
             ):
                 for name in getattr(profile, key):
                     if name not in known:
@@ -199,21 +227,24 @@ class ClinicalProfile:
         motion = clinical_norms().motions[dof.positive if positive else dof.negative]
         return self.side(dof.side).mmt.get(motion.group, 5.0)
 
-    def strength(self, sex: Sex) -> tuple[Array, Array]:
+    def strength(
+        self, sex: Sex, share: Callable[[str, str, float], float] | None = None
+    ) -> tuple[Array, Array]:
         """Return the greatest torques of each DoF, negative and positive [N·m], each [112].
 
-        The paper's uniform map from grade to strength: torque = normal torque × grade / 5.
+        Args:
+            sex: Whose norms.
+            share: Share of the normal torque by side, muscle group and grade; the paper's uniform
+                map, grade / 5, if None.
         """
         norms = clinical_norms()
         factor = norms.female_strength if sex == "female" else 1.0
-        rows = [
-            [
-                norms.motions[motion].torque * factor * self.grade(dof, positive=positive) / 5
-                for motion, positive in ((dof.negative, False), (dof.positive, True))
-            ]
-            for dof in DOFS
-        ]
-        both = np.array(rows)
+        both = np.zeros((len(DOFS), 2))
+        for row, dof in zip(both, DOFS, strict=True):
+            for k, name in enumerate((dof.negative, dof.positive)):
+                motion, grade = norms.motions[name], self.grade(dof, positive=k == 1)
+                found = grade / 5 if share is None else share(dof.side, motion.group, grade)
+                row[k] = motion.torque * factor * found
         return both[:, 0], both[:, 1]
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 Obs = npt.NDArray[np.float32]
 RENDER_MODES = ("rgb_array", "human")
+ROUNDING = 1e-6  # by which an excitation may leave [0, 1]
 
 
 @final
@@ -245,7 +246,7 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         return {role: self._valid(role, actions[role]) for role in self.agents}
 
     def _valid(self, role: str, given: object) -> Array:
-        """Return an action as numbers in [-1, 1]; ActionError if it cannot be one."""
+        """Return an action as numbers in its range; ActionError if it cannot be one."""
         wanted = self._spaces[role].shape
         try:
             action = np.asarray(given, np.float64)
@@ -256,7 +257,18 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         values = action.tolist()
         if not math.isfinite(sum(values)):
             raise ActionError(f"action of {role!r} must be finite, got {action}")
-        return np.array([min(max(value, -1.0), 1.0) for value in values])
+        low = self.cast[role].action_low
+        if low == 0.0:  # what only pulls cannot push: a sign that the ranges were mixed up
+            self._check_excitation(role, values)
+        return np.array([min(max(value, low), 1.0) for value in values])
+
+    def _check_excitation(self, role: str, values: list[float]) -> None:
+        for i, value in enumerate(values):
+            if not -ROUNDING <= value <= 1.0 + ROUNDING:
+                name = self.cast[role].action_names[i]
+                raise ActionError(
+                    f"action of {role!r}: {name} is {value}, but excitations lie in [0, 1]"
+                )
 
     def render(self) -> npt.NDArray[np.uint8] | None:
         """Return a picture, shape [height, width, 3], or bring the live page up to date.

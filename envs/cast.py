@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from rcare_marl.agents.actuation.drive import ActuationConfig
+from rcare_marl.agents.actuation.muscle_model import Tendon
 from rcare_marl.agents.agent import Agent
 from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
 from rcare_marl.agents.human import Human
 from rcare_marl.agents.robot import Robot, RobotConfig, load_robot
+from rcare_marl.agents.strength import StrengthMap
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError
 
@@ -41,15 +44,26 @@ class HumanCast:
 
     Attributes:
         model: An avatar's name, a YAML file, or an `AvatarConfig`; the role's default if None.
-        actuation: How the joints are driven; `skeletal` pursues target angles.
+        actuation: How the joints are driven: `skeletal` takes rates of target angles, `muscle`
+            excitations in [0, 1].
+        excitation: With muscles, one action value for each `unit` or for each `group` of them.
+        tendon: With muscles, how tendons yield: `rigid`, `quasi_static` or `implicit`.
+        musculature: With muscles, the user's own table (.csv) or MASS file (.xml); ours if None.
+        strength: How MMT grades become strength: `linear`, the paper's map, or `gravity`.
         posture: A posture's name or YAML file; the role's default if None.
         movable: Joints or DoFs that move; the role's default if None.
+        physiology_observed: Whether the person observes their own vital signs, fatigue and pain.
     """
 
     model: Any = None
-    actuation: Literal["skeletal"] = "skeletal"
+    actuation: Literal["skeletal", "muscle"] = "skeletal"
+    excitation: Literal["unit", "group"] = "unit"
+    tendon: Tendon = "quasi_static"
+    musculature: str | None = None
+    strength: StrengthMap = "linear"
     posture: str | None = None
     movable: tuple[str, ...] | None = None
+    physiology_observed: bool = False
 
 
 def make_cast(
@@ -123,6 +137,14 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any]) -> Agent:
         avatar,
         posture=load_posture(person.posture or role.posture),
         movable=person.movable if person.movable is not None else role.movable,
+        physiology_observed=person.physiology_observed,
+        actuation=ActuationConfig(
+            kind=person.actuation,
+            excitation=person.excitation,
+            tendon=person.tendon,
+            musculature=person.musculature,
+            strength=person.strength,
+        ),
     )
 
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 
+from rcare_marl.agents.agent import Array
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.policies.avatar_tree import AvatarBehaviour, Surroundings
 from rcare_marl.agents.policies.behaviour_tree import StayStill
 from rcare_marl.agents.policies.sampled import RandomPolicy
 from rcare_marl.agents.policy import Policy
@@ -16,6 +19,15 @@ from .task import Task
 
 if TYPE_CHECKING:
     from .care_env import CareEnv
+
+
+@runtime_checkable
+class OffersFood(Protocol):
+    """A task with a spoon that a person can see."""
+
+    def bowl_position(self) -> Array:
+        """Return where the middle of the spoon's bowl is in the world [m], shape [3]."""
+
 
 TaskClass = TypeVar("TaskClass", bound=type[Task])
 PolicyFactory = Callable[["CareEnv", str], Policy]
@@ -27,7 +39,7 @@ _POLICIES: dict[tuple[str, str, str], PolicyFactory] = {}
 
 def _random(env: CareEnv, role: str) -> Policy:
     """Return an agent that draws each action evenly from the action space."""
-    return RandomPolicy(env.cast[role].action_size)
+    return RandomPolicy(env.cast[role].action_size, env.cast[role].action_low)
 
 
 def _still(env: CareEnv, role: str) -> Policy:
@@ -35,7 +47,31 @@ def _still(env: CareEnv, role: str) -> Policy:
     return StayStill(env.cast[role].action_size)
 
 
-_COMMON: dict[str, PolicyFactory] = {"random": _random, "still": _still}  # known for every role
+def _behaviour(env: CareEnv, role: str) -> Policy:
+    """Return a person who behaves as the tree of their avatar says; see docs/behaviour.md.
+
+    Raises:
+        ConfigError: If the role is played by a robot.
+    """
+    person, task = env.cast[role], env.task
+    if not isinstance(person, Human):
+        raise ConfigError(
+            f"policy 'behaviour' is for people, and {role!r} is played by {type(person).__name__}"
+        )
+    others = [a for a in env.cast.values() if isinstance(a, Human) and a is not person]
+    around = Surroundings(
+        clock=lambda: env.world.time,
+        spoon=task.bowl_position if isinstance(task, OffersFood) else None,
+        partner=others[0].mouth_position if others else None,
+    )
+    return AvatarBehaviour(person, around, task.control_dt)
+
+
+_COMMON: dict[str, PolicyFactory] = {  # known for every role
+    "behaviour": _behaviour,
+    "random": _random,
+    "still": _still,
+}
 
 
 def register_task(name: str) -> Callable[[TaskClass], TaskClass]:

@@ -28,8 +28,13 @@ class Actuation(Protocol):
     action_low: float
     action_names: tuple[str, ...]
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Begin an episode in the start posture, with nothing commanded."""
+    def reset(self, rng: np.random.Generator, gravity: Array) -> None:
+        """Begin an episode in the start posture, with nothing commanded.
+
+        Args:
+            rng: Source of all that is random.
+            gravity: Gravity in the frame of the pelvis [m/s²], shape [3].
+        """
 
     def command(self, action: Array, duration: float) -> None:
         """Accept an action for the coming control step of `duration` [s]."""
@@ -47,6 +52,12 @@ class Actuation(Protocol):
             velocities: Joint rates [rad/s], length n.
             gravity: Gravity in the frame of the pelvis [m/s²], shape [3].
         """
+
+    def muscle_torques(self) -> Array:
+        """Return what the muscles willed in the last physics step [N·m], shape [n]."""
+
+    def weaken(self, fresh: Array) -> None:
+        """Leave each DoF's muscles a share of their strength, in [0, 1], shape [n]; 1 is rested."""
 
     def observables(self) -> Sequence[Observable]:
         """Return what a person senses of the drive."""

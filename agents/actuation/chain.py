@@ -27,6 +27,9 @@ class Chain:
         masses: Mass of each moving part [kg], shape [n].
         centres: Its centre of mass in its own frame [m], shape [n, 3].
         inertias: Its inertia about the centre of mass, in its own frame [kg·m²], shape [n, 3, 3].
+        joint_parts: Moving part that carries each SMPL-X joint, -1 for the pelvis, shape [55].
+        joint_rotations: Frame of each SMPL-X joint in that part, shape [55, 3, 3].
+        joint_offsets: Its origin in that part [m], shape [55, 3].
     """
 
     names: tuple[str, ...]
@@ -37,6 +40,9 @@ class Chain:
     masses: Array
     centres: Array
     inertias: Array
+    joint_parts: npt.NDArray[np.int64]
+    joint_rotations: Array
+    joint_offsets: Array
 
     def mass_matrix(self, angles: Array) -> Array:
         """Return the joint-space mass matrix at `angles` [rad], the pelvis held, shape [n, n]."""
@@ -123,4 +129,7 @@ def make_chain(
         masses=np.array([mass for mass, _, _ in bodies]),
         centres=np.array([centre for _, centre, _ in bodies]).reshape(count, 3),
         inertias=np.array([inertia for _, _, inertia in bodies]).reshape(count, 3, 3),
+        joint_parts=np.array([part for part, _, _ in frames], np.int64),
+        joint_rotations=np.array([rotation for _, rotation, _ in frames]),
+        joint_offsets=np.array([offset for _, _, offset in frames]),
     )

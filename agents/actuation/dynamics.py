@@ -42,7 +42,7 @@ def part_table(chain: Chain, columns: int) -> Array:
     return table
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
 def place_frames(table, parents, positions, work) -> None:  # type: ignore[no-untyped-def]
     """Find the frame of every part, and its axis, in the frame of the pelvis."""
     for i in range(table.shape[0]):
@@ -76,7 +76,7 @@ def place_frames(table, parents, positions, work) -> None:  # type: ignore[no-un
             mine[AXIS_NOW + a] = mine[3 * a] * x + mine[3 * a + 1] * y + mine[3 * a + 2] * z
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
 def place_masses(table, work) -> None:  # type: ignore[no-untyped-def]
     """Find every part's own mass, first moment and inertia, after `place_frames`."""
     for i in range(table.shape[0]):
@@ -95,7 +95,7 @@ def place_masses(table, work) -> None:  # type: ignore[no-untyped-def]
         mine[SWEEP + 2] = mine[ORIGIN] * mine[AXIS_NOW + 1] - mine[ORIGIN + 1] * mine[AXIS_NOW]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _tensor(row, mine) -> None:  # type: ignore[no-untyped-def]
     """Write a part's inertia about the origin of the pelvis."""
     squared = 0.0
@@ -119,7 +119,7 @@ def _tensor(row, mine) -> None:  # type: ignore[no-untyped-def]
             mine[INERTIA + 3 * a + b] = value
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
 def mass_matrix(parents, gravity, work, matrix) -> None:  # type: ignore[no-untyped-def]
     """Write the mass matrix, lower triangle, and the torques that hold the parts against gravity."""
     for i in range(parents.shape[0] - 1, -1, -1):
@@ -168,7 +168,7 @@ def mass_matrix(parents, gravity, work, matrix) -> None:  # type: ignore[no-unty
         )
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
 def solve(parents, matrix, x) -> None:  # type: ignore[no-untyped-def]
     """Solve in place; fill-in stays on the branches of the tree (matrix = Lᵀ L)."""
     count = x.shape[0]

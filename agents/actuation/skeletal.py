@@ -7,6 +7,7 @@ The torque of a degree of freedom is the sum of
 * support: where a posture rests a limb on furniture and the muscles are too weak to hold it, the
   furniture carries its weight and holds it in the posture by the same law, without a limit; the
   muscles pull against it with what strength they have;
+* reflex: spastic muscles resist being stretched, in proportion to the speed; tremor shakes;
 * tissue: damping everywhere. The passive range ends at a hard stop, which is the physics engine's.
 
 Stiffness and damping act at the end of the coming step (Tan, Liu & Turk, "Stable proportional-
@@ -26,6 +27,7 @@ import numpy.typing as npt
 from rcare_marl.observable import Observable
 
 from .chain import Chain
+from .disorder import Shaking
 from .dynamics import (
     PART_COLUMNS,
     SCRATCH_COLUMNS,
@@ -46,12 +48,13 @@ MAX_FREQUENCY = (
     40.0  # [rad/s] of a joint on its own stiffness: a finger's strength is not its stiffness
 )
 
+STRETCH_THRESHOLD = 0.2  # [rad/s] above which a spastic muscle resists; our own choice
 MAX_SPEED = 0.8  # [rad/s] of a target angle at full action; our own choice: an unhurried movement
 
 # Columns of the kernel's table after those of the parts, one row a DoF.
 _STIFFNESS, _DAMPING, _TISSUE = PART_COLUMNS, PART_COLUMNS + 1, PART_COLUMNS + 2
-_STRENGTH_AGAINST, _STRENGTH_ALONG, _SUPPORT = 31, 32, 33
-_COLUMNS = 34
+_STRENGTH_AGAINST, _STRENGTH_ALONG, _SUPPORT, _REFLEX_AGAINST, _REFLEX_ALONG = 31, 32, 33, 34, 35
+_COLUMNS = 36
 _CLIPPED = 32  # of the scratch: 0, or the sign of the strength that is spent
 
 
@@ -77,6 +80,8 @@ class SkeletalDrive:
         posture: Array,
         limits: Array,
         physics_dt: float,
+        reflex: Array | None = None,
+        shaking: Shaking | None = None,
     ) -> None:
         """Prepare the table of the kernel.
 
@@ -88,6 +93,9 @@ class SkeletalDrive:
             posture: Angles where furniture holds, and where damping is critical [rad], shape [n].
             limits: Where active movement ends [rad], shape [n, 2].
             physics_dt: Physics step [s].
+            reflex: Resistance of stretched muscles to movement against and along the axis
+                [N·m·s/rad], shape [n, 2]; none if None.
+            shaking: Involuntary torque [N·m].
         """
         count = len(chain.names)
         self.names = chain.names
@@ -101,10 +109,15 @@ class SkeletalDrive:
         table[:, _TISSUE] = TISSUE_DAMPING_PER_TORQUE * normal_strength
         table[:, _STRENGTH_AGAINST], table[:, _STRENGTH_ALONG] = strength.T
         table[:, _SUPPORT] = supported
-        self._table = table
-        self._state = np.zeros((4, count))
+        if reflex is not None:
+            table[:, _REFLEX_AGAINST : _REFLEX_ALONG + 1] = reflex
+        self._table, self._rested = table, strength.copy()
+        self._shaking = shaking
+        # Angles, rates, targets, start; torques: involuntary, of muscles in the last step.
+        self._state = np.zeros((6, count))
         self._state[3] = posture
         self.target = self._state[2]
+        self.target[:] = posture
         self._lowest, self._highest = np.ascontiguousarray(limits.T)
         self._index = {dof: i for i, dof in enumerate(chain.names)}
         self.action_names = tuple(f"{dof} [{MAX_SPEED} rad/s]" for dof in chain.names)
@@ -112,8 +125,11 @@ class SkeletalDrive:
         self._matrices = np.zeros((2, count, count))
         self._out = np.zeros(count)
 
-    def reset(self, rng: np.random.Generator) -> None:
+    def reset(self, rng: np.random.Generator, gravity: Array) -> None:
         self.target[:] = self._state[3]
+        if self._shaking is not None:
+            self._shaking.reset(rng)
+        self._state[4:] = 0.0
 
     def command(self, action: Array, duration: float) -> None:
         """Move each target by `action` times `MAX_SPEED`; active movement ends at the active range."""
@@ -129,6 +145,14 @@ class SkeletalDrive:
             action[i] = (angle - self.target[i]) / (MAX_SPEED * duration)
         return np.clip(action, -1.0, 1.0)
 
+    def muscle_torques(self) -> Array:
+        """Return what the muscles gave in the last physics step [N·m], shape [n]."""
+        return self._state[5]
+
+    def weaken(self, fresh: Array) -> None:
+        columns = self._table[:, _STRENGTH_AGAINST : _STRENGTH_ALONG + 1]
+        np.multiply(self._rested, fresh[:, None], out=columns)
+
     def observables(self) -> Sequence[Observable]:
         return [Observable("joint_target", "rad", len(self.names), lambda: self.target)]
 
@@ -137,6 +161,8 @@ class SkeletalDrive:
     ) -> list[float]:
         self._state[0] = positions
         self._state[1] = velocities
+        if self._shaking is not None:
+            self._state[4] = self._shaking.after(self._dt)
         _torques(
             self._table, self._parents, self._state, gravity, self._dt, self._work,
             self._matrices, self._out,
@@ -145,7 +171,7 @@ class SkeletalDrive:
         return result
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  # type: ignore[no-untyped-def]
     """Write the torque of each DoF into `out`."""
     count = table.shape[0]
@@ -168,8 +194,10 @@ def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  
             ahead = state[0, i] + dt * velocity
             stiffness, damping, support = row[_STIFFNESS], row[_DAMPING], row[_SUPPORT]
             out[i] = support * (stiffness * (state[3, i] - ahead) - damping * velocity)
-            out[i] -= row[_TISSUE] * velocity
-            implicit = dt * (row[_TISSUE] + support * (damping + dt * stiffness))
+            reflex = _reflex(row, velocity)
+            tissue = row[_TISSUE] + reflex
+            out[i] += state[4, i] - tissue * velocity + _slack(reflex, velocity)
+            implicit = dt * (tissue + support * (damping + dt * stiffness))
             if work[i, _CLIPPED] == 0.0:
                 out[i] += stiffness * (state[2, i] - ahead) - damping * velocity
                 implicit += dt * (damping + dt * stiffness)
@@ -192,12 +220,31 @@ def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  
                     work[i, _CLIPPED], muscle, is_new = -1.0, -row[_STRENGTH_AGAINST], True
             else:
                 muscle = _spent(row, work[i, _CLIPPED])
-            out[i] = muscle + support * held - row[_TISSUE] * after
+            state[5, i] = muscle
+            reflex = _reflex(row, state[1, i])
+            out[i] = muscle + support * held + state[4, i] + _slack(reflex, state[1, i])
+            out[i] -= (row[_TISSUE] + reflex) * after
         if not is_new:
             break
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _spent(row, sign):  # type: ignore[no-untyped-def]
     """Return the torque of a muscle at the end of its strength."""
     return row[_STRENGTH_ALONG] if sign > 0 else -row[_STRENGTH_AGAINST]
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _reflex(row, velocity):  # type: ignore[no-untyped-def]
+    """Return the damping of the muscles that are stretched faster than the threshold."""
+    if velocity < -STRETCH_THRESHOLD:
+        return row[_REFLEX_AGAINST]
+    if velocity > STRETCH_THRESHOLD:
+        return row[_REFLEX_ALONG]
+    return 0.0
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _slack(reflex, velocity):  # type: ignore[no-untyped-def]
+    """Return the torque by which the threshold lessens a reflex."""
+    return reflex * STRETCH_THRESHOLD if velocity > 0 else -reflex * STRETCH_THRESHOLD

@@ -41,6 +41,8 @@ class BehaviourTree:
 
     def act(self) -> Array:
         self.root.tick_once()
+        if not self._intent:  # who wishes nothing lets go: muscles slacken
+            return np.zeros(self._person.action_size)
         return self._person.action_towards(self._intent, self._control_dt)
 
 

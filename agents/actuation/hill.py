@@ -1,0 +1,209 @@
+"""The Hill muscle: a contractile element and a parallel elastic one in series with a tendon.
+
+The curves are those of F. De Groote, A. L. Kinney, A. V. Rao & B. J. Fregly, "Evaluation of direct
+collocation optimal control problem formulations for solving the muscle redundancy problem", Annals of
+Biomedical Engineering 44(10), 2016, with the constants that OpenSim 4.6 prints. All of them are
+normalised: lengths by optimal fibre length or tendon slack length, speed by ten optimal fibre lengths
+a second, forces by the greatest isometric force. Activation follows D. G. Thelen, "Adjustment of
+muscle mechanics model parameters to simulate dynamic contractions in older adults", 2003.
+
+The force of a muscle is `F = F_max (a f_L(l) f_V(v) + f_PE(l) + beta v) cos(pennation)`, where fibres of
+constant thickness turn as they shorten.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+MAX_SPEED = 10.0  # [optimal fibre lengths/s] at which a fibre shortens without load
+FIBRE_DAMPING = 0.1  # beta: of the fibre, a share of F_max at MAX_SPEED
+PASSIVE_STRAIN = 0.6  # e_0: strain of the fibre at which passive force is F_max
+PASSIVE_CAP = 2.0  # of F_max; the published exponential reaches 14 at twice the length
+ACTIVATION_TIME, DEACTIVATION_TIME = 0.010, 0.040  # [s]; OpenSim's defaults, after Millard 2013
+RESTING_ACTIVATION = 0.01
+
+_B11, _B21, _B31, _B41 = 0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465
+_B12, _B22, _B32, _B42 = 0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188
+_B13, _B23, _B33 = 0.1, 1.0, 0.353553390593274
+_PASSIVE_SHAPE = 4.0  # k_PE
+_PASSIVE_TOP = math.exp(_PASSIVE_SHAPE)
+_PASSIVE_START = 0.2  # fibre length at which passive force is zero
+_D2, _D3 = -8.149, -0.374
+# d_1 and d_4 make f_V(-1) = 0 and f_V(0) = 1.
+_AT_REST = math.log(_D3 + math.sqrt(_D3**2 + 1))
+_D1 = 1.0 / (_AT_REST - math.log(_D3 - _D2 + math.sqrt((_D3 - _D2) ** 2 + 1)))
+_D4 = 1.0 - _D1 * _AT_REST
+_TENDON_C1, _TENDON_C2, _TENDON_C3 = 0.2, 1.0, 0.2
+_TENDON_SHAPE = math.log((1 + _TENDON_C3) / _TENDON_C1) / 0.049  # F_max at 4.9 % strain
+
+SHORTEST = 0.02  # of the fibre along the tendon, in optimal lengths: a slack muscle
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def active_curve(length):  # type: ignore[no-untyped-def]
+    """Return f_L and its slope at a normalised fibre length."""
+    s1, s2 = _B31 + _B41 * length, _B32 + _B42 * length
+    z1, z2, z3 = (length - _B21) / s1, (length - _B22) / s2, (length - _B23) / _B33
+    g1 = _B11 * math.exp(-0.5 * z1 * z1)
+    g2 = _B12 * math.exp(-0.5 * z2 * z2)
+    g3 = _B13 * math.exp(-0.5 * z3 * z3)
+    slope = -g1 * z1 * (1 - z1 * _B41) / s1 - g2 * z2 * (1 - z2 * _B42) / s2 - g3 * z3 / _B33
+    return g1 + g2 + g3, slope
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def speed_curve(speed):  # type: ignore[no-untyped-def]
+    """Return f_V and its slope at a normalised fibre speed, positive where the fibre lengthens."""
+    x = _D2 * speed + _D3
+    root = math.sqrt(x * x + 1.0)
+    return _D1 * math.log(x + root) + _D4, _D1 * _D2 / root
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def passive_offset(strain):  # type: ignore[no-untyped-def]
+    """Return what `passive_curve` subtracts so that a fibre of 0.2 optimal lengths is slack."""
+    return math.exp(_PASSIVE_SHAPE * (_PASSIVE_START - 1.0) / strain)
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def passive_curve(length, strain, offset):  # type: ignore[no-untyped-def]
+    """Return f_PE and its slope at a normalised fibre length; `offset` is that of the strain."""
+    scale = _PASSIVE_TOP - offset
+    if length <= 1.0 + strain:
+        grown = math.exp(_PASSIVE_SHAPE * (length - 1.0) / strain)
+        return (grown - offset) / scale, grown * _PASSIVE_SHAPE / (strain * scale)
+    slope = _PASSIVE_TOP * _PASSIVE_SHAPE / (strain * scale)
+    force = 1.0 + slope * (length - 1.0 - strain)
+    if force < PASSIVE_CAP:
+        return force, slope
+    return PASSIVE_CAP, 0.0
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def tendon_curve(length):  # type: ignore[no-untyped-def]
+    """Return f_T and its slope at a normalised tendon length."""
+    grown = _TENDON_C1 * math.exp(_TENDON_SHAPE * (length - _TENDON_C2))
+    return grown - _TENDON_C3, _TENDON_SHAPE * grown
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def tendon_length(force):  # type: ignore[no-untyped-def]
+    """Return the normalised tendon length at a normalised tendon force: the inverse of f_T."""
+    return _TENDON_C2 + math.log((force + _TENDON_C3) / _TENDON_C1) / _TENDON_SHAPE
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def next_activation(activation, excitation, dt, rise, fall, least):  # type: ignore[no-untyped-def]
+    """Return the activation after `dt` [s]: an exact exponential with the midpoint's time constant."""
+    wanted = max(excitation, least)
+    span = 1.0 - least
+    now, end = (activation - least) / span, (wanted - least) / span
+    if end > now:
+        tau = rise * (0.5 + 1.5 * now)
+    else:
+        tau = fall / (0.5 + 1.5 * now)
+    middle = now + (end - now) * (1.0 - math.exp(-0.5 * dt / tau))
+    if end > now:
+        tau = rise * (0.5 + 1.5 * middle)
+    else:
+        tau = fall / (0.5 + 1.5 * middle)
+    return least + span * (now + (end - now) * (1.0 - math.exp(-dt / tau)))
+
+
+@numba.vectorize(cache=True)
+def _force_length(length):  # type: ignore[no-untyped-def]
+    return active_curve(length)[0]
+
+
+@numba.vectorize(cache=True)
+def _force_velocity(speed):  # type: ignore[no-untyped-def]
+    return speed_curve(speed)[0]
+
+
+@numba.vectorize(cache=True)
+def _passive_force(length, strain):  # type: ignore[no-untyped-def]
+    return passive_curve(length, strain, passive_offset(strain))[0]
+
+
+@numba.vectorize(cache=True)
+def _tendon_force(length):  # type: ignore[no-untyped-def]
+    return tendon_curve(length)[0]
+
+
+@numba.vectorize(cache=True)
+def _tendon_length(force):  # type: ignore[no-untyped-def]
+    return tendon_length(force)
+
+
+@numba.vectorize(cache=True)
+def _activation_after(activation, excitation, dt, rise, fall, least):  # type: ignore[no-untyped-def]
+    return next_activation(activation, excitation, dt, rise, fall, least)
+
+
+def force_length(fibre_length: npt.ArrayLike) -> Array:
+    """Return f_L, active force by fibre length [optimal lengths], of any shape; 1 at length 1."""
+    return np.asarray(_force_length(_floats(fibre_length)))
+
+
+def force_velocity(fibre_speed: npt.ArrayLike) -> Array:
+    """Return f_V, active force by fibre speed [ten optimal lengths/s], lengthening positive.
+
+    It is 0 at -1 and 1 at rest.
+    """
+    return np.asarray(_force_velocity(_floats(fibre_speed)))
+
+
+def passive_force(fibre_length: npt.ArrayLike, *, strain: float = PASSIVE_STRAIN) -> Array:
+    """Return f_PE, passive force by fibre length [optimal lengths].
+
+    It is 1 at length `1 + strain`; from there it goes on as a straight line, and ends at 2.
+
+    Raises:
+        ValueError: If `strain` is not positive.
+    """
+    if not strain > 0:
+        raise ValueError(f"strain must be positive, got {strain}")
+    return np.asarray(_passive_force(_floats(fibre_length), float(strain)))
+
+
+def tendon_force(tendon_length: npt.ArrayLike) -> Array:
+    """Return f_T, tendon force by tendon length [slack lengths]; 1 at 4.9 % strain."""
+    return np.asarray(_tendon_force(_floats(tendon_length)))
+
+
+def inverse_tendon_force(force: npt.ArrayLike) -> Array:
+    """Return the tendon length [slack lengths] at a tendon force [of F_max]."""
+    return np.asarray(_tendon_length(_floats(force)))
+
+
+def activation_after(
+    activation: npt.ArrayLike,
+    excitation: npt.ArrayLike,
+    dt: float,
+    *,
+    rise: float = ACTIVATION_TIME,
+    fall: float = DEACTIVATION_TIME,
+    least: float = RESTING_ACTIVATION,
+) -> Array:
+    """Return activation after `dt` [s] of constant excitation, both in [0, 1].
+
+    Args:
+        activation: Activation now.
+        excitation: Excitation; below `least` it counts as `least`.
+        dt: Time [s].
+        rise: Time constant of activation [s].
+        fall: Time constant of deactivation [s].
+        least: Activation at rest.
+    """
+    after = _activation_after(_floats(activation), _floats(excitation), dt, rise, fall, least)
+    return np.asarray(after)
+
+
+def _floats(values: npt.ArrayLike) -> Array:
+    return np.asarray(values, np.float64)

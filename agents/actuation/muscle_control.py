@@ -1,0 +1,103 @@
+"""From wished joint angles to excitations: static optimisation around a posture.
+
+The wished torque of a DoF is that of a damped spring towards its target, and what holds the
+limb against gravity. Of all excitations in [0, 1] those are chosen that come nearest to the wished
+torques and are small (R. D. Crowninshield & R. A. Brand, "A physiologically based criterion of muscle
+force prediction in locomotion", J. Biomechanics 14, 1981, with the sum of squares of activations): a
+bounded least-squares problem, solved by coordinate descent from the last solution.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from . import muscle_kernel as kernel
+from .muscle_model import MuscleModel
+
+Array = npt.NDArray[np.float64]
+
+# Our own choices.
+FREQUENCY = 6.0  # [rad/s] of the spring; activation lags by 10 to 40 ms
+DAMPING_RATIO = 1.5
+LEAST_STIFFNESS = 0.4  # [1/rad] of the normal torque: light parts need more than their inertia does
+EFFORT_WEIGHT = 2e-4  # of squared excitations against squared shares of normal torque
+NARROW = 0.35  # [rad]: a DoF with less active range than this is left to ligaments, mostly
+NARROW_WEIGHT = 0.02
+SWEEPS = 12
+
+
+class MuscleController:
+    """Finds excitations that pursue joint angles, for the posture and speed of the moment."""
+
+    def __init__(
+        self, model: MuscleModel, inertia: Array, *, normal_strength: Array, limits: Array
+    ) -> None:
+        """Prepare the springs.
+
+        Args:
+            model: The muscles, m of them, over n DoFs.
+            inertia: Of what hangs on each DoF [kg·m²], shape [n].
+            normal_strength: Torque of a healthy person [N·m], shape [n].
+            limits: Active range [rad], shape [n, 2].
+        """
+        self._model = model
+        stiffness = np.maximum(FREQUENCY**2 * inertia, LEAST_STIFFNESS * normal_strength)
+        damping = 2 * DAMPING_RATIO * np.sqrt(stiffness * inertia)
+        self._gains = np.column_stack((stiffness, damping))
+        width = limits[:, 1] - limits[:, 0]
+        share = np.where(width < NARROW, NARROW_WEIGHT, 1.0)
+        self._weights = share / normal_strength**2
+        self._left = np.zeros(len(inertia))
+
+    def solve(
+        self, target: Array, positions: Array, velocities: Array, weight: Array, arms: Array,
+        state: Array, passive: Array, excitation: Array,
+    ) -> None:  # fmt: skip
+        """Improve `excitation` in place, shape [m].
+
+        Args:
+            target: Wished angles [rad], shape [n].
+            positions: Present angles [rad], shape [n].
+            velocities: Present rates [rad/s], shape [n].
+            weight: Torques that hold the limbs against gravity [N·m], shape [n].
+            arms: Moment arm of each crossing [m].
+            state: State of the muscles, shape [STATE_ROWS, m].
+            passive: Torques of passive tension [N·m], shape [n].
+            excitation: Where to begin and to write.
+        """
+        layout = self._model.layout
+        self._left[:] = self._gains[:, 0] * (target - positions)
+        self._left -= self._gains[:, 1] * velocities
+        self._left += weight - passive
+        _descend(
+            layout.starts, layout.crossings, arms, state, self._model.table, self._weights,
+            self._left, excitation,
+        )  # fmt: skip
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _descend(starts, crossings, arms, state, units, weights, left, excitation) -> None:  # type: ignore[no-untyped-def]
+    """Coordinate descent over excitations; `left` is the wished torque not yet made."""
+    count = starts.shape[0] - 1
+    for m in range(count):
+        force = state[kernel.CAPACITY, m] * units[m, kernel.VOLUNTARY] * excitation[m]
+        for c in range(starts[m, 1], starts[m + 1, 1]):
+            left[crossings[c, 0]] -= arms[c] * force
+    for _ in range(SWEEPS):
+        for m in range(count):
+            capacity = state[kernel.CAPACITY, m] * units[m, kernel.VOLUNTARY]
+            if capacity <= 0.0:
+                excitation[m] = 0.0
+                continue
+            slope, curve = -EFFORT_WEIGHT * excitation[m], EFFORT_WEIGHT
+            for c in range(starts[m, 1], starts[m + 1, 1]):
+                i, torque = crossings[c, 0], arms[c] * capacity
+                slope += weights[i] * torque * left[i]
+                curve += weights[i] * torque * torque
+            after = min(max(excitation[m] + slope / curve, 0.0), 1.0)
+            change = (after - excitation[m]) * capacity
+            excitation[m] = after
+            for c in range(starts[m, 1], starts[m + 1, 1]):
+                left[crossings[c, 0]] -= arms[c] * change

@@ -1,0 +1,411 @@
+"""The muscular drive: joint torques from excitations of Hill muscles.
+
+Each physics step finds paths, activations and tensions, and the torques that they make by virtual work.
+Muscles are stiff and damp strongly for the light parts of a body, so tension is taken at the end of
+the coming step: it is continued with the rate and the acceleration of each path's length, and the
+accelerations are found with the mass matrix of all moving parts, as in `skeletal.py`. (A linearly
+implicit step; so 1/240 s is stable for a finger under full contraction.)
+
+Ligaments tighten over the last few degrees of the passive range, to what the muscles can pull with at
+its end; the hard stop there is the physics engine's.
+
+What a person wills ends at the active range: the net active torque that would lead further out fades
+over the last few degrees. Passive movement by others goes on to the end of the passive range.
+
+Where furniture holds a limb that is too weak, it does so as in `skeletal.py`; a limb that it carries it
+keeps from sagging below the start posture. A degree of freedom that no muscle crosses, such as those
+of the eyes, is held where the person is told to have it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.observable import Observable
+
+from . import muscle_kernel as kernel
+from .chain import Chain
+from .disorder import Shaking
+from .dynamics import (
+    SCRATCH_COLUMNS,
+    WEIGHT,
+    mass_matrix,
+    part_table,
+    place_frames,
+    place_masses,
+    solve,
+)
+from .muscle_control import MuscleController
+from .muscle_model import MuscleModel
+from .skeletal import (
+    MAX_FREQUENCY,
+    MAX_SPEED,
+    STIFFNESS_PER_TORQUE,
+    TISSUE_DAMPING_PER_TORQUE,
+)
+
+Array = npt.NDArray[np.float64]
+
+# Our own choices.
+ACTIVE_END = 0.07  # [rad] before the end of the active range where active torque begins to fade
+ACTIVE_END_DAMPING = 0.5  # [s/rad] of the torque that fades there
+LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligaments tighten ...
+LIGAMENT_SHARE = 0.3  # ... or this share of a narrower range
+CARRY_GAP = 0.01  # [rad] above the posture where furniture lets go
+CONTROL_INTERVAL = 2  # physics steps between two looks of the controller: 120 Hz at 1/240 s
+
+# Columns of the table after those of the parts, one row a DoF.
+_STIFFNESS, _DAMPING, _TISSUE, _SUPPORT = 28, 29, 30, 31
+_LOWEST, _HIGHEST, _POSTURE = 32, 33, 34
+_LEAST, _MOST, _ZONE, _LIGAMENT, _INERTIA = 35, 36, 37, 38, 39
+_CARRIED = 40
+_COLUMNS = 41
+_HELD = 32  # of the scratch: whether furniture holds the limb in this step
+
+
+class MuscleDrive:
+    """Torques of a person's moving DoFs from excitations of muscles: an `Actuation`.
+
+    An action is one excitation in [0, 1] for each muscle that crosses a moving DoF, or for each named
+    group of such muscles. `action_towards` gives excitations that pursue joint angles; while these are
+    what is commanded, a loop through the spine goes on between control steps.
+
+    Attributes:
+        names: The moving DoFs.
+        target: Angle that each DoF pursues where the person is told to [rad], shape [n].
+        model: The muscles, m of them.
+        state: Their state, shape [STATE_ROWS, m]; rows are named in `muscle_kernel.py`.
+        excitation: What each muscle is told now, shape [m].
+    """
+
+    action_low = 0.0
+
+    def __init__(
+        self,
+        chain: Chain,
+        model: MuscleModel,
+        *,
+        groups: Mapping[str, Sequence[int]] | None,
+        normal_strength: Array,
+        supported: npt.NDArray[np.bool_],
+        carried: npt.NDArray[np.bool_],
+        posture: Array,
+        limits: Array,
+        passive: Array,
+        physics_dt: float,
+        shaking: Shaking | None = None,
+    ) -> None:
+        """Prepare the tables of the kernel.
+
+        Args:
+            chain: The moving parts, n of them.
+            model: The muscles that cross them.
+            groups: Muscles of each named group, where an action is by group.
+            normal_strength: Torque of a healthy person, the scale of stiffness [N·m], shape [n].
+            supported: Whether furniture holds the limb, shape [n].
+            carried: Whether it only bears it from below, shape [n].
+            posture: Angles of the start [rad], shape [n].
+            limits: Where active movement ends [rad], shape [n, 2].
+            passive: Where passive movement ends [rad], shape [n, 2].
+            physics_dt: Physics step [s].
+            shaking: Involuntary excitation of the muscles.
+        """
+        count = len(chain.names)
+        self.names, self.model = chain.names, model
+        self._dt, self._shaking = physics_dt, shaking
+        inertia = np.diag(chain.mass_matrix(posture))
+        table = part_table(chain, _COLUMNS)
+        table[:, _STIFFNESS] = np.minimum(
+            STIFFNESS_PER_TORQUE * normal_strength, inertia * MAX_FREQUENCY**2
+        )
+        table[:, _DAMPING] = 2 * np.sqrt(table[:, _STIFFNESS] * inertia)
+        table[:, _TISSUE] = TISSUE_DAMPING_PER_TORQUE * normal_strength
+        uncrossed = np.ones(count, np.bool_)
+        uncrossed[model.layout.crossings[:-1, 0]] = False
+        self._uncrossed = np.flatnonzero(uncrossed)
+        held = supported | uncrossed
+        table[:, _SUPPORT], table[:, _CARRIED] = held, carried & ~held
+        table[:, _LOWEST], table[:, _HIGHEST] = limits.T
+        table[:, _POSTURE], table[:, _INERTIA] = posture, inertia
+        table[:, _LEAST], table[:, _MOST] = passive.T
+        width = np.maximum(passive[:, 1] - passive[:, 0], 1e-3)
+        table[:, _ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
+        pulls = np.abs(model.moment_arms(posture)).T @ model.table[:, kernel.FORCE]
+        table[:, _LIGAMENT] = np.maximum(normal_strength, pulls)
+        self._table = table
+        self.target, self._posture = posture.copy(), posture.copy()
+        self._index = {dof: i for i, dof in enumerate(chain.names)}
+        self._groups = [np.array(members, np.int64) for members in (groups or {}).values()]
+        self.action_names = tuple(f"{name} [excitation]" for name in (groups or model.names))
+        self._is_grouped = groups is not None
+        self.excitation = np.zeros(len(model.units))
+        self._rested = model.table[:, kernel.VOLUNTARY].copy()
+        self._start = model.settled_state(posture)
+        self.state = self._start.copy()
+        self._controller = MuscleController(
+            model, inertia, normal_strength=normal_strength, limits=limits
+        )
+        self._pursued: Array | None = None
+        self._tick = 0
+        self._measured = np.zeros((2, count))
+        self._work = np.zeros((count, SCRATCH_COLUMNS))
+        self._frames = np.zeros((count + 1, kernel.FRAME_COLUMNS))
+        self._frames[0, :9] = np.eye(3).ravel()
+        self._spots = np.zeros((model.layout.longest, kernel.SPOT_COLUMNS))
+        self._arms = np.zeros(len(model.layout.crossings) - 1)
+        self._torques = np.zeros((6, count))
+        self._matrices = np.zeros((2, count, count))
+        self._out = np.zeros(count)
+
+    def reset(self, rng: np.random.Generator, gravity: Array) -> None:
+        self.target[:] = self._table[:, _POSTURE] = self._posture
+        self.state[:] = self._start
+        self.excitation[:] = 0.0
+        self._pursued, self._tick = None, 0
+        if self._shaking is not None:
+            self._shaking.reset(rng)
+        self._look(gravity)
+
+    def command(self, action: Array, duration: float) -> None:
+        """Excite the muscles, each value in [0, 1]."""
+        if self._pursued is not None and np.array_equal(action, self._pursued):
+            return
+        self._pursued = None
+        self._excite(action)
+
+    def _excite(self, action: Array) -> None:
+        if not self._is_grouped:
+            self.excitation[:] = action
+            return
+        for value, members in zip(action, self._groups, strict=True):
+            self.excitation[members] = value
+
+    def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
+        for dof, angle in angles.items():
+            i = self._index[dof]
+            reach = MAX_SPEED * duration
+            self.target[i] += min(max(angle - self.target[i], -reach), reach)
+        np.clip(self.target, self._table[:, _LOWEST], self._table[:, _HIGHEST], out=self.target)
+        self._table[self._uncrossed, _POSTURE] = self.target[self._uncrossed]
+        self._pursue()
+        action = self.excitation.copy()
+        if self._is_grouped:
+            action = np.array([self.excitation[members].max() for members in self._groups])
+        self._pursued = action
+        return action.copy()
+
+    def _pursue(self) -> None:
+        """Set the excitations that pursue the target from what the last physics step found."""
+        self._controller.solve(
+            self.target, self._measured[0], self._measured[1], self._work[:, WEIGHT] *
+            (1.0 - self._work[:, _HELD]), self._arms, self.state, self._torques[1],
+            self.excitation,
+        )  # fmt: skip
+
+    def muscle_torques(self) -> Array:
+        """Return what the muscles willed in the last physics step [N·m], shape [n]."""
+        return self._torques[2].copy()
+
+    def weaken(self, fresh: Array) -> None:
+        layout = self.model.layout
+        starts, dofs = layout.starts[:-1, 1], layout.crossings[:-1, 0]
+        # The tiredest region that a muscle crosses tells.
+        self.model.table[:, kernel.VOLUNTARY] = self._rested * np.minimum.reduceat(
+            fresh[dofs], starts
+        )
+
+    def observables(self) -> Sequence[Observable]:
+        state, count = self.state, len(self.model.units)
+        return [
+            Observable("muscle_activation", "1", count, lambda: state[kernel.ACTIVATION]),
+            Observable("muscle_length", "m", count, lambda: state[kernel.LENGTH]),
+            Observable(
+                "muscle_force", "N", count, lambda: state[kernel.ACTIVE] + state[kernel.PASSIVE]
+            ),
+        ]
+
+    def _look(self, gravity: Array) -> None:
+        """Find lengths, moment arms and weights in the start posture, without any time passing."""
+        self._measured[0], self._measured[1] = self._posture, 0.0
+        layout = self.model.layout
+        _look(
+            self._table, self.model.parents, layout.points, layout.pulleys, layout.carriers,
+            layout.starts, layout.crossings, layout.entries, self.model.table, self._measured,
+            gravity, self.state, self.model.mode, self._work, self._frames, self._spots, self._arms,
+            self._torques, self._matrices,
+        )  # fmt: skip
+
+    def torques(
+        self, positions: list[float], velocities: list[float], gravity: Array
+    ) -> list[float]:
+        self._measured[0], self._measured[1] = positions, velocities
+        if self._pursued is not None and self._tick % CONTROL_INTERVAL == 0:
+            self._pursue()
+        self._tick += 1
+        excitation = self.excitation
+        if self._shaking is not None:
+            excitation = np.clip(excitation + self._shaking.after(self._dt), 0.0, 1.0)
+        layout = self.model.layout
+        _drive(
+            self._table, self.model.parents, layout.points, layout.pulleys, layout.carriers,
+            layout.starts, layout.crossings, layout.entries, layout.is_branched, self.model.table,
+            self._measured, excitation, gravity, self.state, self._dt, self.model.mode, self._work,
+            self._frames, self._spots, self._arms, self._torques, self._matrices, self._out,
+        )  # fmt: skip
+        result: list[float] = self._out.tolist()
+        return result
+
+
+# Rows of the torques: active, passive, faded active; damping at both kinds of ends; of ligaments the
+# torque and the stiffness.
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _look(  # type: ignore[no-untyped-def]
+    table, parents, points, pulleys, carriers, starts, crossings, entries, units, measured, gravity,
+    state, mode, work, frames, spots, arms, torques, matrices,
+) -> None:  # fmt: skip
+    place_frames(table, parents, measured[0], work)
+    place_masses(table, work)
+    kernel.gather_frames(work, frames)
+    kernel.find_arms(
+        points, pulleys, carriers, starts, crossings, entries, frames, measured[1], spots, state,
+        arms,
+    )  # fmt: skip
+    if mode != kernel.IMPLICIT_TENDON:
+        kernel.pull(units, state, 0.0, mode)
+    kernel.project(starts, crossings, arms, state, torques[0], torques[1])
+    mass_matrix(parents, gravity, work, matrices[0])
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _drive(  # type: ignore[no-untyped-def]
+    table, parents, points, pulleys, carriers, starts, crossings, entries, branched, units,
+    measured, excitation, gravity, state, dt, mode, work, frames, spots, arms, torques, matrices,
+    out,
+) -> None:  # fmt: skip
+    """Write the torque of each DoF into `out`."""
+    place_frames(table, parents, measured[0], work)
+    place_masses(table, work)
+    kernel.gather_frames(work, frames)
+    kernel.find_arms(
+        points, pulleys, carriers, starts, crossings, entries, frames, measured[1], spots, state,
+        arms,
+    )  # fmt: skip
+    kernel.activate(units, state, excitation, dt)
+    kernel.pull(units, state, dt, mode)
+    kernel.project(starts, crossings, arms, state, torques[0], torques[1])
+    mass_matrix(parents, gravity, work, matrices[0])
+    _fade(table, measured, torques)
+    _tighten(table, measured, torques)
+    matrix = matrices[1]
+    for i in range(table.shape[0]):
+        j = i
+        while j >= 0:
+            matrix[i, j] = matrices[0, i, j]
+            j = parents[j]
+        velocity, support = measured[1, i], _support(table, measured, work, i, dt)
+        work[i, _HELD] = support
+        stiffness, damping = table[i, _STIFFNESS], table[i, _DAMPING]
+        loose = table[i, _TISSUE] + torques[3, i] + dt * torques[5, i]
+        ahead = measured[0, i] + dt * velocity
+        out[i] = torques[1, i] + torques[2, i] + torques[4, i] - loose * velocity
+        out[i] += support * (stiffness * (table[i, _POSTURE] - ahead) - damping * velocity)
+        out[i] -= (1.0 - support) * work[i, WEIGHT]
+        matrix[i, i] += dt * (loose + support * (damping + dt * stiffness))
+    _continue(starts, crossings, arms, branched, state, matrix, out)
+    solve(parents, matrix, out)
+    for i in range(table.shape[0]):
+        torques[0, i] = out[i]  # the acceleration, for `_settle`
+        support, after = work[i, _HELD], measured[1, i] + dt * out[i]
+        there = measured[0, i] + dt * after
+        held = work[i, WEIGHT] + table[i, _STIFFNESS] * (table[i, _POSTURE] - there)
+        held -= table[i, _DAMPING] * after
+        out[i] = torques[1, i] + torques[2, i] + torques[4, i] + support * held
+        out[i] -= (table[i, _TISSUE] + torques[3, i] + dt * torques[5, i]) * after
+    _settle(starts, crossings, arms, branched, state, torques[0], out)
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _support(table, measured, work, i, dt):  # type: ignore[no-untyped-def]
+    """Return whether furniture holds a limb now: 1.0 or 0.0."""
+    if table[i, _CARRIED] == 0.0:
+        return table[i, _SUPPORT]
+    ahead = measured[0, i] + dt * measured[1, i]
+    push = work[i, WEIGHT] + table[i, _STIFFNESS] * (table[i, _POSTURE] - ahead)
+    push -= table[i, _DAMPING] * measured[1, i]
+    sags = work[i, WEIGHT] * (table[i, _POSTURE] - ahead) >= -abs(work[i, WEIGHT]) * CARRY_GAP
+    return 1.0 if sags and push * work[i, WEIGHT] > 0.0 else 0.0
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _fade(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
+    """Let active torque end at the active range, and damp the movement that it made."""
+    for i in range(table.shape[0]):
+        torque = torques[0, i]
+        if torque > 0.0:
+            left = (table[i, _HIGHEST] - measured[0, i]) / ACTIVE_END
+        else:
+            left = (measured[0, i] - table[i, _LOWEST]) / ACTIVE_END
+        share = min(max(left, 0.0), 1.0)
+        torques[2, i] = share * torque
+        is_outward = measured[1, i] * torque > 0.0
+        torques[3, i] = ACTIVE_END_DAMPING * (1.0 - share) * abs(torque) if is_outward else 0.0
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _tighten(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
+    """Find what ligaments do near the ends of the passive range."""
+    for i in range(table.shape[0]):
+        zone, torques[4, i], torques[5, i] = table[i, _ZONE], 0.0, 0.0
+        over = 1.0 - (table[i, _MOST] - measured[0, i]) / zone
+        under = 1.0 - (measured[0, i] - table[i, _LEAST]) / zone
+        depth = max(over, under)
+        if depth <= 0.0:
+            continue
+        stiffness = 2.0 * table[i, _LIGAMENT] * depth / zone
+        torques[4, i] = table[i, _LIGAMENT] * depth * depth * (-1.0 if over > under else 1.0)
+        torques[5, i] = stiffness
+        torques[3, i] += 2.0 * np.sqrt(stiffness * table[i, _INERTIA])
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _continue(starts, crossings, arms, branched, state, matrix, out) -> None:  # type: ignore[no-untyped-def]
+    """Add to the torques what tensions grow by at the present rates, and to the matrix the rest."""
+    for m in range(starts.shape[0] - 1):
+        growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
+        first, last = starts[m, 1], starts[m + 1, 1]
+        reach = 0.0
+        for c in range(first, last):
+            i = crossings[c, 0]
+            out[i] += arms[c] * growth
+            reach += abs(arms[c])
+        for c in range(first, last):
+            i, lever = crossings[c, 0], arms[c] * implicit
+            if branched[m]:  # a bound, on the diagonal: the factorisation knows branches only
+                matrix[i, i] += abs(lever) * reach
+                continue
+            for d in range(first, c + 1):
+                matrix[i, crossings[d, 0]] += lever * arms[d]
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _settle(starts, crossings, arms, branched, state, acceleration, out) -> None:  # type: ignore[no-untyped-def]
+    """Add to the torques what tensions change by over the step."""
+    for m in range(starts.shape[0] - 1):
+        first, last = starts[m, 1], starts[m + 1, 1]
+        growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
+        bend = reach = 0.0
+        for c in range(first, last):
+            bend += arms[c] * acceleration[crossings[c, 0]]
+            reach += abs(arms[c])
+        for c in range(first, last):
+            i = crossings[c, 0]
+            if branched[m]:
+                out[i] += arms[c] * growth - abs(arms[c]) * reach * implicit * acceleration[i]
+            else:
+                out[i] += arms[c] * (growth - implicit * bend)

@@ -1,0 +1,53 @@
+"""Draw the behaviour tree of every avatar, as PNG, SVG and text, in the middle of being fed.
+
+python experiments/behaviour_pictures.py --out runs/trees
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import rcare_marl
+from rcare_marl import assets
+from rcare_marl.agents.policies.avatar_tree import AvatarBehaviour
+from rcare_marl.agents.policies.tree_picture import TreePicture
+
+STEPS = 12  # control steps before the picture, so that the colours show a tree at work
+MOVABLE = ["spine1", "spine2", "neck", "head", "jaw_opening", "left_eye_smplhf", "right_eye_smplhf",
+           *(f"{side}_{joint}" for side in ("left", "right")
+             for joint in ("collar", "shoulder", "elbow", "hip", "knee"))]  # fmt: skip
+
+
+def draw(avatar: str, out: Path) -> None:
+    """Draw one avatar's tree into the folder `out`."""
+    env = rcare_marl.make(
+        "feeding",
+        recipient={"model": avatar, "movable": MOVABLE},
+        policies={"robot": "scripted", "recipient": "behaviour"},
+    )
+    env.reset(seed=0)
+    policy = env.policies["recipient"]
+    assert isinstance(policy, AvatarBehaviour)
+    for _ in range(STEPS):
+        if not env.is_over:
+            env.step({})
+    picture = TreePicture(policy.root, subtitle=policy.config.description)
+    for suffix in ("png", "svg", "txt"):
+        picture.save(out / f"{avatar}.{suffix}")
+    env.close()
+
+
+def main() -> None:
+    """Draw all of them."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("runs/trees"))
+    out = parser.parse_args().out
+    out.mkdir(parents=True, exist_ok=True)
+    for avatar in assets.names("avatars"):
+        draw(avatar, out)
+        print(out / f"{avatar}.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,462 @@
+"""Behaviour: each sub-tree does what it says in simulation, and what is stronger interrupts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from PIL import Image
+
+import rcare_marl
+from rcare_marl import assets
+from rcare_marl.agents.avatar import load_avatar, load_posture
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.policies.avatar_tree import (
+    AvatarBehaviour,
+    BehaviourConfig,
+    Surroundings,
+    behaviour_of,
+    load_behaviour,
+)
+from rcare_marl.agents.policies.cue import GESTURES
+from rcare_marl.agents.policies.leaves import Threshold
+from rcare_marl.agents.policies.tree_picture import TreePicture
+from rcare_marl.config import load
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.tasks.feeding import Feeding
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.pose import Pose
+from rcare_marl.world import World
+
+AVATARS = assets.names("avatars")
+Array = npt.NDArray[np.float64]
+UPPER = ("spine1", "spine2", "neck", "head", "jaw_opening", "left_collar", "right_collar",
+         "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
+         "left_eye_smplhf", "right_eye_smplhf")  # fmt: skip
+
+
+class Scene:
+    """A person in an empty world who follows their tree."""
+
+    def __init__(
+        self,
+        avatar: str = "caregiver",
+        *,
+        movable: tuple[str, ...] = UPPER,
+        spoon: Callable[[], Array] | None = None,
+        config: BehaviourConfig | None = None,
+    ) -> None:
+        self.world = World()
+        self.person = Human("recipient", load_avatar(avatar), posture=load_posture("wheelchair"),
+                            movable=movable)  # fmt: skip
+        self.person.use_arm_rests(Pose((0.25, 0.26, 0.77)), Pose((0.25, -0.26, 0.77)))
+        self.person.spawn(self.world, Pose((0, 0, 0.5)))
+        around = Surroundings(lambda: self.world.time, spoon)
+        self.policy = AvatarBehaviour(
+            self.person, around, 0.1, config=config or load_behaviour("anybody")
+        )
+        self.cues = self.policy.cues
+        rng = np.random.default_rng(0)
+        self.person.reset(rng)
+        self.policy.reset(rng)
+
+    def run(self, seconds: float, each: Callable[[], None] | None = None) -> Scene:
+        for _ in range(round(seconds * 10)):
+            self.person.command(self.policy.act(), 0.1)
+            for _ in range(24):
+                self.person.actuate()
+                self.world.step()
+            self.person.sense()
+            if each is not None:
+                each()
+        return self
+
+    def angle(self, dof: str) -> float:
+        return self.person.angle(dof)
+
+    def answer(self) -> str:
+        return self.cues.instruction.answer
+
+    def running(self) -> set[str]:
+        """Return the names of the branches below the root that did not fail in the last tick."""
+        return {
+            c.name for c in self.policy.root.children if c.status.name in ("RUNNING", "SUCCESS")
+        }
+
+
+# Each sub-tree by itself.
+
+
+def test_the_mouth_opens_for_a_near_spoon_and_closes_when_it_leaves() -> None:
+    gap = [0.5]
+    scene = Scene(spoon=lambda: scene_mouth() + (gap[0], 0, 0))
+
+    def scene_mouth() -> Array:
+        return scene.person.mouth_position()
+
+    assert scene.run(1).angle("jaw_opening") < 0.03
+    gap[0] = 0.15
+    assert scene.run(2).angle("jaw_opening") > 0.3
+    gap[0] = 0.5
+    assert scene.run(2).angle("jaw_opening") < 0.05
+
+
+def test_the_head_follows_a_point_while_the_mouth_opens() -> None:
+    side = [0.08]
+    start = Scene().person.mouth_position()
+    scene = Scene(spoon=lambda: start + (0.15, side[0], 0.0))
+    scene.run(2)
+    assert scene.person.face_direction()[1] > 0.1
+    assert scene.angle("jaw_opening") > 0.3
+    side[0] = -0.08
+    scene.run(2)
+    assert scene.person.face_direction()[1] < -0.1 and scene.angle("jaw_opening") > 0.3
+
+
+def test_eyes_look_where_the_head_cannot() -> None:
+    start = Scene().person.mouth_position()
+    eyes = ("left_eye_smplhf", "right_eye_smplhf", "neck_lateral_flexion_left", "jaw_opening",
+            "head_rotation_left")  # fmt: skip
+    scene = Scene("morgan", movable=eyes, spoon=lambda: start + (0.5, 0.5, 0.0)).run(3)
+    assert scene.angle("left_eye_abduction") > 0.2  # both to the left
+    assert scene.angle("right_eye_abduction") < -0.2
+
+
+@pytest.mark.parametrize(
+    ("text", "dof", "least"),
+    [
+        ("raise your right arm", "right_shoulder_flexion", 0.9),
+        ("bend your left elbow", "left_elbow_flexion", 1.8),
+        ("turn your head left", "neck_rotation_left", 0.3),
+        ("open your mouth", "jaw_opening", 0.3),
+        ("lean forward", "spine1_flexion", 0.18),
+    ],
+)
+def test_a_sentence_is_followed_and_answered(text: str, dof: str, least: float) -> None:
+    scene = Scene()
+    assert scene.answer() == "nothing asked"
+    scene.run(0.5)
+    scene.cues.instruction.say(text)
+    assert scene.answer() == "trying"
+    scene.run(4)
+    assert scene.angle(dof) > least and scene.answer() == "done"
+    scene.cues.instruction.clear()
+    scene.run(4)
+    assert scene.angle(dof) < 0.7 * max(least, 1.5)
+
+
+def test_look_at_me_turns_to_the_speaker() -> None:
+    scene = Scene()
+    scene.cues.instruction.say("look at me")
+    assert scene.answer() == "cannot"  # nobody knows where the speaker is
+    scene.cues.instruction.say("look at me", speaker=lambda: np.array((0.8, -0.8, 1.2)))
+    assert scene.run(3).person.face_direction()[1] < -0.4
+
+
+def test_who_cannot_says_so_and_does_nothing() -> None:
+    scene = Scene("jose")
+    scene.cues.instruction.say("raise your right arm")
+    assert scene.answer() == "cannot"
+    before = scene.angle("right_shoulder_flexion")
+    assert scene.run(2).angle("right_shoulder_flexion") == pytest.approx(before, abs=0.02)
+    with pytest.raises(UnknownNameError, match="Did you mean 'hold still'"):
+        scene.cues.instruction.say("holt still")
+
+
+def test_holding_still_stops_a_movement_on_its_way() -> None:
+    scene = Scene()
+    scene.cues.instruction.say("raise your right arm")
+    scene.run(1.0)
+    scene.cues.instruction.say("hold still")
+    scene.run(0.5)
+    there = scene.angle("right_shoulder_flexion")
+    assert scene.run(2).angle("right_shoulder_flexion") == pytest.approx(there, abs=0.03)
+    assert 0.4 < there < 1.2 and scene.answer() == "done"
+
+
+def test_who_relaxes_wishes_nothing() -> None:
+    scene = Scene()
+    scene.run(1)
+    scene.cues.instruction.say("relax")
+    assert not scene.policy.act().any()
+    assert scene.answer() == "done"
+
+
+def test_a_reach_goes_for_the_angles_that_it_is_given() -> None:
+    scene = Scene()
+    wish: Mapping[str, float] = {"right_shoulder_flexion": 0.9, "right_elbow_flexion": 0.6}
+    scene.cues.reach = lambda: wish
+    scene.run(3)
+    for dof, angle in wish.items():
+        assert scene.angle(dof) == pytest.approx(angle, abs=0.06)
+    scene.cues.reach = None
+    assert scene.run(3).angle("right_shoulder_flexion") < 0.5
+    with pytest.raises(ConfigError, match="a function that returns angles"):
+        scene.cues.reach = wish  # type: ignore[assignment]
+
+
+def test_pain_withdraws_the_limb_that_hurts_and_no_other() -> None:
+    scene = Scene()
+    scene.run(0.5)
+    before = {dof: scene.angle(dof) for dof in ("left_elbow_flexion", "right_elbow_flexion")}
+    scene.person._meter._forces = lambda: {"left_wrist": 250.0}  # type: ignore[method-assign]
+    scene.run(1.5)
+    assert scene.person.physiology.pain_segment == "left_wrist"
+    assert "flinch" in scene.running()
+    assert scene.angle("left_elbow_flexion") > before["left_elbow_flexion"] + 0.3
+    assert scene.angle("right_elbow_flexion") == pytest.approx(
+        before["right_elbow_flexion"], abs=0.05
+    )
+    del scene.person._meter._forces
+    scene.run(20)
+    assert "flinch" not in scene.running()
+    assert scene.angle("left_elbow_flexion") == pytest.approx(before["left_elbow_flexion"], abs=0.1)
+
+
+def test_pain_without_a_place_makes_them_brace() -> None:
+    scene = Scene("jose")
+    before = scene.angle("neck_flexion")
+    scene.person.physiology.hold({"pain": 8})
+    scene.run(1)
+    assert "flinch" in scene.running() and scene.angle("neck_flexion") > before + 0.05
+
+
+def test_who_refuses_turns_away_from_the_spoon_and_closes_the_mouth() -> None:
+    start = Scene().person.mouth_position()
+    scene = Scene(spoon=lambda: start + (0.15, 0.03, 0.0)).run(2)
+    assert scene.angle("jaw_opening") > 0.3
+    scene.cues.refuses = True
+    scene.run(2)
+    assert scene.angle("jaw_opening") < 0.05
+    assert scene.person.face_direction()[1] < -0.4  # the spoon is on the left
+    scene.cues.refuses = False
+    assert scene.run(2).angle("jaw_opening") > 0.3
+
+
+def test_a_cough_bends_the_neck_three_times_and_is_over() -> None:
+    scene, seen = Scene(), list[float]()
+    scene.run(0.5)
+    rest = scene.angle("neck_flexion")
+    scene.cues.must_cough = True
+    scene.run(3.5, lambda: seen.append(scene.angle("neck_flexion") - rest))
+    up = np.array(seen) > 0.08
+    assert (np.diff(up.astype(int)) == 1).sum() == 3
+    assert not scene.cues.must_cough and abs(seen[-1]) < 0.03
+
+
+def test_the_tired_rest_until_they_have_recovered() -> None:
+    scene = Scene()
+    scene.cues.instruction.say("raise your right arm")
+    scene.run(3)
+    scene.person.physiology.fatigue = 0.65
+    scene.run(3)
+    assert "rest" in scene.running() and scene.angle("right_shoulder_flexion") < 0.5
+    scene.person.physiology.fatigue = 0.45  # between the thresholds: still resting
+    scene.run(1)
+    assert "rest" in scene.running()
+    scene.person.physiology.fatigue = 0.2
+    scene.run(3)
+    assert "rest" not in scene.running() and scene.angle("right_shoulder_flexion") > 0.9
+
+
+# Composition.
+
+
+def test_cough_and_pain_interrupt_anything() -> None:
+    scene = Scene()
+    for begin in ("hold still", "relax", "raise your right arm", "open your mouth"):
+        scene.cues.instruction.say(begin)
+        scene.cues.refuses = True
+        scene.person.physiology.set({"fatigue": 0.9})
+        scene.run(0.3)
+        scene.person.physiology.hold({"pain": 9})
+        scene.run(0.1)
+        assert scene.running() == {"flinch"}
+        scene.cues.must_cough = True
+        scene.run(0.1)
+        assert scene.running() == {"cough"}
+        scene.run(3)
+        assert scene.running() == {"flinch"}
+        scene.person.physiology.release()
+        scene.person.physiology.set({"pain": 0, "fatigue": 0})
+        scene.cues.refuses = False
+        scene.run(0.1)
+
+
+def test_two_trees_in_one_process_share_nothing() -> None:
+    one, other = Scene(), Scene()
+    one.cues.instruction.say("raise your right arm")
+    one.cues.must_cough = True
+    other.run(2)
+    assert other.running() == {"engage"} and not other.cues.must_cough
+    one.run(6)
+    assert one.angle("right_shoulder_flexion") > 0.9
+    assert other.run(4).angle("right_shoulder_flexion") < 0.5
+
+
+def test_an_episode_forgets_what_was_asked_in_the_last() -> None:
+    scene = Scene()
+    scene.cues.instruction.say("raise your right arm")
+    scene.cues.refuses = True
+    scene.policy.reset(np.random.default_rng(0))
+    assert scene.cues.instruction.text is None and not scene.cues.refuses
+
+
+def test_a_threshold_begins_high_ends_low_and_forgets_at_a_new_episode() -> None:
+    value, now = [0.0], [0.0]
+    leaf = Threshold("x", lambda: value[0], lambda: now[0], begins=0.6, ends=0.3)
+    seen = []
+    for value[0] in (0.5, 0.7, 0.5, 0.29, 0.5):
+        now[0] += 0.1
+        leaf.tick_once()
+        seen.append(leaf.status.name == "SUCCESS")
+    assert seen == [False, True, True, False, False]
+    for value[0], now[0] in ((0.7, 1.0), (0.5, 0.1)):
+        leaf.tick_once()
+    assert leaf.status.name == "FAILURE"
+    with pytest.raises(ConfigError, match="above"):
+        Threshold("x", lambda: 0.0, lambda: 0.0, begins=0.1, ends=0.2)
+
+
+# The avatars.
+
+
+@pytest.mark.parametrize("avatar", AVATARS)
+def test_the_tree_of_every_avatar_runs_and_can_be_drawn(avatar: str, tmp_path: Path) -> None:
+    scene = Scene(avatar, config=behaviour_of(Scene(avatar, movable=("head",)).person))
+    for text in sorted(GESTURES):
+        scene.cues.instruction.say(text)
+        scene.run(0.5)
+    scene.run(20 - 0.5 * len(GESTURES))
+    assert np.isfinite(scene.person.positions).all()
+    picture = TreePicture(scene.policy.root, subtitle=scene.policy.config.description)
+    nodes = list(scene.policy.root.iterate())
+    assert len(picture.boxes) == len(nodes) <= 60
+    image = Image.open(picture.save(tmp_path / "tree.png"))
+    assert len(set(image.resize((300, 300)).getdata())) > 20  # something is drawn
+    svg = picture.save(tmp_path / "tree.svg").read_text()
+    text_form = picture.save(tmp_path / "tree.txt").read_text()
+    for node in nodes:
+        assert node.name in svg and node.name in text_form
+    with pytest.raises(ConfigError, match=r"\.png, \.svg or \.txt"):
+        picture.save(tmp_path / "tree.gif")
+
+
+def overlaps(picture: TreePicture) -> int:
+    boxes = picture.boxes
+    return sum(
+        a.x < b.x + b.width and b.x < a.x + a.width and abs(a.y - b.y) < 30
+        for i, a in enumerate(boxes) for b in boxes[i + 1 :]
+    )  # fmt: skip
+
+
+def test_boxes_of_a_picture_do_not_overlap_and_lie_inside() -> None:
+    picture = TreePicture(Scene("karan").policy.root)
+    assert overlaps(picture) == 0
+    width, height = picture.size
+    for box in picture.boxes:
+        assert 0 <= box.x and box.x + box.width <= width and 15 <= box.y <= height - 15
+
+
+def test_trees_follow_the_ability_of_their_people() -> None:
+    possible = {avatar: Scene(avatar).cues.instruction.possible for avatar in AVATARS}
+    arms = {text for text in GESTURES if "arm" in text or "elbow" in text}
+    assert not arms & possible["jose"]
+    assert {"raise your right arm", "bend your right elbow"} <= possible["natalia"]
+    assert "straighten your right elbow" not in possible["natalia"]
+    assert "straighten your right elbow" in possible["daniel"]
+    assert "lean forward" in possible["karan"] and "lean forward" not in possible["daniel"]
+    for avatar in AVATARS:
+        assert {"hold still", "look at me", "turn your head left"} <= possible[avatar]
+
+
+def test_a_scene_where_nothing_can_move_is_refused() -> None:
+    with pytest.raises(ConfigError, match="can move nothing that a behaviour needs"):
+        Scene("jose", movable=("left_elbow_flexion",))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"tired_from": 0.2}, "rested_below <= tired_from"),
+        ({"activities": []}, "must name one at least"),
+        ({"reactions": ["cough", "cough"]}, "twice"),
+        ({"opening": 0.0}, "opening must lie in"),
+        ({"flinches_from": 11.0}, "flinches_from must lie in"),
+        ({"opens_within": -1.0}, "opens_within must lie in"),
+        ({"reactions": ["sneeze"]}, "sneeze"),
+    ],
+)
+def test_a_bad_behaviour_is_refused(values: dict[str, object], message: str) -> None:
+    with pytest.raises((ConfigError, UnknownNameError), match=message):
+        load(BehaviourConfig, {"description": "x", **values})
+
+
+# In an environment.
+
+
+def play(env: CareEnv, seed: int) -> list[float]:
+    env.reset(seed=seed)
+    out: list[float] = []
+    while not env.is_over:
+        env.step({})
+        out += env.observe("recipient").tolist()
+    assert isinstance(env.cast["recipient"], Human)
+    return out + list(env.cast["recipient"].physiology.values().values())
+
+
+def test_an_episode_with_a_behaving_person_is_a_function_of_the_seed() -> None:
+    policies = {"robot": "scripted", "recipient": "behaviour"}
+    env = rcare_marl.make("feeding", policies=policies)
+    first, _, again = play(env, 3), play(env, 4), play(env, 3)
+    env.close()
+    fresh = rcare_marl.make("feeding", policies=policies)
+    assert first == again == play(fresh, 3)
+    fresh.close()
+
+
+@pytest.mark.parametrize("avatar", ["jose", "morgan", "kim", "caregiver"])
+def test_a_behaving_person_can_be_fed(avatar: str) -> None:
+    env = rcare_marl.make("feeding", recipient=avatar,
+                          policies={"robot": "scripted", "recipient": "behaviour"})  # fmt: skip
+    play(env, 0)
+    assert isinstance(env.task, Feeding) and env.task.is_success()
+    env.close()
+
+
+def test_a_refusing_person_is_not_fed() -> None:
+    env = rcare_marl.make("feeding", policies={"robot": "scripted", "recipient": "behaviour"})
+    env.reset(seed=0)
+    policy = env.policies["recipient"]
+    assert isinstance(policy, AvatarBehaviour)
+    policy.cues.refuses = True
+    while not env.is_over:
+        env.step({})
+    assert env.task.metrics()["eaten_pieces"] == 0
+    env.close()
+
+
+def test_a_robot_has_no_behaviour_of_people() -> None:
+    with pytest.raises(ConfigError, match="is for people, and 'robot' is played by Robot"):
+        rcare_marl.make("feeding", policies={"robot": "behaviour"})
+
+
+def test_a_caregiver_watches_the_person_and_not_the_spoon() -> None:
+    env = rcare_marl.make(
+        "feeding",
+        caregiver={"model": "caregiver", "movable": ["neck", "head"]},
+        policies={"robot": "still", "recipient": "still", "caregiver": "behaviour"},
+    )
+    env.reset(seed=0)
+    caregiver, recipient = env.cast["caregiver"], env.cast["recipient"]
+    assert isinstance(caregiver, Human) and isinstance(recipient, Human)
+    for _ in range(25):
+        env.step({})
+    way = recipient.mouth_position() - caregiver.mouth_position()
+    angle = math.acos(float(caregiver.face_direction() @ way / np.linalg.norm(way)))
+    assert angle < 0.35
+    env.close()

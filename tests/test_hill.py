@@ -1,0 +1,85 @@
+"""Hill curves against the reference values that OpenSim 4.6 prints (De Groote-Fregly 2016)."""
+
+import numpy as np
+import pytest
+
+from rcare_marl.agents.actuation import hill
+
+
+@pytest.mark.parametrize(
+    ("curve", "points"),
+    [
+        (hill.force_length, {0.5: 0.054112, 0.7: 0.684233, 0.9: 0.937123, 1.0: 1.0, 1.2: 0.793690,
+                             1.4: 0.380243, 1.6: 0.124255}),
+        (hill.passive_force, {0.5: 0.000565, 0.7: 0.002391, 0.9: 0.009316, 1.0: 0.018229,
+                              1.2: 0.069401, 1.4: 0.263532, 1.6: 1.0}),
+        (hill.force_velocity, {-1.0: 0.0, -0.5: 0.234036, -0.1: 0.745172, 0.0: 1.0, 0.1: 1.206509,
+                               0.5: 1.588423, 1.0: 1.794343}),
+        (hill.tendon_force, {1.0: 0.0, 1.01: 0.088295, 1.02: 0.215569, 1.03: 0.399031,
+                             1.04: 0.663486, 1.049: 1.0}),
+    ],
+)  # fmt: skip
+def test_curves_agree_with_the_reference_points(curve, points):
+    values = curve(list(points))
+    assert np.abs(values - list(points.values())).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    "curve", [hill.force_length, hill.passive_force, hill.force_velocity, hill.tendon_force]
+)
+def test_curves_keep_the_shape_of_what_they_are_given(curve):
+    assert curve(1.0).shape == ()
+    assert curve(np.full((2, 3), 0.9)).shape == (2, 3)
+
+
+def test_passive_force_goes_on_straight_beyond_its_strain_and_is_capped():
+    lengths = np.array([1.6, 1.61, 1.62, 3.0])
+    forces = hill.passive_force(lengths)
+    assert forces[1] - forces[0] == pytest.approx(forces[2] - forces[1], rel=1e-9)
+    assert forces[-1] == hill.PASSIVE_CAP
+    assert hill.passive_force(1.8, strain=0.8) == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="strain must be positive"):
+        hill.passive_force(1.0, strain=0.0)
+
+
+def test_slopes_are_the_derivatives_of_the_curves():
+    step = 1e-6
+    offset = hill.passive_offset(0.6)
+    for curve, slope in (
+        (hill.force_length, lambda x: hill.active_curve(x)[1]),
+        (hill.force_velocity, lambda x: hill.speed_curve(x)[1]),
+        (hill.passive_force, lambda x: hill.passive_curve(x, 0.6, offset)[1]),
+        (hill.tendon_force, lambda x: hill.tendon_curve(x)[1]),
+    ):
+        for x in (0.55, 0.83, 0.97):
+            numeric = (curve(x + step) - curve(x - step)) / (2 * step)
+            assert slope(x) == pytest.approx(float(numeric), abs=1e-7)
+
+
+def test_the_inverse_tendon_curve_inverts_it():
+    forces = np.linspace(0, 2, 9)
+    assert np.allclose(hill.tendon_force(hill.inverse_tendon_force(forces)), forces, atol=1e-12)
+
+
+def test_activation_rises_and_falls_with_its_time_constants():
+    rise, steps = np.array(0.01), 400
+    for _ in range(steps):
+        rise = hill.activation_after(rise, 1.0, 0.1 / steps)
+    fall = rise
+    for _ in range(steps):
+        fall = hill.activation_after(fall, 0.0, 0.1 / steps)
+    assert rise == pytest.approx(1.0, abs=0.01)
+    assert 0.01 <= fall < 0.15 < rise  # it falls more slowly than it rises
+    assert hill.activation_after(0.01, 0.0, 10.0) == pytest.approx(0.01)
+
+
+def test_activation_hardly_depends_on_the_step():
+    def after(steps: int) -> float:
+        value = np.array(0.01)
+        for _ in range(steps):
+            value = hill.activation_after(value, 0.8, 0.024 / steps)
+        return float(value)
+
+    fine = after(2400)
+    assert after(24) == pytest.approx(fine, abs=0.001)
+    assert after(6) == pytest.approx(fine, abs=0.03)

@@ -1,0 +1,424 @@
+"""People driven by muscles: the torques are right, the movement is stable, and it makes physical sense."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import rcare_marl
+from rcare_marl.agents.actuation import muscle_kernel as kernel
+from rcare_marl.agents.actuation.chain import make_chain
+from rcare_marl.agents.actuation.drive import ActuationConfig, fitted_musculature
+from rcare_marl.agents.actuation.muscle_model import TENDONS, MuscleModel
+from rcare_marl.agents.avatar import body_model, body_segments, load_avatar, load_posture
+from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.profile import ClinicalProfile, SideProfile
+from rcare_marl.errors import ActionError, ConfigError, UnknownNameError
+from rcare_marl.pose import Pose
+from rcare_marl.world import World
+
+AVATARS = ("caregiver", "daniel", "jose", "karan", "kim", "morgan", "natalia")
+CONTROL_DT = 0.1
+ALL_DOFS = [dof.name for dof in DOFS]
+
+
+def muscle_model(avatar, *, movable=ALL_DOFS, tendon="quasi_static"):
+    path = avatar.body_path()
+    joints = body_model(path, avatar.height_m).joints
+    segments = body_segments(path, avatar.height_m, avatar.mass_kg, avatar.sex)
+    chain = make_chain(segments, joints, np.zeros(len(DOFS)), movable)
+    return MuscleModel(fitted_musculature(avatar, None).units, joints, chain, tendon=tendon)
+
+
+def in_range(avatar, rng):
+    limits = avatar.profile.limits("passive")
+    low, high = np.array([limits[name] for name in ALL_DOFS]).T
+    return rng.uniform(low, high)
+
+
+def spawned(avatar, posture="standing", *, movable=None, seed=0, **actuation):
+    world = World()
+    person = Human(
+        "person",
+        load_avatar(avatar) if isinstance(avatar, str) else avatar,
+        posture=load_posture(posture),
+        movable=movable,
+        actuation=ActuationConfig(kind="muscle", **actuation),
+    )
+    person.spawn(world, Pose((0, 0, 0.5)))
+    world.mark_start()
+    world.rewind()
+    person.reset(np.random.default_rng(seed))
+    return world, person
+
+
+def go_on(world, person, action, seconds, *, before_step=None):
+    """Hold an action, or ask for one in each control step, for some time; return the angles."""
+    angles = []
+    for _ in range(round(seconds / CONTROL_DT)):
+        person.command(action() if callable(action) else action, CONTROL_DT)
+        for _ in range(24):
+            person.actuate()
+            if before_step is not None:
+                before_step()
+            world.step()
+        person.sense()
+        angles.append(np.array(person.positions))
+    return np.array(angles)
+
+
+def excitation_of(person, prefix, value=1.0):
+    """Return an action that excites the muscles of a clinical group on the right."""
+    units = person.drive.model.units
+    chosen = [u.side == "right" and u.clinical_group == prefix for u in units]
+    assert any(chosen)
+    return np.where(chosen, value, 0.0)
+
+
+def healthy(**right):
+    """Return the caregiver with another profile of the right side."""
+    profile = ClinicalProfile(right=SideProfile(**right))
+    return dataclasses.replace(load_avatar("caregiver"), profile=profile)
+
+
+# --- the model -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", AVATARS)
+def test_torques_are_the_virtual_work_of_tension_over_length(name):
+    avatar = load_avatar(name)
+    model, step = muscle_model(avatar), 1e-4
+    q = in_range(avatar, np.random.default_rng(3))
+    forces = model.isometric_forces(q, 0.7)
+    torques = model.isometric_torques(q, 0.7)
+    for i in range(len(q)):
+        e = np.zeros(len(q))
+        e[i] = step
+        near = model.lengths(q + e) - model.lengths(q - e)
+        far = model.lengths(q + 2 * e) - model.lengths(q - 2 * e)
+        slope = (8 * near - far) / (12 * step)
+        assert torques[i] == pytest.approx(-slope @ forces, abs=1e-6), ALL_DOFS[i]
+
+
+def test_lengths_are_the_same_where_fixed_joints_have_melted():
+    avatar = load_avatar("karan")
+    whole, arm = muscle_model(avatar), ["right_shoulder_flexion", "right_elbow_flexion"]
+    melted = muscle_model(avatar, movable=[n for n in ALL_DOFS if n in arm])
+    q = np.zeros(len(DOFS))
+    q[[DOF_INDEX[n] for n in arm]] = 0.4, 1.1
+    assert np.allclose(whole.lengths(q), melted.lengths(np.array([0.4, 1.1])), atol=1e-12)
+    columns = [DOF_INDEX[n] for n in arm]
+    assert np.allclose(whole.moment_arms(q)[:, columns], melted.moment_arms(np.array([0.4, 1.1])))
+
+
+def test_isometric_tension_balances_fibre_and_tendon():
+    model = muscle_model(load_avatar("karan"))
+    q = np.zeros(len(DOFS))
+    for activation in (0.0, 0.4, 1.0):
+        tension = model.isometric_forces(q, activation)
+        fibre = model.fibre_lengths(q, activation)
+        table = model.table
+        cosine = np.sqrt(1 - (table[:, kernel.PENNATION_SINE] / fibre) ** 2)
+        from rcare_marl.agents.actuation.hill import force_length, passive_force
+
+        passive = np.array(
+            [
+                passive_force(x, strain=s)
+                for x, s in zip(fibre, table[:, kernel.STRAIN], strict=True)
+            ]
+        )
+        pulled = table[:, kernel.FORCE] * cosine * (activation * force_length(fibre) + passive)
+        slack = fibre * cosine <= 0.021  # too short to pull: the fibre is not in balance
+        assert np.allclose(pulled[~slack], tension[~slack], rtol=1e-6, atol=1e-3)
+
+
+@pytest.mark.parametrize("tendon", TENDONS)
+def test_a_step_at_rest_settles_on_the_isometric_tension(tendon):
+    model = muscle_model(load_avatar("karan"), tendon=tendon)
+    q, still = np.zeros(len(DOFS)), np.zeros(len(DOFS))
+    excitation, state, out = np.full(len(model.units), 0.5), model.settled_state(q), still.copy()
+    for _ in range(800):
+        model.step(q, still, excitation, state, 1 / 240, out)
+    tension = state[kernel.ACTIVE] + state[kernel.PASSIVE]
+    wanted = model.isometric_forces(q, 0.5)
+    assert np.abs(tension - wanted).max() < 1e-3 * wanted.max()
+    assert np.allclose(out, model.moment_arms(q).T @ tension, atol=1e-9)
+
+
+def test_many_people_are_each_like_one():
+    model, rng = muscle_model(load_avatar("kim")), np.random.default_rng(5)
+    count, n, m = 3, len(DOFS), len(model.units)
+    q = np.array([in_range(load_avatar("kim"), rng) for _ in range(count)])
+    qd, excitation = rng.normal(size=(count, n)), rng.uniform(size=(count, m))
+    states = np.stack([model.new_state()] * count)
+    many = model.step_many(q, qd, excitation, states, 0.004, np.zeros((count, n)))
+    for k in range(count):
+        one = model.step(q[k], qd[k], excitation[k], model.new_state(), 0.004, np.zeros(n))
+        assert np.array_equal(one, many[k])
+
+
+def test_a_model_refuses_what_cannot_be():
+    avatar = load_avatar("karan")
+    model = muscle_model(avatar)
+    with pytest.raises(UnknownNameError, match="Did you mean 'soleus_l'"):
+        model.index("soleus_left")
+    with pytest.raises(ActionError, match="excitations lie in \\[0, 1\\]"):
+        model.isometric_forces(np.zeros(len(DOFS)), 1.5)
+    with pytest.raises(ConfigError, match="must have shape"):
+        model.lengths(np.zeros(3))
+    with pytest.raises(UnknownNameError, match="rigid"):
+        muscle_model(avatar, tendon="stiff")
+
+
+# --- stability -----------------------------------------------------------------------------------
+
+
+def check_stable(name, posture, seconds, tendon):
+    world, person = spawned(name, posture, tendon=tendon)
+    rng = np.random.default_rng(11)
+    angles = go_on(world, person, lambda: rng.uniform(0, 1, person.action_size), seconds)
+    assert np.isfinite(angles).all()
+    assert np.abs(person.velocities).max() < 25
+    low, high = person.passive.T
+    assert (angles > low - 0.02).all() and (angles < high + 0.02).all()
+    world.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "posture", "tendon"),
+    [("caregiver", "standing", "quasi_static"), ("karan", "wheelchair", "rigid"),
+     ("kim", "bed_supine", "implicit")],
+)  # fmt: skip
+def test_random_excitations_of_the_whole_body_stay_stable(name, posture, tendon):
+    check_stable(name, posture, 2.0, tendon)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", AVATARS)
+def test_random_excitations_stay_stable_for_a_minute(name):
+    check_stable(name, "wheelchair", 60.0, "quasi_static")
+
+
+# --- physical sense ------------------------------------------------------------------------------
+
+
+def energy(person):
+    """Return kinetic and potential energy of a person whose pelvis is held [J]."""
+    body, total = person.body, 0.0
+    positions, velocities = body.joint_states(person._joints)
+    chain = make_chain(person.segments, person.model.joints, person.angles, person.movable)
+    matrix = chain.mass_matrix(np.array(positions))
+    total += 0.5 * np.array(velocities) @ matrix @ np.array(velocities)
+    for joint, segment in person.segments.items():
+        matrix = person.joint_pose(joint).matrix()
+        total += segment.mass * 9.81 * (matrix[:3, :3] @ segment.centre + matrix[:3, 3])[2]
+    return total
+
+
+def test_energy_does_not_grow_in_a_free_swing():
+    world, person = spawned("caregiver", movable=["right_shoulder_flexion", "right_elbow_flexion"])
+    person.set_angles({"right_shoulder_flexion": 1.3, "right_elbow_flexion": 0.3})
+    relaxed, energies = np.zeros(person.action_size), [energy(person)]
+    for _ in range(20):
+        go_on(world, person, relaxed, CONTROL_DT)
+        energies.append(energy(person))
+    fallen = energies[0] - energies[-1]
+    assert fallen > 1.0  # the arm did fall
+    assert max(energies[1:]) < energies[0]
+    # Stretched fibres give back a part of what they took; every swing is lower than the one before.
+    assert np.maximum(np.diff(energies), 0).sum() < 0.25 * fallen
+    assert np.ptp(energies[15:]) < 0.1 * np.ptp(energies[:15])
+
+
+def test_a_relaxed_arm_falls():
+    world, person = spawned("caregiver", movable=["right_elbow_flexion", "right_shoulder_flexion"])
+    person.set_angles({"right_elbow_flexion": 1.57})
+    angles = go_on(world, person, np.zeros(person.action_size), 2.0)
+    assert angles[-1][person.movable.index("right_elbow_flexion")] < 0.5
+
+
+def test_daniel_bends_the_elbow_but_cannot_strongly_extend_it():
+    q = np.zeros(len(DOFS))
+    q[DOF_INDEX["right_elbow_flexion"]] = np.pi / 2
+    avatar = load_avatar("daniel")
+    share = {}
+    for group in ("elbow_flexors", "elbow_extensors"):
+        _, weak = spawned(avatar, "wheelchair", strength="gravity")
+        units = weak.drive.model.units
+        strength = weak.drive.model.table[:, kernel.VOLUNTARY]
+        chosen = [u.side == "right" and u.clinical_group == group for u in units]
+        share[group] = strength[chosen].mean()
+    assert share["elbow_flexors"] > 0.9
+    assert share["elbow_extensors"] < 0.25
+    _, linear = spawned(avatar, "wheelchair")
+    chosen = [u.clinical_group == "elbow_extensors" for u in linear.drive.model.units]
+    assert linear.drive.model.table[chosen, kernel.VOLUNTARY] == pytest.approx(0.6)
+
+
+def test_jose_moves_nothing_below_the_neck():
+    world, person = spawned("jose", "wheelchair")
+    units = person.drive.model.units
+    below = np.array([u.side != "axial" or u.region == "trunk" for u in units])
+    assert below.sum() > 200
+    told = go_on(world, person, np.where(below, 1.0, 0.0), 1.0)
+    world_b, relaxed = spawned("jose", "wheelchair")
+    untold = go_on(world_b, relaxed, np.zeros(person.action_size), 1.0)
+    moved = np.abs(told - untold).max(axis=0)
+    for dof, angle in zip(person.movable, moved, strict=True):
+        if dof.startswith(("left", "right", "spine")) and "eye" not in dof and "collar" not in dof:
+            assert angle < 0.02, dof
+
+
+def test_karans_right_arm_lifts_and_his_left_does_not():
+    risen = {}
+    for side in ("left", "right"):
+        world, person = spawned("karan", "wheelchair")
+        goal = {f"{side}_shoulder_flexion": 1.2, f"{side}_elbow_flexion": 0.6}
+        before = person.joint_pose(f"{side}_wrist").position[2]
+        go_on(world, person, lambda p=person, g=goal: p.action_towards(g, CONTROL_DT), 3.0)
+        risen[side] = person.joint_pose(f"{side}_wrist").position[2] - before
+    assert risen["right"] > 0.15
+    assert risen["left"] < 0.05
+
+
+def test_a_grade_3_muscle_in_gravity_mode_holds_the_limb_and_no_more():
+    avatar = healthy(mmt={"elbow_flexors": 3})
+    elbow = ["right_elbow_flexion"]
+
+    def final(load):
+        world, person = spawned(avatar, movable=elbow, strength="gravity")
+        person.set_angles({"right_elbow_flexion": np.pi / 2})
+        link, wrist = person.frames[20 + 1].link, person.joint_pose("right_wrist").position
+
+        def press():
+            wrist = person.joint_pose("right_wrist").position
+            person.body.apply_force(link, (0.0, 0.0, -load), wrist)
+
+        assert wrist is not None
+        flexors = excitation_of(person, "elbow_flexors")
+        return go_on(world, person, flexors, 2.0, before_step=press)[-1][0]
+
+    assert final(0.0) > np.radians(70)  # it holds
+    assert final(8.0) < np.radians(40)  # but not another 0.8 kg at the wrist
+
+
+def test_active_movement_ends_at_the_active_range_and_passive_movement_at_the_passive_one():
+    avatar = healthy(arom_deg={"elbow_flexion": 60}, prom_deg={"elbow_flexion": 120})
+    world, person = spawned(avatar, movable=["right_elbow_flexion"])
+    angles = go_on(world, person, excitation_of(person, "elbow_flexors"), 2.0)[:, 0]
+    assert np.radians(50) < angles[-1] < np.radians(62)
+    link = person.frames[21].link
+
+    def bend():
+        at = person.joint_pose("right_wrist").position
+        up = person.joint_pose("right_shoulder").position
+        pull = np.subtract(up, at)
+        person.body.apply_force(link, tuple(60.0 * pull / np.linalg.norm(pull)), at)
+
+    bent = go_on(world, person, np.zeros(person.action_size), 2.0, before_step=bend)[:, 0]
+    assert np.radians(105) < bent[-1] < np.radians(122)
+
+
+def test_spastic_muscles_resist_fast_stretch_more_than_slow_and_by_their_grade():
+    def resistance(grade, speed):
+        avatar = healthy(spasticity={"elbow_flexors": grade})
+        _, person = spawned(avatar, movable=["right_elbow_flexion"])
+        drive, still = person.drive, person._gravity
+        position, torques = 1.6, []
+        for _ in range(int(0.8 / speed * 240)):
+            torques.append(drive.torques([position], [-speed], still)[0])
+            position -= speed / 240
+        return max(torques)
+
+    free = resistance("0", 2.0) - resistance("0", 0.2)
+    mild = resistance("1+", 2.0) - resistance("1+", 0.2)
+    strong = resistance("3", 2.0) - resistance("3", 0.2)
+    assert mild > free + 0.5
+    assert strong > mild + 2.0
+
+
+@pytest.mark.parametrize("kind", ["muscle", "skeletal"])
+def test_a_tremor_shakes_at_its_frequency_and_only_where_it_is(kind):
+    avatar = healthy(tremor={"wrist_flexors": 0.3, "wrist_extensors": 0.3})
+    world = World()
+    person = Human(
+        "p", avatar, posture=load_posture("standing"), actuation=ActuationConfig(kind=kind),
+        movable=["left_wrist_flexion", "right_wrist_flexion"],
+    )  # fmt: skip
+    person.spawn(world, Pose((0, 0, 0.5)))
+    person.reset(np.random.default_rng(2))
+    angles = []
+    person.command(np.zeros(person.action_size), CONTROL_DT)
+    for _ in range(960):
+        person.actuate()
+        world.step()
+        angles.append(person.body.joint_states(person._joints)[0])
+    left, right = np.array(angles)[240:].T - np.mean(angles[240:], axis=0)[:, None]
+    assert np.ptp(left) < 0.01 < np.ptp(right)
+    peak = np.fft.rfftfreq(len(right), 1 / 240)[np.abs(np.fft.rfft(right)).argmax()]
+    assert 3.9 < peak < 6.1
+
+
+# --- as an agent ---------------------------------------------------------------------------------
+
+
+def test_a_person_told_to_reach_does_it_with_muscles_only():
+    world, person = spawned("caregiver")
+    goal = {"right_shoulder_flexion": 1.0, "right_elbow_flexion": 1.2}
+    go_on(world, person, lambda: person.action_towards(goal, CONTROL_DT), 3.0)
+    for dof, angle in goal.items():
+        assert person.angle(dof) == pytest.approx(angle, abs=0.15)
+    assert ((person.drive.excitation >= 0) & (person.drive.excitation <= 1)).all()
+    assert np.abs(person.velocities).max() < 1.0
+
+
+@pytest.mark.parametrize("excitation", ["unit", "group"])
+def test_any_avatar_can_be_cast_with_muscles(excitation):
+    cast = {"model": "kim", "actuation": "muscle", "excitation": excitation}
+    env = rcare_marl.make("feeding", recipient=cast, policies={"robot": "still"})
+    try:
+        space = env.action_space("recipient")
+        assert (space.low == 0).all() and (space.high == 1).all()
+        env.reset(seed=1)
+        space.seed(1)
+        for _ in range(5):
+            env.step({"recipient": space.sample()})
+        with pytest.raises(ActionError, match=r"excitations lie in \[0, 1\]"):
+            env.step({"recipient": np.full(space.shape, -0.5)})
+        env.step({"recipient": space.sample()})  # nothing is lost
+        names = env.cast["recipient"].action_names
+        assert len(names) == len(set(names)) == space.shape[0]
+    finally:
+        env.close()
+
+
+def test_episodes_with_muscles_are_bit_equal():
+    cast = {"model": "karan", "actuation": "muscle"}
+    env = rcare_marl.make("feeding", recipient=cast, policies={"robot": "random"})
+    try:
+        runs = []
+        for _ in range(2):
+            env.reset(seed=7)
+            rng = np.random.default_rng(0)
+            size = env.action_space("recipient").shape
+            seen = [env.step({"recipient": rng.uniform(0, 1, size)})[0] for _ in range(15)]
+            runs.append(np.array([s["recipient"] for s in seen]))
+        assert np.array_equal(*runs)
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"actuation": "muscles"}, UnknownNameError, "muscle"),
+        ({"actuation": "muscle", "tendon": "stiff"}, UnknownNameError, "quasi_static"),
+        ({"actuation": "muscle", "musculature": "nowhere.csv"}, ConfigError, "nowhere.csv"),
+        ({"actuation": "muscle", "movable": ("left_eye_smplhf",)}, ConfigError, "no muscle"),
+        ({"strength": "gravitation"}, UnknownNameError, "gravity"),
+    ],
+)  # fmt: skip
+def test_a_cast_that_cannot_be_is_refused_by_name(options, error, message):
+    with pytest.raises(error, match=message):
+        rcare_marl.make("feeding", recipient={"model": "karan", **options})
