@@ -44,6 +44,8 @@ class PostureConfig:
         sink: How far the body sinks into what it rests on [m].
         supported: Joints that furniture holds where the person's own muscles are weaker than
             grade 3; `all` for every joint.
+        carried: Joints whose limb furniture bears from below, whoever lies there: it pushes against
+            sagging from the posture, and never pulls. For muscle-driven people, who can relax.
         arms: `free`, or `armrests` where the device offers them.
     """
 
@@ -54,13 +56,14 @@ class PostureConfig:
     leans_on: tuple[str, ...] = ()
     sink: float = 0.0
     supported: tuple[str, ...] | Literal["all"] = "all"
+    carried: tuple[str, ...] = ()
     arms: Literal["free", "armrests"] = "free"
     source: str = field(default="our own choice")
 
     def __post_init__(self) -> None:
         for key in self.angles_deg:
             _dofs_named(key)
-        lists = [self.rests_on, self.leans_on]
+        lists = [self.rests_on, self.leans_on, self.carried]
         lists += [] if self.supported == "all" else [self.supported]
         for joint in (name for names in lists for name in names):
             if joint not in JOINT_INDEX:
