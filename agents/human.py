@@ -152,6 +152,7 @@ class Human(Agent):
         urdf = person_urdf(avatar, "passive", movable=self.movable, posture=angles)
         file = cached(avatar.name.lower().replace(" ", "_"), ".urdf", urdf.text)
         self.body = world.load_urdf(file, self.pelvis, name=self.name, fixed=self._fixed_base)
+        self.body.exclude_own_links()
         self.body.set_damping()
         self.body.set_friction(range(-1, self.body.link_count), lateral=FRICTION)
         self._joints = self.body.indices(self.movable)

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from .world import World
 
 
+FIRST_OWN_GROUP, OWN_GROUPS = 64, 20  # collision groups; Bullet uses the lower ones itself
+
+
 @dataclass(frozen=True)
 class Joint:
     """A movable joint as its URDF states it.
@@ -126,6 +129,16 @@ class Body:
         )
         return pose
 
+    def inertial_pose(self, index: int) -> Pose:
+        """Return where the centre of mass of a link is in its frame, and how its axes are turned."""
+        info = bullet.getDynamicsInfo(self.uid, index, physicsClientId=self._client)
+        return Pose(info[3], info[4])
+
+    def mass_and_inertia(self, index: int) -> tuple[float, Array]:
+        """Return mass [kg] and principal moments of inertia [kg·m²], shape [3], of a link."""
+        info = bullet.getDynamicsInfo(self.uid, index, physicsClientId=self._client)
+        return float(info[0]), np.array(info[2])
+
     def in_centre_frame(self, pose: Pose) -> Pose:
         """Return a pose in the base link's frame relative to its centre of mass and principal axes."""
         return self._from_inertial @ pose
@@ -156,6 +169,7 @@ class Body:
 
     def set_joints(self, indices: Sequence[int], positions: Vector) -> None:
         """Teleport joints to `positions` [rad or m] at rest."""
+        self._world.teleports += 1
         for index, position in zip(indices, positions, strict=True):
             bullet.resetJointState(
                 self.uid, index, float(position), 0.0, physicsClientId=self._client
@@ -230,6 +244,7 @@ class Body:
 
     def set_base(self, pose: Pose) -> None:
         """Teleport the base link's frame to `pose`, at rest."""
+        self._world.teleports += 1
         at = pose @ self._inertial if self._has_offset else pose
         bullet.resetBasePositionAndOrientation(
             self.uid, at.position, at.quaternion, physicsClientId=self._client
@@ -260,6 +275,21 @@ class Body:
                 rollingFriction=rolling,
                 spinningFriction=spinning,
                 physicsClientId=self._client,
+            )
+
+    def exclude_own_links(self) -> None:
+        """Take pairs of the body's own links out of the broad phase, where they cost time each step.
+
+        They never collide anyway, but Bullet would find that out pair by pair. There are collision
+        groups for `OWN_GROUPS` bodies of a world; more bodies are left as they are.
+        """
+        if self._world.own_groups >= OWN_GROUPS:
+            return
+        bit = FIRST_OWN_GROUP << self._world.own_groups
+        self._world.own_groups += 1
+        for link in range(-1, self.link_count):
+            bullet.setCollisionFilterGroupMask(
+                self.uid, link, bit, ~bit, physicsClientId=self._client
             )
 
     def set_softness(self, *, stiffness: float, damping: float) -> None:

@@ -7,7 +7,7 @@ quaternions as (x, y, z, w), joints and links addressed by their URDF name.
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -50,7 +50,10 @@ class Contact:
 
 
 class Skin(Protocol):
-    """A deforming surface to draw in place of a body's own shapes."""
+    """A deforming surface to draw in place of a body's own shapes.
+
+    `colors` has shape [n, 3], or [n, 4] with opacity. It may be replaced, not written into.
+    """
 
     body: Body
     faces: npt.NDArray[np.int32]
@@ -63,14 +66,53 @@ class Skin(Protocol):
         """Return (link, vertices in the link's frame, indices of its faces) of rigid pieces."""
 
 
+class Lines(Protocol):
+    """Polylines to draw as thin round tubes; they may move and change colour at any time.
+
+    Attributes:
+        starts: First point of each line, and the end of the last, shape [m + 1].
+        radii: Radius at each point [m], shape [p].
+    """
+
+    starts: npt.NDArray[np.int64]
+    radii: npt.NDArray[np.float32]
+
+    def points(self) -> npt.NDArray[np.float32]:
+        """Return the present points in the world [m], shape [p, 3]."""
+
+    def colors(self) -> npt.NDArray[np.uint8]:
+        """Return the present colour of each point, shape [p, 3]."""
+
+
+class SteppedMatter(Protocol):
+    """Matter that Bullet does not know; it moves with the world and is rewound with it."""
+
+    def step(self) -> None:
+        """Go on to the end of the coming physics step, and push the rigid bodies."""
+
+    def mark(self) -> None:
+        """Remember the present state."""
+
+    def rewind(self) -> None:
+        """Return to the state that was marked."""
+
+
 class Attachment:
-    """A rigid bond between a link and another body, owned by the world."""
+    """A bond between a link and another body, or a link of it, owned by the world."""
 
     def __init__(
-        self, world: World, parent: Body, link: int, child: Body, child_in_link: Pose, force: float
+        self,
+        world: World,
+        parent: Body,
+        link: int,
+        child: Body,
+        child_link: int,
+        child_in_link: Pose,
+        force: float,
+        pivot: tuple[float, ...] | None,
     ) -> None:
-        self.parent, self.link, self.child = parent, link, child
-        self.child_in_link, self.force = child_in_link, force
+        self.parent, self.link, self.child, self.child_link = parent, link, child, child_link
+        self.child_in_link, self.force, self.pivot = child_in_link, force, pivot
         self._world = weakref.proxy(world)
         self._uid: int | None = None
 
@@ -82,16 +124,22 @@ class Attachment:
     def _make(self) -> None:
         client = self._world.client
         link_inertial = bullet.getDynamicsInfo(self.parent.uid, self.link, physicsClientId=client)
-        child_inertial = bullet.getDynamicsInfo(self.child.uid, -1, physicsClientId=client)
+        child_inertial = bullet.getDynamicsInfo(
+            self.child.uid, self.child_link, physicsClientId=client
+        )
         # Bullet's frames are relative to centres of mass.
         in_parent = Pose(link_inertial[3], link_inertial[4]).inverse() @ self.child_in_link
         in_child = Pose(child_inertial[3], child_inertial[4]).inverse()
+        if self.pivot is not None:  # the same point of both
+            point = self.child_in_link.inverse() @ Pose(self.pivot)
+            in_parent = Pose(link_inertial[3], link_inertial[4]).inverse() @ Pose(self.pivot)
+            in_child = in_child @ point
         self._uid = bullet.createConstraint(
             self.parent.uid,
             self.link,
             self.child.uid,
-            -1,
-            bullet.JOINT_FIXED,
+            self.child_link,
+            bullet.JOINT_FIXED if self.pivot is None else bullet.JOINT_POINT2POINT,
             (0, 0, 0),
             in_parent.position,
             in_child.position,
@@ -100,6 +148,13 @@ class Attachment:
             physicsClientId=client,
         )
         bullet.changeConstraint(self._uid, maxForce=self.force, physicsClientId=client)
+
+    def load(self) -> float:
+        """Return the force that the bond bore in the last physics step [N]; 0 where it is broken."""
+        if self._uid is None:
+            return 0.0
+        rows = bullet.getConstraintState(self._uid, physicsClientId=self._world.client)
+        return float(np.linalg.norm(rows[:3]))
 
     def _break(self) -> None:
         if self._uid is not None:
@@ -116,6 +171,9 @@ class World:
         step_count: Physics steps since the start or the last `rewind`.
         bodies: Every body, in the order of loading.
         skins: Deforming surfaces for the renderers.
+        lines: Thin tubes for the renderers, such as muscles.
+        matter: What is simulated beside Bullet, such as soft bodies.
+        teleports: How often a body was set to a pose or joint angle instead of moving there.
     """
 
     def __init__(self, physics_dt: float = 1 / 240) -> None:
@@ -137,6 +195,10 @@ class World:
         self.step_count = 0
         self.bodies: list[Body] = []
         self.skins: list[Skin] = []
+        self.lines: list[Lines] = []
+        self.matter: list[SteppedMatter] = []
+        self.teleports = 0
+        self.own_groups = 0  # bodies that have a collision group of their own
         self._attachments: list[Attachment] = []
         self._marked: list[tuple[Attachment, bool]] = []
         self._start: int | None = None
@@ -255,20 +317,29 @@ class World:
         child_in_link: Pose | None = None,
         *,
         force: float = 500.0,
+        child_link: str | None = None,
+        pivot: Vector | None = None,
     ) -> Attachment:
-        """Bond `child` rigidly to a link of `parent`.
+        """Bond `child` to a link of `parent`.
 
         Args:
             parent: The body that holds.
             link: The link that holds.
-            child: The body that is held, by its base.
-            child_in_link: Pose of the child's base in the frame of the link; as it is now if None.
+            child: The body that is held.
+            child_in_link: Pose of the held frame in the frame of the link; as it is now if None.
             force: Greatest force of the bond [N].
+            child_link: The link by which the child is held; its base if None.
+            pivot: A point in the frame of the link [m], shape [3], about which the child may turn;
+                the bond is rigid if None.
         """
         index = parent.link_index(link)
+        child_index = -1 if child_link is None else child.link_index(child_link)
         if child_in_link is None:
-            child_in_link = parent.link_pose(index).inverse() @ child.base_pose()
-        attachment = Attachment(self, parent, index, child, child_in_link, force)
+            child_in_link = parent.link_pose(index).inverse() @ child.link_pose(child_index)
+        point = None if pivot is None else tuple(float(value) for value in pivot)
+        attachment = Attachment(
+            self, parent, index, child, child_index, child_in_link, force, point
+        )
         attachment._make()
         self._attachments.append(attachment)
         return attachment
@@ -278,17 +349,25 @@ class World:
         attachment._break()
 
     def set_collision(
-        self, a: Body, b: Body, enabled: bool, *, links_a: Iterable[int] | None = None
+        self,
+        a: Body,
+        b: Body,
+        enabled: bool,
+        *,
+        links_a: Iterable[int] | None = None,
+        links_b: Sequence[int] | None = None,
     ) -> None:
-        """Switch the collision of all links of `a` (or `links_a`) with all links of `b`."""
+        """Switch the collision of all links of `a` (or `links_a`) with those of `b` (or `links_b`)."""
         for link_a in range(-1, a.link_count) if links_a is None else links_a:
-            for link_b in range(-1, b.link_count):
+            for link_b in range(-1, b.link_count) if links_b is None else links_b:
                 bullet.setCollisionFilterPair(
                     a.uid, b.uid, link_a, link_b, int(enabled), physicsClientId=self.client
                 )
 
     def step(self) -> None:
         """Advance by one physics step."""
+        for matter in self.matter:
+            matter.step()
         bullet.stepSimulation(physicsClientId=self.client)
         self.step_count += 1
 
@@ -303,6 +382,8 @@ class World:
             bullet.removeState(self._start, physicsClientId=self.client)
         self._start = bullet.saveState(physicsClientId=self.client)
         self._marked = [(a, a.is_active) for a in self._attachments]
+        for matter in self.matter:
+            matter.mark()
 
     def _join_islands(self) -> None:
         """Tie all jointed bodies together by constraints without force.
@@ -341,6 +422,8 @@ class World:
         self._forget_pairs()
         bullet.restoreState(self._start, physicsClientId=self.client)
         bullet.performCollisionDetection(physicsClientId=self.client)
+        for matter in self.matter:
+            matter.rewind()
         self.step_count = 0
 
     def _forget_pairs(self) -> None:
@@ -381,9 +464,19 @@ class World:
             out[contact.link_a + 1] += contact.force
         return out
 
-    def separation(self, a: Body, b: Body, *, within: float) -> float:
-        """Return the least distance between two bodies [m], negative in overlap; `within` at most."""
-        points = bullet.getClosestPoints(a.uid, b.uid, within, physicsClientId=self.client)
+    def separation(
+        self, a: Body, b: Body, *, within: float, links: tuple[int, int] | None = None
+    ) -> float:
+        """Return the least distance between two bodies [m], negative in overlap; `within` at most.
+
+        Args:
+            a: A body.
+            b: Another.
+            within: How far to look [m].
+            links: A link of each that alone counts; all if None.
+        """
+        chosen = () if links is None else links
+        points = bullet.getClosestPoints(a.uid, b.uid, within, *chosen, physicsClientId=self.client)
         return min([within, *(point[8] for point in points)])
 
     def close(self) -> None:

@@ -158,7 +158,7 @@ class MuscleDrive:
         self._spots = np.zeros((model.layout.longest, kernel.SPOT_COLUMNS))
         self._arms = np.zeros(len(model.layout.crossings) - 1)
         self._torques = np.zeros((6, count))
-        self._matrices = np.zeros((2, count, count))
+        self._matrix = np.zeros((count, count))
         self._out = np.zeros(count)
 
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
@@ -236,7 +236,7 @@ class MuscleDrive:
             self._table, self.model.parents, layout.points, layout.pulleys, layout.carriers,
             layout.starts, layout.crossings, layout.entries, self.model.table, self._measured,
             gravity, self.state, self.model.mode, self._work, self._frames, self._spots, self._arms,
-            self._torques, self._matrices,
+            self._torques, self._matrix,
         )  # fmt: skip
 
     def torques(
@@ -254,7 +254,7 @@ class MuscleDrive:
             self._table, self.model.parents, layout.points, layout.pulleys, layout.carriers,
             layout.starts, layout.crossings, layout.entries, layout.is_branched, self.model.table,
             self._measured, excitation, gravity, self.state, self._dt, self.model.mode, self._work,
-            self._frames, self._spots, self._arms, self._torques, self._matrices, self._out,
+            self._frames, self._spots, self._arms, self._torques, self._matrix, self._out,
         )  # fmt: skip
         result: list[float] = self._out.tolist()
         return result
@@ -267,7 +267,7 @@ class MuscleDrive:
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _look(  # type: ignore[no-untyped-def]
     table, parents, points, pulleys, carriers, starts, crossings, entries, units, measured, gravity,
-    state, mode, work, frames, spots, arms, torques, matrices,
+    state, mode, work, frames, spots, arms, torques, matrix,
 ) -> None:  # fmt: skip
     place_frames(table, parents, measured[0], work)
     place_masses(table, work)
@@ -279,13 +279,13 @@ def _look(  # type: ignore[no-untyped-def]
     if mode != kernel.IMPLICIT_TENDON:
         kernel.pull(units, state, 0.0, mode)
     kernel.project(starts, crossings, arms, state, torques[0], torques[1])
-    mass_matrix(parents, gravity, work, matrices[0])
+    mass_matrix(parents, gravity, work, matrix)
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _drive(  # type: ignore[no-untyped-def]
     table, parents, points, pulleys, carriers, starts, crossings, entries, branched, units,
-    measured, excitation, gravity, state, dt, mode, work, frames, spots, arms, torques, matrices,
+    measured, excitation, gravity, state, dt, mode, work, frames, spots, arms, torques, matrix,
     out,
 ) -> None:  # fmt: skip
     """Write the torque of each DoF into `out`."""
@@ -299,15 +299,10 @@ def _drive(  # type: ignore[no-untyped-def]
     kernel.activate(units, state, excitation, dt)
     kernel.pull(units, state, dt, mode)
     kernel.project(starts, crossings, arms, state, torques[0], torques[1])
-    mass_matrix(parents, gravity, work, matrices[0])
+    mass_matrix(parents, gravity, work, matrix)
     _fade(table, measured, torques)
     _tighten(table, measured, torques)
-    matrix = matrices[1]
     for i in range(table.shape[0]):
-        j = i
-        while j >= 0:
-            matrix[i, j] = matrices[0, i, j]
-            j = parents[j]
         velocity, support = measured[1, i], _support(table, measured, work, i, dt)
         work[i, _HELD] = support
         stiffness, damping = table[i, _STIFFNESS], table[i, _DAMPING]
