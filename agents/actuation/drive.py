@@ -49,6 +49,8 @@ _ASHWORTH_GAIN = dict(zip(ASHWORTH, (0.0, 0.02, 0.04, 0.08, 0.16, 0.4), strict=T
 FIBRE_GAIN = 3.5  # [s per optimal length]: excitation by stretch speed, per share of torque by rate
 FIBRE_THRESHOLD = 0.1  # [optimal lengths/s]
 
+FEMALE_SIZE = 1.62 / 1.75  # stature, and so lever arms, to those of our table; mean of women from memory
+
 _BACKWARD = ("extensors", "adductors", "plantarflexors", "supinators")  # against flexors and so on
 
 
@@ -165,7 +167,10 @@ def _muscles(
 
 
 def fitted_musculature(avatar: AvatarConfig, path: str | None) -> Musculature:
-    """Return a musculature on an avatar's body, female strength by the norm's ratio."""
+    """Return a musculature on an avatar's body.
+
+    A woman's forces are such that her torques are to a man's as the norms say.
+    """
     return _fitted_musculature(avatar.body_path(), avatar.height_m, avatar.sex, path)
 
 
@@ -174,7 +179,7 @@ def _fitted_musculature(body: Path, height: float, sex: Sex, path: str | None) -
     fitted = load_musculature(path).fitted(body_model(body, height).joints)
     if sex != "female":
         return fitted
-    factor = clinical_norms().female_strength
+    factor = clinical_norms().female_strength / FEMALE_SIZE
     weaker = [
         replace(unit, max_isometric_force=unit.max_isometric_force * factor)
         for unit in fitted.units

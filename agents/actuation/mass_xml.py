@@ -194,7 +194,7 @@ def _graded(units: Sequence[MuscleUnit], centres: Array, file: str) -> tuple[Mus
             raise ConfigError(f"{file}, unit {unit.name!r}: the path crosses no joint")
         dof = DOFS[best]
         motion = dof.positive if row[best] > 0 else dof.negative
-        side: Side = "left" if dof.side == "left" else "right" if dof.side == "right" else "axial"
+        own: Side = "left" if dof.side == "left" else "right" if dof.side == "right" else "axial"
         group = clinical_norms().motions[motion].group
-        graded.append(dataclasses.replace(unit, side=side, clinical_group=group))
+        graded.append(dataclasses.replace(unit, side=own, clinical_group=group))
     return tuple(graded)

@@ -39,10 +39,10 @@ def _bones() -> dict[str, tuple[str, str]]:
             bones[f"{side}_{start}"] = (f"{side}_{start}", f"{side}_{end}")
         bones[f"{side}_foot"] = (f"{side}_ankle", f"{side}_foot")
         for finger in FINGERS:
-            for k, (start, end) in {1: (1, 2), 2: (2, 3), 3: (2, 3)}.items():
-                bones[f"{side}_{finger}{k}"] = (
-                    f"{side}_{finger}{start}",
-                    f"{side}_{finger}{end}",
+            for own, (first, second) in {1: (1, 2), 2: (2, 3), 3: (2, 3)}.items():
+                bones[f"{side}_{finger}{own}"] = (
+                    f"{side}_{finger}{first}",
+                    f"{side}_{finger}{second}",
                 )
     return bones
 
@@ -131,7 +131,7 @@ class SkeletonFit:
         if point.reference not in _SPINE:
             x, z = there[[0, 2]] + size * np.asarray(point.offset)[[0, 2]]
             return np.array((x, y, z)) - there
-        # Hip joints tell the breadth of a pelvis half: they also differ in where a model puts them.
+        # Where the hip joints are is only half of a pelvis's breadth; bodies place them differently.
         pelvis = math.sqrt(size * self._ratio("pelvis", "left_hip", axes=0))
         share = min(max(height, 0.0), 1.0)
         width = (1 - share) * pelvis + share * self._ratio("spine3", "left_shoulder", axes=0)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from rcare_marl import assets
 from rcare_marl.errors import ConfigError, UnknownNameError
 
-from ..body.skeleton import JOINTS
+from ..body.skeleton import JOINTS, PARENTS
 from .mass_xml import read_mass_xml
 from .muscle_fit import SkeletonFit
 from .muscle_table import read_skeleton, read_table
@@ -93,13 +93,17 @@ class Musculature:
             joints: Joint centres in the T-pose [m], shape [55, 3].
 
         Raises:
-            ConfigError: If `joints` has another shape or a value that is not finite.
+            ConfigError: If `joints` has another shape, a value that is not finite, or two joints of a
+                bone in one place.
         """
         new = np.array(joints, dtype=np.float64)
         if new.shape != (len(JOINTS), 3) or not np.isfinite(new).all():
             raise ConfigError(
                 f"joints must be finite joint centres of shape ({len(JOINTS)}, 3), got {new.shape}"
             )
+        for j, parent in enumerate(PARENTS):
+            if parent >= 0 and np.linalg.norm(new[j] - new[parent]) < 1e-4:
+                raise ConfigError(f"the joints {JOINTS[parent]} and {JOINTS[j]} are in one place")
         fit, units = SkeletonFit(self.joints, new), []
         for unit in self.units:
             path = fit.path(unit.path)

@@ -1,0 +1,215 @@
+"""What whole-body inverse kinematics is asked for: goals on the joints of a person, in the world.
+
+A goal names one of the 55 SMPL-X joints and, where a point matters, an offset in the frame of that
+joint, so that a fingertip, a palm or the sole of a foot can be meant. Weights say what a metre and a
+radian count; tolerances say what counts as reached. A length of 0.3 m to the radian is our own choice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.pose import Pose
+
+from .skeleton import JOINT_INDEX, JOINTS
+
+Array = npt.NDArray[np.float64]
+Point = Sequence[float] | Array
+
+TURN_WEIGHT = 0.3  # of a radian against a metre
+NEAR = 0.01  # [m] that counts as reached
+ALIGNED = math.radians(3)  # [rad] that counts as reached
+
+
+def _checked(what: str, values: Point, size: int) -> tuple[float, ...]:
+    out = np.asarray(values, np.float64)
+    if out.shape != (size,) or not np.isfinite(out).all():
+        raise ConfigError(f"{what} must be {size} finite numbers, got {values!r}")
+    return tuple(out.tolist())
+
+
+def _check_numbers(goal: object, weight: float, tolerance: float) -> None:
+    for name, value in (("weight", weight), ("tolerance", tolerance)):
+        if not (math.isfinite(value) and value > 0):
+            raise ConfigError(
+                f"the {name} of a {type(goal).__name__} goal must be positive, got {value}"
+            )
+
+
+def _check_joint(joint: str) -> None:
+    if joint not in JOINT_INDEX:
+        raise UnknownNameError("joint", joint, JOINTS)
+
+
+def _unit(what: str, vector: Point) -> tuple[float, ...]:
+    values = np.asarray(_checked(what, vector, 3))
+    length = float(np.linalg.norm(values))
+    if length < 1e-9:
+        raise ConfigError(f"{what} must not be zero")
+    return tuple((values / length).tolist())
+
+
+@dataclass(frozen=True)
+class Position:
+    """A point of a joint's segment at a place.
+
+    Attributes:
+        joint: SMPL-X joint.
+        target: Where in the world [m], shape [3].
+        offset: The point in the frame of the joint [m], shape [3].
+        weight: Of a metre.
+        tolerance: Distance that counts as reached [m].
+    """
+
+    joint: str
+    target: Point
+    offset: Point = (0.0, 0.0, 0.0)
+    weight: float = 1.0
+    tolerance: float = NEAR
+
+    def __post_init__(self) -> None:
+        _check_joint(self.joint)
+        _check_numbers(self, self.weight, self.tolerance)
+        object.__setattr__(self, "target", _checked("the target of a Position", self.target, 3))
+        object.__setattr__(self, "offset", _checked("the offset of a Position", self.offset, 3))
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """The frame of a joint turned in a given way.
+
+    Attributes:
+        joint: SMPL-X joint.
+        quaternion: In the world (x, y, z, w), shape [4].
+        weight: Of a radian.
+        tolerance: Angle that counts as reached [rad].
+    """
+
+    joint: str
+    quaternion: Point
+    weight: float = TURN_WEIGHT
+    tolerance: float = ALIGNED
+
+    def __post_init__(self) -> None:
+        _check_joint(self.joint)
+        _check_numbers(self, self.weight, self.tolerance)
+        values = np.asarray(_checked("the quaternion of an Orientation", self.quaternion, 4))
+        length = float(np.linalg.norm(values))
+        if abs(length - 1) > 1e-3:
+            raise ConfigError(f"the quaternion of an Orientation has length {length:.4g}, not 1")
+        object.__setattr__(self, "quaternion", tuple((values / length).tolist()))
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction fixed in a joint's segment along one in the world: a palm up, a finger pointing.
+
+    Attributes:
+        joint: SMPL-X joint.
+        target: Direction in the world, any length, shape [3].
+        local: Direction in the frame of the joint, any length, shape [3].
+        weight: Of a radian.
+        tolerance: Angle that counts as reached [rad].
+    """
+
+    joint: str
+    target: Point
+    local: Point
+    weight: float = TURN_WEIGHT
+    tolerance: float = ALIGNED
+
+    def __post_init__(self) -> None:
+        _check_joint(self.joint)
+        _check_numbers(self, self.weight, self.tolerance)
+        object.__setattr__(self, "target", _unit("the target of a Direction", self.target))
+        object.__setattr__(self, "local", _unit("the local vector of a Direction", self.local))
+
+
+@dataclass(frozen=True)
+class Gaze:
+    """A look at a point: with the face (joint `head`) or with an eye (`left_eye_smplhf`).
+
+    Attributes:
+        target: What is looked at, in the world [m], shape [3].
+        joint: SMPL-X joint that looks; its z axis is the line of sight.
+        offset: Where the line of sight begins, in the frame of the joint [m], shape [3].
+        weight: Of a radian.
+        tolerance: Angle that counts as reached [rad].
+    """
+
+    target: Point
+    joint: str = "head"
+    offset: Point = (0.0, 0.0, 0.0)
+    weight: float = TURN_WEIGHT
+    tolerance: float = ALIGNED
+
+    def __post_init__(self) -> None:
+        _check_joint(self.joint)
+        _check_numbers(self, self.weight, self.tolerance)
+        object.__setattr__(self, "target", _checked("the target of a Gaze", self.target, 3))
+        object.__setattr__(self, "offset", _checked("the offset of a Gaze", self.offset, 3))
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The whole body's centre of mass above a support: that of somebody who stands still.
+
+    Attributes:
+        support: Points of the support on the floor [m], shape [k, 2]; their convex hull counts.
+        weight: Of a metre outside the support.
+        tolerance: Distance outside that counts as reached [m].
+    """
+
+    support: Sequence[Sequence[float]] | Array
+    weight: float = 1.0
+    tolerance: float = NEAR
+
+    def __post_init__(self) -> None:
+        _check_numbers(self, self.weight, self.tolerance)
+        points = np.asarray(self.support, np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or not len(points):
+            raise ConfigError(f"the support of a Balance has shape [k, 2], got {points.shape}")
+        if not np.isfinite(points).all():
+            raise ConfigError("the support of a Balance holds values that are not finite")
+        object.__setattr__(self, "support", convex_hull(points))
+
+
+Goal = Position | Orientation | Direction | Gaze | Balance
+
+
+def place(joint: str, pose: Pose, *, offset: Point = (0.0, 0.0, 0.0)) -> tuple[Goal, Goal]:
+    """Return the two goals that put the point `offset` [m] of a joint's frame at `pose`."""
+    return (
+        Position(joint, pose.position, offset),
+        Orientation(joint, pose.quaternion),
+    )
+
+
+def convex_hull(points: Array) -> Array:
+    """Return the convex hull of points in the plane [m], shape [k, 2], counter-clockwise.
+
+    Andrew's monotone chain: the lower and the upper half, each from points sorted by x.
+    """
+    ordered = sorted({(float(x), float(y)) for x, y in points})
+    if len(ordered) < 3:
+        return np.array(ordered)
+
+    def half(row: list[tuple[float, float]]) -> list[tuple[float, float]]:
+        out: list[tuple[float, float]] = []
+        for p in row:
+            while len(out) > 1 and _cross(out[-2], out[-1], p) <= 0:
+                out.pop()
+            out.append(p)
+        return out[:-1]
+
+    return np.array(half(ordered) + half(ordered[::-1]))
+
+
+def _cross(o: tuple[float, float], a: tuple[float, float], b: tuple[float, float]) -> float:
+    return (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
