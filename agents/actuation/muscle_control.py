@@ -25,6 +25,9 @@ LEAST_STIFFNESS = 0.4  # [1/rad] of the normal torque: light parts need more tha
 EFFORT_WEIGHT = 2e-4  # of squared excitations against squared shares of normal torque
 NARROW = 0.35  # [rad]: a DoF with less active range than this is left to ligaments, mostly
 NARROW_WEIGHT = 0.02
+END_ZONE = 0.05  # [rad] before an end of the active range
+END_WEIGHT = 0.05
+REST_WEIGHT = 0.03  # of a limb that rests on furniture
 SWEEPS = 12
 
 
@@ -32,7 +35,13 @@ class MuscleController:
     """Finds excitations that pursue joint angles, for the posture and speed of the moment."""
 
     def __init__(
-        self, model: MuscleModel, inertia: Array, *, normal_strength: Array, limits: Array
+        self,
+        model: MuscleModel,
+        inertia: Array,
+        *,
+        normal_strength: Array,
+        limits: Array,
+        resting: npt.NDArray[np.bool_],
     ) -> None:
         """Prepare the springs.
 
@@ -41,6 +50,7 @@ class MuscleController:
             inertia: Of what hangs on each DoF [kg·m²], shape [n].
             normal_strength: Torque of a healthy person [N·m], shape [n].
             limits: Active range [rad], shape [n, 2].
+            resting: Whether the limb rests on furniture until it is wished to move, shape [n].
         """
         self._model = model
         stiffness = np.maximum(FREQUENCY**2 * inertia, LEAST_STIFFNESS * normal_strength)
@@ -49,7 +59,18 @@ class MuscleController:
         width = limits[:, 1] - limits[:, 0]
         share = np.where(width < NARROW, NARROW_WEIGHT, 1.0)
         self._weights = share / normal_strength**2
+        self._resting, self._at_rest = resting, resting.copy()
+        self._middle, self._half = limits.mean(axis=1), width / 2
+        self._now = np.zeros(len(inertia))
         self._left = np.zeros(len(inertia))
+
+    def reset(self) -> None:
+        """Let all limbs rest that furniture carries."""
+        self._at_rest[:] = self._resting
+
+    def wake(self, dof: int) -> None:
+        """Hold a DoF by muscles from now on."""
+        self._at_rest[dof] = False
 
     def solve(
         self, target: Array, positions: Array, velocities: Array, weight: Array, arms: Array,
@@ -71,8 +92,12 @@ class MuscleController:
         self._left[:] = self._gains[:, 0] * (target - positions)
         self._left -= self._gains[:, 1] * velocities
         self._left += weight - passive
+        # At an end of the range what is too much does no harm: the end takes it.
+        at_end = np.abs(positions - self._middle) > self._half - END_ZONE
+        np.multiply(self._weights, np.where(at_end, END_WEIGHT, 1.0), out=self._now)
+        self._now[self._at_rest] *= REST_WEIGHT
         _descend(
-            layout.starts, layout.crossings, arms, state, self._model.table, self._weights,
+            layout.starts, layout.crossings, arms, state, self._model.table, self._now,
             self._left, excitation,
         )  # fmt: skip
 

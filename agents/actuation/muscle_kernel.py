@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import numba
+import numpy as np
 
 from .dynamics import AXIS_NOW
 from .hill import (
@@ -198,35 +199,59 @@ def pull(units, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
     `IMPLICIT` gets how much the tension grows over the coming step per acceleration of length
     [N·s²/m], and `GROWTH` how much at the present rate [N]: what a stable integration needs.
     """
-    for m in range(units.shape[0]):
-        if mode == IMPLICIT_TENDON:
+    count = units.shape[0]
+    if mode == IMPLICIT_TENDON:
+        for m in range(count):
             _implicit(units, state, m, dt)
-            continue
-        slack = units[m, SLACK]
-        if mode == QUASI_STATIC:
-            slack *= tendon_length(state[TENDON, m])
-        along = max((state[LENGTH, m] - slack) / units[m, FIBRE], SHORTEST)
-        length = math.sqrt(along * along + units[m, PENNATION_SINE] ** 2)
-        cosine = along / length
-        top = units[m, FIBRE] * MAX_SPEED
-        speed = min(max(state[RATE, m] / top * cosine, -1.0), 1.0)
-        a = state[ACTIVATION, m]
-        active, active_slope = active_curve(length)
+        return
+    # Short loops, one after the other: in one long loop each unit would wait for its own results.
+    work = np.empty((7, count))
+    lengths, cosines, speeds = work[0], work[1], work[2]
+    _stretch(units, state, mode, lengths, cosines, speeds)
+    _active_curves(lengths, work[3], work[4])
+    _passive_curves(units, lengths, work[5], work[6])
+    for m in range(count):
+        a, cosine, speed, force = state[ACTIVATION, m], cosines[m], speeds[m], units[m, FORCE]
+        active, active_slope, passive_slope = work[3, m], work[4, m], work[6, m]
         by_speed, speed_slope = speed_curve(speed)
-        passive, passive_slope = passive_curve(length, units[m, STRAIN], units[m, OFFSET])
-        force = units[m, FORCE] * cosine
-        state[CAPACITY, m] = force * active * by_speed
-        contractile = a * state[CAPACITY, m]
-        rest = force * (passive + FIBRE_DAMPING * speed)
-        if contractile + rest < 0.0:
-            rest = -contractile
-        state[ACTIVE, m], state[PASSIVE, m] = contractile, rest
-        state[TENDON, m] = (contractile + rest) / units[m, FORCE]
-        stiffness = max(a * active_slope * by_speed + passive_slope, 0.0)
-        stiffness *= force * cosine / units[m, FIBRE]
-        damping = force * cosine * (a * active * speed_slope + FIBRE_DAMPING) / top
+        capacity = cosine * active * by_speed
+        contractile = a * capacity
+        rest = max(cosine * (work[5, m] + FIBRE_DAMPING * speed), -contractile)
+        state[CAPACITY, m] = force * capacity
+        state[ACTIVE, m], state[PASSIVE, m] = force * contractile, force * rest
+        state[TENDON, m] = contractile + rest
+        force *= cosine * cosine / units[m, FIBRE]
+        stiffness = force * max(a * active_slope * by_speed + passive_slope, 0.0)
+        damping = force * (a * active * speed_slope + FIBRE_DAMPING) * (1.0 / MAX_SPEED)
         state[IMPLICIT, m] = dt * (damping + dt * stiffness)
         state[GROWTH, m] = dt * stiffness * state[RATE, m]
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _stretch(units, state, mode, lengths, cosines, speeds) -> None:  # type: ignore[no-untyped-def]
+    """Write fibre length, cosine of the pennation and fibre speed of each unit, normalised."""
+    for m in range(units.shape[0]):
+        slack, per_fibre = units[m, SLACK], 1.0 / units[m, FIBRE]
+        if mode == QUASI_STATIC:
+            slack *= tendon_length(state[TENDON, m])
+        along = max((state[LENGTH, m] - slack) * per_fibre, SHORTEST)
+        length = math.sqrt(along * along + units[m, PENNATION_SINE] ** 2)
+        cosine = along / length
+        lengths[m], cosines[m] = length, cosine
+        speed = state[RATE, m] * per_fibre * (1.0 / MAX_SPEED) * cosine
+        speeds[m] = min(max(speed, -1.0), 1.0)
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _active_curves(lengths, forces, slopes) -> None:  # type: ignore[no-untyped-def]
+    for m in range(lengths.shape[0]):
+        forces[m], slopes[m] = active_curve(lengths[m])
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _passive_curves(units, lengths, forces, slopes) -> None:  # type: ignore[no-untyped-def]
+    for m in range(lengths.shape[0]):
+        forces[m], slopes[m] = passive_curve(lengths[m], units[m, STRAIN], units[m, OFFSET])
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")

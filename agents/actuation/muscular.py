@@ -56,14 +56,15 @@ ACTIVE_END_DAMPING = 0.5  # [s/rad] of the torque that fades there
 LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligaments tighten ...
 LIGAMENT_SHARE = 0.3  # ... or this share of a narrower range
 CARRY_GAP = 0.01  # [rad] above the posture where furniture lets go
+FRICTION_SHARE = 0.3  # of normal torque: less than this does not move a carried limb on its support
 CONTROL_INTERVAL = 2  # physics steps between two looks of the controller: 120 Hz at 1/240 s
 
 # Columns of the table after those of the parts, one row a DoF.
 _STIFFNESS, _DAMPING, _TISSUE, _SUPPORT = 28, 29, 30, 31
 _LOWEST, _HIGHEST, _POSTURE = 32, 33, 34
 _LEAST, _MOST, _ZONE, _LIGAMENT, _INERTIA = 35, 36, 37, 38, 39
-_CARRIED = 40
-_COLUMNS = 41
+_CARRIED, _SLACK, _FRICTION = 40, 41, 42
+_COLUMNS = 43
 _HELD = 32  # of the scratch: whether furniture holds the limb in this step
 
 
@@ -146,8 +147,11 @@ class MuscleDrive:
         self._rested = model.table[:, kernel.VOLUNTARY].copy()
         self._start = model.settled_state(posture)
         self.state = self._start.copy()
+        table[:, _FRICTION] = FRICTION_SHARE * normal_strength
+        # What rests on furniture does not drift by the tension of resting muscles.
+        table[:, _SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
         self._controller = MuscleController(
-            model, inertia, normal_strength=normal_strength, limits=limits
+            model, inertia, normal_strength=normal_strength, limits=limits, resting=carried
         )
         self._pursued: Array | None = None
         self._tick = 0
@@ -168,6 +172,7 @@ class MuscleDrive:
         self._pursued, self._tick = None, 0
         if self._shaking is not None:
             self._shaking.reset(rng)
+        self._controller.reset()
         self._look(gravity)
 
     def command(self, action: Array, duration: float) -> None:
@@ -187,6 +192,7 @@ class MuscleDrive:
     def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
         for dof, angle in angles.items():
             i = self._index[dof]
+            self._controller.wake(i)
             reach = MAX_SPEED * duration
             self.target[i] += min(max(angle - self.target[i], -reach), reach)
         np.clip(self.target, self._table[:, _LOWEST], self._table[:, _HIGHEST], out=self.target)
@@ -309,7 +315,8 @@ def _drive(  # type: ignore[no-untyped-def]
         loose = table[i, _TISSUE] + torques[3, i] + dt * torques[5, i]
         ahead = measured[0, i] + dt * velocity
         out[i] = torques[1, i] + torques[2, i] + torques[4, i] - loose * velocity
-        out[i] += support * (stiffness * (table[i, _POSTURE] - ahead) - damping * velocity)
+        held = stiffness * (table[i, _POSTURE] - ahead) - damping * velocity - table[i, _SLACK]
+        out[i] += support * held
         out[i] -= (1.0 - support) * work[i, WEIGHT]
         matrix[i, i] += dt * (loose + support * (damping + dt * stiffness))
     _continue(starts, crossings, arms, branched, state, matrix, out)
@@ -319,7 +326,7 @@ def _drive(  # type: ignore[no-untyped-def]
         support, after = work[i, _HELD], measured[1, i] + dt * out[i]
         there = measured[0, i] + dt * after
         held = work[i, WEIGHT] + table[i, _STIFFNESS] * (table[i, _POSTURE] - there)
-        held -= table[i, _DAMPING] * after
+        held -= table[i, _DAMPING] * after + table[i, _SLACK]
         out[i] = torques[1, i] + torques[2, i] + torques[4, i] + support * held
         out[i] -= (table[i, _TISSUE] + torques[3, i] + dt * torques[5, i]) * after
     _settle(starts, crossings, arms, branched, state, torques[0], out)
@@ -332,7 +339,9 @@ def _support(table, measured, work, i, dt):  # type: ignore[no-untyped-def]
         return table[i, _SUPPORT]
     ahead = measured[0, i] + dt * measured[1, i]
     push = work[i, WEIGHT] + table[i, _STIFFNESS] * (table[i, _POSTURE] - ahead)
-    push -= table[i, _DAMPING] * measured[1, i]
+    push -= table[i, _DAMPING] * measured[1, i] + table[i, _SLACK]
+    if abs(push) < table[i, _FRICTION]:
+        return 1.0
     sags = work[i, WEIGHT] * (table[i, _POSTURE] - ahead) >= -abs(work[i, WEIGHT]) * CARRY_GAP
     return 1.0 if sags and push * work[i, WEIGHT] > 0.0 else 0.0
 

@@ -14,6 +14,7 @@ from .camera import Camera
 from .detail import level_for
 from .geometry import FLOOR_RGBA, VERTEX, Geometry, Part, Run, world_parts
 from .gl_context import make_program, matrix_bytes
+from .gl_lines import LineBuffers
 from .gl_skin import SkinBuffers
 from .mesh import Floats
 from .shading import DEPTH_FRAGMENT, DEPTH_VERTEX, surface_program
@@ -30,16 +31,17 @@ class GLScene:
     """The buffers and programs that draw a world's surfaces.
 
     Attributes:
-        programs: By kind of surface: `plastic`, `skin`, `floor`.
+        programs: By kind of surface: `plastic`, `skin`, `line`, `floor`.
         geometry: What is rigid.
     """
 
     def __init__(self, gl: Any, world: World, *, floor: bool) -> None:
         self._gl, self._world, self._floor = gl, world, floor
-        kinds = ("plastic", "skin", "floor")
+        kinds = ("plastic", "skin", "line", "floor")
         self.programs = {kind: make_program(gl, surface_program(kind)) for kind in kinds}
         self._depth_program = make_program(gl, (DEPTH_VERTEX, DEPTH_FRAGMENT))
         self._skins: dict[int, SkinBuffers] = {}
+        self._lines: dict[int, LineBuffers] = {}
         self._made: list[Any] = []
         self._known: tuple[tuple[int, ...], ...] = ()
         self.geometry = Geometry([])
@@ -70,7 +72,21 @@ class GLScene:
                 buffers = SkinBuffers(self._gl, skin, self.programs["skin"], self._depth_program)
                 self._skins[id(skin)] = buffers
             buffers.upload(vertices)
+        self._update_lines()
         return moved or changed
+
+    def _update_lines(self) -> None:
+        present = {id(lines) for lines in self._world.lines}
+        for key in [key for key in self._lines if key not in present]:
+            self._lines.pop(key).release()
+        for lines in self._world.lines:
+            buffers = self._lines.get(id(lines))
+            if buffers is None or not buffers.fits(lines):
+                if buffers is not None:
+                    buffers.release()
+                buffers = LineBuffers(self._gl, lines, self.programs["line"], self._depth_program)
+                self._lines[id(lines)] = buffers
+            buffers.upload(lines)
 
     def _build(self) -> None:
         gl = self._gl
@@ -121,34 +137,45 @@ class GLScene:
         level = level_for(cell)
         runs = [r for r in self.geometry.runs if r.casts and not r.is_floor]
         self._draw_depth(
-            matrix, [r for r in runs if r.is_still == still], lambda *_: level, skins=not still
+            matrix, [r for r in runs if r.is_still == still], lambda *_: level, living=not still
         )
 
     def draw_depth(self, camera: Camera) -> None:
         """Draw the depth of everything that is opaque."""
         runs = [r for r in self.geometry.runs if r.alpha >= 0.99]
         matrix = camera.projection() @ camera.view()
-        self._draw_depth(matrix, runs, _level_of(camera), skins=True)
+        self._draw_depth(matrix, runs, _level_of(camera), living=True)
         if self._floor_arrays:
             self._floor_arrays[1].render()
 
-    def _draw_depth(self, matrix: Array, runs: Iterable[Run], level: Level, *, skins: bool) -> None:
+    def _draw_depth(
+        self, matrix: Array, runs: Iterable[Run], level: Level, *, living: bool
+    ) -> None:
         self._transforms.use(0)
         self._depth_program["transforms"] = 0
         self._depth_program["view_projection"].write(matrix_bytes(matrix))
         for run in runs:
             first, count = run.level(level(self._center(run), run.radius))
             self._depth_array.render(vertices=count, first=first)
-        for skin in self._skins.values() if skins else ():
-            skin.draw(level(skin.center, skin.radius), depth_only=True)
+        if not living:
+            return
+        for skin in self._skins.values():
+            if skin.is_opaque:
+                skin.draw(level(skin.center, skin.radius), depth_only=True)
+        for lines in self._lines.values():
+            lines.draw(depth_only=True)
 
     def draw_opaque(self, camera: Camera) -> None:
         """Draw the colours of everything that is opaque; the programs must be set up."""
         gl, level = self._gl, _level_of(camera)
         self._transforms.use(0)
         for skin in self._skins.values():
-            gl.enable_only(gl.DEPTH_TEST | (gl.CULL_FACE if skin.closed else 0))
-            skin.draw(level(skin.center, skin.radius), depth_only=False)
+            if skin.is_opaque:
+                gl.enable_only(gl.DEPTH_TEST | (gl.CULL_FACE if skin.closed else 0))
+                skin.draw(level(skin.center, skin.radius), depth_only=False)
+        gl.enable_only(gl.DEPTH_TEST | gl.CULL_FACE)
+        for lines in self._lines.values():
+            lines.draw(depth_only=False)
         for run in self.geometry.runs:
             if run.alpha < 0.99:
                 continue
@@ -164,14 +191,27 @@ class GLScene:
         """Draw the colours of what is transparent, the farthest first."""
         gl, level = self._gl, _level_of(camera)
         runs = [r for r in self.geometry.runs if r.alpha < 0.99]
-        if not runs:
-            return
         eye = np.asarray(camera.eye)
         runs.sort(key=lambda r: -float(np.linalg.norm(self._center(r) - eye)))
         gl.enable_only(gl.DEPTH_TEST | gl.CULL_FACE | gl.BLEND)
         for run in runs:
             first, count = run.level(level(self._center(run), run.radius))
             self._arrays["plastic"].render(vertices=count, first=first)
+        veils = [s for s in self._skins.values() if s.is_visible and not s.is_opaque]
+        veils.sort(key=lambda s: -float(np.linalg.norm(s.center - eye)))
+        for skin in veils:
+            self._draw_veil(skin, level(skin.center, skin.radius))
+
+    def _draw_veil(self, skin: SkinBuffers, level: int) -> None:
+        """Draw a skin that can be seen through: its nearest layer alone."""
+        gl = self._gl
+        gl.enable_only(gl.DEPTH_TEST | gl.BLEND)
+        gl.blend_func = gl.ZERO, gl.ONE  # of the first pass only the depth counts
+        skin.draw(level, depth_only=False)
+        gl.blend_func = gl.DEFAULT_BLENDING
+        gl.depth_func = "<="
+        skin.draw(level, depth_only=False)
+        gl.depth_func = "<"
 
     def _center(self, run: Run) -> Floats:
         matrix = self.geometry.transforms[run.slot]
@@ -186,10 +226,9 @@ class GLScene:
     def release(self) -> None:
         """Free everything."""
         self._release_made()
-        for skin in self._skins.values():
-            skin.release()
-        for program in (*self.programs.values(), self._depth_program):
-            program.release()
+        things: list[Any] = [*self._skins.values(), *self._lines.values(), *self.programs.values()]
+        for thing in (*things, self._depth_program):
+            thing.release()
 
 
 def _level_of(camera: Camera) -> Level:

@@ -18,6 +18,8 @@ class SkinBuffers:
 
     Attributes:
         closed: Whether the inside can never be seen.
+        is_opaque: Whether nothing behind it can be seen.
+        is_visible: Whether any of it can be seen.
         center: Middle of the surface at the last upload [m], shape [3].
         radius: Of the sphere around the surface at the last upload [m].
     """
@@ -30,7 +32,10 @@ class SkinBuffers:
         self._normals = SmoothNormals(faces, len(vertices))
         self._data = np.empty((len(vertices), 6), np.float32)
         constant = np.zeros(len(vertices), [("rgba", "u1", 4), ("slot", "u4")])
-        constant["rgba"][:, :3], constant["rgba"][:, 3] = skin.colors[:, :3], 255
+        constant["rgba"][:, 3] = 255
+        constant["rgba"][:, : skin.colors.shape[1]] = skin.colors
+        opacity = constant["rgba"][:, 3]
+        self.is_opaque, self.is_visible = bool((opacity == 255).all()), bool(opacity.any())
         levels = [faces]
         if len(faces):
             normals = self._normals.compute(vertices)

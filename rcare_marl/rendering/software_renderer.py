@@ -21,8 +21,10 @@ from .geometry import FLOOR_RGBA, world_parts
 from .mesh import Floats, Ints, SmoothNormals
 from .piece import split_by_color
 from .shading import HORIZON, KEY_DIRECTION
+from .stroke import paint, skin_opacity
 
 _FLOOR_HALF = 6.0  # [m]
+_OPAQUE = 0.5
 
 
 class SoftwareRenderer:
@@ -30,7 +32,8 @@ class SoftwareRenderer:
 
     Skins are drawn as rigid pieces that follow the links of their body, each of one colour; they
     are cut where the skin lies at the first picture, or at `refresh`. Bullet never frees a mesh
-    (7 MB for a coarse person), so they are not cut anew for each picture.
+    (7 MB for a coarse person), so they are not cut anew for each picture. It knows no translucent
+    mesh either: a skin of an opacity below one half is left out. Lines are painted onto the picture.
     """
 
     def __init__(self, world: World, *, shadows: bool = True, floor: bool = True) -> None:
@@ -65,7 +68,10 @@ class SoftwareRenderer:
         image = self._image(camera)
         seen = np.reshape(np.asarray(image[2], np.uint8), (camera.height, camera.width, 4))
         out = np.ascontiguousarray(seen[:, :, :3])
-        out[np.isinf(_distances(image, camera))] = np.round(np.multiply(HORIZON, 255))
+        distance = _distances(image, camera)
+        out[np.isinf(distance)] = np.round(np.multiply(HORIZON, 255))
+        for lines in self._world.lines:
+            paint(lines, camera, out, distance)
         return out
 
     def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
@@ -74,7 +80,11 @@ class SoftwareRenderer:
         Raises:
             WorldError: If the renderer or the world is closed.
         """
-        return _distances(self._image(camera), camera)
+        distance = _distances(self._image(camera), camera)
+        unseen = np.empty((*distance.shape, 3), np.uint8)
+        for lines in self._world.lines:
+            paint(lines, camera, unseen, distance)
+        return distance
 
     def close(self) -> None:
         """Free the second client; safe to call twice."""
@@ -129,7 +139,8 @@ class SoftwareRenderer:
                 uid = self._add(vertices, normals, piece.faces, (*piece.rgb, part.alpha * 255))
                 self._copies.append((part.body, part.shape.link, part.shape.pose, uid))
         for skin in self._world.skins:
-            self._add_skin(skin)
+            if skin_opacity(skin) >= _OPAQUE:
+                self._add_skin(skin)
 
     def _add_skin(self, skin: Skin) -> None:
         """Cut a skin, as it lies now, into pieces that follow a link each."""

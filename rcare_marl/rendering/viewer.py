@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import logging
 import math
 import socket
@@ -12,18 +13,22 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..body import Body
 from ..errors import ConfigError, MissingPackageError
 from ..pose import Pose
-from ..world import Skin, World
+from ..world import Lines, Skin, World
 from .camera import Camera
 from .geometry import FLOOR_RGBA, world_parts
 from .piece import Piece, split_by_color
+from .stroke import segments, skin_opacity
 
 SKIN_RATE = 20.0  # [Hz], how often deforming surfaces are sent
 POSE_RATE = 40.0  # [Hz], how often poses are sent
 _SPEEDS = (0.1, 4.0)
 _LINE_RGB = (168, 143, 116)
+_LINE_WIDTH = 3.0  # [pixel], where viser knows no other width
 _LONGEST_PAUSE = 0.2  # [s]; slower than that and the world is not made to catch up
 
 _LOG = logging.getLogger(__package__)
@@ -92,6 +97,7 @@ class Viewer:
         self._running.set()
         self._nodes: list[_Node] = []
         self._surfaces: list[_Surface] = []
+        self._strokes: list[tuple[Lines, Any, Any]] = []
         self._known: tuple[tuple[int, ...], ...] = ()
         self._anchor = (0.0, 0.0, 1.0)  # wall time, simulated time and speed to pace from
         self._last_simulated = math.inf
@@ -185,6 +191,7 @@ class Viewer:
         known = (
             tuple(body.uid for body in self._world.bodies),
             tuple(id(part) for skin in self._world.skins for part in (skin, skin.faces)),
+            tuple(id(part) for lines in self._world.lines for part in (lines, lines.starts)),
         )
         if known != self._known:
             self._known = known
@@ -200,6 +207,9 @@ class Viewer:
                 with self._server.atomic():
                     for piece, handle in surface.pieces:
                         handle.vertices = vertices[piece.source]
+            with self._server.atomic():
+                for lines, ends, handle in self._strokes:
+                    handle.points, handle.colors = lines.points()[ends], lines.colors()[ends]
 
     def _build(self) -> None:
         """Make a node for each shape and each piece of a skin."""
@@ -209,7 +219,9 @@ class Viewer:
         for surface in self._surfaces:
             for _, handle in surface.pieces:
                 handle.remove()
-        self._nodes, self._surfaces = [], []
+        for _, _, handle in self._strokes:
+            handle.remove()
+        self._nodes, self._surfaces, self._strokes = [], [], []
         parts = world_parts(self._world)
         floors = [part for part in parts if part.is_floor]
         if len(floors) == 1:  # the page's own floor goes on to the horizon
@@ -229,20 +241,38 @@ class Viewer:
                     side="front" if part.mesh.closed else "double",
                 )
                 self._nodes.append(_Node(part.body, part.shape.link, part.shape.pose, handle))
+        self._add_skins()
+        self._add_lines()
+        self._sent_poses = self._sent_skins = -math.inf
+
+    def _add_lines(self) -> None:
+        add = self._server.scene.add_line_segments
+        has_metres = "thickness" in inspect.signature(add).parameters  # since viser 1.1
+        for number, lines in enumerate(self._world.lines):
+            ends = segments(lines.starts)
+            width = 2 * float(np.median(lines.radii))
+            size = {"thickness": width} if has_metres else {"line_width": _LINE_WIDTH}
+            handle = add(f"/lines/{number}", lines.points()[ends], lines.colors()[ends], **size)
+            self._strokes.append((lines, ends, handle))
+
+    def _add_skins(self) -> None:
         for number, skin in enumerate(self._world.skins):
+            opacity = skin_opacity(skin)
+            if not opacity:
+                continue
             vertices = skin.vertices()
             made: list[tuple[Piece, Any]] = []
             for piece in split_by_color(skin.faces, skin.colors[:, :3], at_most=10):
-                handle = scene.add_mesh_simple(
+                handle = self._server.scene.add_mesh_simple(
                     f"/skins/{number}/{len(made)}",
                     vertices[piece.source],
                     piece.faces,
                     color=piece.rgb,
+                    opacity=opacity if opacity < 1 else None,
                     side="double",
                 )
                 made.append((piece, handle))
             self._surfaces.append(_Surface(skin, skin.faces, made))
-        self._sent_poses = self._sent_skins = -math.inf
 
     def _send_poses(self) -> None:
         poses: dict[int, Any] = {}

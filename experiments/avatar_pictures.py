@@ -1,0 +1,236 @@
+"""Take pictures of the avatars in their postures, of their muscles at work, and film a reach.
+
+python experiments/avatar_pictures.py --out runs/avatars [--avatar NAME]
+
+`sheet.png` shows every avatar in every posture, `muscles_NAME.png` skeleton, muscles and skin from the
+front and the side while the right arm reaches out, and `reach_NAME.mp4` films that reach.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from rcare_marl import assets
+from rcare_marl.agents.actuation.drive import ActuationConfig
+from rcare_marl.agents.actuation.muscle_lines import activation_color, show_muscles
+from rcare_marl.agents.avatar import load_avatar, load_posture
+from rcare_marl.agents.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.human import Human
+from rcare_marl.body import Body
+from rcare_marl.cli.film import Film
+from rcare_marl.envs.devices.wheelchair import Wheelchair
+from rcare_marl.pose import Pose, quaternion_from_rpy
+from rcare_marl.rendering import Camera, make_renderer
+from rcare_marl.world import World
+
+POSTURES = ("wheelchair", "bed_raised", "bed_supine", "standing")
+RATE = 30  # [Hz], of pictures and of control
+REACH = {
+    "right_shoulder_flexion": 1.2,
+    "right_shoulder_abduction": -0.8,
+    "right_elbow_flexion": 0.5,
+}
+REACHING = 1.2  # [s] until the picture
+FILMED = 4.0  # [s]
+BED = (2.0, 0.9, 0.16)  # [m]
+BED_HEIGHT = 0.55
+BACK = ("spine1", "spine2", "spine3", "neck", "head")
+LINEN = (0.86, 0.89, 0.93, 1.0)
+Picture = npt.NDArray[np.uint8]
+
+
+def scene(avatar: str, posture: str, *, muscles: bool) -> tuple[World, Human]:
+    """Return an avatar in a posture, on the furniture that belongs to it."""
+    world = World()
+    person = Human(
+        "person",
+        load_avatar(avatar),
+        posture=load_posture(posture),
+        actuation=ActuationConfig(kind="muscle" if muscles else "skeletal"),
+    )
+    support, furniture = Pose(), list[Body]()
+    if posture == "wheelchair":
+        chair = Wheelchair(mounts="none")
+        soles = person.soles(chair.frame("seat_back"))
+        chair.fit_footplates(soles["left"], soles["right"])
+        furniture.append(chair.spawn(world))
+        person.use_arm_rests(*(chair.frame_in_world(f"armrest_{s}") for s in ("left", "right")))
+        support = chair.frame_in_world("seat_back")
+    elif posture.startswith("bed"):
+        support = Pose((0.0, 0.0, BED_HEIGHT))
+    person.spawn(world, support)
+    if posture.startswith("bed"):
+        make_bed(world, person)
+    for body in furniture:
+        world.set_collision(person.body, body, False)
+    world.mark_start()
+    person.reset(np.random.default_rng(0))
+    return world, person
+
+
+def make_bed(world: World, person: Human) -> None:
+    """Add a mattress whose back part is raised up to the back of who lies there, for the eye alone."""
+    long, wide, thick = BED
+    lean = np.radians(90 - person.posture.recline_deg)
+    along = np.array((-np.cos(lean), 0.0, np.sin(lean)))
+    out = np.array((np.sin(lean), 0.0, np.cos(lean)))
+    upper = np.isin(person.model.owner, [JOINT_INDEX[joint] for joint in BACK])
+    reach = float((world.skins[0].vertices()[upper] @ out).min()) + person.posture.sink
+    hinge = np.array((-0.12, 0.0, BED_HEIGHT))
+    if lean > 0.1:  # where the plane behind the back meets the mattress
+        hinge[0] = (reach - BED_HEIGHT * out[2]) / out[0]
+    legs, back = 0.55 * long, 0.45 * long
+    flat = hinge + (0.5 * legs, 0.0, -0.5 * thick)
+    tilted = hinge + 0.5 * back * along - 0.5 * thick * out
+    turn = tuple(quaternion_from_rpy(0.0, float(lean), 0.0).tolist())
+    for size, middle, turned in ((legs, flat, (0.0, 0.0, 0.0, 1.0)), (back, tilted, turn)):
+        at = Pose(tuple(middle.tolist()), turned)
+        world.add_box((size, wide, thick), at, rgba=LINEN, collides=False)
+
+
+def camera(person: Human, side: str, *, width: int, height: int, fov: float = 38.0) -> Camera:
+    """Return a camera that sees the whole person from the front, the side or between."""
+    joints = np.array([person.joint_pose(j).position for j in ("head", "left_foot", "right_foot")])
+    middle = 0.5 * (joints[0] + joints[1:].mean(axis=0))
+    size = float(np.linalg.norm(joints[0] - joints[1:].mean(axis=0))) + 0.35
+    away = 0.5 * size / np.tan(np.radians(fov) / 2) * max(1.0, 0.75 * height / width) + 0.1
+    angle = {"front": 8, "between": -42, "side": -82}[side]
+    direction = (np.cos(np.radians(angle)), np.sin(np.radians(angle)), 0.22)
+    eye = middle + away * np.array(direction)
+    return Camera(
+        tuple(eye.tolist()), tuple(middle.tolist()), fov_deg=fov, width=width, height=height
+    )
+
+
+def act(world: World, person: Human, seconds: float) -> None:
+    """Let a person reach out for one control step after another."""
+    for _ in range(round(seconds * RATE)):
+        person.command(person.action_towards(REACH, 1 / RATE), 1 / RATE)
+        for _ in range(round(1 / RATE / world.physics_dt)):
+            person.actuate()
+            world.step()
+        person.sense()
+
+
+def sheet(avatars: list[str], file: Path) -> None:
+    """Draw each avatar in each posture."""
+    size = (270, 246)
+    rows = []
+    for posture in POSTURES:
+        row = []
+        for avatar in avatars:
+            world, person = scene(avatar, posture, muscles=False)
+            view = "side" if posture == "bed_supine" else "between"
+            picture = shot(world, camera(person, view, width=size[0], height=size[1]))
+            row.append(titled(picture, f"{person.avatar.name}, {posture}"))
+            world.close()
+        rows.append(np.hstack(row))
+    save(np.vstack(rows), file)
+
+
+def muscles(avatar: str, posture: str, file: Path) -> None:
+    """Draw bones and muscles, bare and under the skin, from the front and the side, in a reach."""
+    world, person = scene(avatar, posture, muscles=True)
+    drawn = show_muscles(person, world)
+    act(world, person, REACHING)
+    most = drawn.activations().max()
+    columns = []
+    for opacity in (0.0, 0.3):
+        skin = world.skins[0]
+        alpha = np.full((len(skin.colors), 1), round(255 * opacity), np.uint8)
+        skin.colors = np.hstack((skin.colors[:, :3], alpha))
+        for side in ("front", "side"):
+            columns.append(shot(world, camera(person, side, width=480, height=600)))
+    title = (
+        f"{person.avatar.name}: {person.avatar.condition}; reaching, greatest activation {most:.2f}"
+    )
+    picture = titled(np.hstack(columns), title)
+    save(with_color_bar(picture), file)
+    world.close()
+
+
+def film(avatar: str, posture: str, file: Path) -> None:
+    """Film a reach that muscles make."""
+    world, person = scene(avatar, posture, muscles=True)
+    drawn = show_muscles(person, world, opacity=0.25)
+    view = camera(person, "between", width=960, height=720)
+    writer = Film(file, world, fps=RATE)
+    for _ in range(round(FILMED * RATE)):
+        writer.add(view, f"{person.avatar.name}: {person.avatar.condition}",
+                   f"{world.time:.1f} s, greatest activation {drawn.activations().max():.2f}")  # fmt: skip
+        act(world, person, 1 / RATE)
+    writer.close()
+    world.close()
+
+
+def shot(world: World, view: Camera) -> Picture:
+    """Take one picture."""
+    renderer = make_renderer(world)
+    picture = renderer.render(view)
+    renderer.close()
+    return picture
+
+
+def titled(picture: Picture, text: str) -> Picture:
+    """Write a line of text into the upper left corner."""
+    image = Image.fromarray(picture)
+    ImageDraw.Draw(image).text((8, 6), text, fill=(30, 34, 40), font=_font(13))
+    return np.asarray(image)
+
+
+def with_color_bar(picture: Picture) -> Picture:
+    """Draw what colour stands for what activation into the lower right corner."""
+    image = Image.fromarray(picture)
+    bar = np.tile(activation_color(np.linspace(0, 1, 160))[None], (12, 1, 1))
+    left, top = image.width - 190, image.height - 24
+    pen = ImageDraw.Draw(image)
+    pen.rectangle((left - 20, top - 24, image.width, image.height), fill=(236, 238, 241))
+    image.paste(Image.fromarray(bar), (left, top))
+    for x, text in ((left - 14, "0"), (left + 168, "1")):
+        pen.text((x, top - 2), text, fill=(30, 34, 40), font=_font(14))
+    pen.text((left + 36, top - 20), "activation", fill=(30, 34, 40), font=_font(14))
+    return np.asarray(image)
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    from matplotlib import font_manager
+
+    return ImageFont.truetype(font_manager.findfont("DejaVu Sans"), size)
+
+
+def save(picture: Picture, file: Path) -> None:
+    """Write a picture, with few colours and so small, and say where."""
+    few = Image.fromarray(picture).quantize(
+        256, method=Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE
+    )
+    few.save(file, optimize=True)
+    print(file)
+
+
+def main() -> None:
+    """Take them all."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("runs/avatars"))
+    parser.add_argument(
+        "--avatar", choices=assets.names("avatars"), help="one avatar; all if absent"
+    )
+    parser.add_argument("--film", action="store_true", help="film every avatar, not Karan alone")
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    chosen = [args.avatar] if args.avatar else list(assets.names("avatars"))
+    sheet(chosen, args.out / "sheet.png")
+    for avatar in chosen:
+        posture = "standing" if avatar == "caregiver" else "wheelchair"
+        muscles(avatar, posture, args.out / f"muscles_{avatar}.png")
+        if args.film or avatar in (args.avatar, "karan"):
+            film(avatar, posture, args.out / f"reach_{avatar}.mp4")
+            print(args.out / f"reach_{avatar}.mp4")
+
+
+if __name__ == "__main__":
+    main()
