@@ -11,8 +11,10 @@ from rcare_marl.agents.actuation.chain import make_chain
 from rcare_marl.agents.actuation.drive import ActuationConfig, fitted_musculature
 from rcare_marl.agents.actuation.muscle_model import TENDONS, MuscleModel
 from rcare_marl.agents.avatar import body_model, body_segments, load_avatar, load_posture
+from rcare_marl.agents.body.ik import grip_point
 from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS
 from rcare_marl.agents.human import Human
+from rcare_marl.agents.policies.reach import Reach
 from rcare_marl.agents.profile import ClinicalProfile, SideProfile
 from rcare_marl.errors import ActionError, ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
@@ -422,3 +424,56 @@ def test_episodes_with_muscles_are_bit_equal():
 def test_a_cast_that_cannot_be_is_refused_by_name(options, error, message):
     with pytest.raises(error, match=message):
         rcare_marl.make("feeding", recipient={"model": "karan", **options})
+
+
+def palm(person, side):
+    matrix = person.joint_pose(f"{side}_wrist").matrix()
+    return matrix[:3, :3] @ grip_point(person, side) + matrix[:3, 3]
+
+
+@pytest.mark.parametrize(
+    ("name", "side", "arrives"), [("karan", "right", True), ("karan", "left", False)]
+)
+def test_reaching_with_muscles_goes_as_far_as_the_profile_lets(name, side, arrives):
+    world, person = spawned(name, "wheelchair")
+    goal = palm(person, side) + np.array([0.10, 0.05, 0.18])
+    policy = Reach(person, side, lambda: goal, control_dt=CONTROL_DT)
+    policy.reset(np.random.default_rng(0))
+    go_on(world, person, policy.act, 4.0)
+    assert (np.linalg.norm(palm(person, side) - goal) < 0.07) == arrives
+
+
+@pytest.mark.parametrize("kind", ["muscle", "skeletal"])
+def test_tired_regions_lose_strength_and_a_new_episode_gives_it_back(kind):
+    def fallen(tired):
+        world = World()
+        person = Human(
+            "p", load_avatar("caregiver"), posture=load_posture("standing"),
+            actuation=ActuationConfig(kind=kind), movable=["right_elbow_flexion"],
+        )  # fmt: skip
+        person.spawn(world, Pose((0, 0, 0.5)))
+        world.mark_start()
+        angles = []
+        for fatigue in (tired, 0.0):
+            world.rewind()
+            person.reset(np.random.default_rng(0))
+            person.physiology.set_fatigue("right_arm", fatigue)
+            goal = {"right_elbow_flexion": 1.5}
+            act = lambda p=person, g=goal: p.action_towards(g, CONTROL_DT)  # noqa: E731
+            angles.append(go_on(world, person, act, 3.0)[-1][0])
+        return angles
+
+    weak, rested = fallen(0.97)
+    assert rested == pytest.approx(1.5, abs=0.2)
+    assert weak < rested - 0.3
+
+
+@pytest.mark.parametrize("name", ["caregiver", "jose", "kim"])
+def test_people_at_rest_stay_in_their_chair_and_hardly_work(name):
+    world, person = spawned(name, "wheelchair")
+    joints = ("right_ankle", "left_ankle", "head", "right_wrist")
+    before = [person.joint_pose(joint).position for joint in joints]
+    go_on(world, person, lambda: person.action_towards({}, CONTROL_DT), 2.0)
+    for joint, place in zip(joints, before, strict=True):
+        assert np.linalg.norm(np.subtract(person.joint_pose(joint).position, place)) < 0.05, joint
+    assert person.drive.excitation.mean() < 0.12

@@ -1,0 +1,100 @@
+"""MMT grades become strength as documented."""
+
+import numpy as np
+import pytest
+
+from rcare_marl.agents.actuation.drive import (
+    ActuationConfig,
+    muscle_share,
+    skeletal_share,
+    whole_chain,
+)
+from rcare_marl.agents.avatar import load_avatar
+from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS
+from rcare_marl.agents.strength import (
+    LEAST_HOLDING,
+    MOST_HOLDING,
+    gravity_tests,
+    level_torque,
+    mmt_tests,
+    strength_share,
+)
+from rcare_marl.errors import UnknownNameError
+
+CAREGIVER = load_avatar("caregiver")
+
+
+def chain():
+    body = CAREGIVER
+    return whole_chain(body.body_path(), body.height_m, body.mass_kg, body.sex)
+
+
+def test_the_linear_map_is_the_papers():
+    assert [strength_share(g, "linear") for g in (0, 1, 2, 3, 4, 5)] == pytest.approx(
+        [0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    )
+
+
+def test_the_gravity_map_goes_through_its_grades_and_grows():
+    holding = 0.09
+    shares = [strength_share(g, "gravity", holding) for g in (0, 1, 2, 3, 4, 5)]
+    assert shares == pytest.approx([0, 0.01, 0.045, 0.09, 0.3, 1.0])
+    fine = [strength_share(g, "gravity", holding) for g in np.linspace(0, 5, 61)]
+    assert (np.diff(fine) > 0).all()
+    # A plus is a third of the way on a log scale.
+    assert strength_share(3 + 1 / 3, "gravity", holding) == pytest.approx(
+        0.09 * (0.3 / 0.09) ** (1 / 3)
+    )
+
+
+def test_a_wrong_grade_or_map_is_refused():
+    with pytest.raises(ValueError, match="0..5"):
+        strength_share(6, "linear")
+    with pytest.raises(UnknownNameError, match="Did you mean 'gravity'"):
+        strength_share(3, "gravitiy")
+
+
+def test_level_torque_is_mass_times_lever():
+    limb = chain()
+    i = DOF_INDEX["right_elbow_flexion"]
+    angles = np.zeros(len(DOFS))
+    beyond = [k for k in range(len(DOFS)) if _hangs_on(limb.parents, k, i)]
+    mass = limb.masses[beyond].sum()
+    torque = level_torque(limb, i, angles)
+    assert 0.02 * CAREGIVER.mass_kg < 1.3 * mass < 0.04 * CAREGIVER.mass_kg  # forearm and hand
+    assert 0.05 < torque / (9.81 * mass) < 0.25  # [m] from elbow to their centre
+    assert level_torque(limb, DOF_INDEX["right_elbow_pronation"], angles) < 0.05 * torque
+
+
+def _hangs_on(parents, part, root):
+    while part >= 0:
+        if part == root:
+            return True
+        part = parents[part]
+    return False
+
+
+def test_every_graded_group_gets_a_test_on_each_side_that_has_it():
+    tests = gravity_tests(chain())
+    groups = {group for _, group in tests}
+    assert groups == set(mmt_tests().tests)
+    assert {side for side, group in tests if group == "elbow_flexors"} == {"left", "right"}
+    assert all(test.torque > 0 for test in tests.values())
+
+
+@pytest.mark.parametrize("kind", ["skeletal", "muscle"])
+def test_grade_3_by_gravity_is_far_weaker_than_the_linear_one_at_elbow_and_knee(kind):
+    config = ActuationConfig(kind=kind, strength="gravity")
+    share = (
+        skeletal_share(CAREGIVER, "gravity")
+        if kind == "skeletal"
+        else muscle_share(CAREGIVER, config)
+    )
+    for group in ("elbow_flexors", "knee_extensors"):
+        found = share("right", group, 3.0)
+        assert LEAST_HOLDING <= found < 0.2, group
+    for (side, group), _ in gravity_tests(chain()).items():
+        assert LEAST_HOLDING <= share(side, group, 3.0) <= MOST_HOLDING
+        assert share(side, group, 3.0) == pytest.approx(
+            share("left" if side == "right" else side, group, 3.0), rel=0.05
+        )
