@@ -1,9 +1,12 @@
 """Hill curves against the reference values that OpenSim 4.6 prints (De Groote-Fregly 2016)."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from rcare_marl.agents.actuation import hill
+from rcare_marl.agents.agent import Array
 
 
 @pytest.mark.parametrize(
@@ -19,7 +22,9 @@ from rcare_marl.agents.actuation import hill
                              1.04: 0.663486, 1.049: 1.0}),
     ],
 )  # fmt: skip
-def test_curves_agree_with_the_reference_points(curve, points):
+def test_curves_agree_with_the_reference_points(
+    curve: Callable[..., Array], points: dict[float, float]
+) -> None:
     values = curve(list(points))
     assert np.abs(values - list(points.values())).max() < 1e-6
 
@@ -27,12 +32,12 @@ def test_curves_agree_with_the_reference_points(curve, points):
 @pytest.mark.parametrize(
     "curve", [hill.force_length, hill.passive_force, hill.force_velocity, hill.tendon_force]
 )
-def test_curves_keep_the_shape_of_what_they_are_given(curve):
+def test_curves_keep_the_shape_of_what_they_are_given(curve: Callable[..., Array]) -> None:
     assert curve(1.0).shape == ()
     assert curve(np.full((2, 3), 0.9)).shape == (2, 3)
 
 
-def test_passive_force_goes_on_straight_beyond_its_strain_and_is_capped():
+def test_passive_force_goes_on_straight_beyond_its_strain_and_is_capped() -> None:
     lengths = np.array([1.6, 1.61, 1.62, 3.0])
     forces = hill.passive_force(lengths)
     assert forces[1] - forces[0] == pytest.approx(forces[2] - forces[1], rel=1e-9)
@@ -42,26 +47,27 @@ def test_passive_force_goes_on_straight_beyond_its_strain_and_is_capped():
         hill.passive_force(1.0, strain=0.0)
 
 
-def test_slopes_are_the_derivatives_of_the_curves():
+def test_slopes_are_the_derivatives_of_the_curves() -> None:
     step = 1e-6
     offset = hill.passive_offset(0.6)
-    for curve, slope in (
+    pairs: tuple[tuple[Callable[..., Array], Callable[[float], float]], ...] = (
         (hill.force_length, lambda x: hill.active_curve(x)[1]),
         (hill.force_velocity, lambda x: hill.speed_curve(x)[1]),
         (hill.passive_force, lambda x: hill.passive_curve(x, 0.6, offset)[1]),
         (hill.tendon_force, lambda x: hill.tendon_curve(x)[1]),
-    ):
+    )
+    for curve, slope in pairs:
         for x in (0.55, 0.83, 0.97):
             numeric = (curve(x + step) - curve(x - step)) / (2 * step)
             assert slope(x) == pytest.approx(float(numeric), abs=1e-7)
 
 
-def test_the_inverse_tendon_curve_inverts_it():
+def test_the_inverse_tendon_curve_inverts_it() -> None:
     forces = np.linspace(0, 2, 9)
     assert np.allclose(hill.tendon_force(hill.inverse_tendon_force(forces)), forces, atol=1e-12)
 
 
-def test_activation_rises_and_falls_with_its_time_constants():
+def test_activation_rises_and_falls_with_its_time_constants() -> None:
     rise, steps = np.array(0.01), 400
     for _ in range(steps):
         rise = hill.activation_after(rise, 1.0, 0.1 / steps)
@@ -73,7 +79,7 @@ def test_activation_rises_and_falls_with_its_time_constants():
     assert hill.activation_after(0.01, 0.0, 10.0) == pytest.approx(0.01)
 
 
-def test_activation_hardly_depends_on_the_step():
+def test_activation_hardly_depends_on_the_step() -> None:
     def after(steps: int) -> float:
         value = np.array(0.01)
         for _ in range(steps):

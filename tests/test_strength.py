@@ -1,8 +1,11 @@
 """MMT grades become strength as documented."""
 
+from typing import Any, Literal
+
 import numpy as np
 import pytest
 
+from rcare_marl.agents.actuation.chain import Chain
 from rcare_marl.agents.actuation.drive import (
     ActuationConfig,
     muscle_share,
@@ -24,18 +27,18 @@ from rcare_marl.errors import UnknownNameError
 CAREGIVER = load_avatar("caregiver")
 
 
-def chain():
+def chain() -> Chain:
     body = CAREGIVER
     return whole_chain(body.body_path(), body.height_m, body.mass_kg, body.sex)
 
 
-def test_the_linear_map_is_the_papers():
+def test_the_linear_map_is_the_papers() -> None:
     assert [strength_share(g, "linear") for g in (0, 1, 2, 3, 4, 5)] == pytest.approx(
         [0, 0.2, 0.4, 0.6, 0.8, 1.0]
     )
 
 
-def test_the_gravity_map_goes_through_its_grades_and_grows():
+def test_the_gravity_map_goes_through_its_grades_and_grows() -> None:
     holding = 0.09
     shares = [strength_share(g, "gravity", holding) for g in (0, 1, 2, 3, 4, 5)]
     assert shares == pytest.approx([0, 0.01, 0.045, 0.09, 0.3, 1.0])
@@ -47,14 +50,14 @@ def test_the_gravity_map_goes_through_its_grades_and_grows():
     )
 
 
-def test_a_wrong_grade_or_map_is_refused():
+def test_a_wrong_grade_or_map_is_refused() -> None:
     with pytest.raises(ValueError, match="0..5"):
         strength_share(6, "linear")
     with pytest.raises(UnknownNameError, match="Did you mean 'gravity'"):
-        strength_share(3, "gravitiy")
+        strength_share(3, "gravitiy")  # type: ignore[arg-type]
 
 
-def test_level_torque_is_mass_times_lever():
+def test_level_torque_is_mass_times_lever() -> None:
     limb = chain()
     i = DOF_INDEX["right_elbow_flexion"]
     angles = np.zeros(len(DOFS))
@@ -66,7 +69,7 @@ def test_level_torque_is_mass_times_lever():
     assert level_torque(limb, DOF_INDEX["right_elbow_pronation"], angles) < 0.05 * torque
 
 
-def _hangs_on(parents, part, root):
+def _hangs_on(parents: Any, part: int, root: int) -> bool:
     while part >= 0:
         if part == root:
             return True
@@ -74,7 +77,7 @@ def _hangs_on(parents, part, root):
     return False
 
 
-def test_every_graded_group_gets_a_test_on_each_side_that_has_it():
+def test_every_graded_group_gets_a_test_on_each_side_that_has_it() -> None:
     tests = gravity_tests(chain())
     groups = {group for _, group in tests}
     assert groups == set(mmt_tests().tests)
@@ -83,7 +86,9 @@ def test_every_graded_group_gets_a_test_on_each_side_that_has_it():
 
 
 @pytest.mark.parametrize("kind", ["skeletal", "muscle"])
-def test_grade_3_by_gravity_is_far_weaker_than_the_linear_one_at_elbow_and_knee(kind):
+def test_grade_3_by_gravity_is_far_weaker_than_the_linear_one_at_elbow_and_knee(
+    kind: Literal["skeletal", "muscle"],
+) -> None:
     config = ActuationConfig(kind=kind, strength="gravity")
     share = (
         skeletal_share(CAREGIVER, "gravity")

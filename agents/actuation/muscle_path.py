@@ -66,8 +66,13 @@ def make_layout(units: Sequence[MuscleUnit], joints: Array, chain: Chain) -> Pat
         chain: The moving parts.
     """
     ancestors = [_ancestors(chain.parents, i) for i in range(len(chain.names))]
-    points, pulleys, carriers = [], [], []
-    starts, crossings, entries, branched = [], [], [], []
+    points: list[Array] = []
+    pulleys: list[Array] = []
+    carriers: list[tuple[int, int, int]] = []
+    starts: list[tuple[int, int]] = []
+    crossings: list[tuple[int, int]] = []
+    entries: list[tuple[int, int]] = []
+    branched: list[bool] = []
     for unit in units:
         starts.append((len(points), len(crossings)))
         own = [_point(point, joints, chain) for point in unit.path]
