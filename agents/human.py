@@ -12,6 +12,7 @@ from rcare_marl.cache import cached
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Pose, conjugate, quaternion_from_matrix, rotate
+from rcare_marl.soft.matter import Matter
 from rcare_marl.world import GRAVITY, World
 
 from .actuation.actuation import Actuation
@@ -29,6 +30,7 @@ from .body.skeleton import (
     forward_kinematics,
 )
 from .body.skin import JointFrame, PersonSkin
+from .body.tissue import Tissue, attach_tissue, expand_tissue
 from .load import LoadMeter
 from .physiology import Physiology
 from .physiology_model import REGIONS, physiology_model
@@ -55,6 +57,7 @@ class Human(Agent):
         positions: Angles of the movable DoFs at the end of the last control step [rad].
         velocities: Their rates then [rad/s].
         physiology: Vital signs, fatigue, pain and comfort.
+        tissue: Flesh that yields, if any.
         supports: Bodies that can move and carry the person: to rest on them is no pressure.
         pelvis: Where the pelvis was put, in the world; where a held pelvis is.
         course: What moves the person in place of the drive, if anything; `reset` ends it.
@@ -69,6 +72,7 @@ class Human(Agent):
         movable: Sequence[str] | None = None,
         fixed_base: bool = True,
         actuation: ActuationConfig | None = None,
+        tissue: Sequence[str] = (),
         physiology_observed: bool = False,
     ) -> None:
         """Prepare a person.
@@ -80,6 +84,7 @@ class Human(Agent):
             movable: DoFs, or joints for all DoFs of a joint, that move; all 112 if None.
             fixed_base: Whether the pelvis is held in place, as by a lap belt.
             actuation: How the joints are driven; `skeletal` if None.
+            tissue: Segments whose flesh yields, as in `body.tissue.expand_tissue`.
             physiology_observed: Whether the person observes their own physiology.
         """
         self.physiology = Physiology(avatar)
@@ -90,6 +95,7 @@ class Human(Agent):
         self.movable = expand_movable(movable)
         self._fixed_base = fixed_base
         self._actuation = actuation or ActuationConfig()
+        self._soft = expand_tissue(tissue)
         self._arm_rests: dict[str, Pose] = {}
         order = [DOF_INDEX[dof] for dof in self.movable]
         limits = [avatar.profile.limits(kind) for kind in ("active", "passive")]
@@ -149,7 +155,9 @@ class Human(Agent):
                     side, self.model, angles, self.pelvis, pad, limits, clearance=radius
                 )
         self.angles = angles
-        urdf = person_urdf(avatar, "passive", movable=self.movable, posture=angles)
+        urdf = person_urdf(
+            avatar, "passive", movable=self.movable, posture=angles, tissue=self._soft
+        )
         file = cached(avatar.name.lower().replace(" ", "_"), ".urdf", urdf.text)
         self.body = world.load_urdf(file, self.pelvis, name=self.name, fixed=self._fixed_base)
         self.body.exclude_own_links()
@@ -178,7 +186,13 @@ class Human(Agent):
         self.physiology.reset(upright=self._meter.upright())
         self._is_tired = True  # perhaps from the last episode
         self._tire()
-        world.skins.append(PersonSkin(self.model, self.body, self.frames))
+        skin = PersonSkin(self.model, self.body, self.frames)
+        world.skins.append(skin)
+        self.tissue: Tissue | None = None
+        if self._soft:
+            self.tissue = attach_tissue(
+                world, self.body, self.model, self.frames, self._soft, skin=skin
+            )
         self._face, self._jaw = (self._mouth_on(joint) for joint in ("head", "jaw"))
 
     def _mouth_on(self, joint: str) -> tuple[int, Array, Array]:
@@ -289,6 +303,12 @@ class Human(Agent):
         return Pose(
             tuple(matrix[:3, 3].tolist()), tuple(quaternion_from_matrix(matrix[:3, :3]).tolist())
         )
+
+    def ignore(self, body: Body) -> None:
+        """Let the person and a body pass through each other, such as the chair that the posture fits."""
+        self._world.set_collision(self.body, body, False)
+        if self.tissue is not None:
+            Matter.of(self._world).ignore([body])
 
     def contact_forces(self, by: Body | None = None) -> dict[str, float]:
         """Return the normal force on each touched segment [N], by SMPL-X joint, after the last step.

@@ -16,9 +16,11 @@ from .actuation.dynamics import (
     SCRATCH_COLUMNS,
     WEIGHT,
     mass_matrix,
+    packed_matrix,
     part_table,
     place_frames,
     place_masses,
+    tree_depths,
 )
 from .agent import Array
 from .body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX
@@ -113,7 +115,9 @@ def _weights(person: Human, posture: Array, gravity: Array) -> Array:
     table, work = part_table(chain, PART_COLUMNS), np.zeros((count, SCRATCH_COLUMNS))
     place_frames(table, chain.parents, posture, work)
     place_masses(table, work)
-    mass_matrix(chain.parents, gravity, work, np.zeros((count, count)))
+    mass_matrix(
+        chain.parents, tree_depths(chain.parents), gravity, work, packed_matrix(chain.parents)
+    )
     return work[:, WEIGHT].copy()
 
 

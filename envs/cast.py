@@ -52,6 +52,8 @@ class HumanCast:
         strength: How MMT grades become strength: `linear`, the paper's map, or `gravity`.
         posture: A posture's name or YAML file; the role's default if None.
         movable: Joints or DoFs that move; the role's default if None.
+        tissue: Segments whose flesh yields: `left_shoulder` (upper arm), `left_elbow` (forearm), `*_hip`,
+            `*_knee`, `spine1` to `spine3`, or `left_arm`, `left_leg`, `torso`.
         physiology_observed: Whether the person observes their own vital signs, fatigue and pain.
     """
 
@@ -63,6 +65,7 @@ class HumanCast:
     strength: StrengthMap = "linear"
     posture: str | None = None
     movable: tuple[str, ...] | None = None
+    tissue: tuple[str, ...] = ()
     physiology_observed: bool = False
 
 
@@ -137,6 +140,7 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any]) -> Agent:
         avatar,
         posture=load_posture(person.posture or role.posture),
         movable=person.movable if person.movable is not None else role.movable,
+        tissue=person.tissue,
         physiology_observed=person.physiology_observed,
         actuation=ActuationConfig(
             kind=person.actuation,

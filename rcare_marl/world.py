@@ -90,6 +90,9 @@ class SteppedMatter(Protocol):
     def step(self) -> None:
         """Go on to the end of the coming physics step, and push the rigid bodies."""
 
+    def contacts(self, a: Body, b: Body | None = None) -> list[Contact]:
+        """Return where `a`, or matter on it, pressed on `b` or matter on that, as `World.contacts`."""
+
     def mark(self) -> None:
         """Remember the present state."""
 
@@ -446,7 +449,10 @@ class World:
             if b is None
             else bullet.getContactPoints(a.uid, b.uid, physicsClientId=self.client)
         )
-        return [Contact(p[3], p[4], p[6], p[7], p[8], p[9]) for p in points]
+        found = [Contact(p[3], p[4], p[6], p[7], p[8], p[9]) for p in points]
+        for matter in self.matter:
+            found.extend(matter.contacts(a, b))
+        return found
 
     def contact_force(self, a: Body, b: Body | None = None) -> float:
         """Return the summed normal force on `a` by `b`, or by everything [N]."""
@@ -455,7 +461,10 @@ class World:
             if b is None
             else bullet.getContactPoints(a.uid, b.uid, physicsClientId=self.client)
         )
-        return sum([point[9] for point in points]) if points else 0.0
+        total: float = sum([point[9] for point in points]) if points else 0.0
+        for matter in self.matter:
+            total += sum([contact.force for contact in matter.contacts(a, b)])
+        return total
 
     def link_forces(self, a: Body, b: Body | None = None) -> Array:
         """Return the summed normal force on each link of `a` [N], shape [links + 1], base first."""

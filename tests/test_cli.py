@@ -114,6 +114,8 @@ def test_evaluate_prints_a_table() -> None:
         (("evaluate", "feedng"), "Did you mean 'feeding'?"),
         (("describe", "feedng"), "Did you mean 'feeding'?"),
         (("bench", "feedng"), "Did you mean 'feeding'?"),
+        (("bench", "avatrs"), "Did you mean 'avatars'?"),
+        (("bench", "avatars", "--avatar", "karn"), "Did you mean 'karan'?"),
         (("play", "feedng"), "Did you mean 'feeding'?"),
         (("evaluate", "feeding", "--policy", "scriptd"), "Did you mean 'scripted'?"),
         (("evaluate", "feeding", "--recipient", "karn"), "Did you mean 'karan'?"),
@@ -134,6 +136,10 @@ def test_mistake_is_one_line_with_a_suggestion(arguments: tuple[str, ...], messa
         ("list", "robot"),
         ("evaluate", "feeding", "--episodes", "0"),
         ("evaluate", "feeding", "--seed", "-1"),
+        ("bench", "avatars", "--steps", "5"),
+        ("bench", "avatars", "--recipient", "jose"),
+        ("bench", "avatars", "--seconds", "0"),
+        ("bench", "feeding", "--avatar", "jose"),
         ("evaluate", "feeding", "--option", "reward"),
     ],
 )
@@ -226,6 +232,33 @@ def test_bench_prints_one_json_object_with_all_keys() -> None:
     )  # fmt: skip
     assert all(result[key] > 0 for key in keys)
     assert result["steps"] == 4 and result["physics_steps_per_control_step"] == 24
+
+
+def test_bench_of_avatars_prints_one_json_object_with_all_keys() -> None:
+    result = answer("bench", "avatars", "--seconds", "0.2")
+    keys = (
+        "bare_physics_fps", "skeletal_fps", "muscle_fps", "tissue_fps", "tissue_idle_fps",
+        "muscle_kernel_us", "batched_person_steps_per_s",
+    )  # fmt: skip
+    assert all(result[key] > 0 for key in keys)
+    assert result["avatar"] == "Karan" and result["muscles"] == 324
+    assert result["tissue_particles"] >= 1000 and result["tissue_force_n"] > 0
+    for ratio, above, below in (
+        ("skeletal_ratio", "skeletal_fps", "bare_physics_fps"),
+        ("muscle_ratio", "muscle_fps", "bare_physics_fps"),
+        ("tissue_idle_ratio", "tissue_idle_fps", "skeletal_fps"),
+    ):
+        assert result[ratio] == pytest.approx(result[above] / result[below])
+    assert result["met"].keys() == result["wanted"].keys()
+    for key, bound in result["wanted"].items():
+        reached = result[key] <= bound if key.endswith("_us") else result[key] >= bound
+        assert result["met"][key] is reached
+
+
+def test_bench_of_avatars_prints_a_table() -> None:
+    text = call("bench", "avatars", "--seconds", "0.1", "--avatar", "daniel").stdout
+    for words in ("Daniel", "at least 1500", "at most 60 ", "person-steps/s"):
+        assert words in text
 
 
 def test_play_tells_where_to_watch_and_stops_calmly(monkeypatch: pytest.MonkeyPatch) -> None:

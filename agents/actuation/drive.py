@@ -49,7 +49,9 @@ _ASHWORTH_GAIN = dict(zip(ASHWORTH, (0.0, 0.02, 0.04, 0.08, 0.16, 0.4), strict=T
 FIBRE_GAIN = 3.5  # [s per optimal length]: excitation by stretch speed, per share of torque by rate
 FIBRE_THRESHOLD = 0.1  # [optimal lengths/s]
 
-FEMALE_SIZE = 1.62 / 1.75  # stature, and so lever arms, to those of our table; mean of women from memory
+FEMALE_SIZE = (
+    1.62 / 1.75
+)  # stature, and so lever arms, to those of our table; mean of women from memory
 
 _BACKWARD = ("extensors", "adductors", "plantarflexors", "supinators")  # against flexors and so on
 

@@ -42,6 +42,19 @@ def part_table(chain: Chain, columns: int) -> Array:
     return table
 
 
+def tree_depths(parents: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return how many parts come before each one, shape [n]."""
+    depths = np.zeros(len(parents), np.int64)
+    for i, parent in enumerate(parents):
+        depths[i] = depths[parent] + 1 if parent >= 0 else 0
+    return depths
+
+
+def packed_matrix(parents: npt.NDArray[np.int64]) -> Array:
+    """Return room for a packed matrix of a tree, shape [n, greatest depth + 1]."""
+    return np.zeros((len(parents), int(tree_depths(parents).max(initial=0)) + 1))
+
+
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def place_frames(table, parents, positions, work) -> None:  # type: ignore[no-untyped-def]
     """Find the frame of every part, and its axis, in the frame of the pelvis."""
@@ -120,8 +133,12 @@ def _tensor(row, mine) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def mass_matrix(parents, gravity, work, matrix) -> None:  # type: ignore[no-untyped-def]
-    """Write the mass matrix, lower triangle, and the torques that hold the parts against gravity."""
+def mass_matrix(parents, depths, gravity, work, matrix) -> None:  # type: ignore[no-untyped-def]
+    """Write the mass matrix, packed, and the torques that hold the parts against gravity.
+
+    Row i of a packed matrix holds part i's entries with the parts before it, the first one first:
+    the one with part j stands in column `depths[j]`, its own in column `depths[i]`.
+    """
     for i in range(parents.shape[0] - 1, -1, -1):
         mine = work[i]
         if parents[i] >= 0:
@@ -153,7 +170,7 @@ def mass_matrix(parents, gravity, work, matrix) -> None:  # type: ignore[no-unty
         j = i
         while j >= 0:
             up = work[j]
-            matrix[i, j] = (
+            matrix[i, depths[j]] = (
                 up[AXIS_NOW] * kx + up[AXIS_NOW + 1] * ky + up[AXIS_NOW + 2] * kz
                 + up[SWEEP] * lx + up[SWEEP + 1] * ly + up[SWEEP + 2] * lz
             )  # fmt: skip
@@ -169,31 +186,30 @@ def mass_matrix(parents, gravity, work, matrix) -> None:  # type: ignore[no-unty
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def solve(parents, matrix, x) -> None:  # type: ignore[no-untyped-def]
-    """Solve in place; fill-in stays on the branches of the tree (matrix = Lᵀ L)."""
+def solve(parents, depths, matrix, x) -> None:  # type: ignore[no-untyped-def]
+    """Solve in place with a packed matrix; fill-in stays on the branches of the tree (Lᵀ L)."""
     count = x.shape[0]
     for k in range(count - 1, -1, -1):
-        matrix[k, k] = np.sqrt(matrix[k, k])
+        depth = depths[k]
+        each = 1.0 / np.sqrt(matrix[k, depth])
+        matrix[k, depth] = each  # the reciprocal of the diagonal
+        for a in range(depth):
+            matrix[k, a] *= each
         i = parents[k]
-        while i >= 0:
-            matrix[k, i] /= matrix[k, k]
-            i = parents[i]
-        i = parents[k]
-        while i >= 0:
-            j = i
-            while j >= 0:
-                matrix[i, j] -= matrix[k, i] * matrix[k, j]
-                j = parents[j]
+        for a in range(depth - 1, -1, -1):
+            share = matrix[k, a]
+            for b in range(a + 1):
+                matrix[i, b] -= share * matrix[k, b]
             i = parents[i]
     for i in range(count - 1, -1, -1):
-        x[i] /= matrix[i, i]
+        x[i] *= matrix[i, depths[i]]
         j = parents[i]
-        while j >= 0:
-            x[j] -= matrix[i, j] * x[i]
+        for a in range(depths[i] - 1, -1, -1):
+            x[j] -= matrix[i, a] * x[i]
             j = parents[j]
     for i in range(count):
-        j = parents[i]
-        while j >= 0:
-            x[i] -= matrix[i, j] * x[j]
+        rest, j = x[i], parents[i]
+        for a in range(depths[i] - 1, -1, -1):
+            rest -= matrix[i, a] * x[j]
             j = parents[j]
-        x[i] /= matrix[i, i]
+        x[i] = rest * matrix[i, depths[i]]

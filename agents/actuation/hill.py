@@ -31,6 +31,7 @@ RESTING_ACTIVATION = 0.01
 _B11, _B21, _B31, _B41 = 0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465
 _B12, _B22, _B32, _B42 = 0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188
 _B13, _B23, _B33 = 0.1, 1.0, 0.353553390593274
+_PER_B33 = 1.0 / _B33
 _PASSIVE_SHAPE = 4.0  # k_PE
 _PASSIVE_TOP = math.exp(_PASSIVE_SHAPE)
 _PASSIVE_START = 0.2  # fibre length at which passive force is zero
@@ -42,18 +43,38 @@ _D4 = 1.0 - _D1 * _AT_REST
 _TENDON_C1, _TENDON_C2, _TENDON_C3 = 0.2, 1.0, 0.2
 _TENDON_SHAPE = math.log((1 + _TENDON_C3) / _TENDON_C1) / 0.049  # F_max at 4.9 % strain
 
+_LOG_2, _PER_LOG_2 = math.log(2.0), 1.0 / math.log(2.0)
+_E2, _E3, _E4, _E5, _E6 = (1.0 / math.factorial(k) for k in range(2, 7))
+_E7, _E8, _E9, _E10, _E11 = (1.0 / math.factorial(k) for k in range(7, 12))
+
 SHORTEST = 0.02  # of the fibre along the tendon, in optimal lengths: a slack muscle
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _exp(x):  # type: ignore[no-untyped-def]
+    """Return the exponential of x < 700 to 1e-14: unlike that of the C library the compiler can inline
+    and vectorise it, 2^k by its bits and e^r by its series.
+    """
+    x = max(x, -700.0)
+    k = math.floor(x * _PER_LOG_2 + 0.5)
+    r = x - k * _LOG_2
+    whole = np.int64((np.int64(k) + 1023) << 52).view(np.float64)
+    r2 = r * r
+    low = 1.0 + r + r2 * (_E2 + r * _E3 + r2 * (_E4 + r * _E5))
+    high = _E6 + r * _E7 + r2 * (_E8 + r * _E9 + r2 * (_E10 + r * _E11))
+    return whole * (low + r2 * r2 * r2 * high)
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def active_curve(length):  # type: ignore[no-untyped-def]
     """Return f_L and its slope at a normalised fibre length."""
     s1, s2 = _B31 + _B41 * length, _B32 + _B42 * length
-    z1, z2, z3 = (length - _B21) / s1, (length - _B22) / s2, (length - _B23) / _B33
-    g1 = _B11 * math.exp(-0.5 * z1 * z1)
-    g2 = _B12 * math.exp(-0.5 * z2 * z2)
-    g3 = _B13 * math.exp(-0.5 * z3 * z3)
-    slope = -g1 * z1 * (1 - z1 * _B41) / s1 - g2 * z2 * (1 - z2 * _B42) / s2 - g3 * z3 / _B33
+    i1, i2 = 1.0 / s1, 1.0 / s2
+    z1, z2, z3 = (length - _B21) * i1, (length - _B22) * i2, (length - _B23) * _PER_B33
+    g1 = _B11 * _exp(-0.5 * z1 * z1)
+    g2 = _B12 * _exp(-0.5 * z2 * z2)
+    g3 = _B13 * _exp(-0.5 * z3 * z3)
+    slope = -g1 * z1 * (1 - z1 * _B41) * i1 - g2 * z2 * (1 - z2 * _B42) * i2 - g3 * z3 * _PER_B33
     return g1 + g2 + g3, slope
 
 
@@ -75,10 +96,11 @@ def passive_offset(strain):  # type: ignore[no-untyped-def]
 def passive_curve(length, strain, offset):  # type: ignore[no-untyped-def]
     """Return f_PE and its slope at a normalised fibre length; `offset` is that of the strain."""
     scale = _PASSIVE_TOP - offset
+    each = 1.0 / (strain * scale)
     if length <= 1.0 + strain:
-        grown = math.exp(_PASSIVE_SHAPE * (length - 1.0) / strain)
-        return (grown - offset) / scale, grown * _PASSIVE_SHAPE / (strain * scale)
-    slope = _PASSIVE_TOP * _PASSIVE_SHAPE / (strain * scale)
+        grown = _exp(_PASSIVE_SHAPE * (length - 1.0) * scale * each)
+        return (grown - offset) * strain * each, grown * _PASSIVE_SHAPE * each
+    slope = _PASSIVE_TOP * _PASSIVE_SHAPE * each
     force = 1.0 + slope * (length - 1.0 - strain)
     if force < PASSIVE_CAP:
         return force, slope
@@ -103,45 +125,42 @@ def next_activation(activation, excitation, dt, rise, fall, least):  # type: ign
     """Return the activation after `dt` [s]: an exact exponential with the midpoint's time constant."""
     wanted = max(excitation, least)
     span = 1.0 - least
-    now, end = (activation - least) / span, (wanted - least) / span
-    if end > now:
-        tau = rise * (0.5 + 1.5 * now)
-    else:
-        tau = fall / (0.5 + 1.5 * now)
-    middle = now + (end - now) * (1.0 - math.exp(-0.5 * dt / tau))
-    if end > now:
-        tau = rise * (0.5 + 1.5 * middle)
-    else:
-        tau = fall / (0.5 + 1.5 * middle)
-    return least + span * (now + (end - now) * (1.0 - math.exp(-dt / tau)))
+    each = 1.0 / span
+    now, end = (activation - least) * each, (wanted - least) * each
+    step = end - now
+    pace = 0.5 + 1.5 * now
+    rate = 1.0 / (rise * pace) if step > 0.0 else pace / fall
+    pace = 0.5 + 1.5 * (now + step * (1.0 - _exp(-0.5 * dt * rate)))
+    rate = 1.0 / (rise * pace) if step > 0.0 else pace / fall
+    return least + span * (now + step * (1.0 - _exp(-dt * rate)))
 
 
-@numba.vectorize(cache=True)
+@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
 def _force_length(length):  # type: ignore[no-untyped-def]
     return active_curve(length)[0]
 
 
-@numba.vectorize(cache=True)
+@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
 def _force_velocity(speed):  # type: ignore[no-untyped-def]
     return speed_curve(speed)[0]
 
 
-@numba.vectorize(cache=True)
+@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
 def _passive_force(length, strain):  # type: ignore[no-untyped-def]
     return passive_curve(length, strain, passive_offset(strain))[0]
 
 
-@numba.vectorize(cache=True)
+@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
 def _tendon_force(length):  # type: ignore[no-untyped-def]
     return tendon_curve(length)[0]
 
 
-@numba.vectorize(cache=True)
+@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
 def _tendon_length(force):  # type: ignore[no-untyped-def]
     return tendon_length(force)
 
 
-@numba.vectorize(cache=True)
+@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
 def _activation_after(activation, excitation, dt, rise, fall, least):  # type: ignore[no-untyped-def]
     return next_activation(activation, excitation, dt, rise, fall, least)
 

@@ -28,7 +28,7 @@ NARROW_WEIGHT = 0.02
 END_ZONE = 0.05  # [rad] before an end of the active range
 END_WEIGHT = 0.05
 REST_WEIGHT = 0.03  # of a limb that rests on furniture
-SWEEPS = 12
+SWEEPS = 6
 
 
 class MuscleController:

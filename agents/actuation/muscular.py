@@ -34,10 +34,12 @@ from .dynamics import (
     SCRATCH_COLUMNS,
     WEIGHT,
     mass_matrix,
+    packed_matrix,
     part_table,
     place_frames,
     place_masses,
     solve,
+    tree_depths,
 )
 from .muscle_control import MuscleController
 from .muscle_model import MuscleModel
@@ -57,7 +59,7 @@ LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligament
 LIGAMENT_SHARE = 0.3  # ... or this share of a narrower range
 CARRY_GAP = 0.01  # [rad] above the posture where furniture lets go
 FRICTION_SHARE = 0.3  # of normal torque: less than this does not move a carried limb on its support
-CONTROL_INTERVAL = 2  # physics steps between two looks of the controller: 120 Hz at 1/240 s
+CONTROL_INTERVAL = 4  # physics steps between two looks of the controller: 60 Hz at 1/240 s
 
 # Columns of the table after those of the parts, one row a DoF.
 _STIFFNESS, _DAMPING, _TISSUE, _SUPPORT = 28, 29, 30, 31
@@ -162,7 +164,8 @@ class MuscleDrive:
         self._spots = np.zeros((model.layout.longest, kernel.SPOT_COLUMNS))
         self._arms = np.zeros(len(model.layout.crossings) - 1)
         self._torques = np.zeros((6, count))
-        self._matrix = np.zeros((count, count))
+        self._depths = tree_depths(chain.parents)
+        self._matrix = packed_matrix(chain.parents)
         self._out = np.zeros(count)
 
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
@@ -239,7 +242,7 @@ class MuscleDrive:
         self._measured[0], self._measured[1] = self._posture, 0.0
         layout = self.model.layout
         _look(
-            self._table, self.model.parents, layout.points, layout.pulleys, layout.carriers,
+            self._table, self.model.parents, self._depths, layout.points, layout.pulleys, layout.carriers,
             layout.starts, layout.crossings, layout.entries, self.model.table, self._measured,
             gravity, self.state, self.model.mode, self._work, self._frames, self._spots, self._arms,
             self._torques, self._matrix,
@@ -257,7 +260,7 @@ class MuscleDrive:
             excitation = np.clip(excitation + self._shaking.after(self._dt), 0.0, 1.0)
         layout = self.model.layout
         _drive(
-            self._table, self.model.parents, layout.points, layout.pulleys, layout.carriers,
+            self._table, self.model.parents, self._depths, layout.points, layout.pulleys, layout.carriers,
             layout.starts, layout.crossings, layout.entries, layout.is_branched, self.model.table,
             self._measured, excitation, gravity, self.state, self._dt, self.model.mode, self._work,
             self._frames, self._spots, self._arms, self._torques, self._matrix, self._out,
@@ -272,7 +275,7 @@ class MuscleDrive:
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _look(  # type: ignore[no-untyped-def]
-    table, parents, points, pulleys, carriers, starts, crossings, entries, units, measured, gravity,
+    table, parents, depths, points, pulleys, carriers, starts, crossings, entries, units, measured, gravity,
     state, mode, work, frames, spots, arms, torques, matrix,
 ) -> None:  # fmt: skip
     place_frames(table, parents, measured[0], work)
@@ -285,12 +288,12 @@ def _look(  # type: ignore[no-untyped-def]
     if mode != kernel.IMPLICIT_TENDON:
         kernel.pull(units, state, 0.0, mode)
     kernel.project(starts, crossings, arms, state, torques[0], torques[1])
-    mass_matrix(parents, gravity, work, matrix)
+    mass_matrix(parents, depths, gravity, work, matrix)
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _drive(  # type: ignore[no-untyped-def]
-    table, parents, points, pulleys, carriers, starts, crossings, entries, branched, units,
+    table, parents, depths, points, pulleys, carriers, starts, crossings, entries, branched, units,
     measured, excitation, gravity, state, dt, mode, work, frames, spots, arms, torques, matrix,
     out,
 ) -> None:  # fmt: skip
@@ -305,7 +308,7 @@ def _drive(  # type: ignore[no-untyped-def]
     kernel.activate(units, state, excitation, dt)
     kernel.pull(units, state, dt, mode)
     kernel.project(starts, crossings, arms, state, torques[0], torques[1])
-    mass_matrix(parents, gravity, work, matrix)
+    mass_matrix(parents, depths, gravity, work, matrix)
     _fade(table, measured, torques)
     _tighten(table, measured, torques)
     for i in range(table.shape[0]):
@@ -318,9 +321,9 @@ def _drive(  # type: ignore[no-untyped-def]
         held = stiffness * (table[i, _POSTURE] - ahead) - damping * velocity - table[i, _SLACK]
         out[i] += support * held
         out[i] -= (1.0 - support) * work[i, WEIGHT]
-        matrix[i, i] += dt * (loose + support * (damping + dt * stiffness))
-    _continue(starts, crossings, arms, branched, state, matrix, out)
-    solve(parents, matrix, out)
+        matrix[i, depths[i]] += dt * (loose + support * (damping + dt * stiffness))
+    _continue(starts, crossings, arms, branched, depths, state, matrix, out)
+    solve(parents, depths, matrix, out)
     for i in range(table.shape[0]):
         torques[0, i] = out[i]  # the acceleration, for `_settle`
         support, after = work[i, _HELD], measured[1, i] + dt * out[i]
@@ -378,7 +381,7 @@ def _tighten(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _continue(starts, crossings, arms, branched, state, matrix, out) -> None:  # type: ignore[no-untyped-def]
+def _continue(starts, crossings, arms, branched, depths, state, matrix, out) -> None:  # type: ignore[no-untyped-def]
     """Add to the torques what tensions grow by at the present rates, and to the matrix the rest."""
     for m in range(starts.shape[0] - 1):
         growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
@@ -391,10 +394,10 @@ def _continue(starts, crossings, arms, branched, state, matrix, out) -> None:  #
         for c in range(first, last):
             i, lever = crossings[c, 0], arms[c] * implicit
             if branched[m]:  # a bound, on the diagonal: the factorisation knows branches only
-                matrix[i, i] += abs(lever) * reach
+                matrix[i, depths[i]] += abs(lever) * reach
                 continue
             for d in range(first, c + 1):
-                matrix[i, crossings[d, 0]] += lever * arms[d]
+                matrix[i, depths[crossings[d, 0]]] += lever * arms[d]
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")

@@ -33,10 +33,12 @@ from .dynamics import (
     SCRATCH_COLUMNS,
     WEIGHT,
     mass_matrix,
+    packed_matrix,
     part_table,
     place_frames,
     place_masses,
     solve,
+    tree_depths,
 )
 
 Array = npt.NDArray[np.float64]
@@ -122,7 +124,8 @@ class SkeletalDrive:
         self._index = {dof: i for i, dof in enumerate(chain.names)}
         self.action_names = tuple(f"{dof} [{MAX_SPEED} rad/s]" for dof in chain.names)
         self._work = np.zeros((count, SCRATCH_COLUMNS))
-        self._matrices = np.zeros((2, count, count))
+        self._depths = tree_depths(chain.parents)
+        self._matrices = np.stack([packed_matrix(chain.parents)] * 2)
         self._out = np.zeros(count)
 
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
@@ -164,7 +167,7 @@ class SkeletalDrive:
         if self._shaking is not None:
             self._state[4] = self._shaking.after(self._dt)
         _torques(
-            self._table, self._parents, self._state, gravity, self._dt, self._work,
+            self._table, self._parents, self._depths, self._state, gravity, self._dt, self._work,
             self._matrices, self._out,
         )  # fmt: skip
         result: list[float] = self._out.tolist()
@@ -172,12 +175,12 @@ class SkeletalDrive:
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  # type: ignore[no-untyped-def]
+def _torques(table, parents, depths, state, gravity, dt, work, matrices, out) -> None:  # type: ignore[no-untyped-def]
     """Write the torque of each DoF into `out`."""
     count = table.shape[0]
     place_frames(table, parents, state[0], work)
     place_masses(table, work)
-    mass_matrix(parents, gravity, work, matrices[0])
+    mass_matrix(parents, depths, gravity, work, matrices[0])
     for i in range(count):
         row = table[i]
         is_paralysed = row[_STRENGTH_ALONG] == 0.0 and row[_STRENGTH_AGAINST] == 0.0
@@ -186,10 +189,9 @@ def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  
     # are, the accelerations are found once more without theirs.
     for _ in range(2):
         for i in range(count):
-            row, j = table[i], i
-            while j >= 0:
-                matrices[1, i, j] = matrices[0, i, j]
-                j = parents[j]
+            row = table[i]
+            for a in range(depths[i] + 1):
+                matrices[1, i, a] = matrices[0, i, a]
             velocity = state[1, i]
             ahead = state[0, i] + dt * velocity
             stiffness, damping, support = row[_STIFFNESS], row[_DAMPING], row[_SUPPORT]
@@ -203,8 +205,8 @@ def _torques(table, parents, state, gravity, dt, work, matrices, out) -> None:  
                 implicit += dt * (damping + dt * stiffness)
             else:  # the muscle does not give what would carry the weight, unless furniture does
                 out[i] += _spent(row, work[i, _CLIPPED]) - (1 - support) * work[i, WEIGHT]
-            matrices[1, i, i] += implicit
-        solve(parents, matrices[1], out)
+            matrices[1, i, depths[i]] += implicit
+        solve(parents, depths, matrices[1], out)
         is_new = False
         for i in range(count):
             row, support, weight = table[i], table[i, _SUPPORT], work[i, WEIGHT]

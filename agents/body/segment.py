@@ -176,7 +176,7 @@ def _box(points: Array) -> Shape:
     return Shape("box", tuple(size.tolist()), (low + high) / 2, np.eye(3))
 
 
-def _frame_along(direction: Array) -> Array:
+def frame_along(direction: Array) -> Array:
     """Return a rotation whose third column is `direction`, of unit length, shape [3, 3]."""
     helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
     first = np.cross(helper, direction)
@@ -193,7 +193,7 @@ def _capsule(points: Array, *, axis: int) -> Shape:
     if axis == 0:  # the trunk: deep rather than high, so that neighbours overlap into one body
         radius = max(radius, float(half[2])) if half[0] > half[2] else radius
     length = max(0.001, 2 * float(half[axis]) - 2 * radius)
-    return Shape("capsule", (length, radius), (low + high) / 2, _frame_along(np.eye(3)[axis]))
+    return Shape("capsule", (length, radius), (low + high) / 2, frame_along(np.eye(3)[axis]))
 
 
 def _limb(points: Array, to_end: Array) -> Shape:
@@ -206,4 +206,4 @@ def _limb(points: Array, to_end: Array) -> Shape:
     low, high = np.quantile(along, 0.02), np.quantile(along, 0.98)
     length = max(0.001, float(high - low) - 2 * radius)
     centre = middle + direction * (low + high) / 2
-    return Shape("capsule", (length, radius), centre, _frame_along(direction))
+    return Shape("capsule", (length, radius), centre, frame_along(direction))

@@ -10,7 +10,7 @@ import json
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numba
 import numpy as np
@@ -210,12 +210,27 @@ class JointFrame:
     offset: Array  # [m], shape [3]
 
 
+class SoftLayer(Protocol):
+    """What lies beneath a skin and deforms it."""
+
+    def displace(self, vertices: Floats, rotations: Array) -> None:
+        """Move vertices in the world [m], shape [n, 3], for rotations of the joints [55, 3, 3]."""
+
+    def paint(self, skin: PersonSkin) -> None:
+        """Give the skin its present colours."""
+
+
 class PersonSkin:
-    """The skin of a spawned person, for renderers: implements `rcare_marl.world.Skin`."""
+    """The skin of a spawned person, for renderers: implements `rcare_marl.world.Skin`.
+
+    Attributes:
+        tissue: The soft tissue beneath it, if there is any.
+    """
 
     def __init__(self, model: BodyModel, body: Body, frames: list[JointFrame]) -> None:
         self.model, self.body = model, body
         self.faces, self.colors = model.faces, model.colors
+        self.tissue: SoftLayer | None = None
         self._links = np.array([frame.link + 1 for frame in frames])
         self._rotations = np.array([frame.rotation for frame in frames])
         self._offsets = np.array([frame.offset for frame in frames])
@@ -231,7 +246,12 @@ class PersonSkin:
 
     def vertices(self) -> Floats:
         """Return the present surface in the world [m], shape [n, 3]."""
-        return self.model.posed(*self.joint_transforms())
+        rotations, positions = self.joint_transforms()
+        out = self.model.posed(rotations, positions)
+        if self.tissue is not None:
+            self.tissue.displace(out, rotations)
+            self.tissue.paint(self)
+        return out
 
     def rest_pieces(self) -> list[tuple[int, Floats, npt.NDArray[np.int32]]]:
         """Return (link, vertices in its frame, indices of faces) of rigid pieces, for fallbacks."""

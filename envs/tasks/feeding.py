@@ -110,7 +110,7 @@ class Feeding(Task):
         self._world = world
         people = [a for a in self.cast.values() if isinstance(a, Human)]
         for person in people:  # the posture already keeps them apart
-            world.set_collision(person.body, self._chair.body, False)
+            person.ignore(self._chair.body)
         world.set_collision(self.robot.body, self._chair.body, False)
         self._spoon = Spoon()
         self._spoon_body = self._spoon.spawn(world)

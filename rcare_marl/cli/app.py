@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 import rcare_marl
-from rcare_marl.errors import RcareError
+from rcare_marl.errors import RcareError, UnknownNameError
 
 from .console import print_error, print_line
 
@@ -276,27 +276,71 @@ def play(
 
 @app.command()
 def bench(
-    task: Task,
-    steps: Annotated[int, typer.Option(min=1, help="Control steps to time.")] = 300,
-    seed: Seed = 0,
+    what: Annotated[
+        str,
+        typer.Argument(metavar="TASK|avatars", help="A task, or [bold]avatars[/bold] for people."),
+    ],
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Control steps of a task to time; 300 if left out.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of a task's resets and actions.")
+    ] = None,
     robot: RobotModel = None,
     recipient: RecipientModel = None,
     caregiver: CaregiverModel = None,
+    avatar: Annotated[
+        str | None,
+        typer.Option(metavar="MODEL", help="Whom `avatars` measures; karan if left out."),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=0.1, help="Simulated time for `avatars`; 5 if left out."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Measure speed: steps, resets, import, and what the environment costs on top of the physics.
+    """Measure speed: of a task, or of people with and without muscles and soft tissue.
 
+    A task: steps, resets, import, and what the environment costs on top of the physics;
     overhead_ratio is the time of a control step over that of its physics steps alone.
 
+    avatars: frames of 1/60 s per second of one whole person nodding, the muscle kernel, 1,024 people.
+
     Example: rcare-marl bench feeding --json
+
+    Example: rcare-marl bench avatars --avatar daniel
     """
+    cast = _cast(robot, recipient, caregiver)
+    of_task = {"steps": steps, "seed": seed, **cast}
+    if what == "avatars":
+        from . import avatar_benchmark
+
+        _refuse(of_task, "bench avatars")
+        speeds = avatar_benchmark.bench(avatar or "karan", 5.0 if seconds is None else seconds)
+        if as_json:
+            _print_json(speeds)
+        else:
+            avatar_benchmark.show(speeds)
+        return
+    from rcare_marl.envs import task_names
+
     from . import benchmark
 
-    result = benchmark.bench(task, steps, seed, _cast(robot, recipient, caregiver))
+    if what not in task_names():
+        raise UnknownNameError("task", what, (*task_names(), "avatars"))
+    _refuse({"avatar": avatar, "seconds": seconds}, f"bench {what}")
+    result = benchmark.bench(what, 300 if steps is None else steps, seed or 0, cast)
     if as_json:
         _print_json(result)
     else:
         benchmark.show(result)
+
+
+def _refuse(options: Mapping[str, Any], command: str) -> None:
+    """Say which option does not belong to a command."""
+    for name, value in options.items():
+        if value is not None:
+            raise typer.BadParameter(f"{command} does not take it", param_hint=f"--{name}")
 
 
 def _cast(robot: str | None, recipient: str | None, caregiver: str | None) -> dict[str, Any]:
