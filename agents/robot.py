@@ -11,12 +11,13 @@ from typing import Literal
 import numpy as np
 
 from rcare_marl import assets
+from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Pose, quaternion_from_rpy, rotation_vector
-from rcare_marl.world import Attachment, World
+from rcare_marl.world import World
 
 from .agent import Agent, Array
 from .arm import Arm

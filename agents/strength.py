@@ -65,7 +65,9 @@ class MmtTests:
                 raise UnknownNameError("muscle group", group, norms.groups)
             for motion in (test.motion, *test.with_deg):
                 if motion not in norms.motions:
-                    raise UnknownNameError(f"motion in the test of {group!r}", motion, norms.motions)
+                    raise UnknownNameError(
+                        f"motion in the test of {group!r}", motion, norms.motions
+                    )
 
 
 @lru_cache(maxsize=1)
@@ -151,7 +153,9 @@ def holding_share(needed: float, normal: float) -> float:
     return min(max(needed / normal, LEAST_HOLDING), MOST_HOLDING) if normal > 0 else MOST_HOLDING
 
 
-def strength_share(grade: float, strength_map: StrengthMap, holding: float = LEAST_HOLDING) -> float:
+def strength_share(
+    grade: float, strength_map: StrengthMap, holding: float = LEAST_HOLDING
+) -> float:
     """Return the share of normal strength of an MMT grade.
 
     Args:

@@ -15,10 +15,11 @@ import numpy.typing as npt
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import rotate
-from rcare_marl.world import Attachment, World
+from rcare_marl.world import World
 
 from ..body.goal import Gaze, Goal, Point, Position
 from ..body.ik import WholeBodyIk, arm_dofs, grip_point, present_angles
