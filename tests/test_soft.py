@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -189,6 +190,61 @@ def test_force_hardly_depends_on_the_number_of_substeps() -> None:
     assert few == pytest.approx(many, rel=0.05)
 
 
+def static_force(
+    points: Array, tetrahedra: npt.NDArray[np.int32], held: Array, depth: float
+) -> float:
+    """Return the force of the sphere on a pad by Newton's method on the energy: no XPBD, no steps [N].
+
+    Contact is a stiff penalty on particles inside the sphere, without friction.
+    """
+    mu, lame, penalty = FLESH.shear_modulus, FLESH.bulk_parameter, 1e5
+    edge = np.stack([points[tetrahedra[:, k]] - points[tetrahedra[:, 0]] for k in (1, 2, 3)], 2)
+    volume, inverse = np.linalg.det(edge) / 6, np.linalg.inv(edge)
+    slopes = np.concatenate((-inverse.sum(axis=1)[:, None], inverse), axis=1)
+    swap = np.zeros((3, 3, 3))
+    for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        swap[a, b, c], swap[a, c, b] = 1, -1
+    at, middle = points.copy(), np.array((0, 0, RADIUS - depth))
+    places = (3 * tetrahedra[:, :, None] + np.arange(3)).reshape(-1, 12)
+    free = np.setdiff1d(np.arange(3 * len(points)), 3 * np.asarray(held)[:, None] + np.arange(3))
+    for _ in range(40):
+        gradient = np.einsum("tka,tkb->tab", at[tetrahedra], slopes)
+        cofactor = 0.5 * np.einsum("acd,bef,tce,tdf->tab", swap, swap, gradient, gradient)
+        beyond = lame * (np.linalg.det(gradient) - 1 - mu / lame)
+        stress = mu * gradient + beyond[:, None, None] * cofactor
+        force = np.zeros_like(at)
+        np.add.at(force, tetrahedra, -np.einsum("t,tab,tkb->tka", volume, stress, slopes))
+        arm = at - middle
+        length = np.linalg.norm(arm, axis=1)
+        depths, out = np.maximum(RADIUS - length, 0), arm / length[:, None]
+        push = penalty * depths[:, None] * out
+        stiff = np.einsum("acd,bef,tdf,t->tabce", swap, swap, gradient, beyond)
+        stiff += lame * np.einsum("tab,tce->tabce", cofactor, cofactor)
+        stiff += mu * np.einsum("ac,be->abce", np.eye(3), np.eye(3))
+        blocks = np.einsum("t,tabce,tkb,tle->tkalc", volume, stiff, slopes, slopes, optimize=True)
+        matrix = np.zeros((3 * len(points), 3 * len(points)))
+        np.add.at(matrix, (places[:, :, None], places[:, None]), blocks.reshape(-1, 12, 12))
+        for i in np.flatnonzero(depths):
+            rows = slice(3 * i, 3 * i + 3)
+            matrix[rows, rows] += penalty * np.outer(out[i], out[i])
+        residual = (force + push).ravel()[free]
+        step = np.linalg.solve(matrix[np.ix_(free, free)], residual)
+        at.reshape(-1)[free] += 0.5 * step
+        if np.abs(residual).max() < 1e-4:
+            return float(-push.sum(axis=0)[2])
+    raise AssertionError("Newton's method did not converge")
+
+
+@pytest.mark.slow
+def test_force_is_that_of_a_static_solution() -> None:
+    points, tetrahedra, bottom = pad_mesh()
+    for depth in (0.004, 0.007):
+        wanted = static_force(points, tetrahedra, bottom, depth)
+        smooth = dataclasses.replace(FLESH, friction=0.0)
+        force = pressed_pad(depth, material=smooth)[1].force[2]
+        assert force == pytest.approx(wanted, rel=0.03)
+
+
 def test_it_comes_back_to_rest_and_falls_asleep() -> None:
     world, pad, ball = pressed_pad(0.007)
     assert pad.is_awake
@@ -249,6 +305,21 @@ def test_a_light_box_rests_on_it_with_its_weight(mass: float, size: float) -> No
     assert np.ptp(forces) < 0.05 * mass * GRAVITY
     assert abs(box.base_pose().position[0]) < 0.005
     assert 0 < box.base_pose().position[2] < 0.0101
+
+
+def test_a_bonded_sphere_presses_alike_whatever_it_weighs() -> None:
+    forces = []
+    for mass in (0.05, 0.5):
+        world = World()
+        pad = add_pad(world)
+        post = world.add_box((0.01, 0.01, 0.01), Pose((0, 0, 0.2)), collides=False, mass=0.0)
+        ball = world.add_sphere(RADIUS, Pose((0, 0, RADIUS - 0.006)), mass=mass)
+        world.attach(post, "base", ball)
+        for _ in range(120):
+            world.step()
+        forces.append(pad.force_on(ball)[2])
+    assert forces[0] > 2
+    assert forces[0] == pytest.approx(forces[1], rel=0.03)
 
 
 def rig(folder: Path, name: str, height: float) -> Path:

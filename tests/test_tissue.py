@@ -12,6 +12,7 @@ import pytest
 
 from rcare_marl import assets
 from rcare_marl.agents.avatar import body_model, body_segments, load_avatar, person_urdf
+from rcare_marl.agents.body.refinement import refined
 from rcare_marl.agents.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.body.skin import BodyModel, JointFrame, PersonSkin
 from rcare_marl.agents.body.tissue import (
@@ -273,6 +274,24 @@ def test_heat_runs_from_the_skins_own_colour_to_red() -> None:
     assert shown[1, 1] > shown[1, 0] > shown[1, 2]  # green in the middle
     assert shown[2, 0] > 2 * shown[2, 1]
     assert (shown[2] == shown[3]).all()
+
+
+def test_finer_skin_has_no_gaps_and_keeps_its_vertices() -> None:
+    model = make_model()
+    chosen = np.linalg.norm(model.vertices - model.joints[JOINT_INDEX["left_elbow"]], axis=1) < 0.15
+    fine = refined(model, chosen, times=2)
+
+    def open_edges(faces: npt.NDArray[np.int32]) -> int:
+        pairs = np.sort(faces[:, ((0, 1), (1, 2), (2, 0))].reshape(-1, 2), axis=1)
+        return int((np.unique(pairs, axis=0, return_counts=True)[1] == 1).sum())
+
+    count = len(model.vertices)
+    assert len(fine.faces) > len(model.faces) + 8 * chosen.sum()
+    assert open_edges(fine.faces) == open_edges(model.faces)
+    np.testing.assert_array_equal(fine.vertices[:count], model.vertices)
+    np.testing.assert_allclose(fine.weights.sum(axis=1), 1, atol=1e-5)
+    shift = fine.vertices[count:] - model.vertices[np.flatnonzero(chosen)].mean(axis=0)
+    assert np.linalg.norm(shift, axis=1).max() < 0.25
 
 
 def test_groups_and_segments_are_named() -> None:

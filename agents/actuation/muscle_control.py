@@ -92,6 +92,7 @@ class MuscleController:
         self._left[:] = self._gains[:, 0] * (target - positions)
         self._left -= self._gains[:, 1] * velocities
         self._left += weight - passive
+        self._left[self._at_rest] = 0.0  # furniture bears it: no torque is best
         # At an end of the range what is too much does no harm: the end takes it.
         at_end = np.abs(positions - self._middle) > self._half - END_ZONE
         np.multiply(self._weights, np.where(at_end, END_WEIGHT, 1.0), out=self._now)

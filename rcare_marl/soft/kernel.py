@@ -223,6 +223,28 @@ def foresee(state, mass, inertia, push, gravity, period) -> None:  # type: ignor
 
 
 @numba.njit(cache=True)
+def answer(before, now, mass, push, gravity, period):  # type: ignore[no-untyped-def]
+    """Return which share of the change of velocity that weight and push cause came about, in [0, 1].
+
+    Args:
+        before: State of a link a step ago.
+        now: Its present state.
+        mass: Of the link [kg].
+        push: Force [N] and moment on it in that step, shape [6].
+        gravity: In the world [m/s²], shape [3].
+        period: Length of the step [s].
+    """
+    came, square = 0.0, 0.0
+    for a in range(3):
+        due = period * (gravity[a] + push[a] / mass)
+        came += due * (now[7 + a] - before[7 + a])
+        square += due * due
+    if square < 1e-10:  # [m²/s²]: it is at rest, and nothing can be told
+        return 1.0
+    return min(max(came / square, 0.0), 1.0)
+
+
+@numba.njit(cache=True)
 def farthest_from(x, rest):  # type: ignore[no-untyped-def]
     """Return how far any particle is from its place at rest [m]."""
     worst = _ZERO
@@ -241,6 +263,7 @@ __all__ = [
     "MOMENT",
     "NORMAL",
     "OUTCOME",
+    "answer",
     "farthest_from",
     "find_touching",
     "finish",

@@ -53,6 +53,7 @@ class Matter:
         self._masses: dict[int, tuple[float, Array]] = {}
         self._hauled: set[int] = set()  # rows of links of immovable bodies
         self._stands: dict[int, tuple[int, Array, Array]] = {}  # step, their pose, state made of it
+        self._answers: dict[int, tuple[int, Array, Array]] = {}  # step, state, state foreseen
         self._steps = 0
         self._until_look = 0
         self._seen = -1
@@ -95,6 +96,7 @@ class Matter:
         self._marked = [body.save() for body in self.bodies]
         self._marked_pushes = dict(self._pushes)
         self._stands.clear()
+        self._answers.clear()
         self._until_look, self._seen = 0, -1
 
     def rewind(self) -> None:
@@ -103,6 +105,7 @@ class Matter:
             body.restore(snapshot)
         self._pushes = dict(self._marked_pushes)
         self._stands.clear()
+        self._answers.clear()
         self._until_look, self._seen = 0, -1
 
     def contacts(self, a: Body, b: Body | None = None) -> list[Contact]:
@@ -234,10 +237,8 @@ class Matter:
             colliders.fetch_link(row)
             if row in self._hauled:
                 self._haul(colliders.states[row], row, period)
-            if row in self._masses:  # nothing but weight and flesh moves it, as far as we know
-                mass, inertia = self._masses[row]
-                push = self._pushed.get(row, _NO_PUSH)
-                kernel.foresee(colliders.states[row], mass, inertia, push, self._gravity, period)
+            if row in self._masses:
+                self._foresee(colliders.states[row], row, period)
         frame = soft.frame(client)
         outcome = soft.advance(frame, colliders, near, self._gravity, period, client)
         soft.contacts = []
@@ -247,6 +248,22 @@ class Matter:
         for body, link, force, point in soft.pin_loads():
             if body.is_movable or body.joints:
                 body.apply_force(link, force, point)
+
+    def _foresee(self, state: Array, row: int, period: float) -> None:
+        """Let a link without joints answer weight and push within the step, as far as it is free to.
+
+        How far it is, the last step has shown: one that is bonded to a gripper did not answer at all.
+        """
+        step, before, used = self._answers.get(row, _NOWHERE)
+        if step == self._steps:  # another soft body has asked before
+            state[:] = used
+            return
+        mass, inertia = self._masses[row]
+        push, now, share = self._pushed.get(row, _NO_PUSH), state.copy(), 1.0
+        if step == self._steps - 1:
+            share = kernel.answer(before, now, mass, push, self._gravity, period)
+        kernel.foresee(state, mass, inertia, push, self._gravity, share * period)
+        self._answers[row] = (self._steps, now, state.copy())
 
     def _haul(self, state: Array, row: int, period: float) -> None:
         """Let an immovable body that is set from pose to pose move there within the step."""
