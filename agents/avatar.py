@@ -84,12 +84,15 @@ def body_model(path: Path, height: float) -> BodyModel:
     model = load_body_model(path)
     measured = float(model.meta.get("height_m", np.ptp(model.vertices[:, 1])))
     scale = height / measured
-    return dataclasses.replace(
+    scaled = dataclasses.replace(
         model,
         vertices=model.vertices * np.float32(scale),
         joints=model.joints * scale,
         mouth=model.mouth * scale,
     )
+    for array in (scaled.vertices, scaled.joints, scaled.mouth):
+        array.setflags(write=False)  # everybody of this body shares them
+    return scaled
 
 
 @lru_cache(maxsize=32)

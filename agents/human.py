@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
@@ -259,10 +260,13 @@ class Human(Agent):
 
         Raises:
             UnknownNameError: If a DoF does not move.
+            ConfigError: If an angle is not finite.
         """
-        for dof in angles:
+        for dof, angle in angles.items():
             if dof not in self._index:
                 raise UnknownNameError("movable degree of freedom", dof, self.movable)
+            if not math.isfinite(angle):
+                raise ConfigError(f"wished angle of {dof!r} must be finite, got {angle}")
         return self.drive.action_towards(angles, duration)
 
     def actuate(self) -> None:

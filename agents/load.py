@@ -22,6 +22,7 @@ from .actuation.dynamics import (
     place_masses,
     tree_depths,
 )
+from .actuation.skeletal import SkeletalDrive
 from .agent import Array
 from .body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX
 from .physiology import Load
@@ -59,15 +60,11 @@ class LoadMeter:
         figures = [model.figure(name) for name in ("muscle_efficiency", "holding_heat")]
         self._figures = (*figures, LEAVES_SUPPORT)
         joints = [DOFS[DOF_INDEX[dof]].joint for dof in person.movable]
-        order = [DOF_INDEX[dof] for dof in person.movable]
-        held, count = person.posture.supported, len(order)
+        held, count = person.posture.supported, len(joints)
         self._table = table = np.zeros((count, _COLUMNS))
-        for column, strength in zip(
-            (_AGAINST, _ALONG), person.avatar.profile.strength(person.avatar.sex), strict=True
-        ):
-            table[:, column] = strength[order]
+        table[:, _AGAINST], table[:, _ALONG] = person.drive.strength.T
         table[:, _POSTURE] = posture
-        if count:
+        if count and isinstance(person.drive, SkeletalDrive):  # muscles never hold what lies
             is_held = [held == "all" or joint in held for joint in joints]
             table[:, _CARRIED] = np.where(is_held, _weights(person, posture, gravity), 0.0)
         self._regions = np.array([REGIONS.index(model.region(joint)) for joint in joints], np.int64)

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from rcare_marl import assets
 from rcare_marl.config import load
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import ConfigError, UnknownNameError
 
 from .body.skeleton import JOINTS, SIDES
 from .profile import SPINAL_LEVELS
@@ -63,7 +63,7 @@ class Part:
     def __post_init__(self) -> None:
         level_index(self.level)
         if not self.pain_force > 0:
-            raise ValueError(f"pain_force must be positive, got {self.pain_force} N")
+            raise ConfigError(f"pain_force must be positive, got {self.pain_force} N")
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class FatigueRates:
 
     def __post_init__(self) -> None:
         if not (self.fatigue > 0 and self.recovery > 0):
-            raise ValueError("rates of fatigue and recovery must be positive")
+            raise ConfigError("rates of fatigue and recovery must be positive")
 
 
 @dataclass(frozen=True)

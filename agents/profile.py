@@ -10,20 +10,24 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from rcare_marl import assets
 from rcare_marl.config import load
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import ConfigError, UnknownNameError
 
 from .body.anthropometry import Sex
 from .body.skeleton import DOFS, Dof
 
 Array = npt.NDArray[np.float64]
 Range = Literal["active", "passive"]
+if TYPE_CHECKING:
+    MmtGrade, AshworthGrade = float, str
+else:  # whatever a file holds reaches the checks below, which say more than a type does: 3+, 2
+    MmtGrade = AshworthGrade = Any
 ASHWORTH = ("0", "1", "1+", "2", "3", "4")
 SPINAL_LEVELS = tuple(
     f"{part}{i + 1}"
@@ -86,8 +90,8 @@ class SideProfile:
 
     prom_deg: dict[str, float] = field(default_factory=dict)
     arom_deg: dict[str, float] = field(default_factory=dict)
-    mmt: dict[str, float] = field(default_factory=dict)
-    spasticity: dict[str, str] = field(default_factory=dict)
+    mmt: dict[str, MmtGrade] = field(default_factory=dict)
+    spasticity: dict[str, AshworthGrade] = field(default_factory=dict)
     tremor: dict[str, float] = field(default_factory=dict)
     dyskinesia: dict[str, float] = field(default_factory=dict)
     sensation: Literal["normal", "reduced", "absent"] = "normal"
@@ -98,32 +102,40 @@ class SideProfile:
             for motion, angle in getattr(self, key).items():
                 if motion not in norms.motions:
                     raise UnknownNameError(f"motion in {key}", motion, norms.motions)
-                if not -90 <= angle <= 190:
-                    raise ValueError(f"{key}.{motion} must lie in -90..190 deg, got {angle}")
+                if not _is_number(angle, -90, 190):
+                    raise ConfigError(f"{key}.{motion} must lie in -90..190 deg, got {angle!r}")
         for motion, angle in self.arom_deg.items():
             passive = self.prom_deg.get(motion, norms.motions[motion].range_deg)
             if angle > passive:
-                raise ValueError(
+                raise ConfigError(
                     f"arom_deg.{motion} is {angle} deg, beyond the passive range of {passive} deg"
                 )
-        for group, grade in self.mmt.items():
-            if group not in norms.groups:
-                raise UnknownNameError("muscle group in mmt", group, norms.groups)
-            if not 0 <= grade <= 5:
-                raise ValueError(f"mmt.{group} is a grade from 0 to 5, got {grade}")
-        for key in ("tremor", "dyskinesia"):
-            for group, amplitude in getattr(self, key).items():
+        for key in ("mmt", "tremor", "dyskinesia", "spasticity"):
+            for group in getattr(self, key):
                 if group not in norms.groups:
                     raise UnknownNameError(f"muscle group in {key}", group, norms.groups)
-                if not 0 <= amplitude <= 1:
-                    raise ValueError(f"{key}.{group} is a share from 0 to 1, got {amplitude}")
-        for group, mas in self.spasticity.items():
-            if group not in norms.groups:
-                raise UnknownNameError("muscle group in spasticity", group, norms.groups)
-            if mas not in ASHWORTH:
-                raise ValueError(
-                    f"spasticity.{group} is a Modified Ashworth grade, one of {ASHWORTH}, got {mas!r}"
+        for group, grade in self.mmt.items():
+            if not _is_number(grade, 0, 5):
+                raise ConfigError(
+                    f"mmt.{group} is a grade from 0 to 5, a number (3+ is 3.33), got {grade!r}"
                 )
+        for key in ("tremor", "dyskinesia"):
+            for group, amplitude in getattr(self, key).items():
+                if not _is_number(amplitude, 0, 1):
+                    raise ConfigError(f"{key}.{group} is a share from 0 to 1, got {amplitude!r}")
+        for group, mas in self.spasticity.items():
+            if not isinstance(mas, str) or mas not in ASHWORTH:
+                allowed = ", ".join(f'"{known}"' for known in ASHWORTH)
+                raise ConfigError(
+                    f"spasticity.{group} is a Modified Ashworth grade in quotes, one of {allowed}, "
+                    f"got {mas!r}"
+                )
+
+
+def _is_number(value: object, low: float, high: float) -> bool:
+    """Return whether a value is a number in a range, and neither a truth value nor a text."""
+    is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    return is_number and low <= value <= high  # type: ignore[operator]
 
 
 @dataclass(frozen=True)
@@ -146,16 +158,16 @@ class Vitals:
 
     def __post_init__(self) -> None:
         if not 30 <= self.heart_rate <= 200:
-            raise ValueError(f"heart_rate must lie in 30..200 per minute, got {self.heart_rate}")
+            raise ConfigError(f"heart_rate must lie in 30..200 per minute, got {self.heart_rate}")
         if not 30 <= self.diastolic < self.systolic <= 260:
-            raise ValueError(
+            raise ConfigError(
                 f"blood pressure must satisfy 30 <= diastolic < systolic <= 260 mmHg, got "
                 f"{self.systolic}/{self.diastolic}"
             )
         if not 30 <= self.temperature <= 43:
-            raise ValueError(f"temperature must lie in 30..43 °C, got {self.temperature}")
+            raise ConfigError(f"temperature must lie in 30..43 °C, got {self.temperature}")
         if not 4 <= self.respiration_rate <= 60:
-            raise ValueError(
+            raise ConfigError(
                 f"respiration_rate must lie in 4..60 per minute, got {self.respiration_rate}"
             )
 

@@ -5,8 +5,9 @@ times stronger than people are who were measured: their knee extensors of grade 
 normal strength (H. Sato et al. 1999), elbows 8 to 10 % and hips 4 to 44 % (Z. Dvir 1997).
 
 `gravity` is calibrated to what the grades mean: grade 3 just holds the limb against gravity in its test
-position. Its share is the weight's torque there by the normal torque, kept within 0.03 and 0.45; the
-other grades are our own choice: 1 is 0.01, 2 is half of grade 3, 4 is the geometric mean of 3 and 5,
+position. Its share is the weight's torque there by the normal torque, kept within 0.01 and 0.8 (of hip
+and trunk muscles it takes a great share to hold a straight leg or the trunk). The other grades are our
+own choice: 1 is 0.01, 2 is half of grade 3, 4 is the geometric mean of 3 and 5,
 and what lies between two grades is interpolated on a log scale (3+ is a third of the way).
 """
 
@@ -33,7 +34,7 @@ from .profile import clinical_norms
 Array = npt.NDArray[np.float64]
 StrengthMap = Literal["linear", "gravity"]
 STRENGTH_MAPS: tuple[StrengthMap, ...] = get_args(StrengthMap)
-LEAST_HOLDING, MOST_HOLDING = 0.03, 0.45  # share of grade 3; our own choice after the studies above
+LEAST_HOLDING, MOST_HOLDING = 0.01, 0.8  # share of grade 3; our own choice
 TRACE = 0.01  # share of grade 1: a contraction that moves nothing
 
 
@@ -184,7 +185,7 @@ def strength_share(
 def bisected(increasing: Callable[[float], float], wanted: float) -> float:
     """Return the x in [0, 1] where an increasing function reaches `wanted`; an end if it does not."""
     low, high = 0.0, 1.0
-    for _ in range(30):
+    for _ in range(16):
         middle = 0.5 * (low + high)
         if increasing(middle) < wanted:
             low = middle

@@ -61,12 +61,19 @@ class HumanCast:
     actuation: Literal["skeletal", "muscle"] = "skeletal"
     excitation: Literal["unit", "group"] = "unit"
     tendon: Tendon = "quasi_static"
-    musculature: str | None = None
+    musculature: str | Path | None = None
     strength: StrengthMap = "linear"
     posture: str | None = None
     movable: tuple[str, ...] | None = None
     tissue: tuple[str, ...] = ()
     physiology_observed: bool = False
+
+    def __post_init__(self) -> None:
+        if self.actuation == "muscle":
+            return
+        for name in ("excitation", "tendon", "musculature"):
+            if getattr(self, name) != type(self).__dataclass_fields__[name].default:
+                raise ValueError(f"{name} is for people with actuation: muscle")
 
 
 def make_cast(
@@ -146,7 +153,7 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any]) -> Agent:
             kind=person.actuation,
             excitation=person.excitation,
             tendon=person.tendon,
-            musculature=person.musculature,
+            musculature=None if person.musculature is None else str(person.musculature),
             strength=person.strength,
         ),
     )

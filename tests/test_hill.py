@@ -89,3 +89,10 @@ def test_activation_hardly_depends_on_the_step() -> None:
     fine = after(2400)
     assert after(24) == pytest.approx(fine, abs=0.001)
     assert after(6) == pytest.approx(fine, abs=0.03)
+
+
+def test_what_cannot_be_is_refused() -> None:
+    with pytest.raises(ValueError, match="excitation lies in"):
+        hill.activation_after(0.5, 5.0, 0.01)
+    with pytest.raises(ValueError, match="tendon's force"):
+        hill.inverse_tendon_force(-1.0)

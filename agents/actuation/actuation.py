@@ -28,6 +28,10 @@ class Actuation(Protocol):
     action_low: float
     action_names: tuple[str, ...]
 
+    @property
+    def strength(self) -> Array:
+        """Greatest torque against and along each DoF when rested [N·m], shape [n, 2]."""
+
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
         """Begin an episode in the start posture, with nothing commanded.
 

@@ -16,7 +16,7 @@ from rcare_marl.errors import ConfigError
 from ..avatar import AvatarConfig, body_model, body_segments
 from ..body.anthropometry import Sex
 from ..body.posture import PostureConfig
-from ..body.skeleton import DOF_INDEX, DOFS
+from ..body.skeleton import DOF_INDEX, DOFS, Dof
 from ..profile import ASHWORTH, clinical_norms, normal_strength
 from ..strength import (
     LEAST_HOLDING,
@@ -116,8 +116,8 @@ def make_drive(
         np.bool_,
     )
     normal = normal_strength(avatar.sex)[order]
+    low, high = profile.strength(avatar.sex, skeletal_share(avatar, config.strength))
     if config.kind == "skeletal":
-        low, high = profile.strength(avatar.sex, skeletal_share(avatar, config.strength))
         return SkeletalDrive(
             chain,
             strength=np.column_stack((low, high))[order],
@@ -127,7 +127,7 @@ def make_drive(
             limits=limits,
             physics_dt=physics_dt,
             reflex=_joint_reflex(avatar)[order],
-            shaking=_joint_shaking(avatar, order),
+            shaking=_joint_shaking(avatar, order, np.minimum(low, high)),
         )
     model, groups = _muscles(avatar, chain, config)
     return MuscleDrive(
@@ -136,7 +136,9 @@ def make_drive(
         groups=groups if config.excitation == "group" else None,
         normal_strength=normal,
         supported=supported,
-        carried=np.array([d.joint in lying.carried for d in rows], np.bool_),
+        carried=np.array([d.joint in lying.carried and _is_sagittal(d) for d in rows], np.bool_),
+        resting=np.array([d.joint in lying.carried for d in rows], np.bool_),
+        willed=np.maximum(low, high)[order] > 0,
         posture=posture,
         limits=limits,
         passive=passive,
@@ -173,11 +175,22 @@ def fitted_musculature(avatar: AvatarConfig, path: str | None) -> Musculature:
 
     A woman's forces are such that her torques are to a man's as the norms say.
     """
-    return _fitted_musculature(avatar.body_path(), avatar.height_m, avatar.sex, path)
+    version = _version(path)
+    return _fitted_musculature(avatar.body_path(), avatar.height_m, avatar.sex, path, version)
+
+
+def _version(path: str | None) -> tuple[int, int]:
+    """Return what tells whether a file has changed; zeros where there is none."""
+    if path is None or not Path(path).expanduser().is_file():
+        return 0, 0
+    status = Path(path).expanduser().stat()
+    return status.st_mtime_ns, status.st_size
 
 
 @lru_cache(maxsize=32)
-def _fitted_musculature(body: Path, height: float, sex: Sex, path: str | None) -> Musculature:
+def _fitted_musculature(
+    body: Path, height: float, sex: Sex, path: str | None, version: tuple[int, int]
+) -> Musculature:
     fitted = load_musculature(path).fitted(body_model(body, height).joints)
     if sex != "female":
         return fitted
@@ -217,7 +230,7 @@ def muscle_share(avatar: AvatarConfig, config: ActuationConfig) -> Share:
     if config.strength == "linear":
         return lambda side, group, grade: strength_share(grade, "linear")
     body = (avatar.body_path(), avatar.height_m, avatar.mass_kg, avatar.sex)
-    return _by_gravity(_muscle_holding(*body, config.musculature))
+    return _by_gravity(_muscle_holding(*body, config.musculature, _version(config.musculature)))
 
 
 def _by_gravity(holding: dict[tuple[str, str], float]) -> Share:
@@ -229,11 +242,11 @@ def _by_gravity(holding: dict[tuple[str, str], float]) -> Share:
 
 @lru_cache(maxsize=16)
 def _muscle_holding(
-    body: Path, height: float, mass: float, sex: Sex, path: str | None
+    body: Path, height: float, mass: float, sex: Sex, path: str | None, version: tuple[int, int]
 ) -> dict[tuple[str, str], float]:
     """Return the share of grade 3 by side and group: what the muscles need in the test position."""
     chain = whole_chain(body, height, mass, sex)
-    muscles = _fitted_musculature(body, height, sex, path)
+    muscles = _fitted_musculature(body, height, sex, path, version)
     model = MuscleModel(muscles.units, muscles.joints, chain)
     out = {}
     for (side, group), test in gravity_tests(chain).items():
@@ -249,18 +262,20 @@ def _muscle_holding(
 def _holding_activation(
     model: MuscleModel, members: npt.NDArray[np.bool_], test: GravityTest
 ) -> float:
-    """Return the activation of a group that just carries the level limb."""
+    """Return the activation that just carries the level limb, the other muscles being at rest.
+
+    That of the whole group which the grade is about; and where the group alone is too weak in the test
+    position, since it owns only a part of the motion, that of all muscles which make the motion.
+    """
     arms = test.sign * model.moment_arms(test.angles)[:, test.dof]
-    agonists = members & (arms > 0)
     at_rest = model.table[:, kernel.LEAST]
 
-    def torque(activation: float) -> float:
-        forces = model.isometric_forces(
-            test.angles, np.where(agonists, max(activation, at_rest[0]), at_rest)
-        )
-        return float(arms @ forces)
+    def torque(activation: float, active: npt.NDArray[np.bool_]) -> float:
+        told = np.where(active, np.maximum(activation, at_rest), at_rest)
+        return float(arms @ model.isometric_forces(test.angles, told))
 
-    return bisected(torque, test.torque)
+    makers = members if torque(1.0, members) > test.torque else arms > 0
+    return bisected(lambda activation: torque(activation, makers), test.torque)
 
 
 def normal_torques(avatar: AvatarConfig) -> Array:
@@ -309,14 +324,25 @@ def _add_reflex(avatar: AvatarConfig, model: MuscleModel) -> None:
             model.table[m, kernel.REFLEX_THRESHOLD] = FIBRE_THRESHOLD
 
 
-def _joint_shaking(avatar: AvatarConfig, order: Sequence[int]) -> Shaking | None:
-    norms, torques = clinical_norms(), normal_torques(avatar).min(axis=1)
-    groups = [(DOFS[i].side, norms.motions[DOFS[i].positive].group) for i in order]
-    return _shaking(avatar, groups, np.array([torques[i] for i in order]))
+def _joint_shaking(avatar: AvatarConfig, order: Sequence[int], strength: Array) -> Shaking | None:
+    """Return what shakes joints: a DoF shakes with the group of either motion that shakes more."""
+    norms = clinical_norms()
+    groups = []
+    for i in order:
+        dof, profile = DOFS[i], avatar.profile.side(DOFS[i].side)
+        pair = [norms.motions[motion].group for motion in (dof.positive, dof.negative)]
+        amount = [profile.tremor.get(g, 0.0) + profile.dyskinesia.get(g, 0.0) for g in pair]
+        groups.append((dof.side, pair[int(amount[1] > amount[0])]))
+    return _shaking(avatar, groups, strength[list(order)])
 
 
 def _muscle_shaking(avatar: AvatarConfig, units: Sequence[MuscleUnit]) -> Shaking | None:
     return _shaking(avatar, [(u.side, u.clinical_group) for u in units], np.ones(len(units)))
+
+
+def _is_sagittal(dof: Dof) -> bool:
+    """Return whether a limb that lies on something sags about this axis."""
+    return dof.positive.endswith(("_flexion", "dorsiflexion", "foot_extension"))
 
 
 def _shaking(

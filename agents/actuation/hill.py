@@ -197,8 +197,15 @@ def tendon_force(tendon_length: npt.ArrayLike) -> Array:
 
 
 def inverse_tendon_force(force: npt.ArrayLike) -> Array:
-    """Return the tendon length [slack lengths] at a tendon force [of F_max]."""
-    return np.asarray(_tendon_length(_floats(force)))
+    """Return the tendon length [slack lengths] at a tendon force [of F_max].
+
+    Raises:
+        ValueError: If a force is -0.2 or less, which no tendon has.
+    """
+    forces = _floats(force)
+    if (forces <= -_TENDON_C3).any():
+        raise ValueError(f"a tendon's force is more than {-_TENDON_C3} F_max, got {forces.min()}")
+    return np.asarray(_tendon_length(forces))
 
 
 def activation_after(
@@ -219,7 +226,13 @@ def activation_after(
         rise: Time constant of activation [s].
         fall: Time constant of deactivation [s].
         least: Activation at rest.
+
+    Raises:
+        ValueError: If an activation or excitation lies outside [0, 1].
     """
+    for name, values in (("activation", activation), ("excitation", excitation)):
+        if not ((_floats(values) >= 0) & (_floats(values) <= 1)).all():
+            raise ValueError(f"{name} lies in [0, 1], got {values}")
     after = _activation_after(_floats(activation), _floats(excitation), dt, rise, fall, least)
     return np.asarray(after)
 

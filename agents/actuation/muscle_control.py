@@ -41,7 +41,6 @@ class MuscleController:
         *,
         normal_strength: Array,
         limits: Array,
-        resting: npt.NDArray[np.bool_],
     ) -> None:
         """Prepare the springs.
 
@@ -50,7 +49,6 @@ class MuscleController:
             inertia: Of what hangs on each DoF [kg·m²], shape [n].
             normal_strength: Torque of a healthy person [N·m], shape [n].
             limits: Active range [rad], shape [n, 2].
-            resting: Whether the limb rests on furniture until it is wished to move, shape [n].
         """
         self._model = model
         stiffness = np.maximum(FREQUENCY**2 * inertia, LEAST_STIFFNESS * normal_strength)
@@ -59,22 +57,13 @@ class MuscleController:
         width = limits[:, 1] - limits[:, 0]
         share = np.where(width < NARROW, NARROW_WEIGHT, 1.0)
         self._weights = share / normal_strength**2
-        self._resting, self._at_rest = resting, resting.copy()
         self._middle, self._half = limits.mean(axis=1), width / 2
         self._now = np.zeros(len(inertia))
         self._left = np.zeros(len(inertia))
 
-    def reset(self) -> None:
-        """Let all limbs rest that furniture carries."""
-        self._at_rest[:] = self._resting
-
-    def wake(self, dof: int) -> None:
-        """Hold a DoF by muscles from now on."""
-        self._at_rest[dof] = False
-
     def solve(
         self, target: Array, positions: Array, velocities: Array, weight: Array, arms: Array,
-        state: Array, passive: Array, excitation: Array,
+        state: Array, passive: Array, resting: npt.NDArray[np.bool_], excitation: Array,
     ) -> None:  # fmt: skip
         """Improve `excitation` in place, shape [m].
 
@@ -86,17 +75,18 @@ class MuscleController:
             arms: Moment arm of each crossing [m].
             state: State of the muscles, shape [STATE_ROWS, m].
             passive: Torques of passive tension [N·m], shape [n].
+            resting: Whether the limb lies on something: then no torque is best, shape [n].
             excitation: Where to begin and to write.
         """
         layout = self._model.layout
         self._left[:] = self._gains[:, 0] * (target - positions)
         self._left -= self._gains[:, 1] * velocities
         self._left += weight - passive
-        self._left[self._at_rest] = 0.0  # furniture bears it: no torque is best
+        self._left[resting] = 0.0
         # At an end of the range what is too much does no harm: the end takes it.
         at_end = np.abs(positions - self._middle) > self._half - END_ZONE
         np.multiply(self._weights, np.where(at_end, END_WEIGHT, 1.0), out=self._now)
-        self._now[self._at_rest] *= REST_WEIGHT
+        self._now[resting] *= REST_WEIGHT
         _descend(
             layout.starts, layout.crossings, arms, state, self._model.table, self._now,
             self._left, excitation,

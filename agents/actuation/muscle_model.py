@@ -118,7 +118,16 @@ class MuscleModel:
             state: From `new_state`; it is changed.
             dt: Time step [s].
             out: Where to write.
+
+        Raises:
+            ConfigError: If an array has another shape.
         """
+        for name, values, count in (
+            ("q", q, len(self.dofs)), ("qd", qd, len(self.dofs)), ("out", out, len(self.dofs)),
+            ("excitation", excitation, len(self.units)),
+        ):  # fmt: skip
+            if values.shape != (count,):
+                raise ConfigError(f"{name} must have shape ({count},), got {values.shape}")
         layout = self.layout
         _step(
             self.parts, self.parents, layout.points, layout.pulleys, layout.carriers, layout.starts,

@@ -20,6 +20,7 @@ of the eyes, is held where the person is told to have it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numba
 import numpy as np
@@ -58,24 +59,37 @@ ACTIVE_END_DAMPING = 0.5  # [s/rad] of the torque that fades there
 LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligaments tighten ...
 LIGAMENT_SHARE = 0.3  # ... or this share of a narrower range
 CARRY_GAP = 0.01  # [rad] above the posture where furniture lets go
-FRICTION_SHARE = 0.3  # of normal torque: less than this does not move a carried limb on its support
+FRICTION_SHARE = 0.1  # of normal torque: less than this does not move a limb that rests ...
+GRIP_REACH = 0.02  # [rad] ... where it was laid down
+SAME_ACTION = 1e-5  # difference of excitations that are still those that were proposed
 CONTROL_INTERVAL = 4  # physics steps between two looks of the controller: 60 Hz at 1/240 s
 
 # Columns of the table after those of the parts, one row a DoF.
 _STIFFNESS, _DAMPING, _TISSUE, _SUPPORT = 28, 29, 30, 31
 _LOWEST, _HIGHEST, _POSTURE = 32, 33, 34
 _LEAST, _MOST, _ZONE, _LIGAMENT, _INERTIA = 35, 36, 37, 38, 39
-_CARRIED, _SLACK, _FRICTION = 40, 41, 42
-_COLUMNS = 43
+_CARRIED, _SLACK, _GRIP, _BORNE = 40, 41, 42, 43
+_COLUMNS = 44
 _HELD = 32  # of the scratch: whether furniture holds the limb in this step
+
+
+@dataclass(frozen=True, eq=False)
+class _Proposal:
+    """What `action_towards` found: the action, and what the drive does if it is commanded."""
+
+    action: Array
+    target: Array
+    excitation: Array
+    wished: list[int]
 
 
 class MuscleDrive:
     """Torques of a person's moving DoFs from excitations of muscles: an `Actuation`.
 
     An action is one excitation in [0, 1] for each muscle that crosses a moving DoF, or for each named
-    group of such muscles. `action_towards` gives excitations that pursue joint angles; while these are
-    what is commanded, a loop through the spine goes on between control steps.
+    group of such muscles. `action_towards` proposes excitations that pursue joint angles; where these
+    are then commanded, a loop through the spine goes on improving them between control steps. So an
+    action that a policy proposed is more than the same numbers from elsewhere, which are just held.
 
     Attributes:
         names: The moving DoFs.
@@ -96,6 +110,8 @@ class MuscleDrive:
         normal_strength: Array,
         supported: npt.NDArray[np.bool_],
         carried: npt.NDArray[np.bool_],
+        resting: npt.NDArray[np.bool_],
+        willed: npt.NDArray[np.bool_],
         posture: Array,
         limits: Array,
         passive: Array,
@@ -111,6 +127,8 @@ class MuscleDrive:
             normal_strength: Torque of a healthy person, the scale of stiffness [N·m], shape [n].
             supported: Whether furniture holds the limb, shape [n].
             carried: Whether it only bears it from below, shape [n].
+            resting: Whether the limb lies on something until the person wishes to move it, shape [n].
+            willed: Whether the person could move it at all, shape [n].
             posture: Angles of the start [rad], shape [n].
             limits: Where active movement ends [rad], shape [n, 2].
             passive: Where passive movement ends [rad], shape [n, 2].
@@ -129,7 +147,7 @@ class MuscleDrive:
         table[:, _TISSUE] = TISSUE_DAMPING_PER_TORQUE * normal_strength
         uncrossed = np.ones(count, np.bool_)
         uncrossed[model.layout.crossings[:-1, 0]] = False
-        self._uncrossed = np.flatnonzero(uncrossed)
+        self._uncrossed = np.flatnonzero(uncrossed & willed)
         held = supported | uncrossed
         table[:, _SUPPORT], table[:, _CARRIED] = held, carried & ~held
         table[:, _LOWEST], table[:, _HIGHEST] = limits.T
@@ -149,13 +167,17 @@ class MuscleDrive:
         self._rested = model.table[:, kernel.VOLUNTARY].copy()
         self._start = model.settled_state(posture)
         self.state = self._start.copy()
-        table[:, _FRICTION] = FRICTION_SHARE * normal_strength
+        self._grip = np.where(resting & ~held, FRICTION_SHARE * normal_strength, 0.0)
         # What rests on furniture does not drift by the tension of resting muscles.
         table[:, _SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
         self._controller = MuscleController(
-            model, inertia, normal_strength=normal_strength, limits=limits, resting=carried
+            model, inertia, normal_strength=normal_strength, limits=limits
         )
-        self._pursued: Array | None = None
+        self._laid, self._resting = resting, resting.copy()
+        self._carried = table[:, _CARRIED].copy()
+        self._beyond = _descendants(chain.parents)
+        self._proposal: _Proposal | None = None
+        self._is_pursuing, self._is_raw = False, False
         self._tick = 0
         self._measured = np.zeros((2, count))
         self._work = np.zeros((count, SCRATCH_COLUMNS))
@@ -170,20 +192,43 @@ class MuscleDrive:
 
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
         self.target[:] = self._table[:, _POSTURE] = self._posture
+        self._table[:, _GRIP], self._table[:, _CARRIED] = self._grip, self._carried
+        self._resting[:] = self._laid
         self.state[:] = self._start
         self.excitation[:] = 0.0
-        self._pursued, self._tick = None, 0
+        self._proposal, self._tick = None, 0
+        self._is_pursuing = self._is_raw = False
         if self._shaking is not None:
             self._shaking.reset(rng)
-        self._controller.reset()
         self._look(gravity)
+        self._table[:, _BORNE] = self._work[:, WEIGHT]
 
     def command(self, action: Array, duration: float) -> None:
-        """Excite the muscles, each value in [0, 1]."""
-        if self._pursued is not None and np.array_equal(action, self._pursued):
+        """Excite the muscles, each value in [0, 1].
+
+        An action that `action_towards` has just proposed is pursued by the loop through the spine.
+        """
+        proposal, self._proposal = self._proposal, None
+        self._is_pursuing = proposal is not None and bool(
+            np.abs(action - proposal.action).max(initial=0.0) < SAME_ACTION
+        )
+        self._is_raw = not self._is_pursuing
+        if self._is_raw or proposal is None:
+            self._excite(action)
             return
-        self._pursued = None
-        self._excite(action)
+        self.target[:] = proposal.target
+        self.excitation[:] = proposal.excitation
+        for i in proposal.wished:
+            self._lift(i)
+        self._table[self._uncrossed, _POSTURE] = self.target[self._uncrossed]
+
+    def _lift(self, dof: int) -> None:
+        """Let a limb and what hangs on it leave the furniture: from now on muscles hold it."""
+        beyond = self._beyond[dof]
+        if self._resting[beyond].any():
+            self._resting[beyond] = False
+            self._table[beyond, _GRIP] = self._table[beyond, _CARRIED] = 0.0
+            self._table[dof, _CARRIED] = self._carried[dof]
 
     def _excite(self, action: Array) -> None:
         if not self._is_grouped:
@@ -193,27 +238,39 @@ class MuscleDrive:
             self.excitation[members] = value
 
     def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
-        for dof, angle in angles.items():
-            i = self._index[dof]
-            self._controller.wake(i)
-            reach = MAX_SPEED * duration
-            self.target[i] += min(max(angle - self.target[i], -reach), reach)
-        np.clip(self.target, self._table[:, _LOWEST], self._table[:, _HIGHEST], out=self.target)
-        self._table[self._uncrossed, _POSTURE] = self.target[self._uncrossed]
-        self._pursue()
-        action = self.excitation.copy()
+        # Who has moved otherwise in between sets out from where they are.
+        target = self._measured[0].copy() if self._is_raw else self.target.copy()
+        wished = [self._index[dof] for dof in angles]
+        reach = MAX_SPEED * duration
+        for i, angle in zip(wished, angles.values(), strict=True):
+            target[i] += min(max(angle - target[i], -reach), reach)
+        np.clip(target, self._table[:, _LOWEST], self._table[:, _HIGHEST], out=target)
+        resting, excitation = self._resting.copy(), self.excitation.copy()
+        for i in wished:
+            resting[self._beyond[i]] = False
+        self._pursue(target, resting, excitation)
+        action = excitation.copy()
         if self._is_grouped:
-            action = np.array([self.excitation[members].max() for members in self._groups])
-        self._pursued = action
+            action = np.array([excitation[members[0]] for members in self._groups])
+        self._proposal = _Proposal(action, target, excitation, wished)
         return action.copy()
 
-    def _pursue(self) -> None:
-        """Set the excitations that pursue the target from what the last physics step found."""
+    def _pursue(self, target: Array, resting: npt.NDArray[np.bool_], excitation: Array) -> None:
+        """Improve excitations that pursue a target, from what the last physics step found."""
         self._controller.solve(
-            self.target, self._measured[0], self._measured[1], self._work[:, WEIGHT] *
-            (1.0 - self._work[:, _HELD]), self._arms, self.state, self._torques[1],
-            self.excitation,
+            target, self._measured[0], self._measured[1], self._work[:, WEIGHT] *
+            (1.0 - self._work[:, _HELD]), self._arms, self.state, self._torques[1], resting,
+            excitation,
         )  # fmt: skip
+        for members in self._groups:
+            excitation[members] = excitation[members].mean()
+
+    @property
+    def strength(self) -> Array:
+        """Greatest torque against and along each DoF in the start posture [N·m], shape [n, 2]."""
+        pull = self._start[kernel.CAPACITY] * self._rested
+        arms = self.model.moment_arms(self._posture)
+        return np.column_stack((np.maximum(-arms, 0.0).T @ pull, np.maximum(arms, 0.0).T @ pull))
 
     def muscle_torques(self) -> Array:
         """Return what the muscles willed in the last physics step [N·m], shape [n]."""
@@ -252,8 +309,8 @@ class MuscleDrive:
         self, positions: list[float], velocities: list[float], gravity: Array
     ) -> list[float]:
         self._measured[0], self._measured[1] = positions, velocities
-        if self._pursued is not None and self._tick % CONTROL_INTERVAL == 0:
-            self._pursue()
+        if self._is_pursuing and self._tick % CONTROL_INTERVAL == 0:
+            self._pursue(self.target, self._resting, self.excitation)
         self._tick += 1
         excitation = self.excitation
         if self._shaking is not None:
@@ -267,6 +324,15 @@ class MuscleDrive:
         )  # fmt: skip
         result: list[float] = self._out.tolist()
         return result
+
+
+def _descendants(parents: npt.NDArray[np.int64]) -> list[list[int]]:
+    """Return for each part itself and all that hangs on it."""
+    out: list[list[int]] = [[i] for i in range(len(parents))]
+    for i in range(len(parents) - 1, -1, -1):
+        if parents[i] >= 0:
+            out[parents[i]].extend(out[i])
+    return out
 
 
 # Rows of the torques: active, passive, faded active; damping at both kinds of ends; of ligaments the
@@ -338,15 +404,16 @@ def _drive(  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _support(table, measured, work, i, dt):  # type: ignore[no-untyped-def]
     """Return whether furniture holds a limb now: 1.0 or 0.0."""
-    if table[i, _CARRIED] == 0.0:
-        return table[i, _SUPPORT]
-    ahead = measured[0, i] + dt * measured[1, i]
-    push = work[i, WEIGHT] + table[i, _STIFFNESS] * (table[i, _POSTURE] - ahead)
-    push -= table[i, _DAMPING] * measured[1, i] + table[i, _SLACK]
-    if abs(push) < table[i, _FRICTION]:
+    if table[i, _SUPPORT] != 0.0:
         return 1.0
-    sags = work[i, WEIGHT] * (table[i, _POSTURE] - ahead) >= -abs(work[i, WEIGHT]) * CARRY_GAP
-    return 1.0 if sags and push * work[i, WEIGHT] > 0.0 else 0.0
+    weight, gap = work[i, WEIGHT], table[i, _POSTURE] - measured[0, i] - dt * measured[1, i]
+    push = weight + table[i, _STIFFNESS] * gap - table[i, _DAMPING] * measured[1, i]
+    push -= table[i, _SLACK]
+    extra = push + table[i, _SLACK] - table[i, _BORNE]  # beyond what it has borne from the start
+    if abs(extra) < table[i, _GRIP] and abs(gap) < GRIP_REACH:  # friction
+        return 1.0
+    sags = table[i, _CARRIED] != 0.0 and weight * gap >= -abs(weight) * CARRY_GAP
+    return 1.0 if sags and push * weight > 0.0 else 0.0
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")

@@ -128,6 +128,10 @@ class SkeletalDrive:
         self._matrices = np.stack([packed_matrix(chain.parents)] * 2)
         self._out = np.zeros(count)
 
+    @property
+    def strength(self) -> Array:
+        return self._rested
+
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
         self.target[:] = self._state[3]
         if self._shaking is not None:

@@ -69,17 +69,17 @@ class BehaviourConfig:
     def __post_init__(self) -> None:
         for key in ("reactions", "activities"):
             if len(set(getattr(self, key))) != len(getattr(self, key)):
-                raise ValueError(f"{key} names something twice: {getattr(self, key)}")
+                raise ConfigError(f"{key} names something twice: {getattr(self, key)}")
         if not self.activities:
-            raise ValueError("activities must name one at least")
+            raise ConfigError("activities must name one at least")
         if not 0 < self.flinches_from <= 10:
-            raise ValueError(f"flinches_from must lie in 0..10, got {self.flinches_from}")
+            raise ConfigError(f"flinches_from must lie in 0..10, got {self.flinches_from}")
         if not 0 < self.opens_within <= 1:
-            raise ValueError(f"opens_within must lie in 0..1 m, got {self.opens_within}")
+            raise ConfigError(f"opens_within must lie in 0..1 m, got {self.opens_within}")
         if not 0 < self.opening <= 1:
-            raise ValueError(f"opening must lie in 0..1, got {self.opening}")
+            raise ConfigError(f"opening must lie in 0..1, got {self.opening}")
         if not 0 <= self.rested_below <= self.tired_from <= 1:
-            raise ValueError(
+            raise ConfigError(
                 f"fatigue must satisfy 0 <= rested_below <= tired_from <= 1, got "
                 f"{self.rested_below} and {self.tired_from}"
             )

@@ -14,7 +14,7 @@ from rcare_marl.pose import conjugate, rotate
 
 from ..agent import Array
 from ..human import Human
-from .leaves import Condition, Intent, Pursue
+from .leaves import Condition, Intent, Pursue, Threshold
 
 OPENING = 0.8  # share of the active range that an eating mouth opens; our own choice
 
@@ -37,6 +37,9 @@ class BehaviourTree:
 
     def reset(self, rng: np.random.Generator) -> None:
         self.root.stop(Status.INVALID)
+        for node in self.root.iterate():
+            if isinstance(node, Threshold):
+                node.forget()
         self._intent.clear()
 
     def act(self) -> Array:

@@ -71,6 +71,7 @@ class Instruction:
         possible: Sentences that this person can do something about.
         speaker: Returns where the speaker's face is [m], shape [3], for `look at me`; None if unknown.
         answer: How the person gets on with it, for whoever asked.
+        count: How often something has been said.
     """
 
     def __init__(self, possible: Iterable[str] = ()) -> None:
@@ -79,6 +80,7 @@ class Instruction:
         self.speaker: Callable[[], Array] | None = None
         self._text: str | None = None
         self.answer: Answer = "nothing asked"
+        self.count = 0
 
     @property
     def text(self) -> str | None:
@@ -94,6 +96,7 @@ class Instruction:
         if text not in GESTURES:
             raise UnknownNameError("instruction", str(text), GESTURES)
         self._text, self.answer = text, "trying"
+        self.count += 1
         if speaker is not None:
             self.speaker = speaker
         if text not in self.possible or (text == "look at me" and self.speaker is None):
@@ -108,6 +111,9 @@ class Instruction:
         self._text, self.answer = None, "nothing asked"
 
 
+CUES = ("instruction", "must_cough", "refuses", "reach")
+
+
 class Cues:
     """Everything that reaches a person from outside their tree; settable at any time.
 
@@ -115,6 +121,8 @@ class Cues:
         instruction: What was last asked of them.
         must_cough: Whether they have to cough; the cough clears it.
         refuses: Whether they do not want what is offered.
+
+    Any other name is an UnknownNameError.
     """
 
     def __init__(self, instruction: Instruction | None = None) -> None:
@@ -122,6 +130,11 @@ class Cues:
         self.instruction = instruction or Instruction()
         self.must_cough = self.refuses = False
         self._reach: Callable[[], Mapping[str, float]] | None = None
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name not in CUES and name != "_reach":
+            raise UnknownNameError("cue", name, CUES)
+        object.__setattr__(self, name, value)
 
     @property
     def reach(self) -> Callable[[], Mapping[str, float]] | None:

@@ -7,7 +7,7 @@ timers, which run on the wall clock.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -17,7 +17,9 @@ from rcare_marl.errors import ConfigError
 from ..human import Human
 from .cue import Instruction
 
-WELL_ENOUGH = 0.15  # [rad] from what a sentence asks for, to call it done; our own choice
+# Our own choices; muscles hold a posture less exactly than a skeletal drive does.
+WELL_ENOUGH = 0.15  # [rad] from what is wished, to call it reached
+PATIENCE = 6.0  # [s] after which what a sentence asks for cannot be done
 Intent = dict[str, float]  # DoF -> wished angle [rad]
 
 
@@ -42,7 +44,7 @@ class Pursue(Behaviour):
         intent: Intent,
         wish: Callable[[], Mapping[str, float]],
         *,
-        tolerance: float = 0.05,
+        tolerance: float = WELL_ENOUGH,
     ) -> None:
         """Prepare the leaf.
 
@@ -60,13 +62,59 @@ class Pursue(Behaviour):
     def update(self) -> Status:
         wish = self._wish()
         self._intent.update(wish)
+        return Status.SUCCESS if self.is_near(wish) else Status.RUNNING
+
+    def is_near(self, wish: Mapping[str, float]) -> bool:
+        """Return whether what is wished [rad] counts as reached."""
         here, index = self._person.positions, self._index
-        near = all(abs(here[index[dof]] - a) < self._tolerance for dof, a in wish.items())
-        return Status.SUCCESS if near else Status.RUNNING
+        return all(abs(here[index[dof]] - a) < self._tolerance for dof, a in wish.items())
+
+
+class Settle(Pursue):
+    """Moves DoFs towards wished angles; succeeds when near, or when time is up."""
+
+    def __init__(
+        self,
+        name: str,
+        person: Human,
+        intent: Intent,
+        wish: Callable[[], Mapping[str, float]],
+        clock: Callable[[], float],
+        *,
+        patience: float,
+        judged: Collection[str],
+    ) -> None:
+        """Prepare the leaf.
+
+        Args:
+            name: Shown in pictures of the tree.
+            person: Who moves.
+            intent: Shared with the policy.
+            wish: Returns the wished angle of each movable DoF that matters here [rad].
+            clock: Returns the simulated time [s].
+            patience: How long to go on at most [s].
+            judged: DoFs that have to come near; the others move along.
+        """
+        super().__init__(name, person, intent, wish)
+        self._clock, self._patience, self._judged = clock, patience, frozenset(judged)
+        self._since = 0.0
+
+    def initialise(self) -> None:
+        self._since = self._clock()
+
+    def is_near(self, wish: Mapping[str, float]) -> bool:
+        return super().is_near({dof: a for dof, a in wish.items() if dof in self._judged})
+
+    def update(self) -> Status:
+        is_over = self._clock() - self._since >= self._patience - 1e-9
+        return Status.SUCCESS if super().update() == Status.SUCCESS or is_over else Status.RUNNING
 
 
 class Follow(Pursue):
-    """Moves DoFs as long as one sentence is in force, and answers when it is done; else fails."""
+    """Moves DoFs as long as one sentence is in force, else fails.
+
+    Answers `done` when it is done, and `cannot` if that has not happened after `PATIENCE`.
+    """
 
     def __init__(
         self,
@@ -75,17 +123,45 @@ class Follow(Pursue):
         intent: Intent,
         wish: Callable[[], Mapping[str, float]],
         instruction: Instruction,
+        clock: Callable[[], float],
+        *,
+        is_done: Callable[[], bool] | None = None,
     ) -> None:
-        """Take the sentence, who follows, the shared wishes, what it asks for, and the channel."""
-        super().__init__(text, person, intent, wish, tolerance=WELL_ENOUGH)
-        self._instruction = instruction
+        """Prepare the leaf.
+
+        Args:
+            text: The sentence.
+            person: Who follows.
+            intent: Shared with the policy.
+            wish: Returns the angles that it asks for [rad].
+            instruction: The channel.
+            clock: Returns the simulated time [s].
+            is_done: Whether it is done in spite of angles that are not reached.
+        """
+        super().__init__(text, person, intent, wish)
+        self._instruction, self._clock, self._is_done = instruction, clock, is_done
+        self._since, self._count = 0.0, 0
+
+    def initialise(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
+        self._since, self._count = self._clock(), self._instruction.count
+
+    def is_near(self, wish: Mapping[str, float]) -> bool:
+        return super().is_near(wish) or (self._is_done is not None and self._is_done())
 
     def update(self) -> Status:
-        if not self._instruction.is_asked(self.name):
+        instruction = self._instruction
+        if not instruction.is_asked(self.name):
             return Status.FAILURE
+        if instruction.count != self._count:  # said once more
+            self._begin()
         status = super().update()
         if status == Status.SUCCESS:
-            self._instruction.answer = "done"
+            instruction.answer = "done"
+        elif instruction.answer == "trying" and self._clock() - self._since >= PATIENCE - 1e-9:
+            instruction.answer = "cannot"
         return status
 
 
@@ -113,7 +189,10 @@ class Wait(Behaviour):
 
 
 class Threshold(Behaviour):
-    """Succeeds from one level on until a value has come back to a lower one, else fails."""
+    """Succeeds from one level on until a value has come back to a lower one, else fails.
+
+    A stronger branch that interrupts does not make it forget that it has begun; a new episode does.
+    """
 
     def __init__(
         self,
@@ -142,10 +221,14 @@ class Threshold(Behaviour):
         self._value, self._clock, self._begins, self._ends = value, clock, begins, ends
         self._is_on, self._time = False, -1.0
 
+    def forget(self) -> None:
+        """Begin a new episode, which may start at the very time of the last tick."""
+        self._is_on = False
+
     def update(self) -> Status:
         now = self._clock()
         if now < self._time:
-            self._is_on = False
+            self.forget()
         self._time = now
         self._is_on = self._value() >= (self._ends if self._is_on else self._begins)
         return Status.SUCCESS if self._is_on else Status.FAILURE

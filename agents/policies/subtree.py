@@ -34,6 +34,7 @@ from .leaves import (
     LetGo,
     Pulse,
     Pursue,
+    Settle,
     Threshold,
     Withdraw,
 )
@@ -45,6 +46,9 @@ COUGHS, COUGH_PERIOD = 3, 0.8  # [s]
 COUGH_DEPTH = {"neck_flexion": 0.16, "head_flexion": 0.10, "spine1_flexion": 0.10,
                "spine2_flexion": 0.08}  # fmt: skip
 AVERT, CHIN_UP = 0.45, -0.08  # [rad] of neck and of head each: turned away, and back
+FACING = math.radians(20)  # between face and speaker: from there the eyes look
+OPEN_ENOUGH = 0.5  # of the wished opening: a mouth that is called open
+UNWINDING = 3.0  # [s] in which the tired lower their limbs before they let go
 
 # By how much a limb withdraws [rad]: legs and arms bend as in the flexor reflex.
 RETREATS: dict[str, dict[str, float]] = {
@@ -130,6 +134,9 @@ LIMBS = (
     *(f"{s}_{j}" for s in ("left", "right") for j in ("collar", "wrist", "hip", "knee", "ankle")),
     "spine",
 )
+LARGE = {f"{side}_{dof}" for side in ("left", "right")
+         for dof in ("shoulder_flexion", "elbow_flexion", "hip_flexion", "knee_flexion")} | {
+             "neck_flexion", "neck_rotation_left"}  # fmt: skip
 
 
 def when(name: str, condition: Behaviour, *steps: Behaviour) -> composites.Sequence:
@@ -189,8 +196,15 @@ def follow(actor: Actor, part: str) -> list[Behaviour]:
     return branches
 
 
-def _gesture(actor: Actor, text: str, angles: dict[str, float]) -> Behaviour:
-    return Follow(text, actor.person, actor.intent, lambda: angles, actor.cues.instruction)
+def _gesture(
+    actor: Actor,
+    text: str,
+    angles: dict[str, float],
+    *,
+    is_done: Callable[[], bool] | None = None,
+) -> Behaviour:
+    return Follow(text, actor.person, actor.intent, lambda: angles, actor.cues.instruction,
+                  actor.clock, is_done=is_done)  # fmt: skip
 
 
 def mouth(
@@ -210,7 +224,11 @@ def mouth(
     highest = float(actor.person.active[actor.person.movable.index(jaw), 1])
     wide = {jaw: highest * opening}
     branches = follow(actor, "mouth")
-    branches.insert(0, _gesture(actor, "open your mouth", wide))
+
+    def is_open() -> bool:
+        return actor.person.angle(jaw) >= OPEN_ENOUGH * wide[jaw]
+
+    branches.insert(0, _gesture(actor, "open your mouth", wide, is_done=is_open))
     if gap is not None:
         near = Condition("spoon is near", lambda: gap() < opens_within)
         branches.append(when("take the food", near, actor.pursue("open the mouth", lambda: wide)))
@@ -247,7 +265,15 @@ def look(actor: Actor, point: Callable[[], Array] | None) -> Behaviour | None:
         assert instruction.speaker is not None  # else the sentence cannot be followed
         return _towards(actor, instruction.speaker)()
 
-    branches.insert(0, Follow("look at me", actor.person, actor.intent, speaker, instruction))
+    def is_facing() -> bool:
+        assert instruction.speaker is not None
+        mouth, face = actor.person.mouth_and_face()
+        way = instruction.speaker() - mouth
+        return float(face @ way) >= math.cos(FACING) * float(np.linalg.norm(way))
+
+    at_me = Follow("look at me", actor.person, actor.intent, speaker, instruction, actor.clock,
+                   is_done=is_facing)  # fmt: skip
+    branches.insert(0, at_me)
     if point is not None:
         branches.append(actor.pursue("watch", _towards(actor, point)))
     else:
@@ -341,10 +367,15 @@ def cough(actor: Actor) -> Behaviour | None:
 
 
 def rest_when_tired(actor: Actor, *, tired: float, rested: float) -> Behaviour:
-    """Return: from fatigue `tired` until `rested`, lower the limbs and rest the head and the mouth."""
+    """Return: from fatigue `tired` until `rested`, lower the limbs and the head, then let go.
+
+    Once they have let go they stay so, wherever slack limbs sink to, until rested or interrupted.
+    """
     physiology = actor.person.physiology
     posture = actor.start(*LIMBS, "neck", "head") | actor.able({"jaw_opening": 0.0})
     is_tired = Threshold("tired", lambda: physiology.fatigue, actor.clock,
                          begins=tired, ends=rested)  # fmt: skip
-    resting = actor.pursue("go back to rest", lambda: posture)
-    return when("rest", is_tired, resting, relax(actor))
+    back = Settle("go back to rest", actor.person, actor.intent, lambda: posture, actor.clock,
+                  patience=UNWINDING, judged=LARGE)  # fmt: skip
+    unwind = composites.Sequence("unwind", memory=True, children=[back, relax(actor)])
+    return when("rest", is_tired, unwind)
