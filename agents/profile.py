@@ -25,7 +25,8 @@ from .body.skeleton import DOFS, Dof
 Array = npt.NDArray[np.float64]
 Range = Literal["active", "passive"]
 if TYPE_CHECKING:
-    MmtGrade, AshworthGrade = float, str
+    MmtGrade = float
+    AshworthGrade = str
 else:  # whatever a file holds reaches the checks below, which say more than a type does: 3+, 2
     MmtGrade = AshworthGrade = Any
 ASHWORTH = ("0", "1", "1+", "2", "3", "4")

@@ -41,5 +41,8 @@ class Reach:
         aim = np.asarray(self._point(), np.float64)
         if not np.array_equal(aim, self._aim):  # a point that stays is solved for once
             self._aim[:] = aim
-            self._wish = reach(self._person, self._side, aim).wish
+            found = reach(self._person, self._side, aim, trunk=False)
+            if not found.success:  # who can reach it so does not lean
+                found = reach(self._person, self._side, aim)
+            self._wish = found.wish
         return self._person.action_towards(self._wish, self._control_dt)
