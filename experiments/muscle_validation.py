@@ -4,7 +4,10 @@ Torques are those of the agonists alone at full activation. The bands are of adu
 skeleton is a man of 1.75 m, and torques published per mass are for 75 kg. A woman's torques are compared
 with our norm's share of the men's (`female_strength` in assets/clinical/motions.yaml).
 
-Run: python experiments/muscle_validation.py [--avatar NAME] [--json]
+With `--rom` it prints how far each motion comes instead: agonists at full activation, everything else at
+rest, without gravity, against the passive force of the antagonists.
+
+Run: python experiments/muscle_validation.py [--avatar NAME] [--rom] [--json]
 """
 
 from __future__ import annotations
@@ -13,23 +16,123 @@ import argparse
 import json
 import sys
 from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 
 from rcare_marl import assets
 from rcare_marl.agents.actuation.chain import make_chain
 from rcare_marl.agents.actuation.drive import fitted_musculature
+from rcare_marl.agents.actuation.hill import RESTING_ACTIVATION
 from rcare_marl.agents.actuation.muscle_model import MuscleModel
 from rcare_marl.agents.actuation.musculature import load_musculature
 from rcare_marl.agents.actuation.published_band import QUANTITIES, load_bands, measured
 from rcare_marl.agents.avatar import body_segments, load_avatar
-from rcare_marl.agents.body.skeleton import DOFS
-from rcare_marl.agents.profile import clinical_norms
+from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS, EYES, SIDES
+from rcare_marl.agents.profile import ClinicalProfile, clinical_norms
+
+Array = npt.NDArray[np.float64]
 
 WANTED = {"moment_arm": 0.90, "torque": 0.85}
+STEPS = 25  # in which a motion is followed through its range
 UNITS = {"moment_arm": "mm", "torque": "N·m", "passive_torque": "N·m"}
+
+
+@dataclass(frozen=True)
+class ActiveMotion:
+    """A motion of one DoF, from neutral to the end of the normal active range.
+
+    Attributes:
+        dof: Its DoF.
+        name: Clinical name of the motion.
+        sign: +1 if it is in the positive direction of the DoF, else -1.
+        start: Angle where it starts, the neutral one if that is within the range [rad].
+        end: Angle where the normal active range ends [rad].
+    """
+
+    dof: str
+    name: str
+    sign: int
+    start: float
+    end: float
+
+    def posture(self, share: float) -> Array:
+        """Return the angle of every DoF at a share of the way [rad], shape [112].
+
+        Arms hang at the side; hips are flexed with bent knees, as they are tested.
+        """
+        angles = np.zeros(len(DOFS))
+        for side in SIDES:
+            angles[DOF_INDEX[f"{side}_shoulder_abduction"]] = -np.pi / 2
+            if self.name == "hip_flexion":
+                angles[DOF_INDEX[f"{side}_knee_flexion"]] = np.pi / 2
+        angles[DOF_INDEX[self.dof]] = self.start + share * (self.end - self.start)
+        return angles
+
+
+def active_motions() -> Iterator[ActiveMotion]:
+    """Yield the motions of trunk, head and right side that muscles make; the left is alike."""
+    limits = ClinicalProfile().limits("active")
+    for dof in DOFS:
+        if dof.side == "left" or dof.joint in EYES:
+            continue
+        low, high = limits[dof.name]
+        start = float(np.clip(0.0, low, high))
+        yield ActiveMotion(dof.name, dof.positive, 1, start, high)
+        yield ActiveMotion(dof.name, dof.negative, -1, start, low)
+
+
+def outward_torque(model: MuscleModel, motion: ActiveMotion, share: float) -> float:
+    """Return the torque in the direction of a motion at a share of its way [N·m].
+
+    Agonists are fully active, everything else is as active as at rest, and nothing has weight.
+    """
+    q = motion.posture(share)
+    arms = motion.sign * model.moment_arms(q)[:, DOF_INDEX[motion.dof]]
+    return float(arms @ model.isometric_forces(q, np.where(arms > 0, 1.0, RESTING_ACTIVATION)))
+
+
+def reached(model: MuscleModel, motion: ActiveMotion) -> float:
+    """Return the share of a motion's way up to which its muscles overcome the others, in [0, 1]."""
+    way = 0.0
+    for share in np.linspace(0.0, 1.0, STEPS + 1):
+        if outward_torque(model, motion, float(share)) <= 0.0:
+            break
+        way = float(share)
+    return way
+
+
+def ranges(avatar: str | None) -> list[dict[str, str | float]]:
+    """Return a row for each motion: the angle where it ends, and the one that is reached [deg]."""
+    model, rows = make_model(avatar), []
+    for motion in active_motions():
+        share = reached(model, motion)
+        stop = motion.start + share * (motion.end - motion.start)
+        row: dict[str, str | float] = {
+            "dof": motion.dof, "motion": motion.name, "end_deg": float(np.degrees(motion.end)),
+            "reached_deg": float(np.degrees(stop)), "share": share,
+        }  # fmt: skip
+        rows.append(row)
+    return rows
+
+
+def show_ranges(rows: list[dict[str, str | float]], who: str) -> None:
+    """Print the motions that stop short."""
+    table = Table(title=f"Motions of {who} that stop short of the normal active range")
+    for column in ("degree of freedom", "motion", "normal [deg]", "reached [deg]"):
+        table.add_column(column)
+    short = [row for row in rows if float(row["share"]) < 1.0]
+    for row in sorted(short, key=lambda row: float(row["share"])):
+        table.add_row(
+            str(row["dof"]), str(row["motion"]), f"{row['end_deg']:.0f}", f"{row['reached_deg']:.0f}"
+        )  # fmt: skip
+    console = Console(width=None if sys.stdout.isatty() else 100)
+    console.print(table)
+    console.print(f"{len(rows) - len(short)} of {len(rows)} motions come to their end")
 
 
 def make_model(avatar: str | None) -> MuscleModel:
@@ -102,13 +205,17 @@ def main() -> None:
     parser.add_argument(
         "--avatar", choices=assets.names("avatars"), help="instead of the reference"
     )
+    parser.add_argument("--rom", action="store_true", help="how far each motion comes, instead")
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
     chosen = parser.parse_args()
-    rows = validate(chosen.avatar)
+    who = chosen.avatar or "the reference skeleton"
     if chosen.json:
-        print(json.dumps(rows, indent=2, ensure_ascii=False))
+        found = ranges(chosen.avatar) if chosen.rom else validate(chosen.avatar)
+        print(json.dumps(found, indent=2, ensure_ascii=False))
+    elif chosen.rom:
+        show_ranges(ranges(chosen.avatar), who)
     else:
-        show(rows, chosen.avatar or "the reference skeleton")
+        show(validate(chosen.avatar), who)
 
 
 if __name__ == "__main__":

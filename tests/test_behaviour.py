@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from PIL import Image
 
 import rcare_marl
 from rcare_marl import assets
+from rcare_marl.agents.actuation.drive import ActuationConfig
 from rcare_marl.agents.avatar import load_avatar, load_posture
 from rcare_marl.agents.human import Human
 from rcare_marl.agents.policies.avatar_tree import (
@@ -23,7 +25,7 @@ from rcare_marl.agents.policies.avatar_tree import (
     load_behaviour,
 )
 from rcare_marl.agents.policies.cue import GESTURES
-from rcare_marl.agents.policies.leaves import Threshold
+from rcare_marl.agents.policies.leaves import Settle, Threshold
 from rcare_marl.agents.policies.tree_picture import TreePicture
 from rcare_marl.config import load
 from rcare_marl.envs.care_env import CareEnv
@@ -39,6 +41,12 @@ UPPER = ("spine1", "spine2", "neck", "head", "jaw_opening", "left_collar", "righ
          "left_eye_smplhf", "right_eye_smplhf")  # fmt: skip
 
 
+Kind = Literal["skeletal", "muscle"]
+OPEN = {"skeletal": 0.3, "muscle": 0.15}  # [rad]; muscles open and close the jaw less exactly
+CLOSED = {"skeletal": 0.05, "muscle": 0.08}
+DRIVEN = pytest.mark.parametrize("kind", ["skeletal", "muscle"])
+
+
 class Scene:
     """A person in an empty world who follows their tree."""
 
@@ -46,13 +54,14 @@ class Scene:
         self,
         avatar: str = "caregiver",
         *,
-        movable: tuple[str, ...] = UPPER,
+        movable: tuple[str, ...] | None = UPPER,
         spoon: Callable[[], Array] | None = None,
         config: BehaviourConfig | None = None,
+        kind: Kind = "skeletal",
     ) -> None:
         self.world = World()
         self.person = Human("recipient", load_avatar(avatar), posture=load_posture("wheelchair"),
-                            movable=movable)  # fmt: skip
+                            movable=movable, actuation=ActuationConfig(kind=kind))  # fmt: skip
         self.person.use_arm_rests(Pose((0.25, 0.26, 0.77)), Pose((0.25, -0.26, 0.77)))
         self.person.spawn(self.world, Pose((0, 0, 0.5)))
         around = Surroundings(lambda: self.world.time, spoon)
@@ -91,30 +100,41 @@ class Scene:
 # Each sub-tree by itself.
 
 
-def test_the_mouth_opens_for_a_near_spoon_and_closes_when_it_leaves() -> None:
+@DRIVEN
+def test_the_mouth_opens_for_a_near_spoon_and_closes_when_it_leaves(kind: Kind) -> None:
     gap = [0.5]
-    scene = Scene(spoon=lambda: scene_mouth() + (gap[0], 0, 0))
+    scene = Scene(kind=kind, spoon=lambda: scene_mouth() + (gap[0], 0, 0))
 
     def scene_mouth() -> Array:
         return scene.person.mouth_position()
 
-    assert scene.run(1).angle("jaw_opening") < 0.03
+    assert scene.run(1).angle("jaw_opening") < CLOSED[kind]
     gap[0] = 0.15
-    assert scene.run(2).angle("jaw_opening") > 0.3
+    assert scene.run(2).angle("jaw_opening") > OPEN[kind]
     gap[0] = 0.5
-    assert scene.run(2).angle("jaw_opening") < 0.05
+    assert scene.run(2).angle("jaw_opening") < CLOSED[kind]
 
 
-def test_the_head_follows_a_point_while_the_mouth_opens() -> None:
+def test_a_spoon_at_the_limit_does_not_make_the_mouth_flutter() -> None:
+    gap = [0.19]
+    scene = Scene(spoon=lambda: scene.person.mouth_position() + (gap[0], 0, 0)).run(1)
+    for gap[0] in (0.21, 0.19, 0.21):
+        assert scene.run(0.5).angle("jaw_opening") > 0.3
+    gap[0] = 0.24
+    assert scene.run(1).angle("jaw_opening") < 0.05
+
+
+@DRIVEN
+def test_the_head_follows_a_point_while_the_mouth_opens(kind: Kind) -> None:
     side = [0.08]
     start = Scene().person.mouth_position()
-    scene = Scene(spoon=lambda: start + (0.15, side[0], 0.0))
+    scene = Scene(kind=kind, spoon=lambda: start + (0.15, side[0], 0.0))
     scene.run(2)
     assert scene.person.face_direction()[1] > 0.1
-    assert scene.angle("jaw_opening") > 0.3
+    assert scene.angle("jaw_opening") > OPEN[kind]
     side[0] = -0.08
     scene.run(2)
-    assert scene.person.face_direction()[1] < -0.1 and scene.angle("jaw_opening") > 0.3
+    assert scene.person.face_direction()[1] < -0.1 and scene.angle("jaw_opening") > OPEN[kind]
 
 
 def test_eyes_look_where_the_head_cannot() -> None:
@@ -126,18 +146,8 @@ def test_eyes_look_where_the_head_cannot() -> None:
     assert scene.angle("right_eye_abduction") < -0.2
 
 
-@pytest.mark.parametrize(
-    ("text", "dof", "least"),
-    [
-        ("raise your right arm", "right_shoulder_flexion", 0.9),
-        ("bend your left elbow", "left_elbow_flexion", 1.8),
-        ("turn your head left", "neck_rotation_left", 0.3),
-        ("open your mouth", "jaw_opening", 0.3),
-        ("lean forward", "spine1_flexion", 0.18),
-    ],
-)
-def test_a_sentence_is_followed_and_answered(text: str, dof: str, least: float) -> None:
-    scene = Scene()
+def follow_and_check(text: str, dof: str, least: float, kind: Kind) -> None:
+    scene = Scene(kind=kind)
     assert scene.answer() == "nothing asked"
     scene.run(0.5)
     scene.cues.instruction.say(text)
@@ -149,16 +159,60 @@ def test_a_sentence_is_followed_and_answered(text: str, dof: str, least: float) 
     assert scene.angle(dof) < 0.7 * max(least, 1.5)
 
 
-def test_look_at_me_turns_to_the_speaker() -> None:
-    scene = Scene()
+@DRIVEN
+@pytest.mark.parametrize(
+    ("text", "dof", "least"),
+    [
+        ("raise your right arm", "right_shoulder_flexion", 0.9),
+        ("bend your left elbow", "left_elbow_flexion", 1.8),
+        ("turn your head left", "neck_rotation_left", 0.3),
+        ("open your mouth", "jaw_opening", 0.2),
+    ],
+)
+def test_a_sentence_is_followed_and_answered(text: str, dof: str, least: float, kind: Kind) -> None:
+    follow_and_check(text, dof, least, kind)
+
+
+def test_to_lean_forward_is_followed_and_answered() -> None:
+    follow_and_check("lean forward", "spine1_flexion", 0.18, "skeletal")
+
+
+@DRIVEN
+def test_who_tries_in_vain_says_so_after_a_while_and_gives_up(kind: Kind) -> None:
+    scene = Scene("karan", kind=kind)  # his left arm is too weak
+    rest = scene.angle("left_shoulder_flexion")
+    scene.cues.instruction.say("raise your left arm")
+    assert scene.run(5.8).answer() == "trying"
+    scene.cues.instruction.say("raise your left arm")  # said once more: tries once more
+    assert scene.run(5.8).answer() == "trying"
+    assert scene.run(0.5).answer() == "cannot"
+    assert scene.run(3).angle("left_shoulder_flexion") == pytest.approx(rest, abs=0.15)
+    scene.cues.instruction.say("raise your right arm")
+    assert scene.run(4).answer() == "done"
+    assert scene.run(8).answer() == "done"  # and done stays done
+
+
+@DRIVEN
+def test_no_sentence_is_tried_for_ever(kind: Kind) -> None:
+    scene = Scene("kim", kind=kind)
+    for text in sorted(scene.cues.instruction.possible):
+        scene.cues.instruction.say(text, speaker=lambda: np.array((0.8, -0.8, 1.2)))
+        assert scene.run(6.2).answer() in ("done", "cannot")
+
+
+@DRIVEN
+def test_look_at_me_turns_to_the_speaker(kind: Kind) -> None:
+    scene = Scene(kind=kind)
     scene.cues.instruction.say("look at me")
     assert scene.answer() == "cannot"  # nobody knows where the speaker is
     scene.cues.instruction.say("look at me", speaker=lambda: np.array((0.8, -0.8, 1.2)))
     assert scene.run(3).person.face_direction()[1] < -0.4
+    assert scene.answer() == "done"
 
 
-def test_who_cannot_says_so_and_does_nothing() -> None:
-    scene = Scene("jose")
+@DRIVEN
+def test_who_cannot_says_so_and_does_nothing(kind: Kind) -> None:
+    scene = Scene("jose", kind=kind)
     scene.cues.instruction.say("raise your right arm")
     assert scene.answer() == "cannot"
     before = scene.angle("right_shoulder_flexion")
@@ -167,27 +221,30 @@ def test_who_cannot_says_so_and_does_nothing() -> None:
         scene.cues.instruction.say("holt still")
 
 
-def test_holding_still_stops_a_movement_on_its_way() -> None:
-    scene = Scene()
+@DRIVEN
+def test_holding_still_stops_a_movement_on_its_way(kind: Kind) -> None:
+    scene = Scene(kind=kind)
     scene.cues.instruction.say("raise your right arm")
     scene.run(1.0)
     scene.cues.instruction.say("hold still")
     scene.run(0.5)
     there = scene.angle("right_shoulder_flexion")
-    assert scene.run(2).angle("right_shoulder_flexion") == pytest.approx(there, abs=0.03)
+    assert scene.run(2).angle("right_shoulder_flexion") == pytest.approx(there, abs=0.06)
     assert 0.4 < there < 1.2 and scene.answer() == "done"
 
 
-def test_who_relaxes_wishes_nothing() -> None:
-    scene = Scene()
+@DRIVEN
+def test_who_relaxes_wishes_nothing(kind: Kind) -> None:
+    scene = Scene(kind=kind)
     scene.run(1)
     scene.cues.instruction.say("relax")
     assert not scene.policy.act().any()
     assert scene.answer() == "done"
 
 
-def test_a_reach_goes_for_the_angles_that_it_is_given() -> None:
-    scene = Scene()
+@DRIVEN
+def test_a_reach_goes_for_the_angles_that_it_is_given(kind: Kind) -> None:
+    scene = Scene(kind=kind)
     wish: Mapping[str, float] = {"right_shoulder_flexion": 0.9, "right_elbow_flexion": 0.6}
     scene.cues.reach = lambda: wish
     scene.run(3)
@@ -199,8 +256,9 @@ def test_a_reach_goes_for_the_angles_that_it_is_given() -> None:
         scene.cues.reach = wish  # type: ignore[assignment]
 
 
-def test_pain_withdraws_the_limb_that_hurts_and_no_other() -> None:
-    scene = Scene()
+@DRIVEN
+def test_pain_withdraws_the_limb_that_hurts_and_no_other(kind: Kind) -> None:
+    scene = Scene(kind=kind)
     scene.run(0.5)
     before = {dof: scene.angle(dof) for dof in ("left_elbow_flexion", "right_elbow_flexion")}
     scene.person._meter._forces = lambda: {"left_wrist": 250.0}  # type: ignore[method-assign]
@@ -217,28 +275,31 @@ def test_pain_withdraws_the_limb_that_hurts_and_no_other() -> None:
     assert scene.angle("left_elbow_flexion") == pytest.approx(before["left_elbow_flexion"], abs=0.1)
 
 
-def test_pain_without_a_place_makes_them_brace() -> None:
-    scene = Scene("jose")
+@DRIVEN
+def test_pain_without_a_place_makes_them_brace(kind: Kind) -> None:
+    scene = Scene("jose", kind=kind)
     before = scene.angle("neck_flexion")
     scene.person.physiology.hold({"pain": 8})
     scene.run(1)
     assert "flinch" in scene.running() and scene.angle("neck_flexion") > before + 0.05
 
 
-def test_who_refuses_turns_away_from_the_spoon_and_closes_the_mouth() -> None:
+@DRIVEN
+def test_who_refuses_turns_away_from_the_spoon_and_closes_the_mouth(kind: Kind) -> None:
     start = Scene().person.mouth_position()
-    scene = Scene(spoon=lambda: start + (0.15, 0.03, 0.0)).run(2)
-    assert scene.angle("jaw_opening") > 0.3
+    scene = Scene(kind=kind, spoon=lambda: start + (0.15, 0.03, 0.0)).run(2)
+    assert scene.angle("jaw_opening") > OPEN[kind]
     scene.cues.refuses = True
     scene.run(2)
-    assert scene.angle("jaw_opening") < 0.05
+    assert scene.angle("jaw_opening") < CLOSED[kind]
     assert scene.person.face_direction()[1] < -0.4  # the spoon is on the left
     scene.cues.refuses = False
-    assert scene.run(2).angle("jaw_opening") > 0.3
+    assert scene.run(2).angle("jaw_opening") > OPEN[kind]
 
 
-def test_a_cough_bends_the_neck_three_times_and_is_over() -> None:
-    scene, seen = Scene(), list[float]()
+@DRIVEN
+def test_a_cough_bends_the_neck_three_times_and_is_over(kind: Kind) -> None:
+    scene, seen = Scene(kind=kind), list[float]()
     scene.run(0.5)
     rest = scene.angle("neck_flexion")
     scene.cues.must_cough = True
@@ -248,8 +309,9 @@ def test_a_cough_bends_the_neck_three_times_and_is_over() -> None:
     assert not scene.cues.must_cough and abs(seen[-1]) < 0.03
 
 
-def test_the_tired_rest_until_they_have_recovered() -> None:
-    scene = Scene()
+@DRIVEN
+def test_the_tired_rest_until_they_have_recovered(kind: Kind) -> None:
+    scene = Scene(kind=kind)
     scene.cues.instruction.say("raise your right arm")
     scene.run(3)
     scene.person.physiology.fatigue = 0.65
@@ -263,11 +325,82 @@ def test_the_tired_rest_until_they_have_recovered() -> None:
     assert "rest" not in scene.running() and scene.angle("right_shoulder_flexion") > 0.9
 
 
+@DRIVEN
+@pytest.mark.parametrize("avatar", ["caregiver", "karan"])
+@pytest.mark.parametrize("fatigue", [0.65, 0.95])
+def test_the_tired_let_go_and_stay_so(avatar: str, fatigue: float, kind: Kind) -> None:
+    scene = Scene(avatar, movable=None, kind=kind, config=load_behaviour("anybody"))
+    scene.cues.instruction.say("raise your right arm")
+    scene.run(2)
+    scene.person.physiology.fatigue = fatigue
+    tips: list[str] = []
+    actions: list[float] = []
+
+    def note() -> None:
+        tip = scene.policy.root.tip()
+        tips.append(tip.name if tip is not None else "")
+        actions.append(float(np.abs(scene.policy.act()).max()))
+
+    scene.run(0.1, note)
+    assert tips == ["go back to rest"]
+    scene.run(3.2)
+    tips, actions = [], []
+    scene.run(3, note)
+    assert set(tips) == {"let go"} and not any(actions)
+
+
+def test_who_settles_judges_some_joints_only_and_has_patience() -> None:
+    now, person = [5.0], Scene().person
+    wish = {"right_elbow_flexion": person.angle("right_elbow_flexion") + 1.0, "neck_flexion": 0.1}
+
+    def leaf(judged: str) -> Settle:
+        return Settle("settle", person, {}, lambda: wish, lambda: now[0],
+                      patience=3.0, judged=[judged])  # fmt: skip
+
+    stuck = leaf("right_elbow_flexion")
+    for now[0], status in ((5.0, "RUNNING"), (7.9, "RUNNING"), (8.0, "SUCCESS")):
+        stuck.tick_once()
+        assert stuck.status.name == status
+    near = leaf("neck_flexion")
+    near.tick_once()
+    assert near.status.name == "SUCCESS"
+
+
+def test_a_cough_does_not_make_the_tired_forget_that_they_rest() -> None:
+    scene = Scene()
+    scene.person.physiology.fatigue = 0.65
+    scene.run(0.5)
+    scene.person.physiology.fatigue = 0.45
+    scene.cues.must_cough = True
+    assert scene.run(0.5).running() == {"cough"}
+    scene.run(3)
+    assert scene.running() == {"rest"}
+
+
+def test_an_episode_of_one_step_leaves_nobody_tired() -> None:
+    scene = Scene()
+    scene.person.physiology.fatigue = 0.9
+    scene.policy.act()
+    assert scene.running() == {"rest"}
+    scene.policy.reset(np.random.default_rng(0))  # at the very time of the last tick
+    scene.person.physiology.fatigue = 0.45
+    scene.policy.act()
+    assert scene.running() == {"engage"}
+
+
+def test_a_misspelt_cue_is_named() -> None:
+    cues = Scene().cues
+    for wrong, right in (("must_cuogh", "must_cough"), ("refuse", "refuses"), ("reech", "reach")):
+        with pytest.raises(UnknownNameError, match=f"Did you mean '{right}'"):
+            setattr(cues, wrong, True)
+
+
 # Composition.
 
 
-def test_cough_and_pain_interrupt_anything() -> None:
-    scene = Scene()
+@DRIVEN
+def test_cough_and_pain_interrupt_anything(kind: Kind) -> None:
+    scene = Scene(kind=kind)
     for begin in ("hold still", "relax", "raise your right arm", "open your mouth"):
         scene.cues.instruction.say(begin)
         scene.cues.refuses = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import yaml
 
 from rcare_marl import assets
 from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.profile import SideProfile, Vitals
 from rcare_marl.agents.robot import load_robot
 from rcare_marl.config import load, read_yaml
 from rcare_marl.errors import ConfigError, RcareError, UnknownNameError
@@ -46,7 +48,18 @@ def changed(path: str, value: Any) -> dict[str, Any]:
         ("profile.lft", {}, "Did you mean 'left'"),
         ("profile.left.mmt.elbow_flexors", 7, "grade from 0 to 5"),
         ("profile.left.mmt.elbow_flexers", 3, "Did you mean 'elbow_flexors'"),
-        ("profile.left.mmt.elbow_flexors", "three", "expected float"),
+        ("profile.left.mmt.elbow_flexors", "three", "a number (3+ is 3.33), got 'three'"),
+        ("profile.left.mmt.elbow_flexors", "3+", "a number (3+ is 3.33), got '3+'"),
+        ("profile.left.mmt.elbow_flexors", True, "grade from 0 to 5, a number"),
+        ("profile.left.mmt.elbow_flexors", float("nan"), "grade from 0 to 5"),
+        (
+            "profile.left.spasticity.elbow_flexors",
+            2,
+            'in quotes, one of "0", "1", "1+", "2", "3", "4", got 2',
+        ),
+        ("profile.left.spasticity.elbow_flexors", 1.5, "grade in quotes"),
+        ("profile.left.tremor", {"wrist_flexors": 2.0}, "share from 0 to 1"),
+        ("profile.left.tremor", {"wrist": 0.2}, "wrist_flexors"),
         ("profile.left.prom_deg.elbow_flexon", 3, "Did you mean 'elbow_flexion'"),
         ("profile.left.prom_deg.elbow_flexion", 400, "-90..190"),
         ("profile.left.arom_deg.shoulder_flexion", 150, "beyond the passive range"),
@@ -62,8 +75,41 @@ def changed(path: str, value: Any) -> dict[str, Any]:
     ],
 )
 def test_each_wrong_field_of_an_avatar_is_named(path: str, value: Any, message: str) -> None:
-    with pytest.raises(RcareError, match=message):
+    with pytest.raises(RcareError) as caught:
         load(AvatarConfig, changed(path, value))
+    assert message in str(caught.value)
+
+
+def test_a_refused_grade_in_a_file_is_named_with_file_and_side(tmp_path: Path) -> None:
+    file = tmp_path / "me.yaml"
+    file.write_text(yaml.safe_dump(changed("profile.left.spasticity.elbow_flexors", 2)))
+    with pytest.raises(ConfigError, match=r"me\.yaml\.profile\.left: spasticity\.elbow_flexors"):
+        load_avatar(file)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"arom_deg": {"elbow_flexion": 150}, "prom_deg": {"elbow_flexion": 90}}, "beyond"),
+        ({"prom_deg": {"elbow_flexion": "90"}}, "must lie in -90..190 deg, got '90'"),
+        ({"mmt": {"elbow_flexors": "3+"}}, "a number (3+ is 3.33), got '3+'"),
+        ({"mmt": {"elbow_flexors": True}}, "got True"),
+        ({"mmt": {"elbow_flexors": math.nan}}, "got nan"),
+        ({"spasticity": {"elbow_flexors": 2}}, 'in quotes, one of "0", "1", "1+"'),
+        ({"tremor": {"wrist_flexors": True}}, "share from 0 to 1, got True"),
+    ],
+)
+def test_a_profile_built_in_python_gets_the_same_errors(
+    values: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        SideProfile(**values)
+    assert message in str(caught.value)
+
+
+def test_vital_signs_built_in_python_get_the_same_errors() -> None:
+    with pytest.raises(ConfigError, match="blood pressure"):
+        Vitals(systolic=70.0, diastolic=90.0)
 
 
 @pytest.mark.parametrize("missing", ["name", "condition", "sex", "height_m", "mass_kg", "body"])

@@ -459,6 +459,39 @@ def test_moment_arms_and_torques_lie_in_the_published_bands() -> None:
     assert all(row["source"] and row["checked"] in ("read", "part", "memory") for row in found)
 
 
+def test_every_motion_overcomes_its_resting_antagonists() -> None:
+    """Up to 85 % of the normal active range, agonists fully active, without gravity."""
+    module = experiment()
+    model = module.make_model(None)
+    motions = list(module.active_motions())
+    assert len(motions) == 124
+    for motion in motions:
+        for share in (0.0, 0.3, 0.6, 0.85):
+            assert module.outward_torque(model, motion, share) > 0, (motion.name, motion.dof, share)
+
+
+@pytest.mark.parametrize("name", assets.names("avatars"))
+def test_every_avatar_can_open_the_mouth_and_sit_down_with_bent_hips(name: str) -> None:
+    """Before any paresis: the jaw to 27 of 30 degrees, and hips of 90 degrees from their flexors alone."""
+    module = experiment()
+    model = module.make_model(name)
+    jaw = next(motion for motion in module.active_motions() if motion.name == "jaw_opening")
+    assert module.outward_torque(model, jaw, 0.9) > 0.5
+    hip = next(motion for motion in module.active_motions() if motion.name == "hip_flexion")
+    q = dataclasses.replace(hip, end=np.pi / 2).posture(1.0)
+    flexors = [unit.side == "right" and unit.clinical_group == "hip_flexors" for unit in model.units]
+    torques = model.isometric_torques(q, np.where(flexors, 1.0, 0.01))
+    assert torques[DOF_INDEX["right_hip_flexion"]] > 20
+
+
+def test_a_table_that_a_spreadsheet_saved_is_read(tmp_path: Path) -> None:
+    """It starts with a byte order mark."""
+    file = written(tmp_path, [{}, {}])
+    file.write_text(file.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert file.read_bytes().startswith(b"\xef\xbb\xbf")
+    assert len(load_musculature(file).units) == 2
+
+
 def test_a_wrong_band_is_named(tmp_path: Path) -> None:
     lines = (
         (assets.ROOT / "muscles" / "published_bands.csv").read_text(encoding="utf-8").splitlines()

@@ -10,7 +10,9 @@ from typing import Literal
 import numpy as np
 import pytest
 
+import rcare_marl
 from rcare_marl import assets
+from rcare_marl.agents.actuation.drive import ActuationConfig
 from rcare_marl.agents.agent import Array
 from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
 from rcare_marl.agents.body.skeleton import JOINTS
@@ -370,10 +372,16 @@ def test_every_figure_has_a_source_and_every_joint_a_part() -> None:
 # In a world.
 
 
-def person(avatar: str = "caregiver", *, movable: tuple[str, ...] = ("right_shoulder",)) -> Human:
+def person(
+    avatar: str = "caregiver",
+    *,
+    movable: tuple[str, ...] = ("right_shoulder",),
+    kind: Literal["skeletal", "muscle"] = "skeletal",
+) -> Human:
     world = World()
     human = Human("recipient", load_avatar(avatar), posture=load_posture("wheelchair"),
-                  movable=movable, physiology_observed=True)  # fmt: skip
+                  movable=movable, physiology_observed=True,
+                  actuation=ActuationConfig(kind=kind))  # fmt: skip
     human.use_arm_rests(Pose((0.25, 0.26, 0.77)), Pose((0.25, -0.26, 0.77)))
     human.spawn(world, Pose((0, 0, 0.5)))
     human.reset(np.random.default_rng(0))
@@ -442,6 +450,34 @@ def test_an_episode_begins_at_rest_again() -> None:
     human.physiology.set({"heart_rate": 120, "fatigue": 0.5, "ambient": 35})
     human.reset(np.random.default_rng(0))
     assert human.physiology.values() == fresh and human.physiology.ambient == 22
+
+
+def test_what_is_set_before_the_first_reset_is_lost_and_after_it_is_kept() -> None:
+    env = rcare_marl.make("feeding", policies={"robot": "still", "recipient": "still"})
+    recipient = env.cast["recipient"]
+    assert isinstance(recipient, Human)
+    for is_kept in (False, True):
+        recipient.physiology.ambient = 35.0
+        if not is_kept:
+            env.reset(seed=0)
+        env.step({})
+        assert recipient.physiology.ambient == (35.0 if is_kept else 22.0)
+    env.close()
+
+
+@pytest.mark.parametrize("kind", ["skeletal", "muscle"])
+def test_fatigue_takes_its_share_of_strength(kind: Literal["skeletal", "muscle"]) -> None:
+    """A straight arm is lifted level by who is rested and sinks with who is spent."""
+
+    def reached(fatigue: float) -> float:
+        human = person(movable=("right_shoulder",), kind=kind)
+        for _ in range(30):
+            human.physiology.fatigue = fatigue
+            step(human, 0.1, human.action_towards({"right_shoulder_flexion": 1.2}, 0.1))
+        return human.angle("right_shoulder_flexion")
+
+    assert reached(0.0) > 1.0
+    assert reached(0.97) < 0.5
 
 
 def test_physiology_is_observed_by_whom_it_is_shown_to() -> None:

@@ -232,7 +232,7 @@ def activation_after(
     """
     for name, values in (("activation", activation), ("excitation", excitation)):
         if not ((_floats(values) >= 0) & (_floats(values) <= 1)).all():
-            raise ValueError(f"{name} lies in [0, 1], got {values}")
+            raise ValueError(f"{name} lies in [0, 1], got {values!r}")
     after = _activation_after(_floats(activation), _floats(excitation), dt, rise, fall, least)
     return np.asarray(after)
 

@@ -118,7 +118,7 @@ def read_csv(
         UnknownNameError: If a column is neither required nor optional.
     """
     try:
-        text = file.read_text(encoding="utf-8")
+        text = file.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"cannot read {file}: {error}") from error
     reader = csv.reader(text.splitlines())

@@ -22,24 +22,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.observable import Observable
 
+from . import closed_loop as loop
 from . import muscle_kernel as kernel
 from .chain import Chain
 from .disorder import Shaking
 from .dynamics import (
     SCRATCH_COLUMNS,
     WEIGHT,
-    mass_matrix,
     packed_matrix,
     part_table,
-    place_frames,
-    place_masses,
-    solve,
     tree_depths,
 )
 from .muscle_control import MuscleController
@@ -54,23 +50,11 @@ from .skeletal import (
 Array = npt.NDArray[np.float64]
 
 # Our own choices.
-ACTIVE_END = 0.07  # [rad] before the end of the active range where active torque begins to fade
-ACTIVE_END_DAMPING = 0.5  # [s/rad] of the torque that fades there
 LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligaments tighten ...
 LIGAMENT_SHARE = 0.3  # ... or this share of a narrower range
-CARRY_GAP = 0.01  # [rad] above the posture where furniture lets go
-FRICTION_SHARE = 0.1  # of normal torque: less than this does not move a limb that rests ...
-GRIP_REACH = 0.02  # [rad] ... where it was laid down
+FRICTION_SHARE = 0.1  # of normal torque: less than this does not move a limb that rests
 SAME_ACTION = 1e-5  # difference of excitations that are still those that were proposed
 CONTROL_INTERVAL = 4  # physics steps between two looks of the controller: 60 Hz at 1/240 s
-
-# Columns of the table after those of the parts, one row a DoF.
-_STIFFNESS, _DAMPING, _TISSUE, _SUPPORT = 28, 29, 30, 31
-_LOWEST, _HIGHEST, _POSTURE = 32, 33, 34
-_LEAST, _MOST, _ZONE, _LIGAMENT, _INERTIA = 35, 36, 37, 38, 39
-_CARRIED, _SLACK, _GRIP, _BORNE = 40, 41, 42, 43
-_COLUMNS = 44
-_HELD = 32  # of the scratch: whether furniture holds the limb in this step
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,24 +123,24 @@ class MuscleDrive:
         self.names, self.model = chain.names, model
         self._dt, self._shaking = physics_dt, shaking
         inertia = np.diag(chain.mass_matrix(posture))
-        table = part_table(chain, _COLUMNS)
-        table[:, _STIFFNESS] = np.minimum(
+        table = part_table(chain, loop.COLUMNS)
+        table[:, loop.STIFFNESS] = np.minimum(
             STIFFNESS_PER_TORQUE * normal_strength, inertia * MAX_FREQUENCY**2
         )
-        table[:, _DAMPING] = 2 * np.sqrt(table[:, _STIFFNESS] * inertia)
-        table[:, _TISSUE] = TISSUE_DAMPING_PER_TORQUE * normal_strength
+        table[:, loop.DAMPING] = 2 * np.sqrt(table[:, loop.STIFFNESS] * inertia)
+        table[:, loop.TISSUE] = TISSUE_DAMPING_PER_TORQUE * normal_strength
         uncrossed = np.ones(count, np.bool_)
         uncrossed[model.layout.crossings[:-1, 0]] = False
         self._uncrossed = np.flatnonzero(uncrossed & willed)
         held = supported | uncrossed
-        table[:, _SUPPORT], table[:, _CARRIED] = held, carried & ~held
-        table[:, _LOWEST], table[:, _HIGHEST] = limits.T
-        table[:, _POSTURE], table[:, _INERTIA] = posture, inertia
-        table[:, _LEAST], table[:, _MOST] = passive.T
+        table[:, loop.SUPPORT], table[:, loop.CARRIED] = held, carried & ~held
+        table[:, loop.LOWEST], table[:, loop.HIGHEST] = limits.T
+        table[:, loop.POSTURE], table[:, loop.INERTIA] = posture, inertia
+        table[:, loop.LEAST], table[:, loop.MOST] = passive.T
         width = np.maximum(passive[:, 1] - passive[:, 0], 1e-3)
-        table[:, _ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
+        table[:, loop.ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
         pulls = np.abs(model.moment_arms(posture)).T @ model.table[:, kernel.FORCE]
-        table[:, _LIGAMENT] = np.maximum(normal_strength, pulls)
+        table[:, loop.LIGAMENT] = np.maximum(normal_strength, pulls)
         self._table = table
         self.target, self._posture = posture.copy(), posture.copy()
         self._index = {dof: i for i, dof in enumerate(chain.names)}
@@ -169,12 +153,12 @@ class MuscleDrive:
         self.state = self._start.copy()
         self._grip = np.where(resting & ~held, FRICTION_SHARE * normal_strength, 0.0)
         # What rests on furniture does not drift by the tension of resting muscles.
-        table[:, _SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
+        table[:, loop.SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
         self._controller = MuscleController(
             model, inertia, normal_strength=normal_strength, limits=limits
         )
         self._laid, self._resting = resting, resting.copy()
-        self._carried = table[:, _CARRIED].copy()
+        self._carried = table[:, loop.CARRIED].copy()
         self._beyond = _descendants(chain.parents)
         self._proposal: _Proposal | None = None
         self._is_pursuing, self._is_raw = False, False
@@ -191,8 +175,8 @@ class MuscleDrive:
         self._out = np.zeros(count)
 
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
-        self.target[:] = self._table[:, _POSTURE] = self._posture
-        self._table[:, _GRIP], self._table[:, _CARRIED] = self._grip, self._carried
+        self.target[:] = self._table[:, loop.POSTURE] = self._posture
+        self._table[:, loop.GRIP], self._table[:, loop.CARRIED] = self._grip, self._carried
         self._resting[:] = self._laid
         self.state[:] = self._start
         self.excitation[:] = 0.0
@@ -201,7 +185,7 @@ class MuscleDrive:
         if self._shaking is not None:
             self._shaking.reset(rng)
         self._look(gravity)
-        self._table[:, _BORNE] = self._work[:, WEIGHT]
+        self._table[:, loop.BORNE] = self._work[:, WEIGHT]
 
     def command(self, action: Array, duration: float) -> None:
         """Excite the muscles, each value in [0, 1].
@@ -220,15 +204,15 @@ class MuscleDrive:
         self.excitation[:] = proposal.excitation
         for i in proposal.wished:
             self._lift(i)
-        self._table[self._uncrossed, _POSTURE] = self.target[self._uncrossed]
+        self._table[self._uncrossed, loop.POSTURE] = self.target[self._uncrossed]
 
     def _lift(self, dof: int) -> None:
         """Let a limb and what hangs on it leave the furniture: from now on muscles hold it."""
         beyond = self._beyond[dof]
         if self._resting[beyond].any():
             self._resting[beyond] = False
-            self._table[beyond, _GRIP] = self._table[beyond, _CARRIED] = 0.0
-            self._table[dof, _CARRIED] = self._carried[dof]
+            self._table[beyond, loop.GRIP] = self._table[beyond, loop.CARRIED] = 0.0
+            self._table[dof, loop.CARRIED] = self._carried[dof]
 
     def _excite(self, action: Array) -> None:
         if not self._is_grouped:
@@ -244,7 +228,7 @@ class MuscleDrive:
         reach = MAX_SPEED * duration
         for i, angle in zip(wished, angles.values(), strict=True):
             target[i] += min(max(angle - target[i], -reach), reach)
-        np.clip(target, self._table[:, _LOWEST], self._table[:, _HIGHEST], out=target)
+        np.clip(target, self._table[:, loop.LOWEST], self._table[:, loop.HIGHEST], out=target)
         resting, excitation = self._resting.copy(), self.excitation.copy()
         for i in wished:
             resting[self._beyond[i]] = False
@@ -259,7 +243,7 @@ class MuscleDrive:
         """Improve excitations that pursue a target, from what the last physics step found."""
         self._controller.solve(
             target, self._measured[0], self._measured[1], self._work[:, WEIGHT] *
-            (1.0 - self._work[:, _HELD]), self._arms, self.state, self._torques[1], resting,
+            (1.0 - self._work[:, loop.HELD]), self._arms, self.state, self._torques[1], resting,
             excitation,
         )  # fmt: skip
         for members in self._groups:
@@ -298,7 +282,7 @@ class MuscleDrive:
         """Find lengths, moment arms and weights in the start posture, without any time passing."""
         self._measured[0], self._measured[1] = self._posture, 0.0
         layout = self.model.layout
-        _look(
+        loop.look(
             self._table, self.model.parents, self._depths, layout.points, layout.pulleys, layout.carriers,
             layout.starts, layout.crossings, layout.entries, self.model.table, self._measured,
             gravity, self.state, self.model.mode, self._work, self._frames, self._spots, self._arms,
@@ -316,7 +300,7 @@ class MuscleDrive:
         if self._shaking is not None:
             excitation = np.clip(excitation + self._shaking.after(self._dt), 0.0, 1.0)
         layout = self.model.layout
-        _drive(
+        loop.drive(
             self._table, self.model.parents, self._depths, layout.points, layout.pulleys, layout.carriers,
             layout.starts, layout.crossings, layout.entries, layout.is_branched, self.model.table,
             self._measured, excitation, gravity, self.state, self._dt, self.model.mode, self._work,
@@ -333,153 +317,3 @@ def _descendants(parents: npt.NDArray[np.int64]) -> list[list[int]]:
         if parents[i] >= 0:
             out[parents[i]].extend(out[i])
     return out
-
-
-# Rows of the torques: active, passive, faded active; damping at both kinds of ends; of ligaments the
-# torque and the stiffness.
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _look(  # type: ignore[no-untyped-def]
-    table, parents, depths, points, pulleys, carriers, starts, crossings, entries, units, measured, gravity,
-    state, mode, work, frames, spots, arms, torques, matrix,
-) -> None:  # fmt: skip
-    place_frames(table, parents, measured[0], work)
-    place_masses(table, work)
-    kernel.gather_frames(work, frames)
-    kernel.find_arms(
-        points, pulleys, carriers, starts, crossings, entries, frames, measured[1], spots, state,
-        arms,
-    )  # fmt: skip
-    if mode != kernel.IMPLICIT_TENDON:
-        kernel.pull(units, state, 0.0, mode)
-    kernel.project(starts, crossings, arms, state, torques[0], torques[1])
-    mass_matrix(parents, depths, gravity, work, matrix)
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _drive(  # type: ignore[no-untyped-def]
-    table, parents, depths, points, pulleys, carriers, starts, crossings, entries, branched, units,
-    measured, excitation, gravity, state, dt, mode, work, frames, spots, arms, torques, matrix,
-    out,
-) -> None:  # fmt: skip
-    """Write the torque of each DoF into `out`."""
-    place_frames(table, parents, measured[0], work)
-    place_masses(table, work)
-    kernel.gather_frames(work, frames)
-    kernel.find_arms(
-        points, pulleys, carriers, starts, crossings, entries, frames, measured[1], spots, state,
-        arms,
-    )  # fmt: skip
-    kernel.activate(units, state, excitation, dt)
-    kernel.pull(units, state, dt, mode)
-    kernel.project(starts, crossings, arms, state, torques[0], torques[1])
-    mass_matrix(parents, depths, gravity, work, matrix)
-    _fade(table, measured, torques)
-    _tighten(table, measured, torques)
-    for i in range(table.shape[0]):
-        velocity, support = measured[1, i], _support(table, measured, work, i, dt)
-        work[i, _HELD] = support
-        stiffness, damping = table[i, _STIFFNESS], table[i, _DAMPING]
-        loose = table[i, _TISSUE] + torques[3, i] + dt * torques[5, i]
-        ahead = measured[0, i] + dt * velocity
-        out[i] = torques[1, i] + torques[2, i] + torques[4, i] - loose * velocity
-        held = stiffness * (table[i, _POSTURE] - ahead) - damping * velocity - table[i, _SLACK]
-        out[i] += support * held
-        out[i] -= (1.0 - support) * work[i, WEIGHT]
-        matrix[i, depths[i]] += dt * (loose + support * (damping + dt * stiffness))
-    _continue(starts, crossings, arms, branched, depths, state, matrix, out)
-    solve(parents, depths, matrix, out)
-    for i in range(table.shape[0]):
-        torques[0, i] = out[i]  # the acceleration, for `_settle`
-        support, after = work[i, _HELD], measured[1, i] + dt * out[i]
-        there = measured[0, i] + dt * after
-        held = work[i, WEIGHT] + table[i, _STIFFNESS] * (table[i, _POSTURE] - there)
-        held -= table[i, _DAMPING] * after + table[i, _SLACK]
-        out[i] = torques[1, i] + torques[2, i] + torques[4, i] + support * held
-        out[i] -= (table[i, _TISSUE] + torques[3, i] + dt * torques[5, i]) * after
-    _settle(starts, crossings, arms, branched, state, torques[0], out)
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _support(table, measured, work, i, dt):  # type: ignore[no-untyped-def]
-    """Return whether furniture holds a limb now: 1.0 or 0.0."""
-    if table[i, _SUPPORT] != 0.0:
-        return 1.0
-    weight, gap = work[i, WEIGHT], table[i, _POSTURE] - measured[0, i] - dt * measured[1, i]
-    push = weight + table[i, _STIFFNESS] * gap - table[i, _DAMPING] * measured[1, i]
-    push -= table[i, _SLACK]
-    extra = push + table[i, _SLACK] - table[i, _BORNE]  # beyond what it has borne from the start
-    if abs(extra) < table[i, _GRIP] and abs(gap) < GRIP_REACH:  # friction
-        return 1.0
-    sags = table[i, _CARRIED] != 0.0 and weight * gap >= -abs(weight) * CARRY_GAP
-    return 1.0 if sags and push * weight > 0.0 else 0.0
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _fade(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
-    """Let active torque end at the active range, and damp the movement that it made."""
-    for i in range(table.shape[0]):
-        torque = torques[0, i]
-        if torque > 0.0:
-            left = (table[i, _HIGHEST] - measured[0, i]) / ACTIVE_END
-        else:
-            left = (measured[0, i] - table[i, _LOWEST]) / ACTIVE_END
-        share = min(max(left, 0.0), 1.0)
-        torques[2, i] = share * torque
-        is_outward = measured[1, i] * torque > 0.0
-        torques[3, i] = ACTIVE_END_DAMPING * (1.0 - share) * abs(torque) if is_outward else 0.0
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _tighten(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
-    """Find what ligaments do near the ends of the passive range."""
-    for i in range(table.shape[0]):
-        zone, torques[4, i], torques[5, i] = table[i, _ZONE], 0.0, 0.0
-        over = 1.0 - (table[i, _MOST] - measured[0, i]) / zone
-        under = 1.0 - (measured[0, i] - table[i, _LEAST]) / zone
-        depth = max(over, under)
-        if depth <= 0.0:
-            continue
-        stiffness = 2.0 * table[i, _LIGAMENT] * depth / zone
-        torques[4, i] = table[i, _LIGAMENT] * depth * depth * (-1.0 if over > under else 1.0)
-        torques[5, i] = stiffness
-        torques[3, i] += 2.0 * np.sqrt(stiffness * table[i, _INERTIA])
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _continue(starts, crossings, arms, branched, depths, state, matrix, out) -> None:  # type: ignore[no-untyped-def]
-    """Add to the torques what tensions grow by at the present rates, and to the matrix the rest."""
-    for m in range(starts.shape[0] - 1):
-        growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
-        first, last = starts[m, 1], starts[m + 1, 1]
-        reach = 0.0
-        for c in range(first, last):
-            i = crossings[c, 0]
-            out[i] += arms[c] * growth
-            reach += abs(arms[c])
-        for c in range(first, last):
-            i, lever = crossings[c, 0], arms[c] * implicit
-            if branched[m]:  # a bound, on the diagonal: the factorisation knows branches only
-                matrix[i, depths[i]] += abs(lever) * reach
-                continue
-            for d in range(first, c + 1):
-                matrix[i, depths[crossings[d, 0]]] += lever * arms[d]
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _settle(starts, crossings, arms, branched, state, acceleration, out) -> None:  # type: ignore[no-untyped-def]
-    """Add to the torques what tensions change by over the step."""
-    for m in range(starts.shape[0] - 1):
-        first, last = starts[m, 1], starts[m + 1, 1]
-        growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
-        bend = reach = 0.0
-        for c in range(first, last):
-            bend += arms[c] * acceleration[crossings[c, 0]]
-            reach += abs(arms[c])
-        for c in range(first, last):
-            i = crossings[c, 0]
-            if branched[m]:
-                out[i] += arms[c] * growth - abs(arms[c]) * reach * implicit * acceleration[i]
-            else:
-                out[i] += arms[c] * (growth - implicit * bend)

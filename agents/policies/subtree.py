@@ -46,8 +46,9 @@ COUGHS, COUGH_PERIOD = 3, 0.8  # [s]
 COUGH_DEPTH = {"neck_flexion": 0.16, "head_flexion": 0.10, "spine1_flexion": 0.10,
                "spine2_flexion": 0.08}  # fmt: skip
 AVERT, CHIN_UP = 0.45, -0.08  # [rad] of neck and of head each: turned away, and back
-FACING = math.radians(20)  # between face and speaker: from there the eyes look
+FACING = math.radians(35)  # between face and speaker: from there the eyes look, which turn by 45
 OPEN_ENOUGH = 0.5  # of the wished opening: a mouth that is called open
+LEAVING = 0.03  # [m] further than where the mouth opens for a spoon, it closes again
 UNWINDING = 3.0  # [s] in which the tired lower their limbs before they let go
 
 # By how much a limb withdraws [rad]: legs and arms bend as in the flexor reflex.
@@ -215,7 +216,7 @@ def mouth(
     Args:
         actor: Whose mouth it is.
         gap: Returns the distance from spoon to mouth [m]; None where there is no spoon.
-        opens_within: Distance below which the mouth opens [m].
+        opens_within: Distance below which the mouth opens [m]; it closes a little beyond.
         opening: Share of the active range that it opens.
     """
     jaw = "jaw_opening"
@@ -230,7 +231,8 @@ def mouth(
 
     branches.insert(0, _gesture(actor, "open your mouth", wide, is_done=is_open))
     if gap is not None:
-        near = Condition("spoon is near", lambda: gap() < opens_within)
+        near = Threshold("spoon is near", lambda: -gap(), actor.clock,
+                         begins=-opens_within, ends=-opens_within - LEAVING)  # fmt: skip
         branches.append(when("take the food", near, actor.pursue("open the mouth", lambda: wide)))
     branches.append(actor.pursue("close the mouth", lambda: {jaw: 0.0}))
     return first_of("mouth", *branches)
