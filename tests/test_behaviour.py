@@ -117,7 +117,8 @@ def test_the_mouth_opens_for_a_near_spoon_and_closes_when_it_leaves(kind: Kind) 
 
 def test_a_spoon_at_the_limit_does_not_make_the_mouth_flutter() -> None:
     gap = [0.19]
-    scene = Scene(spoon=lambda: scene.person.mouth_position() + (gap[0], 0, 0)).run(1)
+    scene = Scene(spoon=lambda: scene.person.mouth_position() + (gap[0], 0, 0))
+    scene.run(1)
     for gap[0] in (0.21, 0.19, 0.21):
         assert scene.run(0.5).angle("jaw_opening") > 0.3
     gap[0] = 0.24
@@ -127,8 +128,7 @@ def test_a_spoon_at_the_limit_does_not_make_the_mouth_flutter() -> None:
 @DRIVEN
 def test_the_head_follows_a_point_while_the_mouth_opens(kind: Kind) -> None:
     side = [0.08]
-    start = Scene().person.mouth_position()
-    scene = Scene(kind=kind, spoon=lambda: start + (0.15, side[0], 0.0))
+    scene = Scene(kind=kind, spoon=lambda: scene.person.mouth_position() + (0.15, side[0], 0.0))
     scene.run(2)
     assert scene.person.face_direction()[1] > 0.1
     assert scene.angle("jaw_opening") > OPEN[kind]
@@ -286,8 +286,8 @@ def test_pain_without_a_place_makes_them_brace(kind: Kind) -> None:
 
 @DRIVEN
 def test_who_refuses_turns_away_from_the_spoon_and_closes_the_mouth(kind: Kind) -> None:
-    start = Scene().person.mouth_position()
-    scene = Scene(kind=kind, spoon=lambda: start + (0.15, 0.03, 0.0)).run(2)
+    scene = Scene(kind=kind, spoon=lambda: scene.person.mouth_position() + (0.15, 0.03, 0.0))
+    scene.run(2)
     assert scene.angle("jaw_opening") > OPEN[kind]
     scene.cues.refuses = True
     scene.run(2)
