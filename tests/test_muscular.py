@@ -23,7 +23,7 @@ from rcare_marl.agents.avatar import (
     load_posture,
 )
 from rcare_marl.agents.body.ik import grip_point
-from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS
+from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX
 from rcare_marl.agents.human import Human
 from rcare_marl.agents.policies.reach import Reach
 from rcare_marl.agents.profile import ClinicalProfile, SideProfile
@@ -276,21 +276,30 @@ def test_a_relaxed_arm_falls() -> None:
 
 
 def test_daniel_bends_the_elbow_but_cannot_strongly_extend_it() -> None:
-    q = np.zeros(len(DOFS))
-    q[DOF_INDEX["right_elbow_flexion"]] = np.pi / 2
-    avatar = load_avatar("daniel")
-    share = {}
-    for group in ("elbow_flexors", "elbow_extensors"):
-        _, weak = spawned(avatar, "wheelchair", strength="gravity")
-        units = drive_of(weak).model.units
-        strength = drive_of(weak).model.table[:, kernel.VOLUNTARY]
-        chosen = [u.side == "right" and u.clinical_group == group for u in units]
-        share[group] = strength[chosen].mean()
-    assert share["elbow_flexors"] > 0.9
-    assert share["elbow_extensors"] < 0.25
-    _, linear = spawned(avatar, "wheelchair")
-    chosen = [u.clinical_group == "elbow_extensors" for u in drive_of(linear).model.units]
-    assert drive_of(linear).model.table[chosen, kernel.VOLUNTARY] == pytest.approx(0.6)
+    def turned(avatar: AvatarConfig | str, group: str, load: float) -> float:
+        """Return by how much an excited group bends the elbow against a load at the wrist [rad]."""
+        world, person = spawned(
+            avatar, "wheelchair", movable=["right_elbow_flexion"], strength="gravity"
+        )
+        person.set_angles({"right_elbow_flexion": np.pi / 2})
+        link = person.frames[JOINT_INDEX["right_wrist"]].link
+
+        def press() -> None:
+            shoulder, elbow, wrist = (
+                np.array(person.joint_pose(f"right_{name}").position)
+                for name in ("shoulder", "elbow", "wrist")
+            )
+            bending = np.cross(np.cross(wrist - elbow, shoulder - elbow), wrist - elbow)
+            person.body.apply_force(link, load * bending / np.linalg.norm(bending), wrist)
+
+        action = excitation_of(person, group)
+        return float(go_on(world, person, action, 1.5, before_step=press)[-1][0] - np.pi / 2)
+
+    assert turned("daniel", "elbow_flexors", -30.0) > 0.3  # he bends against 30 N
+    assert (
+        turned("daniel", "elbow_extensors", 30.0) > 0.1
+    )  # and is bent by them, however he extends
+    assert turned(healthy(), "elbow_extensors", 30.0) < -0.3  # which a healthy person resists
 
 
 def test_jose_moves_nothing_below_the_neck() -> None:
@@ -326,13 +335,12 @@ def test_a_grade_3_muscle_in_gravity_mode_holds_the_limb_and_no_more() -> None:
     def final(load: float) -> float:
         world, person = spawned(avatar, movable=elbow, strength="gravity")
         person.set_angles({"right_elbow_flexion": np.pi / 2})
-        link, wrist = person.frames[20 + 1].link, person.joint_pose("right_wrist").position
+        link = person.frames[JOINT_INDEX["right_wrist"]].link
 
         def press() -> None:
             wrist = person.joint_pose("right_wrist").position
             person.body.apply_force(link, (0.0, 0.0, -load), wrist)
 
-        assert wrist is not None
         flexors = excitation_of(person, "elbow_flexors")
         return go_on(world, person, flexors, 2.0, before_step=press)[-1][0]
 
@@ -345,7 +353,7 @@ def test_active_movement_ends_at_the_active_range_and_passive_movement_at_the_pa
     world, person = spawned(avatar, movable=["right_elbow_flexion"])
     angles = go_on(world, person, excitation_of(person, "elbow_flexors"), 2.0)[:, 0]
     assert np.radians(50) < angles[-1] < np.radians(62)
-    link = person.frames[21].link
+    link = person.frames[JOINT_INDEX["right_wrist"]].link
 
     def bend() -> None:
         at = person.joint_pose("right_wrist").position

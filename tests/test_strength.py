@@ -5,13 +5,16 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
+from rcare_marl.agents.actuation import muscle_kernel as kernel
 from rcare_marl.agents.actuation.chain import Chain
 from rcare_marl.agents.actuation.drive import (
     ActuationConfig,
+    fitted_musculature,
     muscle_share,
     skeletal_share,
     whole_chain,
 )
+from rcare_marl.agents.actuation.muscle_model import MuscleModel
 from rcare_marl.agents.avatar import load_avatar
 from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS
 from rcare_marl.agents.strength import (
@@ -103,3 +106,26 @@ def test_grade_3_by_gravity_is_far_weaker_than_the_linear_one_at_elbow_and_knee(
         assert share(side, group, 3.0) == pytest.approx(
             share("left" if side == "right" else side, group, 3.0), rel=0.05
         )
+
+
+def test_at_the_share_of_grade_3_a_group_just_carries_its_limb() -> None:
+    """Where the group can at all; the others are carried by all muscles of the motion together."""
+    limb, config = chain(), ActuationConfig(kind="muscle", strength="gravity")
+    muscles, share = fitted_musculature(CAREGIVER, None), muscle_share(CAREGIVER, config)
+    model = MuscleModel(muscles.units, muscles.joints, limb)
+    carried = []
+    for (side, group), test in gravity_tests(limb).items():
+        members = np.array([u.side == side and u.clinical_group == group for u in muscles.units])
+        arms = test.sign * model.moment_arms(test.angles)[:, test.dof]
+        rest = model.table[:, kernel.LEAST]
+
+        def torque(share: float) -> float:
+            told = np.where(members, np.maximum(share, rest), rest)  # noqa: B023
+            return float(arms @ model.isometric_forces(test.angles, told))  # noqa: B023
+
+        grade_3 = share(side, group, 3.0)
+        if torque(1.0) > test.torque and LEAST_HOLDING < grade_3 < MOST_HOLDING:
+            assert torque(grade_3) == pytest.approx(test.torque, rel=0.02), (side, group)
+            carried.append(group)
+    assert {"elbow_flexors", "elbow_extensors", "knee_extensors"} <= set(carried)
+    assert len(set(carried)) >= 8
