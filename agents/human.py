@@ -380,6 +380,7 @@ class Human(Agent):
         return {
             "avatar": self.avatar.name,
             "condition": self.avatar.condition,
+            "actuation": f"{self._actuation.kind}, strength {self._actuation.strength}",
             "posture": self.posture.description,
             "movable": f"{len(self.movable)} of {len(DOFS)} degrees of freedom",
         }

@@ -151,7 +151,9 @@ def validate(avatar: str | None) -> list[dict[str, str | float | bool]]:
     is_woman = avatar is not None and load_avatar(avatar).sex == "female"
     for band in load_bands():
         value = measured(model, band)
-        share = clinical_norms().female_strength if is_woman and band.quantity != "moment_arm" else 1.0
+        share = (
+            clinical_norms().female_strength if is_woman and band.quantity != "moment_arm" else 1.0
+        )
         low, high = share * band.low, share * band.high
         row: dict[str, str | float | bool] = {
             "name": band.name, "quantity": band.quantity, "value": value, "low": low,

@@ -481,7 +481,9 @@ def test_every_avatar_can_open_the_mouth_and_sit_down_with_bent_hips(name: str) 
     assert module.outward_torque(model, jaw, 0.9) > 0.5
     hip = next(motion for motion in module.active_motions() if motion.name == "hip_flexion")
     q = dataclasses.replace(hip, end=np.pi / 2).posture(1.0)
-    flexors = [unit.side == "right" and unit.clinical_group == "hip_flexors" for unit in model.units]
+    flexors = [
+        unit.side == "right" and unit.clinical_group == "hip_flexors" for unit in model.units
+    ]
     torques = model.isometric_torques(q, np.where(flexors, 1.0, 0.01))
     assert torques[DOF_INDEX["right_hip_flexion"]] > 20
 

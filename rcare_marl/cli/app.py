@@ -69,7 +69,8 @@ RecipientModel = Annotated[
     typer.Option(
         "--recipient",
         metavar="MODEL",
-        help="Avatar who is cared for, by name or YAML file; else the task's own choice.",
+        help="Avatar who is cared for, by name or YAML file, or options in braces such as "
+        "'{model: karan, actuation: muscle}'; else the task's own choice.",
     ),
 ]
 CaregiverModel = Annotated[
@@ -345,7 +346,19 @@ def _refuse(options: Mapping[str, Any], command: str) -> None:
 
 def _cast(robot: str | None, recipient: str | None, caregiver: str | None) -> dict[str, Any]:
     entries = {"robot": robot, "recipient": recipient, "caregiver": caregiver}
-    return {role: model for role, model in entries.items() if model is not None}
+    return {role: _entry(role, text) for role, text in entries.items() if text is not None}
+
+
+def _entry(role: str, text: str) -> Any:
+    """Return a model's name, or what stands in braces as a mapping of options."""
+    import yaml
+
+    if not text.lstrip().startswith("{"):
+        return text
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise typer.BadParameter(f"not a mapping in YAML: {text!r}", param_hint=role) from error
 
 
 def _pairs(values: Sequence[str] | None, flag: str) -> dict[str, str]:
