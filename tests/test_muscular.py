@@ -324,7 +324,7 @@ def test_karans_right_arm_lifts_and_his_left_does_not() -> None:
         before = person.joint_pose(f"{side}_wrist").position[2]
         go_on(world, person, partial(person.action_towards, goal, CONTROL_DT), 3.0)
         risen[side] = person.joint_pose(f"{side}_wrist").position[2] - before
-    assert risen["right"] > 0.15
+    assert risen["right"] > 0.12
     assert risen["left"] < 0.05
 
 

@@ -18,8 +18,8 @@ GRIP_REACH = 0.02  # [rad] from where a limb was laid down: friction holds it no
 STIFFNESS, DAMPING, TISSUE, SUPPORT = 28, 29, 30, 31
 LOWEST, HIGHEST, POSTURE = 32, 33, 34
 LEAST, MOST, ZONE, LIGAMENT, INERTIA = 35, 36, 37, 38, 39
-CARRIED, SLACK, GRIP, BORNE = 40, 41, 42, 43
-COLUMNS = 44
+CARRIED, SLACK, GRIP, BORNE, ELASTIC = 40, 41, 42, 43, 44
+COLUMNS = 45
 HELD = 32  # of the scratch: whether furniture holds the limb in this step
 
 # Rows of the torques: active, passive, faded active; damping at both kinds of ends; of ligaments the
@@ -100,7 +100,9 @@ def _support(table, measured, work, i, dt):  # type: ignore[no-untyped-def]
     extra = push + table[i, SLACK] - table[i, BORNE]  # beyond what it has borne from the start
     if abs(extra) < table[i, GRIP] and abs(gap) < GRIP_REACH:  # friction
         return 1.0
-    sags = table[i, CARRIED] != 0.0 and weight * gap >= -abs(weight) * CARRY_GAP
+    # What lies behind bears whom it bore at the start, not who leans to the other side.
+    is_carried = table[i, CARRIED] != 0.0 and weight * table[i, BORNE] > 0.0
+    sags = is_carried and weight * gap >= -abs(weight) * CARRY_GAP
     return 1.0 if sags and push * weight > 0.0 else 0.0
 
 
@@ -121,17 +123,18 @@ def _fade(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _tighten(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
-    """Find what ligaments do near the ends of the passive range."""
+    """Find what discs do everywhere, and ligaments near the ends of the passive range."""
     for i in range(table.shape[0]):
-        zone, torques[4, i], torques[5, i] = table[i, ZONE], 0.0, 0.0
+        zone, torques[4, i] = table[i, ZONE], -table[i, ELASTIC] * measured[0, i]
+        torques[5, i] = table[i, ELASTIC]
         over = 1.0 - (table[i, MOST] - measured[0, i]) / zone
         under = 1.0 - (measured[0, i] - table[i, LEAST]) / zone
         depth = max(over, under)
         if depth <= 0.0:
             continue
         stiffness = 2.0 * table[i, LIGAMENT] * depth / zone
-        torques[4, i] = table[i, LIGAMENT] * depth * depth * (-1.0 if over > under else 1.0)
-        torques[5, i] = stiffness
+        torques[4, i] += table[i, LIGAMENT] * depth * depth * (-1.0 if over > under else 1.0)
+        torques[5, i] += stiffness
         torques[3, i] += 2.0 * np.sqrt(stiffness * table[i, INERTIA])
 
 

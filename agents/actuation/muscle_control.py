@@ -9,6 +9,8 @@ bounded least-squares problem, solved by coordinate descent from the last soluti
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +27,7 @@ LEAST_STIFFNESS = 0.4  # [1/rad] of the normal torque: light parts need more tha
 EFFORT_WEIGHT = 2e-4  # of squared excitations against squared shares of normal torque
 NARROW = 0.35  # [rad]: a DoF with less active range than this is left to ligaments, mostly
 NARROW_WEIGHT = 0.02
+TOGETHER = 0.8  # of a spine's error, that all of its joints mend together: they share their muscles
 END_ZONE = 0.05  # [rad] before an end of the active range
 END_WEIGHT = 0.05
 REST_WEIGHT = 0.03  # of a limb that rests on furniture
@@ -57,6 +60,7 @@ class MuscleController:
         width = limits[:, 1] - limits[:, 0]
         share = np.where(width < NARROW, NARROW_WEIGHT, 1.0)
         self._weights = share / normal_strength**2
+        self._columns = _columns(model.dofs)
         self._middle, self._half = limits.mean(axis=1), width / 2
         self._now = np.zeros(len(inertia))
         self._left = np.zeros(len(inertia))
@@ -79,18 +83,34 @@ class MuscleController:
             excitation: Where to begin and to write.
         """
         layout = self._model.layout
-        self._left[:] = self._gains[:, 0] * (target - positions)
-        self._left -= self._gains[:, 1] * velocities
+        error, rate = target - positions, velocities.copy()
+        for column in self._columns:
+            for values in (error, rate):
+                values[column] += TOGETHER * (values[column].mean() - values[column])
+        self._left[:] = self._gains[:, 0] * error - self._gains[:, 1] * rate
         self._left += weight - passive
         self._left[resting] = 0.0
-        # At an end of the range what is too much does no harm: the end takes it.
-        at_end = np.abs(positions - self._middle) > self._half - END_ZONE
+        # At an end of the range what is too much does no harm to who wants to stay there.
+        side = np.sign(positions - self._middle)
+        at_end = np.minimum(positions * side, target * side) > (
+            self._middle * side + self._half - END_ZONE
+        )
         np.multiply(self._weights, np.where(at_end, END_WEIGHT, 1.0), out=self._now)
         self._now[resting] *= REST_WEIGHT
         _descend(
             layout.starts, layout.crossings, arms, state, self._model.table, self._now,
             self._left, excitation,
         )  # fmt: skip
+
+
+def _columns(dofs: Sequence[str]) -> list[list[int]]:
+    """Return the DoFs of the spine by axis."""
+    motions: dict[str, list[int]] = {}
+    for i, dof in enumerate(dofs):
+        joint, _, motion = dof.partition("_")
+        if joint.startswith("spine"):
+            motions.setdefault(motion, []).append(i)
+    return [found for found in motions.values() if len(found) > 1]
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")

@@ -6,8 +6,8 @@ the coming step: it is continued with the rate and the acceleration of each path
 accelerations are found with the mass matrix of all moving parts, as in `skeletal.py`. (A linearly
 implicit step; so 1/240 s is stable for a finger under full contraction.)
 
-Ligaments tighten over the last few degrees of the passive range, to what the muscles can pull with at
-its end; the hard stop there is the physics engine's.
+Discs of the spine resist bending. Ligaments tighten over the last few degrees of the passive range, to
+what the muscles can pull with at its end; the hard stop there is the physics engine's.
 
 What a person wills ends at the active range: the net active torque that would lead further out fades
 over the last few degrees. Passive movement by others goes on to the end of the passive range.
@@ -52,6 +52,9 @@ Array = npt.NDArray[np.float64]
 # Our own choices.
 LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligaments tighten ...
 LIGAMENT_SHARE = 0.3  # ... or this share of a narrower range
+# [N·m/rad] of bending, without muscles. A lumbar segment has some 1 to 2 N·m per degree, from memory;
+# one joint here stands for several in a row, stiffened by the weight on them.
+DISC_STIFFNESS = {"spine1": 60.0, "spine2": 60.0, "spine3": 60.0, "neck": 6.0, "head": 6.0}
 FRICTION_SHARE = 0.1  # of normal torque: less than this does not move a limb that rests
 SAME_ACTION = 1e-5  # difference of excitations that are still those that were proposed
 CONTROL_INTERVAL = 4  # physics steps between two looks of the controller: 60 Hz at 1/240 s
@@ -152,13 +155,17 @@ class MuscleDrive:
         self._start = model.settled_state(posture)
         self.state = self._start.copy()
         self._grip = np.where(resting & ~held, FRICTION_SHARE * normal_strength, 0.0)
+        self._elastic = np.array([DISC_STIFFNESS.get(n.split("_")[0], 0.0) for n in chain.names])
+        table[:, loop.ELASTIC] = self._elastic
         # What rests on furniture does not drift by the tension of resting muscles.
         table[:, loop.SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
         self._controller = MuscleController(
             model, inertia, normal_strength=normal_strength, limits=limits
         )
+        axial = ("spine", "neck", "head")
+        self._is_axial = np.array([name.startswith(axial) for name in chain.names], np.bool_)
         self._laid, self._resting = resting, resting.copy()
-        self._carried = table[:, loop.CARRIED].copy()
+        self._carried = self._bears = table[:, loop.CARRIED].copy()
         self._beyond = _descendants(chain.parents)
         self._proposal: _Proposal | None = None
         self._is_pursuing, self._is_raw = False, False
@@ -176,7 +183,7 @@ class MuscleDrive:
 
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
         self.target[:] = self._table[:, loop.POSTURE] = self._posture
-        self._table[:, loop.GRIP], self._table[:, loop.CARRIED] = self._grip, self._carried
+        self._table[:, loop.GRIP] = self._grip
         self._resting[:] = self._laid
         self.state[:] = self._start
         self.excitation[:] = 0.0
@@ -185,7 +192,10 @@ class MuscleDrive:
         if self._shaking is not None:
             self._shaking.reset(rng)
         self._look(gravity)
-        self._table[:, loop.BORNE] = self._work[:, WEIGHT]
+        self._table[:, loop.BORNE] = borne = self._work[:, WEIGHT]
+        # A backrest pushes forwards only.
+        self._bears = np.where(self._is_axial & (borne <= 0.0), 0.0, self._carried)
+        self._table[:, loop.CARRIED] = self._bears
 
     def command(self, action: Array, duration: float) -> None:
         """Excite the muscles, each value in [0, 1].
@@ -212,7 +222,7 @@ class MuscleDrive:
         if self._resting[beyond].any():
             self._resting[beyond] = False
             self._table[beyond, loop.GRIP] = self._table[beyond, loop.CARRIED] = 0.0
-            self._table[dof, loop.CARRIED] = self._carried[dof]
+            self._table[dof, loop.CARRIED] = self._bears[dof]
 
     def _excite(self, action: Array) -> None:
         if not self._is_grouped:
@@ -243,7 +253,8 @@ class MuscleDrive:
         """Improve excitations that pursue a target, from what the last physics step found."""
         self._controller.solve(
             target, self._measured[0], self._measured[1], self._work[:, WEIGHT] *
-            (1.0 - self._work[:, loop.HELD]), self._arms, self.state, self._torques[1], resting,
+            (1.0 - self._work[:, loop.HELD]), self._arms, self.state,
+            self._torques[1] - self._elastic * self._measured[0], resting,
             excitation,
         )  # fmt: skip
         for members in self._groups:
