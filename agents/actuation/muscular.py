@@ -139,11 +139,7 @@ class MuscleDrive:
         table[:, loop.SUPPORT], table[:, loop.CARRIED] = held, carried & ~held
         table[:, loop.LOWEST], table[:, loop.HIGHEST] = limits.T
         table[:, loop.POSTURE], table[:, loop.INERTIA] = posture, inertia
-        table[:, loop.LEAST], table[:, loop.MOST] = passive.T
-        width = np.maximum(passive[:, 1] - passive[:, 0], 1e-3)
-        table[:, loop.ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
-        pulls = np.abs(model.moment_arms(posture)).T @ model.table[:, kernel.FORCE]
-        table[:, loop.LIGAMENT] = np.maximum(normal_strength, pulls)
+        _tighten(table, passive, normal_strength, model, posture)
         self._table = table
         self.target, self._posture = posture.copy(), posture.copy()
         self._index = {dof: i for i, dof in enumerate(chain.names)}
@@ -170,12 +166,17 @@ class MuscleDrive:
         self._proposal: _Proposal | None = None
         self._is_pursuing, self._is_raw = False, False
         self._tick = 0
+        self._make_room(chain)
+
+    def _make_room(self, chain: Chain) -> None:
+        """Set up what the kernel writes into."""
+        count, layout = len(chain.names), self.model.layout
         self._measured = np.zeros((2, count))
         self._work = np.zeros((count, SCRATCH_COLUMNS))
         self._frames = np.zeros((count + 1, kernel.FRAME_COLUMNS))
         self._frames[0, :9] = np.eye(3).ravel()
-        self._spots = np.zeros((model.layout.longest, kernel.SPOT_COLUMNS))
-        self._arms = np.zeros(len(model.layout.crossings) - 1)
+        self._spots = np.zeros((layout.longest, kernel.SPOT_COLUMNS))
+        self._arms = np.zeros(len(layout.crossings) - 1)
         self._torques = np.zeros((6, count))
         self._depths = tree_depths(chain.parents)
         self._matrix = packed_matrix(chain.parents)
@@ -319,6 +320,17 @@ class MuscleDrive:
         )  # fmt: skip
         result: list[float] = self._out.tolist()
         return result
+
+
+def _tighten(
+    table: Array, passive: Array, normal_strength: Array, model: MuscleModel, posture: Array
+) -> None:
+    """Write where ligaments tighten, and to what."""
+    table[:, loop.LEAST], table[:, loop.MOST] = passive.T
+    width = np.maximum(passive[:, 1] - passive[:, 0], 1e-3)
+    table[:, loop.ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
+    pulls = np.abs(model.moment_arms(posture)).T @ model.table[:, kernel.FORCE]
+    table[:, loop.LIGAMENT] = np.maximum(normal_strength, pulls)
 
 
 def _descendants(parents: npt.NDArray[np.int64]) -> list[list[int]]:
