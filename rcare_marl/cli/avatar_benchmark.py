@@ -18,7 +18,7 @@ within the 0.1 s of a block it changes by some percent.
 - `skeletal_fps`: joint torques that pursue angles.
 - `muscle_fps`: Hill muscles, and the controller that finds excitations for the neck's angle, at 60 Hz.
 - `tissue_fps`: the skeletal person with flesh on one arm, into which a sphere of 20 mm is held 8 mm deep.
-- `tissue_idle_fps`: the same, and the sphere is two metres away.
+- `tissue_idle_fps`: the same, and the sphere is two metres away, as it is in the scenes without flesh.
 - `muscle_kernel_us`: joint angles, rates and excitations to torques for all muscles of one person, every
   call with another posture.
 - `batched_person_steps_per_s`: the same for 1,024 people in one call.
@@ -44,7 +44,7 @@ from rcare_marl.agents.actuation.drive import ActuationConfig
 from rcare_marl.agents.actuation.muscle_model import MuscleModel
 from rcare_marl.agents.actuation.muscular import MuscleDrive
 from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
-from rcare_marl.agents.body.tissue import Tissue, attach_tissue
+from rcare_marl.agents.body.tissue import Tissue
 from rcare_marl.agents.human import Human
 from rcare_marl.baselines.evaluate import versions
 from rcare_marl.errors import ConfigError
@@ -103,9 +103,12 @@ def bench(avatar: str, seconds: float) -> dict[str, Any]:
     who = load_avatar(avatar)
     skeletal = Scene(who)
     muscular = Scene(who, ActuationConfig(kind="muscle"))
-    pressed, idle = Scene(who), Scene(who)
-    touched, untouched = _add_arm(pressed, is_touched=True), _add_arm(idle, is_touched=False)
+    pressed, idle = Scene(who, tissue=(ARM,)), Scene(who, tissue=(ARM,))
     scenes = (skeletal, muscular, pressed, idle)
+    for scene in scenes:
+        _add_sphere(scene, is_touched=scene is pressed)
+    touched, untouched = pressed.human.tissue, idle.human.tissue
+    assert touched is not None and untouched is not None
     drive = muscular.human.drive
     assert isinstance(drive, MuscleDrive)
     blocks: dict[str, Block] = {
@@ -144,15 +147,24 @@ def bench(avatar: str, seconds: float) -> dict[str, Any]:
 class Scene:
     """A person alone in a world, whose neck nods."""
 
-    def __init__(self, who: AvatarConfig, actuation: ActuationConfig | None = None) -> None:
+    def __init__(
+        self,
+        who: AvatarConfig,
+        actuation: ActuationConfig | None = None,
+        *,
+        tissue: tuple[str, ...] = (),
+    ) -> None:
         """Put the person there.
 
         Args:
             who: The person.
             actuation: How the joints are driven; by joint torques if None.
+            tissue: Where flesh yields.
         """
         self.world = World(PHYSICS_DT)
-        self.human = Human("person", who, posture=load_posture(POSTURE), actuation=actuation)
+        self.human = Human(
+            "person", who, posture=load_posture(POSTURE), actuation=actuation, tissue=tissue
+        )
         self.human.spawn(self.world, Pose((0.0, 0.0, SEAT)))
         self._blocks = 0
 
@@ -198,20 +210,17 @@ class _Watch:
         return time.thread_time() - self._processor, time.perf_counter() - self._clock
 
 
-def _add_arm(scene: Scene, *, is_touched: bool) -> Tissue:
-    """Put flesh on an arm, and a sphere into it from above or far away."""
+def _add_sphere(scene: Scene, *, is_touched: bool) -> None:
+    """Hold a sphere in the flesh of the arm from above, or far away."""
     world, human = scene.world, scene.human
-    tissue = attach_tissue(world, human.body, human.model, human.frames, (ARM,))
-    soft = tissue.bodies[PRESSED]
-    points = soft.in_world(soft.frame(world.client))[np.unique(soft.skin)]
-    middle = points.mean(axis=0)
-    near = points[np.linalg.norm((points - middle)[:, :2], axis=1) < SPHERE]
-    top = near[np.argmax(near[:, 2])] + np.array((0.0, 0.0, SPHERE - DEPTH))
-    if not is_touched:
-        top = top + np.array((2.0, 0.0, 0.0))
-    sphere = world.add_sphere(SPHERE, Pose(tuple(top.tolist())), name="sphere")
-    world.set_collision(sphere, human.body, False)  # the flesh is what feels it
-    return tissue
+    at = np.array((2.0, 0.0, SEAT))
+    if is_touched:
+        assert human.tissue is not None
+        skin, out = human.tissue.skin_point(PRESSED, (0.0, 0.0, 1.0))
+        at = skin + (SPHERE - DEPTH) * out
+    sphere = world.add_sphere(SPHERE, Pose(tuple(at.tolist())), name="sphere")
+    if is_touched:
+        world.set_collision(sphere, human.body, False)  # the flesh is what feels it
 
 
 def _push(tissue: Tissue) -> float:
