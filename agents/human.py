@@ -180,6 +180,8 @@ class Human(Agent):
         self.sense()
         self._gravity = np.zeros(3)
         self._find_gravity()
+        # A task may let everybody settle before the first episode.
+        self.drive.reset(np.random.default_rng(0), self._gravity)
         self._regions = [
             REGIONS.index(physiology_model().region(DOFS[i].joint)) for i in self._order
         ]

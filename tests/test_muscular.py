@@ -531,3 +531,13 @@ def test_people_at_rest_stay_in_their_chair_and_hardly_work(name: str) -> None:
     for joint, place in zip(joints, before, strict=True):
         assert np.linalg.norm(np.subtract(person.joint_pose(joint).position, place)) < 0.05, joint
     assert drive_of(person).excitation.mean() < 0.12
+
+
+def test_people_hold_the_start_posture_until_they_are_told_otherwise() -> None:
+    world, person = spawned("caregiver", "wheelchair", movable=["spine1", "neck", "head", "jaw"])
+    before = np.array(person.positions)
+    for _ in range(240):
+        person.actuate()
+        world.step()
+    person.sense()
+    assert np.abs(np.array(person.positions) - before).max() < 0.1

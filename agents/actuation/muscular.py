@@ -164,7 +164,7 @@ class MuscleDrive:
         self._carried = self._bears = table[:, loop.CARRIED].copy()
         self._beyond = _descendants(chain.parents)
         self._proposal: _Proposal | None = None
-        self._is_pursuing, self._is_raw = False, False
+        self._is_pursuing, self._is_raw = True, False  # until the first command they hold still
         self._tick = 0
         self._make_room(chain)
 
@@ -189,7 +189,7 @@ class MuscleDrive:
         self.state[:] = self._start
         self.excitation[:] = 0.0
         self._proposal, self._tick = None, 0
-        self._is_pursuing = self._is_raw = False
+        self._is_pursuing, self._is_raw = True, False
         if self._shaking is not None:
             self._shaking.reset(rng)
         self._look(gravity)
