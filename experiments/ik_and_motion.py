@@ -3,14 +3,14 @@
 Measures how often and how fast wrist goals are met; draws reaching, gaze and a walk; and films a caregiver
 who walks up to Karan in his wheelchair, takes his weak forearm, lifts it, lays it back and lets go.
 
-Run: python experiments/ik_and_motion.py [FOLDER]
+Run: python experiments/ik_and_motion.py [--out FOLDER]
 """
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import math
-import sys
 import time
 from pathlib import Path
 
@@ -282,7 +282,11 @@ def _save(path: Path, pictures: list[Picture], *, columns: int) -> None:
 
 def main() -> None:
     """Measure, draw and film."""
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/ik_and_motion")
+    parser = argparse.ArgumentParser(
+        description="Measure inverse kinematics; draw and film motion."
+    )
+    parser.add_argument("--out", type=Path, default=Path("runs/ik_and_motion"))
+    folder: Path = parser.parse_args().out
     folder.mkdir(parents=True, exist_ok=True)
     console = Console()
     measure(console)

@@ -10,14 +10,15 @@ held, against what the sphere feels. The least volume ratio is det F; below 0 a 
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
-import sys
 import time
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from rcare_marl import assets
 from rcare_marl.agents.avatar import body_model, load_avatar, person_urdf
 from rcare_marl.agents.body.skin import JointFrame
 from rcare_marl.agents.body.tissue import Tissue, TissueConfig, attach_tissue, load_tissue
@@ -74,7 +75,9 @@ def press(world: World, tissue: Tissue, ball: Body, towards: tuple[int, int, int
 
 def main() -> None:
     """Press from all sides and print one table."""
-    avatar = sys.argv[1] if len(sys.argv) > 1 else "karan"
+    parser = argparse.ArgumentParser(description="Press a sphere into a forearm.")
+    parser.add_argument("avatar", nargs="?", default="karan", choices=assets.names("avatars"))
+    avatar: str = parser.parse_args().avatar
     config = load_tissue()
     whole = dataclasses.replace(config, focus_m=None)
     stiff = dataclasses.replace(

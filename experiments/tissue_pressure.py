@@ -1,6 +1,6 @@
 """Draw a sphere that presses a forearm, the skin painted by pressure: a picture and a short film.
 
-Run: python experiments/tissue_pressure.py [FOLDER] [AVATAR]
+Run: python experiments/tissue_pressure.py [--out FOLDER] [--avatar NAME]
 
 Writes tissue_pressure.png and tissue_pressure.mp4. The person sits; the sphere of 20 mm radius goes 12 mm
 deep into the flesh, slides 4 cm along the forearm and leaves.
@@ -8,13 +8,14 @@ deep into the flesh, slides 4 cm along the forearm and leaves.
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from rcare_marl import assets
 from rcare_marl.agents.avatar import body_model, load_avatar, load_posture, person_urdf
 from rcare_marl.agents.body.posture import pelvis_pose
 from rcare_marl.agents.body.skin import JointFrame, PersonSkin
@@ -68,9 +69,13 @@ def path(tissue: Tissue) -> list[tuple[Array, Array]]:
 
 def main() -> None:
     """Write the picture and the film."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path()
+    parser = argparse.ArgumentParser(description="Draw the pressure of a sphere on a forearm.")
+    parser.add_argument("--out", type=Path, default=Path("runs/tissue_pressure"))
+    parser.add_argument("--avatar", default="karan", choices=assets.names("avatars"))
+    chosen = parser.parse_args()
+    folder: Path = chosen.out
     folder.mkdir(parents=True, exist_ok=True)
-    world, tissue, ball = make_scene(sys.argv[2] if len(sys.argv) > 2 else "karan")
+    world, tissue, ball = make_scene(chosen.avatar)
     course = path(tissue)
     middle, out = course[PRESS + HOLD]
     side = np.cross(out, (0.0, 0.0, 1.0)) + (0.4, 0.0, 0.0)
