@@ -27,11 +27,14 @@ HELD = 32  # of the scratch: whether furniture holds the limb in this step
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def look(  # type: ignore[no-untyped-def]
-    table, parents, depths, points, pulleys, carriers, starts, crossings, entries, units, measured, gravity,
-    state, mode, work, frames, spots, arms, torques, matrix,
+def observe(  # type: ignore[no-untyped-def]
+    table, parents, depths, points, pulleys, carriers, starts, crossings, entries, units, measured,
+    excitation, gravity, state, dt, mode, work, frames, spots, arms, torques, matrix,
 ) -> None:  # fmt: skip
-    """Find lengths, moment arms, torques and weights where the person is; no time passes."""
+    """Find lengths, moment arms, tensions, torques, weights and the mass matrix after `dt` [s].
+
+    With a `dt` of 0 no time passes: activations and the state of tendons stay.
+    """
     place_frames(table, parents, measured[0], work)
     place_masses(table, work)
     kernel.gather_frames(work, frames)
@@ -39,8 +42,10 @@ def look(  # type: ignore[no-untyped-def]
         points, pulleys, carriers, starts, crossings, entries, frames, measured[1], spots, state,
         arms,
     )  # fmt: skip
-    if mode != kernel.IMPLICIT_TENDON:
-        kernel.pull(units, state, 0.0, mode)
+    if dt > 0.0:
+        kernel.activate(units, state, excitation, dt)
+    if dt > 0.0 or mode != kernel.IMPLICIT_TENDON:
+        kernel.pull(units, state, dt, mode)
     kernel.project(starts, crossings, arms, state, torques[0], torques[1])
     mass_matrix(parents, depths, gravity, work, matrix)
 
@@ -52,17 +57,10 @@ def drive(  # type: ignore[no-untyped-def]
     out,
 ) -> None:  # fmt: skip
     """Write the torque of each DoF into `out`."""
-    place_frames(table, parents, measured[0], work)
-    place_masses(table, work)
-    kernel.gather_frames(work, frames)
-    kernel.find_arms(
-        points, pulleys, carriers, starts, crossings, entries, frames, measured[1], spots, state,
-        arms,
+    observe(
+        table, parents, depths, points, pulleys, carriers, starts, crossings, entries, units,
+        measured, excitation, gravity, state, dt, mode, work, frames, spots, arms, torques, matrix,
     )  # fmt: skip
-    kernel.activate(units, state, excitation, dt)
-    kernel.pull(units, state, dt, mode)
-    kernel.project(starts, crossings, arms, state, torques[0], torques[1])
-    mass_matrix(parents, depths, gravity, work, matrix)
     _fade(table, measured, torques)
     _tighten(table, measured, torques)
     for i in range(table.shape[0]):

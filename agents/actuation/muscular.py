@@ -294,11 +294,11 @@ class MuscleDrive:
         """Find lengths, moment arms and weights in the start posture, without any time passing."""
         self._measured[0], self._measured[1] = self._posture, 0.0
         layout = self.model.layout
-        loop.look(
+        loop.observe(
             self._table, self.model.parents, self._depths, layout.points, layout.pulleys, layout.carriers,
             layout.starts, layout.crossings, layout.entries, self.model.table, self._measured,
-            gravity, self.state, self.model.mode, self._work, self._frames, self._spots, self._arms,
-            self._torques, self._matrix,
+            self.excitation, gravity, self.state, 0.0, self.model.mode, self._work, self._frames,
+            self._spots, self._arms, self._torques, self._matrix,
         )  # fmt: skip
 
     def torques(
