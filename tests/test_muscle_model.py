@@ -9,6 +9,12 @@ import pytest
 from rcare_marl.agents.actuation import muscle_kernel as kernel
 from rcare_marl.agents.actuation.chain import make_chain
 from rcare_marl.agents.actuation.drive import fitted_musculature
+from rcare_marl.agents.actuation.hill import (
+    force_length,
+    inverse_tendon_force,
+    passive_force,
+    passive_offset,
+)
 from rcare_marl.agents.actuation.muscle_model import TENDONS, MuscleModel, Tendon
 from rcare_marl.agents.agent import Array
 from rcare_marl.agents.avatar import (
@@ -78,8 +84,6 @@ def test_isometric_tension_balances_fibre_and_tendon() -> None:
         fibre = model.fibre_lengths(q, activation)
         table = model.table
         cosine = np.sqrt(1 - (table[:, kernel.PENNATION_SINE] / fibre) ** 2)
-        from rcare_marl.agents.actuation.hill import force_length, passive_force
-
         passive = np.array(
             [
                 passive_force(x, strain=s)
@@ -127,3 +131,29 @@ def test_a_model_refuses_what_cannot_be() -> None:
         model.lengths(np.zeros(3))
     with pytest.raises(UnknownNameError, match="rigid"):
         muscle_model(avatar, tendon="stiff")
+
+
+@pytest.mark.parametrize(
+    ("length", "active", "passive"),
+    [(0.5, 0.054112, 0.000565), (0.7, 0.684233, 0.002391), (0.9, 0.937123, 0.009316),
+     (1.0, 1.0, 0.018229), (1.2, 0.793690, 0.069401), (1.4, 0.380243, 0.263532)],
+)  # fmt: skip
+@pytest.mark.parametrize("activation", [0.0, 0.3, 1.0])
+def test_isometric_force_agrees_with_the_reference_points(
+    length: float, active: float, passive: float, activation: float
+) -> None:
+    """A muscle of 1 N held still, its tendon rigid or in balance with it; figures of OpenSim 4.6."""
+    units = np.zeros((1, kernel.UNIT_COLUMNS))
+    units[0, [kernel.FORCE, kernel.FIBRE, kernel.SLACK, kernel.STRAIN]] = 1.0, 0.1, 0.2, 0.6
+    units[0, kernel.OFFSET] = passive_offset(0.6)
+    wanted = activation * active + passive
+    state = np.zeros((kernel.STATE_ROWS, 1))
+    state[kernel.ACTIVATION] = activation
+    state[kernel.LENGTH] = 0.2 + 0.1 * length
+    kernel.pull(units, state, 0.0, kernel.RIGID)
+    assert state[kernel.ACTIVE, 0] + state[kernel.PASSIVE, 0] == pytest.approx(wanted, abs=1e-6)
+    # With an elastic tendon the fibre has that length where the tendon is longer by its strain.
+    state[kernel.LENGTH] = 0.2 * inverse_tendon_force(wanted) + 0.1 * length
+    state[kernel.TENDON] = wanted
+    kernel.pull(units, state, 0.0, kernel.QUASI_STATIC)
+    assert state[kernel.ACTIVE, 0] + state[kernel.PASSIVE, 0] == pytest.approx(wanted, abs=2e-6)
