@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import zlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +12,7 @@ from xml.etree import ElementTree as xml
 
 import numpy as np
 
-from . import mesh
+from . import hull, mesh, mesh_path
 from .cache import cached_folder
 from .errors import ConfigError, UnknownNameError
 from .mesh import Mesh
@@ -19,6 +21,9 @@ from .pose import Pose, quaternion_from_axis_angle, quaternion_from_rpy, rpy_fro
 Triple = tuple[float, float, float]
 ZERO: Triple = (0.0, 0.0, 0.0)
 SOLID = ("box", "sphere", "cylinder", "capsule")
+# A link without mass would become 1 kg in Bullet: a frame weighs a hundredth of a gram.
+FRAME_MASS = 1e-5  # [kg]
+FRAME_INERTIA = (1e-9, 0.0, 0.0, 1e-9, 0.0, 1e-9)  # [kg·m²]
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A mesh file to draw with a link, in place of generated shapes.
+    """A mesh file to draw, or to collide with by its convex hull.
 
     Attributes:
         file: Absolute path.
@@ -106,10 +111,14 @@ class MeshFile:
     """
 
     file: str
-    rgba: tuple[float, ...]
+    rgba: tuple[float, ...] = (0.75, 0.75, 0.75, 1.0)
     scale: Triple = (1.0, 1.0, 1.0)
     at: Triple = ZERO
     rpy: Triple = ZERO
+
+    def pose(self) -> Pose:
+        """Return the pose of the mesh in its link."""
+        return Pose(self.at, tuple(quaternion_from_rpy(*self.rpy).tolist()))
 
 
 @dataclass(frozen=True)
@@ -122,6 +131,8 @@ class Link:
         inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, link's axes [kg·m²].
         visual: What to draw.
         collision: What to collide with; boxes, spheres, cylinders and capsules only.
+        meshes: Mesh files to draw as well.
+        hulls: Mesh files by whose convex hulls it collides as well.
     """
 
     mass: float = 0.0
@@ -129,6 +140,8 @@ class Link:
     inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     visual: tuple[Shape, ...] = ()
     collision: tuple[Shape, ...] = ()
+    meshes: tuple[MeshFile, ...] = ()
+    hulls: tuple[MeshFile, ...] = ()
 
     def __post_init__(self) -> None:
         if self.mass < 0:
@@ -163,6 +176,8 @@ class Joint:
         effort: Greatest torque or force [N·m or N].
         velocity: Greatest speed [rad/s or m/s].
         follows: The joint that it follows, if any; Bullet ignores this, we drive it.
+        damping: Torque or force against motion for each unit of speed [N·m·s/rad or N·s/m].
+        friction: Dry friction [N·m or N].
     """
 
     kind: Literal["fixed", "revolute", "continuous", "prismatic"]
@@ -176,6 +191,8 @@ class Joint:
     effort: float = 0.0
     velocity: float = 0.0
     follows: Follow | None = None
+    damping: float = 0.0
+    friction: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -254,10 +271,14 @@ def write(
     kept = None if melt_except is None else frozenset(melt_except)
     order = sorted(kept) if kept is not None else None
     recipe = repr((model, sorted(fixed_joints.items()), sorted(visuals.items()), order)).encode()
-    for maker in (__file__, mesh.__file__):  # other code makes other files
-        recipe += Path(maker).read_bytes()
-    made = cached_folder(model.name, recipe, lambda: _files(model, fixed_joints, visuals, kept))
-    return made / f"{model.name}.urdf"
+    for maker in (__file__, mesh.__file__, hull.__file__, mesh_path.__file__):
+        recipe += Path(maker).read_bytes()  # other code makes other files
+    used = [m for link in model.links.values() for m in (*link.hulls, *link.meshes)]
+    used += [m for drawn in visuals.values() for m in drawn]
+    recipe += mesh_path.stamp(m.file for m in used)
+    name = _plain(model.name)
+    made = cached_folder(name, recipe, lambda: _files(model, fixed_joints, visuals, kept))
+    return made / f"{name}.urdf"
 
 
 def _files(
@@ -285,15 +306,18 @@ def _files(
                 _mesh_visual(element, drawn, pose)
         else:
             files |= _generated_visuals(element, name, link, model, pose)
+            for drawn in link.meshes:
+                _mesh_visual(element, drawn, pose)
+        files |= _hulls(element, name, link, pose)
         for shape in link.collision:
             collision = xml.SubElement(element, "collision")
             _origin(collision, pose @ shape.pose())
             _geometry(collision, shape)
     for name, joint in model.joints.items():
         if carriers[joint.child][0] == joint.child:
-            _joint(robot, name, joint, fixed_joints.get(name), carriers[joint.parent])
+            _joint(robot, name, joint, fixed_joints, carriers[joint.parent])
     xml.indent(robot)
-    files[f"{model.name}.urdf"] = xml.tostring(robot, encoding="unicode") + "\n"
+    files[f"{_plain(model.name)}.urdf"] = xml.tostring(robot, encoding="unicode") + "\n"
     return files
 
 
@@ -336,9 +360,8 @@ def _combined(parts: Sequence[tuple[Link, Pose]]) -> Link:
 def _inertial(element: xml.Element, link: Link) -> None:
     inertial = xml.SubElement(element, "inertial")
     xml.SubElement(inertial, "origin", xyz=_text(link.com), rpy="0 0 0")
-    # A link without mass would become 1 kg in Bullet: a frame weighs a hundredth of a gram.
-    xml.SubElement(inertial, "mass", value=repr(link.mass or 1e-5))
-    values = link.inertia if link.mass else (1e-9, 0.0, 0.0, 1e-9, 0.0, 1e-9)
+    xml.SubElement(inertial, "mass", value=repr(link.mass or FRAME_MASS))
+    values = link.inertia if link.mass else FRAME_INERTIA
     names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     xml.SubElement(
         inertial, "inertia", {n: repr(float(v)) for n, v in zip(names, values, strict=True)}
@@ -352,7 +375,7 @@ def _generated_visuals(
     files = {}
     for material in dict.fromkeys(shape.material for shape in link.visual):
         shapes = [s.mesh().moved(pose) for s in link.visual if s.material == material]
-        file = f"{name}_{material}.obj"
+        file = f"{_plain(name)}_{_plain(material)}.obj"
         files[file] = mesh.merge(shapes).obj()
         visual = xml.SubElement(element, "visual")
         xml.SubElement(xml.SubElement(visual, "geometry"), "mesh", filename=file)
@@ -364,11 +387,26 @@ def _generated_visuals(
 
 def _mesh_visual(element: xml.Element, drawn: MeshFile, pose: Pose) -> None:
     visual = xml.SubElement(element, "visual")
-    _origin(visual, pose @ Pose(drawn.at, tuple(quaternion_from_rpy(*drawn.rpy).tolist())))
+    _origin(visual, pose @ drawn.pose())
     shape = xml.SubElement(visual, "geometry")
     xml.SubElement(shape, "mesh", filename=drawn.file, scale=_text(drawn.scale))
-    painted = xml.SubElement(visual, "material", name=f"{Path(drawn.file).stem}_{drawn.rgba}")
-    xml.SubElement(painted, "color", rgba=_text(drawn.rgba))
+    # Where the file has colours, as RViz takes them, white lets them through to the renderers.
+    rgba = (1.0, 1.0, 1.0, drawn.rgba[3]) if mesh_path.has_colors(drawn.file) else drawn.rgba
+    painted = xml.SubElement(visual, "material", name=f"{Path(drawn.file).stem}_{rgba}")
+    xml.SubElement(painted, "color", rgba=_text(rgba))
+
+
+def _hulls(element: xml.Element, name: str, link: Link, pose: Pose) -> dict[str, str]:
+    """Let a link collide by the convex hulls of its mesh files; return the hulls' files."""
+    files: dict[str, str] = {}
+    for solid in link.hulls:
+        for corners in hull.hulls(solid.file):
+            file = f"{_plain(name)}_hull_{len(files)}.obj"
+            files[file] = hull.obj(corners * solid.scale)
+            collision = xml.SubElement(element, "collision")
+            _origin(collision, pose @ solid.pose())
+            xml.SubElement(xml.SubElement(collision, "geometry"), "mesh", filename=file)
+    return files
 
 
 def _geometry(element: xml.Element, shape: Shape) -> None:
@@ -383,20 +421,32 @@ def _geometry(element: xml.Element, shape: Shape) -> None:
 
 
 def _joint(
-    robot: xml.Element, name: str, joint: Joint, frozen: float | None, parent: tuple[str, Pose]
+    robot: xml.Element,
+    name: str,
+    joint: Joint,
+    fixed_joints: Mapping[str, float],
+    parent: tuple[str, Pose],
 ) -> None:
-    kind = joint.kind if frozen is None else "fixed"
+    kind = "fixed" if name in fixed_joints else joint.kind
     element = xml.SubElement(robot, "joint", name=name, type=kind)
     xml.SubElement(element, "parent", link=parent[0])
     xml.SubElement(element, "child", link=joint.child)
-    _origin(element, parent[1] @ joint_pose(joint, frozen or 0.0))
+    _origin(element, parent[1] @ joint_pose(joint, fixed_joints.get(name, 0.0)))
     if kind == "fixed":
         return
-    xml.SubElement(element, "axis", xyz=_text(joint.axis))
+    length = float(np.linalg.norm(joint.axis))  # Bullet warns where it is not quite one
+    xml.SubElement(element, "axis", xyz=_text(tuple(a / length for a in joint.axis)))
     limit = {"effort": repr(joint.effort), "velocity": repr(joint.velocity)}
     if kind != "continuous":
         limit |= {"lower": repr(joint.lower), "upper": repr(joint.upper)}
     xml.SubElement(element, "limit", limit)
+    if joint.damping or joint.friction:
+        dynamics = {"damping": repr(joint.damping), "friction": repr(joint.friction)}
+        xml.SubElement(element, "dynamics", dynamics)
+    rule = joint.follows
+    if rule is not None and rule.joint not in fixed_joints:
+        numbers = {"multiplier": repr(rule.multiplier), "offset": repr(rule.offset)}
+        xml.SubElement(element, "mimic", {"joint": rule.joint} | numbers)
 
 
 def joint_pose(joint: Joint, position: float = 0.0) -> Pose:
@@ -438,3 +488,9 @@ def _flat(value: object) -> list[object]:
 
 def _text(values: tuple[float, ...]) -> str:
     return " ".join(repr(float(v)) for v in values)
+
+
+def _plain(name: str) -> str:
+    """Return a name that a file can have; that of another name is another."""
+    plain = re.sub(r"\W", "_", name)
+    return plain if plain == name else f"{plain}_{zlib.crc32(name.encode()):08x}"
