@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,10 @@ from rcare_marl.body import Body
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
+
+if TYPE_CHECKING:
+    from .sensing.marker import MarkerConfig
+    from .sensing.suite import SensorSuite
 
 Array = npt.NDArray[np.float64]
 
@@ -22,10 +27,24 @@ class Agent(abc.ABC):
     Attributes:
         name: The role that it plays.
         body: Its body, once spawned.
+        sensors: What it senses with beyond its own state.
+        markers: Fiducial markers on its links.
     """
 
     name: str
     body: Body
+    sensors: SensorSuite | None = None
+    markers: tuple[MarkerConfig, ...] = ()
+
+    def equip(self, sensors: SensorSuite | None, markers: Sequence[MarkerConfig] = ()) -> None:
+        """Give it sensors and fiducial markers, before `spawn`."""
+        self.sensors, self.markers = sensors, tuple(markers)
+
+    def kept_links(self) -> tuple[str, ...]:
+        """Return the links that must stay links of their own, since sensors or markers sit there."""
+        sensed = self.sensors.links(self) if self.sensors is not None else ()
+        carried = (marker.on for marker in self.markers if marker.on != "world")
+        return (*sensed, *carried)
 
     @property
     @abc.abstractmethod

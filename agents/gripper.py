@@ -15,6 +15,8 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.urdf import Model, joint_pose
 
+LINKAGE_GAIN = 0.1  # share of a follower's position error that is removed in one physics step
+
 
 @dataclass(frozen=True)
 class GripperConfig:
@@ -30,6 +32,7 @@ class GripperConfig:
         pad: A point of the first finger's pad in that link's frame [m].
         other_pad: The same for the second finger.
         source: Where the figures are from.
+        friction: Of the fingers against what they hold [1].
     """
 
     joint: str
@@ -40,7 +43,8 @@ class GripperConfig:
     fingers: tuple[str, str]
     pad: tuple[float, float, float]
     other_pad: tuple[float, float, float]
-    source: str
+    source: str = ""
+    friction: float = 1.0
 
     def __post_init__(self) -> None:
         if self.opened == self.closed or self.force <= 0 or self.speed <= 0:
@@ -56,8 +60,8 @@ class Gripper:
         target: Where the driven joint is to be [rad or m].
     """
 
-    def __init__(self, config: GripperConfig, model: Model, width: float) -> None:
-        """Take the fingers of `model`, `width` [m] apart.
+    def __init__(self, config: GripperConfig, model: Model, width: float | None = None) -> None:
+        """Take the fingers of `model`, `width` [m] apart, or wide open if None.
 
         Raises:
             UnknownNameError: If the model lacks the joint or a finger.
@@ -73,7 +77,8 @@ class Gripper:
             if joint.follows is not None and joint.follows.joint == config.joint:
                 self.joints[name] = (joint.follows.multiplier, joint.follows.offset)
         self._indices: list[int] = []
-        self.start = self.target = self.position_for(width)
+        self.start = config.opened if width is None else self.position_for(width)
+        self.target = self.start
 
     @property
     def is_movable(self) -> bool:
@@ -125,18 +130,41 @@ class Gripper:
         names = [name for name in self.joints if name in body.joints]
         self._body, self._indices = body, body.indices(names)
         self._rules = [self.joints[name] for name in names]
+        efforts = [body.joint(name).effort for name in names[1:]]
+        self._linkage = [max(effort, 2 * self.config.force) for effort in efforts]
+        fingers = [body.links[link] for link in self.config.fingers if link in body.links]
+        if names:
+            body.set_friction(fingers, lateral=self.config.friction)
 
     def drive(self, position: float, *, teleport: bool = False) -> None:
-        """Drive the driven joint to `position` [rad or m], and its followers with it."""
+        """Drive the driven joint to `position` [rad or m]; its followers need `align`."""
         low, high = sorted((self.config.opened, self.config.closed))
         self.target = min(max(position, low), high)
         if not self._indices:
             return
-        targets = [m * self.target + offset for m, offset in self._rules]
         if teleport:
+            targets = [m * self.target + offset for m, offset in self._rules]
             self._body.set_joints(self._indices, targets)
         self._body.drive_positions(
-            self._indices, targets, [self.config.force] * len(targets), position_gain=0.05
+            self._indices[:1], [self.target], [self.config.force], position_gain=0.05
+        )
+        self.align()
+
+    def align(self) -> None:
+        """Drive the followers to where the driven joint really is, for a physics step.
+
+        They act as the linkage that they are: where an object stops the driven joint they stop too,
+        and they yield only to what would break it.
+        """
+        if len(self._indices) < 2:
+            return
+        (position,), (velocity,) = self._body.joint_states(self._indices[:1])
+        self._body.drive_positions(
+            self._indices[1:],
+            [m * position + offset for m, offset in self._rules[1:]],
+            self._linkage,
+            position_gain=LINKAGE_GAIN,
+            velocities=[m * velocity for m, _ in self._rules[1:]],
         )
 
     def advance(self, action: float, duration: float) -> None:
@@ -149,9 +177,11 @@ class Gripper:
         fraction = min(max(closing, 0.0), 1.0)
         self.drive(self.config.opened + fraction * (self.config.closed - self.config.opened))
 
+    def position(self) -> float:
+        """Return where the driven joint is [rad or m]."""
+        return self._body.joint_states(self._indices[:1])[0][0] if self._indices else self.target
+
     def closing(self) -> float:
         """Return how far it is closed: 0 is open, 1 is closed."""
-        position = self.target
-        if self._indices:
-            position = self._body.joint_states(self._indices[:1])[0][0]
+        position = self.position()
         return (position - self.config.opened) / (self.config.closed - self.config.opened)

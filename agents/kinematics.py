@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, quaternion_from_matrix, rotate
 from rcare_marl.urdf import Joint, Model, joint_pose
 
 GRAVITY = 9.81  # [m/s²]
@@ -44,6 +44,7 @@ class Chain:
 
     Attributes:
         joints: Names of the joints that move the chain, root first.
+        telescope: Names of the sliding joints on the way that follow one of them.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class Chain:
         tip: str,
         *,
         others: Mapping[str, float] | None = None,
+        root: str | None = None,
     ) -> None:
         """Collect the chain.
 
@@ -61,36 +63,62 @@ class Chain:
             joints: The joints that move, root first; all other joints count as frozen.
             tip: The link at the end.
             others: Positions of frozen joints [rad or m]; zero where not named.
+            root: Link that the chain starts from; the model's root if None.
 
         Raises:
-            ConfigError: If a joint is not on the way from the root to `tip`.
+            ConfigError: If a joint is not on the way from the root to `tip`, or one there follows
+                another in a way that is no telescope.
         """
         self.joints = tuple(joints)
         frozen = dict(others or {})
         carried_by = {joint.child: (name, joint) for name, joint in model.joints.items()}
         path: list[tuple[str, Joint]] = []
         link = tip
-        while link in carried_by:
+        while link in carried_by and link != root:
             path.insert(0, carried_by[link])
             link = path[0][1].parent
         on_path = [name for name, _ in path if name in self.joints]
         if on_path != list(self.joints):
             raise ConfigError(f"joints {joints} do not lie, in order, between the root and {tip!r}")
-        origins, here = [], Pose()
+        moving = [model.joints[name] for name in self.joints]
+        axes = np.array([j.axis for j in moving], np.float64).reshape(-1, 3)
+        self.axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+        self.slides = np.array([j.kind == "prismatic" for j in moving])
+        origins, here, telescope = [], Pose(), []
+        lengths = np.ones(len(moving))
         for name, joint in path:
             if name in self.joints:
                 origins.append((here @ joint_pose(joint)).matrix()[:3])
                 here = Pose()
+            elif joint.follows is not None and joint.follows.joint in self.joints:
+                lengths[len(origins) - 1] += self._lengthening(name, joint, here, len(origins) - 1)
+                telescope.append(name)
+                here = here @ joint_pose(joint, joint.follows.offset)
             else:
                 here = here @ joint_pose(joint, frozen.get(name, 0.0))
         origins.append(here.matrix()[:3])
-        moving = [model.joints[name] for name in self.joints]
-        axes = np.array([j.axis for j in moving], np.float64).reshape(-1, 3)
         self.origins = np.ascontiguousarray(origins)
-        self.axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
-        self.slides = np.array([j.kind == "prismatic" for j in moving])
+        self.axes *= lengths[:, None]  # a telescope moves its tip by several times its first joint
+        self.telescope = tuple(telescope)
         self.masses, self.centres = self._carried(model, frozen)
         self.base = Pose().matrix()[:3]
+
+    def _lengthening(self, name: str, joint: Joint, here: Pose, last: int) -> float:
+        """Return how far the tip moves by a follower for each metre of its leader, joint `last`."""
+        assert joint.follows is not None
+        along = rotate((here @ joint_pose(joint)).quaternion, joint.axis)
+        is_last = last >= 0 and self.joints[last] == joint.follows.joint
+        if not (is_last and self.slides[last] and joint.kind == "prismatic"):
+            raise ConfigError(
+                f"joint {name!r} follows {joint.follows.joint!r} on the way to the tool: only sliding "
+                "joints that directly follow a sliding one can, as in a telescope"
+            )
+        if joint.follows.offset != 0 or joint.follows.multiplier == 0:
+            raise ConfigError(f"joint {name!r} of a telescope needs a multiplier and no offset")
+        scale = float(np.dot(along, self.axes[last]) / np.linalg.norm(joint.axis))
+        if abs(abs(scale) - 1) > 1e-6:
+            raise ConfigError(f"joint {name!r} is not parallel to {joint.follows.joint!r}")
+        return joint.follows.multiplier * scale
 
     def _carried(self, model: Model, frozen: Mapping[str, float]) -> tuple[Array, Array]:
         """Return mass [kg] and centre [m] of what each joint carries rigidly, in its child."""

@@ -2,115 +2,68 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from rcare_marl import assets
 from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
-from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.observable import Observable
-from rcare_marl.pose import Pose, quaternion_from_rpy, rotation_vector
+from rcare_marl.pose import Pose
+from rcare_marl.urdf import Follow
 from rcare_marl.world import World
 
 from .agent import Agent, Array
 from .arm import Arm
-from .control import CONTROLS, Control, JointTorque, ToolDelta, make_control
-from .gripper import Gripper, GripperConfig
-from .kinematics import Chain, IkResult
-from .robot_model import Meshes, MeshPackage, robot_files
+from .control import (
+    CONTROLS,
+    WEIGHT_CARRYING,
+    BaseVelocity,
+    Control,
+    GripperClosing,
+    ToolDelta,
+    make_control,
+    make_group_control,
+)
+from .gripper import Gripper
+from .joint_group import JointGroup
+from .kinematics import IkResult
+from .mobile_base import MobileBase
+from .robot_assembly import Assembly, assemble
+from .robot_config import Mount, RobotConfig, gripper_name, load_robot, urdf_robot
+from .robot_model import Meshes, RobotFiles
+from .robot_part import Part, closing
+from .self_collision import touching_links
+
+if TYPE_CHECKING:
+    from .sensing.marker import MarkerConfig
+    from .sensing.suite import SensorSuite
 
 GripperUse = Literal["held", "free", "commanded"]
 
 
-@dataclass(frozen=True)
-class Mount:
-    """Where a robot's base goes, in the frame of a device or of the world.
-
-    Attributes:
-        note: What the place is, and whose choice.
-        position: Of the base link's frame [m].
-        rpy_deg: Turn of the base, fixed-axis roll, pitch, yaw [degrees].
-    """
-
-    note: str
-    position: tuple[float, float, float]
-    rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    @property
-    def pose(self) -> Pose:
-        """The pose of the base."""
-        turn = quaternion_from_rpy(*(math.radians(angle) for angle in self.rpy_deg))
-        return Pose(self.position, tuple(turn.tolist()))
-
-
-@dataclass(frozen=True)
-class RobotConfig:
-    """A robot model.
-
-    Attributes:
-        model: Its data, a file below `assets/robots`.
-        arm_joints: Names of the joints that actions move, base to tip.
-        tool_link: The link whose frame is the tool's: z forward, x up.
-        postures: Start postures by name [rad or m], one value a joint; `home` is the default.
-        mounts: Places for the base by name.
-        gripper: The gripper, if it has one.
-        package: Where its real meshes can be had, if anywhere.
-        base: Whether the base is bolted down or drives.
-        contact_stiffness: Of contact with any link [N/m]; zero is rigid.
-        contact_damping: Of contact with any link [N·s/m].
-    """
-
-    model: str
-    arm_joints: tuple[str, ...]
-    tool_link: str
-    postures: dict[str, tuple[float, ...]]
-    mounts: dict[str, Mount] = field(default_factory=dict)
-    gripper: GripperConfig | None = None
-    package: MeshPackage | None = None
-    base: Literal["fixed", "wheeled"] = "fixed"
-    contact_stiffness: float = 0.0
-    contact_damping: float = 0.0
-
-    def __post_init__(self) -> None:
-        if "home" not in self.postures:
-            raise ConfigError(f"postures need one called 'home', got {sorted(self.postures)}")
-        for name, posture in self.postures.items():
-            if len(posture) != len(self.arm_joints):
-                raise ConfigError(
-                    f"posture {name!r} needs {len(self.arm_joints)} values, one a joint of the "
-                    f"arm, got {len(posture)}"
-                )
-
-
-def load_robot(name: str | Path) -> RobotConfig:
-    """Return the robot of that name, or from that YAML file."""
-    path = Path(name)
-    is_file = path.suffix in (".yaml", ".yml")
-    return load(RobotConfig, path if is_file else assets.find("robots", str(name)))
-
-
 class Robot(Agent):
-    """A robot arm with a gripper under one of the control modes.
+    """A robot: one arm or two under one of the control modes, and what else of it is to move.
 
     Attributes:
         name: The role that it plays.
         config: Its model.
-        files: What was loaded.
+        moves: Names of the parts that actions move, in the order of the action.
+        chosen_mount: Where it is mounted in place of where the task says.
         body: Its body, once spawned.
-        arm: Its arm, once spawned.
-        control: Its control mode, once spawned.
+        arms: Its arms that move by name, once spawned.
+        groups: Its head, torso and so on that move, by name, once spawned.
+        base: Its base, if it is driven by itself, once spawned.
+        parts: The parts that move by name, once spawned.
     """
 
     body: Body
-    arm: Arm
-    control: Control
+    arms: dict[str, Arm]
+    groups: dict[str, JointGroup]
+    base: MobileBase | None
+    parts: dict[str, Part]
 
     def __init__(
         self,
@@ -118,13 +71,14 @@ class Robot(Agent):
         config: RobotConfig,
         *,
         control: str = "tool_delta",
-        posture: str | None = None,
+        moves: Sequence[str] | None = None,
+        posture: str | Mapping[str, float] | None = None,
         posture_noise: float = 0.0,
         gripper: GripperUse = "held",
         grip_width: float = 0.02,
+        mount: str | Mount | None = None,
         contact_force: float = ToolDelta.CONTACT_FORCE,
         meshes: Meshes = "never",
-        urdf: str | Path | None = None,
         self_collision: bool = False,
     ) -> None:
         """Choose how the robot is built and driven.
@@ -132,54 +86,132 @@ class Robot(Agent):
         Args:
             name: The role that it plays.
             config: The model.
-            control: One of `CONTROLS`.
-            posture: Name of the start posture; that of the mount, or `home`, if None.
-            posture_noise: Standard deviation of the start posture [rad or m].
+            control: Control mode of the arms, one of `CONTROLS`; head and torso take the same one
+                if it is `joint_position` or `joint_velocity`, else `joint_delta`.
+            moves: Parts that actions move, such as `("right_arm", "base")`; the main arm if None.
+                All other joints are frozen in the start posture, which makes the simulation faster.
+            posture: Name of the start posture, or joint positions [rad or m] by joint; that of the
+                mount, or `home`, if None.
+            posture_noise: Standard deviation of the start posture of the arms [rad or m].
             gripper: `held` freezes the fingers round something `grip_width` thick, which makes the
-                simulation faster; `free` leaves them to `set_gripper`; `commanded` adds an action
-                value that closes (1) and opens (-1) them.
-            grip_width: Gap between the fingers at the start [m].
+                simulation faster; `free` leaves them to `set_gripper`; `commanded` adds the gripper
+                of the main arm to `moves`.
+            grip_width: Gap between the fingers of the main arm at the start [m].
+            mount: Where it is mounted in place of where the task says: a mount of the model by name,
+                or a place of its own in the same frame.
             contact_force: Force at the tool from which `tool_delta` gives way [N].
             meshes: Whether to draw the real meshes of an optional package; the physics is the same.
-            urdf: A URDF of the user's own with the joints and links that `config` names.
             self_collision: Whether links of the robot collide with each other.
 
         Raises:
-            UnknownNameError: If there is no such control mode, posture, joint or link.
+            UnknownNameError: If there is no such control mode, part, posture, joint or link.
             ConfigError: If the model cannot be used, or an option is impossible.
             MissingPackageError: If meshes are required and not installed.
         """
         if control not in CONTROLS:
             raise UnknownNameError("control mode", control, CONTROLS)
-        if posture is not None and posture not in config.postures:
+        if isinstance(posture, str) and posture not in config.postures:
             raise UnknownNameError("posture", posture, config.postures)
         if gripper not in ("held", "free", "commanded"):
             raise UnknownNameError("use of a gripper", gripper, ("held", "free", "commanded"))
         if contact_force <= 0:
             raise ConfigError(f"contact_force must be positive, got {contact_force} N")
         self.name, self.config = name, config
-        self._control_name = control
-        self._posture_name, self._posture_is_chosen = posture or "home", posture is not None
+        self._control_name, self._gripper_use = control, gripper
         self._noise, self._contact_force = posture_noise, contact_force
+        self._grip_width, self._meshes = grip_width, meshes
         self._self_collision = self_collision
-        self._commanded = gripper == "commanded"
-        self.files = robot_files(config.model, config.package, urdf=urdf, meshes=meshes)
-        self.gripper: Gripper | None = None
-        frozen: dict[str, float] = {}
-        if config.gripper is not None:
-            self.gripper = Gripper(config.gripper, self.files.model, grip_width)
-            frozen = self.gripper.positions(self.gripper.start)
-        elif self._commanded:
-            raise ConfigError(f"{self.files.model.name} has no gripper to command")
-        if gripper == "held" and urdf is None:  # in a user's own URDF motors hold the fingers
-            self.files = robot_files(
-                config.model,
-                config.package,
-                meshes=meshes,
-                fixed_joints=frozen,
-                melt_except=(config.tool_link,),
-            )
-        self._chain = Chain(self.files.model, config.arm_joints, config.tool_link, others=frozen)
+        if isinstance(mount, str) and mount not in config.mounts:
+            raise UnknownNameError("mount", mount, config.mounts)
+        self.chosen_mount = mount
+        self._posture: str | Mapping[str, float] = "home" if posture is None else posture
+        self._posture_is_chosen = posture is not None
+        self.moves = self._checked_moves(moves)
+        self._assembly: Assembly | None = self._assemble()
+        self.parts, self.arms, self.groups, self.base = {}, {}, {}, None
+
+    def equip(self, sensors: SensorSuite | None, markers: Sequence[MarkerConfig] = ()) -> None:
+        super().equip(sensors, markers)
+        if self.kept_links():
+            self.forget_assembly()
+
+    def _checked_moves(self, moves: Sequence[str] | None) -> tuple[str, ...]:
+        config = self.config
+        main_gripper = gripper_name(config.main_arm)
+        chosen = (config.main_arm,) if moves is None else tuple(moves)
+        for part in chosen:
+            if part not in config.parts:
+                raise UnknownNameError("part of the robot", part, config.parts)
+        if len(set(chosen)) != len(chosen):
+            raise ConfigError(f"moves names a part twice: {chosen}")
+        if self._gripper_use == "commanded" and main_gripper not in chosen:
+            if main_gripper not in config.parts:
+                raise ConfigError(f"{self.name!r} has no gripper to command")
+            chosen = (*chosen, main_gripper)
+        return chosen
+
+    def _assemble(self) -> Assembly:
+        config, posture = self.config, self._posture
+        free = [
+            arm
+            for arm in config.arms
+            if self._gripper_use == "free" or gripper_name(arm) in self.moves
+        ]
+        return assemble(
+            config,
+            moves=self.moves,
+            free_grippers=[arm for arm in free if config.arms[arm].gripper is not None],
+            grip_width=self._grip_width,
+            posture=config.postures[posture] if isinstance(posture, str) else posture,
+            meshes=self._meshes,
+            kept_links=self.kept_links(),
+        )
+
+    @property
+    def assembly(self) -> Assembly:
+        """The robot as it is loaded."""
+        if self._assembly is None:
+            self._assembly = self._assemble()
+        return self._assembly
+
+    def forget_assembly(self) -> None:
+        """Put the model together anew at the next use, since what it depends on has changed."""
+        self._assembly = None
+
+    @property
+    def files(self) -> RobotFiles:
+        """What is loaded."""
+        return self.assembly.files
+
+    @property
+    def arm(self) -> Arm:
+        """The main arm that moves; ConfigError if none does."""
+        if not self.arms:
+            raise ConfigError(f"{self.name!r} moves {self.moves}, and none of it is an arm")
+        return next(iter(self.arms.values()))
+
+    @property
+    def control(self) -> Control:
+        """Control mode of the main arm; ConfigError if no arm moves."""
+        return self.parts[self._main].control
+
+    @property
+    def _main(self) -> str:
+        """Name of the main arm that moves."""
+        arms = [name for name in self.moves if name in self.config.arms]
+        if not arms:
+            raise ConfigError(f"{self.name!r} moves {self.moves}, and none of it is an arm")
+        return arms[0]
+
+    @property
+    def gripper(self) -> Gripper | None:
+        """Gripper of the main arm."""
+        return self.assembly.grippers.get(self._main)
+
+    @property
+    def hands(self) -> list[tuple[str, str]]:
+        """The finger links of each hand."""
+        return [gripper.config.fingers for gripper in self.assembly.grippers.values()]
 
     @property
     def action_size(self) -> int:
@@ -187,88 +219,194 @@ class Robot(Agent):
 
     @property
     def action_names(self) -> tuple[str, ...]:
-        names = self.control.names
-        return (*names, "gripper closing [1]") if self._commanded else names
+        return tuple(name for part in self.parts.values() for name in part.control.names)
+
+    @property
+    def tool_link(self) -> str:
+        """The link whose frame is the tool's of the main arm."""
+        return self.assembly.tools[self._main]
 
     @property
     def tool_index(self) -> int:
-        """Index of the tool link in the body."""
-        return self.body.link_index(self.config.tool_link)
+        """Index of the main arm's tool link in the body."""
+        return self.body.link_index(self.tool_link)
 
     def mount(self, name: str, on: Pose = Pose()) -> Pose:
-        """Return the pose of the base for the mount `name` of a device that stands at `on`.
+        """Return the pose of the root for the mount `name` of a device that stands at `on`.
 
-        Before `spawn` this also chooses the start posture of that name, if the model has one and
-        none was asked for.
+        A mount that was chosen when the robot was built takes the place of `name`. Before `spawn`
+        this also chooses the start posture of that name, if the model has one and none was asked for.
 
         Raises:
             UnknownNameError: If the model has no mount of that name.
+            ConfigError: As for `mount_named`.
         """
-        if name not in self.config.mounts:
-            raise UnknownNameError("mount", name, self.config.mounts)
-        if not self._posture_is_chosen and name in self.config.postures:
-            self._posture_name = name
-        return on @ self.config.mounts[name].pose
+        mount = self.mount_named(name)
+        chosen = self.chosen_mount or name
+        if isinstance(chosen, str) and not self._posture_is_chosen:
+            if chosen in self.config.postures:
+                self._posture = chosen
+                self.forget_assembly()
+        return on @ mount.pose
+
+    def mount_named(self, name: str) -> Mount:
+        """Return the mount `name`, or the one that was chosen in its place.
+
+        Raises:
+            UnknownNameError: If the model has no mount of that name.
+            ConfigError: If it is one on a wheelchair and no arm of the model reaches from there.
+        """
+        chosen = self.chosen_mount or name
+        if isinstance(chosen, Mount):
+            return chosen
+        if chosen in self.config.mounts:
+            return self.config.mounts[chosen]
+        if chosen in ("wheelchair_left", "wheelchair_right"):
+            raise ConfigError(
+                f"{self.files.model.name} has no arm that reaches a person in a wheelchair: it has no "
+                f"mount {chosen!r}, only {', '.join(self.config.mounts)}. Give it a place with "
+                "mount={'position': [x, y, z]} to try"
+            )
+        raise UnknownNameError("mount", chosen, self.config.mounts)
 
     def spawn(self, world: World, pose: Pose) -> None:
         self._world = world
+        assembly = self.assembly
         self.body = world.load_urdf(
-            self.files.urdf, pose, name=self.name, self_collision=self._self_collision
+            assembly.files.urdf, pose, name=self.name, self_collision=self._self_collision
         )
+        if self._self_collision:
+            self.body.exclude_pairs(touching_links(assembly.files.model, self.body, self.hands))
         if self.config.contact_stiffness > 0:
             self.body.set_softness(
                 stiffness=self.config.contact_stiffness, damping=self.config.contact_damping
             )
-        rest = self.config.postures[self._posture_name]
-        self.arm = Arm(world, self.body, self._chain, rest)
-        self._period = np.where(np.isinf(self.arm.upper), 2 * np.pi, 1e9)
-        self._tool = self.tool_index
-        self.control = make_control(self._control_name, self.arm)
-        if isinstance(self.control, ToolDelta):
-            self.control.contact_force = self._contact_force
-        if self.gripper is not None:
-            self.gripper.bind(self.body)
-            self.gripper.drive(self.gripper.start, teleport=True)
-        self.set_posture(rest)
+        for gripper in assembly.grippers.values():
+            gripper.bind(self.body)
+        self._grippers = [g for g in assembly.grippers.values() if g.is_movable]
+        for name in self.moves:
+            self.parts[name] = self._make_part(world, assembly, name)
+        carries = self._control_name in WEIGHT_CARRYING
+        self._balanced = [
+            arm
+            for name, arm in self.arms.items()
+            if self.config.arms[name].counterbalanced and not carries
+        ]
+        self.set_start()
         self.sense()
 
+    def _make_part(self, world: World, assembly: Assembly, name: str) -> Part:
+        config = self.config
+        if name in config.arms:
+            chain = assembly.chains[name]
+            arm = Arm(
+                world,
+                self.body,
+                chain,
+                [assembly.start[j] for j in chain.joints],
+                _following(assembly, chain.joints),
+                assembly.roots[name],
+            )
+            self.arms[name] = arm
+            control = make_control(self._control_name, arm)
+            if isinstance(control, ToolDelta):
+                control.contact_force = self._contact_force
+            tool = self.body.link_index(assembly.tools[name])
+            return Part(
+                name,
+                control,
+                joints=arm,
+                tool=lambda: self.body.link_pose(tool),
+                prefix="" if name == self._main else f"{name}_",
+            )
+        if name in config.groups:
+            joints = assembly.groups[name]
+            rest = [assembly.start[j] for j in joints]
+            group = JointGroup(world, self.body, joints, rest, _following(assembly, joints))
+            self.groups[name] = group
+            return Part(name, make_group_control(self._control_name, group), joints=group)
+        if name == "base":
+            assert config.base is not None  # or `base` would be no part
+            self.base = MobileBase(self.body, config.base)
+            return Part(name, BaseVelocity(self.base), base=self.base)
+        gripper = next(g for arm, g in assembly.grippers.items() if gripper_name(arm) == name)
+        return Part(name, GripperClosing(gripper, name))
+
     def reset(self, rng: np.random.Generator) -> None:
-        self._chain.place(self.body.base_pose())
-        posture = np.array(self.config.postures[self._posture_name])
+        self.set_start()
         if self._noise:
-            posture += rng.normal(0.0, self._noise, len(posture))
-        if self.gripper is not None:
-            self.gripper.drive(self.gripper.start, teleport=True)
-        self.set_posture(posture)
+            for arm in self.arms.values():
+                self._teleport(arm, arm.rest + rng.normal(0.0, self._noise, len(arm)))
+
+    def set_start(self) -> None:
+        """Put every part that moves into its start posture, at rest."""
+        if self.base is not None:
+            self.base.teleport()
+        for gripper in self.assembly.grippers.values():
+            gripper.drive(gripper.start, teleport=True)
+        for part in self.parts.values():
+            if part.joints is not None:
+                part.joints.teleport(
+                    np.clip(part.joints.rest, part.joints.lower, part.joints.upper)
+                )
+        self._renew()
+
+    def _renew(self) -> None:
+        for arm in self.arms.values():
+            arm.track()
+        for part in self.parts.values():
+            part.control.reset()
 
     def command(self, action: Array, duration: float) -> None:
-        if self._commanded and self.gripper is not None:
-            self.gripper.advance(float(action[-1]), duration)
-            action = action[:-1]
-        self.control.command(action, duration)
+        for arm in self.arms.values():
+            if arm.is_carried:
+                arm.track()
+        start = 0
+        for part in self.parts.values():
+            size = part.control.size
+            part.control.command(action[start : start + size], duration)
+            start += size
 
     @property
     def needs_actuation(self) -> bool:
-        return isinstance(self.control, (JointTorque, ToolDelta))
+        return bool(self._grippers or self._balanced) or any(
+            part.control.needs_actuation for part in self.parts.values()
+        )
 
     def actuate(self) -> None:
-        self.control.actuate()
+        for part in self.parts.values():
+            part.control.actuate()
+        for arm in self._balanced:
+            arm.drive_torques(arm.chain.gravity_torques(arm.positions()).tolist())
+        for gripper in self._grippers:
+            gripper.align()
 
     def place(self, base: Pose) -> None:
-        """Move the base to `base` in the world; the arm keeps its posture, at rest."""
+        """Move the root to `base` in the world; all parts keep their posture, at rest."""
         self.body.set_base(base)
-        self._chain.place(base)
-        self.control.reset()
+        self._renew()
 
     def set_posture(self, posture: Sequence[float] | Array) -> None:
-        """Teleport the arm to `posture` [rad or m], shape [n], cut to its limits, and hold it."""
-        values = np.clip(np.asarray(posture, np.float64), self.arm.lower, self.arm.upper)
-        self.body.set_joints(self.arm.indices, values)
-        self.control.reset()
+        """Teleport the main arm to `posture` [rad or m], shape [n], within limits, and hold it."""
+        self._teleport(self.arm, np.asarray(posture, np.float64))
 
-    def tool_pose(self) -> Pose:
-        """Return the pose of the tool in the world."""
-        return self._chain.tip_pose(self.arm.positions())
+    def _teleport(self, arm: Arm, posture: Array) -> None:
+        arm.teleport(np.clip(posture, arm.lower, arm.upper))
+        self._renew()
+
+    def tool_pose(self, arm: str | None = None) -> Pose:
+        """Return the pose of the tool in the world, of the main arm if none is named."""
+        chosen = self._named_arm(arm)
+        if chosen.is_carried:
+            chosen.track()
+        return chosen.chain.tip_pose(chosen.positions())
+
+    def _named_arm(self, arm: str | None) -> Arm:
+        if arm is None:
+            return self.arm
+        if arm not in self.arms:
+            raise UnknownNameError(f"arm of {self.name!r} that moves", arm, self.arms)
+        return self.arms[arm]
 
     def solve_ik(
         self,
@@ -276,6 +414,7 @@ class Robot(Agent):
         *,
         seed: Sequence[float] | Array | None = None,
         position_only: bool = False,
+        arm: str | None = None,
     ) -> IkResult:
         """Return the posture that puts the tool at `pose`, within limits; nothing moves.
 
@@ -283,9 +422,13 @@ class Robot(Agent):
             pose: The wished pose of the tool in the world.
             seed: Posture to start from; the present one if None.
             position_only: Whether any orientation will do.
+            arm: Which arm; the main one if None.
         """
-        start = self.arm.positions() if seed is None else np.asarray(seed, np.float64)
-        return self.arm.solve(pose, start, position_only=position_only)
+        chosen = self._named_arm(arm)
+        if chosen.is_carried:
+            chosen.track()
+        start = chosen.positions() if seed is None else np.asarray(seed, np.float64)
+        return chosen.solve(pose, start, position_only=position_only)
 
     def grasp(self, body: Body, body_in_tool: Pose = Pose(), *, force: float = 500.0) -> Attachment:
         """Put the base of `body` at `body_in_tool` in the tool's frame and bond it there.
@@ -294,47 +437,46 @@ class Robot(Agent):
         """
         body.set_base(self.tool_pose() @ body_in_tool)
         self._world.set_collision(self.body, body, False)
-        return self._world.attach(self.body, self.config.tool_link, body, body_in_tool, force=force)
+        return self._world.attach(self.body, self.tool_link, body, body_in_tool, force=force)
 
-    def set_gripper(self, closing: float) -> None:
-        """Drive the gripper to `closing`: 0 is open, 1 is closed.
+    def set_gripper(self, closing: float, *, arm: str | None = None) -> None:
+        """Drive a gripper, that of the main arm if none is named: 0 is open, 1 is closed.
 
         Raises:
-            ConfigError: If the robot has no gripper, or its fingers are frozen.
+            ConfigError: If the arm has no gripper, or its fingers are frozen.
         """
-        if self.gripper is None or not self.gripper.is_movable:
+        gripper = self.assembly.grippers.get(arm or self._main)
+        if gripper is None or not gripper.is_movable:
             raise ConfigError(
                 f"{self.name!r} cannot move its fingers: build the robot with gripper='free'"
             )
-        self.gripper.drive_fraction(closing)
+        gripper.drive_fraction(closing)
 
     def sense(self) -> None:
-        positions, self._velocities, _ = self.arm.read()
-        pose = self.body.link_pose(self._tool)
-        # A continuous joint is at the same place every turn.
-        self._positions = positions - self._period * np.rint(positions / self._period)
-        self._tool_position = pose.position
-        self._tool_rotation = rotation_vector(pose.quaternion)
+        for part in self.parts.values():
+            part.sense()
 
     def observables(self) -> Sequence[Observable]:
-        count = len(self.arm)
-        out = [
-            Observable("joint_position", "rad", count, lambda: self._positions),
-            Observable("joint_velocity", "rad/s", count, lambda: self._velocities),
-            Observable("tool_position", "m", 3, lambda: self._tool_position),
-            Observable("tool_rotation", "rad", 3, lambda: self._tool_rotation),
-        ]
-        gripper = self.gripper
-        if gripper is not None and gripper.is_movable:
-            out.append(Observable("gripper_closing", "1", 1, lambda: [gripper.closing()]))
+        out = [observable for part in self.parts.values() for observable in part.observables()]
+        if self._gripper_use == "free":
+            grippers = self.assembly.grippers.items()
+            out += [closing(gripper_name(arm), g) for arm, g in grippers if g.is_movable]
         return out
 
     def describe(self) -> dict[str, str]:
         return {
             "model": self.files.model.name,
             "control": self._control_name,
+            "moves": ", ".join(self.moves),
             "physics": self.files.physics,
             "visuals": self.files.visuals,
             "mass": f"{self.files.model.mass:.3f} kg",
             "movable joints": str(len(self.body.joints)),
         }
+
+
+def _following(assembly: Assembly, joints: Sequence[str]) -> dict[str, Follow]:
+    return {n: rule for n, rule in assembly.followers.items() if rule.joint in joints}
+
+
+__all__ = ["Mount", "Part", "Robot", "RobotConfig", "load_robot", "urdf_robot"]

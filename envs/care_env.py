@@ -13,23 +13,28 @@ from pettingzoo import ParallelEnv
 
 from rcare_marl.agents.agent import Agent, Array
 from rcare_marl.agents.policy import Policy
+from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.sensing.marker import fasten
+from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNameError
-from rcare_marl.observable import ObservationVector
+from rcare_marl.observable import Observation
+from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
 from .registry import PolicyFactory
-from .task import Task
+from .task import Task, part_name
 
 if TYPE_CHECKING:
     from rcare_marl.rendering import Renderer, Viewer
 
-Obs = npt.NDArray[np.float32]
+Action = npt.NDArray[np.float32]
+Obs = Any  # a vector, or a dictionary of it and of arrays such as pictures
 RENDER_MODES = ("rgb_array", "human")
 ROUNDING = 1e-6  # by which an excitation may leave [0, 1]
 
 
 @final
-class CareEnv(ParallelEnv[str, Obs, Obs]):
+class CareEnv(ParallelEnv[str, Obs, Action]):
     """A PettingZoo parallel environment. Do not subclass it: write a `Task`.
 
     Attributes:
@@ -85,6 +90,7 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         self.world = World(physics_dt)
         self._renderer: Renderer | None = None
         self._viewer: Viewer | None = None
+        self._suites: tuple[SensorSuite, ...] = ()
         self.agents: list[str] = []
         self.is_over, self._has_begun = True, False
         self._rng = np.random.default_rng()
@@ -102,21 +108,38 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         self.task.cast = self.cast
         poses = self.task.furnish(self.world)
         for role, agent in self.cast.items():
-            agent.spawn(self.world, poses[role])
+            part = part_name(role)
+            is_main = role in poses or role == f"{part}_0"
+            start = poses[role if role in poses else part] if is_main else self._beside(role, agent)
+            agent.spawn(self.world, start)
+            for marker in agent.markers:
+                fasten(self.world, agent, marker)
         self.task.build(self.world)
-        self.world.mark_start()
         self._order = tuple(self.cast.values())
+        self._suites = tuple(a.sensors for a in self._order if a.sensors is not None)
+        for agent in self._order:
+            if agent.sensors is not None:
+                agent.sensors.bind(self.world, agent)
+        self.world.mark_start()
         self._actuated = tuple(a.actuate for a in self._order if a.needs_actuation)
-        self._vectors = {
-            role: ObservationVector([*agent.observables(), *self.task.observables(role)])
-            for role, agent in self.cast.items()
-        }
+        self._watched = tuple(suite.after_substep for suite in self._suites if suite.watches)
+        self._vectors = {role: self._observation(role) for role in self.cast}
         self._spaces: dict[str, spaces.Box[np.float32]] = {
             role: spaces.Box(agent.action_low, 1, (agent.action_size,), np.float32)
             for role, agent in self.cast.items()
         }
 
-    def observation_space(self, agent: str) -> spaces.Box[np.float32]:
+    def _beside(self, role: str, agent: Agent) -> Pose:
+        """Return where a robot stands that the task has no part for."""
+        assert isinstance(agent, Robot)  # only robots can be cast several times
+        return self.task.beside(agent, int(role.rsplit("_", 1)[1]))
+
+    def _observation(self, role: str) -> Observation:
+        agent = self.cast[role]
+        sensed = agent.sensors.observables() if agent.sensors is not None else ()
+        return Observation([*agent.observables(), *self.task.observables(role), *sensed])
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
         return self._vectors[self._known(agent)].space
 
     def action_space(self, agent: str) -> spaces.Box[np.float32]:
@@ -128,10 +151,13 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         size = sum(vector.size for vector in self._vectors.values())
         return spaces.Box(-np.inf, np.inf, (size,), np.float32)
 
-    def state(self) -> Obs:
-        """Return what all roles observe, learned or not, one after the other, for critics."""
+    def state(self) -> npt.NDArray[np.float32]:
+        """Return the numbers that all roles observe, learned or not, one after the other, for critics.
+
+        Arrays such as pictures are left out.
+        """
         self._check_begun()
-        return np.concatenate([vector.read() for vector in self._vectors.values()])
+        return np.concatenate([seen.vector() for seen in self._vectors.values()])
 
     def observe(self, role: str) -> Obs:
         """Return what one role observes now, learned or not."""
@@ -145,8 +171,12 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
             raise EpisodeError("there is nothing to see yet: call reset() first")
 
     def describe(self, role: str) -> list[tuple[slice, str, str]]:
-        """Return (slice, name, unit) of each part of a role's observation."""
+        """Return (slice, name, unit) of each part of a role's observed vector."""
         return self._vectors[self._known(role)].table()
+
+    def describe_arrays(self, role: str) -> list[tuple[tuple[int, ...], str, str]]:
+        """Return (shape, name, unit) of each array that a role observes beside the vector."""
+        return self._vectors[self._known(role)].arrays()
 
     def _known(self, role: str) -> str:
         if role not in self.cast:
@@ -170,6 +200,8 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         for agent in self._order:
             agent.reset(self._rng)
         self.task.reset(self._rng)
+        for suite in self._suites:
+            suite.reset(self._rng)
         self._sense()
         for policy in self.policies.values():
             policy.reset(self._rng)
@@ -183,7 +215,7 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
         )
 
     def step(
-        self, actions: dict[str, Obs]
+        self, actions: dict[str, Action]
     ) -> tuple[
         dict[str, Obs],
         dict[str, float],
@@ -210,6 +242,8 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
                 actuate()
             step()
             look()
+            for watch in self._watched:
+                watch()
         self._sense()
         roles = self.agents
         terms = {role: task.rewards(role) for role in roles}
@@ -232,12 +266,14 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
     def _sense(self) -> None:
         for agent in self._order:
             agent.sense()
+        for suite in self._suites:
+            suite.sense()
         self.task.after_step()
 
     def _info(self, terms: Mapping[str, float]) -> dict[str, Any]:
         return {"success": float(self.task.is_success()), **self.task.metrics(), **terms}
 
-    def _checked(self, actions: Mapping[str, Obs]) -> dict[str, Array]:
+    def _checked(self, actions: Mapping[str, Action]) -> dict[str, Array]:
         if self.is_over:
             raise EpisodeError("no episode is running: call reset() before step()")
         if not isinstance(actions, Mapping) or actions.keys() != set(self.agents):
@@ -298,10 +334,11 @@ class CareEnv(ParallelEnv[str, Obs, Obs]):
     def close(self) -> None:
         """Free the physics client and the renderers; safe to call twice."""
         try:
-            for part in (self._renderer, self._viewer):
+            for part in (self._renderer, self._viewer, *self._suites):
                 if part is not None:
                     part.close()
         finally:
             self._renderer = self._viewer = None
+            self._suites = ()
             self.agents, self.is_over = [], True
             self.world.close()

@@ -11,14 +11,17 @@ from rcare_marl.agents.actuation.drive import ActuationConfig
 from rcare_marl.agents.actuation.muscle_model import Tendon
 from rcare_marl.agents.agent import Agent
 from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.gripper import GripperConfig
 from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot, RobotConfig, load_robot
+from rcare_marl.agents.robot import Mount, Robot, RobotConfig, load_robot, urdf_robot
+from rcare_marl.agents.sensing.marker import MarkerConfig
+from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.agents.strength import StrengthMap
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 from .registry import PolicyFactory, policy_factory
-from .task import Role, Task
+from .task import Role, Task, part_name
 
 CastEntry = str | Path | RobotConfig | AvatarConfig | Mapping[str, Any] | None
 
@@ -30,12 +33,68 @@ class RobotCast:
     Attributes:
         model: A robot's name, a YAML file, or a `RobotConfig`; the role's default if None.
         control: Control mode; the role's default if None.
-        meshes: Whether to draw the makers' meshes: `auto` if they are installed, `never`, `required`.
+        moves: Parts that actions move, such as `(right_arm, base)`; the main arm if None.
+        posture: Name of the start posture, or joint positions [rad or m] by joint.
+        posture_noise: Standard deviation of the start posture [rad or m].
+        mount: A mount of the model by name, or a place of its own in the same frame.
+        meshes: Whether to draw the makers' meshes: `auto` if they are installed, `never`, `required`,
+            or the path of a URDF of the user's own to take them from.
+        self_collision: Whether links of the robot collide with each other.
+        urdf: A URDF of the user's own in place of a model.
+        joints: With a URDF, the joints of its arm, base to tip.
+        tool_link: With a URDF, the link that carries the tool.
+        tool_at: With a URDF, where the tool's frame lies in that link [m].
+        tool_rpy_deg: With a URDF, how it is turned there: z forward, x up [degrees].
+        gripper: With a URDF, its gripper.
+        sensors: Kinds of sensors, or mappings of their options; see docs/sensors.md.
+        markers: Fiducial markers on its links.
     """
 
     model: Any = None
     control: str | None = None
-    meshes: Literal["auto", "never", "required"] = "auto"
+    moves: tuple[str, ...] | None = None
+    posture: str | dict[str, float] | None = None
+    posture_noise: float = 0.0
+    mount: str | Mount | None = None
+    meshes: str = "auto"
+    self_collision: bool = False
+    urdf: str | Path | None = None
+    joints: tuple[str, ...] | None = None
+    tool_link: str | None = None
+    tool_at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tool_rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gripper: GripperConfig | None = None
+    sensors: tuple[Any, ...] = ()
+    markers: tuple[MarkerConfig, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.urdf is not None:
+            if self.model is not None:
+                raise ConfigError("give a model or a urdf, not both")
+            if self.joints is None or self.tool_link is None:
+                raise ConfigError(
+                    "a urdf needs `joints`, those of its arm from base to tip, and `tool_link`"
+                )
+            return
+        for name in ("joints", "tool_link", "gripper"):
+            if getattr(self, name) is not None:
+                raise ConfigError(f"{name} goes with a urdf; a model states its own")
+
+    def config(self, role: str, default: Any) -> RobotConfig:
+        """Return the robot that is meant, the role's `default` if none is named."""
+        if self.urdf is not None:
+            assert self.joints is not None and self.tool_link is not None  # checked above
+            return urdf_robot(
+                self.urdf,
+                self.joints,
+                self.tool_link,
+                tool_at=self.tool_at,
+                tool_rpy_deg=self.tool_rpy_deg,
+                gripper=self.gripper,
+                home=self.posture if isinstance(self.posture, Mapping) else None,
+            )
+        model = self.model if self.model is not None else default
+        return model if isinstance(model, RobotConfig) else load_robot(_named(role, model))
 
 
 @dataclass(frozen=True)
@@ -55,6 +114,8 @@ class HumanCast:
         tissue: Segments whose flesh yields: `left_shoulder` (upper arm), `left_elbow` (forearm), `*_hip`,
             `*_knee`, `spine1` to `spine3`, or `left_arm`, `left_leg`, `torso`.
         physiology_observed: Whether the person observes their own vital signs, fatigue and pain.
+        sensors: Kinds of sensors, or mappings of their options; see docs/sensors.md.
+        markers: Fiducial markers on the person's segments.
     """
 
     model: Any = None
@@ -67,6 +128,8 @@ class HumanCast:
     movable: tuple[str, ...] | None = None
     tissue: tuple[str, ...] = ()
     physiology_observed: bool = False
+    sensors: tuple[Any, ...] = ()
+    markers: tuple[MarkerConfig, ...] = ()
 
     def __post_init__(self) -> None:
         if self.actuation == "muscle":
@@ -86,15 +149,13 @@ def make_cast(
         task: The task.
         entries: For each role a model (name, YAML file or config), or a mapping of the fields of
             `RobotCast` or `HumanCast` and perhaps `policy`; None leaves an optional role empty.
+            Several robots are called `robot_0`, `robot_1`; the first of them has the task's part.
 
     Raises:
         UnknownNameError: If a role, model, option or policy does not exist.
         ConfigError: If an option has an impossible value, or a needed role is left empty.
     """
-    roles = task.roles()
-    for role in entries:
-        if role not in roles:
-            raise UnknownNameError(f"role in task {task_name!r}", role, roles)
+    roles = _played(task_name, task.roles(), entries)
     cast: dict[str, Agent] = {}
     policies: dict[str, PolicyFactory] = {}
     for role, part in roles.items():
@@ -111,6 +172,29 @@ def make_cast(
     return cast, policies
 
 
+def _played(
+    task: str, roles: Mapping[str, Role[Any]], entries: Mapping[str, CastEntry]
+) -> dict[str, Role[Any]]:
+    """Return the roles to be played: robots may come several times, as `robot_0`, `robot_1`."""
+    out: dict[str, Role[Any]] = {}
+    for name, part in roles.items():
+        several = [r for r in entries if part_name(r) == name and r != name]
+        if not several or part.kind is not Robot:
+            out[name] = part
+            continue
+        if name in entries:
+            raise ConfigError(f"cast either {name!r} or {', '.join(several)}, not both")
+        numbers = sorted(int(role.rsplit("_", 1)[1]) for role in several)
+        missing = set(range(1, len(numbers))) - set(numbers)
+        if missing or numbers[0] > 1:
+            raise ConfigError(f"several robots are numbered from {name}_0 on, got {several}")
+        out |= {f"{name}_{k}": part for k in range(max(numbers) + 1)}
+    for role in entries:
+        if role not in out:
+            raise UnknownNameError(f"role in task {task!r}", role, out)
+    return out
+
+
 def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
     """Return a policy's factory from its name, or the factory itself.
 
@@ -119,7 +203,7 @@ def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
         ConfigError: If it is neither a name nor callable.
     """
     if isinstance(policy, str):
-        return policy_factory(task, role, policy)
+        return policy_factory(task, part_name(role), policy)
     if not callable(policy):
         raise ConfigError(
             f"policy of {role!r} must be a name or a function of environment and role, got {policy!r}"
@@ -131,18 +215,23 @@ def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
 def _agent(name: str, role: Role[Any], fields: Mapping[str, Any]) -> Agent:
     if role.kind is Robot:
         robot = load(RobotCast, fields, f"cast of {name!r}")
-        model = robot.model if robot.model is not None else role.default
-        config = model if isinstance(model, RobotConfig) else load_robot(_named(name, model))
-        return Robot(
+        agent = Robot(
             name,
-            config,
+            robot.config(name, role.default),
             control=robot.control or role.control,
+            moves=robot.moves,
+            posture=None if robot.urdf is not None else robot.posture,
+            posture_noise=robot.posture_noise,
+            mount=robot.mount,
             meshes=robot.meshes,
+            self_collision=robot.self_collision,
         )
+        agent.equip(_suite(name, robot.sensors), robot.markers)
+        return agent
     person = load(HumanCast, fields, f"cast of {name!r}")
     model = person.model if person.model is not None else role.default
     avatar = model if isinstance(model, AvatarConfig) else load_avatar(_named(name, model))
-    return Human(
+    human = Human(
         name,
         avatar,
         posture=load_posture(person.posture or role.posture),
@@ -157,6 +246,12 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any]) -> Agent:
             strength=person.strength,
         ),
     )
+    human.equip(_suite(name, person.sensors), person.markers)
+    return human
+
+
+def _suite(role: str, entries: tuple[Any, ...]) -> SensorSuite | None:
+    return SensorSuite(entries, role) if entries else None
 
 
 def _named(role: str, model: Any) -> str | Path:

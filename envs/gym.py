@@ -14,6 +14,7 @@ from rcare_marl.errors import ConfigError
 from . import make
 from .care_env import RENDER_MODES
 from .registry import task_class
+from .task import part_name
 
 Obs = npt.NDArray[np.float32]
 
@@ -54,7 +55,7 @@ class SingleAgentEnv(gymnasium.Env[Obs, Obs]):
         others = {
             name: part.partner
             for name, part in task_class(task).roles().items()
-            if name != role
+            if name not in (role, part_name(role))
             and part.partner is not None
             and (part.default or cast.get(name))
             and not (isinstance(cast.get(name), Mapping) and "policy" in cast[name])

@@ -7,6 +7,8 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 
+import gymnasium
+
 from rcare_marl.agents.agent import Array
 from rcare_marl.agents.human import Human
 from rcare_marl.agents.policies.avatar_tree import AvatarBehaviour, Surroundings
@@ -77,6 +79,8 @@ _COMMON: dict[str, PolicyFactory] = {  # known for every role
 def register_task(name: str) -> Callable[[TaskClass], TaskClass]:
     """Return a decorator that makes a task known as `name` to `rcare_marl.make`.
 
+    Gymnasium then knows it too, as `rcare_marl/<Name>-v0`.
+
     Raises:
         ConfigError: If the name is taken.
     """
@@ -85,6 +89,14 @@ def register_task(name: str) -> Callable[[TaskClass], TaskClass]:
         if name in _TASKS:
             raise ConfigError(f"task {name!r} is already {_TASKS[name].__qualname__}")
         _TASKS[name] = cls
+        title = "".join(word.capitalize() for word in name.split("_"))
+        identifier = f"rcare_marl/{title}-v0"
+        if identifier not in gymnasium.registry:  # those of the package have theirs without import
+            gymnasium.register(
+                identifier,
+                entry_point="rcare_marl.envs.gym:SingleAgentEnv",
+                kwargs={"task": name},
+            )
         return cls
 
     return register

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import abc
+import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
@@ -11,13 +13,21 @@ from typing_extensions import Self
 
 from rcare_marl.agents.agent import Agent
 from rcare_marl.observable import Observable
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.world import World
 
 if TYPE_CHECKING:
+    from rcare_marl.agents.robot import Robot
     from rcare_marl.rendering import Camera
 
+BESIDE = (1.7, 1.1)  # [m] along and across, where a robot waits that has no part; our own choice
+
 AgentT = TypeVar("AgentT", bound=Agent)
+
+
+def part_name(role: str) -> str:
+    """Return the part that a role plays: `robot` for `robot_0` and `robot_1`."""
+    return re.sub(r"_\d+$", "", role)
 
 
 class Role(Generic[AgentT]):
@@ -58,7 +68,8 @@ class Role(Generic[AgentT]):
     def __get__(self, task: Task | None, owner: type[Task]) -> Self | AgentT:
         if task is None:
             return self
-        agent = task.cast[self._name]
+        # Where several robots play, the first of them has the part.
+        agent = task.cast.get(self._name) or task.cast[f"{self._name}_0"]
         assert isinstance(agent, self.kind)
         return agent
 
@@ -98,6 +109,28 @@ class Task(abc.ABC):
         A robot starts with its base there; a person rests on the surface there, see
         `agents.body.posture.pelvis_pose`.
         """
+
+    def frame_of(self, mount: str) -> Pose:
+        """Return the frame that a robot's mount of that name is in: the world's, or a device's."""
+        return Pose()
+
+    def beside(self, robot: Robot, number: int) -> Pose:
+        """Return where a robot starts that the task has no part for.
+
+        That is at the mount that was chosen for it, or else on the floor out of the way, looking at
+        the scene.
+
+        Args:
+            robot: The robot.
+            number: Its number, 1 for `robot_1`.
+        """
+        if robot.chosen_mount is not None:
+            named = robot.chosen_mount if isinstance(robot.chosen_mount, str) else "floor"
+            return robot.mount(named, self.frame_of(named))
+        side, row = 1 - 2 * (number % 2), (number + 1) // 2
+        place = (BESIDE[0], side * BESIDE[1] * row, 0.0)
+        facing = math.atan2(-place[1], -place[0])
+        return robot.mount("floor", Pose(place, tuple(quaternion_from_rpy(0, 0, facing).tolist())))
 
     @abc.abstractmethod
     def build(self, world: World) -> None:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pybullet as bullet
 
 from .errors import UnknownNameError
-from .pose import Array, Pose, Vector
+from .joint_feedback import JointFeedback
+from .pose import Array, Pose, Vector, matrix_from_quaternion
 
 if TYPE_CHECKING:
     from .world import World
 
 
+GEAR_ERP = 0.2  # share of a gear's position error that is removed in one physics step
 FIRST_OWN_GROUP, OWN_GROUPS = 64, 20  # collision groups; Bullet uses the lower ones itself
 
 
@@ -75,6 +78,7 @@ class Body:
         self._inertial = Pose(dynamics[3], dynamics[4])
         self._from_inertial = self._inertial.inverse()
         self._has_offset = self._inertial != Pose()
+        self._released: set[int] = set()  # joints without a motor
 
     def indices(self, joints: Iterable[str]) -> list[int]:
         """Return the indices of the named movable joints.
@@ -114,6 +118,69 @@ class Body:
         states = bullet.getJointStates(self.uid, indices, physicsClientId=self._client)
         return [s[3] for s in states]
 
+    @cached_property
+    def feedback(self) -> JointFeedback:
+        """What the joints transmit."""
+        return JointFeedback(self, self._client)
+
+    def has_motor(self, index: int) -> bool:
+        """Whether a joint is driven by a motor; not after `release_motors` without friction."""
+        return index not in self._released
+
+    def link_centre_states(self, links: Sequence[int]) -> list[tuple[tuple[float, ...], ...]]:
+        """Return how centres of mass of `links` are and move in the world; not of the base.
+
+        For each position [m], quaternion of the principal axes, velocity [m/s] and rate of turning
+        [rad/s], as Bullet gives them: many are read of which few are used.
+        """
+        states = bullet.getLinkStates(
+            self.uid, links, 1, computeForwardKinematics=1, physicsClientId=self._client
+        )
+        return [(s[0], s[1], s[6], s[7]) for s in states]
+
+    def link_centres(self, links: Sequence[int]) -> Array:
+        """Return the centres of mass of `links` in the world [m], shape [n, 3]; not of the base."""
+        states = bullet.getLinkStates(
+            self.uid, links, computeForwardKinematics=1, physicsClientId=self._client
+        )
+        return np.array([state[0] for state in states]).reshape(-1, 3)
+
+    def carried_by(self, link: int) -> list[int]:
+        """Return `link` and all links that it carries, directly or not."""
+        found = {link}
+        for index in range(link + 1, self.link_count):  # parents come before children
+            if bullet.getJointInfo(self.uid, index, physicsClientId=self._client)[16] in found:
+                found.add(index)
+        return sorted(found)
+
+    def solid_links(self) -> list[int]:
+        """Return the indices of the links that have a collision shape."""
+        shapes, client = bullet.getCollisionShapeData, self._client
+        return [i for i in self.link_names if shapes(self.uid, i, physicsClientId=client)]
+
+    def own_gap(self, a: int, b: int) -> float:
+        """Return the distance between two links [m], negative where they overlap; 0.01 if farther."""
+        near = bullet.getClosestPoints(self.uid, self.uid, 0.01, a, b, physicsClientId=self._client)
+        return min((float(point[8]) for point in near), default=0.01)
+
+    def exclude_pairs(self, pairs: Iterable[tuple[str, str]]) -> None:
+        """Let pairs of links of the body, by name, pass through each other."""
+        for a, b in pairs:
+            bullet.setCollisionFilterPair(
+                self.uid, self.uid, self.links[a], self.links[b], 0, physicsClientId=self._client
+            )
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the corners of the box round all collision shapes in the world [m], each [3]."""
+        boxes = [
+            bullet.getAABB(self.uid, link, physicsClientId=self._client)
+            for link in self.solid_links()
+        ]
+        if not boxes:
+            raise ValueError(f"{self.name!r} has no collision shape")
+        lows, highs = zip(*boxes, strict=True)
+        return np.min(lows, axis=0), np.max(highs, axis=0)
+
     def base_pose(self) -> Pose:
         """Return the pose of the base link's frame in the world."""
         pose = Pose(*bullet.getBasePositionAndOrientation(self.uid, physicsClientId=self._client))
@@ -150,6 +217,21 @@ class Body:
         state = bullet.getLinkState(self.uid, index, 0, 1, physicsClientId=self._client)
         return Pose(state[4], state[5])
 
+    def link_motion(self, index: int) -> tuple[Pose, Array, Array]:
+        """Return pose of a link, velocity of its origin [m/s] and rate of turning [rad/s], each [3].
+
+        All in the world; index -1 is the base.
+        """
+        if index < 0:
+            pose, centre = self.base_pose(), self.centre_pose()[0]
+            linear, angular = bullet.getBaseVelocity(self.uid, physicsClientId=self._client)
+        else:
+            state = bullet.getLinkState(self.uid, index, 1, 1, physicsClientId=self._client)
+            pose, centre, linear, angular = Pose(state[4], state[5]), state[0], state[6], state[7]
+        # Bullet tells the velocity of the centre of mass.
+        arm = np.subtract(pose.position, centre)
+        return pose, linear + np.cross(angular, arm), np.array(angular)
+
     def link_poses(self) -> tuple[Array, Array]:
         """Return positions [m], shape [links + 1, 3], and quaternions [links + 1, 4], base first."""
         base = self.base_pose()
@@ -183,18 +265,22 @@ class Body:
         *,
         position_gain: float = 0.1,
         velocity_gain: float = 1.0,
+        velocities: Sequence[float] | None = None,
     ) -> None:
         """Drive joints to `targets` [rad or m] with at most `forces` [N·m or N].
 
-        The gains are Bullet's: the share of the position error, and of the velocity error, that the
-        motor tries to remove in one physics step.
+        `velocities` [rad/s or m/s] are those wished at the targets, zero if None. The gains are
+        Bullet's: the share of the position error, and of the velocity error, that the motor tries to
+        remove in one physics step.
         """
+        self._released.difference_update(indices)
         count = len(indices)
         bullet.setJointMotorControlArray(
             self.uid,
             indices,
             bullet.POSITION_CONTROL,
             targetPositions=targets,
+            targetVelocities=[0.0] * count if velocities is None else velocities,
             forces=forces,
             positionGains=[position_gain] * count,
             velocityGains=[velocity_gain] * count,
@@ -203,6 +289,7 @@ class Body:
 
     def drive_velocities(self, indices: Sequence[int], targets: Vector, forces: Vector) -> None:
         """Drive joints at `targets` [rad/s or m/s] with at most `forces` [N·m or N]."""
+        self._released.difference_update(indices)
         bullet.setJointMotorControlArray(
             self.uid,
             indices,
@@ -226,6 +313,26 @@ class Body:
         """Turn off the default velocity motors, leaving `friction` [N·m or N]."""
         if indices:
             self.drive_velocities(indices, [0.0] * len(indices), [friction] * len(indices))
+            if friction == 0.0:
+                self._released.update(indices)
+
+    def gear(self, leader: int, follower: int, multiplier: float, force: float) -> None:
+        """Couple two joints: `follower` moves `multiplier` times as far, by at most `force` [N·m or N].
+
+        The physics solves it with all else, where a motor that follows would react a step late. It
+        lasts as long as the world.
+        """
+        gear = bullet.createConstraint(
+            self.uid, leader, self.uid, follower, bullet.JOINT_GEAR, (0, 0, 1), (0, 0, 0), (0, 0, 0),
+            physicsClientId=self._client,
+        )  # fmt: skip
+        bullet.changeConstraint(
+            gear,
+            gearRatio=-1 / multiplier,
+            maxForce=force,
+            erp=GEAR_ERP,
+            physicsClientId=self._client,
+        )
 
     def apply_force(self, link: int, force: Vector, point: Vector) -> None:
         """Push a link with `force` [N] at `point` [m], both in the world, for one physics step."""
@@ -319,10 +426,37 @@ class Body:
             if row[2] in _SHAPES
         ]
 
+    def collision_shapes(self, link: int) -> list[VisualShape]:
+        """Return the shapes with which a link collides, each in its frame; Bullet hulls meshes.
+
+        Cylinders of a URDF are meshes without a file: see `hull_points`.
+        """
+        rows = bullet.getCollisionShapeData(self.uid, link, physicsClientId=self._client)
+        at, white = self.inertial_pose(link), (1.0, 1.0, 1.0, 1.0)
+        return [
+            VisualShape(
+                link, _SHAPES.get(row[2], "other"), tuple(row[3]), row[4].decode(),
+                at @ Pose(row[5], row[6]), white,
+            )
+            for row in rows
+        ]  # fmt: skip
+
+    def hull_points(self, link: int, place: int) -> Array:
+        """Return the corners of the collision shape at `place` of a link in its frame, shape [n, 3].
+
+        Only of a mesh that has no file; there are none of anything else.
+        """
+        found = bullet.getMeshData(
+            self.uid, link, collisionShapeIndex=place, physicsClientId=self._client
+        )
+        at = self.inertial_pose(link)
+        points = np.array(found[1] if found else ()).reshape(-1, 3)
+        return points @ matrix_from_quaternion(at.quaternion).T + at.position
+
 
 @dataclass(frozen=True)
 class VisualShape:
-    """A shape to draw, in the frame of its link.
+    """A shape to draw or to collide with, in the frame of its link.
 
     Attributes:
         link: Link index, -1 for the base.

@@ -50,6 +50,27 @@ class Contact:
     force: float
 
 
+@dataclass(frozen=True)
+class Touch:
+    """What one contact point does to a body, friction included.
+
+    Attributes:
+        link: Link index of the body.
+        other: The other body's id in the physics client; -1 for soft matter.
+        position: Point of contact on the other body in the world [m], shape [3].
+        normal: Into the body, unit length, shape [3].
+        force: Normal force on the body [N].
+        friction: Friction on the body in the world [N], shape [3].
+    """
+
+    link: int
+    other: int
+    position: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    force: float
+    friction: tuple[float, float, float]
+
+
 class Skin(Protocol):
     """A deforming surface to draw in place of a body's own shapes.
 
@@ -181,7 +202,7 @@ class World:
             raise ConfigError(f"no URDF at {path}")
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
         if self_collision:
-            flags |= bullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
+            flags |= bullet.URDF_USE_SELF_COLLISION | bullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
         try:
             uid = bullet.loadURDF(
                 str(path), useFixedBase=fixed, flags=flags, physicsClientId=self.client
@@ -389,6 +410,34 @@ class World:
         for matter in self.matter:
             found.extend(matter.contacts(a, b))
         return found
+
+    def touches(self, a: Body) -> list[Touch]:
+        """Return what all contacts did to `a` in the last step; soft matter's friction is in `force`."""
+        found = []
+        # Asked for one body, Bullet turns its normals as needed, but not the friction: ask for all.
+        for p in bullet.getContactPoints(physicsClientId=self.client) or ():
+            for own, side in ((p[1], 1), (p[2], -1)):
+                if own != a.uid or p[9] <= 0:
+                    continue
+                link, other, point = (p[3], p[2], p[6]) if side > 0 else (p[4], p[1], p[5])
+                (nx, ny, nz), (ax, ay, az), (bx, by, bz) = p[7], p[11], p[13]
+                u, v = side * p[10], side * p[12]
+                drag = (u * ax + v * bx, u * ay + v * by, u * az + v * bz)
+                push = (side * nx, side * ny, side * nz)
+                found.append(Touch(link, other, point, push, p[9], drag))
+        for matter in self.matter:
+            for c in matter.contacts(a):
+                found.append(Touch(c.link_a, -1, c.position, c.normal, c.force, (0.0, 0.0, 0.0)))
+        return found
+
+    def held_by(self, body: Body) -> list[Body]:
+        """Return the bodies that bonds of `body` hold at present, and what those hold in turn."""
+        found = [body]
+        for holder in found:  # grows as it goes
+            for bond in self._attachments:
+                if bond.is_active and bond.parent is holder and bond.child not in found:
+                    found.append(bond.child)
+        return found[1:]
 
     def contact_force(self, a: Body, b: Body | None = None) -> float:
         """Return the summed normal force on `a` by `b`, or by everything [N]."""

@@ -65,7 +65,7 @@ def test_describe_tells_actions_observations_and_constants() -> None:
         assert len(part["actions"]) == env.action_space(role).shape[0]
         stops = [row["slice"][1] for row in part["observations"]]
         starts = [row["slice"][0] for row in part["observations"]]
-        assert [0, *stops] == [*starts, *env.observation_space(role).shape]
+        assert [0, *stops] == [*starts, *(env.observation_space(role).shape or ())]
     env.close()
     assert all(option["about"] for option in facts["options"])
     limit = next(row for row in facts["constants"] if row["name"] == "FORCE_LIMIT")

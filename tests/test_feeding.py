@@ -158,9 +158,7 @@ def test_the_scripted_robot_says_which_control_mode_it_needs() -> None:
         )
 
 
-@pytest.mark.parametrize(
-    "control", ["joint_position", "joint_velocity", "joint_torque", "tool_delta"]
-)
+@pytest.mark.parametrize("control", ["joint_delta", "joint_velocity", "joint_torque", "tool_delta"])
 def test_every_control_mode_keeps_the_food_at_rest_for_a_second(control: str) -> None:
     env = rcare_marl.make("feeding", robot={"control": control}, policies={"recipient": "still"})
     env.reset(seed=0)

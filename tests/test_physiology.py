@@ -21,7 +21,7 @@ from rcare_marl.agents.physiology import QUANTITIES, Load, Physiology, tire, vit
 from rcare_marl.agents.physiology_model import REGIONS, physiology_model
 from rcare_marl.agents.profile import ClinicalProfile
 from rcare_marl.errors import ConfigError, UnknownNameError
-from rcare_marl.observable import ObservationVector
+from rcare_marl.observable import Observation
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
@@ -482,11 +482,11 @@ def test_fatigue_takes_its_share_of_strength(kind: Literal["skeletal", "muscle"]
 
 def test_physiology_is_observed_by_whom_it_is_shown_to() -> None:
     human = person()
-    own = ObservationVector(human.observables())
+    own = Observation(human.observables())
     human.physiology.heart_rate = 101
     table = {name: part for part, name, _ in own.table()}
     assert own.read()[table["heart_rate"]] == 101
-    monitor = ObservationVector(vital_signs(human))
+    monitor = Observation(vital_signs(human))
     assert [name for _, name, _ in monitor.table()][0] == "recipient_heart_rate"
     assert monitor.read()[0] == 101
     hidden = Human("r", human.avatar, posture=human.posture, movable=("right_shoulder",))

@@ -12,8 +12,8 @@ import pybullet as bullet
 import pytest
 
 from rcare_marl import assets
-from rcare_marl.agents.control import CONTROLS
-from rcare_marl.agents.robot import Robot, RobotConfig, load_robot
+from rcare_marl.agents.control import CONTROLS, JointPosition
+from rcare_marl.agents.robot import Robot, RobotConfig, load_robot, urdf_robot
 from rcare_marl.agents.robot_model import robot_files
 from rcare_marl.body import Body
 from rcare_marl.config import load
@@ -174,8 +174,11 @@ def test_every_mode_holds_the_arm_against_gravity(mode: str) -> None:
     robot = gen3(control=mode)
     world = spawn(robot)
     start = tool_position(robot)
+    action = np.zeros(robot.action_size)
+    if isinstance(robot.control, JointPosition):  # zero is a posture there
+        action = robot.control.action_for(robot.arm.positions())
     for _ in range(40):
-        advance(world, robot, np.zeros(robot.action_size))
+        advance(world, robot, action)
     assert tool_position(robot) == pytest.approx(start, abs=5e-3)
 
 
@@ -292,7 +295,7 @@ def test_missing_meshes_are_named_and_change_no_physics() -> None:
         robot_files(MODEL, absent, meshes="required")
     assert robot_files(MODEL, absent, meshes="auto").visuals == "generated shapes"
     with pytest.raises(ConfigError, match="meshes must be one of"):
-        robot_files(MODEL, absent, meshes="maybe")  # type: ignore[arg-type]
+        robot_files(MODEL, absent, meshes="maybe")
 
 
 def test_real_meshes_keep_the_physics() -> None:
@@ -309,18 +312,21 @@ def test_real_meshes_keep_the_physics() -> None:
 
 def test_own_urdf_replaces_the_model(tmp_path: Path) -> None:
     own = robot_files(MODEL).urdf
-    robot = gen3(urdf=own)
+    joints = [f"joint_{i}" for i in range(1, 8)]
+    robot = Robot(
+        "robot", urdf_robot(own, joints, "tool", home=load_robot("kinova_gen3").postures["home"])
+    )
     spawn(robot)
     assert str(own) in robot.describe()["physics"]
-    plain = gen3(gripper="free")
+    plain = gen3()
     spawn(plain)
     assert robot.tool_pose().position == pytest.approx(plain.tool_pose().position, abs=1e-6)
     with pytest.raises(ConfigError, match="no URDF at"):
-        gen3(urdf=tmp_path / "missing.urdf")
+        Robot("robot", urdf_robot(tmp_path / "missing.urdf", joints, "tool"))
     broken = tmp_path / "broken.urdf"
     broken.write_text("<robot><link/></robot>")
     with pytest.raises(ConfigError, match="broken.urdf"):
-        gen3(urdf=broken)
+        Robot("robot", urdf_robot(broken, joints, "tool"))
 
 
 def test_wrong_names_say_what_there_is() -> None:
@@ -333,15 +339,19 @@ def test_wrong_names_say_what_there_is() -> None:
     with pytest.raises(ConfigError, match="opens from 0 to"):
         gen3(grip_width=0.2)
     config = load_robot("kinova_gen3")
-    with pytest.raises(ConfigError, match="needs 7 values"):
-        RobotConfig(config.model, config.arm_joints, "tool", {"home": (0.0,)})
+    with pytest.raises(ConfigError, match="one called 'home'"):
+        RobotConfig(config.model, config.arms, postures={"stand": {}})
+    with pytest.raises(UnknownNameError, match="Did you mean 'joint_7'"):
+        gen3(posture={"joint_77": 0.0})
+    with pytest.raises(UnknownNameError, match="part of the robot"):
+        gen3(moves=("base",))
 
 
 def test_mount_brings_its_posture_unless_one_was_asked_for() -> None:
     config = load_robot("kinova_gen3")
     for robot, expected in ((gen3(), "wheelchair_left"), (gen3(posture="home"), "home")):
         spawn(robot, robot.mount("wheelchair_left"))
-        assert robot.arm.rest == pytest.approx(config.postures[expected])
+        assert robot.arm.rest == pytest.approx(list(config.postures[expected].values()))
 
 
 def test_observables_have_their_sizes_and_stay_bounded() -> None:

@@ -1,4 +1,4 @@
-"""How a robot's actions move its arm: one class a control mode."""
+"""How actions move the parts of a robot: one class a control mode."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from rcare_marl.errors import UnknownNameError
 from rcare_marl.pose import Array
 
 from ..arm import Arm
+from ..joint_group import JointGroup
+from .base_velocity import BaseVelocity
+from .gripper_closing import GripperClosing
+from .joint_delta import JointDelta
 from .joint_position import JointPosition
 from .joint_torque import JointTorque
 from .joint_velocity import JointVelocity
@@ -34,15 +38,25 @@ class Control(Protocol):
     def command(self, action: Array, duration: float) -> None:
         """Accept an action, each value in [-1, 1], for the coming `duration` [s]."""
 
+    @property
+    def needs_actuation(self) -> bool:
+        """Whether `actuate` must be called before every physics step."""
+
     def actuate(self) -> None:
-        """Act before each physics step; only torques need this."""
+        """Act before each physics step, where motors cannot hold the command by themselves."""
 
 
 CONTROLS: dict[str, Callable[[Arm], Control]] = {
+    "joint_delta": JointDelta,
     "joint_position": JointPosition,
     "joint_velocity": JointVelocity,
     "joint_torque": JointTorque,
     "tool_delta": ToolDelta,
+}
+WEIGHT_CARRYING = ("joint_torque", "tool_delta")  # modes that carry the arm's weight by themselves
+_GROUP_CONTROLS: dict[str, Callable[[JointGroup], Control]] = {
+    "joint_position": JointPosition,
+    "joint_velocity": JointVelocity,
 }
 
 
@@ -53,12 +67,25 @@ def make_control(name: str, arm: Arm) -> Control:
     return CONTROLS[name](arm)
 
 
+def make_group_control(name: str, group: JointGroup) -> Control:
+    """Return the control of a head or torso beside arms under the mode `name`.
+
+    Modes that need an arm's kinematics leave such groups to `joint_delta`.
+    """
+    return _GROUP_CONTROLS.get(name, JointDelta)(group)
+
+
 __all__ = [
     "CONTROLS",
+    "WEIGHT_CARRYING",
+    "BaseVelocity",
     "Control",
+    "GripperClosing",
+    "JointDelta",
     "JointPosition",
     "JointTorque",
     "JointVelocity",
     "ToolDelta",
     "make_control",
+    "make_group_control",
 ]

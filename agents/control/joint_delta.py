@@ -6,10 +6,10 @@ import numpy as np
 
 from rcare_marl.pose import Array
 
-from ..arm import Arm
+from ..joint_group import JointGroup
 
 
-class JointPosition:
+class JointDelta:
     """Each action value moves the target of one joint.
 
     A value of 1 moves the target at the joint's greatest speed. Targets stay within the limits, and
@@ -18,9 +18,11 @@ class JointPosition:
 
     LEASH = 0.1  # [rad or m] beyond the way of one step
 
-    def __init__(self, arm: Arm) -> None:
+    def __init__(self, arm: JointGroup) -> None:
         self.size = len(arm)
-        self.names = tuple(f"{name} [rad/s]" for name in arm.names)
+        self.names = tuple(
+            f"{name} [{unit}/s]" for name, unit in zip(arm.names, arm.units, strict=True)
+        )
         self.max = arm.velocity.copy()
         self._arm = arm
         self._target = np.zeros(self.size)
@@ -38,6 +40,10 @@ class JointPosition:
         self._target = np.clip(target, arm.lower, arm.upper)
         speeds = arm.speeds_for(np.abs(self._target - real), duration)
         arm.drive_to(self._target, speeds, arm.effort)
+
+    @property
+    def needs_actuation(self) -> bool:
+        return False
 
     def actuate(self) -> None:
         """Do nothing: the motors hold their targets."""

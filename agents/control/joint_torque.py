@@ -23,7 +23,10 @@ class JointTorque:
 
     def __init__(self, arm: Arm) -> None:
         self.size = len(arm)
-        self.names = tuple(f"{name} [N·m]" for name in arm.names)
+        self.names = tuple(
+            f"{name} [{'N·m' if unit == 'rad' else 'N'}]"
+            for name, unit in zip(arm.names, arm.units, strict=True)
+        )
         self.max = self.SHARE * arm.effort
         self._arm = arm
         arm.limit_speed()
@@ -42,8 +45,12 @@ class JointTorque:
         # A joint that is held back from its limit may use what it has.
         arm.drive_velocities(speeds, np.where(speeds == wanted, torques, arm.effort))
 
+    @property
+    def needs_actuation(self) -> bool:
+        return True
+
     def actuate(self) -> None:
         """Carry the weight of the arm."""
         arm = self._arm
-        hold = arm.chain.gravity_torques(arm.positions())
-        arm.body.drive_torques(arm.indices, hold.tolist())
+        arm.align()
+        arm.drive_torques(arm.chain.gravity_torques(arm.positions()).tolist())

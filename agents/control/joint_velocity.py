@@ -6,7 +6,7 @@ import numpy as np
 
 from rcare_marl.pose import Array
 
-from ..arm import Arm
+from ..joint_group import JointGroup
 
 
 class JointVelocity:
@@ -18,9 +18,11 @@ class JointVelocity:
 
     MARGIN = 0.005  # [rad or m] kept to a limit
 
-    def __init__(self, arm: Arm) -> None:
+    def __init__(self, arm: JointGroup) -> None:
         self.size = len(arm)
-        self.names = tuple(f"{name} [rad/s]" for name in arm.names)
+        self.names = tuple(
+            f"{name} [{unit}/s]" for name, unit in zip(arm.names, arm.units, strict=True)
+        )
         self.max = arm.velocity.copy()
         self._arm = arm
 
@@ -35,5 +37,10 @@ class JointVelocity:
         speeds = np.clip(np.clip(self.max * action, least, most), -self.max, self.max)
         arm.drive_velocities(speeds, arm.effort)
 
+    @property
+    def needs_actuation(self) -> bool:
+        return self._arm.has_followers
+
     def actuate(self) -> None:
-        """Do nothing: the motors hold their speeds."""
+        """Bring the joints that follow along; the motors hold their speeds."""
+        self._arm.align()

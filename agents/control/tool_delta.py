@@ -9,7 +9,8 @@ import numpy as np
 
 from rcare_marl.pose import Array
 
-from ..arm import RETURN_SPEED, Arm
+from ..arm import Arm
+from ..joint_group import RETURN_SPEED
 from ..kinematics import (
     bounded_step,
     forward,
@@ -105,12 +106,16 @@ class ToolDelta:
         self._hold, self._hold_list = hold, hold.tolist()
         arm.drive_to(self._target, speeds, forces)
 
+    @property
+    def needs_actuation(self) -> bool:
+        return True
+
     def actuate(self) -> None:
         """Carry the weight of the arm."""
         self._steps_left -= 1
         if self._steps_left == 0:
             self._velocities = self._arm.velocities()
-        self._arm.body.drive_torques(self._arm.indices, self._hold_list)
+        self._arm.drive_torques(self._hold_list)
 
 
 @numba.njit(cache=True)

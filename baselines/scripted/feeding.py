@@ -38,6 +38,8 @@ class ScriptedFeeding:
         task = env.task
         if not isinstance(task, Feeding):
             raise ConfigError(f"the scripted feeder cannot play {type(task).__name__}")
+        if env.cast[role] is not task.robot:
+            raise ConfigError(f"{role!r} holds no spoon: the scripted feeder plays the first robot")
         if not isinstance(task.robot.control, ToolDelta):
             raise ConfigError(
                 "the scripted feeder needs the control mode 'tool_delta': "

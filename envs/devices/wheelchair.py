@@ -6,8 +6,10 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from rcare_marl import assets
+from rcare_marl.agents.robot_config import Mount
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Vector
@@ -17,6 +19,7 @@ from .device import Device, Frame
 
 _TUBE = 0.0125  # radius of the frame's tubes [m]
 _SPOKES = 24
+LOWEST_POST = 0.1  # [m]; what is mounted lower stands on the floor
 _SIDEWAYS = (-math.pi / 2, 0.0, 0.0)  # turns z to +y, the axle of wheels
 
 
@@ -476,3 +479,15 @@ class Wheelchair(Device):
                       points=((x, sign * y, z - 0.15), (x, sign * y, z - 0.002)))
             )  # fmt: skip
         return solids
+
+
+def chair_for(mount: Mount, side: Literal["left", "right"]) -> Wheelchair:
+    """Return a wheelchair whose post carries a robot at `mount`, if the chair is to carry it.
+
+    A robot that drives, or has a stand of its own, needs no post.
+    """
+    x, y, z = mount.position
+    if mount.stand or z < LOWEST_POST:
+        return Wheelchair(mounts="none")
+    config = load(WheelchairConfig, assets.find("devices", "wheelchair"))
+    return Wheelchair(dataclasses.replace(config, mount=(x, abs(y), z)), mounts=side)

@@ -20,7 +20,8 @@ from rcare_marl.world import World
 
 from ..care_env import CareEnv
 from ..devices.spoon import Spoon
-from ..devices.wheelchair import Wheelchair
+from ..devices.stand import add_stand
+from ..devices.wheelchair import chair_for
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..task import Role, Task
@@ -89,7 +90,8 @@ class Feeding(Task):
     options: FeedingOptions
 
     def furnish(self, world: World) -> dict[str, Pose]:
-        self._chair = Wheelchair(mounts=self.options.mount)
+        mount = f"wheelchair_{self.options.mount}"
+        self._chair = chair_for(self.robot.mount_named(mount), self.options.mount)
         floor = world.add_box((6, 6, 0.1), Pose((0, 0, -0.05)), name="floor")
         floor.set_friction([-1], lateral=0.8)
         soles = self.recipient.soles(self._chair.frame("seat_back"))
@@ -100,11 +102,16 @@ class Feeding(Task):
             self._chair.frame_in_world("armrest_right"),
         )
         away = quaternion_from_rpy(0, 0, -math.pi / 2)  # beside the chair, facing it
+        if self.robot.mount_named(mount).stand:
+            add_stand(world, self.robot.mount(mount, self._chair.pose))
         return {
-            "robot": self.robot.mount(f"wheelchair_{self.options.mount}", self._chair.pose),
+            "robot": self.robot.mount(mount, self._chair.pose),
             "recipient": self._chair.frame_in_world("seat_back"),
             "caregiver": Pose((0.15, 0.85, 0.0), tuple(away.tolist())),
         }
+
+    def frame_of(self, mount: str) -> Pose:
+        return self._chair.pose if mount.startswith("wheelchair") else Pose()
 
     def build(self, world: World) -> None:
         self._world = world
@@ -152,9 +159,7 @@ class Feeding(Task):
             self._world.step()
         spoon = self._spoon_body.base_pose().inverse()
         self._food_in_spoon = [spoon @ piece.base_pose() for piece in self._food]
-        for i, piece in enumerate(
-            self._food
-        ):  # nothing touches in the state that episodes start from
+        for i, piece in enumerate(self._food):  # nothing touches where episodes start from
             piece.set_base(Pose((0.0, 0.0, APART[2] - i)))
 
     def _start_pose(self, offset: Vector) -> Pose:
@@ -170,8 +175,9 @@ class Feeding(Task):
         found = self.robot.solve_ik(tool, seed=self.robot.arm.rest)
         if not self._is_built and not found.is_within(0.02, 0.1):
             raise ConfigError(
-                f"the robot cannot hold the spoon in front of the face: it misses by "
-                f"{found.distance:.2f} m. Feeding wants a person who sits in the wheelchair"
+                f"{self.robot.files.model.name} has no arm that reaches: it misses the spoon's place in "
+                f"front of the face by {found.distance:.2f} m, {math.degrees(found.angle):.0f} degrees. "
+                "Feeding wants a person who sits in the wheelchair, and a robot mounted near"
             )
         self.robot.set_posture(found.posture)
         self._spoon_body.set_base(self.robot.tool_pose() @ self._spoon.in_tool)

@@ -1,0 +1,43 @@
+"""Control of a driving base by its speeds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcare_marl.pose import Array
+
+from ..mobile_base import MobileBase
+
+
+class BaseVelocity:
+    """Action values are speeds in the robot's own frame: forward, to the left if it can, and turning."""
+
+    def __init__(self, base: MobileBase) -> None:
+        self._base = base
+        config = base.config
+        slides = ("forward", "left") if config.kind == "omnidirectional" else ("forward",)
+        self.size = len(slides) + 1
+        self.names = (*(f"base {way} [m/s]" for way in slides), "base turning [rad/s]")
+        self.max = np.array([config.speed] * len(slides) + [config.turn])
+        self._velocity = np.zeros(3)
+
+    def reset(self) -> None:
+        self._velocity = np.zeros(3)
+        self._base.drive(self._velocity)
+
+    def command(self, action: Array, duration: float) -> None:
+        speeds = self.max * action
+        left = float(speeds[1]) if self.size == 3 else 0.0
+        self._velocity = np.array((speeds[0], left, speeds[-1]))
+        # Going aslant is no faster than going straight.
+        along = float(np.hypot(self._velocity[0], self._velocity[1]))
+        if along > self._base.config.speed:
+            self._velocity[:2] *= self._base.config.speed / along
+
+    @property
+    def needs_actuation(self) -> bool:
+        return True
+
+    def actuate(self) -> None:
+        """Drive on along the present heading."""
+        self._base.drive(self._velocity)

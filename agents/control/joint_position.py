@@ -1,0 +1,52 @@
+"""Control by joint positions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcare_marl.pose import Array
+
+from ..joint_group import JointGroup
+
+
+class JointPosition:
+    """Each action value is the position of one joint: -1 its lower limit, 1 its upper one.
+
+    A continuous joint takes -1 to 1 as half a turn each way, by the shorter way. Joints go at their
+    greatest speed at most.
+    """
+
+    def __init__(self, arm: JointGroup) -> None:
+        self.size = len(arm)
+        self.names = tuple(
+            f"{name} [{unit}]" for name, unit in zip(arm.names, arm.units, strict=True)
+        )
+        self._arm = arm
+        self._turns = np.isinf(arm.upper) | np.isinf(arm.lower)
+        lower = np.where(self._turns, -np.pi, arm.lower)
+        upper = np.where(self._turns, np.pi, arm.upper)
+        self.middle, self.max = (lower + upper) / 2, (upper - lower) / 2
+
+    def reset(self) -> None:
+        self._arm.drive_to(self._arm.positions(), self._arm.velocity, self._arm.effort)
+
+    def action_for(self, positions: Array) -> Array:
+        """Return the action that asks for joint `positions` [rad or m], shape [n]."""
+        offset = positions - self.middle
+        wrapped = offset - 2 * np.pi * np.rint(offset / (2 * np.pi))
+        out: Array = np.where(self._turns, wrapped, offset) / np.maximum(self.max, 1e-12)
+        return out
+
+    def command(self, action: Array, duration: float) -> None:
+        arm = self._arm
+        real = arm.positions()
+        way = self.middle + self.max * action - real
+        way = np.where(self._turns, way - 2 * np.pi * np.rint(way / (2 * np.pi)), way)
+        arm.drive_to(real + way, arm.speeds_for(np.abs(way), duration), arm.effort)
+
+    @property
+    def needs_actuation(self) -> bool:
+        return False
+
+    def actuate(self) -> None:
+        """Do nothing: the motors hold their targets."""

@@ -1,0 +1,220 @@
+"""Joints of a robot that are read and driven together, with those that follow them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+import pybullet as bullet
+
+from rcare_marl.body import Body
+from rcare_marl.pose import Array
+from rcare_marl.urdf import Follow
+from rcare_marl.world import World
+
+# Share of the position error that a motor removes in one physics step, up to the planned speed. All
+# of it, so that the speed is even to the end: a motor that brakes there would feel its own inertia.
+POSITION_GAIN = 1.0
+# Speed that is always allowed, so that a joint that was pushed away can come back [rad/s or m/s].
+RETURN_SPEED = 0.01
+
+
+class JointGroup:
+    """The joints that an action moves, with fast ways to read and to drive them.
+
+    Bullet ignores `<mimic>`, so we move joints that follow another one along with it. The segments of
+    a telescope are geared to the first, which has the effort of all on their common way, after the
+    principle of virtual work: four that push with 100 N each move the tip four times as far as one,
+    and so have 400 N on the way of the first. Other followers have motors of their own.
+
+    Attributes:
+        names: Joint names, base to tip.
+        lower: Lower limits [rad or m], shape [n]; -inf for continuous joints.
+        upper: Upper limits [rad or m], shape [n]; inf for continuous joints.
+        velocity: Greatest speeds [rad/s or m/s], shape [n].
+        effort: Greatest torques or forces [N·m or N], shape [n].
+        rest: Start posture, shape [n].
+        units: Unit of each position, `rad` or `m`.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        body: Body,
+        names: Sequence[str],
+        rest: Sequence[float],
+        followers: Mapping[str, Follow] | None = None,
+        telescope: Collection[str] = (),
+    ) -> None:
+        """Take hold of joints of a spawned body.
+
+        Args:
+            world: Where the body is.
+            body: The body.
+            names: The joints.
+            rest: Start posture [rad or m], shape [n].
+            followers: How joints follow those of `names`, by name.
+            telescope: Those of them that lie on the way to the tip.
+        """
+        self.body, self.names = body, tuple(names)
+        self._client, self._uid = world.client, body.uid
+        self.physics_dt = world.physics_dt
+        joints = [body.joint(name) for name in self.names]
+        self.indices = [joint.index for joint in joints]
+        self.lower = np.array([joint.lower for joint in joints])
+        self.upper = np.array([joint.upper for joint in joints])
+        self.velocity = np.array([joint.velocity for joint in joints])
+        self.effort = np.array([joint.effort for joint in joints])
+        self.rest = np.array(rest, np.float64)
+        self.units = tuple("m" if joint.kind == "prismatic" else "rad" for joint in joints)
+        self._dofs = [joint.dof for joint in joints]
+        self._all = [joint.index for joint in body.joints.values()]
+        self._bind_followers(followers or {}, telescope)
+
+    def _bind_followers(self, followers: Mapping[str, Follow], telescope: Collection[str]) -> None:
+        """Find the joints that follow, and share out the effort."""
+        segments = {name: rule for name, rule in followers.items() if name in telescope}
+        for name, rule in segments.items():
+            joint, i = self.body.joint(name), self.names.index(rule.joint)
+            self.effort[i] += abs(rule.multiplier) * joint.effort
+        self._segments = [self.body.joint(name).index for name in segments]
+        self._segment_dofs = [self.body.joint(name).dof for name in segments]
+        self._segment_leaders = [self.names.index(rule.joint) for rule in segments.values()]
+        self._segment_ways = np.array([rule.multiplier for rule in segments.values()])
+        self.body.release_motors(self._segments)
+        for index, i, way in zip(
+            self._segments, self._segment_leaders, self._segment_ways.tolist(), strict=True
+        ):
+            force = 10 * float(self.effort[i])  # a gear that gives nothing
+            self.body.gear(self.indices[i], index, way, force)
+        others = {name: rule for name, rule in followers.items() if name not in telescope}
+        joints = [self.body.joint(name) for name in others]
+        self._follower_indices = [joint.index for joint in joints]
+        self._leaders = [self.names.index(rule.joint) for rule in others.values()]
+        self._multipliers = np.array([rule.multiplier for rule in others.values()])
+        self._offsets = np.array([rule.offset for rule in others.values()])
+        self._own_effort = np.array([joint.effort for joint in joints])
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def has_followers(self) -> bool:
+        """Whether other joints with motors of their own follow those of the group."""
+        return bool(self._leaders)
+
+    def read(self) -> tuple[Array, Array, Array]:
+        """Return positions, velocities and motor torques of the last step, each of shape [n]."""
+        states = bullet.getJointStates(self._uid, self.indices, physicsClientId=self._client)
+        positions, velocities, _, torques = zip(*states, strict=True)
+        return np.array(positions), np.array(velocities), np.array(torques)
+
+    def positions(self) -> Array:
+        """Return the joint positions [rad or m], shape [n]."""
+        return np.array(self.body.joint_states(self.indices)[0])
+
+    def velocities(self) -> Array:
+        """Return the joint velocities [rad/s or m/s], shape [n]."""
+        return np.array(self.body.joint_states(self.indices)[1])
+
+    def teleport(self, positions: Array) -> None:
+        """Put the joints at `positions` [rad or m], shape [n], at rest."""
+        self.body.set_joints(self.indices, positions)
+        if self._segments:
+            self.body.set_joints(
+                self._segments, self._segment_ways * np.asarray(positions)[self._segment_leaders]
+            )
+        if self._leaders:
+            self.body.set_joints(self._follower_indices, self._followed(positions))
+
+    def _followed(self, positions: Array) -> Array:
+        out: Array = self._multipliers * positions[self._leaders] + self._offsets
+        return out
+
+    def inertial_torques(self, positions: Array, acceleration: Array) -> Array:
+        """Return the torques that accelerate the group [N·m or N], shape [n], without speed terms."""
+        everything = positions.tolist()
+        if len(self._all) != len(self.indices):
+            everything = self.body.joint_states(self._all)[0]
+        matrix = self.body.mass_matrix(everything)
+        if not self._segments:
+            out: Array = matrix[np.ix_(self._dofs, self._dofs)] @ acceleration
+            return out
+        dofs = [*self._dofs, *self._segment_dofs]
+        along = np.zeros((len(dofs), len(self)))  # joint speeds for each speed of the group
+        along[range(len(self)), range(len(self))] = 1.0
+        along[range(len(self), len(dofs)), self._segment_leaders] = self._segment_ways
+        coupled: Array = along.T @ matrix[np.ix_(dofs, dofs)] @ along @ acceleration
+        return coupled
+
+    def drive_to(self, targets: Array, speeds: Array, forces: Array) -> None:
+        """Drive joints to `targets` [rad or m] no faster than `speeds`, with at most `forces`.
+
+        The speed limit spreads a control step's way evenly over its physics steps: without it the
+        motor would jump at each command.
+        """
+        self._drive_each(self.indices, targets, speeds, forces)
+        if self._leaders:
+            self._drive_followers(targets, speeds)
+
+    def _drive_followers(self, targets: Array, speeds: Array) -> None:
+        speeds = np.abs(self._multipliers) * speeds[self._leaders]
+        places = self._followed(targets)
+        self._drive_each(self._follower_indices, places, speeds, self._own_effort)
+
+    def _drive_each(
+        self, indices: Sequence[int], targets: Array, speeds: Array, forces: Array
+    ) -> None:
+        # One call a joint: the call for many joints has no speed limit.
+        for index, target, speed, force in zip(
+            indices, targets.tolist(), speeds.tolist(), forces.tolist(), strict=True
+        ):
+            bullet.setJointMotorControl2(
+                self._uid,
+                index,
+                bullet.POSITION_CONTROL,
+                targetPosition=target,
+                force=force,
+                maxVelocity=speed,
+                positionGain=POSITION_GAIN,
+                velocityGain=1.0,
+                physicsClientId=self._client,
+            )
+
+    def drive_towards(self, targets: Array, duration: float, forces: Array) -> None:
+        """Drive joints so that they reach `targets` [rad or m] in `duration` [s]."""
+        way = np.abs(targets - self.positions())
+        self.drive_to(targets, self.speeds_for(way, duration), forces)
+
+    def speeds_for(self, way: Array, duration: float) -> Array:
+        """Return motor speeds that cover `way` [rad or m] in `duration` [s], within limits."""
+        speeds: Array = np.minimum(np.maximum(way / duration, RETURN_SPEED), self.velocity)
+        return speeds
+
+    def drive_velocities(self, speeds: Array, forces: Array) -> None:
+        """Drive joints at `speeds` [rad/s or m/s] with at most `forces` [N·m or N].
+
+        Joints that follow need `align` before every physics step.
+        """
+        self.body.drive_velocities(self.indices, speeds.tolist(), forces.tolist())
+
+    def align(self) -> None:
+        """Drive the joints that follow to where the others are now, for a physics step."""
+        if self._leaders:
+            self._drive_followers(self.positions(), self.velocity)
+
+    def drive_torques(self, torques: list[float]) -> None:
+        """Apply `torques` [N·m or N], shape [n], for one physics step."""
+        self.body.drive_torques(self.indices, torques)
+
+    def limit_speed(self) -> None:
+        """Let the physics cut all joint speeds a fifth above the greatest that any joint may have.
+
+        For modes whose motors do not rule the speed.
+        """
+        bullet.changeDynamics(
+            self._uid,
+            -1,
+            maxJointVelocity=1.2 * float(self.velocity.max()),
+            physicsClientId=self._client,
+        )

@@ -1,0 +1,98 @@
+"""A part of a robot that actions move: an arm, a gripper, a head or torso, or the base."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from rcare_marl.observable import Observable
+from rcare_marl.pose import Array, Pose, rotation_vector
+
+from .arm import Arm
+from .control import Control, GripperClosing
+from .gripper import Gripper
+from .joint_group import JointGroup
+from .mobile_base import MobileBase
+
+
+class Part:
+    """A part that moves, and what the robot senses of it.
+
+    Attributes:
+        name: Its name.
+        control: Its control mode.
+        joints: Its joints; None for a gripper or a base.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        control: Control,
+        *,
+        joints: JointGroup | None = None,
+        base: MobileBase | None = None,
+        tool: Callable[[], Pose] | None = None,
+        prefix: str = "",
+    ) -> None:
+        """Join a control mode and what it moves.
+
+        Args:
+            name: Its name.
+            control: Its control mode.
+            joints: Its joints, if it is made of such.
+            base: The base, if it is that.
+            tool: Returns the pose of its tool in the world, if it is an arm.
+            prefix: Begins the names of an arm's observables.
+        """
+        self.name, self.control, self.joints = name, control, joints
+        self._base, self._tool, self._prefix = base, tool, prefix
+
+    def sense(self) -> None:
+        """Read the state once, for all observables."""
+        if self.joints is not None:
+            positions, self._velocities, _ = self.joints.read()
+            # A continuous joint is at the same place every turn.
+            period = np.where(np.isinf(self.joints.upper), 2 * np.pi, 1e9)
+            self._positions = positions - period * np.rint(positions / period)
+        if self._tool is not None:
+            pose = self._tool()
+            self._tool_position = pose.position
+            self._tool_rotation = rotation_vector(pose.quaternion)
+
+    def observables(self) -> list[Observable]:
+        """Return what the robot senses of it."""
+        if isinstance(self.control, GripperClosing):
+            return [closing(self.name, self.control.gripper)]
+        if self._base is not None:
+            return [
+                Observable("base_place", "m or rad", 3, self._base.place),
+                Observable("base_velocity", "m/s or rad/s", 3, self._base.velocity),
+            ]
+        assert self.joints is not None  # or it is a gripper or a base
+        unit = "rad" if set(self.joints.units) == {"rad"} else "rad or m"
+        rate = "rad/s" if unit == "rad" else "rad/s or m/s"
+        prefix = f"{self._prefix}joint" if isinstance(self.joints, Arm) else self.name
+        count = len(self.joints)
+        out = [
+            Observable(f"{prefix}_position", unit, count, self._read_positions),
+            Observable(f"{prefix}_velocity", rate, count, self._read_velocities),
+        ]
+        if self._tool is not None:
+            place, turn = (f"{self._prefix}tool_{what}" for what in ("position", "rotation"))
+            out += [
+                Observable(place, "m", 3, lambda: self._tool_position),
+                Observable(turn, "rad", 3, lambda: self._tool_rotation),
+            ]
+        return out
+
+    def _read_positions(self) -> Array:
+        return self._positions
+
+    def _read_velocities(self) -> Array:
+        return self._velocities
+
+
+def closing(name: str, gripper: Gripper) -> Observable:
+    """Return how far a gripper is closed, as an observable."""
+    return Observable(f"{name}_closing", "1", 1, lambda: [gripper.closing()])
