@@ -1,0 +1,138 @@
+"""Measure every robot and print the table of docs/robots.md: mass, loading, posture, reach, grip, feeding.
+
+python experiments/robot_table.py [--robot NAME ...] [--seeds N]
+
+Loading is timed in a process of its own, with an empty cache and again with a full one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import subprocess
+import sys
+import tempfile
+
+import rcare_marl
+from rcare_marl import assets
+from rcare_marl.agents.robot import RobotConfig, load_robot
+from rcare_marl.agents.robot_check import (
+    find_overlaps,
+    measure_grip,
+    measure_posture,
+    measure_reach,
+    spawned,
+)
+from rcare_marl.errors import ConfigError
+
+HEADS = (
+    "robot",
+    "arms",
+    "base",
+    "mass (published) [kg]",
+    "load, first / again [s]",
+    "overlaps at home",
+    "drift in 5 s [deg / mm]",
+    "worst of 20 poses [mm / deg]",
+    "opens [mm]",
+    "slip of 0.5 kg in 3 s [mm]",
+    "fed",
+)
+LOADING = """
+import sys, time
+from rcare_marl.agents.robot import Robot, load_robot
+from rcare_marl.world import World
+start = time.perf_counter()
+robot = Robot("robot", load_robot(sys.argv[1]))
+robot.spawn(World(), robot.mount("floor"))
+print(time.perf_counter() - start)
+"""
+
+
+def loading_times(name: str) -> tuple[float, float]:
+    """Return how long a robot takes to load [s]: with an empty cache, and again."""
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "RCARE_MARL_CACHE": folder}
+        times = []
+        for _ in range(2):
+            done = subprocess.run(
+                [sys.executable, "-c", LOADING, name],
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=True,
+            )
+            times.append(float(done.stdout))
+    return times[0], times[1]
+
+
+def row(name: str, seeds: int) -> list[str]:
+    """Return the table's row of a robot."""
+    config = load_robot(name)
+    first, again = loading_times(name)
+    world, robot = spawned(config)
+    mass = robot.files.model.mass
+    world.close()
+    published = config.published_mass.value if config.published_mass is not None else math.nan
+    turned, slid = zip(
+        *(measure_posture(config, control=mode) for mode in ("joint_delta", "tool_delta")),
+        strict=True,
+    )
+    reaches = [measure_reach(config, arm) for arm in config.arms]
+    grips = [measure_grip(config, arm) for arm, data in config.arms.items() if data.gripper]
+    base = config.base.kind if config.base is not None else "bolted down"
+    joints = " + ".join(str(len(arm.joints)) for arm in config.arms.values())
+    distance = max(float(reach.distances.max()) for reach in reaches)
+    angle = max(float(reach.angles.max()) for reach in reaches)
+    return [
+        f"`{name}`",
+        joints,
+        base,
+        f"{mass:.2f} ({published:g})",
+        f"{first:.2f} / {again:.2f}",
+        str(len(find_overlaps(config))),
+        f"{math.degrees(max(turned)):.3f} / {1e3 * max(slid):.2f}",
+        f"{1e3 * distance:.2f} / {math.degrees(angle):.2f}",
+        f"{1e3 * min(grip.opened for grip in grips):.0f}",
+        f"{1e3 * max(grip.slip for grip in grips):.1f}",
+        fed(name, config, seeds),
+    ]
+
+
+def fed(name: str, config: RobotConfig, seeds: int) -> str:
+    """Return in how many episodes the scripted robot feeds Karan."""
+    if "wheelchair_right" not in config.mounts:
+        try:
+            rcare_marl.make("feeding", robot=name)
+        except ConfigError:
+            return "no arm that reaches"
+    env = rcare_marl.make(
+        "feeding", robot=name, policies={"robot": "scripted", "recipient": "cooperative"}
+    )
+    count = 0
+    for seed in range(seeds):
+        env.reset(seed=seed)
+        while not env.is_over:
+            env.step({})
+        count += env.task.is_success()
+    env.close()
+    return f"{count} of {seeds}"
+
+
+def main() -> None:
+    """Print the table in Markdown, a row as soon as it is measured."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--robot", action="append", choices=assets.names("robots"))
+    parser.add_argument("--seeds", type=int, default=10, help="episodes of feeding")
+    chosen = parser.parse_args()
+    print("| " + " | ".join(HEADS) + " |")
+    print("|" + "---|" * len(HEADS))
+    for name in chosen.robot or assets.names("robots"):
+        print("| " + " | ".join(row(name, chosen.seeds)) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
