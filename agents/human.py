@@ -325,11 +325,11 @@ class Human(Agent):
         forces: dict[str, float] = {}
         for contact in self._world.contacts(self.body, by):
             if contact.force > 0:
-                joint = self._segment_at(contact.link_a, np.array(contact.position))
+                joint = self.segment_at(contact.link_a, np.array(contact.position))
                 forces[joint] = forces.get(joint, 0.0) + contact.force
         return forces
 
-    def _segment_at(self, link: int, point: Array) -> str:
+    def segment_at(self, link: int, point: Array) -> str:
         """Return the segment of a link whose surface is nearest to a point in the world [m]."""
         pose = self.body.link_pose(link)
         local = rotate(conjugate(pose.quaternion), point - pose.position)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Sequence
 from typing import Literal, Protocol
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..errors import ConfigError, MissingPackageError, RenderingError
 from ..world import World
 from .camera import Camera
 from .gl_renderer import GLRenderer
+from .shot import LOOKS, OUTPUTS, Look, Output, Picture, Shot
 from .software_renderer import SoftwareRenderer
 from .viewer import Viewer
 
@@ -30,7 +32,13 @@ class Renderer(Protocol):
         """Return the picture that `camera` takes, shape [height, width, 3]."""
 
     def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
-        """Return the distance in line of sight [m], shape [height, width]; inf for nothing."""
+        """Return depths along the optical axis [m], shape [height, width]; inf for nothing."""
+
+    def read(self, shots: Sequence[Shot]) -> list[Picture]:
+        """Return what each of several cameras sees at this moment, by output."""
+
+    def labels(self) -> dict[int, tuple[str, str]]:
+        """Return name of body and link by their number in segmentations."""
 
     def refresh(self) -> None:
         """Read the shapes and colours of all bodies again."""
@@ -74,10 +82,16 @@ def make_renderer(world: World, backend: Literal["auto", "gl", "software"] = "au
 
 __all__ = [
     "BACKENDS",
+    "LOOKS",
+    "OUTPUTS",
     "VARIABLE",
     "Camera",
     "GLRenderer",
+    "Look",
+    "Output",
+    "Picture",
     "Renderer",
+    "Shot",
     "SoftwareRenderer",
     "Viewer",
     "make_renderer",

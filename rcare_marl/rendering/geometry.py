@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +16,24 @@ from ..body import Body, VisualShape
 from ..world import World
 from .detail import detail_levels
 from .mesh import Floats, Ints, Mesh, shape_mesh
+from .shot import Labels
 
-VERTEX = np.dtype([("position", "f4", 3), ("normal", "f4", 3), ("rgba", "u1", 4), ("slot", "u4")])
+VERTEX = np.dtype(
+    [
+        ("position", "f4", 3),
+        ("normal", "f4", 3),
+        ("rgba", "u1", 4),
+        ("slot", "u4"),
+        ("label", "i4"),
+    ]
+)
+
+Pass = Literal["surface", "depth", "survey"]
+LAYOUTS: dict[Pass, tuple[str, ...]] = {  # what each pass takes of `VERTEX`
+    "surface": ("3f 3f 4f1 1u4 1i4", "in_position", "in_normal", "in_rgba", "in_slot", "in_label"),
+    "depth": ("3f 16x 1u4 4x", "in_position", "in_slot"),
+    "survey": ("3f 3f 4x 1u4 1i4", "in_position", "in_normal", "in_slot", "in_label"),
+}
 
 FLOOR_RGBA = (186, 160, 131, 255)  # light oak, sRGB
 _UNCHOSEN = 0.8  # the grey of a shape that no colour was given to
@@ -37,6 +53,7 @@ class Part:
     mesh: Mesh
     rgba: npt.NDArray[np.uint8]  # sRGB, shape [n, 4]
     is_still: bool
+    label: int  # number of its link, as in `Labels`
 
     @property
     def alpha(self) -> float:
@@ -60,7 +77,8 @@ class Part:
     def top(self) -> float:
         """Height of a level part's upper side at present [m]."""
         pose = self.body.base_pose() @ self.shape.pose
-        return float(pose.position[2] + np.abs(self.mesh.vertices[:, 2]).max())
+        turned = self.mesh.vertices @ pose.matrix()[2, :3]
+        return float(pose.position[2] + turned.max())
 
     @property
     def area(self) -> float:
@@ -82,7 +100,7 @@ def skinned_bodies(world: World) -> set[int]:
 
 def world_parts(world: World) -> list[Part]:
     """Return the shapes of every body that no skin stands for; what is invisible is left out."""
-    skinned = skinned_bodies(world)
+    skinned, labels = skinned_bodies(world), Labels(world)
     out = []
     for body in world.bodies:
         if id(body) in skinned:
@@ -92,7 +110,8 @@ def world_parts(world: World) -> list[Part]:
         for shape in body.visual_shapes():
             mesh = shape_mesh(shape) if shape.rgba[3] > 0.003 else None
             if mesh is not None and len(mesh.faces):
-                part = Part(body, shape, mesh, _rgba(shape, mesh), is_still)
+                label = labels.of(body.uid, shape.link)
+                part = Part(body, shape, mesh, _rgba(shape, mesh), is_still, label)
                 if part.is_floor and (part.is_plane or _is_grey(shape)):
                     part.rgba[:] = FLOOR_RGBA  # nobody chose a colour
                 out.append(part)
@@ -120,6 +139,7 @@ class Run:
         slot: Row of the transform of its first shape.
         center: Middle of its first shape in the frame of the shape [m], shape [3].
         radius: Of the sphere around its first shape [m].
+        is_one: Whether there is no other shape in it.
     """
 
     levels: tuple[tuple[int, int], ...]
@@ -131,6 +151,7 @@ class Run:
     slot: int
     center: npt.NDArray[np.float32]
     radius: float
+    is_one: bool
 
     def level(self, wanted: int) -> tuple[int, int]:
         """Return (first index, count) of a level, or of the coarsest there is."""
@@ -157,7 +178,7 @@ class Geometry:
         for slot, part in enumerate(self._parts, 1):
             block = np.empty(len(part.mesh.vertices), VERTEX)
             block["position"], block["normal"] = part.mesh.vertices, part.mesh.normals
-            block["rgba"], block["slot"] = part.rgba, slot
+            block["rgba"], block["slot"], block["label"] = part.rgba, slot, part.label
             blocks.append(block)
         self.vertices = np.concatenate(blocks)
         self._starts = np.cumsum([0] + [len(block) for block in blocks[1:]])
@@ -211,6 +232,7 @@ class Geometry:
             members[0] + 1,
             (low + high) / 2,
             float(np.linalg.norm(high - low)) / 2,
+            len(members) == 1,
         )
 
     def update(self) -> bool:
@@ -246,4 +268,14 @@ def _matrices(positions: npt.NDArray[Any], quaternions: npt.NDArray[Any]) -> Flo
     return out
 
 
-__all__ = ["FLOOR_RGBA", "VERTEX", "Geometry", "Part", "Run", "skinned_bodies", "world_parts"]
+__all__ = [
+    "FLOOR_RGBA",
+    "LAYOUTS",
+    "VERTEX",
+    "Geometry",
+    "Part",
+    "Pass",
+    "Run",
+    "skinned_bodies",
+    "world_parts",
+]

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from ..world import Lines
-from .geometry import VERTEX
+from .geometry import LAYOUTS, VERTEX, Pass
 from .tube import TubeMesh
 
 
 class LineBuffers:
     """The buffers of one set of polylines; to be made anew when these begin elsewhere."""
 
-    def __init__(self, gl: Any, lines: Lines, surface: Any, depth: Any) -> None:
+    def __init__(self, gl: Any, lines: Lines, programs: Mapping[Pass, Any]) -> None:
         self._starts, self._tubes = lines.starts, TubeMesh(lines.starts)
         self._data = np.zeros(self._tubes.vertex_count, VERTEX)
-        self._data["rgba"][:, 3] = 255
+        self._data["rgba"][:, 3], self._data["label"] = 255, -1
         self._buffer = gl.buffer(reserve=max(self._data.nbytes, VERTEX.itemsize), dynamic=True)
         self._indices = gl.buffer(self._tubes.faces.tobytes() or bytes(12))
-        self._surface_array = gl.vertex_array(
-            surface,
-            [(self._buffer, "3f 3f 4f1 1u4", "in_position", "in_normal", "in_rgba", "in_slot")],
-            self._indices,
-        )
-        self._depth_array = gl.vertex_array(
-            depth, [(self._buffer, "3f 16x 1u4", "in_position", "in_slot")], self._indices
-        )
+        self._arrays = {
+            kind: gl.vertex_array(program, [(self._buffer, *LAYOUTS[kind])], self._indices)
+            for kind, program in programs.items()
+        }
 
     def fits(self, lines: Lines) -> bool:
         """Whether the buffers are for lines that begin where these do."""
@@ -42,14 +39,14 @@ class LineBuffers:
         self._data["rgba"][:, :3] = self._tubes.spread(lines.colors())
         self._buffer.write(self._data)
 
-    def draw(self, *, depth_only: bool) -> None:
+    def draw(self, kind: Pass) -> None:
         """Draw the tubes."""
         if len(self._data):
-            (self._depth_array if depth_only else self._surface_array).render()
+            self._arrays[kind].render()
 
     def release(self) -> None:
         """Free everything."""
-        for thing in (self._surface_array, self._depth_array, self._buffer, self._indices):
+        for thing in (*self._arrays.values(), self._buffer, self._indices):
             thing.release()
 
 

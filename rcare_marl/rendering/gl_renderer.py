@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,10 +15,11 @@ from ..world import World
 from .camera import Camera, look, orthographic
 from .gl_context import create_context, make_program, matrix_bytes
 from .gl_scene import GLScene
-from .gl_target import Finisher, Target
+from .gl_target import Finisher, SurveyTarget, Target
 from .shading import BACKGROUND_FRAGMENT, HORIZON, KEY_DIRECTION, SCREEN_VERTEX, ZENITH
+from .shot import Labels, Look, Picture, Shot
 
-_SIZES_KEPT = 8
+_TARGETS_KEPT = 16
 
 
 class GLRenderer:
@@ -51,18 +54,25 @@ class GLRenderer:
         self._world = world
         self._gl: Any = create_context()
         with self._gl as gl:
-            samples = min(samples, gl.max_samples)
-            self._samples = samples
-            self._targets: dict[tuple[int, int], Target] = {}
+            self._samples: dict[Look, int] = {"full": min(samples, gl.max_samples), "plain": 0}
+            self._targets: dict[tuple[Any, ...], Target | SurveyTarget] = {}
             self._scene = GLScene(gl, world, floor=floor)
-            self._shadow = _ShadowMap(gl, shadow_size)
-            self._finisher = Finisher(gl, samples=samples, ambient_occlusion=ambient_occlusion)
+            self._shadows = {"full": _ShadowMap(gl, shadow_size), "plain": _ShadowMap(gl, 0)}
+            self._finishers = {
+                look: Finisher(
+                    gl, samples=count, ambient_occlusion=ambient_occlusion and look == "full"
+                )
+                for look, count in self._samples.items()
+            }
             self._background = make_program(gl, (SCREEN_VERTEX, BACKGROUND_FRAGMENT))
             self._background_array = gl.vertex_array(self._background, [])
+        self._seen: tuple[Any, ...] = ()
+        self._is_shadow_stale = True
 
     def refresh(self) -> None:
         """Read the shapes and colours of all bodies again."""
         self._scene.refresh()
+        self._seen = ()
 
     def render(self, camera: Camera) -> npt.NDArray[np.uint8]:
         """Return the picture that `camera` takes, shape [height, width, 3].
@@ -70,39 +80,51 @@ class GLRenderer:
         Raises:
             WorldError: If the renderer or the world is closed.
         """
-        self._check_open()
-        with self._gl:
-            self._shadow.draw(self._scene, camera, changed=self._scene.update())
-            target = self._target(camera)
-            target.scene.use()
-            target.scene.clear(*HORIZON, depth=1.0)
-            self._light_up(camera)
-            self._scene.draw_opaque(camera)
-            self._draw_background(camera)
-            self._scene.draw_transparent(camera)
-            self._shadow.unbind()
-            return self._finisher.finish(camera, target)
+        self._seen = ()
+        return self.read([Shot(camera)])[0]["rgb"]
 
     def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
-        """Return the distance along the line of sight [m], shape [height, width]; inf for nothing.
+        """Return depths along the optical axis [m], shape [height, width]; inf for nothing.
+
+        Raises:
+            WorldError: If the renderer or the world is closed.
+        """
+        self._seen = ()
+        return self.read([Shot(camera, ("depth",))])[0]["depth"]
+
+    def read(self, shots: Sequence[Shot]) -> list[Picture]:
+        """Return what each of several cameras sees at this moment, by output.
+
+        The scene is sent to the graphics card once for all, and not at all if no time has passed,
+        nothing was teleported and nothing was added since the last picture.
 
         Raises:
             WorldError: If the renderer or the world is closed.
         """
         self._check_open()
-        with self._gl as gl:
-            self._scene.update()
-            self._shadow.forget()
-            target = self._target(camera)
-            target.depth_only.use()
-            target.depth_only.clear(depth=1.0)
-            gl.enable_only(gl.DEPTH_TEST)
-            self._scene.draw_depth(camera)
-            raw = np.frombuffer(target.depth_texture.read(), np.float32)
-        z = raw.reshape(camera.height, camera.width)[::-1] * 2 - 1
-        near, far = camera.near, camera.far
-        distance = 2 * near * far / (near + far - z * (far - near))
-        return np.where(z < 1, distance, np.inf).astype(np.float32)
+        out: list[Picture] = [{} for _ in shots]
+        with self._gl:
+            self._follow()
+            # Draw all, then read all: to read one waits until it is drawn.
+            drawn: list[Target | SurveyTarget | None] = []
+            used: Counter[tuple[Any, ...]] = Counter()
+            for shot in shots:
+                target = self._draw(shot, used) if shot.wants_rgb else None
+                drawn.append(target)
+                drawn.append(self._survey(shot, target, used) if shot.wants_shape else None)
+            for i, (picture, shot) in enumerate(zip(out, shots, strict=True)):
+                colors, survey = drawn[2 * i : 2 * i + 2]
+                if isinstance(colors, Target):
+                    picture["rgb"] = colors.read()
+                if isinstance(survey, SurveyTarget):
+                    picture.update(survey.read(shot.outputs))
+            while len(self._targets) > _TARGETS_KEPT:
+                self._targets.pop(next(iter(self._targets))).release()
+        return out
+
+    def labels(self) -> dict[int, tuple[str, str]]:
+        """Return name of body and link by their number in segmentations."""
+        return Labels(self._world).names
 
     def close(self) -> None:
         """Free everything on the graphics card; safe to call twice."""
@@ -112,8 +134,8 @@ class GLRenderer:
             for thing in (
                 *self._targets.values(),
                 self._scene,
-                self._shadow,
-                self._finisher,
+                *self._shadows.values(),
+                *self._finishers.values(),
                 self._background_array,
                 self._background,
             ):
@@ -127,30 +149,89 @@ class GLRenderer:
         if self._world.client < 0:
             raise WorldError("the world of this renderer is closed")
 
-    def _target(self, camera: Camera) -> Target:
-        size = (camera.width, camera.height)
-        if size not in self._targets:
-            if len(self._targets) >= _SIZES_KEPT:
-                self._targets.pop(next(iter(self._targets))).release()
-            self._targets[size] = Target(self._gl, size, self._samples)
-        return self._targets[size]
+    def _follow(self) -> None:
+        """Bring the scene up to date with the world, if it may have changed."""
+        world = self._world
+        skins = [(id(skin), id(skin.faces), id(skin.colors)) for skin in world.skins]
+        seen = (world.step_count, world.teleports, len(world.bodies), *skins)
+        if seen == self._seen:
+            self._scene.update_lines()
+            return
+        self._is_shadow_stale |= self._scene.update()
+        # A skin may have given itself new colours on the way.
+        skins = [(id(skin), id(skin.faces), id(skin.colors)) for skin in world.skins]
+        self._seen = (world.step_count, world.teleports, len(world.bodies), *skins)
 
-    def _light_up(self, camera: Camera) -> None:
+    def _draw(self, shot: Shot, used: Counter[tuple[Any, ...]]) -> Target:
+        """Draw colours into a target that nothing else of this reading is drawn into."""
+        camera, look = shot.camera, shot.look
+        size, samples = (camera.width, camera.height), self._samples[look]
+        target = self._target((Target, size, samples), used)
+        assert isinstance(target, Target)
+        shadow = self._shadows[look]
+        if look == "full":
+            shadow.draw(self._scene, camera, changed=self._is_shadow_stale)
+            self._is_shadow_stale = False
+        scene = target.survey().scene if self._measures(shot) else target.scene
+        scene.use()
+        scene.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
+        self._light_up(camera, shadow)
+        self._scene.draw_opaque(camera, measured=self._measures(shot))
+        target.scene.use()
+        self._draw_background(camera)
+        self._scene.draw_transparent(camera)
+        shadow.unbind()
+        self._finishers[look].finish(camera, target)
+        return target
+
+    def _measures(self, shot: Shot) -> bool:
+        """Whether shapes are measured while colours are drawn: both have one sample a pixel."""
+        return shot.wants_shape and not self._samples[shot.look]
+
+    def _survey(
+        self, shot: Shot, colored: Target | None, used: Counter[tuple[Any, ...]]
+    ) -> SurveyTarget:
+        """Return normals, depths and labels, drawn with the colours or into a target of their own."""
+        if colored is not None and self._measures(shot):
+            return colored.survey()
+        camera = shot.camera
+        target = self._target((SurveyTarget, (camera.width, camera.height)), used)
+        assert isinstance(target, SurveyTarget)
+        target.scene.use()
+        target.scene.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
+        self._scene.draw_survey(camera)
+        return target
+
+    def _target(
+        self, kind: tuple[Any, ...], used: Counter[tuple[Any, ...]]
+    ) -> Target | SurveyTarget:
+        """Return a target made by `kind`, a class and its arguments, that is not yet used."""
+        key = (*kind, used[kind])
+        used[kind] += 1
+        target = self._targets.pop(key, None)
+        if target is None:
+            make, *arguments = kind
+            target = make(self._gl, *arguments)
+        self._targets[key] = target  # the last used stands last
+        return target
+
+    def _light_up(self, camera: Camera, shadow: _ShadowMap) -> None:
         """Give every surface program the camera and the lights."""
-        self._shadow.bind(1, 2)
+        shadow.bind(1, 2)
         matrix = matrix_bytes(camera.projection() @ camera.view())
         values: dict[str, Any] = {
             "transforms": 0,
             "shadow": 1,
             "shadow_depth": 2,
-            "shadow_texel": self._shadow.texel,
-            "shadow_texel_uv": self._shadow.texel_uv,
+            "shadow_texel": shadow.texel,
+            "shadow_texel_uv": shadow.texel_uv,
             "eye": tuple(camera.eye),
+            "optical": tuple((camera.axes() * ((1,), (-1,), (-1,))).T.ravel().tolist()),
             "key": tuple(_light_axes()[2]),
         }
         for kind, program in self._scene.programs.items():
             program["view_projection"].write(matrix)
-            program["light_matrix"].write(matrix_bytes(self._shadow.matrix))
+            program["light_matrix"].write(matrix_bytes(shadow.matrix))
             if kind == "floor":
                 program["horizon"], program["middle"] = HORIZON, tuple(camera.target)
             for name, value in values.items():
@@ -217,10 +298,6 @@ class _ShadowMap:
         self._gl.copy_framebuffer(live, still)
         live.use()
         scene.draw_shadow_casters(self.matrix, still=False, cell=1.5 * self.texel)
-
-    def forget(self) -> None:
-        """Draw also what stands still the next time."""
-        self._key = ()
 
     def bind(self, compared: int, raw: int) -> None:
         """Bind the map to two texture units: one compares depths, one gives them."""

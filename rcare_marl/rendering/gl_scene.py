@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,17 +12,23 @@ from ..pose import Array
 from ..world import World
 from .camera import Camera
 from .detail import level_for
-from .geometry import FLOOR_RGBA, VERTEX, Geometry, Part, Run, world_parts
+from .geometry import FLOOR_RGBA, LAYOUTS, VERTEX, Geometry, Part, Pass, Run, world_parts
 from .gl_context import make_program, matrix_bytes
 from .gl_lines import LineBuffers
 from .gl_skin import SkinBuffers
 from .mesh import Floats
-from .shading import DEPTH_FRAGMENT, DEPTH_VERTEX, surface_program
+from .shading import (
+    DEPTH_FRAGMENT,
+    DEPTH_VERTEX,
+    SURVEY_FRAGMENT,
+    SURVEY_VERTEX,
+    surface_program,
+)
+from .shot import Labels
 
 _COARSENESS = 1.4  # [pixel], of the cells that vertices are joined in
+_COARSEST = 0.008  # [m], of these cells where shapes are measured
 _FLOOR_HALF = 14.0  # [m]
-_SURFACE = ("3f 3f 4f1 1u4", "in_position", "in_normal", "in_rgba", "in_slot")
-_DEPTH = ("3f 16x 1u4", "in_position", "in_slot")
 
 Level = Callable[[Floats, float], int]
 
@@ -32,6 +38,7 @@ class GLScene:
 
     Attributes:
         programs: By kind of surface: `plastic`, `skin`, `line`, `floor`.
+        survey: The program that tells normals, depths and labels.
         geometry: What is rigid.
     """
 
@@ -39,6 +46,7 @@ class GLScene:
         self._gl, self._world, self._floor = gl, world, floor
         kinds = ("plastic", "skin", "line", "floor")
         self.programs = {kind: make_program(gl, surface_program(kind)) for kind in kinds}
+        self.survey = make_program(gl, (SURVEY_VERTEX, SURVEY_FRAGMENT))
         self._depth_program = make_program(gl, (DEPTH_VERTEX, DEPTH_FRAGMENT))
         self._skins: dict[int, SkinBuffers] = {}
         self._lines: dict[int, LineBuffers] = {}
@@ -69,13 +77,24 @@ class GLScene:
             if buffers is None or not buffers.fits(skin, vertices):
                 if buffers is not None:
                     buffers.release()
-                buffers = SkinBuffers(self._gl, skin, self.programs["skin"], self._depth_program)
+                labels = [
+                    self._labels.of(skin.body.uid, i - 1) for i in range(skin.body.link_count + 1)
+                ]
+                buffers = SkinBuffers(self._gl, skin, self._passes("skin"), labels)
                 self._skins[id(skin)] = buffers
             buffers.upload(vertices)
-        self._update_lines()
+        self.update_lines()
         return moved or changed
 
-    def _update_lines(self) -> None:
+    def _passes(self, kind: str) -> dict[Pass, Any]:
+        return {
+            "surface": self.programs[kind],
+            "depth": self._depth_program,
+            "survey": self.survey,
+        }
+
+    def update_lines(self) -> None:
+        """Follow the lines alone, which may change while the world stands still."""
         present = {id(lines) for lines in self._world.lines}
         for key in [key for key in self._lines if key not in present]:
             self._lines.pop(key).release()
@@ -84,13 +103,14 @@ class GLScene:
             if buffers is None or not buffers.fits(lines):
                 if buffers is not None:
                     buffers.release()
-                buffers = LineBuffers(self._gl, lines, self.programs["line"], self._depth_program)
+                buffers = LineBuffers(self._gl, lines, self._passes("line"))
                 self._lines[id(lines)] = buffers
             buffers.upload(lines)
 
     def _build(self) -> None:
         gl = self._gl
         self._release_made()
+        self._labels = Labels(self._world)
         parts = world_parts(self._world)
         floors = [p for p in parts if p.is_floor] if self._floor else []
         planes = [p for p in floors if p.is_plane]
@@ -99,32 +119,37 @@ class GLScene:
         indices = gl.buffer(self.geometry.indices.tobytes() or bytes(12))
         self._transforms = gl.texture((3, len(self.geometry.transforms)), 4, dtype="f4")
         self._arrays = {
-            kind: gl.vertex_array(self.programs[kind], [(vertices, *_SURFACE)], indices)
-            for kind in ("plastic", "floor")
+            kind: gl.vertex_array(program, [(vertices, *LAYOUTS[kind])], indices)
+            for kind, program in self._passes("plastic").items()
         }
-        self._depth_array = gl.vertex_array(self._depth_program, [(vertices, *_DEPTH)], indices)
+        self._slab_array = gl.vertex_array(
+            self.programs["floor"], [(vertices, *LAYOUTS["surface"])], indices
+        )
         self._made = [
-            *self._arrays.values(), self._depth_array, vertices, indices, self._transforms
+            *self._arrays.values(), self._slab_array, vertices, indices, self._transforms
         ]  # fmt: skip
-        self._floor_arrays: list[Any] = []
+        self._floor_arrays: dict[Pass, Any] = {}
         if self._floor:
             self._add_floor(max(floors, key=lambda part: part.area, default=None))
 
     def _add_floor(self, like: Part | None) -> None:
-        """Draw a floor to the horizon, a hair lower than what lies on it or is one itself."""
-        height = (like.top if like is not None else 0.0) - 0.002
+        """Draw a floor to the horizon: in place of a plane, or a hair lower than anything else."""
+        height = like.top if like is not None else 0.0
+        if like is None or not like.is_plane:
+            height -= 0.002
         rgba = FLOOR_RGBA if like is None else like.rgba[0]
         corners = np.zeros(4, VERTEX)
         corners["position"] = [(x, y, height) for x in (-1, 1) for y in (-1, 1)]
         corners["position"][:, :2] *= _FLOOR_HALF
         corners["normal"], corners["rgba"] = (0, 0, 1), rgba
+        corners["label"] = -1 if like is None else like.label
         buffer = self._gl.buffer(corners.tobytes())
         index = self._gl.buffer(np.array((0, 2, 1, 1, 2, 3), np.int32).tobytes())
-        self._floor_arrays = [
-            self._gl.vertex_array(self.programs["floor"], [(buffer, *_SURFACE)], index),
-            self._gl.vertex_array(self._depth_program, [(buffer, *_DEPTH)], index),
-        ]
-        self._made = [*self._floor_arrays, *self._made, buffer, index]
+        self._floor_arrays = {
+            kind: self._gl.vertex_array(program, [(buffer, *LAYOUTS[kind])], index)
+            for kind, program in self._passes("floor").items()
+        }
+        self._made = [*self._floor_arrays.values(), *self._made, buffer, index]
 
     def draw_shadow_casters(self, matrix: Array, *, still: bool, cell: float) -> None:
         """Draw the depth of what casts shadows, either what stands still or what may move.
@@ -135,57 +160,62 @@ class GLScene:
             cell: Size of what need not be told apart [m].
         """
         level = level_for(cell)
-        runs = [r for r in self.geometry.runs if r.casts and not r.is_floor]
-        self._draw_depth(
-            matrix, [r for r in runs if r.is_still == still], lambda *_: level, living=not still
-        )
-
-    def draw_depth(self, camera: Camera) -> None:
-        """Draw the depth of everything that is opaque."""
-        runs = [r for r in self.geometry.runs if r.alpha >= 0.99]
-        matrix = camera.projection() @ camera.view()
-        self._draw_depth(matrix, runs, _level_of(camera), living=True)
-        if self._floor_arrays:
-            self._floor_arrays[1].render()
-
-    def _draw_depth(
-        self, matrix: Array, runs: Iterable[Run], level: Level, *, living: bool
-    ) -> None:
         self._transforms.use(0)
         self._depth_program["transforms"] = 0
         self._depth_program["view_projection"].write(matrix_bytes(matrix))
-        for run in runs:
-            first, count = run.level(level(self._center(run), run.radius))
-            self._depth_array.render(vertices=count, first=first)
-        if not living:
+        for run in self.geometry.runs:
+            if run.casts and not run.is_floor and run.is_still == still:
+                first, count = run.level(level)
+                self._arrays["depth"].render(vertices=count, first=first)
+        if still:
             return
         for skin in self._skins.values():
             if skin.is_opaque:
-                skin.draw(level(skin.center, skin.radius), depth_only=True)
+                skin.draw("depth", level)
         for lines in self._lines.values():
-            lines.draw(depth_only=True)
+            lines.draw("depth")
 
-    def draw_opaque(self, camera: Camera) -> None:
-        """Draw the colours of everything that is opaque; the programs must be set up."""
-        gl, level = self._gl, _level_of(camera)
+    def draw_opaque(self, camera: Camera, *, measured: bool) -> None:
+        """Draw the colours of everything that is opaque; the programs must be set up.
+
+        Args:
+            camera: Where from.
+            measured: Whether the shapes are measured too, and so must not be too coarse.
+        """
+        self._draw_opaque("surface", camera, coarsest=_COARSEST if measured else math.inf)
+
+    def draw_survey(self, camera: Camera) -> None:
+        """Draw normals, depths and labels of everything that is opaque."""
+        matrix = camera.projection() @ camera.view()
+        self.survey["transforms"] = 0
+        self.survey["view_projection"].write(matrix_bytes(matrix))
+        self.survey["optical"].write(matrix_bytes(camera.axes() * ((1,), (-1,), (-1,))))
+        self._draw_opaque("survey", camera, coarsest=_COARSEST)
+
+    def _draw_opaque(self, kind: Pass, camera: Camera, *, coarsest: float) -> None:
+        gl, level, sees = self._gl, _level_of(camera, coarsest=coarsest), _sight_of(camera)
         self._transforms.use(0)
         for skin in self._skins.values():
-            if skin.is_opaque:
+            if skin.is_opaque and sees(skin.center, skin.radius):
                 gl.enable_only(gl.DEPTH_TEST | (gl.CULL_FACE if skin.closed else 0))
-                skin.draw(level(skin.center, skin.radius), depth_only=False)
+                skin.draw(kind, level(skin.center, skin.radius))
         gl.enable_only(gl.DEPTH_TEST | gl.CULL_FACE)
         for lines in self._lines.values():
-            lines.draw(depth_only=False)
+            lines.draw(kind)
         for run in self.geometry.runs:
             if run.alpha < 0.99:
                 continue
+            center = self._center(run)
+            if run.is_one and not sees(center, run.radius):
+                continue
             gl.enable_only(gl.DEPTH_TEST | (gl.CULL_FACE if run.closed else 0))
-            first, count = run.level(level(self._center(run), run.radius))
-            kind = "floor" if run.is_floor and self._floor else "plastic"
-            self._arrays[kind].render(vertices=count, first=first)
+            first, count = run.level(level(center, run.radius))
+            is_floor = run.is_floor and self._floor and kind == "surface"
+            array = self._slab_array if is_floor else self._arrays[kind]
+            array.render(vertices=count, first=first)
         gl.enable_only(gl.DEPTH_TEST)
         if self._floor_arrays:
-            self._floor_arrays[0].render()
+            self._floor_arrays[kind].render()
 
     def draw_transparent(self, camera: Camera) -> None:
         """Draw the colours of what is transparent, the farthest first."""
@@ -196,7 +226,7 @@ class GLScene:
         gl.enable_only(gl.DEPTH_TEST | gl.CULL_FACE | gl.BLEND)
         for run in runs:
             first, count = run.level(level(self._center(run), run.radius))
-            self._arrays["plastic"].render(vertices=count, first=first)
+            self._arrays["surface"].render(vertices=count, first=first)
         veils = [s for s in self._skins.values() if s.is_visible and not s.is_opaque]
         veils.sort(key=lambda s: -float(np.linalg.norm(s.center - eye)))
         for skin in veils:
@@ -207,10 +237,10 @@ class GLScene:
         gl = self._gl
         gl.enable_only(gl.DEPTH_TEST | gl.BLEND)
         gl.blend_func = gl.ZERO, gl.ONE  # of the first pass only the depth counts
-        skin.draw(level, depth_only=False)
+        skin.draw("surface", level)
         gl.blend_func = gl.DEFAULT_BLENDING
         gl.depth_func = "<="
-        skin.draw(level, depth_only=False)
+        skin.draw("surface", level)
         gl.depth_func = "<"
 
     def _center(self, run: Run) -> Floats:
@@ -227,20 +257,37 @@ class GLScene:
         """Free everything."""
         self._release_made()
         things: list[Any] = [*self._skins.values(), *self._lines.values(), *self.programs.values()]
-        for thing in (*things, self._depth_program):
+        for thing in (*things, self._depth_program, self.survey):
             thing.release()
 
 
-def _level_of(camera: Camera) -> Level:
-    """Return what picks the level whose cells are about as small as a pixel."""
-    pixel = 2 * math.tan(math.radians(camera.fov_deg) / 2) / camera.height
+def _level_of(camera: Camera, *, coarsest: float = math.inf) -> Level:
+    """Return what picks the level whose cells are about as small as a pixel, or `coarsest` [m]."""
+    pixel = 1 / camera.focal[1]
     eye = np.asarray(camera.eye)
 
     def level(center: Floats, radius: float) -> int:
         nearest = max(float(np.linalg.norm(center - eye)) - radius, camera.near)
-        return level_for(_COARSENESS * nearest * pixel)
+        return level_for(min(_COARSENESS * nearest * pixel, coarsest))
 
     return level
+
+
+def _sight_of(camera: Camera) -> Callable[[Floats, float], bool]:
+    """Return what tells whether any of a sphere may be in the picture."""
+    view = camera.view()
+    # The four sides, through the eye, and the near one, as planes whose normals point inwards.
+    clip = camera.projection()
+    sides = np.array([clip[3] + sign * clip[i] for i in (0, 1) for sign in (1, -1)])[:, :3]
+    sides /= np.linalg.norm(sides, axis=1, keepdims=True)
+    planes = np.vstack((sides, (0.0, 0.0, -1.0)))
+    normals = planes @ view[:3, :3]
+    offsets = planes @ view[:3, 3] - (0, 0, 0, 0, camera.near)
+
+    def sees(center: Floats, radius: float) -> bool:
+        return bool((normals @ center + offsets).min() >= -radius)
+
+    return sees
 
 
 __all__ = ["GLScene"]

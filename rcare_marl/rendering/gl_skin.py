@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..world import Skin
 from .detail import detail_levels
-from .mesh import Floats, SmoothNormals, is_closed
+from .geometry import Pass
+from .mesh import Floats, Ints, SmoothNormals, is_closed
 
 _OPEN_EDGES = 0.003  # a person's nostrils and eyes may be open, a garment is drawn on both sides
 
@@ -24,14 +26,27 @@ class SkinBuffers:
         radius: Of the sphere around the surface at the last upload [m].
     """
 
-    def __init__(self, gl: Any, skin: Skin, surface: Any, depth: Any) -> None:
-        vertices = np.ascontiguousarray(skin.vertices(), np.float32)
+    def __init__(
+        self, gl: Any, skin: Skin, programs: Mapping[Pass, Any], link_labels: Sequence[int]
+    ) -> None:
+        """Make them.
+
+        Args:
+            gl: The context.
+            skin: What they are for.
+            programs: What draws them, by pass.
+            link_labels: Label of each link of the body, base first.
+        """
+        pieces = skin.rest_pieces()
+        # Not the present surface: coarser levels would depend on when the first picture is taken.
+        vertices = np.ascontiguousarray(pieces[0][1] if pieces else skin.vertices(), np.float32)
         faces = np.ascontiguousarray(skin.faces, np.int32)
         self._faces, self._colors, self._count = skin.faces, skin.colors, len(vertices)
         self.closed = is_closed(faces, vertices, faces, tolerance=_OPEN_EDGES)
         self._normals = SmoothNormals(faces, len(vertices))
         self._data = np.empty((len(vertices), 6), np.float32)
-        constant = np.zeros(len(vertices), [("rgba", "u1", 4), ("slot", "u4")])
+        constant = np.zeros(len(vertices), [("rgba", "u1", 4), ("slot", "u4"), ("label", "i4")])
+        constant["label"] = np.asarray(link_labels)[_links(skin.faces, pieces, len(vertices)) + 1]
         constant["rgba"][:, 3] = 255
         constant["rgba"][:, : skin.colors.shape[1]] = skin.colors
         opacity = constant["rgba"][:, 3]
@@ -44,21 +59,24 @@ class SkinBuffers:
         self._levels = [(start, level.size) for start, level in zip(starts, levels, strict=False)]
         indices = np.concatenate([level.ravel() for level in levels])
         self._moving = gl.buffer(reserve=max(self._data.nbytes, 24), dynamic=True)
-        self._constant = gl.buffer(constant.tobytes() or bytes(8))
+        self._constant = gl.buffer(constant.tobytes() or bytes(12))
         self._indices = gl.buffer(indices.tobytes() or bytes(12))
-        self._surface_array = gl.vertex_array(
-            surface,
-            [
-                (self._moving, "3f 3f", "in_position", "in_normal"),
-                (self._constant, "4f1 1u4", "in_rgba", "in_slot"),
+        moving, constants = self._moving, self._constant
+        parts: dict[Pass, list[tuple[Any, ...]]] = {
+            "surface": [
+                (moving, "3f 3f", "in_position", "in_normal"),
+                (constants, "4f1 1u4 1i4", "in_rgba", "in_slot", "in_label"),
             ],
-            self._indices,
-        )
-        self._depth_array = gl.vertex_array(
-            depth,
-            [(self._moving, "3f 12x", "in_position"), (self._constant, "4x 1u4", "in_slot")],
-            self._indices,
-        )
+            "depth": [(moving, "3f 12x", "in_position"), (constants, "4x 1u4 4x", "in_slot")],
+            "survey": [
+                (moving, "3f 3f", "in_position", "in_normal"),
+                (constants, "4x 1u4 1i4", "in_slot", "in_label"),
+            ],
+        }
+        self._arrays = {
+            kind: gl.vertex_array(program, parts[kind], self._indices)
+            for kind, program in programs.items()
+        }
         self.center, self.radius = np.zeros(3, np.float32), 0.0
 
     def fits(self, skin: Skin, vertices: Floats) -> bool:
@@ -79,23 +97,26 @@ class SkinBuffers:
         self._data[:, :3], self._data[:, 3:] = vertices, self._normals.compute(vertices)
         self._moving.write(self._data)
 
-    def draw(self, level: int, *, depth_only: bool) -> None:
+    def draw(self, kind: Pass, level: int) -> None:
         """Draw at a level of detail; 0 is full."""
         first, count = self._levels[min(level, len(self._levels) - 1)]
-        array = self._depth_array if depth_only else self._surface_array
         if count:
-            array.render(vertices=count, first=first)
+            self._arrays[kind].render(vertices=count, first=first)
 
     def release(self) -> None:
         """Free everything."""
-        for thing in (
-            self._surface_array,
-            self._depth_array,
-            self._moving,
-            self._constant,
-            self._indices,
-        ):
+        for thing in (*self._arrays.values(), self._moving, self._constant, self._indices):
             thing.release()
+
+
+def _links(faces: Ints, pieces: Sequence[tuple[int, Floats, Ints]], count: int) -> Ints:
+    """Return the link that each vertex follows: the one of the faces that begin with it."""
+    out = np.full(count, -1, np.int32)
+    for corners in (slice(1, 3), slice(0, 1)):
+        for link, _, chosen in pieces:
+            there = chosen[chosen < len(faces)]  # a skin may have been torn since
+            out[faces[there, corners]] = link
+    return out
 
 
 __all__ = ["SkinBuffers"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from .camera import Camera
 from .gl_context import make_program
 from .shading import BLUR_FRAGMENT, FINAL_FRAGMENT, SCREEN_VERTEX, occlusion_program
+from .shot import Picture
 
 _STRENGTH = 0.8  # of the ambient occlusion
 
@@ -28,18 +29,17 @@ class Finisher:
         }
         self._arrays = {name: gl.vertex_array(p, []) for name, p in self._programs.items()}
 
-    def finish(self, camera: Camera, target: Target) -> npt.NDArray[np.uint8]:
-        """Return the picture in a target, shape [height, width, 3]."""
+    def finish(self, camera: Camera, target: Target) -> None:
+        """Make the picture in a target; its `read` then returns it."""
         gl = self._gl
         gl.enable_only(gl.NOTHING)
         if self._samples:
             gl.copy_framebuffer(target.resolved, target.scene)
         if self._occludes:
             program = self._programs["occlusion"]
-            half = math.tan(math.radians(camera.fov_deg) / 2)
             target.scene_depth.use(0)
             program["depth"], program["size"] = 0, target.size
-            program["lens"] = half * camera.aspect, half
+            program["projection"] = tuple(camera.projection()[(0, 1, 0, 1), (0, 1, 2, 2)])
             program["planes"] = camera.near, camera.far
             self._run("occlusion", target.occlusion)
             target.occlusion_texture.use(0)
@@ -51,9 +51,6 @@ class Finisher:
         final["picture"], final["occlusion"] = 0, 1
         final["strength"] = _STRENGTH if self._occludes else 0.0
         self._run("final", target.final)
-        out = np.empty((camera.height, camera.width, 4), np.uint8)
-        target.final.read_into(out, components=4)
-        return np.ascontiguousarray(out[:, :, :3])
 
     def _run(self, name: str, framebuffer: Any) -> None:
         framebuffer.use()
@@ -72,11 +69,11 @@ class Target:
         size: Width and height [pixel].
         scene: Where the scene is drawn, with several samples a pixel.
         scene_depth: Its depth.
-        depth_only: Where only distances are drawn.
     """
 
     def __init__(self, gl: Any, size: tuple[int, int], samples: int) -> None:
-        self.size = size
+        self._gl, self.size = gl, size
+        self._survey: SurveyTarget | None = None
         half = (size[0] + 1) // 2, (size[1] + 1) // 2
         self.picture = gl.texture(size, 4)
         self.scene_depth = gl.depth_texture(size, samples=samples)
@@ -89,16 +86,70 @@ class Target:
         self.blurred = gl.framebuffer([self.blurred_texture])
         self._final_color = gl.renderbuffer(size, 4)
         self.final = gl.framebuffer([self._final_color])
-        self.depth_texture = gl.depth_texture(size)
-        self.depth_only = gl.framebuffer(depth_attachment=self.depth_texture)
         for texture in (self.picture, self.occlusion_texture, self.blurred_texture):
             texture.repeat_x = texture.repeat_y = False
 
+    def survey(self) -> SurveyTarget:
+        """Return where normals, depths and labels are drawn with the colours; with one sample only."""
+        if self._survey is None:
+            self._survey = SurveyTarget(self._gl, self.size, beside=self)
+        return self._survey
+
+    def read(self) -> npt.NDArray[np.uint8]:
+        """Return the finished picture, shape [height, width, 3]."""
+        out = np.empty((self.size[1], self.size[0], 4), np.uint8)
+        self.final.read_into(out, components=4)
+        return np.ascontiguousarray(out[:, :, :3])
+
     def release(self) -> None:
         """Free everything."""
-        things = {id(thing): thing for thing in vars(self).values() if hasattr(thing, "release")}
+        if self._survey is not None:
+            self._survey.release()
+        made = {name: thing for name, thing in vars(self).items() if name not in ("_gl", "_survey")}
+        things = {id(thing): thing for thing in made.values() if hasattr(thing, "release")}
         for thing in things.values():
             thing.release()
 
 
-__all__ = ["Finisher", "Target"]
+class SurveyTarget:
+    """What normals, depths and labels are drawn into, for one size of picture.
+
+    Attributes:
+        scene: The framebuffer.
+    """
+
+    def __init__(self, gl: Any, size: tuple[int, int], beside: Target | None = None) -> None:
+        """Make them, to be drawn into alone or together with the colours of a target."""
+        self._size = size
+        self._shape = gl.texture(size, 4, dtype="f4")
+        self._thing = gl.texture(size, 1, dtype="f4")
+        self._made = [self._shape, self._thing]
+        if beside is None:
+            depth = gl.depth_renderbuffer(size)
+            self.scene = gl.framebuffer(self._made, depth)
+            self._made.append(depth)
+        else:
+            self.scene = gl.framebuffer([beside.picture, *self._made], beside.scene_depth)
+
+    def read(self, outputs: Collection[str]) -> Picture:
+        """Return those of the arrays of `Shot` that are named, from what was drawn."""
+        width, height = self._size
+        out: Picture = {}
+        if "segmentation" in outputs:
+            things = np.frombuffer(self._thing.read(), np.float32).reshape(height, width)
+            out["segmentation"] = things[::-1].astype(np.int32) - 1
+        if "depth" in outputs or "normals" in outputs:
+            raw = np.frombuffer(self._shape.read(), np.float32).reshape(height, width, 4)
+            if "depth" in outputs:
+                out["depth"] = np.where(raw[::-1, :, 3] > 0, raw[::-1, :, 3], np.float32(np.inf))
+            if "normals" in outputs:
+                out["normals"] = raw[::-1, :, :3].copy()
+        return out
+
+    def release(self) -> None:
+        """Free everything."""
+        for thing in (self.scene, *self._made):
+            thing.release()
+
+
+__all__ = ["Finisher", "SurveyTarget", "Target"]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -299,35 +300,36 @@ def is_closed(
 
 
 class SmoothNormals:
-    """The vertex normals of a deforming surface, with its adjacency worked out once."""
+    """The vertex normals of a deforming surface."""
 
     def __init__(self, faces: Ints, vertex_count: int) -> None:
-        corners = faces.ravel()
-        order = np.argsort(corners, kind="stable")
-        self._faces = np.ascontiguousarray(faces.T.astype(np.intp))
-        self._face_of_corner = order // 3
-        used, self._starts = np.unique(corners[order], return_index=True)
-        self._used = None if len(used) == vertex_count else used
+        self._faces = np.ascontiguousarray(faces, np.int32)
         self._count = vertex_count
 
     def compute(self, vertices: Floats) -> Floats:
-        """Return area-weighted unit normals, shape [n, 3]."""
-        if not len(self._starts):
-            return np.zeros((self._count, 3), np.float32)
-        a, b, c = (vertices.take(index, axis=0) for index in self._faces)
-        b -= a
-        c -= a
-        area = np.empty_like(a)
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            area[:, i] = b[:, j] * c[:, k] - b[:, k] * c[:, j]
-        total = np.add.reduceat(area.take(self._face_of_corner, axis=0), self._starts, axis=0)
-        length = np.sqrt(np.einsum("ij,ij->i", total, total))
-        total /= np.maximum(length, np.float32(1e-20))[:, None]
-        if self._used is None:
-            return total
+        """Return area-weighted unit normals, shape [n, 3]; zero for a vertex of no face."""
         out = np.zeros((self._count, 3), np.float32)
-        out[self._used] = total
+        _add_normals(np.ascontiguousarray(vertices, np.float32), self._faces, out)
         return out
+
+
+@numba.njit(cache=True)
+def _add_normals(vertices, faces, out) -> None:  # type: ignore[no-untyped-def]
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, az = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        bx, by, bz = vertices[j, 0] - ax, vertices[j, 1] - ay, vertices[j, 2] - az
+        cx, cy, cz = vertices[k, 0] - ax, vertices[k, 1] - ay, vertices[k, 2] - az
+        nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        for v in (i, j, k):
+            out[v, 0] += nx
+            out[v, 1] += ny
+            out[v, 2] += nz
+    for v in range(out.shape[0]):
+        x, y, z = out[v, 0], out[v, 1], out[v, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 1e-20:
+            out[v, 0], out[v, 1], out[v, 2] = x / length, y / length, z / length
 
 
 __all__ = ["CREASE", "Mesh", "SmoothNormals", "is_closed", "shape_mesh", "smoothed"]

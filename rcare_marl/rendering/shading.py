@@ -26,6 +26,8 @@ in vec3 in_position;
 in vec3 in_normal;
 in vec4 in_rgba;
 in uint in_slot;
+in int in_label;
+flat out int label;
 out vec3 normal;
 out vec3 position;
 out vec4 albedo;
@@ -40,6 +42,7 @@ void main() {
     vec3 world = vec3(dot(r0, local), dot(r1, local), dot(r2, local));
     normal = vec3(dot(r0.xyz, in_normal), dot(r1.xyz, in_normal), dot(r2.xyz, in_normal));
     position = world;
+    label = in_label;
     albedo = vec4(in_rgba.rgb * in_rgba.rgb, in_rgba.a);
     // Looking up a little outside of the surface keeps it from shadowing itself.
     in_light = (light_matrix * vec4(world + normal * shadow_texel * 1.6, 1.0)).xyz * 0.5 + 0.5;
@@ -68,8 +71,53 @@ void main() {
 
 DEPTH_FRAGMENT = _HEAD + "void main() {}\n"
 
+# What is where: normal in the optical frame with the depth, and the label plus one; zero is nothing.
+SURVEY_VERTEX = (
+    _HEAD
+    + """
+uniform mat4 view_projection;
+uniform mat3 optical;
+uniform sampler2D transforms;
+in vec3 in_position;
+in vec3 in_normal;
+in uint in_slot;
+in int in_label;
+out vec3 normal;
+out float depth;
+flat out int label;
+void main() {
+    int row = int(in_slot);
+    vec4 r0 = texelFetch(transforms, ivec2(0, row), 0);
+    vec4 r1 = texelFetch(transforms, ivec2(1, row), 0);
+    vec4 r2 = texelFetch(transforms, ivec2(2, row), 0);
+    vec4 local = vec4(in_position, 1.0);
+    normal = optical * vec3(dot(r0.xyz, in_normal), dot(r1.xyz, in_normal), dot(r2.xyz, in_normal));
+    label = in_label;
+    gl_Position = view_projection * vec4(dot(r0, local), dot(r1, local), dot(r2, local), 1.0);
+    depth = gl_Position.w;
+}
+"""
+)
+
+SURVEY_FRAGMENT = (
+    _HEAD
+    + """
+in vec3 normal;
+in float depth;
+flat in int label;
+layout(location = 0) out vec4 shape;
+layout(location = 1) out float thing;
+void main() {
+    shape = vec4(normalize(gl_FrontFacing ? normal : -normal), depth);
+    thing = float(label + 1);
+}
+"""
+)
+
+# Where there is a second and a third attachment, they take what the survey does.
 _FRAGMENT = """
 uniform vec3 eye;
+uniform mat3 optical;
 uniform vec3 key;
 uniform vec3 horizon;
 uniform vec3 middle;
@@ -80,7 +128,10 @@ in vec3 normal;
 in vec3 position;
 in vec4 albedo;
 in vec3 in_light;
-out vec4 color;
+flat in int label;
+layout(location = 0) out vec4 color;
+layout(location = 1) out vec4 shape;
+layout(location = 2) out float thing;
 
 float lit(vec3 at) {
     vec2 edge = abs(at.xy - 0.5);
@@ -116,6 +167,8 @@ vec3 sky(float up) {
 
 void main() {
     vec3 n = normalize(gl_FrontFacing ? normal : -normal);
+    shape = vec4(optical * n, 1.0 / gl_FragCoord.w);
+    thing = float(label + 1);
     vec3 v = normalize(eye - position);
     vec3 base = albedo.rgb;
     float alpha = albedo.a;
@@ -218,10 +271,10 @@ void main() {
 """
 )
 
-# Writes (occlusion, distance) at half size. `lens` is (tan(fov/2) * aspect, tan(fov/2)).
+# Writes (occlusion, distance) at half size. `projection` is (P00, P11, P02, P12) of the camera.
 OCCLUSION_FRAGMENT = """
 uniform DEPTH_SAMPLER depth;
-uniform vec2 lens;
+uniform vec4 projection;
 uniform vec2 planes;
 uniform ivec2 size;
 in vec2 uv;
@@ -231,7 +284,8 @@ vec3 place(ivec2 pixel) {
     pixel = clamp(pixel, ivec2(0), size - 1);
     float z = texelFetch(depth, pixel, 0).r * 2.0 - 1.0;
     float d = 2.0 * planes.x * planes.y / (planes.y + planes.x - z * (planes.y - planes.x));
-    return vec3(((vec2(pixel) + 0.5) / vec2(size) * 2.0 - 1.0) * lens * d, -d);
+    vec2 clip = (vec2(pixel) + 0.5) / vec2(size) * 2.0 - 1.0;
+    return vec3((clip + projection.zw) / projection.xy * d, -d);
 }
 
 void main() {
@@ -243,7 +297,7 @@ void main() {
     vec3 dx = abs(left.z) < abs(right.z) ? left : right;
     vec3 dy = abs(down.z) < abs(up.z) ? down : up;
     vec3 n = normalize(cross(dx, dy));
-    float reach = min(float(size.y) * 0.5 * RADIUS / (lens.y * -p.z), float(size.y) * 0.2);
+    float reach = min(float(size.y) * 0.5 * RADIUS * projection.y / -p.z, float(size.y) * 0.2);
     // Bayer's order of four by four: all sixteen turns are met within one tile.
     ivec2 tile = ivec2(gl_FragCoord.xy) & 3;
     int mixed = tile.x ^ tile.y;
@@ -340,6 +394,8 @@ __all__ = [
     "HORIZON",
     "KEY_DIRECTION",
     "SCREEN_VERTEX",
+    "SURVEY_FRAGMENT",
+    "SURVEY_VERTEX",
     "ZENITH",
     "occlusion_program",
     "surface_program",

@@ -6,6 +6,8 @@ It draws in a physics client of its own, so that the world's saved states stay r
 from __future__ import annotations
 
 import weakref
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,19 +21,24 @@ from ..world import Skin, World
 from .camera import Camera
 from .geometry import FLOOR_RGBA, world_parts
 from .mesh import Floats, Ints, SmoothNormals
-from .piece import split_by_color
+from .piece import Piece, split_by_color
+from .relief import normals_from_depth
 from .shading import HORIZON, KEY_DIRECTION
+from .shot import Labels, Picture, Shot
 from .stroke import paint, skin_opacity
 
 _FLOOR_HALF = 6.0  # [m]
-_OPAQUE = 0.5
+_OPAQUE = 0.5  # a skin that is less opaque is not drawn
+_CLEAR = 0.99  # a shape that is less opaque is seen by colours alone
+_OUT_OF_SIGHT = Pose((0.0, 0.0, -1e4))
+_Cut = tuple[int, Floats, Floats, Piece]
 
 
 class SoftwareRenderer:
     """Draws a world with PyBullet's TinyRenderer: slow and plain, but it works everywhere.
 
     Skins are drawn as rigid pieces that follow the links of their body, each of one colour; they
-    are cut where the skin lies at the first picture, or at `refresh`. Bullet never frees a mesh
+    are cut where the skin lies when the renderer is made, or first meets it. Bullet never frees a mesh
     (7 MB for a coarse person), so they are not cut anew for each picture. It knows no translucent
     mesh either: a skin of an opacity below one half is left out. Lines are painted onto the picture.
     """
@@ -53,11 +60,16 @@ class SoftwareRenderer:
             raise WorldError("PyBullet has no physics client left for the software renderer")
         self._closer = weakref.finalize(self, _disconnect, self._client)
         self._known: tuple[tuple[int, ...], ...] = ()
-        self._copies: list[tuple[Body, int, Pose, int]] = []
+        self._copies: list[_Copy] = []
+        self._cuts: dict[int, tuple[Skin, Ints, list[_Cut]]] = {}
+        for skin in world.skins:
+            self._cut(skin)
+        self._labels = np.full(1, -1, np.int32)  # of each copy by its id, the last one for nothing
 
     def refresh(self) -> None:
         """Read the shapes and colours of all bodies again."""
         self._known = ()
+        self._cuts = {}
 
     def render(self, camera: Camera) -> npt.NDArray[np.uint8]:
         """Return the picture that `camera` takes, shape [height, width, 3].
@@ -65,7 +77,42 @@ class SoftwareRenderer:
         Raises:
             WorldError: If the renderer or the world is closed.
         """
-        image = self._image(camera)
+        return self.read([Shot(camera)])[0]["rgb"]
+
+    def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
+        """Return depths along the optical axis [m], shape [height, width]; inf for nothing.
+
+        Raises:
+            WorldError: If the renderer or the world is closed.
+        """
+        return self.read([Shot(camera, ("depth",))])[0]["depth"]
+
+    def read(self, shots: Sequence[Shot]) -> list[Picture]:
+        """Return what each of several cameras sees at this moment, by output.
+
+        Raises:
+            WorldError: If the renderer or the world is closed.
+        """
+        self._update()
+        out = []
+        for shot in shots:
+            picture: Picture = {}
+            if shot.wants_rgb:
+                self._follow(transparent=True)
+                picture["rgb"] = self._colors(shot)
+            if shot.wants_shape:
+                self._follow(transparent=False)
+                picture.update(self._survey(shot))
+            out.append(picture)
+        return out
+
+    def labels(self) -> dict[int, tuple[str, str]]:
+        """Return name of body and link by their number in segmentations."""
+        return Labels(self._world).names
+
+    def _colors(self, shot: Shot) -> npt.NDArray[np.uint8]:
+        camera = shot.camera
+        image = self._image(camera, shadows=self._shadows and shot.look == "full")
         seen = np.reshape(np.asarray(image[2], np.uint8), (camera.height, camera.width, 4))
         out = np.ascontiguousarray(seen[:, :, :3])
         distance = _distances(image, camera)
@@ -74,24 +121,29 @@ class SoftwareRenderer:
             paint(lines, camera, out, distance)
         return out
 
-    def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
-        """Return the distance along the line of sight [m], shape [height, width]; inf for nothing.
-
-        Raises:
-            WorldError: If the renderer or the world is closed.
-        """
-        distance = _distances(self._image(camera), camera)
-        unseen = np.empty((*distance.shape, 3), np.uint8)
-        for lines in self._world.lines:
-            paint(lines, camera, unseen, distance)
-        return distance
+    def _survey(self, shot: Shot) -> Picture:
+        camera = shot.camera
+        image = self._image(camera, shadows=False)
+        depth = _distances(image, camera)
+        copies = np.reshape(np.asarray(image[4], np.int64), depth.shape)
+        labels = np.where(np.isinf(depth), -1, self._labels[copies])
+        if self._world.lines:
+            unseen, before = np.empty((*depth.shape, 3), np.uint8), depth.copy()
+            for lines in self._world.lines:
+                paint(lines, camera, unseen, depth)
+            labels[depth != before] = -1
+        out: Picture = {"depth": depth, "segmentation": labels.astype(np.int32)}
+        if "normals" in shot.outputs:
+            out["normals"] = normals_from_depth(camera, depth, copies)
+        return {output: array for output, array in out.items() if output in shot.outputs}
 
     def close(self) -> None:
         """Free the second client; safe to call twice."""
         self._closer()
         self._client = -1
 
-    def _image(self, camera: Camera) -> tuple[Any, ...]:
+    def _update(self) -> None:
+        """Make the copies anew if there is anything new in the world."""
         if self._client < 0:
             raise WorldError("this renderer is closed: make a new one")
         if self._world.client < 0:
@@ -103,20 +155,23 @@ class SoftwareRenderer:
         if self._known != known:
             self._known = known
             self._build()
-        self._follow()
+
+    def _image(self, camera: Camera, *, shadows: bool) -> tuple[Any, ...]:
+        # It samples pixels at their lower left corner: the picture is shifted so that these are the middles.
+        u, v = camera.principal
+        shifted = replace(camera, center=(u - 0.5, v + 0.5))
         image: tuple[Any, ...] = bullet.getCameraImage(
             camera.width,
             camera.height,
             viewMatrix=camera.view().T.ravel().tolist(),
-            projectionMatrix=camera.projection().T.ravel().tolist(),
+            projectionMatrix=shifted.projection().T.ravel().tolist(),
             lightDirection=KEY_DIRECTION,
             lightColor=(1, 1, 1),
             lightDistance=6.0,
             lightAmbientCoeff=0.55,
             lightDiffuseCoeff=0.5,
             lightSpecularCoeff=0.1,
-            shadow=int(self._shadows),
-            flags=bullet.ER_NO_SEGMENTATION_MASK,
+            shadow=int(shadows),
             renderer=bullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )
@@ -125,26 +180,43 @@ class SoftwareRenderer:
     def _build(self) -> None:
         bullet.resetSimulation(physicsClientId=self._client)
         self._copies = []
+        labels, numbers = Labels(self._world), dict[int, int]()
         parts = world_parts(self._world)
         if self._floor and not any(part.is_floor for part in parts):
             self._add_floor(-0.002)
         for part in parts:
             if part.is_plane:
-                self._add_floor(part.top)
+                numbers[self._add_floor(part.top)] = part.label
                 continue
-            colors = part.rgba[:, :3]
-            for piece in split_by_color(part.mesh.faces, colors):
+            link, at = part.shape.link, part.shape.pose
+            for piece in split_by_color(part.mesh.faces, part.rgba[:, :3]):
                 vertices = part.mesh.vertices[piece.source]
                 normals = part.mesh.normals[piece.source]
                 uid = self._add(vertices, normals, piece.faces, (*piece.rgb, part.alpha * 255))
-                self._copies.append((part.body, part.shape.link, part.shape.pose, uid))
+                self._copies.append(_Copy(uid, part.body, link, at, part.alpha < _CLEAR))
+                numbers[uid] = part.label
         for skin in self._world.skins:
             if skin_opacity(skin) >= _OPAQUE:
-                self._add_skin(skin)
+                self._add_skin(skin, labels, numbers)
+        self._labels = np.full(max(numbers, default=0) + 2, -1, np.int32)
+        self._labels[list(numbers)] = list(numbers.values())
 
-    def _add_skin(self, skin: Skin) -> None:
-        """Cut a skin, as it lies now, into pieces that follow a link each."""
-        vertices = skin.vertices()
+    def _add_skin(self, skin: Skin, labels: Labels, numbers: dict[int, int]) -> None:
+        is_clear = skin_opacity(skin) < 1
+        for link, vertices, normals, piece in self._cut(skin):
+            uid = self._add(vertices, normals, piece.faces, (*piece.rgb, 255))
+            self._copies.append(_Copy(uid, skin.body, link, Pose(), is_clear))
+            numbers[uid] = labels.of(skin.body.uid, link)
+
+    def _cut(self, skin: Skin) -> list[_Cut]:
+        """Return link, vertices and normals in its frame, and faces of one colour, of rigid pieces.
+
+        A skin is cut where it lies when it is first met.
+        """
+        known = self._cuts.get(id(skin))
+        if known is not None and known[0] is skin and known[1] is skin.faces:
+            return known[2]
+        vertices, out = skin.vertices(), list[_Cut]()
         normals = SmoothNormals(skin.faces, len(vertices)).compute(vertices)
         positions, quaternions = skin.body.link_poses()
         for link, _, chosen in skin.rest_pieces():
@@ -155,13 +227,10 @@ class SoftwareRenderer:
             turn = matrix_from_quaternion(quaternions[link + 1])
             for piece in split_by_color(faces, skin.colors[:, :3]):
                 local = (vertices[piece.source] - positions[link + 1]) @ turn
-                uid = self._add(
-                    local.astype(np.float32),
-                    (normals[piece.source] @ turn).astype(np.float32),
-                    piece.faces,
-                    (*piece.rgb, 255),
-                )
-                self._copies.append((skin.body, link, Pose(), uid))
+                tilted = normals[piece.source] @ turn
+                out.append((link, local.astype(np.float32), tilted.astype(np.float32), piece))
+        self._cuts[id(skin)] = skin, skin.faces, out
+        return out
 
     def _add(
         self,
@@ -181,26 +250,43 @@ class SoftwareRenderer:
         uid: int = bullet.createMultiBody(0, -1, visual, physicsClientId=self._client)
         return uid
 
-    def _add_floor(self, height: float) -> None:
+    def _add_floor(self, height: float) -> int:
         visual = bullet.createVisualShape(
             bullet.GEOM_BOX,
             halfExtents=(_FLOOR_HALF, _FLOOR_HALF, 0.01),
             rgbaColor=[value / 255 for value in FLOOR_RGBA],
             physicsClientId=self._client,
         )
-        bullet.createMultiBody(0, -1, visual, (0, 0, height - 0.01), physicsClientId=self._client)
+        at = (0, 0, height - 0.01)
+        uid: int = bullet.createMultiBody(0, -1, visual, at, physicsClientId=self._client)
+        return uid
 
-    def _follow(self) -> None:
-        """Move the copies to where their links are."""
+    def _follow(self, *, transparent: bool) -> None:
+        """Move the copies to where their links are; what is transparent, perhaps out of sight."""
         poses: dict[int, tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]] = {}
-        for body, link, local, uid in self._copies:
-            if body.uid not in poses:
-                poses[body.uid] = body.link_poses()
-            positions, quaternions = poses[body.uid]
-            at = Pose(tuple(positions[link + 1]), tuple(quaternions[link + 1])) @ local
+        for copy in self._copies:
+            if copy.is_clear and not transparent:
+                at = _OUT_OF_SIGHT
+            else:
+                if copy.body.uid not in poses:
+                    poses[copy.body.uid] = copy.body.link_poses()
+                positions, quaternions = poses[copy.body.uid]
+                link = copy.link + 1
+                at = Pose(tuple(positions[link]), tuple(quaternions[link])) @ copy.pose
             bullet.resetBasePositionAndOrientation(
-                uid, at.position, at.quaternion, physicsClientId=self._client
+                copy.uid, at.position, at.quaternion, physicsClientId=self._client
             )
+
+
+@dataclass(frozen=True)
+class _Copy:
+    """A mesh in the second client, and what it follows."""
+
+    uid: int
+    body: Body
+    link: int
+    pose: Pose  # in the frame of the link
+    is_clear: bool
 
 
 def _distances(image: tuple[Any, ...], camera: Camera) -> Floats:

@@ -37,7 +37,7 @@ def paint(lines: Lines, camera: Camera, picture: Bytes, distance: Floats) -> Non
     ends = segments(lines.starts)
     view = camera.view()
     place = lines.points().astype(np.float64) @ view[:3, :3].T + view[:3, 3]
-    focal = 0.5 * camera.height / math.tan(math.radians(camera.fov_deg) / 2)
+    focal, middle = np.array(camera.focal), camera.principal
     a, b = place[ends[:, 0]], place[ends[:, 1]]
     seen = (-a[:, 2] > camera.near) & (-b[:, 2] > camera.near)
     a, b, ends = a[seen], b[seen], ends[seen]
@@ -55,9 +55,9 @@ def paint(lines: Lines, camera: Camera, picture: Bytes, distance: Floats) -> Non
     radius = (
         lines.radii[ends[which, 0]] * (1 - share[:, 0]) + lines.radii[ends[which, 1]] * share[:, 0]
     )
-    column = at[:, 0] / -at[:, 2] * focal + 0.5 * camera.width - 0.5
-    row = 0.5 * camera.height - 0.5 - at[:, 1] / -at[:, 2] * focal
-    _dab(picture, distance, row, column, -at[:, 2] - radius, radius * focal / -at[:, 2], tint)
+    column = at[:, 0] / -at[:, 2] * focal[0] + middle[0]
+    row = middle[1] - at[:, 1] / -at[:, 2] * focal[1]
+    _dab(picture, distance, row, column, -at[:, 2] - radius, radius * focal[1] / -at[:, 2], tint)
 
 
 def _dab(

@@ -1,0 +1,228 @@
+"""Where markers are, as a robot's own camera sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.pose import Pose, rotation_vector
+from rcare_marl.rendering.camera import Camera
+from rcare_marl.rendering.shot import Look, Shot
+from rcare_marl.rendering.studio import Studio, Viewpoint
+from rcare_marl.world import World
+
+from ..agent import Agent
+from ..robot import Robot
+from ..robot_config import ZERO, Triple
+from .camera import CameraConfig, CameraSensor
+from .exposure import developed, exposures
+from .marker_print import DICTIONARIES
+from .sensor import Channel, Sensor, SensorConfig
+
+MOST_EXPOSURES = 64
+
+
+@dataclass(frozen=True)
+class MarkerSensorConfig(SensorConfig):
+    """Options of `markers`; those of the camera are as in `camera`.
+
+    `noise` is on positions [m] and rotations [rad] alike.
+
+    Attributes:
+        ids: Numbers of the markers to look for.
+        size: Edge of the black square of each [m].
+        sizes: Edge of the black square by number, of those that are not of `size` [m].
+        dictionary: Which family of markers, one of `marker_print.DICTIONARIES`.
+        frame: In which frame poses are given: of the robot's `base`, its `tool`, the `camera` (z
+            forward, x right and y down in the picture) or the `world`.
+        camera: A camera of the robot; its first if nothing says otherwise.
+        link: A link that carries the camera instead.
+        at: Where on that link [m].
+        rpy_deg: Turn of the camera in it, fixed-axis roll, pitch, yaw [degrees].
+        eye: Where in the world the camera stands instead [m].
+        target: What it looks at from there [m].
+        width: Width of the picture [pixel].
+        height: Height of the picture [pixel].
+        fov_deg: Vertical field of view [degrees]; that of the robot's camera, or 45, if None.
+        near: Least depth that is seen [m].
+        far: Greatest depth that is seen [m].
+        look: `full`, or `plain` with jagged edges, which is faster and less exact.
+        exposures: Pictures, shifted by parts of a pixel, whose mean is looked at; see `exposure`.
+    """
+
+    ids: tuple[int, ...] = (0,)
+    size: float = 0.05
+    sizes: dict[int, float] = field(default_factory=dict)
+    dictionary: str = "4x4_50"
+    frame: Literal["base", "camera", "world", "tool"] = "base"
+    camera: str = ""
+    link: str = ""
+    at: Triple = ZERO
+    rpy_deg: Triple = ZERO
+    eye: Triple | None = None
+    target: Triple | None = None
+    width: int = 640
+    height: int = 480
+    fov_deg: float | None = None
+    near: float = 0.02
+    far: float = 10.0
+    look: Look = "full"
+    exposures: int = 2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        where = f"sensor {self.name!r}"
+        if self.dictionary not in DICTIONARIES:
+            raise UnknownNameError("dictionary of markers", self.dictionary, DICTIONARIES)
+        if not self.ids or len(set(self.ids)) != len(self.ids):
+            raise ConfigError(f"{where}: ids must name markers, each once, got {self.ids}")
+        for number in self.sizes:
+            if number not in self.ids:
+                raise ConfigError(f"{where}: a size for marker {number}, but ids are {self.ids}")
+        if not all(size > 0 for size in (self.size, *self.sizes.values())):
+            raise ConfigError(f"{where}: sizes must be positive, got {self.size}, {self.sizes}")
+        if not 1 <= self.exposures <= MOST_EXPOSURES:
+            raise ConfigError(
+                f"{where}: exposures must lie in [1, {MOST_EXPOSURES}], got {self.exposures}"
+            )
+        if self.latency > 0 and self.rate == 0:
+            raise ConfigError(f"{where}: pictures with a latency need a rate too")
+        self.lens()
+
+    def lens(self) -> CameraConfig:
+        """Return the options of the camera; raises ConfigError if they are impossible."""
+        return CameraConfig(
+            name=self.name,
+            rate=self.rate,
+            camera=self.camera,
+            link=self.link,
+            at=self.at,
+            rpy_deg=self.rpy_deg,
+            eye=self.eye,
+            target=self.target,
+            width=self.width,
+            height=self.height,
+            fov_deg=self.fov_deg,
+            near=self.near,
+            far=self.far,
+            look=self.look,
+        )
+
+    def edges(self) -> dict[int, float]:
+        """Return the edge of the black square of each marker [m]."""
+        return {number: self.sizes.get(number, self.size) for number in self.ids}
+
+
+class MarkerSensor(Sensor):
+    """Finds markers in pictures of a camera; it knows nothing of where they truly are.
+
+    Channels, for each of `ids`: `<id>_position` [m] and `<id>_rotation`, axis times angle [rad], of
+    the marker's frame (x right and y up in the print, z out of it), and `<id>_seen`, 1 or 0. While a
+    marker is not seen its last pose is held, zeros before it was ever seen.
+    """
+
+    Config = MarkerSensorConfig
+    config: MarkerSensorConfig
+
+    def __init__(self, config: MarkerSensorConfig) -> None:
+        self.config = config
+        self._camera = CameraSensor(config.lens())
+        self._others: list[Viewpoint] = []
+        self.reset()
+
+    def links(self, agent: Agent) -> Sequence[str]:
+        return self._camera.links(agent)
+
+    def bind(self, world: World, agent: Agent) -> None:
+        config = self.config
+        if config.frame == "tool" and not isinstance(agent, Robot):
+            raise ConfigError(f"sensor {config.name!r}: {agent.name!r} has no tool")
+        self._agent = agent
+        turn = agent.body.joints.get("base_turn")  # the base of a robot that drives is behind it
+        self._base = -1 if turn is None else turn.index
+        self._camera.bind(world, agent)
+        studio = Studio.of(world)
+        for number in range(1, config.exposures):
+            self._others.append(studio.enter(partial(self._exposure, number), config.rate))
+
+    def _exposure(self, number: int) -> Shot:
+        config = self.config
+        return exposures(self._camera.view, config.look, config.exposures)[number]
+
+    def channels(self) -> Sequence[Channel]:
+        out = []
+        for number in self.config.ids:
+            out.append(Channel(f"{number}_position", "m", (3,)))
+            out.append(Channel(f"{number}_rotation", "rad", (3,)))
+            out.append(Channel(f"{number}_seen", "1", (1,), low=0, high=1, is_noisy=False))
+        return out
+
+    def reset(self) -> None:
+        self._held = {number: np.zeros(6) for number in self.config.ids}
+        self._seen: set[int] = set()
+
+    def measure(self) -> Sequence[npt.NDArray[Any]]:
+        from .marker_detector import detect  # OpenCV takes a tenth of a second to load
+
+        config = self.config
+        image, camera = self.picture()
+        origin = self._origin(camera).inverse() @ camera.pose
+        self._seen = set()
+        for found in detect(image, camera, config.edges(), dictionary=config.dictionary):
+            pose = origin @ found.pose
+            self._held[found.id] = np.append(pose.position, rotation_vector(pose.quaternion))
+            self._seen.add(found.id)
+        return self._readings()
+
+    @property
+    def view(self) -> Camera:
+        """The camera as it stands now; once bound."""
+        return self._camera.view
+
+    def picture(self) -> tuple[npt.NDArray[np.uint8], Camera]:
+        """Return what is looked at now, shape [height, width, 3], and the camera that sees it so."""
+        images = [self._camera.measure()[0], *(view.read()[1]["rgb"] for view in self._others)]
+        return developed(images, self._camera.view, self.config.look)
+
+    def disturb(
+        self, readings: Sequence[npt.NDArray[Any]], rng: np.random.Generator
+    ) -> Sequence[npt.NDArray[Any]]:
+        """Return the last readings with noise on what was seen; it stays while that is held."""
+        if self.config.noise:
+            for number in self.config.ids:
+                noise = rng.normal(0.0, self.config.noise, 6)
+                if number in self._seen:
+                    self._held[number] = self._held[number] + noise
+        return self._readings()
+
+    def _readings(self) -> list[npt.NDArray[Any]]:
+        out: list[npt.NDArray[Any]] = []
+        for number in self.config.ids:
+            held = self._held[number]
+            out += [held[:3], held[3:], np.array([float(number in self._seen)])]
+        return out
+
+    def _origin(self, camera: Camera) -> Pose:
+        """Return the frame in which poses are given, in the world."""
+        if self.config.frame == "camera":
+            return camera.pose
+        if self.config.frame == "base":
+            return self._agent.body.link_pose(self._base)
+        if self.config.frame == "tool":
+            assert isinstance(self._agent, Robot)
+            return self._agent.tool_pose()
+        return Pose()
+
+    def close(self) -> None:
+        self._camera.close()
+        for view in self._others:
+            view.leave()
+
+
+__all__ = ["MarkerSensor", "MarkerSensorConfig"]

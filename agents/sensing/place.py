@@ -1,0 +1,65 @@
+"""Where on an agent a sensor is: a link of a robot, or a segment of a person."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rcare_marl.errors import UnknownNameError
+from rcare_marl.pose import Pose, quaternion_from_matrix
+
+from ..agent import Agent
+from ..body.skeleton import JOINT_INDEX, JOINTS
+from ..human import Human
+from ..robot import Robot
+from ..robot_config import ZERO, Triple, frame
+
+
+@dataclass(frozen=True)
+class Place:
+    """A frame on a link of a spawned body.
+
+    Attributes:
+        link: Link index.
+        pose: The frame, in the frame of the link.
+    """
+
+    link: int
+    pose: Pose = Pose()
+
+
+def default_link(agent: Agent) -> str:
+    """Return where a sensor is if nobody says: the tool of the main arm, or the head."""
+    if isinstance(agent, Robot):
+        return agent.config.arms[agent.config.main_arm].tool_link
+    return "head"
+
+
+def kept_links(agent: Agent, *links: str) -> tuple[str, ...]:
+    """Return those of `links` that must stay links of their own: a person's need not."""
+    return () if isinstance(agent, Human) else tuple(link for link in links if link)
+
+
+def find_place(agent: Agent, link: str = "", at: Triple = ZERO, rpy_deg: Triple = ZERO) -> Place:
+    """Return a frame on a spawned agent.
+
+    Args:
+        agent: The agent.
+        link: A link of a robot, or an SMPL-X joint of a person for the segment behind it, whose frame
+            has x to the left, y up and z forward in the T-pose; `default_link` if empty.
+        at: Origin of the frame in that of the link [m].
+        rpy_deg: Its turn there, fixed-axis roll, pitch, yaw [degrees].
+
+    Raises:
+        UnknownNameError: If the agent has no such link.
+    """
+    name, local = link or default_link(agent), frame(at, rpy_deg)
+    if not isinstance(agent, Human):
+        return Place(agent.body.link_index(name), local)
+    if name not in JOINT_INDEX:
+        raise UnknownNameError("segment of a person", name, JOINTS)
+    carrier = agent.frames[JOINT_INDEX[name]]
+    turn = tuple(quaternion_from_matrix(carrier.rotation).tolist())
+    return Place(carrier.link, Pose(tuple(carrier.offset.tolist()), turn) @ local)
+
+
+__all__ = ["Place", "default_link", "find_place", "kept_links"]

@@ -1,0 +1,115 @@
+"""Take the picture of what cameras give: a robot's wrist and another's head, while they feed a person.
+
+python experiments/sensor_pictures.py --out docs/images/sensors.png
+
+Each row is a camera, each column an output: colours, depth, normals, segmentation by link.
+"""
+
+from __future__ import annotations
+
+import argparse
+import colorsys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+import rcare_marl
+
+SIZE = (288, 216)  # [pixel] of a picture
+NEAREST, FARTHEST = 0.1, 3.0  # [m], ends of the colours of depths
+ROWS = (("kinova_gen3", "wrist", 1.2), ("stretch_re1", "head", 2.4))  # robot, camera, time [s]
+OUTPUTS = ("rgb", "depth", "normals", "segmentation")
+TITLES = ("rgb", f"depth, {NEAREST} to {FARTHEST} m", "normals", "segmentation")
+Picture = npt.NDArray[np.uint8]
+
+
+def readings(robot: str, camera: str, seconds: float) -> dict[str, npt.NDArray[Any]]:
+    """Return what a camera of a robot sees after some time of feeding, by output."""
+    sensor = {
+        "kind": "camera",
+        "camera": camera,
+        "outputs": OUTPUTS,
+        "width": SIZE[0],
+        "height": SIZE[1],
+        "look": "full",
+    }
+    env = rcare_marl.make(
+        "feeding", robot={"model": robot, "sensors": [sensor], "policy": "scripted"}
+    )
+    env.reset(seed=0)
+    while env.world.time < seconds - 1e-9 and env.agents:
+        env.step({a: np.zeros(env.action_space(a).shape, np.float32) for a in env.agents})
+    suite = env.cast["robot"].sensors
+    assert suite is not None
+    out = {output: suite.reading("camera", output).copy() for output in OUTPUTS}
+    env.close()
+    return out
+
+
+def colored(output: str, values: npt.NDArray[Any]) -> Picture:
+    """Return an output as colours, shape [height, width, 3]."""
+    if output == "rgb":
+        return values
+    if output == "depth":
+        return depth_colors(values)
+    if output == "normals":  # right is red, up is green, towards the camera is blue
+        light = 0.5 + 0.5 * values * (1, -1, -1)
+        seen = values.any(axis=2, keepdims=True)
+        return np.where(seen, np.round(255 * light), 30).astype(np.uint8)
+    return label_colors(values)
+
+
+def depth_colors(depth: npt.NDArray[np.float32]) -> Picture:
+    """Return near as bright, far as dark, nothing as grey."""
+    from matplotlib import colormaps
+
+    share = (FARTHEST - depth) / (FARTHEST - NEAREST)
+    bright = colormaps["magma"](np.clip(share, 0, 1))[:, :, :3]
+    return np.where((depth > 0)[:, :, None], np.round(255 * bright), 30).astype(np.uint8)
+
+
+def label_colors(labels: npt.NDArray[np.int32]) -> Picture:
+    """Return a colour for each label; hues of neighbours lie far apart. Nothing is grey."""
+    count = int(labels.max()) + 1
+    palette = np.full((count + 1, 3), 30.0)
+    for label in range(count):
+        turn = 0.618034 * label  # the golden section spreads any number of hues
+        palette[label + 1] = colorsys.hsv_to_rgb(turn % 1, 0.45 + 0.4 * (label % 2), 0.95)
+        palette[label + 1] *= 255
+    return np.round(palette)[labels + 1].astype(np.uint8)
+
+
+def titled(picture: Picture, text: str) -> Picture:
+    """Write a line of text into the upper left corner."""
+    from matplotlib import font_manager
+
+    image = Image.fromarray(picture)
+    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), 12)
+    pen = ImageDraw.Draw(image)
+    pen.rectangle((0, 0, pen.textlength(text, font) + 10, 18), fill=(245, 246, 248))
+    pen.text((5, 2), text, fill=(30, 34, 40), font=font)
+    return np.asarray(image)
+
+
+def main() -> None:
+    """Take it."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("runs/sensors.png"))
+    args = parser.parse_args()
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for robot, camera, seconds in ROWS:
+        seen = readings(robot, camera, seconds)
+        names = [f"{robot}, {camera}: {TITLES[0]}", *TITLES[1:]]
+        rows.append(
+            np.hstack([titled(colored(o, seen[o]), n) for o, n in zip(OUTPUTS, names, strict=True)])
+        )
+    Image.fromarray(np.vstack(rows)).save(args.out, optimize=True)
+    print(args.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,468 @@
+"""Cameras as sensors of robots and people: what they give, when anything is drawn, and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import rcare_marl
+from rcare_marl import rendering
+from rcare_marl.agents.agent import Agent
+from rcare_marl.agents.avatar import load_avatar, load_posture
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.robot import Robot, load_robot
+from rcare_marl.agents.sensing.camera import CameraConfig, CameraSensor
+from rcare_marl.agents.sensing.suite import SensorSuite
+from rcare_marl.config import load
+from rcare_marl.errors import ConfigError, RenderingError, UnknownNameError, WorldError
+from rcare_marl.observable import Observable, Observation
+from rcare_marl.pose import Pose, quaternion_from_rpy
+from rcare_marl.rendering import OUTPUTS, GLRenderer, Picture, Renderer, Shot
+from rcare_marl.world import World
+
+
+def _gl_missing() -> str:
+    try:
+        GLRenderer(World()).close()
+    except RenderingError as error:
+        return str(error)
+    return ""
+
+
+needs_gl = pytest.mark.skipif(bool(_gl_missing()), reason="no OpenGL")
+FORWARD = {"link": "base", "rpy_deg": (-90.0, 0.0, -90.0)}  # along the x axis of the box, z upwards
+
+
+class Block(Agent):
+    """A box that carries cameras."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    @property
+    def action_size(self) -> int:
+        return 0
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        return ()
+
+    def spawn(self, world: World, pose: Pose) -> None:
+        self.body = world.add_box((0.02, 0.02, 0.02), pose, name=self.name, mass=1.0)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        pass
+
+    def command(self, action: npt.NDArray[np.float64], duration: float) -> None:
+        pass
+
+    def observables(self) -> Sequence[Observable]:
+        return []
+
+
+class Room:
+    """A wall 1 m before a block with cameras."""
+
+    def __init__(self) -> None:
+        self.world = World()
+        self.wall = self.world.add_box((0.02, 0.8, 0.8), Pose((1.01, 0, 0.5)), name="wall")
+        self.suites: list[SensorSuite] = []
+
+    def add(self, *entries: dict[str, Any], pose: Pose = Pose((0, 0, 0.5))) -> SensorSuite:
+        agent = Block(f"block_{len(self.suites)}")
+        agent.spawn(self.world, pose)
+        full = [
+            {"kind": "camera", "name": f"eye_{i}", **FORWARD, **e} for i, e in enumerate(entries)
+        ]
+        suite = SensorSuite(full, agent.name)
+        suite.bind(self.world, agent)
+        self.suites.append(suite)
+        return suite
+
+    def begin(self, seed: int = 0) -> None:
+        rng = np.random.default_rng(seed)
+        for suite in self.suites:
+            suite.reset(rng)
+        self.sense()
+
+    def sense(self) -> None:
+        for suite in self.suites:
+            suite.sense()
+
+    def close(self) -> None:
+        for suite in self.suites:
+            suite.close()
+        self.world.close()
+
+
+@pytest.fixture
+def room() -> Iterator[Room]:
+    room = Room()
+    yield room
+    room.close()
+
+
+class Watch:
+    """Counts renderers, and the pictures of each reading."""
+
+    def __init__(self, make: Callable[[World], Renderer]) -> None:
+        self._make = make
+        self.made = self.closed = 0
+        self.readings: list[int] = []
+
+    def __call__(self, world: World) -> Watch:
+        self.made += 1
+        self._renderer = self._make(world)
+        return self
+
+    def read(self, shots: Sequence[Shot]) -> list[Picture]:
+        self.readings.append(len(shots))
+        return self._renderer.read(shots)
+
+    def close(self) -> None:
+        self.closed += 1
+        self._renderer.close()
+
+
+@pytest.fixture
+def watch(monkeypatch: pytest.MonkeyPatch) -> Watch:
+    watch = Watch(rendering.make_renderer)
+    monkeypatch.setattr(rendering, "make_renderer", watch)
+    return watch
+
+
+def test_each_output_is_an_array_of_its_own_kind(room: Room) -> None:
+    outputs = ("rgb", "depth", "normals", "segmentation", "points")
+    suite = room.add({"outputs": outputs, "width": 40, "height": 30})
+    room.begin()
+    observation = Observation(suite.observables())
+    seen = observation.read()
+    assert observation.space.contains(seen)
+    shapes = {name: (a.shape, str(a.dtype)) for name, a in seen.items() if name != "vector"}
+    assert shapes == {
+        "eye_0_rgb": ((30, 40, 3), "uint8"),
+        "eye_0_depth": ((30, 40), "float32"),
+        "eye_0_normals": ((30, 40, 3), "float32"),
+        "eye_0_segmentation": ((30, 40), "int32"),
+        "eye_0_points": ((1200, 3), "float32"),
+        "eye_0_valid": ((1200,), "uint8"),
+    }
+    sensor = suite.sensors["eye_0"]
+    assert isinstance(sensor, CameraSensor)
+    assert sensor.labels[seen["eye_0_segmentation"][15, 20]][0] == "wall"
+    assert np.allclose(seen["eye_0_normals"][15, 20], (0, 0, -1), atol=1e-5)
+    assert seen["eye_0_depth"][15, 20] == pytest.approx(1.0, abs=1e-4)
+
+
+def test_points_are_in_the_frame_of_the_base_and_never_nan(room: Room) -> None:
+    turn = tuple(quaternion_from_rpy(0, 0, 0.2).tolist())
+    camera = {"outputs": ("points", "segmentation"), "at": (0.05, 0.0, 0.03), "far": 3.0}
+    suite = room.add(camera, pose=Pose((0.1, -0.1, 0.5), turn))
+    room.begin()
+    points, valid = (suite.reading("eye_0", channel) for channel in ("points", "valid"))
+    assert np.isfinite(points).all()
+    assert not points[valid == 0].any() and 0 < valid.mean() < 1
+    wall = suite.reading("eye_0", "segmentation").ravel() == 0
+    world = points[wall] @ Pose((0, 0, 0), turn).matrix()[:3, :3].T + (0.1, -0.1, 0.5)
+    assert wall.sum() > 300
+    # All on the wall: on its front, or on the bevel and side of its edge.
+    assert world[:, 0].min() > 0.9995 and np.median(abs(world[:, 0] - 1.0)) < 0.0005
+    assert world[:, 1].max() < 0.401 and abs(world[:, 1]).max() > 0.35
+
+
+def test_beyond_its_range_a_camera_sees_nothing(room: Room) -> None:
+    near, far = room.add({"outputs": ("depth",), "near": 1.1}), room.add(
+        {"outputs": ("depth", "segmentation"), "far": 0.9}
+    )  # fmt: skip
+    room.begin()
+    assert not (near.reading("eye_0", "depth") == 1.0).any()
+    assert not far.reading("eye_0", "depth").any()
+    assert (far.reading("eye_0", "segmentation") == -1).all()
+
+
+@pytest.mark.parametrize("growth", ["constant", "quadratic"])
+def test_noise_is_of_the_depth_alone(room: Room, growth: str) -> None:
+    room.wall.set_base(Pose((2.01, 0, 0.5)))
+    camera = {"outputs": ("depth", "points", "rgb"), "width": 160, "height": 120}
+    clean = room.add(camera)
+    noisy = room.add({**camera, "noise": 0.003, "noise_growth": growth})
+    room.begin()
+    truth, measured = (suite.reading("eye_0", "depth") for suite in (clean, noisy))
+    wall = np.abs(truth - 2.0) < 1e-3
+    spread = 0.003 * (4 if growth == "quadratic" else 1)
+    assert wall.sum() > 800
+    assert np.std((measured - truth)[wall]) == pytest.approx(spread, rel=0.1)
+    assert abs(np.mean((measured - truth)[wall])) < 0.2 * spread
+    assert (measured[truth == 0] == 0).all() and (truth == 0).any()
+    assert np.array_equal(clean.reading("eye_0", "rgb"), noisy.reading("eye_0", "rgb"))
+    along = noisy.reading("eye_0", "points")[:, 0].reshape(measured.shape)
+    assert np.allclose(along, measured, atol=1e-5)  # points move along their rays
+
+
+def test_equal_seeds_give_equal_pictures(room: Room) -> None:
+    room.world.add_box((4, 4, 0.1), Pose((0, 0, 0.3)))
+    suite = room.add({"outputs": ("rgb", "depth", "points"), "noise": 0.01, "look": "full"})
+    room.world.mark_start()
+
+    def episode(seed: int) -> list[npt.NDArray[Any]]:
+        room.world.rewind()
+        room.begin(seed)
+        out = []
+        for _ in range(3):
+            for _ in range(20):
+                room.world.step()
+            room.sense()
+            out += [suite.reading("eye_0", c).copy() for c in ("rgb", "depth", "points")]
+        return out
+
+    first, other, again = episode(1), episode(2), episode(1)
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+    assert not np.array_equal(first[1], other[1])
+    assert not np.array_equal(first[0], first[3])  # the block falls
+
+
+def test_nothing_is_drawn_unless_a_camera_is_read(room: Room, watch: Watch) -> None:
+    world, robot, blind = robot_with("imu", "joint_torque")
+    blind.sense()
+    blind.close()
+    world.close()
+    assert watch.made == 0
+    suite = room.add({"outputs": ("depth",)})
+    assert suite.observables() and watch.readings == []
+    suite.close()
+    assert watch.made == watch.closed == 1
+
+
+def test_all_cameras_share_a_renderer_and_are_read_at_once(room: Room, watch: Watch) -> None:
+    first = room.add({"outputs": ("rgb",)}, {"outputs": ("depth",), "rpy_deg": (-90.0, 0.0, 0.0)})
+    second = room.add({"outputs": ("segmentation",)}, pose=Pose((0, 0.3, 0.5)))
+    room.begin()
+    assert watch.made == 1 and watch.readings == [3]
+    for _ in range(4):
+        room.world.step()
+    room.sense()
+    assert watch.readings == [3, 3]
+    first.close()
+    first.close()
+    assert watch.closed == 0
+    room.world.step()
+    second.sense()
+    assert watch.readings == [3, 3, 1]
+    second.close()
+    assert watch.closed == 1
+
+
+def test_cameras_of_one_rate_are_read_together(room: Room, watch: Watch) -> None:
+    every = 1 / room.world.physics_dt
+    for rate in (every / 4, every / 6):
+        room.add({"rate": rate}, {"rate": rate, "outputs": ("depth",)})
+    room.begin()
+    for _ in range(12):
+        room.world.step()
+        for suite in room.suites:
+            suite.after_substep()
+    # At the start each rate for itself or all at once; then at steps 4, 8, 12 and at 6, 12.
+    assert sum(watch.readings) == 4 + 3 * 2 + 2 * 2
+    assert all(count >= 2 for count in watch.readings)
+
+
+def test_a_camera_may_stand_in_the_room(room: Room) -> None:
+    fixed = {
+        "eye": (-1.0, 0.0, 0.5),
+        "target": (1.0, 0.0, 0.5),
+        "link": "",
+        "rpy_deg": (0.0, 0.0, 0.0),
+    }
+    suite = room.add({**fixed, "outputs": ("segmentation",)}, pose=Pose((0.0, 0.0, 0.7)))
+    room.begin()
+    before = suite.reading("eye_0", "segmentation").copy()
+    for _ in range(30):
+        room.world.step()  # the block falls through the picture
+    room.sense()
+    after = suite.reading("eye_0", "segmentation")
+    assert (before == 1).any() and not np.array_equal(before, after)
+    assert np.array_equal(before == 0, after == 0) or (before != after).sum() < 40
+    sensor = suite.sensors["eye_0"]
+    assert isinstance(sensor, CameraSensor) and sensor.view.eye == (-1.0, 0.0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"eye": (0, 0, 1)}, "eye and target belong together"),
+        ({"camera": "wrist", "link": "base"}, "only one of"),
+        ({"at": (0.1, 0, 0)}, "need a link"),
+        ({"outputs": ()}, "outputs must name some"),
+        ({"outputs": ("rgb", "rgb")}, "each once"),
+        ({"noise": 0.1}, "noise is for depth"),
+        ({"width": 0}, "width"),
+        ({"near": 2.0, "far": 1.0}, "near < far"),
+        ({"fov_deg": 0.5}, "fov_deg"),
+        ({"outputs": ("dept",)}, "Did you mean 'depth'"),
+        ({"look": "nice"}, "look"),
+        ({"eye": (0, 0, 1), "target": (0, 0, 0)}, "along up"),
+    ],
+)
+def test_impossible_options_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises((ConfigError, UnknownNameError), match=message):
+        load(CameraConfig, {"name": "eye", **options})
+
+
+def test_a_closed_camera_says_so(room: Room) -> None:
+    suite = room.add({})
+    room.begin()
+    suite.close()
+    with pytest.raises(WorldError, match="closed"):
+        suite.sensors["eye_0"].measure()
+
+
+def robot_with(*entries: dict[str, Any] | str) -> tuple[World, Robot, SensorSuite]:
+    world, robot = World(), Robot("robot", load_robot("kinova_gen3"))
+    suite = SensorSuite(entries, "robot")
+    robot.equip(suite)
+    robot.spawn(world, Pose())
+    robot.reset(np.random.default_rng(0))
+    suite.bind(world, robot)
+    suite.reset(np.random.default_rng(0))
+    return world, robot, suite
+
+
+def test_a_robot_looks_through_its_own_camera() -> None:
+    world, robot, suite = robot_with({"kind": "camera", "outputs": ["points", "segmentation"]})
+    sensor = suite.sensors["camera"]
+    assert isinstance(sensor, CameraSensor)
+    mount = robot.config.cameras["wrist"]
+    assert sensor.view.fov_deg == mount.fov_deg
+    link = robot.body.link_pose(robot.body.link_index(mount.link))
+    assert np.allclose(sensor.view.pose.matrix(), (link @ mount.pose).matrix(), atol=1e-6)
+    target = sensor.view.pose @ Pose((0.02, 0.01, 0.6))
+    ball = world.add_sphere(0.05, target, name="ball")
+    suite.sense()
+    labels = sensor.labels
+    balls = [number for number, (body, _) in labels.items() if body == "ball"]
+    seen = np.isin(suite.reading("camera", "segmentation").ravel(), balls)
+    points = suite.reading("camera", "points")[seen]
+    off = np.linalg.norm(points - ball.base_pose().position, axis=1)  # the base is at the origin
+    assert len(points) > 20 and np.allclose(off, 0.05, atol=0.001)
+    suite.close()
+    world.close()
+
+
+def test_a_camera_that_is_not_there_is_named() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'wrist'"):
+        robot_with({"kind": "camera", "camera": "wrst"})
+    with pytest.raises(UnknownNameError, match="link"):
+        robot_with({"kind": "camera", "link": "nowhere"})
+    room = Room()
+    with pytest.raises(ConfigError, match="no camera of its own"):
+        room.add({"link": "", "rpy_deg": (0.0, 0.0, 0.0)})
+    room.close()
+
+
+def test_points_follow_a_base_that_drives() -> None:
+    world, robot = World(), Robot("robot", load_robot("stretch_re1"), moves=("base",))
+    suite = SensorSuite([{"kind": "camera", "outputs": ["points", "segmentation"]}], "robot")
+    robot.equip(suite)
+    robot.spawn(world, Pose((1.0, 2.0, 0.0)))
+    suite.bind(world, robot)
+    robot.body.set_joints(robot.body.indices(("base_x", "base_turn")), (0.5, 0.7))
+    sensor = suite.sensors["camera"]
+    assert isinstance(sensor, CameraSensor)
+    ball = world.add_sphere(0.05, sensor.view.pose @ Pose((0, 0, 0.8)), name="ball")
+    suite.reset(np.random.default_rng(0))
+    suite.sense()
+    balls = [number for number, (body, _) in sensor.labels.items() if body == "ball"]
+    seen = np.isin(suite.reading("camera", "segmentation").ravel(), balls)
+    base = Pose((1.5, 2.0, 0.0), tuple(quaternion_from_rpy(0, 0, 0.7).tolist()))
+    middle = (base.inverse() @ ball.base_pose()).position
+    off = np.linalg.norm(suite.reading("camera", "points")[seen] - middle, axis=1)
+    assert seen.any() and np.allclose(off, 0.05, atol=0.001)
+    suite.close()
+    world.close()
+
+
+@pytest.mark.parametrize("backend", [pytest.param("gl", marks=needs_gl), "software"])
+def test_pictures_of_people_do_not_depend_on_what_was_seen_before(
+    backend: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(rendering.VARIABLE, backend)
+    pictures = []
+    for earlier in (0.0, 1.0):
+        world = World()
+        posture = load_posture("standing")
+        person = Human("person", load_avatar("jose"), posture=posture, movable=["left_shoulder"])
+        person.spawn(world, Pose())
+        room = {"kind": "camera", "eye": [3.2, 0.5, 1.2], "target": [0, 0, 0.9], "outputs": OUTPUTS}
+        suite = SensorSuite([room], "person")
+        suite.bind(world, person)
+        suite.reset(np.random.default_rng(0))
+        for flexion in (earlier, 0.5):
+            person.set_angles({"left_shoulder_flexion": flexion})
+            suite.sense()
+        pictures.append([suite.reading("camera", output).copy() for output in OUTPUTS])
+        suite.close()
+        world.close()
+    assert all(np.array_equal(a, b) for a, b in zip(*pictures, strict=True))
+
+
+def test_people_have_eyes_and_are_seen_limb_by_limb() -> None:
+    world = World()
+    person = Human("person", load_avatar("jose"), posture=load_posture("standing"))
+    suite = SensorSuite(
+        [
+            # Segments have x left, y up, z forward: half a turn about z makes it a camera's frame.
+            {"kind": "camera", "name": "eyes", "link": "head", "at": [0, 0.08, 0.12],
+             "rpy_deg": [0, 0, 180], "outputs": ["depth", "segmentation"]},
+            {"kind": "camera", "name": "room", "eye": [3.2, 0, 1.2], "target": [0, 0, 0.9],
+             "outputs": ["segmentation"], "width": 96, "height": 128},
+        ],
+        "person",
+    )  # fmt: skip
+    person.equip(suite)
+    person.spawn(world, Pose())
+    world.add_box((0.02, 1.0, 1.0), Pose((1.5, 0, 1.6)), name="screen")
+    suite.bind(world, person)
+    suite.reset(np.random.default_rng(0))
+    suite.sense()
+    sensor = suite.sensors["room"]
+    assert isinstance(sensor, CameraSensor)
+    labels = sensor.labels
+    face = suite.reading("eyes", "segmentation")
+    assert labels[face[24, 32]][0] == "screen"
+    assert 1.2 < suite.reading("eyes", "depth")[24, 32] < 1.6
+    seen = suite.reading("room", "segmentation")
+    view = sensor.view
+    for joint, at in (
+        ("head", (0, 0.1, 0)),
+        ("left_knee", (0, -0.2, 0)),
+        ("right_elbow", (-0.1, 0, 0)),
+    ):
+        u, v, _ = np.rint(view.project((person.joint_pose(joint) @ Pose(at)).position)).astype(int)
+        if labels[seen[v, u]][0] == "person":
+            assert labels[seen[v, u]][1] == joint
+    assert ("person", "left_knee") in {labels[i] for i in np.unique(seen) if i >= 0}
+    suite.close()
+    world.close()
+
+
+def test_cameras_of_all_agents_of_an_environment_are_read_at_once(watch: Watch) -> None:
+    eyes = {"kind": "camera", "name": "eyes", "link": "head", "at": [0, 0.07, 0.1],
+            "rpy_deg": [0, 0, 180], "outputs": ["rgb", "depth"]}  # fmt: skip
+    env = rcare_marl.make("feeding", robot={"sensors": ["camera"]}, recipient={"sensors": [eyes]})
+    seen, _ = env.reset(seed=0)
+    assert watch.made == 1 and watch.readings == [2]
+    stay = {role: np.zeros(env.action_space(role).shape, np.float32) for role in env.agents}
+    after, *_ = env.step(stay)
+    assert watch.readings == [2, 2]
+    for role, keys in (("robot", ["camera_rgb"]), ("recipient", ["eyes_rgb", "eyes_depth"])):
+        assert set(seen[role]) == {"vector", *keys}
+        assert env.observation_space(role).contains(after[role])
+    again, _ = env.reset(seed=0)
+    assert np.array_equal(seen["recipient"]["eyes_depth"], again["recipient"]["eyes_depth"])
+    assert np.array_equal(seen["robot"]["camera_rgb"], again["robot"]["camera_rgb"])
+    env.close()
+    assert watch.closed == 1
