@@ -245,6 +245,29 @@ def demo(
 
 
 @app.command()
+def gallery(
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="What to draw: robots, avatars or all.")
+    ] = "all",
+    name: Annotated[
+        list[str] | None,
+        typer.Option("--name", help="Only this robot or avatar; may be given several times."),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Where to leave the pictures.")
+    ] = Path("runs") / "gallery",
+) -> None:
+    """Draw every robot and every avatar, with names: one picture each, and a sheet of each kind.
+
+    Example: rcare-marl gallery robots --output pictures
+    """
+    from . import gallery as pictures
+
+    for file in pictures.make(output, pictures.check_kind(kind), name or ()):
+        typer.echo(file)
+
+
+@app.command()
 def play(
     task: Task,
     policy: PolicyName = "scripted",

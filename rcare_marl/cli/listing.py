@@ -53,9 +53,9 @@ def _robots() -> list[Row]:
         out.append(
             {
                 "name": name,
-                "arm joints": str(len(config.arm_joints)),
-                "gripper": "yes" if config.gripper is not None else "no",
-                "base": config.base,
+                "arm joints": " + ".join(str(len(arm.joints)) for arm in config.arms.values()),
+                "moves": ", ".join(config.parts),
+                "base": config.base.kind if config.base is not None else "bolted down",
                 "mounts": ", ".join(config.mounts),
             }
         )
