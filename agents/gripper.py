@@ -132,9 +132,18 @@ class Gripper:
         self._rules = [self.joints[name] for name in names]
         efforts = [body.joint(name).effort for name in names[1:]]
         self._linkage = [max(effort, 2 * self.config.force) for effort in efforts]
-        fingers = [body.links[link] for link in self.config.fingers if link in body.links]
         if names:
+            moved = {link for name in names for link in self._moved_by(name)}
+            fingers = [body.links[link] for link in sorted(moved) if link in body.links]
             body.set_friction(fingers, lateral=self.config.friction)
+
+    def _moved_by(self, name: str) -> set[str]:
+        """Return the links that a joint moves, with what is fixed to them."""
+        out = {self._model.joints[name].child}
+        for joint in self._model.joints.values():  # parents come before children
+            if joint.kind == "fixed" and joint.parent in out:
+                out.add(joint.child)
+        return out
 
     def drive(self, position: float, *, teleport: bool = False) -> None:
         """Drive the driven joint to `position` [rad or m]; its followers need `align`."""

@@ -70,7 +70,7 @@ def assemble(
     """
     own = robot_model(config.model, urdf=config.model if config.is_urdf else None)
     _check_names(config, own, posture)
-    arms = {name: config.arms[name] for name in config.arms if name in moves}
+    arms = _moved_arms(config, own, moves)
     model = _adapted(own, config, moves, arms)
     grippers = {
         name: Gripper(arm.gripper, model, grip_width if name == config.main_arm else None)
@@ -107,9 +107,9 @@ def assemble(
         adapt=lambda plain: _adapted(plain, config, moves, arms),
     )
     moving = movable | followers.keys()
-    roots = {name: _moving_root(model, arm, moves, moving) for name, arm in arms.items()}
+    roots = {name: _moving_root(model, arm, moving) for name, arm in arms.items()}
     chains = {
-        name: Chain(model, _arm_joints(arm, moves), tools[name], others=start, root=roots[name])
+        name: Chain(model, _arm_joints(arm), tools[name], others=start, root=roots[name])
         for name, arm in arms.items()
     }
     return Assembly(
@@ -126,14 +126,41 @@ def assemble(
 
 def _movable(config: RobotConfig, moves: Sequence[str], arms: Mapping[str, ArmConfig]) -> set[str]:
     """Return the joints that actions move."""
-    out = {joint for arm in arms.values() for joint in _arm_joints(arm, moves)}
+    out = {joint for arm in arms.values() for joint in _arm_joints(arm)}
     out |= {joint for name in moves for joint in config.groups.get(name, ())}
     return out | (set(BASE_JOINTS) if "base" in moves else set())
 
 
-def _arm_joints(arm: ArmConfig, moves: Sequence[str]) -> tuple[str, ...]:
-    """Return the joints that an arm's actions move: the base may help while it does not drive."""
-    return arm.joints if "base" in moves else (*arm.base_joints, *arm.joints)
+def _moved_arms(config: RobotConfig, model: Model, moves: Sequence[str]) -> dict[str, ArmConfig]:
+    """Return the arms that move, without help of the base where that would be in the way.
+
+    The base helps the first of them, as long as it does not drive by itself and no torso between the
+    two moves.
+    """
+    out: dict[str, ArmConfig] = {}
+    between = {joint for name in moves for joint in config.groups.get(name, ())}
+    for name in (part for part in moves if part in config.arms):
+        arm = config.arms[name]
+        way = set(_way(model, arm.tool_link))
+        if out or "base" in moves or between & way:
+            arm = replace(arm, base_joints=())
+        out[name] = arm
+    return out
+
+
+def _way(model: Model, link: str) -> list[str]:
+    """Return the joints from `link` back to the root."""
+    carried_by = {joint.child: name for name, joint in model.joints.items()}
+    out = []
+    while link in carried_by:
+        out.append(carried_by[link])
+        link = model.joints[out[-1]].parent
+    return out
+
+
+def _arm_joints(arm: ArmConfig) -> tuple[str, ...]:
+    """Return the joints that an arm's actions move."""
+    return (*arm.base_joints, *arm.joints)
 
 
 def _tool_link(name: str, arm: ArmConfig) -> str:
@@ -201,16 +228,10 @@ def _start(model: Model, posture: Mapping[str, float]) -> dict[str, float]:
     return out
 
 
-def _moving_root(
-    model: Model, arm: ArmConfig, moves: Sequence[str], moving: Collection[str]
-) -> str | None:
+def _moving_root(model: Model, arm: ArmConfig, moving: Collection[str]) -> str | None:
     """Return the last link before an arm that another part moves; None if nothing moves it."""
-    own = set(_arm_joints(arm, moves))
-    carried_by = {joint.child: (name, joint) for name, joint in model.joints.items()}
-    link = model.joints[arm.joints[0]].parent
-    while link in carried_by:
-        name, joint = carried_by[link]
+    own = set(_arm_joints(arm))
+    for name in _way(model, model.joints[arm.joints[0]].parent):
         if name in moving and name not in own:
-            return link
-        link = joint.parent
+            return model.joints[name].child
     return None

@@ -154,6 +154,25 @@ def test_two_arms_and_a_head_act_at_once() -> None:
     world.close()
 
 
+def test_a_base_helps_one_arm_only_and_none_across_a_torso_that_moves() -> None:
+    config = load_robot("pepper")
+    expected = {
+        ("right_arm",): {"right_arm"},
+        ("right_arm", "left_arm"): {"right_arm"},
+        ("right_arm", "torso"): set(),
+        ("right_arm", "base"): set(),
+    }
+    for moves, helped in expected.items():
+        world, robot = spawned(config, moves=moves)
+        with_base = {name for name, arm in robot.arms.items() if "base_x" in arm.names}
+        assert with_base == helped, moves
+        for name, arm in robot.arms.items():
+            arm.teleport(arm.rest + 0.1)
+            real = robot.body.link_pose(robot.body.link_index(robot.assembly.tools[name]))
+            assert robot.tool_pose(name).position == pytest.approx(real.position, abs=1e-4)
+        world.close()
+
+
 def test_several_robots_are_agents_of_their_own() -> None:
     env = rcare_marl.make(
         "feeding",
