@@ -256,6 +256,9 @@ def gallery(
     output: Annotated[
         Path, typer.Option(metavar="FOLDER", help="Where to leave the pictures.")
     ] = Path("runs") / "gallery",
+    meshes: Annotated[
+        bool, typer.Option(help="Whether to draw real meshes of robots where they are installed.")
+    ] = True,
 ) -> None:
     """Draw every robot and every avatar, with names: one picture each, and a sheet of each kind.
 
@@ -263,7 +266,7 @@ def gallery(
     """
     from . import gallery as pictures
 
-    for file in pictures.make(output, pictures.check_kind(kind), name or ()):
+    for file in pictures.make(output, pictures.check_kind(kind), name or (), meshes=meshes):
         typer.echo(file)
 
 

@@ -51,13 +51,16 @@ class Plate:
     picture: Picture
 
 
-def make(out: Path, kinds: Sequence[str], names: Sequence[str]) -> list[Path]:
+def make(
+    out: Path, kinds: Sequence[str], names: Sequence[str], *, meshes: bool = True
+) -> list[Path]:
     """Draw everybody and return the files: `robots/<name>.png`, `robots.jpg`, likewise for avatars.
 
     Args:
         out: Folder.
         kinds: `robots`, `avatars` or both.
         names: Only these; all if empty.
+        meshes: Whether to draw robots by real meshes where a package with them is installed.
 
     Raises:
         UnknownNameError: If nobody has such a name.
@@ -67,7 +70,10 @@ def make(out: Path, kinds: Sequence[str], names: Sequence[str]) -> list[Path]:
         if name not in [known for _, known in subjects]:
             raise UnknownNameError("robot or avatar", name, [known for _, known in subjects])
     chosen = [(kind, name) for kind, name in subjects if not names or name in names]
-    draw: dict[str, Callable[[str], Plate]] = {"robots": robot_plate, "avatars": avatar_plate}
+    draw: dict[str, Callable[[str], Plate]] = {
+        "robots": lambda name: robot_plate(name, meshes=meshes),
+        "avatars": avatar_plate,
+    }
     files: list[Path] = []
     plates: dict[str, list[Plate]] = {}
     with progress("drawing") as bars:
@@ -86,11 +92,11 @@ def make(out: Path, kinds: Sequence[str], names: Sequence[str]) -> list[Path]:
     return files
 
 
-def robot_plate(name: str) -> Plate:
+def robot_plate(name: str, *, meshes: bool = True) -> Plate:
     """Return a picture of a robot at its start posture, on the floor or bolted to it."""
     config = load_robot(name)
     world = World()
-    robot = Robot("robot", config, meshes="auto")
+    robot = Robot("robot", config, meshes="auto" if meshes else "never")
     robot.spawn(world, robot.mount("floor"))
     picture = _portrait(world, [robot.body])
     world.close()
