@@ -116,6 +116,23 @@ def test_a_telescope_moves_all_its_segments_alike_in_every_mode() -> None:
         world.close()
 
 
+@pytest.mark.parametrize("name", ["hsr", "nao", "pepper", "stretch_re1"])
+def test_a_tool_goes_where_it_is_sent_with_fewer_than_six_joints(name: str) -> None:
+    config = load_robot(name)
+    world, robot = spawned(config, moves=(config.main_arm,))
+    for axis in range(3):
+        robot.set_start()
+        before = np.array(robot.tool_pose().position)
+        action = np.zeros(robot.action_size)
+        action[axis] = 0.2
+        advance(world, robot, action, 0.5)
+        way = np.array(robot.tool_pose().position) - before
+        expected = np.zeros(3)
+        expected[axis] = 0.2 * robot.control.max[0] * 0.5
+        assert way == pytest.approx(expected, abs=0.003), axis
+    world.close()
+
+
 def test_links_of_a_robot_meet_only_where_that_is_asked_for() -> None:
     deepest = {}
     for collides in (False, True):

@@ -11,6 +11,7 @@ from rcare_marl.pose import Array
 
 from ..arm import Arm
 from ..joint_group import RETURN_SPEED
+from ..robot_config import BASE_JOINTS
 from ..kinematics import (
     bounded_step,
     forward,
@@ -26,6 +27,8 @@ HEADROOM = 1.5  # motor torque over what `contact_force` at the tool takes
 FELT = 0.4  # share of `contact_force` that counts as contact
 YIELD = 0.002  # way of the target into a light contact, and back out of one twice too hard [m]
 DAMPING = 0.01  # of the least squares
+# Weight of a radian against a metre where fewer than six joints cannot do both: place comes first.
+FEW_JOINTS_TURN = 0.03
 
 
 class ToolDelta:
@@ -55,6 +58,9 @@ class ToolDelta:
         self.max = np.array([self.SPEED] * 3 + [self.TURN] * 3)
         self.contact_force = self.CONTACT_FORCE
         self._arm = arm
+        own = [name for name in arm.names if name not in BASE_JOINTS]
+        self._is_base = np.array([name in BASE_JOINTS for name in arm.names])
+        self._turn_weight = 1.0 if len(own) >= 6 else FEW_JOINTS_TURN
         self._goal = np.zeros((3, 4))
         self._target = np.zeros(len(arm))
         self._hold = np.zeros(len(arm))
@@ -102,8 +108,11 @@ class ToolDelta:
             arm.rest,
             self.LEASH,
             self.contact_force,
+            self._turn_weight,
         )
         self._hold, self._hold_list = hold, hold.tolist()
+        if self._is_base.any():  # it has the whole robot to speed up
+            forces = np.where(self._is_base, arm.effort, forces)
         arm.drive_to(self._target, speeds, forces)
 
     @property
@@ -139,6 +148,7 @@ def _follow(  # type: ignore[no-untyped-def]
     rest,
     leash,
     contact_force,
+    weight,
 ):
     """Move `goal` [3, 4] and `target` [n] in place; return motor speeds, torques and weight [n]."""
     real, points, directions, frames = forward(base, origins, axes, slides, positions)
@@ -160,10 +170,11 @@ def _follow(  # type: ignore[no-untyped-def]
         tip, points, directions, _ = forward(base, origins, axes, slides, target)
         for r in range(3):
             error[r] = turned[r, 3] - tip[r, 3]
-        error[3:] = rotation_between(tip, turned)
+        error[3:] = weight * rotation_between(tip, turned)
         if k > 0 and (error**2).sum() < 1e-10:
             break
         matrix = jacobian(tip, points, directions, slides)
+        matrix[3:] *= weight
         target += bounded_step(matrix, error, target, lower, upper, pull, DAMPING)
         pull = np.zeros(n)
 
