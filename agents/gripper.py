@@ -192,5 +192,8 @@ class Gripper:
 
     def closing(self) -> float:
         """Return how far it is closed: 0 is open, 1 is closed."""
-        position = self.position()
+        return self.fraction(self.position())
+
+    def fraction(self, position: float) -> float:
+        """Return how far it is closed with the driven joint at `position` [rad or m]."""
         return (position - self.config.opened) / (self.config.closed - self.config.opened)

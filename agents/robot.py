@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from .sensing.marker import MarkerConfig
     from .sensing.suite import SensorSuite
 
+RELEASE = 0.01  # [m] that the gap of a gripper grows before it lets go; our own choice
 GripperUse = Literal["held", "free", "commanded"]
 
 
@@ -114,8 +116,10 @@ class Robot(Agent):
             raise UnknownNameError("posture", posture, config.postures)
         if gripper not in ("held", "free", "commanded"):
             raise UnknownNameError("use of a gripper", gripper, ("held", "free", "commanded"))
-        if contact_force <= 0:
+        if not 0 < contact_force < math.inf:
             raise ConfigError(f"contact_force must be positive, got {contact_force} N")
+        if not 0 <= posture_noise < math.inf:
+            raise ConfigError(f"posture_noise must be 0 or more, got {posture_noise}")
         self.name, self.config = name, config
         self._control_name, self._gripper_use = control, gripper
         self._noise, self._contact_force = posture_noise, contact_force
@@ -129,6 +133,7 @@ class Robot(Agent):
         self.moves = self._checked_moves(moves)
         self._assembly: Assembly | None = self._assemble()
         self.parts, self.arms, self.groups, self.base = {}, {}, {}, None
+        self._held: list[tuple[Attachment, float]] = []  # and at which closing it is let go
 
     def equip(self, sensors: SensorSuite | None, markers: Sequence[MarkerConfig] = ()) -> None:
         super().equip(sensors, markers)
@@ -137,8 +142,9 @@ class Robot(Agent):
 
     def _checked_moves(self, moves: Sequence[str] | None) -> tuple[str, ...]:
         config = self.config
-        main_gripper = gripper_name(config.main_arm)
         chosen = (config.main_arm,) if moves is None else tuple(moves)
+        main = next((part for part in chosen if part in config.arms), config.main_arm)
+        main_gripper = gripper_name(main)
         for part in chosen:
             if part not in config.parts:
                 raise UnknownNameError("part of the robot", part, config.parts)
@@ -187,7 +193,7 @@ class Robot(Agent):
     def arm(self) -> Arm:
         """The main arm that moves; ConfigError if none does."""
         if not self.arms:
-            raise ConfigError(f"{self.name!r} moves {self.moves}, and none of it is an arm")
+            raise ConfigError(self._no_arm())
         return next(iter(self.arms.values()))
 
     @property
@@ -200,8 +206,12 @@ class Robot(Agent):
         """Name of the main arm that moves."""
         arms = [name for name in self.moves if name in self.config.arms]
         if not arms:
-            raise ConfigError(f"{self.name!r} moves {self.moves}, and none of it is an arm")
+            raise ConfigError(self._no_arm())
         return arms[0]
+
+    def _no_arm(self) -> str:
+        arms = ", ".join(self.config.arms)
+        return f"{self.name!r} moves {', '.join(self.moves)}, and none of it is an arm: add {arms}"
 
     @property
     def gripper(self) -> Gripper | None:
@@ -231,11 +241,16 @@ class Robot(Agent):
         """Index of the main arm's tool link in the body."""
         return self.body.link_index(self.tool_link)
 
-    def mount(self, name: str, on: Pose = Pose()) -> Pose:
+    def mount(self, name: str, on: Pose = Pose(), *, with_posture: bool = True) -> Pose:
         """Return the pose of the root for the mount `name` of a device that stands at `on`.
 
         A mount that was chosen when the robot was built takes the place of `name`. Before `spawn`
         this also chooses the start posture of that name, if the model has one and none was asked for.
+
+        Args:
+            name: The mount.
+            on: Pose of the device in the world.
+            with_posture: Whether the mount chooses the posture.
 
         Raises:
             UnknownNameError: If the model has no mount of that name.
@@ -243,7 +258,7 @@ class Robot(Agent):
         """
         mount = self.mount_named(name)
         chosen = self.chosen_mount or name
-        if isinstance(chosen, str) and not self._posture_is_chosen:
+        if with_posture and isinstance(chosen, str) and not self._posture_is_chosen:
             if chosen in self.config.postures:
                 self._posture = chosen
                 self.forget_assembly()
@@ -307,6 +322,7 @@ class Robot(Agent):
                 _following(assembly, chain.joints),
                 assembly.roots[name],
             )
+            arm.counterbalanced = config.arms[name].counterbalanced
             self.arms[name] = arm
             control = make_control(self._control_name, arm)
             if isinstance(control, ToolDelta):
@@ -335,8 +351,9 @@ class Robot(Agent):
     def reset(self, rng: np.random.Generator) -> None:
         self.set_start()
         if self._noise:
+            (own,) = rng.spawn(1)  # the noise of a robot changes nothing else of an episode
             for arm in self.arms.values():
-                self._teleport(arm, arm.rest + rng.normal(0.0, self._noise, len(arm)))
+                self._teleport(arm, arm.rest + own.normal(0.0, self._noise, len(arm)))
 
     def set_start(self) -> None:
         """Put every part that moves into its start posture, at rest."""
@@ -366,6 +383,8 @@ class Robot(Agent):
             size = part.control.size
             part.control.command(action[start : start + size], duration)
             start += size
+        if self._held:
+            self._let_go()
 
     @property
     def needs_actuation(self) -> bool:
@@ -430,14 +449,46 @@ class Robot(Agent):
         start = chosen.positions() if seed is None else np.asarray(seed, np.float64)
         return chosen.solve(pose, start, position_only=position_only)
 
+    def describe_reach(self) -> str:
+        """Return that no arm reaches, and what could help, for an error."""
+        model, arms = self.files.model.name, [n for n in self.moves if n in self.config.arms]
+        others = [name for name in self.config.arms if name != arms[0]]
+        text = (
+            f"{model} has no arm that reaches"
+            if not others
+            else (
+                f"{model} has no arm that reaches with its {arms[0]} (the first of `moves`; it also has "
+                f"{', '.join(others)})"
+            )
+        )
+        if "base" in self.moves and self.config.arms[arms[0]].base_joints:
+            text += " while its base is driven by itself (without `base` it would help the arm)"
+        return text
+
     def grasp(self, body: Body, body_in_tool: Pose = Pose(), *, force: float = 500.0) -> Attachment:
         """Put the base of `body` at `body_in_tool` in the tool's frame and bond it there.
 
-        The robot and what it holds do not collide from then on.
+        The robot and what it holds do not collide from then on. A gripper that is commanded lets go
+        of it once the gap between its fingers is wider by `RELEASE` than at the start.
         """
         body.set_base(self.tool_pose() @ body_in_tool)
         self._world.set_collision(self.body, body, False)
-        return self._world.attach(self.body, self.tool_link, body, body_in_tool, force=force)
+        held = self._world.attach(self.body, self.tool_link, body, body_in_tool, force=force)
+        gripper = self.gripper
+        if gripper is not None and gripper.is_movable:
+            widest = gripper.width(gripper.config.opened)
+            gap = min(gripper.width(gripper.start) + RELEASE, widest)
+            self._held.append((held, gripper.fraction(gripper.position_for(gap))))
+        return held
+
+    def _let_go(self) -> None:
+        """Release what a gripper that has opened can no longer hold."""
+        gripper = self.gripper
+        assert gripper is not None  # or nothing would be held so
+        closing = gripper.closing()
+        for held, least in self._held:
+            if closing < least and held.is_active:
+                self._world.detach(held)
 
     def set_gripper(self, closing: float, *, arm: str | None = None) -> None:
         """Drive a gripper, that of the main arm if none is named: 0 is open, 1 is closed.

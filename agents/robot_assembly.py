@@ -17,6 +17,8 @@ from .mobile_base import with_base
 from .robot_config import BASE_JOINTS, ArmConfig, RobotConfig, frame
 from .robot_model import Meshes, RobotFiles, robot_files, robot_model
 
+SLACK = 1e-4  # [rad or m] that a posture may lie beyond a limit, since figures are rounded
+
 
 @dataclass(frozen=True)
 class Assembly:
@@ -72,8 +74,9 @@ def assemble(
     _check_names(config, own, posture)
     arms = _moved_arms(config, own, moves)
     model = _adapted(own, config, moves, arms)
+    main = next(iter(arms), config.main_arm)
     grippers = {
-        name: Gripper(arm.gripper, model, grip_width if name == config.main_arm else None)
+        name: Gripper(arm.gripper, model, grip_width if name == main else None)
         for name, arm in config.arms.items()
         if arm.gripper is not None
     }
@@ -180,9 +183,20 @@ def _check_names(config: RobotConfig, model: Model, posture: Mapping[str, float]
     for camera in config.cameras.values():
         if camera.link not in model.links:
             raise UnknownNameError("link", camera.link, model.links)
-    for name in posture:
-        if name not in BASE_JOINTS:
-            _check_joint(name, model)
+    for name, value in posture.items():
+        if name in BASE_JOINTS:
+            continue
+        _check_joint(name, model)
+        joint = model.joints[name]
+        if joint.follows is not None:
+            raise ConfigError(
+                f"posture: {name!r} follows {joint.follows.joint!r}, so name that one"
+            )
+        if joint.kind != "continuous" and not joint.lower - SLACK <= value <= joint.upper + SLACK:
+            raise ConfigError(
+                f"posture: {name!r} goes from {joint.lower:g} to {joint.upper:g} "
+                f"{'m' if joint.kind == 'prismatic' else 'rad'}, got {value:g}"
+            )
 
 
 def _check_joint(name: str, model: Model) -> None:

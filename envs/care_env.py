@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 Action = npt.NDArray[np.float32]
 Obs = Any  # a vector, or a dictionary of it and of arrays such as pictures
 RENDER_MODES = ("rgb_array", "human")
+OVERLAP = 0.001  # [m] that robots may overlap at the start
 ROUNDING = 1e-6  # by which an excitation may leave [0, 1]
 
 
@@ -100,7 +101,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                 role: make(self, role) for role, make in (policies or {}).items()
             }
         except BaseException:
-            self.world.close()
+            self.close()  # a sensor may hold a renderer already
             raise
         self.possible_agents = [role for role in self.cast if role not in self.policies]
 
@@ -112,9 +113,9 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             is_main = role in poses or role == f"{part}_0"
             start = poses[role if role in poses else part] if is_main else self._beside(role, agent)
             agent.spawn(self.world, start)
-            for marker in agent.markers:
-                fasten(self.world, agent, marker)
         self.task.build(self.world)
+        self._fasten_markers()
+        self._check_apart()
         self._order = tuple(self.cast.values())
         self._suites = tuple(a.sensors for a in self._order if a.sensors is not None)
         for agent in self._order:
@@ -128,6 +129,32 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             role: spaces.Box(agent.action_low, 1, (agent.action_size,), np.float32)
             for role, agent in self.cast.items()
         }
+
+    def _fasten_markers(self) -> None:
+        """Put markers on everybody, behind all else, and refuse two that a camera could not tell apart."""
+        seen: dict[tuple[str, int], str] = {}
+        for role, agent in self.cast.items():
+            for marker in agent.markers:
+                key = marker.dictionary, marker.id
+                if key in seen:
+                    raise ConfigError(
+                        f"marker {marker.id} of {marker.dictionary} is on {seen[key]!r} and on {role!r}: "
+                        "give each a number of its own"
+                    )
+                seen[key] = role
+                fasten(self.world, agent, marker)
+
+    def _check_apart(self) -> None:
+        """Refuse robots that stand in each other."""
+        robots = [(role, a.body) for role, a in self.cast.items() if isinstance(a, Robot)]
+        for i, (first, body) in enumerate(robots):
+            for second, other in robots[i + 1 :]:
+                gap = self.world.separation(body, other, within=0.01)
+                if gap < -OVERLAP:
+                    raise ConfigError(
+                        f"{first!r} and {second!r} stand in each other by {-1e3 * gap:.0f} mm: give "
+                        "one of them another mount or posture"
+                    )
 
     def _beside(self, role: str, agent: Agent) -> Pose:
         """Return where a robot stands that the task has no part for."""

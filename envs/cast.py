@@ -45,7 +45,7 @@ class RobotCast:
         tool_link: With a URDF, the link that carries the tool.
         tool_at: With a URDF, where the tool's frame lies in that link [m].
         tool_rpy_deg: With a URDF, how it is turned there: z forward, x up [degrees].
-        gripper: With a URDF, its gripper.
+        gripper: With a URDF, its gripper: the fields of a `GripperConfig`.
         sensors: Kinds of sensors, or mappings of their options; see docs/sensors.md.
         markers: Fiducial markers on its links.
     """
@@ -63,12 +63,20 @@ class RobotCast:
     tool_link: str | None = None
     tool_at: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tool_rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    gripper: GripperConfig | None = None
+    gripper: Any = None
     sensors: tuple[Any, ...] = ()
     markers: tuple[MarkerConfig, ...] = ()
 
     def __post_init__(self) -> None:
+        if isinstance(self.gripper, str):
+            raise ConfigError(
+                f"gripper is that of a urdf, got {self.gripper!r}; to command the gripper of a robot "
+                "name it among `moves`, such as ['arm', 'gripper']"
+            )
         if self.urdf is not None:
+            if isinstance(self.posture, str) and self.posture != "home":
+                raise UnknownNameError("posture of a urdf", self.posture, ("home",))
+
             if self.model is not None:
                 raise ConfigError("give a model or a urdf, not both")
             if self.joints is None or self.tool_link is None:

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, UnknownNameError
 
 from . import make
 from .care_env import RENDER_MODES
@@ -51,15 +51,19 @@ class SingleAgentEnv(gymnasium.Env[Obs, Obs]):
 
         Raises:
             ConfigError: If another role than `role` has no policy.
+            UnknownNameError: If the task has no such role.
         """
-        others = {
-            name: part.partner
-            for name, part in task_class(task).roles().items()
-            if name not in (role, part_name(role))
-            and part.partner is not None
-            and (part.default or cast.get(name))
-            and not (isinstance(cast.get(name), Mapping) and "policy" in cast[name])
-        }
+        played = task_class(task).roles()
+        if part_name(role) not in played:
+            raise UnknownNameError(f"role in task {task!r}", role, played)
+        others = {}
+        for name, part in played.items():
+            player = name if f"{name}_0" not in cast and f"{name}_1" not in cast else f"{name}_0"
+            entry = cast.get(player)
+            has_policy = isinstance(entry, Mapping) and "policy" in entry
+            is_there = part.default is not None or entry is not None
+            if player != role and part.partner is not None and is_there and not has_policy:
+                others[player] = part.partner
         self.care_env = make(
             task,
             options=options,
@@ -70,7 +74,10 @@ class SingleAgentEnv(gymnasium.Env[Obs, Obs]):
         if self.care_env.possible_agents != [role]:
             learned = self.care_env.possible_agents
             self.care_env.close()
-            raise ConfigError(f"one role must be left to learn, {role!r}; left are {learned}")
+            raise ConfigError(
+                f"one role must be left to learn, {role!r}; left are {', '.join(learned) or 'none'}: "
+                "give the others a policy"
+            )
         self.role, self.render_mode = role, render_mode
         self.metadata = dict(self.care_env.metadata)
         self.observation_space = self.care_env.observation_space(role)

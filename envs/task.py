@@ -118,7 +118,7 @@ class Task(abc.ABC):
         """Return where a robot starts that the task has no part for.
 
         That is at the mount that was chosen for it, or else on the floor out of the way, looking at
-        the scene.
+        the scene. It starts in its `home` posture, unless another one was chosen for it.
 
         Args:
             robot: The robot.
@@ -126,11 +126,12 @@ class Task(abc.ABC):
         """
         if robot.chosen_mount is not None:
             named = robot.chosen_mount if isinstance(robot.chosen_mount, str) else "floor"
-            return robot.mount(named, self.frame_of(named))
+            return robot.mount(named, self.frame_of(named), with_posture=False)
         side, row = 1 - 2 * (number % 2), (number + 1) // 2
         place = (BESIDE[0], side * BESIDE[1] * row, 0.0)
         facing = math.atan2(-place[1], -place[0])
-        return robot.mount("floor", Pose(place, tuple(quaternion_from_rpy(0, 0, facing).tolist())))
+        stand = Pose(place, tuple(quaternion_from_rpy(0, 0, facing).tolist()))
+        return robot.mount("floor", stand, with_posture=False)
 
     @abc.abstractmethod
     def build(self, world: World) -> None:

@@ -56,6 +56,16 @@ def test_list_knows_random_for_every_role() -> None:
     assert {"robot", "recipient", "caregiver"} <= roles
 
 
+def test_describe_tells_parts_pictures_and_what_was_loaded() -> None:
+    cast = "{model: pr2, moves: [right_arm, base], sensors: [{kind: camera, outputs: [depth]}]}"
+    robot = answer("describe", "feeding", "--robot", cast)["roles"]["robot"]
+    assert robot["facts"]["moves"] == "right_arm, base"
+    assert "pr2" in robot["facts"]["physics"]
+    assert robot["facts"]["visuals"]
+    assert robot["arrays"] == [{"name": "camera_depth", "shape": [48, 64], "unit": "m"}]
+    assert any(action["name"].startswith("base left") for action in robot["actions"])
+
+
 def test_describe_tells_actions_observations_and_constants() -> None:
     facts = answer("describe", "feeding", "--recipient", "jose")
     robot, recipient = facts["roles"]["robot"], facts["roles"]["recipient"]

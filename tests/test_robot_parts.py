@@ -15,6 +15,7 @@ from rcare_marl.agents.robot import Robot, load_robot
 from rcare_marl.agents.robot_check import advance, spawned, still
 from rcare_marl.agents.robot_model import robot_files
 from rcare_marl.agents.self_collision import overlapping, touching_links
+from rcare_marl.envs.gym import SingleAgentEnv
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
@@ -211,6 +212,103 @@ def test_several_robots_are_agents_of_their_own() -> None:
     env.close()
 
 
+def test_a_driving_robot_is_stopped_by_the_wheelchair() -> None:
+    env = rcare_marl.make(
+        "feeding",
+        robot={"model": "fetch", "moves": ["arm", "base"]},
+        policies={"recipient": "still"},
+        options={"force_limit": 1e6},
+    )
+    env.reset(seed=0)
+    action = np.zeros(env.action_space("robot").shape, np.float32)
+    action[-2] = 0.15  # towards the person
+    deepest = 0.0
+    chair = next(body for body in env.world.bodies if body.name == "wheelchair")
+    robot = env.cast["robot"]
+    while not env.is_over:
+        env.step({"robot": action})
+        deepest = min(deepest, env.world.separation(robot.body, chair, within=0.05))
+    assert deepest < 0.05  # it came there
+    assert deepest > -0.015
+    env.close()
+
+
+def test_a_commanded_gripper_that_opens_lets_go_of_the_spoon() -> None:
+    env = rcare_marl.make(
+        "feeding", robot={"moves": ["arm", "gripper"]}, policies={"recipient": "still"}
+    )
+    for _ in range(2):  # the next episode begins with the spoon in the hand
+        env.reset(seed=0)
+        robot = env.cast["robot"]
+        assert isinstance(robot, Robot)
+        spoon = next(body for body in env.world.bodies if body.name == "spoon")
+        for closing in (1.0, -1.0):
+            action = np.zeros(env.action_space("robot").shape, np.float32)
+            action[-1] = closing
+            before = (robot.tool_pose().inverse() @ spoon.base_pose()).position
+            for _ in range(8):
+                if not env.is_over:
+                    env.step({"robot": action})
+            after = (robot.tool_pose().inverse() @ spoon.base_pose()).position
+            moved = float(np.linalg.norm(np.subtract(after, before)))
+            assert moved < 0.005 if closing > 0 else moved > 0.05
+    env.close()
+
+
+def test_the_gripper_of_the_arm_that_moves_is_the_one_in_use() -> None:
+    robot = Robot("robot", load_robot("pr2"), moves=("left_arm",), gripper="commanded")
+    assert robot.moves == ("left_arm", "left_gripper")
+    held = Robot("robot", load_robot("pr2"), moves=("left_arm",), grip_width=0.03)
+    left, right = (held.assembly.grippers[f"{side}_arm"] for side in ("left", "right"))
+    assert left.width(left.start) == pytest.approx(0.03, abs=1e-3)
+    assert right.width(right.start) == pytest.approx(right.width(right.config.opened))
+
+
+def test_two_robots_with_a_place_each_work_side_by_side() -> None:
+    env = rcare_marl.make(
+        "feeding",
+        robot_0="kinova_gen3",
+        robot_1={"model": "kinova_gen3", "mount": "wheelchair_left"},
+        policies={"robot_0": "scripted", "recipient": "cooperative", "robot_1": "still"},
+    )
+    env.reset(seed=0)
+    while not env.is_over:
+        env.step({})
+    assert env.task.is_success()
+    env.close()
+    with pytest.raises(ConfigError, match="stand in each other"):
+        rcare_marl.make(
+            "feeding",
+            robot_0="kinova_gen3",
+            robot_1={"model": "kinova_gen3", "mount": "wheelchair_right"},
+        )
+
+
+def test_noise_of_the_posture_changes_the_posture_and_nothing_else() -> None:
+    starts, seen = [], []
+    for noise in (0.0, 0.3):
+        env = rcare_marl.make("feeding", robot={"posture_noise": noise})
+        observations, _ = env.reset(seed=4)
+        where = {name: part for part, name, _ in env.describe("robot")}
+        starts.append(observations["robot"][where["joint_position"]])
+        seen.append(observations["robot"][where["bowl_position"]])
+        env.close()
+    assert np.abs(starts[0] - starts[1]).max() > 0.02
+    np.testing.assert_allclose(seen[0], seen[1], atol=2e-3)  # the spoon is where it was
+
+
+def test_the_gymnasium_form_takes_several_robots() -> None:
+    robots = {"robot_0": "kinova_gen3", "robot_1": {"model": "nao", "policy": "still"}}
+    env = SingleAgentEnv("feeding", role="robot_0", **robots)
+    assert env.care_env.possible_agents == ["robot_0"]
+    env.close()
+    other = SingleAgentEnv("feeding", role="recipient", **robots)
+    assert other.care_env.possible_agents == ["recipient"]
+    other.close()
+    with pytest.raises(UnknownNameError, match="Did you mean 'robot'"):
+        SingleAgentEnv("feeding", role="robt")
+
+
 def test_several_robots_must_be_numbered_without_gaps() -> None:
     with pytest.raises(ConfigError, match="not both"):
         rcare_marl.make("feeding", robot="kinova_gen3", robot_1="nao")
@@ -251,6 +349,16 @@ def test_a_urdf_of_the_users_own_can_feed() -> None:
         ({"model": "kinova_gen3", "mount": "sofa"}, "mount"),
         ({"model": "kinova_gen3", "mount": {"position": [9.0, 9.0, 0.0]}}, "no arm that reaches"),
         ({"model": "kinova_gen3", "posture": {"joint_9": 0.0}}, "joint_9"),
+        ({"model": "kinova_gen3", "posture": {"joint_2": 99.0}}, "goes from -2.24 to 2.24 rad"),
+        ({"model": "kinova_gen3", "posture_noise": -1.0}, "posture_noise"),
+        ({"model": "kinova_gen3", "gripper": "commanded"}, "among `moves`"),
+        ({"model": "kinova_gen3", "moves": ["gripper"]}, "add arm"),
+        ({"model": "pr2", "moves": ["left_arm"]}, "left_arm .the first of `moves`"),
+        ({"model": "stretch_re1", "moves": ["arm", "base"]}, "without `base`"),
+        (
+            {"urdf": "a.urdf", "joints": ["a"], "tool_link": "b", "posture": "hom"},
+            "posture of a urdf",
+        ),
         ({"model": "kinova_gen3", "movs": ["arm"]}, "Did you mean 'moves'"),
     ],
 )

@@ -79,6 +79,9 @@ class Wheelchair(Device):
     (middle of its face, x out of it), `headrest`, `armrest_left`, `armrest_right` (middle of the
     pad's top), `footplate_left`, `footplate_right`, `mount_left`, `mount_right` (base of a robot
     arm).
+
+    Attributes:
+        carries_robot: Whether it has a post for a robot arm.
     """
 
     def __init__(self, config: WheelchairConfig | None = None, *, mounts: str = "both") -> None:
@@ -94,6 +97,7 @@ class Wheelchair(Device):
         if mounts not in ("both", "left", "right", "none"):
             raise ConfigError(f"mounts must be one of both, left, right, none, got {mounts!r}")
         self.config = config or load(WheelchairConfig, assets.find("devices", "wheelchair"))
+        self.carries_robot = mounts != "none"
         self._posts = {"both": (1, -1), "left": (1,), "right": (-1,), "none": ()}[mounts]
         self._tan = math.tan(math.radians(self.config.recline_deg))
 

@@ -118,7 +118,8 @@ class Feeding(Task):
         people = [a for a in self.cast.values() if isinstance(a, Human)]
         for person in people:  # the posture already keeps them apart
             person.ignore(self._chair.body)
-        world.set_collision(self.robot.body, self._chair.body, False)
+        if self._chair.carries_robot:
+            world.set_collision(self.robot.body, self._chair.body, False)
         self._spoon = Spoon()
         self._spoon_body = self._spoon.spawn(world)
         world.set_collision(self._spoon_body, self._chair.body, False)
@@ -172,12 +173,12 @@ class Feeding(Task):
         """Put the robot where the bowl of the spoon in its hand is at `bowl`."""
         base = bowl @ Pose(self._spoon.bowl).inverse()
         tool = base @ self._spoon.in_tool.inverse()
-        found = self.robot.solve_ik(tool, seed=self.robot.arm.rest)
+        found = self.robot.solve_ik(tool)
         if not self._is_built and not found.is_within(0.02, 0.1):
             raise ConfigError(
-                f"{self.robot.files.model.name} has no arm that reaches: it misses the spoon's place in "
-                f"front of the face by {found.distance:.2f} m, {math.degrees(found.angle):.0f} degrees. "
-                "Feeding wants a person who sits in the wheelchair, and a robot mounted near"
+                f"{self.robot.describe_reach()}: it misses the spoon's place in front of the face by "
+                f"{found.distance:.2f} m, {math.degrees(found.angle):.0f} degrees. Feeding wants a person "
+                "who sits in the wheelchair, and a robot mounted near"
             )
         self.robot.set_posture(found.posture)
         self._spoon_body.set_base(self.robot.tool_pose() @ self._spoon.in_tool)

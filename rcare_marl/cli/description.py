@@ -16,7 +16,7 @@ from rich.text import Text
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import policy_names, task_class
-from rcare_marl.envs.task import Task
+from rcare_marl.envs.task import part_name, Task
 
 from .console import console, table
 
@@ -52,12 +52,16 @@ def _role(env: CareEnv, task: str, role: str) -> dict[str, Any]:
     return {
         "kind": type(agent).__name__.lower(),
         "facts": agent.describe(),
-        "policies": list(policy_names(task, role)),
-        "partner": env.task.roles()[role].partner,
+        "policies": list(policy_names(task, part_name(role))),
+        "partner": env.task.roles()[part_name(role)].partner,
         "actions": [{"index": i, "name": name} for i, name in enumerate(agent.action_names)],
         "observations": [
             {"slice": [part.start, part.stop], "name": name, "unit": unit}
             for part, name, unit in env.describe(role)
+        ],
+        "arrays": [
+            {"name": name, "shape": list(shape), "unit": unit}
+            for shape, name, unit in env.describe_arrays(role)
         ],
         "rewards": list(env.task.rewards(role)),
     }
@@ -157,6 +161,9 @@ def _show_role(role: str, part: Mapping[str, Any]) -> None:
     seen = [(_slice(*o["slice"]), o["name"], o["unit"]) for o in part["observations"]]
     size = part["observations"][-1]["slice"][1] if seen else 0
     screen.print(table(f"observation, {size} values", ("slice", "name", "unit"), seen, slice=True))
+    if part["arrays"]:
+        arrays = [(a["name"], " x ".join(map(str, a["shape"])), a["unit"]) for a in part["arrays"]]
+        screen.print(table("arrays beside them", ("name", "shape", "unit"), arrays))
 
 
 def _slice(start: int, stop: int) -> str:
