@@ -97,10 +97,8 @@ class Feeding(Task):
         soles = self.recipient.soles(self._chair.frame("seat_back"))
         self._chair.fit_footplates(soles["left"], soles["right"])
         self._chair.spawn(world)
-        self.recipient.use_arm_rests(
-            self._chair.frame_in_world("armrest_left"),
-            self._chair.frame_in_world("armrest_right"),
-        )
+        rests = [self._chair.frame_in_world(f"armrest_{side}") for side in ("left", "right")]
+        self.recipient.use_arm_rests(*rests)
         away = quaternion_from_rpy(0, 0, -math.pi / 2)  # beside the chair, facing it
         if self.robot.mount_named(mount).stand:
             add_stand(world, self.robot.mount(mount, self._chair.pose))
@@ -115,17 +113,16 @@ class Feeding(Task):
 
     def build(self, world: World) -> None:
         self._world = world
-        people = [a for a in self.cast.values() if isinstance(a, Human)]
-        for person in people:  # the posture already keeps them apart
-            person.ignore(self._chair.body)
+        for person in (a for a in self.cast.values() if isinstance(a, Human)):
+            person.ignore(self._chair.body)  # the posture already keeps them apart
         if self._chair.carries_robot:
             world.set_collision(self.robot.body, self._chair.body, False)
         self._spoon = Spoon()
         self._spoon_body = self._spoon.spawn(world)
         world.set_collision(self._spoon_body, self._chair.body, False)
         in_spoon = self._spoon_body.in_centre_frame(Pose(self._spoon.bowl))
-        self._bowl_in_spoon = in_spoon.position
-        self._up_in_spoon = rotate(in_spoon.quaternion, self._spoon.up)
+        self._bowl_in_spoon, turn = in_spoon.position, in_spoon.quaternion
+        self._up_in_spoon = rotate(turn, self._spoon.up)
         self._mouth_at_rest = self.recipient.mouth_position()
         self._head_dofs = [d for d in self.recipient.movable if d.startswith(("neck", "head"))]
         self._is_built = False
@@ -190,9 +187,8 @@ class Feeding(Task):
         offset = np.append(rng.uniform(-1, 1, 3) * START_SPREAD, rng.uniform())
         self.recipient.set_angles({d: a for d, a in start.items() if d in self._head_dofs})
         self._set_spoon(self._start_pose(offset))
-        spoon = self._spoon_body.base_pose()
         for piece, local in zip(self._food, self._food_in_spoon, strict=True):
-            piece.set_base(spoon @ local)
+            piece.set_base(self._spoon_body.base_pose() @ local)
         self._fate = ["carried"] * FOOD_COUNT
         self._force = self._peak_force = self._step_force = 0.0
         self._time_to_mouth = -1.0
@@ -309,7 +305,9 @@ class Feeding(Task):
         return self._spoon.facing(direction)
 
     def camera(self) -> Camera:
-        return Camera(eye=(1.75, -1.45, 1.6), target=(0.17, 0.0, 0.78), fov_deg=42)
+        far = 1.0 if self._chair.carries_robot else 1.25  # others stand beside, and are larger
+        side = 1.0 if self.robot.body.base_pose().position[1] < -0.5 else -1.0
+        return Camera(eye=(1.75 * far, 1.45 * far * side, 1.6), target=(0.17, 0, 0.78), fov_deg=42)
 
 
 @register_policy("feeding", "recipient", "cooperative")
