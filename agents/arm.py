@@ -16,6 +16,7 @@ from .kinematics import Chain, IkResult
 
 # Starts of inverse kinematics after the posture that it was given: around it, and anywhere.
 _SEEDS, _FAR_SEEDS = 12, 24
+LEAST_ROOM = 0.1  # share of its effort that a motor keeps beside the weight; our own choice
 
 
 class Arm(JointGroup):
@@ -24,7 +25,10 @@ class Arm(JointGroup):
     Attributes:
         chain: Kinematics from the root to the tool.
         rest: Posture preferred where a tool pose leaves a choice, shape [n].
+        counterbalanced: Whether springs carry its weight, so that its motors need not.
     """
+
+    counterbalanced: bool = False
 
     def __init__(
         self,
@@ -58,6 +62,25 @@ class Arm(JointGroup):
     def is_carried(self) -> bool:
         """Whether a torso or base moves the arm."""
         return self._root >= 0
+
+    def room(self, weight: Array) -> Array:
+        """Return what the motors have left beside carrying `weight` [N·m or N], shape [n].
+
+        It is a tenth of the effort at least: what is then missing of the weight, the motors carry as
+        they do what they are told.
+        """
+        if self.counterbalanced:
+            return self.effort
+        out: Array = np.maximum(self.effort - np.abs(weight), LEAST_ROOM * self.effort)
+        return out
+
+    def carry(self, weight: Array, motors: Array) -> Array:
+        """Return as much of `weight` as the effort allows beside `motors` [N·m or N], shape [n]."""
+        if self.counterbalanced:
+            return weight
+        room = np.maximum(self.effort - motors, 0.0)
+        out: Array = np.clip(weight, -room, room)
+        return out
 
     def solve(self, goal: Pose, seed: Array, *, position_only: bool = False) -> IkResult:
         """Return the posture that puts the tool at `goal`: the first good one, else the best.

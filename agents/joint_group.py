@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
+import numpy.typing as npt
 import pybullet as bullet
 
 from rcare_marl.body import Body
@@ -12,6 +13,7 @@ from rcare_marl.pose import Array
 from rcare_marl.urdf import Follow
 from rcare_marl.world import World
 
+Mask = npt.NDArray[np.bool_]  # which joints of a group, shape [n]
 # Share of the position error that a motor removes in one physics step, up to the planned speed. All
 # of it, so that the speed is even to the end: a motor that brakes there would feel its own inertia.
 POSITION_GAIN = 1.0
@@ -117,6 +119,11 @@ class JointGroup:
         """Return the joint velocities [rad/s or m/s], shape [n]."""
         return np.array(self.body.joint_states(self.indices)[1])
 
+    def states(self) -> tuple[Array, Array]:
+        """Return positions and velocities, each of shape [n]."""
+        positions, velocities = self.body.joint_states(self.indices)
+        return np.array(positions), np.array(velocities)
+
     def teleport(self, positions: Array) -> None:
         """Put the joints at `positions` [rad or m], shape [n], at rest."""
         self.body.set_joints(self.indices, positions)
@@ -147,12 +154,19 @@ class JointGroup:
         coupled: Array = along.T @ matrix[np.ix_(dofs, dofs)] @ along @ acceleration
         return coupled
 
-    def drive_to(self, targets: Array, speeds: Array, forces: Array) -> None:
+    def drive_to(
+        self, targets: Array, speeds: Array, forces: Array, *, only: Mask | None = None
+    ) -> None:
         """Drive joints to `targets` [rad or m] no faster than `speeds`, with at most `forces`.
 
         The speed limit spreads a control step's way evenly over its physics steps: without it the
-        motor would jump at each command.
+        motor would jump at each command. With `only`, a mask of shape [n], the other joints stay
+        under the command that they have, and joints that follow need `align`.
         """
+        if only is not None:
+            indices = [index for index, chosen in zip(self.indices, only, strict=True) if chosen]
+            self._drive_each(indices, targets[only], speeds[only], forces[only])
+            return
         self._drive_each(self.indices, targets, speeds, forces)
         if self._leaders:
             self._drive_followers(targets, speeds)

@@ -45,6 +45,8 @@ class Chain:
     Attributes:
         joints: Names of the joints that move the chain, root first.
         telescope: Names of the sliding joints on the way that follow one of them.
+        lags: Mass of a telescope's segments times the share of the tip's way that they stay behind,
+            by joint [kg], shape [n].
     """
 
     def __init__(
@@ -84,23 +86,25 @@ class Chain:
         axes = np.array([j.axis for j in moving], np.float64).reshape(-1, 3)
         self.axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
         self.slides = np.array([j.kind == "prismatic" for j in moving])
-        origins, here, telescope = [], Pose(), []
+        origins, here = [], Pose()
+        telescope: dict[str, float] = {}  # how much farther each segment goes than the one before
         lengths = np.ones(len(moving))
         for name, joint in path:
             if name in self.joints:
                 origins.append((here @ joint_pose(joint)).matrix()[:3])
                 here = Pose()
             elif joint.follows is not None and joint.follows.joint in self.joints:
-                lengths[len(origins) - 1] += self._lengthening(name, joint, here, len(origins) - 1)
-                telescope.append(name)
+                longer = self._lengthening(name, joint, here, len(origins) - 1)
+                lengths[len(origins) - 1] += longer
+                telescope[name] = longer
                 here = here @ joint_pose(joint, joint.follows.offset)
             else:
                 here = here @ joint_pose(joint, frozen.get(name, 0.0))
         origins.append(here.matrix()[:3])
         self.origins = np.ascontiguousarray(origins)
         self.axes *= lengths[:, None]  # a telescope moves its tip by several times its first joint
-        self.telescope = tuple(telescope)
-        self.masses, self.centres = self._carried(model, frozen)
+        self.telescope = telescope
+        self.masses, self.centres, self.lags = self._carried(model, frozen, lengths)
         self.base = Pose().matrix()[:3]
 
     def _lengthening(self, name: str, joint: Joint, here: Pose, last: int) -> float:
@@ -120,22 +124,31 @@ class Chain:
             raise ConfigError(f"joint {name!r} is not parallel to {joint.follows.joint!r}")
         return joint.follows.multiplier * scale
 
-    def _carried(self, model: Model, frozen: Mapping[str, float]) -> tuple[Array, Array]:
-        """Return mass [kg] and centre [m] of what each joint carries rigidly, in its child."""
-        place: dict[str, tuple[int, Pose]] = {model.root: (-1, Pose())}
+    def _carried(
+        self, model: Model, frozen: Mapping[str, float], lengths: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return mass [kg] and centre [m] of what each joint carries, in its child, and `lags` [kg].
+
+        The centre is that of a telescope pushed together, whose segments lag behind from there.
+        """
+        # What carries each link, where it is in that, and how far it goes for a metre of that.
+        place: dict[str, tuple[int, Pose, float]] = {model.root: (-1, Pose(), 1.0)}
         masses, moments = np.zeros(len(self.joints)), np.zeros((len(self.joints), 3))
+        lags = np.zeros(len(self.joints))
         for name, joint in model.joints.items():  # parents come before children
-            holder, pose = place[joint.parent]
+            holder, pose, way = place[joint.parent]
             if name in self.joints:
-                place[joint.child] = (self.joints.index(name), Pose())
+                holder, pose, way = self.joints.index(name), Pose(), 1.0
             else:
-                place[joint.child] = (holder, pose @ joint_pose(joint, frozen.get(name, 0.0)))
-            holder, pose = place[joint.child]
+                start = 0.0 if name in self.telescope else frozen.get(name, 0.0)
+                pose, way = pose @ joint_pose(joint, start), way + self.telescope.get(name, 0.0)
+            place[joint.child] = (holder, pose, way)
             if holder >= 0:
                 link = model.links[joint.child]
                 masses[holder] += link.mass
                 moments[holder] += link.mass * np.asarray((pose @ Pose(link.com)).position)
-        return masses, moments / np.maximum(masses, 1e-12)[:, None]
+                lags[holder] += link.mass * (1 - way / lengths[holder])
+        return masses, moments / np.maximum(masses, 1e-12)[:, None], lags
 
     def place(self, base: Pose) -> None:
         """Put the root link at `base` in the world."""
@@ -155,7 +168,9 @@ class Chain:
     def gravity_torques(self, positions: Array) -> Array:
         """Return the torques that hold the chain still [N·m or N], shape [n]."""
         parts = forward(self.base, self.origins, self.axes, self.slides, positions)
-        out: Array = holding(parts[1], parts[2], parts[3], self.slides, self.masses, self.centres)
+        out: Array = holding(
+            parts[1], parts[2], parts[3], self.slides, self.masses, self.centres, self.lags
+        )
         return out
 
     def solve(
@@ -240,20 +255,25 @@ def jacobian(tip, points, directions, slides):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def holding(points, directions, frames, slides, masses, centres):  # type: ignore[no-untyped-def]
-    """Return the joint torques [n] that balance gravity, from what `forward` returns."""
+def holding(points, directions, frames, slides, masses, centres, lags):  # type: ignore[no-untyped-def]
+    """Return the joint torques [n] that balance gravity, from what `forward` returns.
+
+    They are the slopes of the potential energy along the joints.
+    """
     n = len(points)
     out = np.zeros(n)
-    mass, mx, my, mz = 0.0, 0.0, 0.0, 0.0  # of all that joint i carries
+    mass, mx, my = 0.0, 0.0, 0.0  # of all that joint i carries
     for i in range(n - 1, -1, -1):
         f, c, m = frames[i], centres[i], masses[i]
         mass += m
         mx += m * (f[0, 0] * c[0] + f[0, 1] * c[1] + f[0, 2] * c[2] + f[0, 3])
         my += m * (f[1, 0] * c[0] + f[1, 1] * c[1] + f[1, 2] * c[2] + f[1, 3])
-        mz += m * (f[2, 0] * c[0] + f[2, 1] * c[1] + f[2, 2] * c[2] + f[2, 3])
         d, p = directions[i], points[i]
         if slides[i]:
-            out[i] = GRAVITY * mass * d[2]
+            # The segments of a telescope stay behind its tip.
+            mx -= lags[i] * (f[0, 3] - p[0])
+            my -= lags[i] * (f[1, 3] - p[1])
+            out[i] = GRAVITY * (mass - lags[i]) * d[2]
         else:
             out[i] = GRAVITY * (d[0] * (my - mass * p[1]) - d[1] * (mx - mass * p[0]))
     return out

@@ -28,6 +28,7 @@ from .control import (
     make_control,
     make_group_control,
 )
+from .grasp import Grasp
 from .gripper import Gripper
 from .joint_group import JointGroup
 from .kinematics import IkResult
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from .sensing.marker import MarkerConfig
     from .sensing.suite import SensorSuite
 
-RELEASE = 0.01  # [m] that the gap of a gripper grows before it lets go; our own choice
 GripperUse = Literal["held", "free", "commanded"]
 
 
@@ -133,7 +133,7 @@ class Robot(Agent):
         self.moves = self._checked_moves(moves)
         self._assembly: Assembly | None = self._assemble()
         self.parts, self.arms, self.groups, self.base = {}, {}, {}, None
-        self._held: list[tuple[Attachment, float]] = []  # and at which closing it is let go
+        self._grasps: dict[str, Grasp] = {}
 
     def equip(self, sensors: SensorSuite | None, markers: Sequence[MarkerConfig] = ()) -> None:
         super().equip(sensors, markers)
@@ -192,9 +192,7 @@ class Robot(Agent):
     @property
     def arm(self) -> Arm:
         """The main arm that moves; ConfigError if none does."""
-        if not self.arms:
-            raise ConfigError(self._no_arm())
-        return next(iter(self.arms.values()))
+        return self.arms[self._main]
 
     @property
     def control(self) -> Control:
@@ -206,12 +204,11 @@ class Robot(Agent):
         """Name of the main arm that moves."""
         arms = [name for name in self.moves if name in self.config.arms]
         if not arms:
-            raise ConfigError(self._no_arm())
+            raise ConfigError(
+                f"{self.name!r} moves {', '.join(self.moves)}, and none of it is an arm: add "
+                f"{', '.join(self.config.arms)}"
+            )
         return arms[0]
-
-    def _no_arm(self) -> str:
-        arms = ", ".join(self.config.arms)
-        return f"{self.name!r} moves {', '.join(self.moves)}, and none of it is an arm: add {arms}"
 
     @property
     def gripper(self) -> Gripper | None:
@@ -383,8 +380,8 @@ class Robot(Agent):
             size = part.control.size
             part.control.command(action[start : start + size], duration)
             start += size
-        if self._held:
-            self._let_go()
+        for grasp in self._grasps.values():
+            grasp.update()
 
     @property
     def needs_actuation(self) -> bool:
@@ -449,46 +446,17 @@ class Robot(Agent):
         start = chosen.positions() if seed is None else np.asarray(seed, np.float64)
         return chosen.solve(pose, start, position_only=position_only)
 
-    def describe_reach(self) -> str:
-        """Return that no arm reaches, and what could help, for an error."""
-        model, arms = self.files.model.name, [n for n in self.moves if n in self.config.arms]
-        others = [name for name in self.config.arms if name != arms[0]]
-        text = (
-            f"{model} has no arm that reaches"
-            if not others
-            else (
-                f"{model} has no arm that reaches with its {arms[0]} (the first of `moves`; it also has "
-                f"{', '.join(others)})"
-            )
-        )
-        if "base" in self.moves and self.config.arms[arms[0]].base_joints:
-            text += " while its base is driven by itself (without `base` it would help the arm)"
-        return text
-
     def grasp(self, body: Body, body_in_tool: Pose = Pose(), *, force: float = 500.0) -> Attachment:
-        """Put the base of `body` at `body_in_tool` in the tool's frame and bond it there.
+        """Put the base of `body` at `body_in_tool` in the main tool's frame and bond it there.
 
         The robot and what it holds do not collide from then on. A gripper that is commanded lets go
-        of it once the gap between its fingers is wider by `RELEASE` than at the start.
+        of it once the gap between its fingers is wider by `grasp.RELEASE` than at the start.
         """
-        body.set_base(self.tool_pose() @ body_in_tool)
-        self._world.set_collision(self.body, body, False)
-        held = self._world.attach(self.body, self.tool_link, body, body_in_tool, force=force)
-        gripper = self.gripper
-        if gripper is not None and gripper.is_movable:
-            widest = gripper.width(gripper.config.opened)
-            gap = min(gripper.width(gripper.start) + RELEASE, widest)
-            self._held.append((held, gripper.fraction(gripper.position_for(gap))))
-        return held
-
-    def _let_go(self) -> None:
-        """Release what a gripper that has opened can no longer hold."""
-        gripper = self.gripper
-        assert gripper is not None  # or nothing would be held so
-        closing = gripper.closing()
-        for held, least in self._held:
-            if closing < least and held.is_active:
-                self._world.detach(held)
+        pose = self.tool_pose() @ body_in_tool
+        arm = self._main
+        if arm not in self._grasps:
+            self._grasps[arm] = Grasp(self._world, self.body, self.tool_link, self.gripper)
+        return self._grasps[arm].take(body, pose, body_in_tool, force=force)
 
     def set_gripper(self, closing: float, *, arm: str | None = None) -> None:
         """Drive a gripper, that of the main arm if none is named: 0 is open, 1 is closed.

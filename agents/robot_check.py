@@ -7,7 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pybullet as bullet
 
+from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, conjugate, multiply, rotation_vector
 from rcare_marl.world import World
@@ -46,8 +48,8 @@ class Grip:
     Attributes:
         width: Edge of the box [m].
         slip: How far the box moved in the hand while it was held [m].
-        opened: Gap between the pads after it was told to open [m].
-        closed: Gap between the pads after it was told to close round nothing [m].
+        opened: Gap between the real pads after it was told to open [m].
+        closed: Gap between the real pads after it was told to close round nothing [m].
         widest: Gap by its data when open [m].
     """
 
@@ -138,7 +140,7 @@ def measure_reach(
     """
     chosen = arm or config.main_arm
     world, robot = spawned(config, moves=(chosen,), control="joint_position")
-    draw = _pose_sampler(robot, np.random.default_rng(seed))
+    draw = _pose_sampler(world, robot, np.random.default_rng(seed))
     distances, angles = [], []
     for _ in range(count):
         goal = draw()
@@ -159,27 +161,52 @@ def measure_reach(
     return Reach(np.array(distances), np.array(angles))
 
 
-def _pose_sampler(robot: Robot, rng: np.random.Generator) -> Callable[[], Pose]:
+def _pose_sampler(world: World, robot: Robot, rng: np.random.Generator) -> Callable[[], Pose]:
     """Return what draws poses of the tool that can be reached."""
     arm: Arm = robot.arm
     lower = np.where(np.isinf(arm.lower), -np.pi, arm.lower)
     upper = np.where(np.isinf(arm.upper), np.pi, arm.upper)
-    apart = touching_links(robot.files.model, robot.body, robot.hands)
+    body = robot.body
+    apart = touching_links(robot.files.model, body, robot.hands)
+    # What stands on the floor at the start, such as wheels, may do so ever after.
+    clear = [link for link in body.solid_links() if lowest(world, body, link) > FLOOR_GAP]
 
     def draw() -> Pose:
         for _ in range(DRAWS):
-            posture = rng.uniform(lower, upper)
-            robot.set_posture(posture)
-            low = robot.body.link_poses()[0][1:, 2].min()
-            if low > FLOOR_GAP or robot.config.base is not None or low > -1e-6:
-                tool = robot.tool_pose()
-                if tool.position[2] > FLOOR_GAP and not overlapping(robot.body, apart):
-                    return tool
+            robot.set_posture(rng.uniform(lower, upper))
+            tool = robot.tool_pose()
+            heights = [tool.position[2], *(lowest(world, body, link) for link in clear)]
+            if min(heights) > FLOOR_GAP and not overlapping(body, apart):
+                return tool
         raise ConfigError(
             f"{robot.files.model.name}: all of {DRAWS} random postures overlap the robot or the floor"
         )
 
     return draw
+
+
+def lowest(world: World, body: Body, link: int) -> float:
+    """Return the height of the lowest corner of the box round a solid link [m]."""
+    low, _ = bullet.getAABB(body.uid, link, physicsClientId=world.client)
+    return float(low[2])
+
+
+def pads(robot: Robot, arm: str) -> tuple[Array, Array]:
+    """Return where the two pads of an arm's gripper really are in the world [m], each of shape [3].
+
+    The fingers must be links of their own, as they are with `gripper="free"`.
+    """
+    config = robot.assembly.grippers[arm].config
+    places = zip(config.fingers, (config.pad, config.other_pad), strict=True)
+    first, second = (
+        np.array((robot.body.link_pose(robot.body.link_index(link)) @ Pose(pad)).position)
+        for link, pad in places
+    )
+    return first, second
+
+
+def _gap(robot: Robot, arm: str) -> float:
+    return math.dist(*pads(robot, arm))
 
 
 def measure_grip(config: RobotConfig, arm: str | None = None, *, mass: float = 0.5) -> Grip:
@@ -191,10 +218,10 @@ def measure_grip(config: RobotConfig, arm: str | None = None, *, mass: float = 0
     widest = gripper.width(gripper.config.opened)
     robot.set_gripper(1.0)
     advance(world, robot, zero, CLOSING_TIME)
-    closed = gripper.width(gripper.position())
+    closed = _gap(robot, chosen)
     robot.set_gripper(0.0)
     advance(world, robot, zero, CLOSING_TIME)
-    opened = gripper.width(gripper.position())
+    opened = _gap(robot, chosen)
     edge = min(BOX, 0.7 * widest)
     box = world.add_box((edge, edge, edge), robot.tool_pose(), mass=mass, name="box")
     robot.set_gripper(1.0)

@@ -234,6 +234,18 @@ def frame(position: Triple, rpy_deg: Triple) -> Pose:
     return Pose(position, tuple(turn.tolist()))
 
 
+def no_reach(config: RobotConfig, model: str, moves: Sequence[str]) -> str:
+    """Return that no arm of a robot reaches, and what could help, for an error."""
+    arms = [name for name in moves if name in config.arms]
+    others = [name for name in config.arms if name != arms[0]]
+    text = f"{model} has no arm that reaches"
+    if others:
+        text += f" with its {arms[0]} (the first of `moves`; it also has {', '.join(others)})"
+    if "base" in moves and config.arms[arms[0]].base_joints:
+        text += " while its base is driven by itself (without `base` it would help the arm)"
+    return text
+
+
 def load_robot(name: str | Path) -> RobotConfig:
     """Return the robot of that name, or from that YAML file.
 

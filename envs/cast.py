@@ -11,7 +11,6 @@ from rcare_marl.agents.actuation.drive import ActuationConfig
 from rcare_marl.agents.actuation.muscle_model import Tendon
 from rcare_marl.agents.agent import Agent
 from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
-from rcare_marl.agents.gripper import GripperConfig
 from rcare_marl.agents.human import Human
 from rcare_marl.agents.robot import Mount, Robot, RobotConfig, load_robot, urdf_robot
 from rcare_marl.agents.sensing.marker import MarkerConfig

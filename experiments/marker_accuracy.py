@@ -73,7 +73,7 @@ class Bench:
         """Build it."""
         self._options = options
         self._world = World()
-        config = MarkerConfig(7, size=size, at=(0.0, 0.0, 2.0), rpy_deg=(90.0, 0.0, 0.0))
+        config = MarkerConfig(7, "world", size, at=(0.0, 0.0, 2.0), rpy_deg=(90.0, 0.0, 0.0))
         self._marker = fasten(self._world, None, config)
         turn = tuple(quaternion_from_rpy(np.pi / 2, 0, 0).tolist())
         self._world.add_box((3.0, 3.0, 0.05), Pose((0.0, 0.2, 2.0), turn))

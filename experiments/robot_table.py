@@ -16,6 +16,7 @@ import tempfile
 
 import rcare_marl
 from rcare_marl import assets
+from rcare_marl.agents.control import CONTROLS
 from rcare_marl.agents.robot import RobotConfig, load_robot
 from rcare_marl.agents.robot_check import (
     find_overlaps,
@@ -76,7 +77,7 @@ def row(name: str, seeds: int) -> list[str]:
     world.close()
     published = config.published_mass.value if config.published_mass is not None else math.nan
     turned, slid = zip(
-        *(measure_posture(config, control=mode) for mode in ("joint_delta", "tool_delta")),
+        *(measure_posture(config, control=mode) for mode in CONTROLS),
         strict=True,
     )
     reaches = [measure_reach(config, arm) for arm in config.arms]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from rcare_marl.errors import ConfigError, RenderingError, UnknownNameError, WorldError
+from rcare_marl.errors import ConfigError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.rendering import Camera, GLRenderer, Output, Shot, SoftwareRenderer, make_renderer
 from rcare_marl.rendering.gl_scene import GLScene
@@ -22,17 +22,7 @@ SHAPES: tuple[Output, ...] = ("depth", "normals", "segmentation")
 ASKEW = Pose((0.3, -0.2, 1.5), tuple(quaternion_from_rpy(0.4, 1.1, -0.7).tolist()))
 
 
-def _gl_missing() -> str:
-    try:
-        GLRenderer(World()).close()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-MISSING = _gl_missing()
-needs_gl = pytest.mark.skipif(bool(MISSING), reason=MISSING)
-BACKENDS: list[Any] = [pytest.param("gl", marks=needs_gl), "software"]
+BACKENDS: list[Any] = [pytest.param("gl", marks=pytest.mark.needs_gl), "software"]
 
 
 def askew(width: int = 96, height: int = 72, **lens: float) -> Camera:
@@ -182,7 +172,7 @@ def test_what_is_transparent_is_seen_by_colours_alone(world: World, backend: Any
     renderer.close()
 
 
-@needs_gl
+@pytest.mark.needs_gl
 def test_shapes_are_the_same_with_colours_and_without(world: World) -> None:
     camera = askew()
     plate(world, camera, 1.0, 30)
@@ -220,7 +210,7 @@ def test_many_cameras_see_what_each_sees_alone(world: World, backend: Any) -> No
     renderer.close()
 
 
-@needs_gl
+@pytest.mark.needs_gl
 def test_the_scene_is_sent_once_for_all_cameras(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -249,7 +239,7 @@ def test_the_scene_is_sent_once_for_all_cameras(
     renderer.close()
 
 
-@needs_gl
+@pytest.mark.needs_gl
 def test_a_floor_is_where_the_world_has_one(world: World) -> None:
     world.add_box((4, 4, 0.1), Pose((0, 0, -0.05)), name="floor")
     renderer = GLRenderer(world)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import gc
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -18,22 +22,13 @@ from rcare_marl.agents.robot import Robot, load_robot
 from rcare_marl.agents.sensing.camera import CameraConfig, CameraSensor
 from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError, RenderingError, UnknownNameError, WorldError
+from rcare_marl.errors import ConfigError, UnknownNameError, WorldError
 from rcare_marl.observable import Observable, Observation
 from rcare_marl.pose import Pose, quaternion_from_rpy
-from rcare_marl.rendering import OUTPUTS, GLRenderer, Picture, Renderer, Shot
+from rcare_marl.rendering import OUTPUTS, Camera, GLRenderer, Picture, Renderer, Shot
+from rcare_marl.rendering.gl_context import free_context
 from rcare_marl.world import World
 
-
-def _gl_missing() -> str:
-    try:
-        GLRenderer(World()).close()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-needs_gl = pytest.mark.skipif(bool(_gl_missing()), reason="no OpenGL")
 FORWARD = {"link": "base", "rpy_deg": (-90.0, 0.0, -90.0)}  # along the x axis of the box, z upwards
 
 
@@ -109,14 +104,14 @@ def room() -> Iterator[Room]:
 class Watch:
     """Counts renderers, and the pictures of each reading."""
 
-    def __init__(self, make: Callable[[World], Renderer]) -> None:
+    def __init__(self, make: Callable[..., Renderer]) -> None:
         self._make = make
         self.made = self.closed = 0
         self.readings: list[int] = []
 
-    def __call__(self, world: World) -> Watch:
+    def __call__(self, world: World, **options: Any) -> Watch:
         self.made += 1
-        self._renderer = self._make(world)
+        self._renderer = self._make(world, **options)
         return self
 
     def read(self, shots: Sequence[Shot]) -> list[Picture]:
@@ -232,7 +227,12 @@ def test_nothing_is_drawn_unless_a_camera_is_read(room: Room, watch: Watch) -> N
     world.close()
     assert watch.made == 0
     suite = room.add({"outputs": ("depth",)})
-    assert suite.observables() and watch.readings == []
+    assert suite.observables() and watch.made == 0
+    suite.close()
+    assert watch.made == 0
+    suite = room.add({"outputs": ("depth",)})
+    room.suites[:] = [suite]
+    room.begin()
     suite.close()
     assert watch.made == watch.closed == 1
 
@@ -270,6 +270,29 @@ def test_cameras_of_one_rate_are_read_together(room: Room, watch: Watch) -> None
     assert all(count >= 2 for count in watch.readings)
 
 
+def test_a_fast_camera_does_not_make_those_without_a_rate_look(room: Room, watch: Watch) -> None:
+    room.add({"rate": 60.0}, {})
+    room.begin()
+    watch.readings.clear()
+    for _ in range(24):
+        room.world.step()
+        room.suites[0].after_substep()
+    room.sense()
+    assert watch.readings == [1] * 7
+
+
+def test_a_camera_in_the_room_may_look_straight_down(room: Room) -> None:
+    above: dict[str, Any] = {"link": "", "rpy_deg": (0.0, 0.0, 0.0), "outputs": ("segmentation",)}
+    room.world.add_box((0.1, 0.1, 0.1), Pose((0.0, 0.3, 0.2)), name="crate")
+    suite = room.add({**above, "eye": (0.0, 0.0, 2.0), "target": (0.0, 0.0, 0.0)})
+    room.begin()
+    sensor = suite.sensors["eye_0"]
+    assert isinstance(sensor, CameraSensor)
+    crates = [number for number, (body, _) in sensor.labels.items() if body == "crate"]
+    rows, columns = np.nonzero(np.isin(suite.reading("eye_0", "segmentation"), crates))
+    assert rows.mean() < 20 and columns.mean() == pytest.approx(31.5, abs=1.0)  # y is up
+
+
 def test_a_camera_may_stand_in_the_room(room: Room) -> None:
     fixed = {
         "eye": (-1.0, 0.0, 0.5),
@@ -301,10 +324,11 @@ def test_a_camera_may_stand_in_the_room(room: Room) -> None:
         ({"noise": 0.1}, "noise is for depth"),
         ({"width": 0}, "width"),
         ({"near": 2.0, "far": 1.0}, "near < far"),
-        ({"fov_deg": 0.5}, "fov_deg"),
+        ({"fov_deg": 0.5}, "sensor 'eye': camera fov_deg"),
+        ({"fov_deg": 0}, "sensor 'eye': camera fov_deg"),
         ({"outputs": ("dept",)}, "Did you mean 'depth'"),
         ({"look": "nice"}, "look"),
-        ({"eye": (0, 0, 1), "target": (0, 0, 0)}, "along up"),
+        ({"eye": (0, 0, 1), "target": (0, 0, 1)}, "sensor 'eye': eye and target must differ"),
     ],
 )
 def test_impossible_options_are_refused(options: dict[str, Any], message: str) -> None:
@@ -385,7 +409,7 @@ def test_points_follow_a_base_that_drives() -> None:
     world.close()
 
 
-@pytest.mark.parametrize("backend", [pytest.param("gl", marks=needs_gl), "software"])
+@pytest.mark.parametrize("backend", [pytest.param("gl", marks=pytest.mark.needs_gl), "software"])
 def test_pictures_of_people_do_not_depend_on_what_was_seen_before(
     backend: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -466,3 +490,74 @@ def test_cameras_of_all_agents_of_an_environment_are_read_at_once(watch: Watch) 
     assert np.array_equal(seen["robot"]["camera_rgb"], again["robot"]["camera_rgb"])
     env.close()
     assert watch.closed == 1
+
+
+FORKED = """
+import gymnasium, multiprocessing, rcare_marl
+from rcare_marl.rendering import Camera, make_renderer
+
+def draw():
+    try:
+        make_renderer(world)
+    except rcare_marl.errors.RenderingError as error:
+        print("forked:", error, flush=True)
+
+camera = {"kind": "camera", "width": 16, "height": 12}
+envs = gymnasium.make_vec(
+    "rcare_marl/Feeding-v0", 1, "async", {"context": "fork"}, robot={"sensors": [camera]}
+)
+seen, _ = envs.reset(seed=1)
+print("worker:", seen["camera_rgb"].shape, seen["camera_rgb"].std() > 5, flush=True)
+envs.close()
+world = rcare_marl.world.World()
+renderer, view = make_renderer(world), Camera((0, -1, 1), (0, 0, 0), width=16, height=12)
+renderer.render(view)
+process = multiprocessing.get_context("fork").Process(target=draw)
+process.start()
+process.join()
+renderer.render(view)
+print("parent:", process.exitcode)
+"""
+
+
+@pytest.mark.needs_gl
+def test_forked_workers_draw_and_those_that_cannot_say_what_to_do() -> None:
+    """In a process of its own, which OpenGL has not touched; what goes wrong would hang."""
+    done = subprocess.run(
+        [sys.executable, "-c", FORKED],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+        env={**os.environ, rendering.VARIABLE: "auto"},
+    )
+    lines = [line for line in done.stdout.splitlines() if ":" in line and "build" not in line]
+    assert lines[0] == "worker: (1, 12, 16, 3) True"
+    assert lines[1].startswith("forked: OpenGL was used before") and "context='spawn'" in lines[1]
+    assert lines[2] == "parent: 0"
+
+
+@pytest.mark.needs_gl
+def test_what_is_dropped_without_close_frees_its_context(monkeypatch: pytest.MonkeyPatch) -> None:
+    freed = []
+
+    def counted(context: Any, opened_by: int) -> None:
+        freed.append(context)
+        free_context(context, opened_by)
+
+    monkeypatch.setattr("rcare_marl.rendering.gl_renderer.free_context", counted)
+    monkeypatch.setenv(rendering.VARIABLE, "gl")
+    world = World()
+    other = GLRenderer(world)
+    camera = Camera((0.0, -1.0, 0.5), (0.0, 0.0, 0.0), width=16, height=12)
+    before = other.render(camera)
+    env = rcare_marl.make("feeding", robot={"sensors": ["camera"]})
+    env.reset(seed=0)
+    assert not freed
+    del env
+    gc.collect()
+    assert len(freed) == 1
+    assert np.array_equal(other.render(camera), before)
+    other.close()
+    assert len(freed) == 2
+    world.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -298,7 +299,10 @@ def test_noise_of_the_posture_changes_the_posture_and_nothing_else() -> None:
 
 
 def test_the_gymnasium_form_takes_several_robots() -> None:
-    robots = {"robot_0": "kinova_gen3", "robot_1": {"model": "nao", "policy": "still"}}
+    robots: dict[str, Any] = {
+        "robot_0": "kinova_gen3",
+        "robot_1": {"model": "nao", "policy": "still"},
+    }
     env = SingleAgentEnv("feeding", role="robot_0", **robots)
     assert env.care_env.possible_agents == ["robot_0"]
     env.close()

@@ -13,7 +13,7 @@ from sensor_scene import POSTURES, Array, Scene, arm_link, own_robot, person, ur
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.robot import Robot, load_robot
+from rcare_marl.agents.robot import Robot, load_robot, urdf_robot
 from rcare_marl.agents.sensing.proximity import ProximityConfig
 from rcare_marl.agents.sensing.sampler import Sampler
 from rcare_marl.agents.sensing.sensor import Channel, Sensor, SensorConfig
@@ -167,6 +167,57 @@ def test_wrong_entries_say_what_there_is() -> None:
 def test_names_that_an_agent_lacks_are_refused(entry: dict[str, Any]) -> None:
     with pytest.raises(UnknownNameError, match="no_"):
         Scene(entry).begin()
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"kind": "imu", "name": "mine", "link": "no_link"},
+        {"kind": "contact_force", "name": "mine", "links": ["no_link"]},
+        {"kind": "joint_wrench", "name": "mine", "joints": ["no_joint"]},
+        {"kind": "wrist_wrench", "name": "mine", "arm": "no_arm"},
+        {"kind": "camera", "name": "mine", "camera": "no_camera"},
+        {"kind": "taxels", "name": "mine", "spacing": 1e-5},
+        {"kind": "imu", "name": "mine", "rate": 500.0},
+    ],
+)
+def test_messages_name_the_agent_and_the_sensor(entry: dict[str, Any]) -> None:
+    with pytest.raises((ConfigError, UnknownNameError), match="robot, sensor 'mine'"):
+        Scene(entry).begin()
+
+
+def test_a_sensor_needs_a_name_and_noise_that_a_number_can_hold() -> None:
+    with pytest.raises(ConfigError, match="needs a name"):
+        SensorSuite([{"kind": "imu", "name": ""}], "robot")
+    with pytest.raises(ConfigError, match=r"noise must be 1e\+06 or less, got 1e\+300"):
+        SensorSuite([{"kind": "imu", "noise": 1e300}], "robot")
+
+
+@pytest.mark.parametrize(
+    ("kind", "option", "name"),
+    [
+        ("contact_force", "links", "tray"),
+        ("taxels", "links", "tray"),
+        ("joint_wrench", "joints", "joint_1"),
+        ("joint_torque", "joints", "joint_1"),
+    ],
+)
+def test_nothing_is_named_twice(kind: str, option: str, name: str) -> None:
+    with pytest.raises(ConfigError, match=f"{option} names {name} twice"):
+        SensorSuite([{"kind": kind, option: [name, "other", name]}], "robot")
+
+
+def test_sensors_of_an_arm_that_does_not_move_work_or_say_so() -> None:
+    robot = Robot("robot", load_robot("pr2"), moves=["left_arm"])
+    scene = Scene("imu", "proximity", {"kind": "taxels", "spacing": 0.03}, robot=robot)
+    scene.suite.bind(scene.world, robot)
+    scene.suite.reset(np.random.default_rng(0))
+    scene.suite.sense()
+    assert np.linalg.norm(scene.read("imu", "acceleration")) == pytest.approx(GRAVITY, rel=1e-5)
+    robot = Robot("robot", load_robot("pr2"), moves=["left_arm"])
+    scene = Scene("joint_torque", robot=robot)
+    with pytest.raises(ConfigError, match="'right_arm' does not move"):
+        scene.suite.bind(scene.world, robot)
 
 
 def test_readings_are_named_and_only_there_once_sensed() -> None:
@@ -400,9 +451,21 @@ def test_a_level_scanner_sees_a_corner_from_right_to_left() -> None:
 
 @pytest.mark.parametrize("name", assets.names("robots"))
 def test_every_robot_can_have_every_sensor(name: str) -> None:
-    kinds = ["joint_wrench", "joint_torque", "contact_force", "imu", "proximity"]
-    world, robot = World(), Robot(name, load_robot(name))
-    suite = SensorSuite([*kinds, {"kind": "taxels", "spacing": 0.05}], name)
+    config, world = load_robot(name), World()
+    robot = Robot(name, config)  # its main arm moves, another does not
+    small: dict[str, Any] = {"width": 16, "height": 12}
+    hand = {"link": config.arms[config.main_arm].tool_link, **small}
+    suite = SensorSuite(
+        [
+            *("joint_wrench", "joint_torque", "contact_force", "imu", "proximity"),
+            {"kind": "taxels", "spacing": 0.05},
+            *({"kind": "wrist_wrench", "name": f"{arm}_wrist", "arm": arm} for arm in config.arms),
+            *({"kind": "camera", "name": f"{c}_eye", "camera": c, **small} for c in config.cameras),
+            {"kind": "camera", **hand},
+            {"kind": "markers", **hand},
+        ],
+        name,
+    )
     robot.equip(suite)
     robot.spawn(world, Pose((0, 0, 1)))
     robot.reset(np.random.default_rng(0))
@@ -412,11 +475,38 @@ def test_every_robot_can_have_every_sensor(name: str) -> None:
         suite.sense()
         for observable in suite.observables():
             assert np.isfinite(np.asarray(observable.read())).all(), observable.name
-        for _ in range(4):
+        robot.command(np.zeros(robot.action_size), 0.1)
+        for _ in range(24):
+            robot.actuate()
             world.step()
             suite.after_substep()
+    suite.sense()
     assert len(suite.reading("taxels", "force")) > 3
     assert np.abs(suite.reading("joint_torque", "effort")).max() > 0.05
+    for arm in config.arms:
+        beyond = robot.body.carried_by(robot.body.link_index(str(config.arms[arm].wrist_link)))
+        weight = GRAVITY * sum(robot.body.mass(link) for link in beyond)
+        assert np.linalg.norm(suite.reading(f"{arm}_wrist", "force")) == pytest.approx(
+            weight, rel=0.02
+        )
+    suite.close()
+    world.close()
+
+
+def test_the_wrist_of_an_own_robot_is_its_last_joint_even_if_that_does_not_move(
+    tmp_path: Path,
+) -> None:
+    chain = arm_link("a", "root", at="0 0 1", axis="0 1 0", com="0.1 0 0", mass=1.0)
+    chain += arm_link("b", "a", at="0.3 0 0", axis="0 1 0", com="0.1 0 0", mass=0.7)
+    config = urdf_robot(urdf(tmp_path / "own.urdf", chain), ("a_joint", "b_joint"), "b")
+    for moves in (["arm"], []):
+        robot = Robot("robot", config, control="joint_velocity", moves=moves)
+        scene = Scene("wrist_wrench", "imu", robot=robot)
+        scene.suite.bind(scene.world, robot)
+        scene.suite.reset(np.random.default_rng(0))
+        scene.run(2)
+        felt = np.linalg.norm(scene.read("wrist_wrench", "force"))
+        assert felt == pytest.approx(0.7 * GRAVITY, rel=0.01)
 
 
 # In an environment.

@@ -10,7 +10,13 @@ from ..mobile_base import MobileBase
 
 
 class BaseVelocity:
-    """Action values are speeds in the robot's own frame: forward, to the left if it can, and turning."""
+    """Action values are speeds in the robot's own frame: forward, to the left if it can, and turning.
+
+    The base takes `RAMP` to come from rest to its full speed, since a jolt would throw arms and head
+    about.
+    """
+
+    RAMP = 0.2  # [s]; our own choice
 
     def __init__(self, base: MobileBase) -> None:
         self._base = base
@@ -28,11 +34,14 @@ class BaseVelocity:
     def command(self, action: Array, duration: float) -> None:
         speeds = self.max * action
         left = float(speeds[1]) if self.size == 3 else 0.0
-        self._velocity = np.array((speeds[0], left, speeds[-1]))
+        wanted = np.array((speeds[0], left, speeds[-1]))
+        config = self._base.config
         # Going aslant is no faster than going straight.
-        along = float(np.hypot(self._velocity[0], self._velocity[1]))
-        if along > self._base.config.speed:
-            self._velocity[:2] *= self._base.config.speed / along
+        along = float(np.hypot(wanted[0], wanted[1]))
+        if along > config.speed:
+            wanted[:2] *= config.speed / along
+        change = np.array((config.speed, config.speed, config.turn)) * duration / self.RAMP
+        self._velocity = np.clip(wanted, self._velocity - change, self._velocity + change)
 
     @property
     def needs_actuation(self) -> bool:

@@ -11,7 +11,6 @@ from rcare_marl.pose import Array
 
 from ..arm import Arm
 from ..joint_group import RETURN_SPEED
-from ..robot_config import BASE_JOINTS
 from ..kinematics import (
     bounded_step,
     forward,
@@ -21,6 +20,7 @@ from ..kinematics import (
     rotated,
     rotation_between,
 )
+from ..robot_config import BASE_JOINTS
 
 REST_PULL = 0.5  # [1/s] towards the rest posture, at full speed of the tool
 HEADROOM = 1.5  # motor torque over what `contact_force` at the tool takes
@@ -72,12 +72,18 @@ class ToolDelta:
         arm, chain = self._arm, self._arm.chain
         self._target = arm.positions()
         self._steps_left = -1
-        self._hold = chain.gravity_torques(self._target)
-        self._hold_list = self._hold.tolist()
         self._goal[:] = forward(chain.base, chain.origins, chain.axes, chain.slides, self._target)[
             0
         ]
-        arm.drive_to(self._target, arm.velocity, arm.effort)
+        self._drive(arm.velocity, arm.effort, chain.gravity_torques(self._target))
+
+    def _drive(self, speeds: Array, forces: Array, weight: Array) -> None:
+        """Drive to the target, within the effort beside the weight of the arm."""
+        arm = self._arm
+        forces = np.minimum(forces, np.where(self._is_base, arm.effort, arm.room(weight)))
+        self._hold = arm.carry(weight, forces)
+        self._hold_list = self._hold.tolist()
+        arm.drive_to(self._target, speeds, forces)
 
     def command(self, action: Array, duration: float) -> None:
         arm, chain = self._arm, self._arm.chain
@@ -88,7 +94,7 @@ class ToolDelta:
         else:  # nothing can be told of what the motors felt
             torques = chain.gravity_torques(positions)
         self._steps_left = max(round(duration / arm.physics_dt), 1)
-        speeds, forces, hold = _follow(
+        speeds, forces, weight = _follow(
             self._goal,
             self._target,
             positions,
@@ -101,6 +107,7 @@ class ToolDelta:
             chain.slides,
             chain.masses,
             chain.centres,
+            chain.lags,
             arm.lower,
             arm.upper,
             arm.velocity,
@@ -110,10 +117,9 @@ class ToolDelta:
             self.contact_force,
             self._turn_weight,
         )
-        self._hold, self._hold_list = hold, hold.tolist()
         if self._is_base.any():  # it has the whole robot to speed up
             forces = np.where(self._is_base, arm.effort, forces)
-        arm.drive_to(self._target, speeds, forces)
+        self._drive(speeds, forces, weight)
 
     @property
     def needs_actuation(self) -> bool:
@@ -141,6 +147,7 @@ def _follow(  # type: ignore[no-untyped-def]
     slides,
     masses,
     centres,
+    lags,
     lower,
     upper,
     velocity,
@@ -152,7 +159,7 @@ def _follow(  # type: ignore[no-untyped-def]
 ):
     """Move `goal` [3, 4] and `target` [n] in place; return motor speeds, torques and weight [n]."""
     real, points, directions, frames = forward(base, origins, axes, slides, positions)
-    hold = holding(points, directions, frames, slides, masses, centres)
+    hold = holding(points, directions, frames, slides, masses, centres, lags)
     here = jacobian(real, points, directions, slides)
     wished = goal.copy()
     for r in range(3):

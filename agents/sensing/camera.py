@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -26,6 +27,9 @@ CameraOutput = Literal["rgb", "depth", "normals", "segmentation", "points"]
 Readings = Sequence[npt.NDArray[Any]]
 
 FOV = 45.0  # [deg], of a camera that the user places; our own choice
+VERTICAL = (
+    1e-5  # greatest slope of a line of sight that counts as straight up or down, our own choice
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,8 @@ class CameraConfig(SensorConfig):
     """Options of `camera`.
 
     It is a camera of the robot, by its name in the robot's YAML file, or stands on a `link`, or in the
-    room at `eye`. `noise` [m] is that of depths, and so of points.
+    room at `eye`: upright, or with the world's y up in the picture if it looks straight up or down.
+    `noise` [m] is that of depths, and so of points.
 
     Attributes:
         camera: A camera of the robot; its first if nothing says otherwise.
@@ -82,9 +87,23 @@ class CameraConfig(SensorConfig):
             raise ConfigError(f"{where}: outputs must name some, each once, got {self.outputs}")
         if self.noise and not {"depth", "points"} & set(self.outputs):
             raise ConfigError(f"{where}: noise is for depth and points, which it does not give")
-        check_lens(self.fov_deg or FOV, self.width, self.height, self.near, self.far)
-        if self.eye is not None and self.target is not None:
-            Camera(self.eye, self.target)  # raises where it would look straight up or down
+        fov_deg = FOV if self.fov_deg is None else self.fov_deg
+        try:
+            check_lens(fov_deg, self.width, self.height, self.near, self.far)
+        except ConfigError as error:
+            raise ConfigError(f"{where}: {error}") from error
+        if self.eye is not None and self.eye == self.target:
+            raise ConfigError(f"{where}: eye and target must differ, got {self.eye} for both")
+
+    def pose_in_room(self) -> Pose | None:
+        """Return the pose in the world that `eye` and `target` say, None without them."""
+        if self.eye is None or self.target is None:
+            return None
+        x, y, z = np.abs(np.subtract(self.target, self.eye)).tolist()
+        is_upright = math.hypot(x, y) > VERTICAL * z
+        return Camera(
+            self.eye, self.target, (0.0, 0.0, 1.0) if is_upright else (0.0, 1.0, 0.0)
+        ).pose
 
     @property
     def read(self) -> tuple[Output, ...]:
@@ -121,13 +140,14 @@ class CameraSensor(Sensor):
         self._world, self._body = world, agent.body
         turn = agent.body.joints.get("base_turn")  # the base of a robot that drives is behind it
         self._base = -1 if turn is None else turn.index
-        self._fov = config.fov_deg or FOV
+        self._fov = FOV if config.fov_deg is None else config.fov_deg
         self._place: Place | None = None
         if config.link:
             self._place = find_place(agent, config.link, config.at, config.rpy_deg)
         elif config.eye is None:
             mount = self._mount(agent)
-            self._fov = config.fov_deg or mount.fov_deg
+            if config.fov_deg is None:
+                self._fov = mount.fov_deg
             self._place = Place(agent.body.link_index(mount.link), mount.pose)
         self._viewpoint = Studio.of(world).enter(self._aim, config.rate)
 
@@ -148,9 +168,8 @@ class CameraSensor(Sensor):
     def view(self) -> Camera:
         """The camera as it stands now: `K`, `pose`, `project` and `unproject`; once bound."""
         config = self.config
-        if config.eye is not None and config.target is not None:
-            pose = Camera(config.eye, config.target).pose
-        else:
+        pose = config.pose_in_room()
+        if pose is None:
             assert self._place is not None
             pose = self._body.link_pose(self._place.link) @ self._place.pose
         return Camera.at(

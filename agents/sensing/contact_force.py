@@ -35,6 +35,10 @@ class ContactForceConfig(TouchConfig):
     per_link: bool = False
     output: Literal["vector", "magnitude"] = "vector"
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_once("links", self.links)
+
 
 class LinkChoice:
     """The links of a body, or segments of a person, that a sensor covers.

@@ -13,7 +13,7 @@ from rcare_marl.world import GRAVITY, World
 
 from ..agent import Agent
 from ..robot_config import ZERO, Triple
-from .place import find_place, kept_links
+from .place import default_link, find_place, kept_links
 from .sensor import Channel, Sensor, SensorConfig
 
 MAX_SPEED = 20.0  # [m/s], our own choice: what goes farther in a physics step was put there
@@ -48,7 +48,7 @@ class Imu(Sensor):
     config: ImuConfig
 
     def links(self, agent: Agent) -> Sequence[str]:
-        return kept_links(agent, self.config.link)
+        return kept_links(agent, self.config.link or default_link(agent))
 
     def bind(self, world: World, agent: Agent) -> None:
         self._world, self._body = world, agent.body

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcare_marl.body import Body
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, conjugate, rotate
 from rcare_marl.world import GRAVITY, World
 
@@ -25,6 +26,10 @@ class JointWrenchConfig(SensorConfig):
     """
 
     joints: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_once("joints", self.joints)
 
 
 class OwnWeight:
@@ -71,7 +76,13 @@ class JointWrench(Sensor):
     def bind(self, world: World, agent: Agent) -> None:
         joints = self.config.joints
         if not joints and isinstance(agent, Robot):
-            joints = agent.config.arms[agent.config.main_arm].joints
+            arm = agent.config.main_arm
+            joints = agent.config.arms[arm].joints
+            if any(joint not in agent.body.joints for joint in joints):
+                raise ConfigError(
+                    f"sensor {self.config.name!r}: {arm!r} does not move: name it in `moves`, or "
+                    "name other joints"
+                )
         self.joints = joints or tuple(agent.body.joints)
         self._world, self._body = world, agent.body
         self._indices = self._body.indices(self.joints)

@@ -47,7 +47,7 @@ class MarkerConfig:
     """
 
     id: int
-    on: str = WORLD
+    on: str
     size: float = 0.05
     dictionary: str = "4x4_50"
     at: tuple[float, float, float] | None = None
@@ -135,8 +135,9 @@ class Marker:
 def fasten(world: World, to: Agent | Body | None, config: MarkerConfig) -> Marker:
     """Put a marker into the world and fasten it to a link, or in the world.
 
-    Call it after everybody is spawned and before `world.mark_start()`. A robot's link must be one of
-    its own then, not melted into its carrier.
+    Call it when everybody is spawned, so that bodies are numbered alike with markers and without, and
+    before `world.mark_start()`. A robot's link must be one of its own then, not melted into its
+    carrier.
 
     Args:
         world: Where to.
@@ -145,7 +146,7 @@ def fasten(world: World, to: Agent | Body | None, config: MarkerConfig) -> Marke
 
     Raises:
         UnknownNameError: If there is no such link, or no such segment of a person.
-        ConfigError: If `at` gives no place on the skin, or a link is named and nothing has links.
+        ConfigError: If the segment has no skin at that place, or a link is named and nothing has links.
     """
     turn = tuple(quaternion_from_rpy(*map(math.radians, config.rpy_deg)).tolist())
     carrier, link = None, -1
@@ -156,7 +157,10 @@ def fasten(world: World, to: Agent | Body | None, config: MarkerConfig) -> Marke
     elif isinstance(to, Human):
         carrier = to.body
         edge = plate_edge(config.dictionary, config.size)
-        link, spot = lie_on_skin(world, to, config.on, config.at, edge)
+        try:
+            link, spot = lie_on_skin(world, to, config.on, config.at, edge)
+        except ConfigError as error:
+            raise ConfigError(f"marker {config.id} on {to.name!r}: {error}") from error
         offset = carrier.link_pose(link).inverse() @ spot @ Pose((0.0, 0.0, THICKNESS), turn)
     else:
         carrier = to.body if isinstance(to, Agent) else to

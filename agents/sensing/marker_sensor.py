@@ -22,7 +22,7 @@ from ..robot import Robot
 from ..robot_config import ZERO, Triple
 from .camera import CameraConfig, CameraSensor
 from .exposure import developed, exposures
-from .marker_print import DICTIONARIES
+from .marker_print import DICTIONARIES, dictionary_size
 from .sensor import Channel, Sensor, SensorConfig
 
 MOST_EXPOSURES = 64
@@ -82,6 +82,11 @@ class MarkerSensorConfig(SensorConfig):
             raise UnknownNameError("dictionary of markers", self.dictionary, DICTIONARIES)
         if not self.ids or len(set(self.ids)) != len(self.ids):
             raise ConfigError(f"{where}: ids must name markers, each once, got {self.ids}")
+        count = dictionary_size(self.dictionary)
+        if not all(0 <= number < count for number in self.ids):
+            raise ConfigError(
+                f"{where}: dictionary {self.dictionary!r} has markers 0 to {count - 1}, got {self.ids}"
+            )
         for number in self.sizes:
             if number not in self.ids:
                 raise ConfigError(f"{where}: a size for marker {number}, but ids are {self.ids}")
@@ -141,8 +146,10 @@ class MarkerSensor(Sensor):
 
     def bind(self, world: World, agent: Agent) -> None:
         config = self.config
-        if config.frame == "tool" and not isinstance(agent, Robot):
-            raise ConfigError(f"sensor {config.name!r}: {agent.name!r} has no tool")
+        if config.frame == "tool":
+            if not isinstance(agent, Robot):
+                raise ConfigError(f"sensor {config.name!r}: {agent.name!r} has no tool")
+            agent.tool_pose()  # raises where no arm moves
         self._agent = agent
         turn = agent.body.joints.get("base_turn")  # the base of a robot that drives is behind it
         self._base = -1 if turn is None else turn.index

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 from rcare_marl.errors import UnknownNameError
 from rcare_marl.pose import Pose, quaternion_from_matrix
+from rcare_marl.urdf import Model
 
 from ..agent import Agent
 from ..body.skeleton import JOINT_INDEX, JOINTS
 from ..human import Human
+from ..mobile_base import with_base
 from ..robot import Robot
-from ..robot_config import ZERO, Triple, frame
+from ..robot_config import ZERO, RobotConfig, Triple, frame
+from ..robot_model import robot_model
 
 
 @dataclass(frozen=True)
@@ -34,9 +37,41 @@ def default_link(agent: Agent) -> str:
     return "head"
 
 
+def wrist_link(robot: Robot, arm: str = "") -> str:
+    """Return the link whose joint carries the hand of an arm; of the main one if nothing is named."""
+    config = robot.config
+    chosen = config.arms[arm or config.main_arm]
+    if chosen.wrist_link is not None:
+        return chosen.wrist_link
+    return _model(config).joints[chosen.joints[-1]].child
+
+
 def kept_links(agent: Agent, *links: str) -> tuple[str, ...]:
-    """Return those of `links` that must stay links of their own: a person's need not."""
-    return () if isinstance(agent, Human) else tuple(link for link in links if link)
+    """Return those of `links` that must stay links of their own: a person's need not.
+
+    Raises:
+        UnknownNameError: If a robot has no such link.
+    """
+    if not isinstance(agent, Robot):
+        return ()
+    known = _links(agent)
+    unknown = next((link for link in links if link not in known), None)
+    if unknown is not None:
+        raise UnknownNameError(f"link of {agent.name!r}", unknown, known)
+    return links
+
+
+def _links(robot: Robot) -> set[str]:
+    """Return the links of a robot's model, with those that are added where they are needed."""
+    config, model = robot.config, _model(robot.config)
+    if config.base is not None:
+        model = with_base(model, config.base, is_driven=True)
+    own_tools = (f"{name}_tool_frame" for name, arm in config.arms.items() if arm.has_own_tool)
+    return {*model.links, *own_tools}
+
+
+def _model(config: RobotConfig) -> Model:
+    return robot_model(config.model, urdf=config.model if config.is_urdf else None)
 
 
 def find_place(agent: Agent, link: str = "", at: Triple = ZERO, rpy_deg: Triple = ZERO) -> Place:
@@ -62,4 +97,4 @@ def find_place(agent: Agent, link: str = "", at: Triple = ZERO, rpy_deg: Triple 
     return Place(carrier.link, Pose(tuple(carrier.offset.tolist()), turn) @ local)
 
 
-__all__ = ["Place", "default_link", "find_place", "kept_links"]
+__all__ = ["Place", "default_link", "find_place", "kept_links", "wrist_link"]

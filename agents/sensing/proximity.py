@@ -16,7 +16,7 @@ from rcare_marl.world import World
 
 from ..agent import Agent
 from ..robot_config import ZERO, Triple
-from .place import find_place, kept_links
+from .place import default_link, find_place, kept_links
 from .sensor import Channel, Sensor, SensorConfig
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))  # between neighbours on a sunflower
@@ -80,7 +80,7 @@ class Proximity(Sensor):
     config: ProximityConfig
 
     def links(self, agent: Agent) -> Sequence[str]:
-        return kept_links(agent, self.config.link)
+        return kept_links(agent, self.config.link or default_link(agent))
 
     def bind(self, world: World, agent: Agent) -> None:
         self._world, self._body = world, agent.body

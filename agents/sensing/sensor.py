@@ -17,17 +17,21 @@ from rcare_marl.world import World
 if TYPE_CHECKING:
     from ..agent import Agent
 
+# Of noise, in the unit of a channel, our own choice: above any reading, far below what float32 holds.
+LOUDEST = 1e6
+
 
 @dataclass(frozen=True)
 class SensorConfig:
     """The options of a sensor, off by default: a perfect sensor.
 
     Attributes:
-        name: Prefix of its observables, unique in an agent.
+        name: Prefix of its observables, unique in an agent, not empty.
         rate: Samples a second [Hz]; between two the last one is observed. Zero samples whenever
             the agent observes.
         latency: Age of a sample when it is first observed [s].
-        noise: Standard deviation of Gaussian noise on each value, in the unit of the channel.
+        noise: Standard deviation of Gaussian noise on each value, in the unit of the channel, up to
+            a million.
     """
 
     name: str
@@ -36,10 +40,22 @@ class SensorConfig:
     noise: float = 0.0
 
     def __post_init__(self) -> None:
+        if not self.name:
+            raise ConfigError("a sensor needs a name, got ''")
         for option in ("rate", "latency", "noise"):
             value = getattr(self, option)
             if not 0 <= value < math.inf:
                 raise ConfigError(f"sensor {self.name!r}: {option} must be 0 or more, got {value}")
+        if self.noise > LOUDEST:
+            raise ConfigError(
+                f"sensor {self.name!r}: noise must be {LOUDEST:g} or less, got {self.noise:g}"
+            )
+
+    def check_once(self, option: str, names: Sequence[str]) -> None:
+        """Raise ConfigError if an option names something twice."""
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ConfigError(f"sensor {self.name!r}: {option} names {', '.join(twice)} twice")
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,11 @@ def lie_on_skin(
     faces = _faces_of(person, index)
     hit = _outermost(surface[faces], start, ray)
     if hit is None:
-        raise ConfigError(f"no skin of {joint!r} lies on the ray from the bone through {at}")
+        where = "where markers go by themselves" if at is None else f"on the ray through {at}"
+        raise ConfigError(
+            f"segment {joint!r} has no skin of its own {where}: say another `at`, or choose a "
+            "segment next to it"
+        )
     turn = _turned(surface[faces], hit, ray, bone, edge)
     local = (surface[np.unique(faces)] - hit) @ turn
     under = (np.abs(local[:, :2]) < edge / 2).all(axis=1) & (np.abs(local[:, 2]) < _NEAR)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError, UnknownNameError, WorldError
+from rcare_marl.errors import ConfigError, RcareError, UnknownNameError, WorldError
 from rcare_marl.observable import Observable
 from rcare_marl.world import World
 
@@ -65,16 +66,37 @@ class SensorSuite:
 
     def links(self, agent: Agent) -> tuple[str, ...]:
         """Return the links of `agent` that must stay links of their own; asked before `spawn`."""
-        found = [link for sensor in self.sensors.values() for link in sensor.links(agent)]
+        found: list[str] = []
+        for name, sensor in self.sensors.items():
+            with self._naming(name):
+                found += sensor.links(agent)
         return tuple(dict.fromkeys(found))
 
     def bind(self, world: World, agent: Agent) -> None:
-        """Take hold of the spawned agent, once; raises UnknownNameError for what it lacks."""
+        """Take hold of the spawned agent, once.
+
+        Raises:
+            UnknownNameError: If a sensor names what the agent lacks.
+            ConfigError: If a sensor cannot be on such an agent, or be read so often.
+        """
         for name, sensor in self.sensors.items():
-            sensor.bind(world, agent)
-            self._samplers[name] = Sampler(sensor, world)
+            with self._naming(name):
+                sensor.bind(world, agent)
+                self._samplers[name] = Sampler(sensor, world)
         self._watching = tuple(sensor for sensor in self.sensors.values() if sensor.watches)
         self._clocked = tuple(s for s in self._samplers.values() if s.is_clocked)
+
+    @contextmanager
+    def _naming(self, name: str) -> Iterator[None]:
+        """Put owner and sensor before the message of an error."""
+        try:
+            yield
+        except RcareError as error:
+            here, message = f"sensor {name!r}", str(error)
+            if not message.startswith(here):
+                message = f"{here}: {message}"
+            error.args = (f"{self._owner}, {message}",)
+            raise
 
     def reset(self, rng: np.random.Generator) -> None:
         """Begin an episode. `rng` is drawn from, once, only if a sensor has noise."""

@@ -17,7 +17,7 @@ from ..body.skeleton import JOINT_INDEX
 from ..human import Human
 from ..robot import Robot
 from .contact_force import LinkChoice
-from .place import Place, default_link, find_place, kept_links
+from .place import Place, default_link, find_place, kept_links, wrist_link
 from .sensor import Channel
 from .surface import Surface, spread_over_link
 from .touch_sensor import TouchConfig, TouchSensor
@@ -42,6 +42,7 @@ class TaxelConfig(TouchConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self.check_once("links", self.links)
         if not self.spacing > 0:
             raise ConfigError(f"sensor {self.name!r}: spacing must be above 0, got {self.spacing}")
         if not self.spread >= 0:
@@ -106,10 +107,10 @@ class TaxelMap(TouchSensor):
     config: TaxelConfig
 
     def links(self, agent: Agent) -> Sequence[str]:
-        wrist = None
-        if isinstance(agent, Robot) and not self.config.links:
-            wrist = agent.config.arms[agent.config.main_arm].wrist_link
-        return kept_links(agent, wrist or "", *self.config.links)
+        links = self.config.links
+        if isinstance(agent, Robot) and not links:
+            links = wrist_link(agent), default_link(agent)
+        return kept_links(agent, *links)
 
     def bind(self, world: World, agent: Agent) -> None:
         self._world, self._body = world, agent.body
@@ -194,12 +195,8 @@ def _default_links(agent: Agent) -> tuple[str, ...]:
     if not isinstance(agent, Robot):
         return (default_link(agent),)
     arm, body = agent.config.arms[agent.config.main_arm], agent.body
-    wrist = (
-        body.joint(arm.joints[-1]).index
-        if arm.wrist_link is None
-        else body.link_index(arm.wrist_link)
-    )
-    hand = [link for link in body.carried_by(wrist) if body.collision_shapes(link)]
+    beyond = body.carried_by(body.link_index(wrist_link(agent)))
+    hand = [link for link in beyond if body.collision_shapes(link)]
     return tuple(body.link_names[link] for link in hand) or (arm.tool_link,)
 
 

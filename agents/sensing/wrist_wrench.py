@@ -17,6 +17,7 @@ from ..agent import Agent
 from ..robot import Robot
 from ..robot_config import ArmConfig, frame
 from .joint_load import OwnWeight
+from .place import wrist_link
 from .sensor import Channel, Sensor, SensorConfig
 
 States = list[tuple[tuple[float, ...], ...]]  # see `Body.link_centre_states`
@@ -105,24 +106,22 @@ class WristWrench(Sensor):
     config: WristWrenchConfig
 
     def links(self, agent: Agent) -> Sequence[str]:
-        wrist = self._arm(agent).wrist_link
-        return (wrist,) if wrist is not None else ()
+        # All of an arm that does not move would melt together.
+        arm, robot = self._arm(agent)
+        return wrist_link(robot, self.config.arm), arm.tool_link
 
-    def _arm(self, agent: Agent) -> ArmConfig:
+    def _arm(self, agent: Agent) -> tuple[ArmConfig, Robot]:
         if not isinstance(agent, Robot):
             raise ConfigError(f"sensor {self.config.name!r}: {agent.name!r} is not a robot")
         name = self.config.arm or agent.config.main_arm
         if name not in agent.config.arms:
             raise UnknownNameError(f"arm of {agent.name!r}", name, agent.config.arms)
-        return agent.config.arms[name]
+        return agent.config.arms[name], agent
 
     def bind(self, world: World, agent: Agent) -> None:
-        arm, body = self._arm(agent), agent.body
+        (arm, robot), body = self._arm(agent), agent.body
         self._world, self._body = world, body
-        if arm.wrist_link is not None:
-            self._wrist = body.link_index(arm.wrist_link)
-        else:
-            self._wrist = body.joint(arm.joints[-1]).index
+        self._wrist = body.link_index(wrist_link(robot, self.config.arm))
         if self._wrist < 0:
             raise ConfigError(f"sensor {self.config.name!r}: the wrist cannot be the robot's base")
         self._tool = body.link_index(arm.tool_link)

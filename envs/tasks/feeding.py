@@ -12,6 +12,7 @@ import numpy as np
 from rcare_marl.agents.human import Human
 from rcare_marl.agents.policies.behaviour_tree import BehaviourTree, eat_when_fed
 from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.robot_config import no_reach
 from rcare_marl.errors import ConfigError
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, Vector, quaternion_from_rpy, rotate
@@ -172,10 +173,14 @@ class Feeding(Task):
         tool = base @ self._spoon.in_tool.inverse()
         found = self.robot.solve_ik(tool)
         if not self._is_built and not found.is_within(0.02, 0.1):
+            robot, miss = (
+                self.robot,
+                f"{found.distance:.2f} m, {math.degrees(found.angle):.0f} degrees",
+            )
             raise ConfigError(
-                f"{self.robot.describe_reach()}: it misses the spoon's place in front of the face by "
-                f"{found.distance:.2f} m, {math.degrees(found.angle):.0f} degrees. Feeding wants a person "
-                "who sits in the wheelchair, and a robot mounted near"
+                f"{no_reach(robot.config, robot.files.model.name, robot.moves)}: it misses the spoon's "
+                f"place in front of the face by {miss}. Feeding wants a person who sits in the "
+                "wheelchair, and a robot mounted near"
             )
         self.robot.set_posture(found.posture)
         self._spoon_body.set_base(self.robot.tool_pose() @ self._spoon.in_tool)

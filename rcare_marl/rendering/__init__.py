@@ -13,8 +13,10 @@ import numpy.typing as npt
 from ..errors import ConfigError, MissingPackageError, RenderingError
 from ..world import World
 from .camera import Camera
+from .gl_context import check_process
 from .gl_renderer import GLRenderer
 from .shot import LOOKS, OUTPUTS, Look, Output, Picture, Shot
+from .skin_cut import SkinCuts
 from .software_renderer import SoftwareRenderer
 from .viewer import Viewer
 
@@ -47,37 +49,55 @@ class Renderer(Protocol):
         """Free what the renderer holds; safe to call twice."""
 
 
-def make_renderer(world: World, backend: Literal["auto", "gl", "software"] = "auto") -> Renderer:
+def chosen_backend(backend: str = "auto") -> str:
+    """Return what `backend` means with the environment variable RCARE_MARL_RENDERER.
+
+    Raises:
+        ConfigError: If the backend, or the value of the variable, is unknown.
+    """
+    chosen, where = backend, "backend"
+    if backend == "auto" and VARIABLE in os.environ:
+        chosen, where = os.environ[VARIABLE], VARIABLE
+    if chosen not in BACKENDS:
+        raise ConfigError(f"{where} must be one of {', '.join(BACKENDS)}, got {chosen!r}")
+    return chosen
+
+
+def make_renderer(
+    world: World,
+    backend: Literal["auto", "gl", "software"] = "auto",
+    *,
+    cuts: SkinCuts | None = None,
+) -> Renderer:
     """Return a renderer of `world`.
 
     Args:
         world: What to draw.
         backend: `gl` is fast and good-looking, `software` works everywhere; `auto` tries the first
             and falls back to the second with one warning a process. The environment variable
-            RCARE_MARL_RENDERER decides what `auto` means.
+            RCARE_MARL_RENDERER decides what `auto` means. In a process forked after OpenGL was
+            used `auto` does not fall back: its pictures would look unlike those of its parent.
+        cuts: How `software` cuts people into rigid pieces; where they are now if None.
 
     Raises:
         ConfigError: If the backend, or the value of the variable, is unknown.
-        RenderingError: If `gl` is asked for and there is none.
+        RenderingError: If `gl` is asked for and there is none, or OpenGL was used before this
+            process was forked.
         MissingPackageError: If `gl` is asked for and moderngl is not installed.
     """
-    chosen: str = backend
-    where = "backend"
-    if backend == "auto" and VARIABLE in os.environ:
-        chosen, where = os.environ[VARIABLE], VARIABLE
-    if chosen not in BACKENDS:
-        raise ConfigError(f"{where} must be one of {', '.join(BACKENDS)}, got {chosen!r}")
+    chosen = chosen_backend(backend)
     if chosen == "software":
-        return SoftwareRenderer(world)
+        return SoftwareRenderer(world, cuts=cuts)
     if chosen == "gl":
         return GLRenderer(world)
+    check_process()
     try:
         return GLRenderer(world)
     except (RenderingError, MissingPackageError) as error:
         if "fallback" not in _WARNED:
             _WARNED.add("fallback")
             _LOG.warning("drawing in software, slowly and plainly, since there is %s", error)
-        return SoftwareRenderer(world)
+        return SoftwareRenderer(world, cuts=cuts)
 
 
 __all__ = [
@@ -94,5 +114,6 @@ __all__ = [
     "Shot",
     "SoftwareRenderer",
     "Viewer",
+    "chosen_backend",
     "make_renderer",
 ]

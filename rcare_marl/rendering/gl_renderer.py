@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import weakref
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
@@ -13,7 +15,7 @@ from ..errors import WorldError
 from ..pose import Array
 from ..world import World
 from .camera import Camera, look, orthographic
-from .gl_context import create_context, make_program, matrix_bytes
+from .gl_context import check_process, create_context, free_context, make_program, matrix_bytes
 from .gl_scene import GLScene
 from .gl_target import Finisher, SurveyTarget, Target
 from .shading import BACKGROUND_FRAGMENT, HORIZON, KEY_DIRECTION, SCREEN_VERTEX, ZENITH
@@ -53,6 +55,10 @@ class GLRenderer:
         """
         self._world = world
         self._gl: Any = create_context()
+        self._process = os.getpid()
+        # For who forgets to close it; at the end of the process the driver may be gone already.
+        self._closer = weakref.finalize(self, free_context, self._gl, self._process)
+        self._closer.atexit = False
         with self._gl as gl:
             self._samples: dict[Look, int] = {"full": min(samples, gl.max_samples), "plain": 0}
             self._targets: dict[tuple[Any, ...], Target | SurveyTarget] = {}
@@ -130,22 +136,24 @@ class GLRenderer:
         """Free everything on the graphics card; safe to call twice."""
         if self._gl is None:
             return
-        with self._gl:
-            for thing in (
-                *self._targets.values(),
-                self._scene,
-                *self._shadows.values(),
-                *self._finishers.values(),
-                self._background_array,
-                self._background,
-            ):
-                thing.release()
-        self._gl.release()
+        if self._process == os.getpid():  # else a fork has copied it, and another process draws
+            with self._gl:
+                for thing in (
+                    *self._targets.values(),
+                    self._scene,
+                    *self._shadows.values(),
+                    *self._finishers.values(),
+                    self._background_array,
+                    self._background,
+                ):
+                    thing.release()
+        self._closer()
         self._gl = None
 
     def _check_open(self) -> None:
         if self._gl is None:
             raise WorldError("this renderer is closed: make a new one")
+        check_process()
         if self._world.client < 0:
             raise WorldError("the world of this renderer is closed")
 

@@ -16,22 +16,22 @@ import pybullet as bullet
 
 from ..body import Body
 from ..errors import WorldError
-from ..pose import Pose, matrix_from_quaternion
+from ..pose import Pose
 from ..world import Skin, World
 from .camera import Camera
 from .geometry import FLOOR_RGBA, world_parts
-from .mesh import Floats, Ints, SmoothNormals
-from .piece import Piece, split_by_color
+from .mesh import Floats, Ints
+from .piece import split_by_color
 from .relief import normals_from_depth
 from .shading import HORIZON, KEY_DIRECTION
 from .shot import Labels, Picture, Shot
+from .skin_cut import SkinCuts
 from .stroke import paint, skin_opacity
 
 _FLOOR_HALF = 6.0  # [m]
 _OPAQUE = 0.5  # a skin that is less opaque is not drawn
 _CLEAR = 0.99  # a shape that is less opaque is seen by colours alone
 _OUT_OF_SIGHT = Pose((0.0, 0.0, -1e4))
-_Cut = tuple[int, Floats, Floats, Piece]
 
 
 class SoftwareRenderer:
@@ -43,13 +43,21 @@ class SoftwareRenderer:
     mesh either: a skin of an opacity below one half is left out. Lines are painted onto the picture.
     """
 
-    def __init__(self, world: World, *, shadows: bool = True, floor: bool = True) -> None:
+    def __init__(
+        self,
+        world: World,
+        *,
+        shadows: bool = True,
+        floor: bool = True,
+        cuts: SkinCuts | None = None,
+    ) -> None:
         """Open a second physics client that holds copies of what is seen.
 
         Args:
             world: What to draw.
             shadows: Whether to draw shadows; without them it is twice as fast.
             floor: Whether to draw a floor at z = 0 where the world has none.
+            cuts: The pieces of its skins, measured earlier; where they lie now if None.
 
         Raises:
             WorldError: If PyBullet has no client left.
@@ -61,15 +69,13 @@ class SoftwareRenderer:
         self._closer = weakref.finalize(self, _disconnect, self._client)
         self._known: tuple[tuple[int, ...], ...] = ()
         self._copies: list[_Copy] = []
-        self._cuts: dict[int, tuple[Skin, Ints, list[_Cut]]] = {}
-        for skin in world.skins:
-            self._cut(skin)
+        self._cuts = SkinCuts(world) if cuts is None else cuts
         self._labels = np.full(1, -1, np.int32)  # of each copy by its id, the last one for nothing
 
     def refresh(self) -> None:
         """Read the shapes and colours of all bodies again."""
         self._known = ()
-        self._cuts = {}
+        self._cuts.forget()
 
     def render(self, camera: Camera) -> npt.NDArray[np.uint8]:
         """Return the picture that `camera` takes, shape [height, width, 3].
@@ -203,34 +209,10 @@ class SoftwareRenderer:
 
     def _add_skin(self, skin: Skin, labels: Labels, numbers: dict[int, int]) -> None:
         is_clear = skin_opacity(skin) < 1
-        for link, vertices, normals, piece in self._cut(skin):
+        for link, vertices, normals, piece in self._cuts.of(skin):
             uid = self._add(vertices, normals, piece.faces, (*piece.rgb, 255))
             self._copies.append(_Copy(uid, skin.body, link, Pose(), is_clear))
             numbers[uid] = labels.of(skin.body.uid, link)
-
-    def _cut(self, skin: Skin) -> list[_Cut]:
-        """Return link, vertices and normals in its frame, and faces of one colour, of rigid pieces.
-
-        A skin is cut where it lies when it is first met.
-        """
-        known = self._cuts.get(id(skin))
-        if known is not None and known[0] is skin and known[1] is skin.faces:
-            return known[2]
-        vertices, out = skin.vertices(), list[_Cut]()
-        normals = SmoothNormals(skin.faces, len(vertices)).compute(vertices)
-        positions, quaternions = skin.body.link_poses()
-        for link, _, chosen in skin.rest_pieces():
-            # Neighbouring pieces overlap by a row of faces, so that no gap opens where they bend.
-            inside = np.zeros(len(vertices), np.bool_)
-            inside[skin.faces[chosen]] = True
-            faces = skin.faces[inside[skin.faces].any(axis=1)]
-            turn = matrix_from_quaternion(quaternions[link + 1])
-            for piece in split_by_color(faces, skin.colors[:, :3]):
-                local = (vertices[piece.source] - positions[link + 1]) @ turn
-                tilted = normals[piece.source] @ turn
-                out.append((link, local.astype(np.float32), tilted.astype(np.float32), piece))
-        self._cuts[id(skin)] = skin, skin.faces, out
-        return out
 
     def _add(
         self,

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from ..errors import WorldError
 from ..world import World
 from .shot import Picture, Shot
+from .skin_cut import SkinCuts
+
+if TYPE_CHECKING:
+    from . import Renderer
 
 Moment = tuple[int, int]  # physics steps, teleports
 
@@ -41,18 +46,21 @@ class Viewpoint:
 
 
 class Studio:
-    """All viewpoints of a world. The first one makes the renderer; nothing is drawn until one is read.
+    """All viewpoints of a world. The first reading makes the renderer, which the last to leave frees.
 
-    When one is read, so are all that will be read at this moment as well: those without a rate, and
-    those of the same rate that were last read together with it. A wrong guess costs time, nothing else.
+    Until then nothing touches OpenGL: an environment may be made in one process to learn its spaces and
+    be used in others that are forked from it.
+
+    When one is read, so are all that will be read at this moment as well: those of the same rate that
+    were last read together with it, and if it has no rate, all without one. They are read whenever
+    agents observe, and not when one with a rate is. A wrong guess costs time, nothing else.
     """
 
     def __init__(self, world: World) -> None:
-        from . import Renderer
-
         self._world = world
         self._viewpoints: list[Viewpoint] = []
         self._renderer: Renderer | None = None
+        self._cuts: SkinCuts | None = None
 
     @classmethod
     def of(cls, world: World) -> Studio:
@@ -67,12 +75,16 @@ class Studio:
 
         Args:
             aim: Returns the shot to take at present.
-            rate: How often it will be read [Hz]; 0 if whenever anything is.
-        """
-        if self._renderer is None:  # now, as how it draws people may depend on how they sit
-            from . import make_renderer
+            rate: How often it will be read [Hz]; 0 if whenever agents observe.
 
-            self._renderer = make_renderer(self._world)
+        Raises:
+            ConfigError: If the environment variable RCARE_MARL_RENDERER is none of `BACKENDS`.
+        """
+        if self._cuts is None:  # now, as pictures in software depend on how people sit
+            from . import chosen_backend
+
+            chosen_backend()
+            self._cuts = SkinCuts(self._world)
         self._viewpoints.append(Viewpoint(self, aim, rate))
         return self._viewpoints[-1]
 
@@ -81,10 +93,8 @@ class Studio:
         if asked.waiting is None or asked.waiting[0] != now:
             due = [v for v in self._viewpoints if v is asked or self._goes_along(v, asked)]
             shots = [viewpoint.aim() for viewpoint in due]
-            assert self._renderer is not None
-            for viewpoint, shot, picture in zip(
-                due, shots, self._renderer.read(shots), strict=True
-            ):
+            pictures = self._open().read(shots)
+            for viewpoint, shot, picture in zip(due, shots, pictures, strict=True):
                 viewpoint.waiting, viewpoint.last = (now, shot, picture), now
         assert asked.waiting is not None
         _, shot, picture = asked.waiting
@@ -92,7 +102,14 @@ class Studio:
         return shot, picture
 
     def _goes_along(self, other: Viewpoint, asked: Viewpoint) -> bool:
-        return not other.rate or (other.rate, other.last) == (asked.rate, asked.last)
+        return other.rate == asked.rate and (not asked.rate or other.last == asked.last)
+
+    def _open(self) -> Renderer:
+        if self._renderer is None:
+            from . import make_renderer
+
+            self._renderer = make_renderer(self._world, cuts=self._cuts)
+        return self._renderer
 
     def labels(self) -> dict[int, tuple[str, str]]:
         """Return name of body and link by their number in segmentations."""
@@ -102,9 +119,11 @@ class Studio:
 
     def _leave(self, viewpoint: Viewpoint) -> None:
         self._viewpoints.remove(viewpoint)
-        if not self._viewpoints and self._renderer is not None:
+        if self._viewpoints:
+            return
+        if self._renderer is not None:
             self._renderer.close()
-            self._renderer = None
+        self._renderer = self._cuts = None
 
 
 __all__ = ["Studio", "Viewpoint"]

@@ -1,0 +1,40 @@
+"""What all files of tests share: tests that need OpenGL say so with the mark `needs_gl`.
+
+They are skipped where there is none, unless the environment variable RCARE_MARL_REQUIRE_GL is set: then
+they fail, so that a machine that should have it cannot pass without.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+
+import pytest
+
+from rcare_marl.errors import MissingPackageError, RenderingError
+
+REQUIRED = "RCARE_MARL_REQUIRE_GL"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", f"needs_gl: draws with OpenGL; must not skip if {REQUIRED}")
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    missing = gl_missing() if item.get_closest_marker("needs_gl") is not None else ""
+    if missing and os.environ.get(REQUIRED):
+        pytest.fail(f"{REQUIRED} is set, but there is {missing}", pytrace=False)
+    if missing:
+        pytest.skip(missing)
+
+
+@cache
+def gl_missing() -> str:
+    """Return why nothing can be drawn with OpenGL here, empty if it can."""
+    from rcare_marl.rendering.gl_context import create_context
+
+    try:
+        create_context().release()
+    except (RenderingError, MissingPackageError) as error:
+        return str(error)
+    return ""
