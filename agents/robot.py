@@ -204,10 +204,8 @@ class Robot(Agent):
         """Name of the main arm that moves."""
         arms = [name for name in self.moves if name in self.config.arms]
         if not arms:
-            raise ConfigError(
-                f"{self.name!r} moves {', '.join(self.moves)}, and none of it is an arm: add "
-                f"{', '.join(self.config.arms)}"
-            )
+            moves, known = ", ".join(self.moves), ", ".join(self.config.arms)
+            raise ConfigError(f"{self.name!r} moves {moves}, and none of it is an arm: add {known}")
         return arms[0]
 
     @property

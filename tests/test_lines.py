@@ -26,7 +26,7 @@ from rcare_marl.agents.body.bone_lines import BoneLines
 from rcare_marl.agents.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.body.skin import PersonSkin
 from rcare_marl.agents.human import Human
-from rcare_marl.errors import ConfigError, RenderingError
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
 from rcare_marl.rendering import Camera, GLRenderer, Viewer
 from rcare_marl.rendering.mesh import SmoothNormals
@@ -40,17 +40,7 @@ FARTHEST_OUT = 0.03
 ARM = ("right_shoulder", "right_elbow", "right_wrist")
 
 
-def _gl_missing() -> str:
-    try:
-        GLRenderer(World()).close()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-MISSING = _gl_missing()
-needs_gl = pytest.mark.skipif(bool(MISSING), reason=MISSING)
-BACKENDS = [pytest.param("gl", marks=needs_gl), "software"]
+BACKENDS = [pytest.param("gl", marks=pytest.mark.needs_gl), "software"]
 
 
 @pytest.fixture
@@ -165,7 +155,7 @@ def test_a_working_muscle_is_red_in_the_picture(world: World, backend: str) -> N
     renderer.close()
 
 
-@needs_gl
+@pytest.mark.needs_gl
 def test_skin_can_be_seen_through(world: World) -> None:
     person = spawn(world)
     bare = world.skins[0].colors

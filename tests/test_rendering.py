@@ -26,17 +26,7 @@ RED = (0.9, 0.05, 0.05, 1.0)
 Image = npt.NDArray[np.uint8]
 
 
-def _gl_missing() -> str:
-    try:
-        GLRenderer(World()).close()
-    except RenderingError as error:
-        return str(error)
-    return ""
-
-
-MISSING = _gl_missing()
-needs_gl = pytest.mark.skipif(bool(MISSING), reason=MISSING)
-BACKENDS = [pytest.param("gl", marks=needs_gl), "software"]
+BACKENDS = [pytest.param("gl", marks=pytest.mark.needs_gl), "software"]
 
 
 class Sheet:
@@ -117,7 +107,7 @@ def test_depth_is_in_metres(world: World, backend: str) -> None:
     renderer.close()
 
 
-@needs_gl
+@pytest.mark.needs_gl
 def test_shadow_darkens_the_floor(world: World) -> None:
     camera = Camera((0, -0.01, 4), (0, 0, 0), width=320, height=240)
     box = world.add_box((0.4, 0.4, 0.1), Pose((9, 9, 0.5)))
@@ -144,7 +134,7 @@ def test_a_skin_is_drawn_in_place_of_its_body(world: World, backend: str) -> Non
     renderer.close()
 
 
-@needs_gl
+@pytest.mark.needs_gl
 def test_a_skin_may_change_its_faces(world: World) -> None:
     skin = Sheet(world.add_sphere(0.1, Pose((0, 0, 0.5))))
     world.skins.append(skin)
@@ -157,7 +147,7 @@ def test_a_skin_may_change_its_faces(world: World) -> None:
     renderer.close()
 
 
-@needs_gl
+@pytest.mark.needs_gl
 def test_what_is_transparent_lets_through_what_is_behind(world: World) -> None:
     world.add_box((0.3, 0.3, 0.3), Pose((0, 0.5, 0.5)), rgba=RED)
     world.add_box((0.6, 0.02, 0.6), Pose((0, 0, 0.5)), rgba=(0.2, 0.4, 1.0, 0.3))
@@ -192,7 +182,7 @@ def test_pictures_do_not_change_the_physics(backend: str) -> None:
     assert ends[0] == ends[1]
 
 
-@needs_gl
+@pytest.mark.needs_gl
 def test_several_renderers_and_sizes_live_side_by_side(world: World) -> None:
     world.add_box((0.2, 0.2, 0.2), Pose((0, 0, 0.5)), rgba=RED)
     other = World()

@@ -173,14 +173,11 @@ class Feeding(Task):
         tool = base @ self._spoon.in_tool.inverse()
         found = self.robot.solve_ik(tool)
         if not self._is_built and not found.is_within(0.02, 0.1):
-            robot, miss = (
-                self.robot,
-                f"{found.distance:.2f} m, {math.degrees(found.angle):.0f} degrees",
-            )
+            robot, angle = self.robot, math.degrees(found.angle)
             raise ConfigError(
                 f"{no_reach(robot.config, robot.files.model.name, robot.moves)}: it misses the spoon's "
-                f"place in front of the face by {miss}. Feeding wants a person who sits in the "
-                "wheelchair, and a robot mounted near"
+                f"place in front of the face by {found.distance:.2f} m, {angle:.0f} degrees. Feeding "
+                "wants a person who sits in the wheelchair, and a robot mounted near"
             )
         self.robot.set_posture(found.posture)
         self._spoon_body.set_base(self.robot.tool_pose() @ self._spoon.in_tool)

@@ -16,7 +16,7 @@ from rich.text import Text
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import policy_names, task_class
-from rcare_marl.envs.task import part_name, Task
+from rcare_marl.envs.task import Task, part_name
 
 from .console import console, table
 
