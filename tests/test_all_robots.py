@@ -82,9 +82,9 @@ def test_nothing_overlaps_at_home(config: RobotConfig) -> None:
 
 def test_posture_is_held_within_half_a_degree_in_five_seconds(config: RobotConfig) -> None:
     for control in CONTROLS:
-        turned, slid = measure_posture(config, control=control, seconds=3.0)
-        assert math.degrees(turned) < 0.3, control  # three fifths, in three of the five seconds
-        assert slid < 0.0006, control
+        turned, slid = measure_posture(config, control=control, seconds=5.0)
+        assert math.degrees(turned) < 0.5, control
+        assert slid < 0.001, control
 
 
 @pytest.mark.parametrize("name", ROBOTS)
