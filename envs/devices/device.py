@@ -1,4 +1,4 @@
-"""A device: one body made from data, with named frames."""
+"""A device: one body made from data, with named frames and joints that are worked by name."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import pybullet as bullet
+
 from rcare_marl.body import Body
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import ActionError, UnknownNameError
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.urdf import Model, Triple, write
 from rcare_marl.world import World
@@ -35,6 +37,23 @@ class Frame:
         return Pose(self.position, tuple(turn.tolist()))
 
 
+@dataclass(frozen=True)
+class DeviceControl:
+    """A motor, actuator or hand that works one joint of a device.
+
+    Attributes:
+        joint: The joint.
+        speed: Greatest speed [rad/s or m/s].
+        force: Greatest force or torque [N or N·m]; what holds it where it stands, too.
+        note: What it does.
+    """
+
+    joint: str
+    speed: float
+    force: float
+    note: str = ""
+
+
 class Device(abc.ABC):
     """A body made from data.
 
@@ -44,6 +63,7 @@ class Device(abc.ABC):
 
     body: Body
     _fixed = True
+    _client: int
 
     @abc.abstractmethod
     def model(self) -> Model:
@@ -53,6 +73,11 @@ class Device(abc.ABC):
     @abc.abstractmethod
     def frames(self) -> Mapping[str, Frame]:
         """Named places on it."""
+
+    @property
+    def controls(self) -> Mapping[str, DeviceControl]:
+        """What can be worked by `command`; all other joints move freely, within their friction."""
+        return {}
 
     @property
     def pose(self) -> Pose:
@@ -72,5 +97,63 @@ class Device(abc.ABC):
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         """Load it into `world` at `pose`, once, and return its body."""
         model = self.model()
-        self.body = world.load_urdf(write(model), pose, name=name or model.name, fixed=self._fixed)
+        # Fixed joints cost nothing where their links melt into those that carry them.
+        path = write(model, melt_except=self._kept_links())
+        self.body = world.load_urdf(path, pose, name=name or model.name, fixed=self._fixed)
+        self._client = world.client
+        for joint, moving in self.body.joints.items():
+            self.body.release_motors([moving.index], model.joints[joint].friction)
+        self.reset()
         return self.body
+
+    def _kept_links(self) -> tuple[str, ...]:
+        """Return the links that stay links of their own although they hang on a fixed joint."""
+        return ()
+
+    def reset(self) -> None:
+        """Hold what is controlled where it stands: motor targets do not return with a snapshot."""
+        for name in self.controls:
+            self.stop(name)
+
+    def command(self, name: str, target: float) -> None:
+        """Drive a control to `target` [rad or m], within its limits, at its speed at most.
+
+        Raises:
+            UnknownNameError: If there is no such control.
+            ActionError: If `target` is not a finite number.
+        """
+        control = self._control(name)
+        if not math.isfinite(target):
+            raise ActionError(f"{name!r} of {self.body.name!r} needs a finite target, got {target}")
+        joint = self.body.joint(control.joint)
+        bullet.setJointMotorControl2(
+            self.body.uid,
+            joint.index,
+            bullet.POSITION_CONTROL,
+            targetPosition=min(max(float(target), joint.lower), joint.upper),
+            force=control.force,
+            maxVelocity=control.speed,
+            positionGain=1.0,
+            velocityGain=1.0,
+            physicsClientId=self._client,
+        )
+
+    def stop(self, name: str) -> None:
+        """Hold a control where it stands; UnknownNameError if there is none of that name."""
+        self.command(name, self.position(name))
+
+    def position(self, name: str) -> float:
+        """Return where a control stands [rad or m]; UnknownNameError if there is none."""
+        index = self.body.joint(self._control(name).joint).index
+        return self.body.joint_states([index])[0][0]
+
+    def set_position(self, name: str, position: float) -> None:
+        """Put a control at `position` [rad or m] at once and hold it there."""
+        joint = self.body.joint(self._control(name).joint)
+        self.body.set_joints([joint.index], [min(max(position, joint.lower), joint.upper)])
+        self.stop(name)
+
+    def _control(self, name: str) -> DeviceControl:
+        if name not in self.controls:
+            raise UnknownNameError("control", name, self.controls)
+        return self.controls[name]

@@ -1,0 +1,1 @@
+"""CareHomes: houses made by rule from data, at three levels of accessibility."""

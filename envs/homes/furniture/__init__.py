@@ -1,0 +1,1 @@
+"""What stands in the rooms; each module registers its makers."""

@@ -1,0 +1,113 @@
+"""The rules of accessibility: what is built at each level, what is allowed, and who says so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+from rcare_marl import assets
+from rcare_marl.config import load, read_yaml
+from rcare_marl.errors import ConfigError, UnknownNameError
+
+LEVELS = (1, 2, 3)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One rule.
+
+    Attributes:
+        title: What it is about.
+        unit: Unit of its figures, `m`, `N`, `1`; `choice` where words are built.
+        built: What is built at levels 1, 2 and 3; null for nothing of the kind.
+        allowed_2: Least and greatest value that level 2 allows, null for no bound; words for choices.
+        allowed_3: The same for level 3.
+        source: Where the figures are from.
+        verified: Whether the source was seen, not remembered.
+    """
+
+    title: str
+    unit: str
+    built: tuple[float | str | None, ...]
+    allowed_2: tuple[float | str | None, ...]
+    allowed_3: tuple[float | str | None, ...]
+    source: str
+    verified: bool = False
+
+    def __post_init__(self) -> None:
+        if len(self.built) != len(LEVELS):
+            raise ConfigError(f"a rule has one figure for each level, got {self.built}")
+
+    def allows(self, value: float | str, level: int) -> bool:
+        """Return whether a value obeys the rule of a level; level 1 allows everything."""
+        if level == 1:
+            return True
+        allowed = self.allowed_2 if level == 2 else self.allowed_3
+        if isinstance(value, str):
+            return value in allowed
+        low, high = allowed
+        assert not isinstance(low, str) and not isinstance(high, str)
+        return (low is None or value >= low - 1e-6) and (high is None or value <= high + 1e-6)
+
+
+class Rules(Mapping[str, Rule]):
+    """All rules, seen from one level.
+
+    Attributes:
+        level: 1 usual, 2 partially barrier-free, 3 completely barrier-free.
+    """
+
+    def __init__(self, level: int) -> None:
+        """Load the table.
+
+        Raises:
+            ConfigError: If `level` is not 1, 2 or 3.
+        """
+        if isinstance(level, bool) or level not in LEVELS:
+            raise ConfigError(
+                f"level must be 1 (usual), 2 (partially barrier-free) or 3 (barrier-free), got {level!r}"
+            )
+        self.level = level
+        self._table = _table()
+
+    def __getitem__(self, name: str) -> Rule:
+        if name not in self._table:
+            raise UnknownNameError("rule", name, self._table)
+        return self._table[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._table)
+
+    def __len__(self) -> int:
+        return len(self._table)
+
+    def figure(self, name: str) -> float:
+        """Return what is built at this level, a number; ConfigError where nothing is built."""
+        value = self[name].built[self.level - 1]
+        if value is None or isinstance(value, str):
+            raise ConfigError(f"rule {name!r} has no figure at level {self.level}: {value!r}")
+        return float(value)
+
+    def choice(self, name: str) -> str:
+        """Return what is built at this level, a word; `none` for nothing of the kind."""
+        value = self[name].built[self.level - 1]
+        if value is not None and not isinstance(value, str):
+            raise ConfigError(f"rule {name!r} is about a number, not a choice: {value!r}")
+        return value or "none"
+
+    def has(self, name: str) -> bool:
+        """Return whether anything of the kind is built at this level."""
+        return self[name].built[self.level - 1] is not None
+
+
+@lru_cache(maxsize=1)
+def _table() -> dict[str, Rule]:
+    path = assets.find("accessibility", "rules")
+    return {
+        name: load(Rule, fields, f"rule {name!r} in {path.name}")
+        for name, fields in read_yaml(path).items()
+    }
+
+
+__all__ = ["LEVELS", "Rule", "Rules"]
