@@ -62,6 +62,7 @@ class Device(abc.ABC):
     """
 
     body: Body
+    postures: Mapping[str, tuple[str, str]] = {}  # how people rest in it: posture, frame
     _fixed = True
     _client: int
 
