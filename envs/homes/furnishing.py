@@ -1,0 +1,366 @@
+"""Puts furniture into a room: against walls, clear of doors and windows, with ways left free."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array, Pose, quaternion_from_rpy
+
+from .occupancy import Mask, Obstacle, Occupancy
+from .piece import Piece, Setting, make_piece
+from .plan import LEAF, Opening, Plan, Room
+from .recipe import Entry, Recipe, recipe_for
+from .rectangle import Rectangle
+from .route import Way
+
+TO_WALL = 0.005  # [m] between a back and its wall; own choice
+STEP = 0.05  # [m] between the places that are tried along a wall; own choice
+ROUGH = 0.05  # [m], cell of the map that a room is checked on
+ATTEMPTS = 16  # with other chances, until everything that is required stands
+TRIALS = 12  # best places of a piece that are tried
+DOORSTEP = 0.9  # [m] that stays free before a door, beyond the sweep of its leaf; own choice
+WINDOW_REACH = 0.35  # [m] before a window in which nothing higher than its sill stands
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A piece of furniture in its place.
+
+    Attributes:
+        name: Room, kind and number, such as `bedroom_2.bed`.
+        piece: The piece.
+        room: Name of the room.
+        pose: Of its frame in the house.
+    """
+
+    name: str
+    piece: Piece
+    room: str
+    pose: Pose
+
+    @property
+    def footprint(self) -> Rectangle:
+        """The floor that it covers, in the house [m]."""
+        return self.piece.footprint.moved(self.pose)
+
+    def frame(self, name: str) -> Pose:
+        """Return the pose of one of its frames in the house."""
+        return self.pose @ self.piece.frames[name].pose
+
+
+@dataclass
+class _Layout:
+    """A room while it is being furnished; all areas in the house."""
+
+    room: Room
+    keep_free: list[Rectangle] = field(default_factory=list)
+    doorsteps: list[Rectangle] = field(default_factory=list)
+    windows: list[tuple[Rectangle, float]] = field(default_factory=list)
+    standing: list[Placed] = field(default_factory=list)
+
+
+def furnish(plan: Plan, room: Room, setting: Setting) -> tuple[Placed, ...]:
+    """Return the furniture of a room; the same for the same house, level and room.
+
+    Raises:
+        ConfigError: If something that the room must have finds no place.
+    """
+    recipe = recipe_for(room.use)
+    missing: list[str] = []
+    for attempt in range(ATTEMPTS):
+        seed = zlib.crc32(f"{plan.name}/{room.name}/{attempt}".encode())
+        furnisher = _Furnisher(plan, room, setting, recipe, np.random.default_rng(seed))
+        missing = furnisher.run()
+        if not missing:
+            return tuple(furnisher.layout.standing)
+    inside = room.inside
+    raise ConfigError(
+        f"{room.name!r} of {plan.name!r}, {inside.width:.2f} x {inside.depth:.2f} m, has no place for "
+        f"{', '.join(missing)} at level {setting.rules.level}"
+    )
+
+
+def doorway(opening: Opening, room: str, passage: float) -> Rectangle:
+    """Return the floor before a door or passage that must stay free in a room [m].
+
+    That is the sweep of its leaf, or what somebody who walks in needs.
+
+    Args:
+        opening: The door.
+        room: Name of the room on whose side.
+        passage: Free width of ways [m].
+    """
+    sign = 1.0 if opening.rooms[0] == room else -1.0
+    is_swept = opening.hardware in ("knob", "lever") and sign > 0
+    # A leaf that opens by more than a right angle also takes floor beside the gap.
+    deep = max(DOORSTEP, opening.width if is_swept else 0.0)
+    half = 0.5 * max(opening.width, passage) + (LEAF if is_swept else 0.0)
+    near = 0.5 * opening.thickness
+    low, high = sorted((sign * near, sign * (near + deep)))
+    return Rectangle(-half, low, half, high).moved(opening.pose)
+
+
+class _Furnisher:
+    """One try at a room."""
+
+    def __init__(
+        self, plan: Plan, room: Room, setting: Setting, recipe: Recipe, rng: np.random.Generator
+    ) -> None:
+        self.layout = _Layout(room)
+        self._setting, self._recipe, self._rng = setting, recipe, rng
+        self._passage = setting.rules.figure("passage_width")
+        for opening in plan.openings_of(room.name):
+            if opening.kind == "window":
+                near = 0.5 * opening.thickness
+                half = 0.5 * opening.width
+                side = 1.0 if opening.rooms[0] == room.name else -1.0
+                low, high = sorted((side * near, side * (near + WINDOW_REACH)))
+                area = Rectangle(-half, low, half, high).moved(opening.pose)
+                self.layout.windows.append((area, opening.sill))
+            else:
+                area = doorway(opening, room.name, self._passage)
+                self.layout.keep_free.append(area)
+                self.layout.doorsteps.append(area)
+
+    def run(self) -> list[str]:
+        """Furnish; return what is required and found no place."""
+        missing = []
+        room = self.layout.room
+        for entry in self._recipe.at_level(self._setting.rules.level, room.inside.area):
+            for _ in range(int(str(room.options.get(entry.piece, entry.count)))):
+                if not self._add(entry):
+                    if entry.required:
+                        missing.append(entry.piece)
+                    break
+        return missing
+
+    def _add(self, entry: Entry) -> bool:
+        for options in entry.fit:
+            piece = make_piece(entry.piece, self._setting, {**entry.options, **options})
+            for pose, relative in self._places(entry, piece):
+                if self._is_well(piece, pose, relative):
+                    self._put(piece, pose)
+                    return True
+        return False
+
+    def _put(self, piece: Piece, pose: Pose) -> None:
+        room = self.layout.room.name
+        taken = {placed.name for placed in self.layout.standing}
+        name, number = f"{room}.{piece.kind}", 1
+        while name in taken:
+            number += 1
+            name = f"{room}.{piece.kind}_{number}"
+        self.layout.standing.append(Placed(name, piece, room, pose))
+
+    def _places(self, entry: Entry, piece: Piece) -> Iterator[tuple[Pose, str]]:
+        """Yield places to try, the best first, with the name of the piece that it belongs to."""
+        related = [p for p in self.layout.standing if p.piece.kind == entry.to]
+        if entry.at in ("beside", "before", "around", "under"):
+            for host in related:
+                for pose in self._beside(entry, piece, host):
+                    yield pose, host.name
+            return
+        poses: list[tuple[float, float, float]] = []
+        scores: list[float] = []
+        for yaw in (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi):
+            at = self._grid(entry, piece, yaw)
+            if not len(at):
+                continue
+            at = at[self._fits(piece, yaw, at, "", is_high=entry.at == "on_wall")]
+            poses += [(x, y, yaw) for x, y in at.tolist()]
+            scores += self._scores(entry, piece, yaw, at, related).tolist()
+        for i in np.argsort(-np.array(scores), kind="stable")[:TRIALS].tolist():
+            x, y, yaw = poses[i]
+            yield _pose(x, y, yaw), ""
+
+    def _grid(self, entry: Entry, piece: Piece, yaw: float) -> Array:
+        """Return where the origin of a piece that looks along `yaw` could be [m], shape [n, 2]."""
+        inside = self.layout.room.inside
+        area = piece.footprint.moved(_pose(0.0, 0.0, yaw))
+        xs = _ticks(inside.x0 - area.x0, inside.x1 - area.x1)
+        ys = _ticks(inside.y0 - area.y0, inside.y1 - area.y1)
+        if not len(xs) or not len(ys):
+            return np.empty((0, 2))
+        if entry.at in ("wall", "corner", "on_wall"):
+            forward = (round(math.cos(yaw)), round(math.sin(yaw)))
+            if forward[0]:
+                xs = xs[:1] if forward[0] > 0 else xs[-1:]
+                ys = ys[[0, -1]] if entry.at == "corner" else ys
+            else:
+                ys = ys[:1] if forward[1] > 0 else ys[-1:]
+                xs = xs[[0, -1]] if entry.at == "corner" else xs
+        else:
+            xs, ys = xs[::3], ys[::3]
+        grid = np.meshgrid(xs, ys)
+        return np.stack([axis.ravel() for axis in grid], axis=1)
+
+    def _fits(
+        self, piece: Piece, yaw: float, at: Array, host: str, *, is_high: bool = False
+    ) -> Mask:
+        """Return which places are free, shape [n]; zones of the piece `host` may be stood in."""
+        turn = _pose(0.0, 0.0, yaw)
+        body = _shifted(piece.footprint.moved(turn), at)
+        inside = _row(self.layout.room.inside.grown(1e-6))
+        ok: Mask = _within(body, inside)
+        ok &= ~_meets(body, [a for a, sill in self.layout.windows if piece.height > sill])
+        if is_high:
+            return ok & ~_meets(body, self._high_things(piece))
+        if not piece.blocks:
+            return ok
+        solids = [p.footprint for p in self.layout.standing if p.piece.blocks]
+        ok &= ~_meets(body, solids + self.layout.keep_free)
+        others = [
+            zone.area.moved(p.pose)
+            for p in self.layout.standing
+            if p.name != host
+            for zone in p.piece.zones
+        ]
+        ok &= ~_meets(body, others)
+        hosts = [p.footprint for p in self.layout.standing if p.name == host]
+        walls = [s for s in solids if s not in hosts]
+        for zone in piece.zones:
+            area = _shifted(zone.area.moved(turn), at)
+            ok &= _within(area, inside) & ~_meets(area, walls)
+            if zone.why == "sweep":
+                ok &= ~_meets(area, self.layout.keep_free)
+        return ok
+
+    def _high_things(self, piece: Piece) -> list[Rectangle]:
+        """Return what a thing on the wall must not hang in front of, or behind."""
+        high = [p.footprint for p in self.layout.standing if p.piece.height > 1.2]
+        flat = [
+            p.footprint for p in self.layout.standing if not p.piece.blocks and p.piece.height > 1.0
+        ]
+        return high + flat + [area.grown(0.1) for area in self.layout.keep_free]
+
+    def _scores(
+        self, entry: Entry, piece: Piece, yaw: float, at: Array, related: Sequence[Placed]
+    ) -> Array:
+        inside = self.layout.room.inside
+        turn = _pose(0.0, 0.0, yaw)
+        middle = np.array(piece.footprint.moved(turn).centre) + at
+        score: Array = self._rng.uniform(0.0, 0.6, len(at))
+        doors = np.array([d.centre for d in self.layout.doorsteps] or [inside.centre])
+        to_door = np.linalg.norm(middle[:, None] - doors[None], axis=2).min(axis=1)
+        windows = [area for area, _ in self.layout.windows]
+        body = _shifted(piece.footprint.moved(turn), at)
+        scale = max(inside.width, inside.depth)
+        for wish in entry.prefer:
+            if wish in ("far", "near"):
+                score += (2.0 if wish == "far" else -2.0) * to_door / scale
+            elif wish in ("window", "no_window"):
+                score += (1.0 if wish == "window" else -1.0) * _meets(body, windows)
+            elif wish == "corner":
+                edges = np.stack([middle[:, 0] - inside.x0, inside.x1 - middle[:, 0],
+                                  middle[:, 1] - inside.y0, inside.y1 - middle[:, 1]])  # fmt: skip
+                score -= 2.0 * np.sort(edges, axis=0)[1] / scale
+            elif wish == "centre":
+                score -= 2.0 * np.abs(middle - inside.centre).sum(axis=1) / scale
+            elif wish == "facing" and related:
+                host = related[0].pose.matrix()
+                ahead = middle - host[:2, 3]
+                turned = math.cos(yaw) * host[0, 0] + math.sin(yaw) * host[1, 0]
+                aside = np.abs(-host[1, 0] * ahead[:, 0] + host[0, 0] * ahead[:, 1])
+                score -= 3.0 * turned + 2.0 * aside / scale
+        return score
+
+    def _beside(self, entry: Entry, piece: Piece, host: Placed) -> Iterator[Pose]:
+        """Yield free places at a piece that stands already."""
+        yaw = math.atan2(host.pose.matrix()[1, 0], host.pose.matrix()[0, 0])
+        own, area = piece.footprint, host.piece.footprint
+        local: list[tuple[float, float, float]] = []
+        if entry.at == "beside":
+            left, right = area.y1 + entry.gap - own.y0, area.y0 - entry.gap - own.y1
+            local = [(0.0, left, 0.0), (0.0, right, 0.0)]
+        elif entry.at == "before":
+            turn = 0.0 if "centre" in entry.prefer else math.pi
+            x = area.x1 + entry.gap + (own.x1 if turn else 0.0)
+            local = [(x, dy, turn) for dy in (0.0, 0.2, -0.2)]
+        elif entry.at == "under":
+            x = 0.5 * (area.x0 + area.x1) - 0.5 * (own.x0 + own.x1)
+            local = [(x, 0.0, 0.0)]
+        for x, y, turn in local:
+            pose = host.pose @ _pose(x, y, turn)
+            yield from self._free_at(piece, pose, host.name, yaw + turn)
+        if entry.at == "around":
+            for name in sorted(host.piece.frames):
+                if name.startswith("place_"):
+                    pose = host.frame(name)
+                    pose = Pose((pose.position[0], pose.position[1], 0.0), pose.quaternion)
+                    turn = math.atan2(pose.matrix()[1, 0], pose.matrix()[0, 0])
+                    yield from self._free_at(piece, pose, host.name, turn)
+
+    def _free_at(self, piece: Piece, pose: Pose, host: str, yaw: float) -> Iterator[Pose]:
+        if self._fits(piece, yaw, np.array([pose.position[:2]]), host)[0]:
+            yield pose
+
+    def _is_well(self, piece: Piece, pose: Pose, host: str) -> bool:
+        """Return whether all doors of the room are still joined, and a wheelchair can turn."""
+        if not piece.blocks:
+            return True
+        inside = self.layout.room.inside
+        things = [p.footprint for p in self.layout.standing if p.piece.blocks]
+        things.append(piece.footprint.moved(pose))
+        floor = Occupancy(inside, [Obstacle(area, "") for area in things], cell=ROUGH)
+        if self._recipe.turning and self._setting.rules.has("turning_diameter"):
+            wanted = self._setting.rules.figure("turning_diameter")
+            if floor.free_circle(inside)[0] < wanted:
+                return False
+        doors = self.layout.doorsteps
+        way = Way(floor, self._passage - ROUGH)
+        regions = [way.regions_in(area) for area in doors]
+        if any(not region for region in regions):
+            return False
+        reached = regions[0] if regions else set()
+        for region in regions[1:]:
+            reached = reached & region
+        return bool(reached) or not doors
+
+
+def _pose(x: float, y: float, yaw: float) -> Pose:
+    return Pose((x, y, 0.0), tuple(quaternion_from_rpy(0, 0, yaw).tolist()))
+
+
+def _ticks(low: float, high: float) -> Array:
+    """Return places from one end of a room to the other [m], both ends among them."""
+    low, high = low + TO_WALL, high - TO_WALL
+    if high < low:
+        return np.empty(0)
+    out: Array = np.unique(np.append(np.arange(low, high, STEP), high))
+    return out
+
+
+def _row(area: Rectangle) -> Array:
+    return np.array((area.x0, area.y0, area.x1, area.y1))
+
+
+def _shifted(area: Rectangle, at: Array) -> Array:
+    """Return an area at many places, shape [n, 4]."""
+    out: Array = _row(area) + np.concatenate((at, at), axis=1)
+    return out
+
+
+def _within(areas: Array, room: Array) -> Mask:
+    above, below = areas[:, :2] >= room[:2], areas[:, 2:] <= room[2:]
+    out: Mask = np.asarray(above.all(axis=1) & below.all(axis=1), np.bool_)
+    return out
+
+
+def _meets(areas: Array, others: Sequence[Rectangle]) -> Mask:
+    """Return which of the areas, shape [n, 4], overlap any of the others, shape [n]."""
+    if not others:
+        return np.zeros(len(areas), np.bool_)
+    rows = np.array([_row(other) for other in others])
+    low = np.maximum(areas[:, None, :2], rows[None, :, :2])
+    high = np.minimum(areas[:, None, 2:], rows[None, :, 2:])
+    out: Mask = np.asarray(((high - low) > 1e-6).all(axis=2).any(axis=1), np.bool_)
+    return out
+
+
+__all__ = ["Placed", "doorway", "furnish"]

@@ -1,0 +1,56 @@
+"""Many models as one still body: what stands in a room costs what one thing costs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+
+from rcare_marl.pose import Pose, rpy_from_matrix
+from rcare_marl.urdf import Link, Model, Shape, joint_pose
+
+Part = tuple[Model, Pose, Mapping[str, float]]  # model, its place, positions of joints [rad or m]
+
+
+def merged(name: str, parts: Iterable[Part]) -> Model:
+    """Return one link with the shapes of all models, each at its pose with its joints as given."""
+    visual: list[Shape] = []
+    collision: list[Shape] = []
+    materials: dict[str, tuple[float, ...]] = {}
+    for model, pose, positions in parts:
+        names = {m: _named(m, rgba, materials) for m, rgba in model.materials.items()}
+        used = {s.material for link in model.links.values() for s in link.visual}
+        materials |= {names[m]: rgba for m, rgba in model.materials.items() if m in used}
+        places = {model.root: pose}
+        for joint_name, joint in model.joints.items():
+            there = joint_pose(joint, positions.get(joint_name, 0.0))
+            places[joint.child] = places[joint.parent] @ there
+        for link_name, link in model.links.items():
+            at = places[link_name]
+            visual += [
+                dataclasses.replace(moved(s, at), material=names[s.material]) for s in link.visual
+            ]
+            collision += [moved(s, at) for s in link.collision]
+    link = Link(visual=tuple(visual), collision=tuple(collision))
+    return Model(name=name, source="own choice", links={"home": link}, materials=materials)
+
+
+def _named(material: str, rgba: tuple[float, ...], known: Mapping[str, tuple[float, ...]]) -> str:
+    """Return a name for a colour under which no other colour is known."""
+    name, number = material, 1
+    while name in known and known[name] != rgba:
+        number += 1
+        name = f"{material}_{number}"
+    return name
+
+
+def moved(shape: Shape, pose: Pose) -> Shape:
+    """Return a shape, given in the frame `pose`, in the frame that `pose` is given in."""
+    if shape.points:
+        points = [(pose @ Pose(point)).position for point in shape.points]
+        return dataclasses.replace(shape, points=tuple((p[0], p[1], p[2]) for p in points))
+    there = pose @ shape.pose()
+    x, y, z = there.position
+    return dataclasses.replace(shape, at=(x, y, z), rpy=rpy_from_matrix(there.matrix()[:3, :3]))
+
+
+__all__ = ["Part", "merged", "moved"]

@@ -1,0 +1,136 @@
+"""Ways through a home for somebody of a certain width, such as a wheelchair."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage, sparse  # type: ignore[import-untyped]
+from scipy.sparse import csgraph  # type: ignore[import-untyped]
+
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
+
+from .occupancy import Mask, Occupancy
+from .rectangle import Rectangle
+
+WHEELCHAIR_WIDTH = 0.66  # [m], 26 in: ADA/ABA guides of the U.S. Access Board
+HAND_ROOM = 0.04  # [m] that hands on the rims need beside the chair, both together; own choice
+_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A way between two places.
+
+    Attributes:
+        points: Shape [n, 2] [m], from start to goal.
+        length: [m].
+        narrowest: Free width where it is narrowest [m].
+        narrowest_at: Where that is [m].
+    """
+
+    points: Array
+    length: float
+    narrowest: float
+    narrowest_at: tuple[float, float]
+
+
+class Way:
+    """The floor on which something of a width can move.
+
+    Attributes:
+        width: Of what moves, with the room that it needs [m].
+    """
+
+    def __init__(self, occupancy: Occupancy, width: float = WHEELCHAIR_WIDTH + HAND_ROOM) -> None:
+        """Find the floor.
+
+        Args:
+            occupancy: The map.
+            width: Of what moves [m].
+
+        Raises:
+            ConfigError: If `width` is not positive.
+        """
+        if not width > 0:
+            raise ConfigError(f"who moves must have a positive width, got {width} m")
+        self.width, self._map = width, occupancy
+        self._mask: Mask = occupancy.distances >= 0.5 * width
+        self._labels = ndimage.label(self._mask, structure=np.ones((3, 3)))[0]
+
+    def regions_in(self, area: Rectangle) -> set[int]:
+        """Return the numbers of the connected regions that reach into `area`."""
+        return set(np.unique(self._labels[self._map.window(area)]).tolist()) - {0}
+
+    def connects(self, a: Rectangle, b: Rectangle) -> bool:
+        """Return whether there is a way from somewhere in `a` to somewhere in `b`."""
+        return bool(self.regions_in(a) & self.regions_in(b))
+
+    def route(self, start: Rectangle, goal: Rectangle) -> Route | None:
+        """Return a short way from the freest place in `start` to that in `goal`; None if there is none.
+
+        It keeps off walls and furniture where there is room.
+        """
+        shared = self.regions_in(start) & self.regions_in(goal)
+        if not shared:
+            return None
+        ends = [self._freest(area, shared) for area in (start, goal)]
+        label = self._labels[ends[0]]
+        if self._labels[ends[1]] != label:
+            ends[1] = (
+                self._freest(goal, {int(label)}) if label in self.regions_in(goal) else ends[1]
+            )
+        if self._labels[ends[1]] != self._labels[ends[0]]:
+            return None
+        cells = self._search(self._labels == label, ends[0], ends[1])
+        points = np.array([self._map.point(row, column) for row, column in cells])
+        clear = np.array([self._map.clearance(x, y) for x, y in points])
+        narrow = int(clear.argmin())
+        steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        x, y = points[narrow].tolist()
+        return Route(points, float(steps.sum()), 2 * float(clear[narrow]), (x, y))
+
+    def _freest(self, area: Rectangle, labels: set[int]) -> tuple[int, int]:
+        rows, columns = self._map.window(area)
+        far = np.where(
+            np.isin(self._labels[rows, columns], list(labels)),
+            self._map.distances[rows, columns],
+            -1,
+        )
+        row, column = np.unravel_index(int(far.argmax()), far.shape)
+        return rows.start + int(row), columns.start + int(column)
+
+    def _search(
+        self, mask: Mask, start: tuple[int, int], goal: tuple[int, int]
+    ) -> list[tuple[int, int]]:
+        """Return the cells of the cheapest way by Dijkstra's algorithm on eight neighbours."""
+        number = np.full(mask.shape, -1, np.int64)
+        number[mask] = np.arange(int(mask.sum()))
+        cells = np.argwhere(mask)
+        # Near obstacles a step costs up to twice as much, so that ways lead through the middle.
+        near = np.clip(self._map.distances[mask] - 0.5 * self.width, 0.0, 0.5)
+        cost = 2.0 - 2.0 * near
+        rows, columns, weights = [], [], []
+        for dy, dx in _STEPS:
+            a = number[: mask.shape[0] - dy, max(-dx, 0) : mask.shape[1] - max(dx, 0)]
+            b = number[dy:, max(dx, 0) : mask.shape[1] - max(-dx, 0)]
+            both = (a >= 0) & (b >= 0)
+            i, j = a[both], b[both]
+            rows.append(i)
+            columns.append(j)
+            weights.append(0.5 * math.hypot(dy, dx) * (cost[i] + cost[j]))
+        graph = sparse.coo_matrix(
+            (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))),
+            shape=(len(cells), len(cells)),
+        ).tocsr()
+        first, last = int(number[start]), int(number[goal])
+        _, before = csgraph.dijkstra(graph, directed=False, indices=first, return_predecessors=True)
+        way = [last]
+        while way[-1] != first:
+            way.append(int(before[way[-1]]))
+        return [(int(row), int(column)) for row, column in cells[way[::-1]]]
+
+
+__all__ = ["HAND_ROOM", "WHEELCHAIR_WIDTH", "Route", "Way"]
