@@ -11,13 +11,17 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
 from .cast import CastEntry, find_policy, make_cast
+from .homes.care_home import CareHome, home_names
+from .homes.stage import find_stage
 from .registry import policy_names, register_policy, register_task, task_class, task_names
 from .task import Role, Task
 
 __all__ = [
     "CareEnv",
+    "CareHome",
     "Role",
     "Task",
+    "home_names",
     "make",
     "policy_names",
     "register_policy",
@@ -33,6 +37,9 @@ def make(
     policies: Mapping[str, Any] | None = None,
     physics_dt: float = 1 / 240,
     render_mode: str | None = None,
+    home: str | None = None,
+    level: int | None = None,
+    room: str | None = None,
     **cast: CastEntry,
 ) -> CareEnv:
     """Return a new environment, a PettingZoo parallel environment.
@@ -46,6 +53,11 @@ def make(
             function that takes the environment and the role and returns a policy.
         physics_dt: Physics step [s].
         render_mode: `rgb_array` for pictures, `human` for a live page, or None.
+        home: Name of the house in which it takes place, see `rcare_marl.home_names()`; a bare floor
+            if None.
+        level: Level of accessibility of that house: 1 usual, 2 partially barrier-free, 3 barrier-free;
+            1 if None.
+        room: Name of the room, such as `dining_1`; the first that suits the task if None.
         **cast: For a role of the task: the name of a robot or avatar, a YAML file, or a mapping
             such as `{"model": "karan", "policy": "cooperative"}`; None leaves an optional role out.
             What is not named is played by the task's default.
@@ -57,6 +69,7 @@ def make(
     Example:
         >>> env = make("feeding", robot="kinova_gen3", recipient="karan")
         >>> env = make("feeding", policies={"recipient": "cooperative"})  # only the robot learns
+        >>> env = make("feeding", home="house_07", level=2)
     """
     for name, value in (("options", options), ("policies", policies)):
         if value is not None and not isinstance(value, Mapping):
@@ -69,8 +82,14 @@ def make(
         if role in factories:
             raise ConfigError(f"two policies for {role!r}: one in the cast, one in policies")
         factories[role] = find_policy(task, role, policy)
+    scene = cls(load(cls.Options, dict(options or {}), f"options of {task!r}"))
+    if home is not None:
+        house = CareHome.load(home, level=1 if level is None else level)
+        scene.stage = find_stage(house, scene.room_kinds, scene.footprint, room=room)
+    elif level is not None or room is not None:
+        raise ConfigError("level and room are those of a home: name one, such as home='house_07'")
     return CareEnv(
-        cls(load(cls.Options, dict(options or {}), f"options of {task!r}")),
+        scene,
         agents,
         factories,
         physics_dt=physics_dt,

@@ -346,12 +346,12 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
 
         if self.render_mode == "human":
             if self._viewer is None:
-                self._viewer = Viewer(self.world, self.task.camera())
+                self._viewer = Viewer(self.world, self.task.view())
             self._viewer.update()
             return None
         if self._renderer is None:
             self._renderer = make_renderer(self.world)
-        return self._renderer.render(self.task.camera())
+        return self._renderer.render(self.task.view())
 
     @property
     def viewer_url(self) -> str | None:

@@ -16,6 +16,9 @@ def parallel_env(
     policies: Mapping[str, Any] | None = None,
     physics_dt: float = 1 / 240,
     render_mode: str | None = None,
+    home: str | None = None,
+    level: int | None = None,
+    room: str | None = None,
     **cast: CastEntry,
 ) -> CareEnv:
     """Return a feeding environment; arguments as for `rcare_marl.make`."""
@@ -25,5 +28,8 @@ def parallel_env(
         policies=policies,
         physics_dt=physics_dt,
         render_mode=render_mode,
+        home=home,
+        level=level,
+        room=room,
         **cast,
     )

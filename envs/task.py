@@ -12,13 +12,21 @@ import numpy as np
 from typing_extensions import Self
 
 from rcare_marl.agents.agent import Agent
+from rcare_marl.body import Body
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.world import World
 
+from .homes.rectangle import Rectangle
+
 if TYPE_CHECKING:
     from rcare_marl.agents.robot import Robot
     from rcare_marl.rendering import Camera
+
+    from .homes.built import BuiltHome
+    from .homes.stage import Stage
+
+FLOOR_FRICTION = 0.8  # [1]; own choice
 
 BESIDE = (1.7, 1.1)  # [m] along and across, where a robot waits that has no part; our own choice
 
@@ -85,9 +93,17 @@ class Task(abc.ABC):
         cast: The agents by role; set by the environment before `furnish`.
         control_dt: Length of a control step [s].
         time_limit: Length of an episode [s].
+        room_kinds: Kinds of rooms of a home that suit the task, the best first.
+        footprint: The free floor that it needs, about the origin [m].
+        stage: Where in a home it takes place; None on a bare floor.
+        built: That home, once it stands in the world.
     """
 
     Options: type[Any]
+    room_kinds: Sequence[str] = ()
+    footprint: Rectangle = Rectangle(-1.1, -1.1, 1.1, 1.1)
+    stage: Stage | None = None
+    built: BuiltHome | None = None
     cast: Mapping[str, Agent]
     control_dt: float = 0.1
     time_limit: float = 20.0
@@ -109,6 +125,20 @@ class Task(abc.ABC):
         A robot starts with its base there; a person rests on the surface there, see
         `agents.body.posture.pelvis_pose`.
         """
+
+    def lay_floor(self, world: World) -> Body:
+        """Add the floor, once: that of the home, with all that stands on it, or a bare one."""
+        if self.stage is not None:
+            self.built = self.stage.spawn(world)
+            return self.built.floor
+        floor = world.add_box((6, 6, 0.1), Pose((0, 0, -0.05)), name="floor")
+        floor.set_friction([-1], lateral=FLOOR_FRICTION)
+        return floor
+
+    def view(self) -> Camera:
+        """Return the view that shows the task best, from within the room where there is one."""
+        camera = self.camera()
+        return camera if self.stage is None else self.stage.seen_from_inside(camera)
 
     def frame_of(self, mount: str) -> Pose:
         """Return the frame that a robot's mount of that name is in: the world's, or a device's."""

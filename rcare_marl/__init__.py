@@ -14,10 +14,26 @@ from typing import TYPE_CHECKING
 import gymnasium
 
 if TYPE_CHECKING:
-    from rcare_marl.envs import make, policy_names, register_policy, register_task, task_names
+    from rcare_marl.envs import (
+        CareHome,
+        home_names,
+        make,
+        policy_names,
+        register_policy,
+        register_task,
+        task_names,
+    )
 
 __version__ = "0.1.0"
-__all__ = ["make", "policy_names", "register_policy", "register_task", "task_names"]
+__all__ = [
+    "CareHome",
+    "home_names",
+    "make",
+    "policy_names",
+    "register_policy",
+    "register_task",
+    "task_names",
+]
 
 
 def __getattr__(name: str) -> object:

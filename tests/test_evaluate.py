@@ -103,7 +103,7 @@ def test_episode_depends_on_its_seed_alone() -> None:
     def film(env: CareEnv) -> None:
         filmed(env)
         if env.world.step_count % 240 == 0:
-            renderer.render(env.task.camera())
+            renderer.render(env.task.view())
 
     episode = run_episode(env, players, 0, on_step=first)
     run_episode(env, players, 1)

@@ -6,6 +6,7 @@ import math
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -73,9 +74,12 @@ def furnish(plan: Plan, room: Room, setting: Setting) -> tuple[Placed, ...]:
     """
     recipe = recipe_for(room.use)
     missing: list[str] = []
+    made: dict[str, Piece] = {}
     for attempt in range(ATTEMPTS):
         seed = zlib.crc32(f"{plan.name}/{room.name}/{attempt}".encode())
-        furnisher = _Furnisher(plan, room, setting, recipe, np.random.default_rng(seed))
+        furnisher = _Furnisher(
+            plan, room, setting, recipe, attempt, made, np.random.default_rng(seed)
+        )
         missing = furnisher.run()
         if not missing:
             return tuple(furnisher.layout.standing)
@@ -110,9 +114,17 @@ class _Furnisher:
     """One try at a room."""
 
     def __init__(
-        self, plan: Plan, room: Room, setting: Setting, recipe: Recipe, rng: np.random.Generator
+        self,
+        plan: Plan,
+        room: Room,
+        setting: Setting,
+        recipe: Recipe,
+        attempt: int,
+        made: dict[str, Piece],
+        rng: np.random.Generator,
     ) -> None:
         self.layout = _Layout(room)
+        self._attempt, self._made = attempt, made
         self._setting, self._recipe, self._rng = setting, recipe, rng
         self._passage = setting.rules.figure("passage_width")
         for opening in plan.openings_of(room.name):
@@ -141,13 +153,21 @@ class _Furnisher:
         return missing
 
     def _add(self, entry: Entry) -> bool:
-        for options in entry.fit:
-            piece = make_piece(entry.piece, self._setting, {**entry.options, **options})
+        # Where all did not fit, what is large gives way to what is small.
+        first = min(self._attempt // 4, len(entry.fit) - 1)
+        for options in entry.fit[first:]:
+            piece = self._make(entry.piece, {**entry.options, **options})
             for pose, relative in self._places(entry, piece):
                 if self._is_well(piece, pose, relative):
                     self._put(piece, pose)
                     return True
         return False
+
+    def _make(self, kind: str, options: dict[str, Any]) -> Piece:
+        key = f"{kind} {sorted(options.items())}"
+        if key not in self._made:
+            self._made[key] = make_piece(kind, self._setting, options)
+        return self._made[key]
 
     def _put(self, piece: Piece, pose: Pose) -> None:
         room = self.layout.room.name

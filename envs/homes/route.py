@@ -17,6 +17,7 @@ from .rectangle import Rectangle
 
 WHEELCHAIR_WIDTH = 0.66  # [m], 26 in: ADA/ABA guides of the U.S. Access Board
 HAND_ROOM = 0.04  # [m] that hands on the rims need beside the chair, both together; own choice
+HUG = 0.4  # [m] from what is too near, up to where a way is no better for being freer; own choice
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
@@ -109,9 +110,9 @@ class Way:
         number = np.full(mask.shape, -1, np.int64)
         number[mask] = np.arange(int(mask.sum()))
         cells = np.argwhere(mask)
-        # Near obstacles a step costs up to twice as much, so that ways lead through the middle.
-        near = np.clip(self._map.distances[mask] - 0.5 * self.width, 0.0, 0.5)
-        cost = 2.0 - 2.0 * near
+        # Near obstacles a step costs up to five times as much: ways lead through the middle.
+        near = np.clip((self._map.distances[mask] - 0.5 * self.width) / HUG, 0.0, 1.0)
+        cost = 1.0 + 4.0 * (1.0 - near) ** 2
         rows, columns, weights = [], [], []
         for dy, dx in _STEPS:
             a = number[: mask.shape[0] - dy, max(-dx, 0) : mask.shape[1] - max(dx, 0)]

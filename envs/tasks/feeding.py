@@ -23,6 +23,7 @@ from ..care_env import CareEnv
 from ..devices.spoon import Spoon
 from ..devices.stand import add_stand
 from ..devices.wheelchair import chair_for
+from ..homes.rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..task import Role, Task
@@ -87,14 +88,15 @@ class Feeding(Task):
     )
 
     Options = FeedingOptions
+    room_kinds = ("dining", "kitchen", "living", "lounge", "bedroom")
+    footprint = Rectangle(-0.8, -1.0, 1.2, 1.1)  # [m] the chair, a robot or helper at its side
     time_limit = TIME_LIMIT
     options: FeedingOptions
 
     def furnish(self, world: World) -> dict[str, Pose]:
         mount = f"wheelchair_{self.options.mount}"
         self._chair = chair_for(self.robot.mount_named(mount), self.options.mount)
-        floor = world.add_box((6, 6, 0.1), Pose((0, 0, -0.05)), name="floor")
-        floor.set_friction([-1], lateral=0.8)
+        self.lay_floor(world)
         soles = self.recipient.soles(self._chair.frame("seat_back"))
         self._chair.fit_footplates(soles["left"], soles["right"])
         self._chair.spawn(world)

@@ -109,10 +109,10 @@ def _film_step(film: Film, env: CareEnv, title: str) -> None:
         f"spoon to mouth {100 * metrics['distance_m']:.1f} cm   force {metrics['force_n']:.1f} N"
     )
     if not env.is_over:
-        film.add(env.task.camera(), left, right)
+        film.add(env.task.view(), left, right)
         return
     good = env.task.is_success()
-    film.add(env.task.camera(), left, "success" if good else "no success", good=good)
+    film.add(env.task.view(), left, "success" if good else "no success", good=good)
     film.hold()
 
 

@@ -1,0 +1,109 @@
+"""A home in a world: a few still bodies, and what moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rcare_marl.body import Body
+from rcare_marl.errors import UnknownNameError
+from rcare_marl.pose import Pose
+from rcare_marl.urdf import Model, write
+from rcare_marl.world import World
+
+from .door import Door, door_model
+from .furnishing import Placed
+from .merging import Part, merged
+from .plan import Opening
+from .shell import floor_model, shell_model
+
+if TYPE_CHECKING:
+    from .care_home import CareHome
+
+OPEN_DOOR = 1.5  # [rad] that doors stand open where they do not move; own choice
+
+
+class BuiltHome:
+    """A house that stands in a world.
+
+    Attributes:
+        home: The house.
+        pose: Where its origin is in the world.
+        floor: The floor.
+        bodies: Walls, floor, and the still furniture of each room.
+        furniture: What moves, by name, such as `kitchen_1.fridge`.
+        doors: Doors that move, by name.
+    """
+
+    def __init__(
+        self,
+        home: CareHome,
+        world: World,
+        at: Pose,
+        articulated: Sequence[str],
+        *,
+        ceilings: bool,
+        wall_height: float | None,
+    ) -> None:
+        self.home, self.pose, self._world = home, at, world
+        self.furniture: dict[str, Body] = {}
+        self.doors: dict[str, Door] = {}
+        self.bodies: list[Body] = []
+        self.floor = self._load(floor_model(home.plan, home.rules, home.palette), "floor")
+        self.floor.set_friction([-1], lateral=0.8)
+        shell = shell_model(
+            home.plan, home.palette, ceilings=ceilings, wall_height=wall_height
+        )
+        self._load(shell, "walls")
+        moving = [
+            o for o in home.plan.openings.values() if o.hardware and set(o.rooms) & set(articulated)
+        ]
+        still = [o for o in home.plan.openings.values() if o.hardware and o not in moving]
+        self._load(merged(f"{home.name}_doors", [self._still_door(o) for o in still]), "doors")
+        for room in home.plan.rooms:
+            placed = home.furniture(room)
+            moves = [p for p in placed if room in articulated and _moves(p)]
+            parts: list[Part] = [(p.piece.model, p.pose, {}) for p in placed if p not in moves]
+            if parts:
+                self._load(merged(f"{home.name}_{room}", parts), room)
+            for each in moves:
+                self._load_moving(each)
+        for opening in moving:
+            door = Door(opening, home.rules, home.palette)
+            door.spawn(world, at @ opening.pose, name=opening.name)
+            self.doors[opening.name] = door
+
+    def _still_door(self, opening: Opening) -> Part:
+        model = door_model(opening, self.home.rules, self.home.palette)
+        wide = {"slide": model.joints["slide"].upper} if "slide" in model.joints else {}
+        return model, opening.pose, wide or {"hinge": OPEN_DOOR}
+
+    def _load(self, model: Model, name: str) -> Body:
+        body = self._world.load_urdf(write(model, melt_except=()), self.pose, name=name)
+        self.bodies.append(body)
+        return body
+
+    def _load_moving(self, placed: Placed) -> None:
+        model = placed.piece.model
+        path = write(model, melt_except=())
+        body = self._world.load_urdf(path, self.pose @ placed.pose, name=placed.name)
+        for name, joint in body.joints.items():
+            body.release_motors([joint.index], model.joints[name].friction)
+        self.furniture[placed.name] = body
+
+    def part(self, name: str) -> Body:
+        """Return a piece of furniture that moves; UnknownNameError lists those there are."""
+        if name not in self.furniture:
+            raise UnknownNameError("furniture that moves", name, self.furniture)
+        return self.furniture[name]
+
+    def in_world(self, pose: Pose) -> Pose:
+        """Return a pose given in the house in the world."""
+        return self.pose @ pose
+
+
+def _moves(placed: Placed) -> bool:
+    return any(joint.kind != "fixed" for joint in placed.piece.model.joints.values())
+
+
+__all__ = ["BuiltHome"]

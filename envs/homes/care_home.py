@@ -1,0 +1,303 @@
+"""A home: loaded by name and level, drawn, walked through, and put into a world."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from rcare_marl import assets
+from rcare_marl.agents.agent import Agent
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.robot import Robot
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.pose import Pose, quaternion_from_rpy
+from rcare_marl.world import World
+
+from .furnishing import Placed, furnish
+from .layout import lay_out, load_house
+from .occupancy import BORDER, Obstacle, Occupancy
+from .palette import Palette
+from .piece import Setting
+from .plan import LEAF, OUTSIDE, Opening, Plan, Room
+from .rectangle import Rectangle
+from .route import HAND_ROOM, WHEELCHAIR_WIDTH, Route, Way
+from .rule import Rules
+from .spot import Spot, spots_of
+
+if TYPE_CHECKING:
+    from .built import BuiltHome
+
+_NEEDED = ("kitchen", "bathroom", "bedroom", "living", "dining", "lounge")
+
+
+def home_names() -> tuple[str, ...]:
+    """Return the names of the houses that come with the package, sorted."""
+    return assets.names("homes")
+
+
+@dataclass(frozen=True, eq=False)
+class CareHome:
+    """A furnished house at one level of accessibility; x east, y north, floor at z = 0 [m].
+
+    Attributes:
+        name: Name of the house.
+        level: 1 usual, 2 partially barrier-free, 3 completely barrier-free.
+        plan: Rooms, walls and openings.
+        rules: The rules of its level.
+        palette: Its colours.
+        placed: All furniture.
+    """
+
+    name: str
+    level: int
+    plan: Plan
+    rules: Rules
+    palette: Palette
+    placed: tuple[Placed, ...]
+
+    @classmethod
+    def load(cls, name: str, *, level: int = 1) -> CareHome:
+        """Build a house from its description.
+
+        Args:
+            name: One of `home_names()`.
+            level: Level of accessibility.
+
+        Raises:
+            UnknownNameError: If there is no such house.
+            ConfigError: If `level` is not 1, 2 or 3.
+
+        Example:
+            >>> home = CareHome.load("house_07", level=3)
+            >>> [room.name for room in home.rooms("kitchen")]
+            ['kitchen_1']
+        """
+        rules = Rules(level)
+        house = load_house(name)
+        plan = lay_out(house, level)
+        palette = dataclasses.replace(Palette(), **house.palette)
+        setting = Setting(rules, palette)
+        placed = [p for room in plan.rooms.values() for p in furnish(plan, room, setting)]
+        return cls(name, level, plan, rules, palette, tuple(placed))
+
+    def rooms(self, kind: str | None = None) -> tuple[Room, ...]:
+        """Return the rooms of a kind or use, such as `kitchen` or `hall`; all if None.
+
+        Raises:
+            UnknownNameError: If this house has no such room.
+        """
+        rooms = tuple(self.plan.rooms.values())
+        if kind is None:
+            return rooms
+        known = sorted({room.kind for room in rooms} | {room.use for room in rooms})
+        if kind not in known:
+            raise UnknownNameError(f"kind of room in {self.name}", kind, known)
+        return tuple(room for room in rooms if kind in (room.kind, room.use))
+
+    def room(self, name: str) -> Room:
+        """Return a room by name; UnknownNameError if there is none."""
+        return self.plan.room(name)
+
+    def furniture(self, room: str) -> tuple[Placed, ...]:
+        """Return what stands in a room; UnknownNameError if there is no such room."""
+        self.plan.room(room)
+        return tuple(placed for placed in self.placed if placed.room == room)
+
+    @cached_property
+    def clearance(self) -> Occupancy:
+        """The map of free floor, for somebody on foot."""
+        return self._map(knees=False)
+
+    @cached_property
+    def wheel_clearance(self) -> Occupancy:
+        """The map of free floor, where wheelchairs may reach under what has room for knees."""
+        return self._map(knees=True)
+
+    def _map(self, *, knees: bool) -> Occupancy:
+        outlines = self.plan.outline
+        bounds = Rectangle(
+            min(a.x0 for a in outlines),
+            min(a.y0 for a in outlines),
+            max(a.x1 for a in outlines),
+            max(a.y1 for a in outlines),
+        ).grown(BORDER)
+        things = [Obstacle(area, "wall") for area in self._walls()]
+        for placed in self.placed:
+            if placed.piece.blocks:
+                areas = [placed.footprint]
+                if knees:
+                    for knee in placed.piece.knee:
+                        areas = [p for a in areas for p in _less(a, knee.moved(placed.pose))]
+                things += [Obstacle(area, placed.name, placed.room) for area in areas]
+        return Occupancy(bounds, things)
+
+    def _walls(self) -> list[Rectangle]:
+        """Return the floor that walls, linings and open leaves take."""
+        out: list[Rectangle] = []
+        ways = [o for o in self.plan.openings.values() if o.kind != "window"]
+        for wall in self.plan.walls:
+            parts = [wall.area]
+            for opening in ways:
+                parts = [p for part in parts for p in _less(part, opening.gap)]
+            out += parts
+        for opening in ways:
+            out += _narrowing(opening)
+        return out
+
+    def way(self, width: float = WHEELCHAIR_WIDTH + HAND_ROOM) -> Way:
+        """Return the floor on which somebody `width` [m] wide can move."""
+        return Way(self.wheel_clearance, width)
+
+    def route(
+        self, start: str, goal: str, *, width: float = WHEELCHAIR_WIDTH + HAND_ROOM
+    ) -> Route | None:
+        """Return a way from room to room for a wheelchair, or None if there is none.
+
+        Args:
+            start: Name of a room.
+            goal: Name of a room.
+            width: Of what moves, with room for hands [m].
+
+        Raises:
+            UnknownNameError: If there is no such room.
+        """
+        return self.way(width).route(self.room(start).inside, self.room(goal).inside)
+
+    def reached(self, *, width: float = WHEELCHAIR_WIDTH + HAND_ROOM) -> tuple[str, ...]:
+        """Return the rooms in which a wheelchair that comes in by the entrance can stand.
+
+        Steps at the entrance keep it out of none: they are another matter, see the audit.
+        """
+        way = self.way(width)
+        entrances = [o for o in self.plan.openings.values() if o.kind == "entrance"]
+        regions: set[int] = set()
+        for entrance in entrances:
+            regions |= way.regions_in(self.room(entrance.rooms[0]).inside)
+        return tuple(
+            room.name for room in self.rooms() if way.regions_in(room.inside) & regions
+        )
+
+    def required_rooms(self) -> tuple[str, ...]:
+        """Return the rooms that everybody who lives there must be able to reach."""
+        return tuple(room.name for room in self.rooms() if room.kind in _NEEDED)
+
+    def spots(self, room: str) -> Mapping[str, Spot]:
+        """Return the named places of a room where an agent can be put, such as `beside_bed`."""
+        return spots_of(self, self.plan.room(room))
+
+    def spot(self, room: str, name: str) -> Pose:
+        """Return a named place of a room, in the house; x points where one looks.
+
+        Raises:
+            UnknownNameError: If there is no such room, or no such place in it.
+        """
+        spots = self.spots(room)
+        if name not in spots:
+            raise UnknownNameError(f"place in {room} of {self.name}", name, spots)
+        return spots[name].pose
+
+    def place(self, agent: Agent, room: str, spot: str, *, home: Pose = Pose()) -> Pose:
+        """Put an agent that is in a world at a named place, and return where that is in the world.
+
+        A robot stands there with its base; a person with the pelvis above the place, at the height
+        that it has.
+
+        Args:
+            agent: A robot or person, spawned already.
+            room: Name of the room.
+            spot: Name of the place, see `spots`.
+            home: Where the house stands in the world.
+
+        Raises:
+            UnknownNameError: If there is no such room or place.
+            ConfigError: If the agent is not in a world yet.
+        """
+        pose = home @ self.spot(room, spot)
+        if not isinstance(agent, Robot | Human) or not hasattr(agent, "body"):
+            raise ConfigError(f"{agent!r} is in no world yet: spawn it first")
+        if isinstance(agent, Robot):
+            agent.place(agent.mount("floor", pose, with_posture=False))
+        else:
+            pelvis = agent.body.base_pose()
+            yaw = math.atan2(pelvis.matrix()[1, 0], pelvis.matrix()[0, 0])
+            upright = Pose((0, 0, 0), tuple(quaternion_from_rpy(0, 0, yaw).tolist())).inverse()
+            lean = upright @ Pose((0, 0, 0), pelvis.quaternion)
+            x, y, z = pose.position
+            turned = Pose((x, y, z + pelvis.position[2]), pose.quaternion) @ lean
+            agent.place(turned)
+        return pose
+
+    def spawn(
+        self,
+        world: World,
+        *,
+        at: Pose = Pose(),
+        articulated: Collection[str] = (),
+        ceilings: bool = True,
+        wall_height: float | None = None,
+    ) -> BuiltHome:
+        """Put the house into a world.
+
+        Args:
+            world: The world.
+            at: Where the house's origin goes.
+            articulated: Rooms whose furniture and doors move; all else is one with its room, and its
+                doors stand open. `("*",)` for all.
+            ceilings: Whether it has ceilings; they hide the rooms from above.
+            wall_height: Where to cut walls for pictures [m]; at the ceiling if None.
+
+        Raises:
+            UnknownNameError: If there is no such room.
+        """
+        from .built import BuiltHome
+
+        rooms = tuple(self.plan.rooms) if tuple(articulated) == ("*",) else tuple(articulated)
+        for room in rooms:
+            self.plan.room(room)
+        return BuiltHome(self, world, at, rooms, ceilings=ceilings, wall_height=wall_height)
+
+
+def _less(area: Rectangle, hole: Rectangle) -> list[Rectangle]:
+    """Return what is left of `area` where `hole` is cut out, as rectangles."""
+    x0, y0 = max(area.x0, hole.x0), max(area.y0, hole.y0)
+    x1, y1 = min(area.x1, hole.x1), min(area.y1, hole.y1)
+    if x1 - x0 <= 1e-9 or y1 - y0 <= 1e-9:
+        return [area]
+    parts = [
+        (area.x0, area.y0, x0, area.y1),
+        (x1, area.y0, area.x1, area.y1),
+        (x0, area.y0, x1, y0),
+        (x0, y1, x1, area.y1),
+    ]
+    return [Rectangle(*p) for p in parts if p[2] - p[0] > 1e-9 and p[3] - p[1] > 1e-9]
+
+
+def _narrowing(opening: Opening) -> list[Rectangle]:
+    """Return the floor that the lining of a door takes, and its leaf that stands open."""
+    if opening.kind == "passage":
+        return []
+    half, deep = 0.5 * opening.width, 0.5 * opening.thickness
+    loss = opening.width - opening.clear_width
+    is_hinged = opening.hardware != "slider"
+    # Seen in the frame of the opening, the low end of the axis may be on either side.
+    x, y = opening.pose.matrix()[:2, 0]
+    along = (x if opening.axis == "x" else y) > 0
+    hinge = -1.0 if (opening.hinge == "low") == along else 1.0
+    thick = loss - 2 * 0.03 if is_hinged else 0.0
+    low, high = -half + 0.03, half - 0.03
+    if hinge < 0:
+        low += thick
+    else:
+        high -= thick
+    parts = [Rectangle(-half, -deep, low, deep), Rectangle(high, -deep, half, deep)]
+    if is_hinged:
+        at = -half + 0.03 if hinge < 0 else half - 0.03 - LEAF
+        parts.append(Rectangle(at, deep, at + LEAF, deep + opening.width - 2 * 0.03))
+    return [part.moved(opening.pose) for part in parts]
+
+
+__all__ = ["OUTSIDE", "CareHome", "home_names"]

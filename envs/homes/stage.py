@@ -1,0 +1,154 @@
+"""A place in a home where a task has room."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array, Pose, quaternion_from_rpy
+
+from .care_home import CareHome
+from .furnishing import Placed
+from .plan import Room
+from .rectangle import Rectangle
+
+if TYPE_CHECKING:
+    from rcare_marl.rendering import Camera
+    from rcare_marl.world import World
+
+    from .built import BuiltHome
+
+# What a helper would push aside to make room; everything else stays where it is. Our own choice.
+LIGHT = (
+    "armchair", "bench", "bin", "chair", "coffee_table", "dining_table", "exercise_mat", "floor_lamp",
+    "garden_table", "kitchen_island", "laundry_basket", "office_chair", "ottoman", "plant", "recliner",
+    "round_table", "side_table", "stool",
+)  # fmt: skip
+STEP = 0.1  # [m] between the places that are tried; own choice
+EYE_GAP = 0.12  # [m] that a camera stays away from walls; own choice
+QUARTERS = (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Where a task takes place.
+
+    Attributes:
+        home: The home, without what was pushed aside.
+        room: The room.
+        pose: Of the task's origin in the house.
+        aside: What was pushed aside to make room, by name.
+    """
+
+    home: CareHome
+    room: Room
+    pose: Pose
+    aside: tuple[str, ...]
+
+    def spawn(self, world: World) -> BuiltHome:
+        """Put the house into a world so that the task's origin is that of the world."""
+        return self.home.spawn(world, at=self.pose.inverse(), articulated=(self.room.name,))
+
+    def seen_from_inside(self, camera: Camera) -> Camera:
+        """Return a camera like the one given, moved along its view until it is in the room.
+
+        What it saw from farther away it sees by a wider angle.
+        """
+        eye, target = (
+            np.array((self.pose @ Pose(tuple(float(v) for v in point))).position)
+            for point in (camera.eye, camera.target)
+        )
+        inside = self.room.inside.grown(-EYE_GAP)
+        low, high = np.array((inside.x0, inside.y0)), np.array((inside.x1, inside.y1))
+        way = eye[:2] - target[:2]
+        share = 1.0
+        for start, length, a, b in zip(target[:2], way, low, high, strict=True):
+            if abs(length) > 1e-9:
+                share = min(share, max(((b if length > 0 else a) - start) / length, 0.2))
+        if share >= 1.0:
+            return camera
+        near = target + share * (eye - target)
+        back = (self.pose.inverse() @ Pose(tuple(near.tolist()))).position
+        half = math.tan(math.radians(0.5 * camera.fov_deg)) / share
+        fov = min(math.degrees(2 * math.atan(half)), 100.0)
+        return dataclasses.replace(camera, eye=(back[0], back[1], back[2]), fov_deg=fov)
+
+
+def find_stage(
+    home: CareHome, kinds: Sequence[str], footprint: Rectangle, *, room: str | None = None
+) -> Stage:
+    """Return where a task has room in a home: where least furniture is pushed aside for it.
+
+    Args:
+        home: The home.
+        kinds: Kinds of rooms that suit the task, the best first.
+        footprint: The free floor that it needs, about its origin [m].
+        room: The room to take; the first that suits if None.
+
+    Raises:
+        UnknownNameError: If there is no such room.
+        ConfigError: If the room does not suit the task, or none has the floor that it needs.
+    """
+    if room is not None:
+        rooms = [home.room(room)]
+        if rooms[0].kind not in kinds:
+            raise ConfigError(
+                f"{room!r} does not suit this task; rooms of {home.name} that do: "
+                f"{', '.join(r.name for r in home.rooms() if r.kind in kinds)}"
+            )
+    else:
+        rooms = [r for kind in kinds for r in home.rooms() if r.kind == kind]
+    for each in rooms:
+        found = _in_room(home, each, footprint)
+        if found is not None:
+            return found
+    tried = ", ".join(r.name for r in rooms) or "none of these kinds: " + ", ".join(kinds)
+    raise ConfigError(
+        f"no room in {home.name} at level {home.level} has {footprint.width:.1f} x "
+        f"{footprint.depth:.1f} m of free floor for this task; tried {tried}"
+    )
+
+
+def _in_room(home: CareHome, room: Room, footprint: Rectangle) -> Stage | None:
+    inside = room.inside.grown(-0.02)
+    standing = [p for p in home.furniture(room.name) if p.piece.blocks]
+    rows = np.array([_row(p.footprint) for p in standing]).reshape(-1, 4)
+    # Heavy things stay; of light ones the fewest and smallest are moved.
+    cost = np.array([1.0 + p.footprint.area if p.piece.kind in LIGHT else 1e6 for p in standing])
+    best: tuple[float, Pose, list[Placed]] | None = None
+    for yaw in QUARTERS:
+        turn = Pose((0, 0, 0), tuple(quaternion_from_rpy(0, 0, yaw).tolist()))
+        area = footprint.moved(turn)
+        xs = np.arange(inside.x0 - area.x0, inside.x1 - area.x1 + 1e-9, STEP)
+        ys = np.arange(inside.y0 - area.y0, inside.y1 - area.y1 + 1e-9, STEP)
+        if not len(xs) or not len(ys):
+            continue
+        at = np.stack([axis.ravel() for axis in np.meshgrid(xs, ys)], axis=1)
+        areas = _row(area) + np.concatenate((at, at), axis=1)
+        low = np.maximum(areas[:, None, :2], rows[None, :, :2])
+        high = np.minimum(areas[:, None, 2:], rows[None, :, 2:])
+        hit = ((high - low) > 1e-6).all(axis=2)
+        middle = np.abs(areas[:, :2] + areas[:, 2:] - np.array(inside.centre) * 2).sum(axis=1)
+        total = hit @ cost + 0.01 * middle  # of equal places the one in the middle of the room
+        i = int(total.argmin())
+        if total[i] < 1e5 and (best is None or total[i] < best[0]):
+            pose = Pose((float(at[i, 0]), float(at[i, 1]), 0.0), turn.quaternion)
+            best = float(total[i]), pose, [p for p, is_hit in zip(standing, hit[i], strict=True) if is_hit]
+    if best is None:
+        return None
+    aside = tuple(p.name for p in best[2])
+    kept = tuple(p for p in home.placed if p.name not in aside)
+    return Stage(dataclasses.replace(home, placed=kept), room, best[1], aside)
+
+
+def _row(area: Rectangle) -> Array:
+    return np.array((area.x0, area.y0, area.x1, area.y1))
+
+
+__all__ = ["LIGHT", "Stage", "find_stage"]
