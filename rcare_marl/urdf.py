@@ -31,7 +31,8 @@ class Shape:
     """A shape in the frame of its link. Lengths in metres.
 
     Attributes:
-        kind: `box`, `sphere`, `cylinder`, `capsule`; for the eye only `lathe`, `loft`, `tube`.
+        kind: `box`, `sphere`, `cylinder`, `capsule`; for the eye only `lathe`, `loft`, `tube`,
+            `quads`.
         material: Name of its colour in the model.
         at: Origin of the shape.
         rpy: Turn of the shape, fixed-axis roll, pitch, yaw [rad].
@@ -41,12 +42,12 @@ class Shape:
         length: Of a cylinder, or between the cap centres of a capsule; along z.
         profile: Of a lathe: (radius, z), see `mesh.lathe`.
         sections: Of a loft: (z, centre x, centre y, half width x, half width y).
-        points: Path of a tube; with two points, also the ends of a cylinder or capsule.
+        points: Path of a tube; the two ends of a cylinder or capsule; corners of quads, four by four.
         bend: Rounding of the corners of the path of a tube.
         scale: Stretch along the shape's own axes, for the eye only.
     """
 
-    kind: Literal["box", "sphere", "cylinder", "capsule", "lathe", "loft", "tube"]
+    kind: Literal["box", "sphere", "cylinder", "capsule", "lathe", "loft", "tube", "quads"]
     material: str = ""
     at: Triple = ZERO
     rpy: Triple = ZERO
@@ -62,10 +63,11 @@ class Shape:
 
     def __post_init__(self) -> None:
         needs = {"box": "size", "lathe": "profile", "loft": "sections", "tube": "points"}
+        needs["quads"] = "points"
         need = needs.get(self.kind, "radius")
         if not any(v for v in _flat(getattr(self, need))):
             raise ValueError(f"a {self.kind} needs `{need}`")
-        if self.points and self.kind not in ("tube", "cylinder", "capsule"):
+        if self.points and self.kind not in ("tube", "quads", "cylinder", "capsule"):
             raise ValueError(f"a {self.kind} has no `points`")
 
     def pose(self) -> Pose:
@@ -93,6 +95,7 @@ class Shape:
             "lathe": lambda: mesh.lathe(self.profile),
             "loft": lambda: mesh.loft(self.sections),
             "tube": lambda: mesh.tube(self.points, self.radius, self.bend),
+            "quads": lambda: mesh.quads(self.points),
         }
         made = makers[self.kind]()
         return Mesh(made.vertices * self.scale, made.faces).moved(self.pose())

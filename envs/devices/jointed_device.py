@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import pybullet as bullet
+
 from rcare_marl.agents.human import Human
 from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
@@ -14,6 +16,7 @@ from rcare_marl.world import World
 from .device import Device
 
 HOLD = 5000.0  # [N], of the bond between a person and what carries them; own choice
+CARRYING_ITERATIONS = 150  # of the solver: a person in a free chair creeps by 0.1 mm/s, not 2
 
 
 class JointedDevice(Device):
@@ -45,6 +48,8 @@ class JointedDevice(Device):
     def carry(self, person: Human, frame: str = "") -> Attachment:
         """Bond a person to what bears them, as by a belt, and return the bond.
 
+        The world's solver works more finely from then on.
+
         Args:
             person: Who rests on it already; spawned with `fixed_base=False`.
             frame: The frame that they rest on; that of the first of `postures` if empty.
@@ -61,6 +66,10 @@ class JointedDevice(Device):
         frame = frame or next(iter(self.postures.values()))[1]
         link = self._on.get(frame, "base")
         person.ignore(self.body)
+        # A heavy person on a light device: with few iterations of the solver it would creep.
+        bullet.setPhysicsEngineParameter(
+            numSolverIterations=CARRYING_ITERATIONS, physicsClientId=self._client
+        )
         return self._world.attach(self.body, link, person.body, force=HOLD)
 
 

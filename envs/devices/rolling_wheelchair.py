@@ -28,6 +28,7 @@ MARGIN = 0.001  # [m], by which Bullet thickens hulls that it reads from a file
 # Bullet rolls a cylinder of a URDF on 32 corners: it would stand still on a slope of 5.6 degrees. Four
 # quarters of 47 sides each stand still below 1 degree only.
 QUARTERS, STEPS = 4, 47
+REAR_SHARE = 0.6  # of the weight on the drive wheels, for rolling resistance; own choice
 FOOTREST_TORQUE, ARMREST_TORQUE = 4.0, 5.0  # [N·m], of a hand of 15 to 20 N; own choice
 
 
@@ -164,7 +165,7 @@ class ManualWheelchair(JointedDevice):
         wheel = made.hang(
             f"wheel_{side}", "frame", masses["wheel"], kind="continuous",
             at=(c.wheel_axle, y, radius), axis=(0.0, 1.0, 0.0), velocity=30.0,
-            effort=self.rolling.brake_torque, friction=self._drag(),
+            effort=self.rolling.brake_torque, friction=self._drags()["wheel"],
         )  # fmt: skip
         wheel.visual += frame.wheel(sign)
         rim = (
@@ -184,6 +185,7 @@ class ManualWheelchair(JointedDevice):
         caster = made.hang(
             f"caster_{side}", f"fork_{side}", masses["caster"], kind="continuous",
             at=frame.caster_hub(sign), axis=(0.0, 1.0, 0.0), velocity=100.0,
+            friction=self._drags()["caster"],
         )  # fmt: skip
         caster.visual += frame.caster(sign)
         small = 0.5 * c.caster_diameter
@@ -261,14 +263,20 @@ class ManualWheelchair(JointedDevice):
 
     def coast(self) -> None:
         """Let the wheels turn freely, but for their rolling resistance."""
-        self.body.drive_velocities(self._wheels(), [0.0, 0.0], [self._drag()] * 2)
+        drags = self._drags()
+        for kind, drag in drags.items():
+            wheels = self.body.indices(f"{kind}_{side}" for side in SIDES)
+            self.body.drive_velocities(wheels, [0.0, 0.0], [drag] * 2)
 
-    def _drag(self) -> float:
+    def _drags(self) -> dict[str, float]:
         """Return the torque of rolling resistance on each wheel [N·m]."""
         masses = self.rolling.masses
         own = masses["frame"] + 2 * sum(value for key, value in masses.items() if key != "frame")
-        weight = GRAVITY * (own + self._load)
-        return 0.25 * self.rolling.rolling_resistance * weight * self.config.wheel_diameter
+        each = 0.5 * self.rolling.rolling_resistance * GRAVITY * (own + self._load)
+        return {
+            "wheel": REAR_SHARE * each * 0.5 * self.config.wheel_diameter,
+            "caster": (1 - REAR_SHARE) * each * 0.5 * self.config.caster_diameter,
+        }
 
     def _wheels(self) -> list[int]:
         return self.body.indices(f"wheel_{side}" for side in SIDES)

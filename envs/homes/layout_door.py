@@ -18,6 +18,7 @@ CORNER = 100  # from the hinges to the corner, so that the handle does not strik
 BETWEEN = 100  # wall that is left between two openings
 FRONT = 400  # in front of an opening, where no leaf may swing
 WIDEST_PASSAGE = 2400
+KITCHEN_PASSAGE = 1400
 POCKET_SPARE = 50  # that a pocket is longer than the gap
 PASSAGE_HEAD = 2.2  # [m]
 _TRIES = 200_000
@@ -192,7 +193,9 @@ class Joiner:
     def _passages(self, request: Request, panel: Panel, run: Run) -> Iterator[Place]:
         low, high = panel.span
         length = high - low
-        width = min(length - 300, WIDEST_PASSAGE) if length > 1500 else length
+        is_kitchen = "kitchen" in (self._uses[room] for room in request.wish.between)
+        widest = KITCHEN_PASSAGE if is_kitchen else WIDEST_PASSAGE  # cupboards need walls
+        width = min(length - 300, widest) if length > 1500 else length
         if request.wish.width is not None:
             width = min(width, round(1000 * request.wish.width))
         if width < 1000 * self._rules.figure("passage_width"):

@@ -58,11 +58,11 @@ def least_size(use: str, rules: Rules) -> tuple[float, float]:
         return 2 * _UNITS + max(rules.figure("kitchen_aisle"), turn), _KITCHEN_RUN + knee
     if use == "living":
         return _SOFA_GROUP[0] + way, _SOFA_GROUP[1] + room
-    if use in ("lounge", "library", "playroom", "sunroom"):
+    if use == "lounge":
         return _SOFA_GROUP[0] + 0.2 * room, _SOFA_GROUP[0] + room
     if use == "dining":
         return _TABLE[0] + 2 * (_CHAIR + way) - 0.2, _TABLE[1] + 2 * _CHAIR + room
-    if use in ("study", "office", "gym", "workshop"):
+    if use in ("study", "office", "gym", "workshop", "library", "playroom", "sunroom"):
         return 1.4 + max(way, 0.8 * turn), 2.0 + way
     return {"closet": 0.8, "pantry": 0.9, "laundry": 0.9, "entry": 0.8}[use] + way, 1.2 + way
 

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .layout_tree import HALF, Cell
 from .plan import INNER_WALL, OUTER_WALL, OUTSIDE
 
 BEYOND = round(1000 * OUTER_WALL) - HALF  # [mm] of an outer wall beyond the line of the cells
+Grid = NDArray[np.bool_]
 _FREE, _WALL, _ROOM = -2, -1, 0  # rooms are counted from 0
 
 
@@ -136,29 +138,41 @@ class Masonry:
         return None
 
     def _runs(self) -> tuple[Run, ...]:
-        """Lay walls: the longest first, each as far as it goes straight; outer walls before inner."""
-        left = self._grid == _WALL
-        out = []
-        for panel in sorted(self.panels, key=lambda p: (p.rooms[1] != OUTSIDE, p.axis, p.span[0] - p.span[1], p.area)):
-            i, j = self._slices(panel.area)
-            if not left[i, j].all():
+        """Lay walls, each as far as it goes straight: outer before inner, then long before short."""
+        left, out = self._grid == _WALL, []
+        straight = {panel: self._straight(left, panel) for panel in self.panels}
+        for panel in sorted(
+            self.panels,
+            key=lambda p: (p.rooms[1] != OUTSIDE, -_length(straight[p], p.axis), p.axis, p.area),
+        ):
+            if not left[self._slices(panel.area)].all():
                 continue  # within a wall laid before
-            if panel.axis == "x":
-                i = _widened(left[:, j].all(axis=1), i)
-            else:
-                j = _widened(left[i, :].all(axis=0), j)
-            left[i, j] = False
-            area = Cell(self._xs[i.start], self._ys[j.start], self._xs[i.stop], self._ys[j.stop])
+            area = self._straight(left, panel)
+            left[self._slices(area)] = False
             out.append(Run(area, panel.axis, panel.rooms[1] == OUTSIDE))
         for area in _rectangles(left, self._xs, self._ys):
             axis: Literal["x", "y"] = "x" if area.x1 - area.x0 >= area.y1 - area.y0 else "y"
             out.append(Run(area, axis, self._is_outer(area)))
         return tuple(out)
 
+    def _straight(self, left: Grid, panel: Panel) -> Cell:
+        """Return a stretch of wall, made longer both ways as far as there is wall left."""
+        i, j = self._slices(panel.area)
+        if panel.axis == "x":
+            i = _widened(left[:, j].all(axis=1), i)
+        else:
+            j = _widened(left[i, :].all(axis=0), j)
+        return Cell(self._xs[i.start], self._ys[j.start], self._xs[i.stop], self._ys[j.stop])
+
     def _is_outer(self, area: Cell) -> bool:
         i, j = self._slices(area)
         around = np.pad(self._grid, 1, constant_values=_FREE)[i.start : i.stop + 2, j.start : j.stop + 2]
         return bool((around == _FREE).any())
+
+
+def _length(area: Cell, axis: str) -> int:
+    low, high = span(area, axis)
+    return high - low
 
 
 def _behind(inside: Cell, step: tuple[int, int], start: int, end: int, depth: float) -> Cell:
@@ -171,7 +185,7 @@ def _behind(inside: Cell, step: tuple[int, int], start: int, end: int, depth: fl
     return Cell(x[0], start, x[1], end)
 
 
-def _widened(free: np.ndarray, part: slice) -> slice:
+def _widened(free: Grid, part: slice) -> slice:
     """Return a slice grown both ways as far as all is free."""
     start, stop = part.start, part.stop
     while start > 0 and free[start - 1]:
@@ -181,7 +195,7 @@ def _widened(free: np.ndarray, part: slice) -> slice:
     return slice(start, stop)
 
 
-def _rectangles(mask: np.ndarray, xs: list[int], ys: list[int]) -> tuple[Cell, ...]:
+def _rectangles(mask: Grid, xs: list[int], ys: list[int]) -> tuple[Cell, ...]:
     """Return rectangles without overlap that fill what is marked on a grid."""
     left, out = mask.copy(), []
     while left.any():

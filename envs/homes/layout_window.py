@@ -112,7 +112,7 @@ def _leaf(door: Place) -> Cell:
 def _fit(low: int, high: int, sash: Sash) -> list[tuple[int, int]]:
     """Return starts and widths of windows in a stretch of wall [mm]: one, or two in a long one."""
     length = high - low
-    if length >= 2 * sash.widest + 2 * _MARGIN + _APART and sash.widest > 1000:
+    if length >= 2 * sash.widest + 2 * _MARGIN + _APART and sash.widest >= 1800:
         step = length // 2
         return [(low + k * step + (step - sash.widest) // 2, sash.widest) for k in range(2)]
     width = min(sash.widest, (length - 2 * _MARGIN) // 50 * 50)

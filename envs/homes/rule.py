@@ -24,7 +24,7 @@ class Rule:
         allowed_2: Least and greatest value that level 2 allows, null for no bound; words for choices.
         allowed_3: The same for level 3.
         source: Where the figures are from.
-        verified: Whether the source was seen, not remembered.
+        verified: Whether the figures credited to others at levels 2 and 3 were seen, not remembered.
     """
 
     title: str
@@ -38,17 +38,51 @@ class Rule:
     def __post_init__(self) -> None:
         if len(self.built) != len(LEVELS):
             raise ConfigError(f"a rule has one figure for each level, got {self.built}")
+        for allowed in (self.allowed_2, self.allowed_3):
+            if self.unit == "choice":
+                is_sound = bool(allowed) and all(isinstance(word, str) for word in allowed)
+            else:
+                is_sound = len(allowed) == 2 and not any(isinstance(end, str) for end in allowed)
+            if not is_sound:
+                raise ConfigError(
+                    f"a rule allows words, or a least and a greatest value, got {list(allowed)} "
+                    f"for {self.title!r} in {self.unit}"
+                )
 
-    def allows(self, value: float | str, level: int) -> bool:
-        """Return whether a value obeys the rule of a level; level 1 allows everything."""
+    def allows(self, value: float | str | None, level: int) -> bool:
+        """Return whether a value obeys the rule of a level; level 1 allows everything.
+
+        Nothing of the kind, None, is allowed where the rule has no bounds.
+        """
         if level == 1:
             return True
-        allowed = self.allowed_2 if level == 2 else self.allowed_3
-        if isinstance(value, str):
+        allowed = self._allowed(level)
+        if self.unit == "choice":
             return value in allowed
-        low, high = allowed
-        assert not isinstance(low, str) and not isinstance(high, str)
+        low, high = (None if end is None else float(end) for end in allowed)
+        if value is None:
+            return low is None and high is None
+        if isinstance(value, str):
+            raise ConfigError(f"the rule on {self.title!r} is about a number, got {value!r}")
         return (low is None or value >= low - 1e-6) and (high is None or value <= high + 1e-6)
+
+    def bounds(self, level: int) -> str:
+        """Return in words what a level allows, such as `at least 0.815 m`."""
+        if level == 1:
+            return "anything"
+        allowed = self._allowed(level)
+        if self.unit == "choice":
+            return " or ".join(str(word).replace("_", " ") for word in allowed)
+        low, high = allowed
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if low is None and high is None:
+            return "anything"
+        if low is None:
+            return f"at most {high:g}{unit}"
+        return f"at least {low:g}{unit}" if high is None else f"{low:g} to {high:g}{unit}"
+
+    def _allowed(self, level: int) -> tuple[float | str | None, ...]:
+        return self.allowed_2 if level == 2 else self.allowed_3
 
 
 class Rules(Mapping[str, Rule]):

@@ -271,6 +271,33 @@ def gallery(
 
 
 @app.command()
+def home(
+    name: Annotated[str, typer.Argument(metavar="HOUSE", help="Such as house_07.")],
+    level: Annotated[
+        int, typer.Option(min=1, max=3, help="1 usual, 2 partially barrier-free, 3 barrier-free.")
+    ] = 1,
+    room: Annotated[
+        list[str] | None,
+        typer.Option("--room", help="Draw this room as well; may be given several times."),
+    ] = None,
+    way: Annotated[
+        tuple[str, str] | None,
+        typer.Option("--way", metavar="FROM TO", help="Draw a wheelchair's way between two rooms."),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Where to leave the pictures.")
+    ] = Path("runs") / "homes",
+) -> None:
+    """Draw a house, its plan and a perspective, and say what keeps a wheelchair out.
+
+    Example: rcare-marl home house_07 --level 3 --way bedroom_1 kitchen_1
+    """
+    from . import housing
+
+    housing.show(name, level, rooms=room or (), way=way, output=output)
+
+
+@app.command()
 def play(
     task: Task,
     policy: PolicyName = "scripted",

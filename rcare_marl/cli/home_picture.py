@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.envs.homes.care_home import CareHome
+from rcare_marl.envs.homes.cutaway import cutaway
 from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.rendering import Camera, make_renderer
 from rcare_marl.world import World
@@ -51,7 +52,7 @@ def room_perspective(
     corner = view or _best_corner(home, room)
     world = World()
     try:
-        home.spawn_room(world, room, open_sides=corner)
+        cutaway(home, room, corner).spawn(world, ceilings=False, wall_height=ROOM_CUT)
         x = -1.0 if "w" in corner else 1.0
         y = -1.0 if "s" in corner else 1.0
         camera = framed(inside, 1.6, (0.8 * x, y, 0.85), fov_deg=32.0, width=width, height=height)

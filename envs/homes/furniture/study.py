@@ -128,13 +128,14 @@ def make_piano(setting: Setting) -> Piece:
             y = -keys + (k + 1) * 2 * keys / 36
             piano.board((0.43, y - 0.008, 0.7), (0.52, y + 0.008, 0.71), "black", solid=False)
     # The lid lies over the keys; friction holds it wherever it is left.
-    piano.moving("lid", "revolute", (0.37, 0.0, 0.775), (0.0, -1.0, 0.0), math.radians(100.0), density=300.0,
+    piano.moving("lid", "revolute", (0.39, 0.0, 0.775), (0.0, -1.0, 0.0), math.radians(88.0), density=300.0,
                  damping=0.3, friction=1.9)  # fmt: skip
-    piano.board((0.37, -keys, 0.765), (0.595, keys, 0.78), "wood_dark", link="lid")
+    piano.board((0.39, -keys, 0.765), (0.595, keys, 0.78), "wood_dark", link="lid")
+    piano.board((0.34, -keys, 0.76), (0.386, keys, 0.78), "wood_dark")
     piano.mark("handle_lid", (0.595, 0.0, 0.77), "front edge of the lid")
     for y in (-0.05, 0.05):
         piano.rod([(0.34, y, 0.05), (0.44, y, 0.04)], 0.012, "brass")
-    piano.board((0.35, -0.32, 0.93), (0.37, 0.32, 1.12), "paper", solid=False)
+    piano.board((0.34, -0.32, 0.9), (0.355, 0.32, 1.12), "paper", solid=False)
     top = setting.rules.figure("seat_height") + 0.03
     piano.board((0.85, -0.4, top - 0.06), (1.18, 0.4, top), "rubber", bevel=0.02)
     piano.legs(Rectangle(0.87, -0.37, 1.16, 0.37), top - 0.06, 0.05, "wood_dark")

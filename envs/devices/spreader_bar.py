@@ -1,0 +1,238 @@
+"""The spreader bar of a lift: it hangs, turns, and carries a person in a sling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rcare_marl import assets, inertia
+from rcare_marl.agents.body.skeleton import JOINT_INDEX, SIDES
+from rcare_marl.attachment import Attachment
+from rcare_marl.body import Body
+from rcare_marl.config import load
+from rcare_marl.errors import ConfigError, WorldError
+from rcare_marl.pose import Pose
+from rcare_marl.urdf import Joint, Link, Shape, Triple
+from rcare_marl.world import World
+
+from .device import Frame
+from .sling import Sling, SlingConfig
+
+if TYPE_CHECKING:
+    from rcare_marl.agents.human import Human
+
+LINK = "spreader_bar"
+HINGES = ("bar_pitch", "bar_roll", "bar_turn")
+TUBE = 0.014  # radius of the tubes of the bar [m]; our own choice
+_HOLD = 20.0  # the sling bears this many times the weight of who hangs in it; our own choice
+_LEG_SHARE = 0.25  # of the weight that a leg strap bears at most; our own choice
+_YOKE = 0.35  # mass of each part of the joint [kg]; our own choice
+_DAMPING = 0.05  # of its hinges [N·m·s/rad]; our own choice
+
+
+@dataclass(frozen=True)
+class BarConfig:
+    """Figures of a spreader bar [m].
+
+    Attributes:
+        width: Between the hooks of the two sides.
+        reach: Of the hooks before and behind the bar.
+        drop: From the pivot down to the hooks.
+        mass: Of the bar [kg].
+        sling_drop: From the hooks down to the seat of the sling.
+        sling_back: From the bar back to where the seat and the reclined back of the sling meet.
+        friction: Of the joints of the bar [N·m], empty and with a person.
+        swing_deg: How far the bar swings each way [deg].
+    """
+
+    width: float
+    reach: float
+    drop: float
+    mass: float
+    sling_drop: float
+    sling_back: float
+    friction: tuple[float, float]
+    swing_deg: float = 65.0
+
+    def __post_init__(self) -> None:
+        least = min(self.width, self.reach, self.drop, self.mass, self.sling_drop)
+        if least <= 0 or min(self.friction) < 0 or not 0 < self.swing_deg < 90:
+            raise ConfigError("lengths and mass of a spreader bar must be positive")
+
+
+class SpreaderBar:
+    """The bar that a lift hangs its sling on: x where the person looks, origin between the hooks.
+
+    It pitches and rolls as what hangs from it wants, and turns; friction stills it.
+
+    Frames: `bar`, `sling` (where the seat and the reclined back of the sling meet, as
+    `body.posture.pelvis_pose` wants it), `hook_left_front`, `hook_left_back`, and so on the right.
+
+    Attributes:
+        config: Its figures.
+        sling: What hangs on it.
+        person: Who hangs in the sling, if anybody.
+    """
+
+    def __init__(self, config: BarConfig, sling: str) -> None:
+        """Prepare a bar with the sling of that name; UnknownNameError if there is none."""
+        self.config = config
+        self.sling = Sling(load(SlingConfig, assets.find("devices", sling)))
+        self.person: Human | None = None
+        self._bonds: list[Attachment] = []
+
+    @property
+    def hooks(self) -> dict[str, Triple]:
+        """Where the loops of the sling hang, in the frame of the bar [m]."""
+        c = self.config
+        return {
+            f"hook_{side}_{end}": (along * c.reach, across * 0.5 * c.width, 0.0)
+            for side, across in (("left", 1), ("right", -1))
+            for end, along in (("front", 1), ("back", -1))
+        }
+
+    @property
+    def frames(self) -> dict[str, Frame]:
+        """Named places, in the frame of the bar."""
+        c = self.config
+        out = {
+            "bar": Frame((0.0, 0.0, 0.0), note="between the hooks"),
+            "sling": Frame(
+                (-c.sling_back, 0.0, -c.sling_drop), note="where seat and back of the sling meet"
+            ),
+        }
+        return out | {name: Frame(at, note="a hook") for name, at in self.hooks.items()}
+
+    def links(self) -> dict[str, Link]:
+        """Return the links that hang below a pivot."""
+        c = self.config
+        half, low = 0.5 * c.width, 0.02
+        visual = [
+            Shape(kind="tube", material="dark", radius=TUBE, bend=0.05,
+                  points=((0, -half, 0.03), (0, -0.3 * half, 0.06), (0, 0.3 * half, 0.06),
+                          (0, half, 0.03))),
+            Shape(kind="cylinder", material="steel", radius=0.022,
+                  points=((0, 0, 0.045), (0, 0, c.drop - 0.03))),
+            Shape(kind="box", material="accent", at=(0, 0, 0.06), size=(0.05, 0.09, 0.05),
+                  bevel=0.012),
+        ]  # fmt: skip
+        for side in (1, -1):
+            y = side * half
+            visual.append(Shape(
+                kind="tube", material="dark", radius=TUBE, bend=0.03,
+                points=((-c.reach, y, -0.005), (-c.reach - 0.012, y, low), (-0.7 * c.reach, y, 0.03),
+                        (0.7 * c.reach, y, 0.03), (c.reach + 0.012, y, low), (c.reach, y, -0.005)),
+            ))  # fmt: skip
+        size = (2 * TUBE, c.width, 0.05)
+        solid = [Shape(kind="box", at=(0, 0, 0.045), size=size)]
+        solid += [
+            Shape(kind="box", at=(0, side * half, 0.015), size=(2 * c.reach + 0.04, 2 * TUBE, 0.04))
+            for side in (1, -1)
+        ]
+        box = (2 * c.reach, c.width, 0.06)
+        bar = Link(
+            c.mass, (0.0, 0.0, 0.03), inertia.of_box(c.mass, box), tuple(visual), tuple(solid)
+        )
+        yoke = inertia.of_box(_YOKE, (0.07, 0.07, 0.07))
+        fork = Shape(kind="box", material="steel", size=(0.045, 0.06, 0.07), bevel=0.01)
+        return {
+            "bar_fork": Link(_YOKE, inertia=yoke, visual=(fork,)),
+            "bar_yoke": Link(_YOKE, inertia=yoke),
+            LINK: bar,
+        }
+
+    def joints(self, parent: str, at: Triple, turn: float = 0.0) -> dict[str, Joint]:
+        """Return the joints from `parent` down to the bar.
+
+        Args:
+            parent: Link that carries the pivot.
+            at: The pivot in the frame of that link [m].
+            turn: Turn of the bar about the vertical at rest [rad].
+        """
+        swing = float(np.radians(self.config.swing_deg))
+        swings = {"lower": -swing, "upper": swing, "effort": 50.0, "velocity": 6.0}
+        swings |= {"damping": _DAMPING}
+        down = (0.0, 0.0, -self.config.drop)
+        return {
+            "bar_pitch": Joint("revolute", parent, "bar_fork", at, axis=(0.0, 1.0, 0.0), **swings),
+            "bar_roll": Joint("revolute", "bar_fork", "bar_yoke", axis=(1.0, 0.0, 0.0), **swings),
+            "bar_turn": Joint(
+                "continuous", "bar_yoke", LINK, down, (0.0, 0.0, turn), effort=50.0, velocity=6.0,
+                damping=_DAMPING,
+            ),
+        }  # fmt: skip
+
+    def join(self, world: World, body: Body) -> None:
+        """Take up work on the body of a lift that was loaded into `world`."""
+        self._world, self._body = world, body
+        self._hinges = body.indices(HINGES)
+        self.sling.hang(world, body, LINK, self.hooks)
+
+    def settle(self) -> None:
+        """Set the friction of the joints: motors do not return with a snapshot."""
+        if any(not bond.is_active for bond in self._bonds):  # the world was rewound
+            self.release()
+        empty, laden = self.config.friction
+        self._body.release_motors(self._hinges, empty if self.person is None else laden)
+
+    def frame_in_world(self, name: str) -> Pose:
+        """Return the present pose of one of `frames` in the world."""
+        return self._body.link_pose(self._body.link_index(LINK)) @ self.frames[name].pose
+
+    def carry(self, person: Human, *, limit: float) -> None:
+        """Put the sling round a person and hang it on the bar, as the person is now.
+
+        Args:
+            person: Who; with a free pelvis.
+            limit: Greatest weight [kg].
+
+        Raises:
+            WorldError: If somebody hangs there already.
+            ConfigError: If the pelvis is held in place, or the person is too heavy.
+        """
+        if self.person is not None:
+            raise WorldError(f"{self.person.name!r} hangs in the sling already: release them first")
+        if not person.body.is_movable:
+            raise ConfigError(
+                f"the pelvis of {person.name!r} is held in place: make them with fixed_base=False"
+            )
+        if person.avatar.mass_kg > limit:
+            raise ConfigError(
+                f"{person.name!r} weighs {person.avatar.mass_kg} kg, the lift bears {limit} kg"
+            )
+        weight = 9.81 * person.avatar.mass_kg
+        world, bar, body = self._world, self._body, person.body
+        self._bonds = [world.attach(bar, LINK, body, force=_HOLD * weight)]
+        here = bar.link_pose(bar.link_index(LINK)).inverse()
+        for side in SIDES:  # leg flaps bear the thighs, where the hips can move
+            hip, knee = (person.joint_pose(f"{side}_{joint}") for joint in ("hip", "knee"))
+            link = person.frames[JOINT_INDEX[f"{side}_hip"]].link
+            if link != person.frames[0].link:
+                middle = 0.5 * (np.array(hip.position) + np.array(knee.position))
+                at = (here @ Pose(tuple(middle.tolist()))).position
+                self._bonds.append(
+                    world.attach(
+                        bar, LINK, body, force=_LEG_SHARE * weight,
+                        child_link=body.link_names[link], pivot=at,
+                    )
+                )  # fmt: skip
+        self.person = person
+        self.sling.drape(person)
+        self.settle()
+
+    def release(self) -> None:
+        """Take the loops off the hooks; nothing happens if nobody hangs there."""
+        for bond in self._bonds:
+            self._world.detach(bond)
+        self._bonds, self.person = [], None
+        self.sling.clear()
+        self.settle()
+
+    def load(self) -> float:
+        """Return what the sling bears [N], at the last physics step."""
+        return self._bonds[0].load() if self._bonds else 0.0
+
+
+__all__ = ["HINGES", "LINK", "BarConfig", "SpreaderBar"]

@@ -1,0 +1,15 @@
+"""All houses at all levels, built once for all tests that walk through them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from rcare_marl.envs.homes.care_home import CareHome, home_names
+
+ALL = [(name, level) for name in home_names() for level in (1, 2, 3)]
+
+
+@lru_cache(maxsize=48)
+def built(name: str, level: int) -> CareHome:
+    """Return a home; the same one to all tests."""
+    return CareHome.load(name, level=level)

@@ -1,0 +1,110 @@
+"""Furnished houses: what stands where, who gets where, and houses in worlds."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+from house_levels import ALL, built
+
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.avatar import load_avatar, load_posture
+from rcare_marl.envs.homes.care_home import CareHome, home_names
+from rcare_marl.envs.homes.furnishing import doorway
+from rcare_marl.envs.homes.recipe import recipe_for
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.pose import Pose
+from rcare_marl.world import World
+
+PAPER = {  # the RCareWorld paper, section on CareHomes
+    "kitchen": 17, "bedroom": 59, "bathroom": 70, "living": 17, "dining": 16, "lounge": 18, "other": 41,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_the_houses_have_the_rooms_of_the_paper(level: int) -> None:
+    assert len(home_names()) == 16
+    kinds = Counter(room.kind for name in home_names() for room in built(name, level).rooms())
+    assert kinds == PAPER
+
+
+@pytest.mark.parametrize(("name", "level"), ALL)
+def test_furniture_stands_in_its_room_and_in_nothing_else(name: str, level: int) -> None:
+    home = built(name, level)
+    for room in home.rooms():
+        standing = [p for p in home.furniture(room.name) if p.piece.blocks]
+        for i, placed in enumerate(standing):
+            assert room.inside.contains(placed.footprint, by=1e-4), placed.name
+            for other in standing[:i]:
+                assert not placed.footprint.overlaps(other.footprint, by=1e-4), (
+                    placed.name,
+                    other.name,
+                )
+
+
+@pytest.mark.parametrize(("name", "level"), ALL)
+def test_doors_open_without_striking_furniture(name: str, level: int) -> None:
+    home = built(name, level)
+    for opening in home.plan.openings.values():
+        if opening.kind == "window":
+            continue
+        for room in opening.rooms:
+            if room not in home.plan.rooms:
+                continue
+            area = doorway(opening, room, home.rules.figure("passage_width"))
+            for placed in home.furniture(room):
+                assert not (placed.piece.blocks and placed.footprint.overlaps(area, by=1e-4)), (
+                    opening.name,
+                    placed.name,
+                )
+
+
+@pytest.mark.parametrize(("name", "level"), ALL)
+def test_rooms_have_what_they_are_for(name: str, level: int) -> None:
+    home = built(name, level)
+    for room in home.rooms():
+        kinds = {placed.piece.kind for placed in home.furniture(room.name)}
+        for entry in recipe_for(room.use).at_level(level, room.inside.area):
+            assert not entry.required or entry.piece in kinds, (room.name, entry.piece)
+
+
+@pytest.mark.parametrize("name", home_names())
+def test_a_wheelchair_reaches_every_required_room_at_level_3_and_fewer_at_level_1(
+    name: str,
+) -> None:
+    usual, free = built(name, 1), built(name, 3)
+    assert set(free.required_rooms()) <= set(free.reached())
+    assert len(set(usual.required_rooms()) & set(usual.reached())) < len(usual.required_rooms())
+
+
+def test_a_home_is_the_same_each_time() -> None:
+    again = CareHome.load("house_01", level=2)
+    assert repr(again.placed) == repr(built("house_01", 2).placed)
+
+
+def test_unknown_houses_rooms_and_places_are_named() -> None:
+    home = built("house_01", 1)
+    with pytest.raises(UnknownNameError, match="house_01"):
+        CareHome.load("house_1")
+    with pytest.raises(ConfigError, match="level must be 1"):
+        CareHome.load("house_01", level=4)
+    with pytest.raises(UnknownNameError, match="kitchen"):
+        home.rooms("kitchn")
+    with pytest.raises(UnknownNameError, match="bedroom_1"):
+        home.route("bedrom_1", "kitchen_1")
+    with pytest.raises(UnknownNameError, match="beside_bed"):
+        home.spot("bedroom_1", "beside_bd")
+
+
+def test_a_person_is_placed_beside_the_bed_on_free_floor() -> None:
+    home = built("house_01", 3)
+    world = World()
+    person = Human("caregiver", load_avatar("caregiver"), posture=load_posture("standing"))
+    person.spawn(world, Pose())
+    height = person.body.base_pose().position[2]
+    pose = home.place(person, "bedroom_1", "beside_bed")
+    x, y, z = person.body.base_pose().position
+    assert (x, y) == pytest.approx(pose.position[:2], abs=0.02)
+    assert z == pytest.approx(height, abs=0.01)
+    assert home.clearance.clearance(x, y) > 0.2
+    world.close()
