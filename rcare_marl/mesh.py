@@ -96,20 +96,11 @@ def loft(sections: Sequence[Sequence[float]], segments: int = 36) -> Mesh:
     return _skin([ends[0], *rings, ends[1]])
 
 
-_CUBE = np.array([(x, y, z) for z in (-1.0, 1.0) for y in (-1.0, 1.0) for x in (-1.0, 1.0)])
-_CUBE_FACES = np.array(
-    [(0, 3, 1), (0, 2, 3), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4),
-     (2, 7, 3), (2, 6, 7), (0, 6, 2), (0, 4, 6), (1, 3, 7), (1, 7, 5)]
-)  # fmt: skip
-
-
 def box(size: Vector, bevel: float = 0.0, steps: int = 4) -> Mesh:
     """Return a box with edges `size` [m], shape [3], rounded by the radius `bevel` [m]."""
     half = 0.5 * np.asarray(size, np.float64)
     if bevel <= 0:
         return Mesh(half * _CORNERS, _SIDES)
-    if bevel <= 0:  # by far the most frequent: a house has thousands
-        return Mesh(_CUBE * half, _CUBE_FACES)
     radius = min(bevel, float(half.min()) * 0.999)
     quarter = np.linspace(0, np.pi / 2, steps + 1)
     rings = []

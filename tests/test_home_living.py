@@ -97,7 +97,7 @@ def test_pieces_are_frugal(show: Show) -> None:
     for kind, piece in show.pieces.items():
         links = piece.model.links.values()
         assert sum(len(link.collision) for link in links) <= 40, kind
-        assert sum(len(shape.mesh().faces) for link in links for shape in link.visual) <= 4000, kind
+        assert sum(len(shape.mesh().faces) for link in links for shape in link.visual) <= 3500, kind
 
 
 def test_heights_that_are_claimed_are_those_that_rays_meet(show: Show) -> None:

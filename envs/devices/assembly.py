@@ -65,6 +65,7 @@ class Assembly:
         velocity: float = 1.0,
         damping: float = 0.0,
         friction: float = 0.0,
+        joint: str = "",
     ) -> Part:
         """Hang a link on a joint, both called `name`, and return it.
 
@@ -81,10 +82,11 @@ class Assembly:
             velocity: Greatest speed [rad/s or m/s].
             damping: As in `urdf.Joint`.
             friction: As in `urdf.Joint`.
+            joint: Name of the joint, if it is another.
         """
         base = self.parts[parent].origin
         self.parts[name] = Part(mass, origin=at)
-        self.joints[name] = Joint(
+        self.joints[joint or name] = Joint(
             kind=kind, parent=parent, child=name, axis=axis, lower=lower, upper=upper,
             at=(at[0] - base[0], at[1] - base[1], at[2] - base[2]),
             effort=effort, velocity=velocity, damping=damping, friction=friction,

@@ -27,6 +27,7 @@ Rgba = tuple[float, float, float, float]
 # How finely the fabric is drawn, and how taut it lies; our own choice.
 _BACK, _FLAP = (30, 25), (10, 19)  # rows along the body, columns round it
 _SLAB = 0.05  # half thickness of the slice of the body that a row of fabric goes round [m]
+_TURNS = 72  # directions in which a slice of the body is measured
 _PULLS = 3  # times that the rows are smoothed
 _LOOP = 0.22  # of a strap, that is coloured
 _ARMS, _HANDS = ("shoulder",), ("elbow", "wrist", "index", "middle", "ring", "pinky", "thumb")
@@ -38,6 +39,7 @@ class SlingConfig:
 
     Attributes:
         source: Where the figures are from.
+        mass: Of the fabric and its straps [kg].
         posture: How a person hangs in it (`assets/postures`).
         head_support: Whether it bears the head.
         holds_arms: Whether the arms lie inside the fabric.
@@ -55,6 +57,7 @@ class SlingConfig:
     """
 
     source: str
+    mass: float
     posture: str
     head_support: bool
     holds_arms: bool
@@ -200,13 +203,12 @@ def _worn(
     back = parts[0][0]
     neck = round(0.36 * (len(back) - 1)) if config.head_support else 1
     anchors = []
-    for side, column, before in zip(SIDES, (0, -1), (1, -2), strict=True):
+    for side, column, before in zip(SIDES, (-1, 0), (-2, 1), strict=True):
         anchors.append((back[neck, column], back[neck, before], hooks[f"hook_{side}_back"]))
     for side in SIDES:
         flap = _flap(config, surface, owner, joints, side)
         parts.append((flap, config.fabric))
-        end = flap[-2:, -1] if side == "left" else flap[-2:, -1]
-        anchors.append((end[0], end[1], hooks[f"hook_{side}_front"]))
+        anchors.append((flap[-1, -1], flap[-2, -1], hooks[f"hook_{side}_front"]))
     return _join(config, [part[0] for part in parts], anchors)
 
 
@@ -281,8 +283,8 @@ def _wrapped(
 ) -> Array:
     """Return fabric that lies round a surface, row by row across a path, shape [rows, columns, 3].
 
-    A point of the fabric lies as far out as the body reaches in that direction, so the fabric spans
-    hollows as it would when it is taut. Angles [rad] go from below or behind towards the left.
+    Each row lies on the convex hull of a slice of the body, so that it spans hollows as taut fabric
+    does. Angles [rad] go from below or behind towards the left.
     """
     sideways = np.array((1.0, 0.0, 0.0))
     outward = np.cross(sideways, tangents)
@@ -293,18 +295,25 @@ def _wrapped(
     ways = (
         np.cos(angles)[:, :, None] * outward[:, None] + np.sin(angles)[:, :, None] * sides[:, None]
     )
-    far = np.zeros(angles.shape)
+    far = np.full(angles.shape, np.nan)
+    every = np.linspace(-np.pi, np.pi, _TURNS, endpoint=False)
+    circle = np.column_stack((np.cos(every), np.sin(every)))
     for k, (middle, tangent) in enumerate(zip(middles, tangents, strict=True)):
         arms = surface - middle
         slab = arms[np.abs(arms @ tangent) < _SLAB]
-        far[k] = (slab @ ways[k].T).max(axis=0) if len(slab) else np.nan
+        if len(slab):
+            flat = np.column_stack((slab @ outward[k], slab @ sides[k]))
+            support = np.maximum((flat @ circle.T).max(axis=0), 0.02)
+            lean = np.cos(angles[k][:, None] - every)
+            ahead = lean > 0.05
+            far[k] = np.where(ahead, support / np.where(ahead, lean, 1.0), np.inf).min(axis=1)
     rows = np.arange(len(far))
     for column in far.T:
         known = np.isfinite(column)
         column[:] = np.interp(rows, rows[known], column[known])
-    for _ in range(_PULLS):
-        far[1:-1] = np.maximum(far[1:-1], 0.25 * far[:-2] + 0.5 * far[1:-1] + 0.25 * far[2:])
     out: Array = middles[:, None] + (far + config.gap)[:, :, None] * ways
+    for _ in range(_PULLS):
+        out[1:-1] = 0.25 * out[:-2] + 0.5 * out[1:-1] + 0.25 * out[2:]
     return out
 
 
@@ -345,7 +354,7 @@ def _strap(config: SlingConfig, a: Array, b: Array, hook: Array) -> tuple[Array,
     """Return points and colours of a strap from the edge at `a`, towards `b`, to a hook."""
     across = (b - a) / np.linalg.norm(b - a) * config.strap_width
     start = np.array((a, a + across))
-    top = np.array((hook - 0.3 * across, hook + 0.3 * across))
+    top = np.array((hook - 0.4 * across, hook + 0.4 * across))
     shares = (0.0, 1 - _LOOP, 1 - _LOOP + 0.001, 1.0)
     rows = [(1 - s) * start + s * top for s in shares]
     paint = np.array([config.strap] * 4 + [config.loop] * 4)

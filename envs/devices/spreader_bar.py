@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rcare_marl import assets, inertia
-from rcare_marl.agents.body.skeleton import JOINT_INDEX, SIDES
 from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
 from rcare_marl.config import load
@@ -27,7 +26,6 @@ LINK = "spreader_bar"
 HINGES = ("bar_pitch", "bar_roll", "bar_turn")
 TUBE = 0.014  # radius of the tubes of the bar [m]; our own choice
 _HOLD = 20.0  # the sling bears this many times the weight of who hangs in it; our own choice
-_LEG_SHARE = 0.25  # of the weight that a leg strap bears at most; our own choice
 _YOKE = 0.35  # mass of each part of the joint [kg]; our own choice
 _DAMPING = 0.05  # of its hinges [N·m·s/rad]; our own choice
 
@@ -135,12 +133,17 @@ class SpreaderBar:
         bar = Link(
             c.mass, (0.0, 0.0, 0.03), inertia.of_box(c.mass, box), tuple(visual), tuple(solid)
         )
+        sling = self.sling.config
+        fold = (2 * c.reach, c.width, sling.idle_depth)
+        fabric = Link(sling.mass, (0.0, 0.0, -0.6 * sling.idle_depth),
+                      inertia.of_box(sling.mass, fold))  # fmt: skip
         yoke = inertia.of_box(_YOKE, (0.07, 0.07, 0.07))
         fork = Shape(kind="box", material="steel", size=(0.045, 0.06, 0.07), bevel=0.01)
         return {
             "bar_fork": Link(_YOKE, inertia=yoke, visual=(fork,)),
             "bar_yoke": Link(_YOKE, inertia=yoke),
             LINK: bar,
+            "sling": fabric,
         }
 
     def joints(self, parent: str, at: Triple, turn: float = 0.0) -> dict[str, Joint]:
@@ -162,6 +165,7 @@ class SpreaderBar:
                 "continuous", "bar_yoke", LINK, down, (0.0, 0.0, turn), effort=50.0, velocity=6.0,
                 damping=_DAMPING,
             ),
+            "sling": Joint("fixed", LINK, "sling"),
         }  # fmt: skip
 
     def join(self, world: World, body: Body) -> None:
@@ -203,21 +207,7 @@ class SpreaderBar:
                 f"{person.name!r} weighs {person.avatar.mass_kg} kg, the lift bears {limit} kg"
             )
         weight = 9.81 * person.avatar.mass_kg
-        world, bar, body = self._world, self._body, person.body
-        self._bonds = [world.attach(bar, LINK, body, force=_HOLD * weight)]
-        here = bar.link_pose(bar.link_index(LINK)).inverse()
-        for side in SIDES:  # leg flaps bear the thighs, where the hips can move
-            hip, knee = (person.joint_pose(f"{side}_{joint}") for joint in ("hip", "knee"))
-            link = person.frames[JOINT_INDEX[f"{side}_hip"]].link
-            if link != person.frames[0].link:
-                middle = 0.5 * (np.array(hip.position) + np.array(knee.position))
-                at = (here @ Pose(tuple(middle.tolist()))).position
-                self._bonds.append(
-                    world.attach(
-                        bar, LINK, body, force=_LEG_SHARE * weight,
-                        child_link=body.link_names[link], pivot=at,
-                    )
-                )  # fmt: skip
+        self._bonds = [self._world.attach(self._body, LINK, person.body, force=_HOLD * weight)]
         self.person = person
         self.sling.drape(person)
         self.settle()

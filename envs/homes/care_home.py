@@ -128,10 +128,7 @@ class CareHome:
         things = [Obstacle(area, "wall") for area in self._walls()]
         for placed in self.placed:
             if placed.piece.blocks:
-                areas = [placed.footprint]
-                if knees:
-                    for knee in placed.piece.knee:
-                        areas = [p for a in areas for p in _less(a, knee.moved(placed.pose))]
+                areas = placed.wheel_footprint if knees else (placed.footprint,)
                 things += [Obstacle(area, placed.name, placed.room) for area in areas]
         return Occupancy(bounds, things)
 
@@ -142,7 +139,7 @@ class CareHome:
         for wall in self.plan.walls:
             parts = [wall.area]
             for opening in ways:
-                parts = [p for part in parts for p in _less(part, opening.gap)]
+                parts = [p for part in parts for p in part.without(opening.gap)]
             out += parts
         for opening in ways:
             out += _narrowing(opening)
@@ -259,21 +256,6 @@ class CareHome:
         for room in rooms:
             self.plan.room(room)
         return BuiltHome(self, world, at, rooms, ceilings=ceilings, wall_height=wall_height)
-
-
-def _less(area: Rectangle, hole: Rectangle) -> list[Rectangle]:
-    """Return what is left of `area` where `hole` is cut out, as rectangles."""
-    x0, y0 = max(area.x0, hole.x0), max(area.y0, hole.y0)
-    x1, y1 = min(area.x1, hole.x1), min(area.y1, hole.y1)
-    if x1 - x0 <= 1e-9 or y1 - y0 <= 1e-9:
-        return [area]
-    parts = [
-        (area.x0, area.y0, x0, area.y1),
-        (x1, area.y0, area.x1, area.y1),
-        (x0, area.y0, x1, y0),
-        (x0, y1, x1, area.y1),
-    ]
-    return [Rectangle(*p) for p in parts if p[2] - p[0] > 1e-9 and p[3] - p[1] > 1e-9]
 
 
 def _narrowing(opening: Opening) -> list[Rectangle]:

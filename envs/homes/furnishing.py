@@ -25,7 +25,7 @@ STEP = 0.05  # [m] between the places that are tried along a wall; own choice
 ROUGH = 0.05  # [m], cell of the map that a room is checked on
 ATTEMPTS = 16  # with other chances, until everything that is required stands
 TRIALS = 12  # best places of a piece that are tried
-DOORSTEP = 0.9  # [m] that stays free before a door, beyond the sweep of its leaf; own choice
+DOORSTEP = 0.75  # [m] that stays free before a door at least; own choice
 WINDOW_REACH = 0.35  # [m] before a window in which nothing higher than its sill stands
 
 
@@ -49,6 +49,14 @@ class Placed:
     def footprint(self) -> Rectangle:
         """The floor that it covers, in the house [m]."""
         return self.piece.footprint.moved(self.pose)
+
+    @property
+    def wheel_footprint(self) -> tuple[Rectangle, ...]:
+        """What is left of it for a wheelchair, which reaches under what has room for knees [m]."""
+        areas = [self.footprint]
+        for knee in self.piece.knee:
+            areas = [p for area in areas for p in area.without(knee.moved(self.pose))]
+        return tuple(areas)
 
     def frame(self, name: str) -> Pose:
         """Return the pose of one of its frames in the house."""
@@ -235,6 +243,7 @@ class _Furnisher:
             return ok
         solids = [p.footprint for p in self.layout.standing if p.piece.blocks]
         ok &= ~_meets(body, solids + self.layout.keep_free)
+        # Others stand where they like beside a host, such as chairs in the zone of a table.
         others = [
             zone.area.moved(p.pose)
             for p in self.layout.standing
@@ -242,13 +251,15 @@ class _Furnisher:
             for zone in p.piece.zones
         ]
         ok &= ~_meets(body, others)
-        hosts = [p.footprint for p in self.layout.standing if p.name == host]
-        walls = [s for s in solids if s not in hosts]
+        things = [
+            area
+            for p in self.layout.standing
+            if p.piece.blocks and p.name != host
+            for area in p.wheel_footprint
+        ]
         for zone in piece.zones:
             area = _shifted(zone.area.moved(turn), at)
-            ok &= _within(area, inside) & ~_meets(area, walls)
-            if zone.why == "sweep":
-                ok &= ~_meets(area, self.layout.keep_free)
+            ok &= _within(area, inside) & ~_meets(area, things)
         return ok
 
     def _high_things(self, piece: Piece) -> list[Rectangle]:
@@ -325,8 +336,9 @@ class _Furnisher:
         if not piece.blocks:
             return True
         inside = self.layout.room.inside
-        things = [p.footprint for p in self.layout.standing if p.piece.blocks]
-        things.append(piece.footprint.moved(pose))
+        standing = [p for p in self.layout.standing if p.piece.blocks]
+        standing.append(Placed("", piece, self.layout.room.name, pose))
+        things = [area for placed in standing for area in placed.wheel_footprint]
         floor = Occupancy(inside, [Obstacle(area, "") for area in things], cell=ROUGH)
         if self._recipe.turning and self._setting.rules.has("turning_diameter"):
             wanted = self._setting.rules.figure("turning_diameter")

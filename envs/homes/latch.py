@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from dataclasses import dataclass
 
 import pybullet as bullet
@@ -21,6 +20,7 @@ class Latch:
 
     Attributes:
         body: The door.
+        client: Its physics client.
         hinge: Index of the joint that it holds.
         handle: Index of the joint that draws the bolt, either way.
         release: How far the handle is turned when the bolt is out of its hole [rad].
@@ -29,6 +29,7 @@ class Latch:
     """
 
     body: Body
+    client: int
     hinge: int
     handle: int
     release: float
@@ -39,7 +40,13 @@ class Latch:
         """Let the bolt in or out."""
         self.is_latched = is_latched
         # Limits hold against any force, and cost nothing while the door does not press on them.
-        self.body.set_limits(self.hinge, -PLAY, PLAY if is_latched else self.swing)
+        bullet.changeDynamics(
+            self.body.uid,
+            self.hinge,
+            jointLowerLimit=-PLAY,
+            jointUpperLimit=PLAY if is_latched else self.swing,
+            physicsClientId=self.client,
+        )
 
     def look(self) -> None:
         """Let the bolt follow the handle; its slanted face lets a shutting door push it back."""

@@ -196,7 +196,9 @@ def required_rooms(plan: Plan) -> tuple[str, ...]:
 
 def reachable(plan: Plan, *, clear_width: float = 0.0) -> set[str]:
     """Return the rooms that can be reached from the entrances through doors of a clear width [m]."""
-    ways = [o for o in plan.openings.values() if o.kind != "window" and o.clear_width >= clear_width]
+    ways = [
+        o for o in plan.openings.values() if o.kind != "window" and o.clear_width >= clear_width
+    ]
     found = {opening.rooms[0] for opening in ways if opening.kind == "entrance"}
     inner = [opening for opening in ways if opening.kind != "entrance"]
     while True:
@@ -212,8 +214,14 @@ def _wish(wish: Wish) -> DoorConfig:
 
 def _requests(house: HouseConfig, joiner: Joiner) -> list[Request]:
     return [
-        *(joiner.request(f"entrance_{k}", "entrance", _wish(w)) for k, w in enumerate(house.entrances, 1)),
-        *(joiner.request(f"passage_{k}", "passage", _wish(w)) for k, w in enumerate(house.passages, 1)),
+        *(
+            joiner.request(f"entrance_{k}", "entrance", _wish(w))
+            for k, w in enumerate(house.entrances, 1)
+        ),
+        *(
+            joiner.request(f"passage_{k}", "passage", _wish(w))
+            for k, w in enumerate(house.passages, 1)
+        ),
         *(joiner.request(f"door_{k}", "door", _wish(w)) for k, w in enumerate(house.doors, 1)),
     ]
 

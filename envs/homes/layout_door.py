@@ -109,8 +109,11 @@ class Joiner:
 
     def __init__(self, masonry: Masonry, uses: dict[str, str], rules: Rules) -> None:
         self._masonry, self._uses, self._rules = masonry, uses, rules
+        self._deepest, self._tries = 0, 0
 
-    def request(self, name: str, kind: Literal["door", "entrance", "passage"], wish: DoorConfig) -> Request:
+    def request(
+        self, name: str, kind: Literal["door", "entrance", "passage"], wish: DoorConfig
+    ) -> Request:
         """Return a request for a door.
 
         Raises:
@@ -154,7 +157,9 @@ class Joiner:
         found = {place.request.name: place for place in chosen}
         return [found[request.name] for request in requests]
 
-    def _search(self, choices: list[list[Place]], chosen: tuple[Place, ...]) -> tuple[Place, ...] | None:
+    def _search(
+        self, choices: list[list[Place]], chosen: tuple[Place, ...]
+    ) -> tuple[Place, ...] | None:
         if len(chosen) == len(choices):
             return chosen
         self._deepest = max(self._deepest, len(chosen))
@@ -200,7 +205,11 @@ class Joiner:
             width = min(width, round(1000 * request.wish.width))
         if width < 1000 * self._rules.figure("passage_width"):
             return
-        spots = {"middle": low + (length - width) // 2, "low": low + 150, "high": high - 150 - width}
+        spots = {
+            "middle": low + (length - width) // 2,
+            "low": low + 150,
+            "high": high - 150 - width,
+        }
         for cost, (name, start) in enumerate(spots.items()):
             if low <= start and start + width <= high and request.wish.at in ("", name):
                 taken = start, start + width
@@ -245,7 +254,9 @@ class Joiner:
                 return None
             # A pocket along the same two rooms costs no third room a wall to hang things on.
             beside = taken[0] >= panel.span[0] and taken[1] <= panel.span[1]
-            cost += min(abs(gap[0] - ends[0]), abs(ends[1] - gap[1])) / 1000 + (0 if beside else 0.5)
+            cost += min(abs(gap[0] - ends[0]), abs(ends[1] - gap[1])) / 1000 + (
+                0 if beside else 0.5
+            )
             return Place(request, panel, run, *gap, taken, hinge, hardware, None, cost)
         side = gap[0] - ends[0] if hinge == "low" else ends[1] - gap[1]
         latch = ends[1] - gap[1] if hinge == "low" else gap[0] - ends[0]
@@ -273,7 +284,8 @@ class Joiner:
         if request.kind == "entrance":
             rule = "entrance_clear_width"
         return round(
-            1000 * (self._rules.figure(rule) + (SLIDING_LOSS if hardware == "slider" else HINGED_LOSS))
+            1000
+            * (self._rules.figure(rule) + (SLIDING_LOSS if hardware == "slider" else HINGED_LOSS))
         )
 
     def opening(self, place: Place) -> Opening:
@@ -312,11 +324,19 @@ def _sweep(panel: Panel, inside: Cell, gap: tuple[int, int], hinge: str) -> Cell
     leaf, area = high - low, panel.area
     if panel.axis == "x":
         up = inside.y0 >= area.y1
-        out = Cell(low, area.y1, high, area.y1 + leaf) if up else Cell(low, area.y0 - leaf, high, area.y0)
+        out = (
+            Cell(low, area.y1, high, area.y1 + leaf)
+            if up
+            else Cell(low, area.y0 - leaf, high, area.y0)
+        )
         fits = out.y0 >= inside.y0 and out.y1 <= inside.y1
     else:
         up = inside.x0 >= area.x1
-        out = Cell(area.x1, low, area.x1 + leaf, high) if up else Cell(area.x0 - leaf, low, area.x0, high)
+        out = (
+            Cell(area.x1, low, area.x1 + leaf, high)
+            if up
+            else Cell(area.x0 - leaf, low, area.x0, high)
+        )
         fits = out.x0 >= inside.x0 and out.x1 <= inside.x1
     return out if fits else None
 

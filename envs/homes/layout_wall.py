@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from typing import Literal
 
@@ -71,8 +71,12 @@ class Masonry:
     def __init__(self, cells: dict[str, Cell]) -> None:
         self.insides = {name: cell.grown(-HALF) for name, cell in cells.items()}
         offsets = (-BEYOND, -HALF, HALF, BEYOND)
-        self._xs = sorted({x + o for cell in cells.values() for x in (cell.x0, cell.x1) for o in offsets})
-        self._ys = sorted({y + o for cell in cells.values() for y in (cell.y0, cell.y1) for o in offsets})
+        self._xs = sorted(
+            {x + o for cell in cells.values() for x in (cell.x0, cell.x1) for o in offsets}
+        )
+        self._ys = sorted(
+            {y + o for cell in cells.values() for y in (cell.y0, cell.y1) for o in offsets}
+        )
         self._names = list(cells)
         self._grid = np.full((len(self._xs) - 1, len(self._ys) - 1), _FREE, dtype=np.int32)
         for cell in cells.values():
@@ -114,7 +118,9 @@ class Masonry:
                 else:
                     found.append((other, lines[k], lines[k + 1]))
             for other, start, end in found:
-                area = _behind(inside, step, start, end, 1000 * (INNER_WALL, OUTER_WALL)[other == OUTSIDE])
+                area = _behind(
+                    inside, step, start, end, 1000 * (INNER_WALL, OUTER_WALL)[other == OUTSIDE]
+                )
                 out.append(Panel((name, other), axis, area, (-step[0], -step[1])))
         return out
 
@@ -148,6 +154,8 @@ class Masonry:
             if not left[self._slices(panel.area)].all():
                 continue  # within a wall laid before
             area = self._straight(left, panel)
+            if panel.rooms[1] != OUTSIDE:
+                area = self._trimmed(area, panel)
             left[self._slices(area)] = False
             out.append(Run(area, panel.axis, panel.rooms[1] == OUTSIDE))
         for area in _rectangles(left, self._xs, self._ys):
@@ -159,14 +167,41 @@ class Masonry:
         """Return a stretch of wall, made longer both ways as far as there is wall left."""
         i, j = self._slices(panel.area)
         if panel.axis == "x":
-            i = _widened(left[:, j].all(axis=1), i)
+            i = _widened(np.asarray(left[:, j].all(axis=1)), i)
         else:
-            j = _widened(left[i, :].all(axis=0), j)
+            j = _widened(np.asarray(left[i, :].all(axis=0)), j)
         return Cell(self._xs[i.start], self._ys[j.start], self._xs[i.stop], self._ys[j.stop])
+
+    def _trimmed(self, area: Cell, panel: Panel) -> Cell:
+        """Return a wall without an end that juts into a wall which goes on past it on both sides."""
+        thick = _length(area, "y" if panel.axis == "x" else "x")
+        low, high = span(area, panel.axis)
+        ends = {low: (low, low + thick), high: (high - thick, high)}
+        for end, (a, b) in ends.items():
+            beyond = a >= panel.span[1] if end == high else b <= panel.span[0]
+            if not beyond:
+                continue
+            if panel.axis == "x":
+                sides = Cell(a, area.y0 - 1, b, area.y0), Cell(a, area.y1, b, area.y1 + 1)
+            else:
+                sides = Cell(area.x0 - 1, a, area.x0, b), Cell(area.x1, a, area.x1 + 1, b)
+            if all(self._is_wall(side) for side in sides):
+                low, high = (low, a) if end == high else (b, high)
+        if panel.axis == "x":
+            return Cell(low, area.y0, high, area.y1)
+        return Cell(area.x0, low, area.x1, high)
+
+    def _is_wall(self, strip: Cell) -> bool:
+        """Return whether a strip, which need not end on lines, is wall all over."""
+        i = slice(bisect_right(self._xs, strip.x0) - 1, bisect_left(self._xs, strip.x1))
+        j = slice(bisect_right(self._ys, strip.y0) - 1, bisect_left(self._ys, strip.y1))
+        return bool((self._grid[i, j] == _WALL).all())
 
     def _is_outer(self, area: Cell) -> bool:
         i, j = self._slices(area)
-        around = np.pad(self._grid, 1, constant_values=_FREE)[i.start : i.stop + 2, j.start : j.stop + 2]
+        around = np.pad(self._grid, 1, constant_values=_FREE)[
+            i.start : i.stop + 2, j.start : j.stop + 2
+        ]
         return bool((around == _FREE).any())
 
 

@@ -64,6 +64,20 @@ class Rectangle:
         """Return whether a point [m] lies in it."""
         return self.x0 <= x <= self.x1 and self.y0 <= y <= self.y1
 
+    def without(self, hole: Rectangle) -> list[Rectangle]:
+        """Return what is left where `hole` is cut out."""
+        x0, y0 = max(self.x0, hole.x0), max(self.y0, hole.y0)
+        x1, y1 = min(self.x1, hole.x1), min(self.y1, hole.y1)
+        if x1 - x0 <= 1e-9 or y1 - y0 <= 1e-9:
+            return [self]
+        parts = [
+            (self.x0, self.y0, x0, self.y1),
+            (x1, self.y0, self.x1, self.y1),
+            (x0, self.y0, x1, y0),
+            (x0, y1, x1, self.y1),
+        ]
+        return [Rectangle(*p) for p in parts if p[2] - p[0] > 1e-9 and p[3] - p[1] > 1e-9]
+
     def moved(self, pose: Pose) -> Rectangle:
         """Return the rectangle round it when it is carried by `pose`; exact for quarter turns."""
         corners = [

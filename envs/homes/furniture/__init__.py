@@ -2,7 +2,10 @@
 
 from . import appliance as appliance
 from . import bathroom as bathroom
+from . import bathroom_bar as bathroom_bar
 from . import bathroom_basin as bathroom_basin
+from . import bathroom_bath as bathroom_bath
+from . import bathroom_shower as bathroom_shower
 from . import bathroom_storage as bathroom_storage
 from . import bedroom as bedroom
 from . import dining as dining
@@ -13,6 +16,7 @@ from . import hall as hall
 from . import hearth as hearth
 from . import kitchen as kitchen
 from . import kitchen_ornament as kitchen_ornament
+from . import laundry as laundry
 from . import living as living
 from . import storage as storage
 from . import study as study

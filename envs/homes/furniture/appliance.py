@@ -98,7 +98,13 @@ def _door(
             at = near + (k + 0.5) * (far - near) / 3
             tall = (0.24, 0.2, 0.14)[k] if level < 0.1 else (0.1, 0.14, 0.09)[k]
             paint = material if k != 1 else "leaf"
-            add.rod((BODY - 0.045, at, base + 0.012), (BODY - 0.045, at, base + tall), 0.034, paint, on=name)
+            add.rod(
+                (BODY - 0.045, at, base + 0.012),
+                (BODY - 0.045, at, base + tall),
+                0.034,
+                paint,
+                on=name,
+            )
 
 
 def _chill(add: Assembly, y: tuple[float, float], low: float, high: float) -> None:
@@ -115,7 +121,9 @@ def _chill(add: Assembly, y: tuple[float, float], low: float, high: float) -> No
             if (row + k) % 2:
                 add.rod((0.3, at, z + 0.012), (0.3, at, z + tall), 0.045, paint)
             else:
-                add.box((0.2, at - 0.045, z + 0.012), (0.38, at + 0.045, z + tall), paint, solid=False)
+                add.box(
+                    (0.2, at - 0.045, z + 0.012), (0.38, at + 0.045, z + tall), paint, solid=False
+                )
     low_box, top = (BODY - 0.125, y0 + 0.01, low + 0.01), (BODY - 0.11, y1 - 0.01, low + 0.19)
     add.box(low_box, top, "glass", solid=False)
     for k in range(3):
@@ -209,7 +217,7 @@ def kettle(setting: Setting) -> Piece:
     """Return a kettle to stand on a worktop; its floor is that of the worktop."""
     add = Assembly("kettle", setting)
     add_kettle(add, (0.09, 0.0, 0.0))
-    return add.piece(Rectangle(0.0, -0.14, 0.18, 0.11), 0.21)
+    return add.piece(Rectangle(0.0, -0.14, 0.18, 0.115), 0.21)
 
 
 @maker("knife_block")

@@ -145,11 +145,12 @@ def _semi_pedestal(made: Assembly, rim: float, knee: float, width: float) -> Pie
             ),
             scale=(1.0, half / long, 1.0),
         ),
-        box("ceramic", (0.0, -half * 0.93, rim - 0.06), (0.135, half * 0.93, rim)),
+        box("ceramic", (0.0, -half * 0.93, rim - 0.06), (0.1, half * 0.93, rim)),
     )
     floor, inner = rim - 0.115, Rectangle(0.135, -0.19, 0.44, 0.19)
     made.solid(
-        box("", (0.0, -half * 0.93, rim - 0.06), (0.135, half * 0.93, rim)),
+        box("", (0.0, -half * 0.93, rim - 0.06), (0.1, half * 0.93, rim)),
+        box("", (0.09, -0.19, knee + 0.03), (0.135, 0.19, rim)),
         box("", (0.44, -0.16, knee + 0.04), (front, 0.16, rim)),
         box("", (0.11, 0.19, knee + 0.04), (0.44, half - 0.02, rim)),
         box("", (0.11, 0.02 - half, knee + 0.04), (0.44, -0.19, rim)),

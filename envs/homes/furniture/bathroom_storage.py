@@ -195,7 +195,7 @@ def laundry_basket(setting: Setting, *, width: float = 0.4, height: float = 0.55
     made.draw(
         Shape(
             kind="lathe",
-            material="wood_light",
+            material="fabric_light",
             at=(centre, 0.0, 0.0),
             profile=(
                 (low, 0.0),
@@ -210,7 +210,9 @@ def laundry_basket(setting: Setting, *, width: float = 0.4, height: float = 0.55
         share = z / height
         ring = low + share * (radius - 0.008 - low)
         profile = ((ring, z), (ring + 0.006, z + 0.01), (ring, z + 0.02), (ring, z))
-        made.draw(Shape(kind="lathe", material="wood", at=(centre, 0.0, 0.0), profile=profile))
+        made.draw(
+            Shape(kind="lathe", material="wood_light", at=(centre, 0.0, 0.0), profile=profile)
+        )
     made.draw(
         Shape(
             kind="sphere",

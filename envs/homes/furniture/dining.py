@@ -17,6 +17,8 @@ TABLES = {4: (1.2, 0.8), 6: (1.8, 0.9), 8: (2.2, 1.0)}
 LONGER = 0.2
 TOP = 0.03
 LEG = 0.07
+INSET = 0.03
+COLUMN = 0.45  # [m] from the ends of a long table to its columns; own choice
 TUCK = 0.18  # [m] that the front of a chair goes under the table
 CHAIR_DEPTH, CHAIR_WIDTH = 0.50, 0.45  # [m]; common, from memory
 SITTING = 0.75  # [m] from the table that a chair and who sits down on it take; own choice
@@ -66,7 +68,7 @@ def _legs(
     add: Assembly, half: float, depth: float, under: float, free: float
 ) -> tuple[Rectangle, ...]:
     """Add legs at the corners, and the frame between them down to where knees go."""
-    inset = 0.03
+    inset = INSET
     for x in (inset, depth - inset - LEG):
         for y in (-half + inset, half - inset - LEG):
             add.box((x, y, 0.0), (x + LEG, y + LEG, under), "wood")
@@ -84,21 +86,22 @@ def _columns(
     """Add one column in the middle of a small table, or one near each end of a long one."""
     thick, foot = 0.10, 0.02
     middle = 0.5 * depth
-    at = (0.0,) if seats == 4 else (-half + 0.3, half - 0.3)
+    plate = middle - TUCK - 0.03  # chairs stand clear of it
+    at = (0.0,) if seats == 4 else (-half + COLUMN, half - COLUMN)
     for y in at:
         low, high = (middle - 0.5 * thick, y - 0.5 * thick), (middle + 0.5 * thick, y + 0.5 * thick)
         add.box((*low, 0.0), (*high, under), "wood")
-        add.box((middle - 0.28, y - 0.2, 0.0), (middle + 0.28, y + 0.2, foot), "wood_dark")
+        add.box((middle - plate, y - 0.2, 0.0), (middle + plate, y + 0.2, foot), "wood_dark")
         # What stiffens the top stays above the knees.
         add.box((0.12, y - 0.1, free), (depth - 0.12, y + 0.1, under), "wood")
     if seats == 4:
         reach = middle - 0.5 * thick
         return (Rectangle(0.0, -half, reach, half), Rectangle(depth - reach, -half, depth, half))
-    inner = half - 0.3 - 0.5 * thick
+    inner = half - COLUMN - 0.5 * thick
     return (
         Rectangle(0.0, -inner, depth, inner),
-        Rectangle(0.0, half - 0.3 + 0.5 * thick, depth, half),
-        Rectangle(0.0, -half, depth, -half + 0.3 - 0.5 * thick),
+        Rectangle(0.0, half - COLUMN + 0.5 * thick, depth, half),
+        Rectangle(0.0, -half, depth, -half + COLUMN - 0.5 * thick),
     )
 
 
@@ -106,9 +109,10 @@ def _places(add: Assembly, seats: int, half: float, depth: float) -> None:
     """Name where chairs go: along both long sides, and at the ends of the longest table."""
     a_side = seats // 2 if seats < 8 else 3
     away = CHAIR_DEPTH - TUCK
-    step, number = 2 * half / a_side, 0
+    inner = half - INSET - LEG  # chairs go between the legs
+    step, number = 2 * inner / a_side, 0
     for k in range(a_side):
-        y = -half + (k + 0.5) * step
+        y = -inner + (k + 0.5) * step
         for x, yaw in ((-away, 0.0), (depth + away, 180.0)):
             number += 1
             add.frame(f"place_{number}", (x, y, 0.0), yaw_deg=yaw, note="where a chair goes")
@@ -178,8 +182,13 @@ def chair(setting: Setting) -> Piece:
         y = side * (half - 0.5 * leg)
         y0, y1 = y - 0.5 * leg, y + 0.5 * leg
         add.box((0.02, y0, 0.0), (0.02 + leg, y1, high), "wood")
-        add.box((CHAIR_DEPTH - leg - 0.01, y0, 0.0), (CHAIR_DEPTH - 0.01, y1, seat - cushion), "wood")
-        a, b = (0.05, y - 0.009, seat - cushion - 0.055), (CHAIR_DEPTH - leg, y + 0.009, seat - cushion)
+        add.box(
+            (CHAIR_DEPTH - leg - 0.01, y0, 0.0), (CHAIR_DEPTH - 0.01, y1, seat - cushion), "wood"
+        )
+        a, b = (
+            (0.05, y - 0.009, seat - cushion - 0.055),
+            (CHAIR_DEPTH - leg, y + 0.009, seat - cushion),
+        )
         add.box(a, b, "wood", solid=False)
         a, b = (0.05, y - 0.009, 0.16), (CHAIR_DEPTH - leg, y + 0.009, 0.185)
         add.box(a, b, "wood", solid=False)
@@ -224,10 +233,23 @@ def _sideboard(setting: Setting, kind: str, width: float, high: float) -> Piece:
     add = Assembly(kind, setting)
     body_of_drawers(add, width, high, 0.42)
     z = high + 0.0
-    vase = ((0.04, 0.0), (0.075, 0.06), (0.06, 0.16), (0.03, 0.2), (0.04, 0.23), (0.032, 0.23), (0.0, 0.15))
+    vase = (
+        (0.04, 0.0),
+        (0.075, 0.06),
+        (0.06, 0.16),
+        (0.03, 0.2),
+        (0.04, 0.23),
+        (0.032, 0.23),
+        (0.0, 0.15),
+    )
     add.shape(Shape("lathe", "blanket", (0.2, -0.3 * width, z), profile=vase))
     add.box((0.03, 0.2 * width, z), (0.05, 0.2 * width + 0.14, z + 0.19), "wood_dark", solid=False)
-    add.box((0.05, 0.2 * width + 0.012, z + 0.012), (0.052, 0.2 * width + 0.128, z + 0.178), "paper", solid=False)
+    add.box(
+        (0.05, 0.2 * width + 0.012, z + 0.012),
+        (0.052, 0.2 * width + 0.128, z + 0.178),
+        "paper",
+        solid=False,
+    )
     add.frame("top", (0.22, 0.0, high), note="middle of its top")
     return add.piece(
         wall_strip(0.47, width),
@@ -292,7 +314,12 @@ def dresser_cabinet(setting: Setting, *, width: float = 1.2) -> Piece:
             y = -half + 0.2 + k * (width - 0.4) / max(1, count - 1)
             tilted = ((0.07, y, z + 0.13), (0.085, y, z + 0.134))
             add.rod(*tilted, 0.105, ("ceramic", "blanket")[(k + row) % 2])
-            add.rod((0.18, y + 0.08, z + 0.02), (0.18, y + 0.08, z + 0.1), 0.038, ("clay", "ceramic")[k % 2])
+            add.rod(
+                (0.18, y + 0.08, z + 0.02),
+                (0.18, y + 0.08, z + 0.1),
+                0.038,
+                ("clay", "ceramic")[k % 2],
+            )
     bowl = ((0.06, 0.0), (0.14, 0.09), (0.13, 0.09), (0.05, 0.02), (0.0, 0.02))
     add.shape(Shape("lathe", "clay", (0.2, 0.15, base), profile=bowl))
     add.frame("top", (0.35, -0.2, base), note="on its top, before the shelves")

@@ -343,7 +343,7 @@ def _moved(shape: Shape, origin: Triple) -> Shape:
     """Return a shape of the piece in the frame of a link whose origin is at `origin`."""
     if origin == ZERO:
         return shape
-    if shape.points and shape.kind != "tube":
+    if shape.points and shape.kind in ("cylinder", "capsule"):
         return replace(shape, points=tuple(_minus(point, origin) for point in shape.points))
     return replace(shape, at=_minus(shape.at, origin))
 

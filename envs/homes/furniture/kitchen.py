@@ -59,7 +59,7 @@ def kitchen_run(
         corner: `left` or `right`, as seen with the back to the wall, where another run meets it at a
             right angle: 0.6 m of it are then a blind unit. Empty for none.
         plain: Whether it has neither sink nor hob, dishwasher and oven.
-        props: Whether a kettle, knives and fruit stand on it.
+        props: Whether a kettle, knives and fruit stand on it; never on a plain one.
 
     Raises:
         ConfigError: If the length is out of range, sink and hob do not fit, or `corner` is no side.
@@ -79,11 +79,17 @@ def kitchen_run(
         )
     if corner not in ("", "left", "right"):
         raise ConfigError(f"corner must be 'left', 'right' or empty, got {corner!r}")
-    rules = setting.rules
-    units = lay_units(plan, rules)
     add = Assembly("kitchen_run", setting)
+    units = lay_units(plan, setting.rules)
     run = _run(add, 0.0)
     _fit(run, units, DEPTH)
+    _free_worktop(run, units, props=props and not plain)
+    return _hung(run, plan, units, wall_cabinets=wall_cabinets)
+
+
+def _hung(run: Run, plan: RunPlan, units: tuple[Unit, ...], *, wall_cabinets: bool) -> Piece:
+    """Return the run with what hangs over it."""
+    add, rules = run.assembly, run.assembly.rules
     measures, height = _knee_measures(run, units), run.top + 0.27 * plan.sink
     measures["counter_height"] = run.top
     bottom = rules.figure("wall_cabinet_height")
@@ -94,7 +100,6 @@ def kitchen_run(
     hobs = [unit for unit in units if unit.kind.endswith("hob")]
     if hobs:
         height = max(height, add_hood(add, hobs[0].middle, run.top))
-    _free_worktop(run, units, props=props)
     aisle = rules.figure("kitchen_aisle")
     return add.piece(
         wall_strip(DEPTH, plan.length),
@@ -193,7 +198,9 @@ def add_knives(add: Assembly, at: tuple[float, float, float]) -> None:
     add.box((x - 0.06, y - 0.05, z), (x + 0.06, y + 0.05, z + 0.2), "wood", bevel=0.0)
     for k, (dx, dy) in enumerate(((-0.03, -0.025), (-0.03, 0.025), (0.02, -0.025), (0.02, 0.025))):
         a = (x + dx - 0.012, y + dy - 0.008, z + 0.2)
-        add.box(a, (x + dx + 0.012, y + dy + 0.008, z + 0.27 + 0.02 * (k % 2)), "black", solid=False)
+        add.box(
+            a, (x + dx + 0.012, y + dy + 0.008, z + 0.27 + 0.02 * (k % 2)), "black", solid=False
+        )
 
 
 def add_fruit(add: Assembly, at: tuple[float, float, float]) -> None:
@@ -201,10 +208,16 @@ def add_fruit(add: Assembly, at: tuple[float, float, float]) -> None:
     x, y, z = at
     bowl = ((0.05, 0.0), (0.06, 0.01), (0.14, 0.075), (0.132, 0.075), (0.05, 0.02), (0.0, 0.02))
     add.shape(Shape("lathe", "clay", at, profile=bowl))
-    fruit = ((0.05, 0.02, "accent"), (-0.05, 0.03, "leaf"), (0.0, -0.055, "rug"), (0.0, 0.03, "accent"))
+    fruit = (
+        (0.05, 0.02, "accent"),
+        (-0.05, 0.03, "leaf"),
+        (0.0, -0.055, "rug"),
+        (0.0, 0.03, "accent"),
+    )
+    ball = ((0.012, -0.034), (0.036, -0.014), (0.036, 0.014), (0.012, 0.034))
     for k, (dx, dy, material) in enumerate(fruit):
-        ball = Shape("sphere", material, (x + dx, y + dy, z + (0.1 if k == 3 else 0.06)), radius=0.038)
-        add.shape(ball)
+        at = (x + dx, y + dy, z + (0.1 if k == 3 else 0.06))
+        add.shape(Shape("lathe", material, at, profile=ball))
     body = Shape("cylinder", at=(x, y, z + 0.05), radius=0.12, length=0.1)
     add.shape(body, solid=True, seen=False)
 
@@ -250,7 +263,6 @@ def kitchen_island(setting: Setting, *, length: float = 1.6) -> Piece:
     add.frame("worktop", (0.25, 0.0, run.top), note="middle of the overhang")
     measures = {"counter_height": run.top}
     if has_knee:
-        measures["counter_knee_height"] = rules.figure("counter_knee_height")
         measures = {
             "counter_height": run.top,
             "counter_knee_height": run.under,
@@ -354,7 +366,7 @@ def stool(setting: Setting, *, height: float = 0.65) -> Piece:
     )
     for dx in (-1, 1):
         for dy in (-1, 1):
-            low = (x + dx * foot, dy * foot, 0.0)
+            low = (x + dx * foot, dy * foot, 0.002)
             add.rod(low, (x + 0.11 * dx, 0.11 * dy, height - 0.03), 0.016, "wood", solid=True)
     z = 0.35 * height
     for side in (-1, 1):
@@ -365,12 +377,18 @@ def stool(setting: Setting, *, height: float = 0.65) -> Piece:
 
 
 @maker("bin")
-def bin(setting: Setting) -> Piece:
+def waste_bin(setting: Setting) -> Piece:
     """Return a bin with a lid that swings up."""
     add = Assembly("bin", setting)
     x, radius, high = 0.17, 0.15, 0.55
-    can = Shape("cylinder", "metal", (x, 0.0, 0.5 * high), radius=radius, length=high)
-    add.shape(can)
+    can = (
+        (radius, 0.0),
+        (radius, high),
+        (radius - 0.006, high),
+        (radius - 0.006, 0.01),
+        (0.0, 0.01),
+    )
+    add.shape(Shape("lathe", "metal", (x, 0.0, 0.0), profile=can))
     wall = 0.012
     add.box((x - 0.13, -0.13, 0.0), (x + 0.13, 0.13, wall), "", seen=False)
     for side in (-1, 1):
@@ -396,11 +414,11 @@ __all__ = [
     "add_fruit",
     "add_kettle",
     "add_knives",
-    "bin",
     "kitchen_island",
     "kitchen_run",
     "pantry_cupboard",
     "stool",
     "tall_carcass",
     "tall_cupboard",
+    "waste_bin",
 ]

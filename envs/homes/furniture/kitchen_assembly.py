@@ -16,6 +16,9 @@ from ..rectangle import Rectangle
 ROOT = "body"
 DENSITY = 650.0  # [kg/m³] of boards, between chipboard and pine, from memory
 OPEN = 1.45  # [rad] that hinged fronts open: their handles miss a wall beside the hinge; own choice
+# A joint that rests on its limit costs Bullet a constraint in every step: 97 µs for a run with 29 of
+# them, and 27 to 39 µs with this slack behind the closed position.
+SLACK = 1e-4  # [rad or m]
 GAP = 0.0015  # [m] that a front leaves on each side; own choice
 BAR_REACH = 0.035  # [m] of bar handles in front of the front; common, from memory
 KNOB_REACH = 0.025  # [m]; common, from memory
@@ -171,6 +174,7 @@ class Assembly:
             joint,
             _less(at, self._parts[parent].origin),
             axis=axis,
+            lower=-SLACK,
             upper=upper,
             effort=effort,
             velocity=velocity,

@@ -189,4 +189,14 @@ def _cost(units: tuple[Unit, ...], plan: RunPlan) -> float:
     return cost
 
 
-__all__ = ["APPLIANCE", "CORNER", "LONGEST_RUN", "NARROWEST", "SHORTEST_RUN", "WIDEST", "RunPlan", "Unit", "lay_units"]
+__all__ = [
+    "APPLIANCE",
+    "CORNER",
+    "LONGEST_RUN",
+    "NARROWEST",
+    "SHORTEST_RUN",
+    "WIDEST",
+    "RunPlan",
+    "Unit",
+    "lay_units",
+]

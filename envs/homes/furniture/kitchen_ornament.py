@@ -17,7 +17,9 @@ CEILING = 2.5  # [m]
 
 
 @maker("pendant_lamp")
-def pendant_lamp(setting: Setting, *, bottom: float = LAMP_BOTTOM, ceiling: float = CEILING) -> Piece:
+def pendant_lamp(
+    setting: Setting, *, bottom: float = LAMP_BOTTOM, ceiling: float = CEILING
+) -> Piece:
     """Return a lamp that hangs from the ceiling; its frame is on the floor at the back of its shade.
 
     Args:
@@ -34,7 +36,15 @@ def pendant_lamp(setting: Setting, *, bottom: float = LAMP_BOTTOM, ceiling: floa
         )
     add = Assembly("pendant_lamp", setting)
     x = 0.19
-    shade = ((0.19, 0.0), (0.17, 0.08), (0.06, 0.19), (0.03, 0.21), (0.02, 0.2), (0.16, 0.07), (0.18, 0.0))
+    shade = (
+        (0.19, 0.0),
+        (0.17, 0.08),
+        (0.06, 0.19),
+        (0.03, 0.21),
+        (0.02, 0.2),
+        (0.16, 0.07),
+        (0.18, 0.0),
+    )
     add.shape(Shape("lathe", "accent", (x, 0.0, bottom), profile=shade))
     add.shape(Shape("sphere", "lamp", (x, 0.0, bottom + 0.07), radius=0.05))
     add.rod((x, 0.0, bottom + 0.2), (x, 0.0, ceiling - 0.02), 0.004, "black")
@@ -60,7 +70,10 @@ def rug(setting: Setting, *, width: float = 2.0, depth: float = 1.4) -> Piece:
         add.box(low, high, material, solid=False)
     for k in (-1, 0, 1):
         size, y = 0.16 * min(width, depth), k * 0.25 * width
-        a, b = (0.5 * (depth - size), y - 0.5 * size, z), (0.5 * (depth + size), y + 0.5 * size, z + 0.003)
+        a, b = (
+            (0.5 * (depth - size), y - 0.5 * size, z),
+            (0.5 * (depth + size), y + 0.5 * size, z + 0.003),
+        )
         add.box(a, b, "paper", solid=False)
         c = 0.3 * size
         a = (0.5 * depth - c, y - c, z)
@@ -69,9 +82,7 @@ def rug(setting: Setting, *, width: float = 2.0, depth: float = 1.4) -> Piece:
 
 
 @maker("picture")
-def picture(
-    setting: Setting, *, width: float = 0.6, height: float = 0.45, motif: int = 0
-) -> Piece:
+def picture(setting: Setting, *, width: float = 0.6, height: float = 0.45, motif: int = 0) -> Piece:
     """Return a picture in its frame, to hang on a wall with its middle at 1.5 m.
 
     Args:
@@ -84,7 +95,9 @@ def picture(
         ConfigError: If the size is out of range.
     """
     if not (0.15 <= width <= 2.0 and 0.15 <= height <= 1.6):
-        raise ConfigError(f"a picture is 0.15 to 2 m wide, to 1.6 m high, got {width!r} by {height!r}")
+        raise ConfigError(
+            f"a picture is 0.15 to 2 m wide, to 1.6 m high, got {width!r} by {height!r}"
+        )
     add = Assembly("picture", setting)
     half, low, rim = 0.5 * width, PICTURE_HEIGHT - 0.5 * height, 0.025
     high = low + height
@@ -158,7 +171,7 @@ def wall_clock(setting: Setting, *, height: float = 1.8) -> Piece:
     for turn, length in ((math.radians(-55), 0.07), (math.radians(60), 0.105)):
         end = (0.038, length * math.sin(turn), height + length * math.cos(turn))
         add.rod((0.038, 0.0, height), end, 0.004, "black")
-    return add.piece(wall_strip(0.04, 0.32), height + 0.16, blocks=False)
+    return add.piece(wall_strip(0.042, 0.32), height + 0.16, blocks=False)
 
 
 @maker("plant")
@@ -173,7 +186,13 @@ def plant(setting: Setting, *, size: str = "large") -> Piece:
     add = Assembly("plant", setting)
     s = 1.0 if size == "large" else 0.36
     x, tall = 0.26 * s, 0.34 * s
-    pot = ((0.12 * s, 0.0), (0.17 * s, tall), (0.15 * s, tall), (0.145 * s, tall - 0.03 * s), (0.0, tall - 0.03 * s))
+    pot = (
+        (0.12 * s, 0.0),
+        (0.17 * s, tall),
+        (0.15 * s, tall),
+        (0.145 * s, tall - 0.03 * s),
+        (0.0, tall - 0.03 * s),
+    )
     add.shape(Shape("lathe", "clay", (x, 0.0, 0.0), profile=pot))
     body = Shape("cylinder", at=(x, 0.0, 0.5 * tall), radius=0.16 * s, length=tall)
     add.shape(body, solid=True, seen=False)

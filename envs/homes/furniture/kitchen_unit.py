@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 from rcare_marl.urdf import Shape, Triple
 
@@ -162,8 +163,7 @@ def _cupboard(run: Run, unit: Unit, number: int) -> None:
     for place, (y0, y1) in enumerate(spans):
         joint = f"door_{number}" if is_single else f"door_{number}_{place + 1}"
         a, b = run.at(CARCASS, y0, low), run.at(CARCASS + FRONT, y1, high)
-        hinge = "high" if place else "low"
-        assert hinge == "low" or hinge == "high"
+        hinge: Literal["low", "high"] = "high" if place else "low"
         add.leaf(joint, a, b, "front", hinge=hinge, handle_z=handle, framed=True)
     if unit.kind == "doors":
         z = 0.5 * (low + high)
@@ -184,7 +184,9 @@ def _crockery(run: Run, unit: Unit, z: float) -> None:
     add, y = run.assembly, unit.y0 + 0.16
     add.rod(run.at(0.25, y, z), run.at(0.25, y, z + 0.08), 0.12, "ceramic")
     if unit.y1 - unit.y0 > 0.45:
-        add.rod(run.at(0.25, unit.y1 - 0.14, z), run.at(0.25, unit.y1 - 0.14, z + 0.1), 0.08, "clay")
+        add.rod(
+            run.at(0.25, unit.y1 - 0.14, z), run.at(0.25, unit.y1 - 0.14, z + 0.1), 0.08, "clay"
+        )
 
 
 def drop_door(
@@ -248,7 +250,9 @@ def oven_front(run: Run, unit: Unit, z0: float, z1: float) -> None:
     )
     face = CARCASS + FRONT
     a = run.at(face, unit.y0 + 0.08, z0 + 0.08)
-    run.assembly.box(a, run.at(face + 0.002, unit.y1 - 0.08, z1 - 0.1), "black", on="oven_door", solid=False)
+    run.assembly.box(
+        a, run.at(face + 0.002, unit.y1 - 0.08, z1 - 0.1), "black", on="oven_door", solid=False
+    )
 
 
 def oven_cavity(run: Run, unit: Unit, z0: float, z1: float) -> None:
@@ -343,8 +347,8 @@ def _bowl(run: Run, unit: Unit) -> None:
     ):
         add.box(run.at(a, b, run.top), run.at(c, d, run.top + 0.003), "metal", solid=False)
     x = 0.5 * (x0 + x1)
-    a = run.at(x, unit.middle, z0 + SHELL)
-    add.rod(a, run.at(x, unit.middle, z0 + SHELL + 0.003), 0.035, "metal_dark")
+    drain = run.at(x, unit.middle, z0 + SHELL)
+    add.rod(drain, run.at(x, unit.middle, z0 + SHELL + 0.003), 0.035, "metal_dark")
     add.frame("basin", run.at(x, unit.middle, z0 + SHELL), note="bottom of the bowl")
     stand = run.at(DEPTH + 0.3, unit.middle, 0.0)
     add.frame("stand_sink", stand, yaw_deg=180.0, note="where one stands or wheels at the sink")
@@ -366,7 +370,10 @@ def _tap(run: Run, unit: Unit) -> None:
             add.hang(name, "revolute", at, (0.0, 0.0, 1.0), 3.0, mass=0.1, damping=0.002)
             low, high = (at[0], at[1], z + 0.036), (at[0], at[1], z + 0.066)
             add.rod(low, high, 0.02, "metal", on=name, solid=True)
-            a, b = (at[0] - 0.028, at[1] - 0.006, z + 0.045), (at[0] + 0.028, at[1] + 0.006, z + 0.06)
+            a, b = (
+                (at[0] - 0.028, at[1] - 0.006, z + 0.045),
+                (at[0] + 0.028, at[1] + 0.006, z + 0.06),
+            )
             add.box(a, b, "metal", on=name, solid=False)
             add.frame(f"handle_{name}", (at[0] + 0.028, at[1], z + 0.052), note=f"rim of {name}")
         return
@@ -384,10 +391,17 @@ def _hob(run: Run, unit: Unit) -> None:
     half = 0.285
     a = run.at(0.06, unit.middle - half, z)
     add.box(a, run.at(0.56, unit.middle + half, z + 0.006), "black")
-    for x, y, radius in ((0.19, -0.14, 0.08), (0.19, 0.14, 0.1), (0.42, -0.14, 0.1), (0.42, 0.14, 0.08)):
+    for x, y, radius in (
+        (0.19, -0.14, 0.08),
+        (0.19, 0.14, 0.1),
+        (0.42, -0.14, 0.1),
+        (0.42, 0.14, 0.08),
+    ):
         at = run.at(x, unit.middle + y, z + 0.006)
         add.rod(at, (at[0], at[1], at[2] + 0.001), radius, "metal_dark")
-        add.rod((at[0], at[1], at[2] + 0.001), (at[0], at[1], at[2] + 0.002), radius - 0.012, "black")
+        add.rod(
+            (at[0], at[1], at[2] + 0.001), (at[0], at[1], at[2] + 0.002), radius - 0.012, "black"
+        )
     for k in range(4):
         at = run.at(0.535, unit.middle - 0.06 + 0.04 * k, z + 0.006)
         add.rod(at, (at[0], at[1], at[2] + 0.002), 0.010, "plastic")

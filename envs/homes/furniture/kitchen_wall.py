@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from .kitchen_assembly import Assembly
 from .kitchen_layout import CORNER, NARROWEST, WIDEST, RunPlan, Unit
@@ -72,8 +73,7 @@ def _cabinet(add: Assembly, y0: float, y1: float, bottom: float, number: int) ->
         for leaf, (c, d) in enumerate(leaves):
             number += 1
             at = ((DEPTH, c, low), (DEPTH + FRONT, d, top))
-            hinge = "high" if leaf else "low"
-            assert hinge == "low" or hinge == "high"
+            hinge: Literal["low", "high"] = "high" if leaf else "low"
             name = f"wall_door_{number}"
             add.leaf(name, *at, "front", hinge=hinge, handle_z=low + 0.12, framed=True)
         _stores(add, a, a + width, bottom, shelf + BOARD)
@@ -119,14 +119,16 @@ def add_tiles(add: Assembly, plan: RunPlan, low: float, high: float) -> None:
     free = [(-half, half)]
     if plan.window is not None:
         a, b = plan.window[0] - half, plan.window[1] - half
-        add.box((0.0, max(a, -half), low), (0.006, min(b, half), low + 0.06), "wall_tile", solid=False)
+        add.box(
+            (0.0, max(a, -half), low), (0.006, min(b, half), low + 0.06), "wall_tile", solid=False
+        )
         free = [span for span in ((-half, a), (b, half)) if span[1] - span[0] > 0.02]
     for y0, y1 in free:
         add.box((0.0, y0, low), (0.006, y1, high), "wall_tile", solid=False)
-        for k in range(1, math.ceil((y1 - y0) / TILE)):
+        for k in range(1, math.ceil((y1 - y0) / TILE - 1e-6)):
             y = y0 + k * TILE
             add.box((0.006, y - 0.0015, low), (0.0068, y + 0.0015, high), "trim", solid=False)
-        for k in range(1, math.ceil((high - low) / TILE)):
+        for k in range(1, math.ceil((high - low) / TILE - 1e-6)):
             z = low + k * TILE
             add.box((0.006, y0, z - 0.0015), (0.0068, y1, z + 0.0015), "trim", solid=False)
 

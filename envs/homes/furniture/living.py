@@ -44,7 +44,7 @@ def _lounge(kind: str, setting: Setting, seats: int, seat: float, *, deep: float
     outer = half + _ARM
     sofa.legs(Rectangle(0.06, -outer + 0.06, deep - 0.06, outer - 0.06), 0.12, 0.05, "wood_dark")
     sofa.board((0.04, -half, 0.12), (deep - 0.02, half, under), "fabric")
-    sofa.board((0.0, -half, 0.12), (back, half, top + 0.4), "fabric", bevel=0.06)
+    sofa.board((0.0, -half, 0.12), (back - 0.06, half, top + 0.36), "fabric")
     for y in (-outer, half):
         sofa.board((0.0, y, 0.12), (deep, y + _ARM, top + 0.2), "fabric", bevel=0.05)
     for k in range(seats):

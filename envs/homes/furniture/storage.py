@@ -82,7 +82,7 @@ def make_pantry_shelves(setting: Setting, *, width: float = 1.0) -> Piece:
                 tall = 0.11 + 0.02 * ((n + k) % 4)
                 pantry.rod([(0.2, y, z), (0.2, y, z + tall)], 0.04, material)
                 pantry.rod([(0.2, y, z + tall), (0.2, y, z + tall + 0.012)], 0.036, "metal")
-            y, n = y + 0.105, n + 1
+            y, n = y + 0.13, n + 1
         pantry.board((0.08, -half + 0.03, z), (0.28, half - 0.05, z + 0.12), "", seen=False)
     pantry.stand_zone(-half, half, 0.6, x=deep)
     return pantry.done()

@@ -1,0 +1,164 @@
+"""Checks a home against the rules of accessibility: what is measured, what is allowed, what fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+from rich.table import Table
+
+from .audit_door import measure_openings
+from .audit_furniture import measure_furniture, measure_sets
+from .audit_room import measure_rooms
+from .measurement import FurnishedHome, Measurement
+from .rule import Rule, Rules
+
+_NAMED = 4  # places that a row of the table names; the others are counted
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was measured, and whether the rules allow it.
+
+    Attributes:
+        rule: Name of the rule.
+        room: Name of the room; empty for what belongs to none.
+        what: What was measured.
+        value: In the unit of the rule, or a word; None for nothing of the kind.
+        allowed: What the level allows, in words.
+        ok: Whether it does.
+    """
+
+    rule: str
+    room: str
+    what: str
+    value: float | str | None
+    allowed: str
+    ok: bool
+
+
+@dataclass(frozen=True)
+class Audit:
+    """All findings in one home.
+
+    Attributes:
+        home: Name of the house.
+        built_level: The level that it is built for.
+        level: The level whose rules it was held against.
+        findings: One for each thing measured.
+        unmeasured: Rules for which the home has nothing to measure.
+    """
+
+    home: str
+    built_level: int
+    level: int
+    findings: tuple[Finding, ...]
+    unmeasured: tuple[str, ...]
+
+    @cached_property
+    def failures(self) -> tuple[Finding, ...]:
+        """What the rules do not allow."""
+        return tuple(finding for finding in self.findings if not finding.ok)
+
+    @property
+    def passed(self) -> int:
+        """How many findings the rules allow."""
+        return len(self.findings) - len(self.failures)
+
+    @property
+    def share(self) -> float:
+        """Share of the findings that the rules allow, in [0, 1]; 1 if there are none."""
+        return self.passed / len(self.findings) if self.findings else 1.0
+
+    @cached_property
+    def broken(self) -> tuple[str, ...]:
+        """Names of the rules that fail somewhere, in the order of the table of rules."""
+        return tuple(dict.fromkeys(finding.rule for finding in self.failures))
+
+    @cached_property
+    def kept(self) -> tuple[str, ...]:
+        """Names of the rules that were measured and hold everywhere."""
+        measured = dict.fromkeys(finding.rule for finding in self.findings)
+        return tuple(name for name in measured if name not in self.broken)
+
+    def table(self) -> Table:
+        """Return what fails, grouped by rule and value, for a console."""
+        table = Table(
+            title=f"{self.home}, built at level {self.built_level}: {len(self.failures)} of "
+            f"{len(self.findings)} findings fail level {self.level}",
+        )
+        for head in ("rule", "measured", "allowed", "where"):
+            table.add_column(head)
+        rules = Rules(self.level)
+        for name in self.broken:
+            rule = rules[name]
+            groups: dict[str, list[Finding]] = {}
+            for finding in self.failures:
+                if finding.rule == name:
+                    groups.setdefault(_text(finding.value, rule), []).append(finding)
+            first = True
+            for value, group in groups.items():
+                where = list(dict.fromkeys(f.what or f.room for f in group))
+                more = f" and {len(where) - _NAMED} more" if len(where) > _NAMED else ""
+                title, allowed = (rule.title, group[0].allowed) if first else ("", "")
+                table.add_row(title, value, allowed, ", ".join(where[:_NAMED]) + more)
+                first = False
+            table.add_section()
+        return table
+
+
+def audit(
+    home: FurnishedHome, level: int | None = None, *, measured: Iterable[Measurement] = ()
+) -> Audit:
+    """Check a home against the rules of a level.
+
+    Everything is measured from the home as it stands: from walls, openings, the poses and the solids
+    of its furniture, and the floor that they leave free.
+
+    Args:
+        home: The home.
+        level: The level whose rules count; its own if None.
+        measured: What was measured elsewhere and counts as well, such as forces in a simulation.
+
+    Raises:
+        ConfigError: If `level` is not 1, 2 or 3.
+        UnknownNameError: If something is measured that no rule is about.
+    """
+    rules = Rules(home.level if level is None else level)
+    order = {name: k for k, name in enumerate(rules)}
+    taken = [
+        *measure_openings(home),
+        *measure_rooms(home),
+        *measure_furniture(home),
+        *measure_sets(home),
+        *measured,
+    ]
+    judged = [_judge(measurement, rules) for measurement in taken]
+    judged.sort(key=lambda finding: order[finding.rule])
+    seen = {finding.rule for finding in judged}
+    unmeasured = tuple(name for name in rules if name not in seen)
+    return Audit(home.plan.name, home.level, rules.level, tuple(judged), unmeasured)
+
+
+def _judge(measurement: Measurement, rules: Rules) -> Finding:
+    rule = rules[measurement.rule]
+    return Finding(
+        measurement.rule,
+        measurement.room,
+        measurement.what,
+        measurement.value,
+        rule.bounds(rules.level),
+        rule.allows(measurement.value, rules.level),
+    )
+
+
+def _text(value: float | str | None, rule: Rule) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, str):
+        return value.replace("_", " ")
+    return f"{value:.3f}" if rule.unit == "1" else f"{value:.3f} {rule.unit}"
+
+
+__all__ = ["Audit", "Finding", "FurnishedHome", "Measurement", "audit"]

@@ -1,0 +1,213 @@
+"""Measures furniture: heights, room for knees, free floor beside it, what opens it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rcare_marl.pose import Pose
+from rcare_marl.urdf import Link, Model, Shape, joint_pose
+
+from .audit_bar import BAR_TOP, bars_at, measure_toilet_bars
+from .furnishing import Placed
+from .measurement import FAR, FurnishedHome, Measurement, Surroundings
+from .piece import Piece
+from .plan import Room
+
+# From the least to the most accessible.
+BATHING = ("shower_cabin", "bathtub", "bathtub_with_seat", "transfer_shower", "roll_in_shower")
+KITCHEN = ("kitchen_run", "kitchen_island", "fridge", "oven_tower", "tall_cupboard")
+CUPBOARDS = (
+    "bathroom_cabinet", "chest_of_drawers", "desk", "dresser_cabinet", "high_sideboard",
+    "kitchen_island", "kitchen_run", "nightstand", "pantry_cupboard", "sideboard", "tall_cupboard",
+    "tv_stand", "vanity", "wardrobe", "washbasin",
+)  # fmt: skip
+TABLES = ("desk", "dining_table", "round_table")
+LIGHT = ("chair", "stool", "bin", "bath_mat", "laundry_basket")  # moved aside with a hand
+# Taken from the model of the piece as it is built; all else is measured where it stands.
+HEIGHTS = (
+    "basin_rim_height", "bath_seat_height", "bathtub_rim_height", "bed_height", "counter_height",
+    "seat_height", "shower_depth", "shower_threshold", "shower_width", "switch_height",
+    "table_height", "toilet_seat_height", "wall_cabinet_height", "wardrobe_rail_height",
+)  # fmt: skip
+BESIDE_BED = 1.22  # [m], 48 in: ADA 305.3, length of the clear floor space of a wheelchair
+BESIDE_TOILET = (0.1, 1.42)  # [m] from the wall behind it; 56 in: ADA 604.3.1
+_SLICE = 0.05  # [m] in which fronts of kitchens are looked at
+_CORNER = 0.08  # [m]; what stands nearer than this to a front of a kitchen is joined to it
+_ARM = 0.06  # [m]; what turns a tap further out than this is a lever, else a knob; own choice
+_BAR = 0.075  # [m], least length of a bar that opens a cupboard; own choice
+_SLIM = 0.025  # [m], most thickness of such a bar
+
+
+def measure_furniture(home: FurnishedHome) -> Iterator[Measurement]:
+    """Yield what is measured of each piece of furniture."""
+    for placed in home.placed:
+        piece, room, name = placed.piece, placed.room, placed.name
+        for rule in HEIGHTS:
+            if rule in piece.measures:
+                yield Measurement(rule, room, name, piece.measures[rule])
+        if piece.kind == "toilet":
+            yield from _toilet(home, placed)
+        if "bed_height" in piece.measures:
+            better, worse = _beside_bed(home, placed)
+            yield Measurement("bed_side_space", room, name, better)
+            yield Measurement("bed_far_side_space", room, name, worse)
+        if piece.kind == "washbasin":
+            knee = piece.measures.get("basin_knee_height") if piece.knee else None
+            yield Measurement("basin_knee_height", room, name, knee)
+        if piece.kind in TABLES:
+            knee = piece.measures.get("table_knee_height") if piece.knee else None
+            yield Measurement("table_knee_height", room, name, knee)
+        if piece.kind in BATHING:
+            has_bars = any(bar.is_level and bar.top < BAR_TOP for bar in bars_at(home, placed))
+            yield Measurement("bath_grab_bars", room, name, "wall" if has_bars else "none")
+        if piece.kind in KITCHEN:
+            yield Measurement("kitchen_aisle", room, name, _aisle(home, placed))
+        tap, handle = tap_word(piece), handle_word(piece)
+        if tap is not None:
+            yield Measurement("tap", room, name, tap)
+        if piece.kind in CUPBOARDS and handle is not None:
+            yield Measurement("cupboard_handle", room, name, handle)
+
+
+def measure_sets(home: FurnishedHome) -> Iterator[Measurement]:
+    """Yield what a room's furniture has together: where one washes, and one worktop to sit at."""
+    for room in home.plan.rooms.values():
+        pieces = [placed.piece for placed in home.placed if placed.room == room.name]
+        bathing = [BATHING.index(piece.kind) for piece in pieces if piece.kind in BATHING]
+        if room.kind == "bathroom" and bathing:
+            yield Measurement("bathing", room.name, room.name, BATHING[max(bathing)])
+        if any("counter_height" in p.measures and p.kind in KITCHEN for p in pieces):
+            yield from _worktop(room, pieces)
+
+
+def _worktop(room: Room, pieces: list[Piece]) -> Iterator[Measurement]:
+    """Yield the room for knees under the worktop of a kitchen that has most of it."""
+    knees = [
+        (piece.measures["counter_knee_height"], area)
+        for piece in pieces
+        if piece.kind in KITCHEN and "counter_knee_height" in piece.measures
+        for area in piece.knee
+    ]
+    if not knees:
+        for side in ("height", "width", "depth"):
+            yield Measurement(f"counter_knee_{side}", room.name, room.name, None)
+        return
+    height, area = max(knees, key=lambda knee: knee[1].area)
+    yield Measurement("counter_knee_height", room.name, room.name, height)
+    yield Measurement("counter_knee_width", room.name, room.name, area.depth)
+    yield Measurement("counter_knee_depth", room.name, room.name, area.width)
+
+
+def _toilet(home: FurnishedHome, placed: Placed) -> Iterator[Measurement]:
+    room, name = placed.room, placed.name
+    around = Surroundings(home, room, placed.pose, but=(name,), kinds_but=LIGHT)
+    wall = min(around.inside.y1, -around.inside.y0)
+    yield Measurement("toilet_centre_to_wall", room, name, wall)
+    low, high = _half_width(placed.piece)
+    beside = max(
+        around.free(high, BESIDE_TOILET, along="y"),
+        around.free(low, BESIDE_TOILET, along="y", sign=-1),
+    )
+    yield Measurement("toilet_side_space", room, name, beside)
+    yield from measure_toilet_bars(home, placed)
+
+
+def _half_width(piece: Piece) -> tuple[float, float]:
+    """Return the sides of a toilet's bowl below its seat, along y [m]."""
+    seat = piece.measures["toilet_seat_height"]
+    boxes = [_extent(shape) for shape in piece.model.links[piece.model.root].collision]
+    sides = [corner[1] for low, high in boxes if low[2] < seat - 0.05 for corner in (low, high)]
+    return (min(sides), max(sides)) if sides else (piece.footprint.y0, piece.footprint.y1)
+
+
+def _extent(shape: Shape, pose: Pose = Pose()) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the lowest and highest corner of a box round a solid shape [m]."""
+    at = pose @ shape.pose()
+    turn = np.abs(at.matrix()[:3, :3])
+    r = shape.radius
+    halves = {
+        "box": tuple(0.5 * edge for edge in shape.size),
+        "sphere": (r, r, r),
+        "cylinder": (r, r, 0.5 * shape.span()),
+        "capsule": (r, r, 0.5 * shape.span() + r),
+    }
+    reach = turn @ np.array(halves[shape.kind])
+    middle = np.array(at.position)
+    return tuple((middle - reach).tolist()), tuple((middle + reach).tolist())
+
+
+def _beside_bed(home: FurnishedHome, placed: Placed) -> tuple[float, float]:
+    """Return the free floor beside a bed on its better and its worse side [m]."""
+    around = Surroundings(home, placed.room, placed.pose, but=(placed.name,), kinds_but=LIGHT)
+    bed = placed.piece.footprint
+    starts = np.arange(bed.x0, max(bed.x1 - BESIDE_BED, bed.x0) + 1e-9, _SLICE).tolist()
+    sides = []
+    for edge, sign in ((bed.y1, 1), (bed.y0, -1)):
+        spans = [(x, min(x + BESIDE_BED, bed.x1)) for x in starts]
+        sides.append(max(around.free(edge, span, along="y", sign=sign) for span in spans))
+    return max(sides), min(sides)
+
+
+def _aisle(home: FurnishedHome, placed: Placed) -> float:
+    """Return the free floor before a piece of a kitchen, but for what is joined to it at a corner [m]."""
+    around = Surroundings(home, placed.room, placed.pose, but=(placed.name,), kinds_but=LIGHT)
+    front = placed.piece.footprint
+    starts = np.arange(front.y0, front.y1 - _SLICE + 1e-9, _SLICE).tolist()
+    free = [around.free(front.x1, (y, y + _SLICE), along="x") for y in starts]
+    return min((reach for reach in free if reach > _CORNER), default=FAR)
+
+
+def tap_word(piece: Piece) -> str | None:
+    """Return how the taps of a piece are worked, by how far from its axis one takes hold; None for none."""
+    places = _places(piece.model)
+    arms = []
+    for name, joint in piece.model.joints.items():
+        grip = piece.frames.get(f"handle_{name}")
+        if not name.startswith("tap") or joint.kind == "fixed" or grip is None:
+            continue
+        frame = places[joint.child]
+        axis = frame.matrix()[:3, :3] @ np.array(joint.axis)
+        arm = np.array(grip.position) - np.array(frame.position)
+        arms.append(float(np.linalg.norm(np.cross(axis, arm))))
+    if not arms:
+        return None
+    return "lever" if min(arms) > _ARM else "knob"
+
+
+def handle_word(piece: Piece) -> str | None:
+    """Return whether bars or knobs open a cupboard, by their shapes; None if nothing opens."""
+    places = _places(piece.model)
+    words = set()
+    for name, joint in piece.model.joints.items():
+        grip = piece.frames.get(f"handle_{name}")
+        if name.startswith(("tap", "turn")) or joint.kind == "fixed" or grip is None:
+            continue
+        link = piece.model.links[joint.child]
+        words.add("bar" if _has_bar(link, places[joint.child], grip.position) else "knob")
+    if not words:
+        return None
+    return "knob" if "knob" in words else "bar"
+
+
+def _has_bar(link: Link, pose: Pose, grip: tuple[float, float, float]) -> bool:
+    """Return whether a long slim solid lies where the link is gripped."""
+    for shape in link.collision:
+        low, high = _extent(shape, pose)
+        edges = sorted(b - a for a, b in zip(low, high, strict=True))
+        is_here = all(a - 0.02 <= at <= b + 0.02 for a, at, b in zip(low, grip, high, strict=True))
+        if is_here and edges[2] >= _BAR and edges[1] <= _SLIM:
+            return True
+    return False
+
+
+def _places(model: Model) -> dict[str, Pose]:
+    """Return the pose of each link in the frame of the piece, with all joints at rest."""
+    out = {model.root: Pose()}
+    for joint in model.joints.values():
+        out[joint.child] = out[joint.parent] @ joint_pose(joint)
+    return out
+
+
+__all__ = ["handle_word", "measure_furniture", "measure_sets", "tap_word"]

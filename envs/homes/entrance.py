@@ -1,0 +1,147 @@
+"""What leads up to the entrance: a porch with steps, or a landing with a ramp."""
+
+from __future__ import annotations
+
+import math
+
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Pose, quaternion_from_rpy
+from rcare_marl.urdf import Shape, Triple
+
+from .plan import JAMB, Opening, Plan
+from .rectangle import Rectangle
+from .rule import Rules
+from .shell_canvas import Canvas
+
+# Lengths in metres.
+LANDING = 1.525  # ADA 405.7.3, 60 in
+PORCH = (1.5, 1.1)  # of usual homes, width and depth; own choice
+RISER, TREAD = 0.178, 0.3  # greatest rise of a step, 7 in, and its depth; ADA 504.2
+CURB = (0.05, 0.06)  # width and height; ADA 405.9.2 asks for what keeps a 4 in sphere in
+RAIL_HEIGHT, RAIL_RADIUS = 0.9, 0.019  # ADA 505.4, 34 to 38 in; 505.7.1
+POST_APART = 1.2
+PATH = 4.0  # paved beyond the foot; own choice
+_THICK = 0.12  # of a ramp
+
+
+def build_entrance(canvas: Canvas, opening: Opening, plan: Plan, rules: Rules) -> None:
+    """Build what leads from the ground up to an entrance door.
+
+    Raises:
+        ConfigError: If there is room for it in no direction.
+    """
+    rise, way = rules.figure("entrance_rise"), rules.choice("entrance_way")
+    door, back = opening.pose, -0.5 * opening.thickness
+    if way == "steps":
+        wide, deep = max(PORCH[0], opening.width + 0.3), PORCH[1]
+    else:
+        wide = max(LANDING, opening.width - 2 * JAMB, _outer_width(rules))
+        deep = wide  # so that a chair can turn on it, and the ramp can leave on any side
+    landing = Rectangle(-0.5 * wide, back - deep, 0.5 * wide, back)
+    canvas.box("paving", landing.moved(door), (-rise, 0.0), solid=True)
+    mat = Rectangle(-0.4, back - 0.65, 0.4, back - 0.15)
+    canvas.box("rubber", mat.moved(door), (0.0, 0.008))
+    if way == "steps":
+        _steps(canvas, door, landing, rise)
+    elif way == "ramp":
+        _ramp(canvas, opening, landing, plan, rules)
+
+
+def _outer_width(rules: Rules) -> float:
+    return rules.figure("ramp_width") + 2 * CURB[0]
+
+
+def _steps(canvas: Canvas, door: Pose, landing: Rectangle, rise: float) -> None:
+    """Steps straight out, with a handrail on the right as one leaves."""
+    count = math.ceil(rise / RISER - 1e-6)
+    foot = landing.y0
+    for k in range(1, count):
+        foot = landing.y0 - k * TREAD
+        area = Rectangle(landing.x0, foot, landing.x1, foot + TREAD)
+        canvas.box("paving", area.moved(door), (-rise, -rise * k / count), solid=True)
+    rail = _Rail(canvas, door)
+    rail.run((landing.x0 + 0.05, landing.y1 - 0.1, 0.0), (landing.x0 + 0.05, landing.y0, 0.0))
+    if foot < landing.y0:
+        rail.run(
+            (landing.x0 + 0.05, landing.y0, 0.0), (landing.x0 + 0.05, foot, -rise + rise / count)
+        )
+    _path(canvas, door @ Pose((0.0, foot, 0.0), _turn(-90.0)), 1.2, rise)
+
+
+def _ramp(canvas: Canvas, opening: Opening, landing: Rectangle, plan: Plan, rules: Rules) -> None:
+    """A ramp with curbs and handrails, straight out, or along the house where that is not free."""
+    rise, slope = rules.figure("entrance_rise"), rules.figure("ramp_slope")
+    run, clear, outer = rise / slope, rules.figure("ramp_width"), _outer_width(rules)
+    door, middle = opening.pose, landing.centre
+    # Frames at the edge of the landing, x away from it.
+    starts = {
+        "out": Pose((middle[0], landing.y0, 0.0), _turn(-90.0)),
+        "left": Pose((landing.x1, landing.y0 + 0.5 * outer, 0.0), _turn(0.0)),
+        "right": Pose((landing.x0, landing.y0 + 0.5 * outer, 0.0), _turn(180.0)),
+    }
+    for start in starts.values():
+        frame = door @ start
+        needed = Rectangle(0.0, -0.5 * outer, run + LANDING, 0.5 * outer).moved(frame)
+        if not any(area.overlaps(needed, by=0.01) for area in plan.outline):
+            break
+    else:
+        raise ConfigError(
+            f"no room for a ramp of {run:.2f} m before {opening.name!r} of {plan.name}"
+        )
+    pitch = math.atan2(rise, run)
+    tilted = frame @ Pose((0.0, 0.0, 0.0), tuple(quaternion_from_rpy(0.0, pitch, 0.0).tolist()))
+    long = math.hypot(run, rise)
+    # Under the landing's edge the ramp goes on, and at its foot into the ground.
+    area = Rectangle(-0.02, -0.5 * outer, long + _THICK * slope, 0.5 * outer)
+    canvas.box("paving", area, (-_THICK, 0.0), solid=True, pose=tilted)
+    for side in (-1, 1):
+        y = (0.5 * side * clear, 0.5 * side * outer)
+        curb = Rectangle(0.0, min(y), long, max(y))
+        canvas.box("paving", curb, (-_THICK, CURB[1]), solid=True, pose=tilted)
+        low, high = (0.0, y[1], -rise), (run, y[1], -rise)
+        canvas.face("paving", [_at(frame, p) for p in (low, high, high, (0.0, y[1], 0.0))])
+        rail = _Rail(canvas, frame)
+        rail.run((0.0, 0.5 * (y[0] + y[1]), 0.0), (run, 0.5 * (y[0] + y[1]), -rise))
+    _path(canvas, frame @ Pose((run, 0.0, 0.0)), outer, rise)
+
+
+def _turn(degrees: float) -> tuple[float, ...]:
+    return tuple(quaternion_from_rpy(0.0, 0.0, math.radians(degrees)).tolist())
+
+
+def _at(frame: Pose, point: Triple) -> Triple:
+    x, y, z = (frame @ Pose(point)).position
+    return (x, y, z)
+
+
+def _path(canvas: Canvas, frame: Pose, width: float, rise: float) -> None:
+    """Pave the ground beyond the foot of steps or a ramp; x of the frame leads away."""
+    area = Rectangle(0.0, -0.5 * width, PATH, 0.5 * width).moved(frame)
+    canvas.box("paving", area, (-rise - 0.05, -rise + 0.004))
+
+
+class _Rail:
+    """Handrails on posts."""
+
+    def __init__(self, canvas: Canvas, frame: Pose) -> None:
+        self._canvas, self._frame = canvas, frame
+
+    def run(self, start: Triple, end: Triple) -> None:
+        """Set a rail above a line on the ground, in the frame [m]."""
+        length = math.dist(start, end)
+        count = max(math.ceil(length / POST_APART), 1)
+        for k in range(count + 1):
+            x, y, z = (a + (b - a) * k / count for a, b in zip(start, end, strict=True))
+            self._bar((x, y, z), (x, y, z + RAIL_HEIGHT), 0.016)
+        (x0, y0, z0), (x1, y1, z1) = start, end
+        self._bar((x0, y0, z0 + RAIL_HEIGHT), (x1, y1, z1 + RAIL_HEIGHT), RAIL_RADIUS)
+
+    def _bar(self, start: Triple, end: Triple, radius: float) -> None:
+        points = (_at(self._frame, start), _at(self._frame, end))
+        self._canvas.visual.append(
+            Shape(kind="tube", material="metal_dark", radius=radius, points=points)
+        )
+        self._canvas.solids.append(Shape(kind="capsule", radius=radius, points=points))
+
+
+__all__ = ["build_entrance"]
