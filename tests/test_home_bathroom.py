@@ -72,13 +72,13 @@ def loaded(*pieces: Piece) -> Iterator[tuple[World, list[Body]]]:
 
 def down(world: World, x: float, y: float, *, start: float = 2.5) -> float:
     """Return the height of what a ray that falls from `start` meets first [m]."""
-    away = ray_distances(world.client, (x, y, start), np.array([[0.0, 0.0, -1.0]]), start)
+    away = ray_distances(world, (x, y, start), np.array([[0.0, 0.0, -1.0]]), start)
     return start - float(away[0])
 
 
 def along(world: World, origin: tuple[float, float, float], way: tuple[int, int, int]) -> float:
     """Return how far it is from a point to what is there [m]."""
-    return float(ray_distances(world.client, origin, np.array([way], float), 3.0)[0])
+    return float(ray_distances(world, origin, np.array([way], float), 3.0)[0])
 
 
 @dataclass
@@ -150,7 +150,7 @@ def test_a_piece_looks_no_larger_than_it_says(kind: str, level: int) -> None:
     assert points[:, 0].min() > -0.011 and points[:, 2].min() > -0.001
     assert points[:, 2].max() <= piece.height + 0.02
     if kind == "toilet":  # its bars hang over clear floor
-        points = points[points[:, 2] < 0.79]
+        points = points[points[:, 2] < 0.6]
     own = piece.footprint.grown(0.012)
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     assert own.contains(Rectangle(low[0], low[1], high[0], high[1]))
@@ -250,7 +250,7 @@ def test_bars_of_a_toilet_are_where_the_rules_want_them() -> None:
             assert along(world, (x, at, z), (0, -side, 0)) == pytest.approx(gap, abs=1e-3)
             front = 3.0 - along(world, (3.0, y, z), (-1, 0, 0))
             back = along(world, (0.2, y, z), (1, 0, 0)) + 0.2
-            assert front - back == pytest.approx(measures["grab_bar_side_length"], abs=2e-3)
+            assert front - back == pytest.approx(measures["grab_bar_side_length"], abs=3e-3)
             assert back <= 0.305
         assert (piece.footprint.y1 if side > 0 else -piece.footprint.y0) == pytest.approx(abs(at))
     assert not any("grab_bar" in name for name in made("toilet", 1).measures)
@@ -276,10 +276,10 @@ def test_basins_have_their_rim_and_room_for_knees(kind: str, level: int) -> None
     with loaded(piece) as (world, _):
         x, y, floor = piece.frames["basin"].position
         rim = piece.measures["basin_rim_height"]
-        edge = piece.footprint.x1 - (0.04 if kind == "washbasin" and level == 3 else 0.02)
-        assert down(world, edge, y, start=1.1) == pytest.approx(
-            rim, abs=0.03 if level == 1 else 1e-3
-        )
+        # The edge of the ceramic; that of a worktop, a little lower, at level 1.
+        inset = {"washbasin": (0.06, 0.02, 0.04), "laundry_sink": (0.02,) * 3}[kind][level - 1]
+        edge = down(world, piece.footprint.x1 - inset, y, start=1.1)
+        assert edge == pytest.approx(rim, abs=6e-3 if level == 1 else 1e-3)
         assert (
             down(world, x, y + 0.05, start=1.1) == pytest.approx(floor, abs=2e-3)
             and floor < rim - 0.08

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from io import StringIO
 
 import pytest
 from rich.console import Console
@@ -40,6 +41,7 @@ from rcare_marl.urdf import Joint, Link, Model, Shape
 SOUTH = -0.5 * math.pi  # of furniture that stands at a north wall and looks south
 # Width and depth of bathroom, bedroom and kitchen [m].
 SIZES = {1: (2.0, 2.7, 2.8, 2.6), 2: (3.0, 3.6, 3.4, 3.4), 3: (3.0, 3.6, 3.4, 3.4)}
+ENTRANCE_X = sum(SIZES[3][:3]) + 3.5 * INNER_WALL + 2.4  # at level 3
 
 
 def at(x: float, y: float, yaw: float = 0.0) -> Pose:
@@ -290,7 +292,7 @@ FAULTS: dict[str, tuple[Callable[[CareHome], CareHome], set[str]]] = {
     "high threshold": (lambda h: changed(h, "door_3", threshold=0.02), {"door_threshold"}),
     "knob": (lambda h: changed(h, "entrance_1", hardware="knob"), {"door_hardware"}),
     "hinges on the other side": (
-        lambda h: changed(h, "entrance_1", centre=(ENTRANCE, 0.6), hinge="high"),
+        lambda h: changed(h, "entrance_1", centre=(ENTRANCE_X, 0.6), hinge="high"),
         {"latch_side_space"},
     ),
     "narrow hall": (narrow_hall, {"hallway_width"}),
@@ -311,7 +313,10 @@ FAULTS: dict[str, tuple[Callable[[CareHome], CareHome], set[str]]] = {
         {"toilet_seat_height", "grab_bars"},
     ),
     "high bed": (lambda h: rebuilt(h, "bed", 1), {"bed_height"}),
-    "basin over a cupboard": (lambda h: rebuilt(h, "washbasin", 1), {"basin_knee_height", "tap", "cupboard_handle"}),
+    "basin over a cupboard": (
+        lambda h: rebuilt(h, "washbasin", 1),
+        {"basin_knee_height", "tap", "cupboard_handle"},
+    ),
 }  # fmt: skip
 
 
@@ -404,7 +409,7 @@ def test_strips_end_where_something_stands(homes: dict[int, CareHome]) -> None:
     assert around.free(0.0, (-0.1, 0.1), along="x") == pytest.approx(inside.y1 - 0.5)
     assert around.free(0.0, (-0.1, 0.1), along="x", sign=-1) == pytest.approx(0.5)
     assert around.free(0.0, (-0.1, 0.1), along="y") == pytest.approx(1.0)
-    assert around.free(5.0, (-0.1, 0.1), along="x") < 5.0
+    assert around.free(inside.y1 - 0.45, (-0.1, 0.1), along="x") == 0.0  # within the wall
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -439,10 +444,11 @@ def test_what_was_measured_elsewhere_counts(homes: dict[int, CareHome]) -> None:
 
 
 def test_the_table_shows_what_fails(homes: dict[int, CareHome]) -> None:
-    console = Console(width=140, record=True, quiet=True)
+    out = StringIO()
+    console = Console(width=140, file=out)
     result = audit(homes[1], 3)
     console.print(result.table())
-    text = console.export_text()
+    text = out.getvalue()
     for part in (
         "small, built at level 1",
         "Clear width of interior doors",

@@ -27,12 +27,10 @@ ROLLING = ("roll_x", "roll_y", "roll_turn")
 # Sections of the tubes [m], masses as shares of the whole, and where parts sit; our own choice.
 _LEG, _MAST, _BOOM = 0.05, (0.06, 0.07), 0.05
 _LEG_SHARE, _BOOM_SHARE = 0.1, 0.13
-_PIVOT = 0.2  # of the legs, from the middle [m], as a share of the closed width of 0.6 m: 0.333
 _FRONT_WHEEL, _REAR_WHEEL = 0.075, 0.1  # diameters
 _ROOM = 100.0  # [m] that it may roll each way; any house is smaller
 _LEG_FORCE, _BOOM_MARGIN = 150.0, 1.6  # [N·m]; of the torque that the safe load needs
 _TURN_ARM = 0.4  # [m]: brakes and rolling resistance hold against turning on this arm
-_SIDEWAYS = (-math.pi / 2, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -160,7 +158,7 @@ class FloorLift(Device):
         """Hold boom and legs, take off the brakes, and let go of who is gone after a rewind."""
         super().reset()
         self.brake(False)
-        if hasattr(self.bar, "_body"):
+        if self.bar.is_joined:
             self.bar.settle()
 
     def push(self, forward: float, left: float = 0.0, turn: float = 0.0) -> None:
@@ -227,7 +225,6 @@ class FloorLift(Device):
             "boom": self._boom(boom_mass),
             **self.bar.links(),
         }
-        # Bullet's default of 1 kg apiece would weigh down what has no weight.
         return Model(
             name=self.name,
             source=c.source,

@@ -199,17 +199,17 @@ def _worn(
     hooks: Mapping[str, Array],
 ) -> _Cloth:
     """Return the fabric round a body whose surface and joints are given, x to the body's left."""
-    parts = [_back(config, surface, owner, joints, head_up)]
-    back = parts[0][0]
-    neck = round(0.36 * (len(back) - 1)) if config.head_support else 1
+    back = _back(config, surface, owner, joints, head_up)
+    panels = [back]
+    row = round(0.36 * (len(back) - 1)) if config.head_support else 0
     anchors = []
-    for side, column, before in zip(SIDES, (-1, 0), (-2, 1), strict=True):
-        anchors.append((back[neck, column], back[neck, before], hooks[f"hook_{side}_back"]))
+    for side, column in zip(SIDES, (-1, 0), strict=True):
+        anchors.append((back[row, column], back[row + 2, column], hooks[f"hook_{side}_back"]))
     for side in SIDES:
         flap = _flap(config, surface, owner, joints, side)
-        parts.append((flap, config.fabric))
+        panels.append(flap)
         anchors.append((flap[-1, -1], flap[-2, -1], hooks[f"hook_{side}_front"]))
-    return _join(config, [part[0] for part in parts], anchors)
+    return _join(config, panels, anchors)
 
 
 def _back(
@@ -218,7 +218,7 @@ def _back(
     owner: npt.NDArray[np.intp],
     joints: Array,
     head_up: Array,
-) -> tuple[Array, Rgba]:
+) -> Array:
     """Return the panel from the head or the shoulders down to the seat, shape [rows, columns, 3]."""
     at = {
         name: joints[JOINT_INDEX[name]] for name in ("pelvis", "spine2", "spine3", "neck", "head")
@@ -231,12 +231,13 @@ def _back(
     stops.append(hips + 0.22 * (knees - hips))
     wrap = np.radians(config.wrap_deg)
     if not config.head_support:
-        stops, wrap = stops[2:], wrap[2:]
+        # The upper edge runs below the armpits.
+        stops, wrap = [at["spine3"], *stops[3:]], wrap[2:]
     middles, tangents, share = _curve(np.array(stops), _BACK[0])
     reach = np.interp(share[1], share[0], wrap)
     hidden = (*_HANDS, "knee", "ankle", "foot") + (() if config.holds_arms else _ARMS)
     seen = surface[~_owned(owner, hidden)]
-    return _wrapped(config, seen, middles, tangents, -reach, reach, _BACK[1]), config.fabric
+    return _wrapped(config, seen, middles, tangents, -reach, reach, _BACK[1])
 
 
 def _flap(

@@ -72,6 +72,7 @@ class SpreaderBar:
         config: Its figures.
         sling: What hangs on it.
         person: Who hangs in the sling, if anybody.
+        is_joined: Whether the lift was spawned.
     """
 
     def __init__(self, config: BarConfig, sling: str) -> None:
@@ -79,6 +80,7 @@ class SpreaderBar:
         self.config = config
         self.sling = Sling(load(SlingConfig, assets.find("devices", sling)))
         self.person: Human | None = None
+        self.is_joined = False
         self._bonds: list[Attachment] = []
 
     @property
@@ -146,32 +148,39 @@ class SpreaderBar:
             "sling": fabric,
         }
 
-    def joints(self, parent: str, at: Triple, turn: float = 0.0) -> dict[str, Joint]:
+    def joints(
+        self, parent: str, at: Triple, turn: float = 0.0, *, strap: Joint | None = None
+    ) -> dict[str, Joint]:
         """Return the joints from `parent` down to the bar.
 
         Args:
             parent: Link that carries the pivot.
             at: The pivot in the frame of that link [m].
             turn: Turn of the bar about the vertical at rest [rad].
+            strap: Joint from `bar_yoke` to `bar_eye`, where a strap lengthens below the pivot.
         """
         swing = float(np.radians(self.config.swing_deg))
         swings = {"lower": -swing, "upper": swing, "effort": 50.0, "velocity": 6.0}
         swings |= {"damping": _DAMPING}
         down = (0.0, 0.0, -self.config.drop)
-        return {
+        out = {
             "bar_pitch": Joint("revolute", parent, "bar_fork", at, axis=(0.0, 1.0, 0.0), **swings),
             "bar_roll": Joint("revolute", "bar_fork", "bar_yoke", axis=(1.0, 0.0, 0.0), **swings),
-            "bar_turn": Joint(
-                "continuous", "bar_yoke", LINK, down, (0.0, 0.0, turn), effort=50.0, velocity=6.0,
-                damping=_DAMPING,
-            ),
-            "sling": Joint("fixed", LINK, "sling"),
-        }  # fmt: skip
+        }
+        last = "bar_yoke"
+        if strap is not None:
+            out["lift"], last = strap, strap.child
+        out["bar_turn"] = Joint(
+            "continuous", last, LINK, down, (0.0, 0.0, turn), effort=50.0, velocity=6.0,
+            damping=_DAMPING,
+        )  # fmt: skip
+        return out | {"sling": Joint("fixed", LINK, "sling")}
 
     def join(self, world: World, body: Body) -> None:
         """Take up work on the body of a lift that was loaded into `world`."""
         self._world, self._body = world, body
         self._hinges = body.indices(HINGES)
+        self.is_joined = True
         self.sling.hang(world, body, LINK, self.hooks)
 
     def settle(self) -> None:

@@ -10,7 +10,7 @@ from rcare_marl import assets
 from rcare_marl.body import Body
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Pose, Vector
 from rcare_marl.urdf import Model, Shape
 from rcare_marl.world import World
 
@@ -28,6 +28,7 @@ _RAIL = 0.0125  # radius of the tubes [m]
 _PAD = 0.03  # thickness of seat and backrest [m]
 _FOOT = 0.02  # radius of the rubber feet [m]
 _UNDER = _PAD + 2 * _RAIL  # from the top of the seat to the underside of the rails [m]
+_CLEAR = 0.01  # [m], of soles over the floor
 _GRIP = 1.0  # friction of rubber feet
 PIN = 2000.0  # [N], what the pin of a leg bears; own choice
 
@@ -83,6 +84,19 @@ class TransferBench(JointedDevice):
         self.config = config or load(TransferBenchConfig, assets.find("devices", "transfer_bench"))
         self.seat_height = seat_height
         self._leg(seat_height)
+
+    def fit_legs(self, left: Vector, right: Vector) -> None:
+        """Choose the height of the seat, before `spawn`, so that a person's soles come to the floor.
+
+        As near to it as the legs reach; never under it.
+
+        Args:
+            left: Middle of the left sole in the bench's frame [m], for the person on `seat_back`.
+            right: That of the right sole.
+        """
+        c = self.config
+        below = c.seat_low - min(float(left[2]), float(right[2])) + _CLEAR
+        self.seat_height = min(max(below, c.seat_low), c.seat_low + c.leg_travel)
 
     def _leg(self, length: float) -> float:
         """Return how far a leg is out under a seat `length` above its foot [m]."""

@@ -82,8 +82,8 @@ class DoorSize:
         height = rules.figure("hardware_height")
         bottom, top = opening.threshold + FLOOR_GAP, opening.head - JAMB - GAP
         if opening.hardware == "slider":
-            width = 2 * half + JAMB + OVERLAP
-            edge = -side * half
+            width = 2 * half - GAP + JAMB + OVERLAP
+            edge = -side * (half - GAP)
             at = edge + side * BAR_EDGE
             return DoorSize(side, width, bottom, top, (edge, 0.0), 0.5 * LEAF, (at, height))
         width, face = 2 * (half - GAP), 0.5 * opening.thickness
@@ -142,6 +142,11 @@ def widest_swing(opening: Opening, plan: Plan) -> float:
     while angle > 1.2 and reach * math.cos(angle) - out * math.sin(angle) < -free:
         angle -= 0.01
     return angle
+
+
+def _slide(opening: Opening) -> float:
+    """Return how far a panel slides: until all of it but its handle is in the wall [m]."""
+    return opening.clear_width - GAP
 
 
 def _box_inertia(mass: float, size: Triple) -> tuple[float, float, float, float, float, float]:
@@ -271,7 +276,7 @@ def _panel(opening: Opening, size: DoorSize) -> tuple[dict[str, Link], dict[str,
     )
     slide = Joint(
         "prismatic", "frame", "panel", at=(*size.pivot, 0.0), axis=(float(side), 0.0, 0.0),
-        upper=opening.clear_width, effort=200.0, velocity=1.5, damping=SLIDE_DAMPING,
+        upper=_slide(opening), effort=200.0, velocity=1.5, damping=SLIDE_DAMPING,
     )  # fmt: skip
     return {"frame": Link(), "panel": panel}, {"slide": slide}
 
@@ -309,7 +314,7 @@ class Door(JointedDevice):
         self.opening, self._rules, self._palette = opening, rules, palette
         self._size = DoorSize.of(opening, rules)
         self._is_hinged = opening.hardware in _HINGED
-        self.swing = swing if self._is_hinged else opening.clear_width
+        self.swing = swing if self._is_hinged else _slide(opening)
         link = "handle" if self._is_hinged else "panel"
         self._on = {frame: link for frame in self.frames}
         self._latch: Latch | None = None

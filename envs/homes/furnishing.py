@@ -23,9 +23,10 @@ from .route import Way
 TO_WALL = 0.005  # [m] between a back and its wall; own choice
 STEP = 0.05  # [m] between the places that are tried along a wall; own choice
 ROUGH = 0.05  # [m], cell of the map that a room is checked on
-ATTEMPTS = 16  # with other chances, until everything that is required stands
+ATTEMPTS = 24  # with other chances, until everything that is required stands
 TRIALS = 12  # best places of a piece that are tried
 DOORSTEP = 0.75  # [m] that stays free before a door at least; own choice
+MOUTH = 0.3  # [m] that stays free before wide passages; own choice
 WINDOW_REACH = 0.35  # [m] before a window in which nothing higher than its sill stands
 
 
@@ -112,6 +113,8 @@ def doorway(opening: Opening, room: str, passage: float) -> Rectangle:
     is_swept = opening.hardware in ("knob", "lever") and sign > 0
     # A leaf that opens by more than a right angle also takes floor beside the gap.
     deep = max(DOORSTEP, opening.width if is_swept else 0.0)
+    if opening.kind == "passage" and opening.width > 2 * passage:
+        deep = MOUTH  # one walks round what stands farther in
     half = 0.5 * max(opening.width, passage) + (LEAF if is_swept else 0.0)
     near = 0.5 * opening.thickness
     low, high = sorted((sign * near, sign * (near + deep)))
@@ -276,7 +279,8 @@ class _Furnisher:
         inside = self.layout.room.inside
         turn = _pose(0.0, 0.0, yaw)
         middle = np.array(piece.footprint.moved(turn).centre) + at
-        score: Array = self._rng.uniform(0.0, 0.6, len(at))
+        # The later the attempt, the less wishes count against chance.
+        score: Array = self._rng.uniform(0.0, 0.6 + 0.4 * self._attempt, len(at))
         doors = np.array([d.centre for d in self.layout.doorsteps] or [inside.centre])
         to_door = np.linalg.norm(middle[:, None] - doors[None], axis=2).min(axis=1)
         windows = [area for area, _ in self.layout.windows]

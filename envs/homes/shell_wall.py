@@ -147,7 +147,7 @@ class Painter:
             if not self.is_near(_stretch(wall.axis, along, across), thick + 0.01):
                 continue
             over = [o for o in openings_in(self._plan, wall) if _has(o, wall.axis, middle)]
-            if all(o.head < self._height for o in over):
+            if all(o.head < self._height or o.sill >= self._height for o in over):
                 out.append(along)
         return out
 

@@ -28,6 +28,7 @@ _REAR_SHORT = 0.305  # of the bar behind it, from the middle to the side wall: A
 _SIDE_START = 0.3  # of the bar beside it, from the wall behind: ADA 604.5.1, 12 in at most
 _FOLD_ASIDE = 0.36  # from the middle to the fold-down bar: 0.7 between bars, common
 _FOLD_LONG = 0.75
+_FOLD_FRICTION = 3.0  # [N·m] of its hinge: it stays up, and 15 N lift it; own choice
 _BESIDE = 0.38  # free on both sides of its middle: IRC R307.1, 15 in, from memory
 _FRONT_SPACE = (0.6, 0.76, 1.2)  # ADA 604.3.1: 56 in from the wall behind; level 1, 3: own choice
 
@@ -277,6 +278,7 @@ def fold_down(made: Assembly, y: float, *, top: float, length: float, diameter: 
         low=(hinge, y - radius, z - 0.15),
         high=(length, y + radius, z + radius),
         slowing=0.1,
+        friction=_FOLD_FRICTION,
         drawn_open=True,
     )
     front, below = length - radius, z - 0.14

@@ -163,7 +163,7 @@ def _semi_pedestal(made: Assembly, rim: float, knee: float, width: float) -> Pie
     made.solid(box("", (0.0, -0.09, 0.38), (0.18, 0.09, knee)))
     tap(made, (0.07, 0.0, rim), style=made.setting.rules.choice("tap"))
     bottle(made, (0.06, -0.18, rim), "accent")
-    _mirror(made, 0.0, 0.6, 0.8)
+    _mirror(made, 0.0, 0.53, 0.8)
     return _with_knees(made, half, front, 0.22)
 
 
@@ -178,7 +178,7 @@ def _wall_hung(made: Assembly, rim: float, knee: float, width: float) -> Piece:
     made.solid(box("", (0.0, -0.03, knee - 0.14), (0.2, 0.03, knee)))
     tap(made, (0.07, 0.0, rim), style=made.setting.rules.choice("tap"))
     bottle(made, (0.07, -0.2, rim), "accent")
-    _mirror(made, _TILT, 0.65, 0.85)
+    _mirror(made, _TILT, 0.64, 0.85)
     return _with_knees(made, half + 0.0125, front + 0.0125, 0.24)
 
 

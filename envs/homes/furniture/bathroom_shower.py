@@ -163,7 +163,7 @@ def transfer_shower(setting: Setting, *, seat: str = "left") -> Piece:
         ),
     )
     hand_shower(made, (0.76, control, 0.0), away, low=1.05, high=1.75)
-    _curtain(made, deep - 0.02, half, 0.3)
+    _curtain(made, deep - 0.05, half, 0.3)
     # ADA 608.2.1: 36 by 48 in along the open side, from the wall of the controls.
     low, high = sorted((-side * half, side * (1.22 - half)))
     use = Rectangle(deep, low, deep + 0.915, high)
@@ -217,7 +217,7 @@ def roll_in_shower(setting: Setting, *, ends: str = "none") -> Piece:
             ((0.12, -half, 0.0), (deep - 0.12, -half, 0.0), (0.0, 1.0, 0.0)),
         ),
     )
-    _curtain(made, deep - 0.03, half, 0.5)
+    _curtain(made, deep - 0.05, half, 0.5)
     left = half + (_PANEL if 1.0 in own else 0.0)
     right = half + (_PANEL if -1.0 in own else 0.0)
     use = Rectangle(deep, -half, deep + 0.76, half)  # ADA 608.2.2: 30 in along the open side
