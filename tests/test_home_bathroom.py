@@ -379,11 +379,12 @@ def test_a_bar_is_made_to_measure() -> None:
         made("grab_bar", 2, tilt_deg=90.0, height=0.2)
 
 
-def test_sides_that_do_not_exist_are_refused() -> None:
+def test_what_cannot_be_built_is_refused() -> None:
     for kind, options in (
         ("toilet", {"wall": "behind"}),
         ("transfer_shower", {"seat": "middle"}),
         ("roll_in_shower", {"ends": "some"}),
+        ("washbasin", {"width": 0.3}),
     ):
         with pytest.raises(ConfigError, match="must be"):
             make_piece(kind, Setting(Rules(3)), options)

@@ -190,13 +190,13 @@ class CeilingLift(Device):
         c = self.config
         low = -self._rails_below()
         way = 0.5 * (c.track_length - _UNIT[0]) - _END
-        rolls = {"effort": c.traverse_force, "velocity": c.traverse_speed}
+        push, speed = c.traverse_force, c.traverse_speed
         if c.span:
             # The track spans the rails along x and rolls along them, to the left and the right.
             aside = 0.5 * c.span - 0.5 * c.track_width - _END
             track = Joint(
                 "prismatic", "ceiling", "track", (0.0, 0.0, low), axis=(0.0, 1.0, 0.0),
-                lower=-aside, upper=aside, **rolls,
+                lower=-aside, upper=aside, effort=push, velocity=speed,
             )  # fmt: skip
         else:
             track = Joint("fixed", "ceiling", "track", (0.0, 0.0, low))
@@ -209,7 +209,7 @@ class CeilingLift(Device):
             "cross": track,
             "traverse": Joint(
                 "prismatic", "track", "motor", (0.0, 0.0, -c.track_height - _BELOW),
-                axis=(1.0, 0.0, 0.0), lower=-way, upper=way, **rolls,
+                axis=(1.0, 0.0, 0.0), lower=-way, upper=way, effort=push, velocity=speed,
             ),
             **self.bar.joints("motor", pivot, strap=lift),
         }  # fmt: skip

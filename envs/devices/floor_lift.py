@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rcare_marl import assets, inertia
@@ -28,6 +28,7 @@ ROLLING = ("roll_x", "roll_y", "roll_turn")
 _LEG, _MAST, _BOOM = 0.05, (0.06, 0.07), 0.05
 _LEG_SHARE, _BOOM_SHARE = 0.1, 0.13
 _FRONT_WHEEL, _REAR_WHEEL = 0.075, 0.1  # diameters
+_WALK = 1.5  # greatest speed of who pushes [m/s or rad/s]
 _ROOM = 100.0  # [m] that it may roll each way; any house is smaller
 _LEG_FORCE, _BOOM_MARGIN = 150.0, 1.6  # [N·m]; of the torque that the safe load needs
 _TURN_ARM = 0.4  # [m]: brakes and rolling resistance hold against turning on this arm
@@ -238,19 +239,22 @@ class FloorLift(Device):
         rear, side = self._leg_at()
         spread = math.asin(0.5 * (c.width_open - c.width_closed) / self._leg_length())
         low, high = math.radians(c.boom_low_deg), math.radians(c.boom_high_deg)
-        slide = {"lower": -_ROOM, "upper": _ROOM, "effort": c.push_force, "velocity": 1.5}
-        legs = {"lower": 0.0, "upper": spread, "effort": _LEG_FORCE, "velocity": c.leg_speed}
+        slide = Joint(
+            "prismatic", "floor", "roll_x", axis=(1.0, 0.0, 0.0), lower=-_ROOM, upper=_ROOM,
+            effort=c.push_force, velocity=_WALK,
+        )  # fmt: skip
         out = {
-            "roll_x": Joint("prismatic", "floor", "roll_x", axis=(1.0, 0.0, 0.0), **slide),
-            "roll_y": Joint("prismatic", "roll_x", "roll_y", axis=(0.0, 1.0, 0.0), **slide),
+            "roll_x": slide,
+            "roll_y": replace(slide, parent="roll_x", child="roll_y", axis=(0.0, 1.0, 0.0)),
             "roll_turn": Joint(
-                "continuous", "roll_y", CHASSIS, effort=c.push_torque, velocity=1.5
+                "continuous", "roll_y", CHASSIS, effort=c.push_torque, velocity=_WALK
             ),
-        }  # fmt: skip
+        }
         for name, sign in (("leg_left", 1.0), ("leg_right", -1.0)):
             out[name] = Joint(
-                "revolute", CHASSIS, name, (rear, sign * side, 0.0), axis=(0.0, 0.0, sign), **legs
-            )
+                "revolute", CHASSIS, name, (rear, sign * side, 0.0), axis=(0.0, 0.0, sign),
+                upper=spread, effort=_LEG_FORCE, velocity=c.leg_speed,
+            )  # fmt: skip
         out["boom"] = Joint(
             "revolute", CHASSIS, "boom", (-c.mast_back, 0.0, c.mast_height), axis=(0.0, -1.0, 0.0),
             lower=low, upper=high, effort=self.controls["boom"].force, velocity=c.boom_speed,

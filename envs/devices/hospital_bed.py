@@ -26,7 +26,9 @@ from .jointed_device import JointedDevice
 
 _LEGS = ("hip_flexion", "knee_flexion")
 _PLATFORM = 0.03  # thickness of the platform under the mattress [m]
-_LYING = 0.12  # from the fold to the pelvis of who lies flat [m]
+_HIPS = 0.06  # from the fold to the hips of who lies flat [m]
+_DEEP = 0.08  # of the hips of an adult over the mattress [m]
+_PELVIS = 0.07  # from the hips to the pelvis of an adult, towards the head [m]
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ class HospitalBed(JointedDevice):
         top, fold = c.low + c.mattress_thickness, self._hinges()[0]
         side, rail = 0.5 * c.mattress_width, self._rail_y()
         out = {
-            "mattress": Frame((fold + _LYING, 0.0, top), note="under the pelvis"),
+            "mattress": Frame((fold + _HIPS - _PELVIS, 0.0, top), note="under the pelvis"),
             "fold": Frame((fold, 0.0, top), note="where backrest and seat meet"),
             "pillow": Frame((c.end + 0.2, 0.0, top), note="under the head"),
         }
@@ -157,7 +159,8 @@ class HospitalBed(JointedDevice):
         angles = dict(lying.angles_deg)
         _, seat, thigh, _ = self.config.sections
         # From hips over the seat to knees over the fold between thighs and calves.
-        up = math.atan2(thigh * math.sin(bent), seat + thigh * math.cos(bent))
+        ahead = seat + thigh * math.cos(bent) - self._hips(back, _DEEP)
+        up = math.atan2(thigh * math.sin(bent), ahead)
         angles["hip_flexion"] = math.degrees(back + up)
         angles["knee_flexion"] = math.degrees(up + self._calf(bent) - bent)
         return dataclasses.replace(
@@ -182,8 +185,16 @@ class HospitalBed(JointedDevice):
         hips = np.mean([positions[JOINT_INDEX[f"{side}_hip"]] for side in SIDES], axis=0)
         x, _, z = (base @ np.append(hips, 1.0))[:3]
         raised = math.radians(90.0 - posture.recline_deg)
-        along = (self.config.mattress_thickness + float(z)) * math.tan(0.5 * raised) - float(x)
+        along = self._hips(raised, float(z)) - float(x)
         return self.frame_in_world("fold") @ Pose((along, 0.0, 0.0))
+
+    def _hips(self, backrest: float, height: float) -> float:
+        """Return how far from the fold hips lie that are `height` over the mattress [m].
+
+        Once the backrest is up, as far from the seat as from the backrest.
+        """
+        halfway = (self.config.mattress_thickness + height) * math.tan(0.5 * backrest)
+        return math.hypot(_HIPS, halfway)
 
     def raise_with(self, person: Human) -> None:
         """Put a person who lies here where the sections of the bed are now; to be called as it moves.

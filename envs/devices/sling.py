@@ -228,11 +228,11 @@ def _back(
     )
     shoulders = 0.5 * (at["neck"] + at["spine3"])
     stops = [at["head"] + 0.17 * head_up, at["neck"], shoulders, at["spine2"], at["pelvis"]]
-    stops.append(hips + 0.22 * (knees - hips))
+    stops.append(hips + 0.32 * (knees - hips))
     wrap = np.radians(config.wrap_deg)
     if not config.head_support:
         # The upper edge runs below the armpits.
-        stops, wrap = [at["spine3"], *stops[3:]], wrap[2:]
+        stops, wrap = [0.7 * at["spine3"] + 0.3 * at["neck"], *stops[3:]], wrap[2:]
     middles, tangents, share = _curve(np.array(stops), _BACK[0])
     reach = np.interp(share[1], share[0], wrap)
     hidden = (*_HANDS, "knee", "ankle", "foot") + (() if config.holds_arms else _ARMS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,7 @@ from rcare_marl.body import Body
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, WorldError
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import Joint, Link, Shape, Triple
+from rcare_marl.urdf import ZERO, Joint, Link, Shape, Triple
 from rcare_marl.world import World
 
 from .device import Frame
@@ -160,13 +160,13 @@ class SpreaderBar:
             strap: Joint from `bar_yoke` to `bar_eye`, where a strap lengthens below the pivot.
         """
         swing = float(np.radians(self.config.swing_deg))
-        swings = {"lower": -swing, "upper": swing, "effort": 50.0, "velocity": 6.0}
-        swings |= {"damping": _DAMPING}
         down = (0.0, 0.0, -self.config.drop)
-        out = {
-            "bar_pitch": Joint("revolute", parent, "bar_fork", at, axis=(0.0, 1.0, 0.0), **swings),
-            "bar_roll": Joint("revolute", "bar_fork", "bar_yoke", axis=(1.0, 0.0, 0.0), **swings),
-        }
+        hinge = Joint(
+            "revolute", parent, "bar_fork", at, axis=(0.0, 1.0, 0.0), lower=-swing, upper=swing,
+            effort=50.0, velocity=6.0, damping=_DAMPING,
+        )  # fmt: skip
+        roll = replace(hinge, parent="bar_fork", child="bar_yoke", at=ZERO, axis=(1.0, 0.0, 0.0))
+        out = {"bar_pitch": hinge, "bar_roll": roll}
         last = "bar_yoke"
         if strap is not None:
             out["lift"], last = strap, strap.child

@@ -28,7 +28,7 @@ _RAIL = 0.0125  # radius of the tubes [m]
 _PAD = 0.03  # thickness of seat and backrest [m]
 _FOOT = 0.02  # radius of the rubber feet [m]
 _UNDER = _PAD + 2 * _RAIL  # from the top of the seat to the underside of the rails [m]
-_CLEAR = 0.01  # [m], of soles over the floor
+_CLEAR = 0.02  # [m], of soles over the floor
 _GRIP = 1.0  # friction of rubber feet
 PIN = 2000.0  # [N], what the pin of a leg bears; own choice
 

@@ -79,7 +79,7 @@ def _climb(occupancy: Occupancy, area: Rectangle, start: tuple[float, float]) ->
 def _passage(home: FurnishedHome, room: Room, things: Sequence[Obstacle]) -> float | None:
     """Return the free width of the ways from each door of a room to its freest place [m].
 
-    It is read off a grid, to one cell in favour of the home. None for a room without doors.
+    It is read off a grid, to two cells in favour of the home. None for a room without doors.
     """
     doorsteps = [_doorstep(o, room) for o in home.plan.openings_of(room.name) if o.kind != "window"]
     if not doorsteps:

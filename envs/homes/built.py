@@ -51,9 +51,7 @@ class BuiltHome:
         self.bodies: list[Body] = []
         self.floor = self._load(floor_model(home.plan, home.rules, home.palette), "floor")
         self.floor.set_friction([-1], lateral=0.8)
-        shell = shell_model(
-            home.plan, home.palette, ceilings=ceilings, wall_height=wall_height
-        )
+        shell = shell_model(home.plan, home.palette, ceilings=ceilings, wall_height=wall_height)
         self._load(shell, "walls")
         moving = [
             o for o in home.plan.openings.values() if o.hardware and set(o.rooms) & set(articulated)

@@ -79,7 +79,7 @@ class CareHome:
         rules = Rules(level)
         house = load_house(name)
         plan = lay_out(house, level)
-        palette = dataclasses.replace(Palette(), **house.palette)
+        palette = house.colours()
         setting = Setting(rules, palette)
         placed = [p for room in plan.rooms.values() for p in furnish(plan, room, setting)]
         return cls(name, level, plan, rules, palette, tuple(placed))
@@ -174,9 +174,7 @@ class CareHome:
         regions: set[int] = set()
         for entrance in entrances:
             regions |= way.regions_in(self.room(entrance.rooms[0]).inside)
-        return tuple(
-            room.name for room in self.rooms() if way.regions_in(room.inside) & regions
-        )
+        return tuple(room.name for room in self.rooms() if way.regions_in(room.inside) & regions)
 
     def required_rooms(self) -> tuple[str, ...]:
         """Return the rooms that everybody who lives there must be able to reach."""

@@ -91,8 +91,8 @@ def _ramp(canvas: Canvas, opening: Opening, landing: Rectangle, plan: Plan, rule
     pitch = math.atan2(rise, run)
     tilted = frame @ Pose((0.0, 0.0, 0.0), tuple(quaternion_from_rpy(0.0, pitch, 0.0).tolist()))
     long = math.hypot(run, rise)
-    # Under the landing's edge the ramp goes on, and at its foot into the ground.
-    area = Rectangle(-0.02, -0.5 * outer, long + _THICK * slope, 0.5 * outer)
+    # At its foot the ramp goes on into the ground.
+    area = Rectangle(0.0, -0.5 * outer, long + _THICK * slope, 0.5 * outer)
     canvas.box("paving", area, (-_THICK, 0.0), solid=True, pose=tilted)
     for side in (-1, 1):
         y = (0.5 * side * clear, 0.5 * side * outer)

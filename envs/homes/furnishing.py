@@ -27,6 +27,11 @@ ATTEMPTS = 24  # with other chances, until everything that is required stands
 TRIALS = 12  # best places of a piece that are tried
 DOORSTEP = 0.75  # [m] that stays free before a door at least; own choice
 MOUTH = 0.3  # [m] that stays free before wide passages; own choice
+OVER_SILL = (
+    0.35  # [m] that a back may rise over the sill of the window that it stands before; own choice
+)
+HIGH_SILL = 1.4  # [m]; before windows with sills as high as that anything may stand; own choice
+AMID = 12  # attempts after which what found no wall may stand in the middle of the room
 WINDOW_REACH = 0.35  # [m] before a window in which nothing higher than its sill stands
 
 
@@ -218,14 +223,16 @@ class _Furnisher:
         ys = _ticks(inside.y0 - area.y0, inside.y1 - area.y1)
         if not len(xs) or not len(ys):
             return np.empty((0, 2))
-        if entry.at in ("wall", "corner", "on_wall"):
+        is_amid = entry.required and entry.at == "wall" and self._attempt >= AMID
+        is_corner = entry.at == "corner" and self._attempt < AMID
+        if entry.at in ("wall", "corner", "on_wall") and not is_amid:
             forward = (round(math.cos(yaw)), round(math.sin(yaw)))
             if forward[0]:
                 xs = xs[:1] if forward[0] > 0 else xs[-1:]
-                ys = ys[[0, -1]] if entry.at == "corner" else ys
+                ys = ys[[0, -1]] if is_corner else ys
             else:
                 ys = ys[:1] if forward[1] > 0 else ys[-1:]
-                xs = xs[[0, -1]] if entry.at == "corner" else xs
+                xs = xs[[0, -1]] if is_corner else xs
         else:
             xs, ys = xs[::3], ys[::3]
         grid = np.meshgrid(xs, ys)
@@ -239,7 +246,12 @@ class _Furnisher:
         body = _shifted(piece.footprint.moved(turn), at)
         inside = _row(self.layout.room.inside.grown(1e-6))
         ok: Mask = _within(body, inside)
-        ok &= ~_meets(body, [a for a, sill in self.layout.windows if piece.height > sill])
+        hidden = [
+            area
+            for area, sill in self.layout.windows
+            if sill < HIGH_SILL and piece.height > sill + OVER_SILL
+        ]
+        ok &= ~_meets(body, hidden)
         if is_high:
             return ok & ~_meets(body, self._high_things(piece))
         if not piece.blocks:

@@ -32,6 +32,7 @@ _SOFA_GROUP = (2.9, 3.1)
 _TABLE = (0.9, 1.5)
 _CHAIR = 0.5  # depth that a pulled-in chair adds
 _HALF_TOILET = 0.2
+_BATH_SPARE = 0.25  # more than the parts, since doors take corners; own choice
 
 
 def room_kind_give(use: str) -> float:
@@ -73,7 +74,8 @@ def _bathroom(rules: Rules, room: float) -> tuple[float, float]:
     beside = rules.figure("toilet_side_space") if rules.has("toilet_side_space") else 0.2
     latch = rules.figure("latch_side_space")
     wall = rules.figure("toilet_centre_to_wall") + _HALF_TOILET + beside + _BASIN_WIDTH + latch
-    across = depth + room
+    spare = _BATH_SPARE if rules.has("turning_diameter") else 0.0
+    across, wall = depth + room + spare, wall + spare
     return min(wall, across), max(wall, across)
 
 

@@ -81,7 +81,9 @@ class Rectangle:
     def moved(self, pose: Pose) -> Rectangle:
         """Return the rectangle round it when it is carried by `pose`; exact for quarter turns."""
         corners = [
-            rotate(pose.quaternion, (x, y, 0.0)) for x in (self.x0, self.x1) for y in (self.y0, self.y1)
+            rotate(pose.quaternion, (x, y, 0.0))
+            for x in (self.x0, self.x1)
+            for y in (self.y0, self.y1)
         ]
         xs = [float(corner[0]) + pose.position[0] for corner in corners]
         ys = [float(corner[1]) + pose.position[1] for corner in corners]

@@ -139,7 +139,11 @@ def _in_room(home: CareHome, room: Room, footprint: Rectangle) -> Stage | None:
         i = int(total.argmin())
         if total[i] < 1e5 and (best is None or total[i] < best[0]):
             pose = Pose((float(at[i, 0]), float(at[i, 1]), 0.0), turn.quaternion)
-            best = float(total[i]), pose, [p for p, is_hit in zip(standing, hit[i], strict=True) if is_hit]
+            best = (
+                float(total[i]),
+                pose,
+                [p for p, is_hit in zip(standing, hit[i], strict=True) if is_hit],
+            )
     if best is None:
         return None
     aside = tuple(p.name for p in best[2])

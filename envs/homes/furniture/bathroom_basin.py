@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rcare_marl.errors import ConfigError
 from rcare_marl.urdf import Shape, Triple
 
 from ..piece import Piece, Setting, Zone, maker
@@ -28,7 +29,13 @@ def washbasin(setting: Setting, *, width: float | None = None) -> Piece:
     Args:
         setting: What it is made for.
         width: Along the wall [m]; 0.8 at level 1, 0.56 at level 2, 0.65 at level 3 if None.
+
+    Raises:
+        ConfigError: If it is less than 0.5 m, or 0.6 m at level 1.
     """
+    least = 0.6 if setting.rules.level == 1 else 0.5
+    if width is not None and width < least:
+        raise ConfigError(f"a washbasin must be at least {least} m wide here, got {width}")
     made = Assembly("washbasin", setting)
     rules = setting.rules
     rim = rules.figure("basin_rim_height")
@@ -80,7 +87,7 @@ def _vanity(made: Assembly, rim: float, width: float) -> Piece:
     made.block("worktop", (low[0], y0, z0), (0.465, -0.265, z1))
     made.block("worktop", (low[0], 0.265, z0), (0.465, y1, z1))
     tap(made, (0.065, 0.0, z1), style=made.setting.rules.choice("tap"))
-    bottle(made, (0.12, -0.32, z1), "accent")
+    bottle(made, (0.06, 0.05 - half, z1), "accent")
     for name, side in (("door_left", 1.0), ("door_right", -1.0)):
         door(
             made,
@@ -97,7 +104,7 @@ def _vanity(made: Assembly, rim: float, width: float) -> Piece:
     front = deep + 0.045
     zones = (
         Zone(Rectangle(front, -half, front + 0.6, half)),
-        Zone(Rectangle(front, -half - 0.1, deep + half, half + 0.1), "sweep"),
+        Zone(Rectangle(front, -half, deep + half, half), "sweep"),
     )
     return made.piece(Rectangle(0.0, -half - 0.01, front, half + 0.01), 1.8, zones=zones)
 
@@ -158,7 +165,7 @@ def _semi_pedestal(made: Assembly, rim: float, knee: float, width: float) -> Pie
     )
     made.frame("basin", (*inner.centre, floor), "bottom of the basin")
     drain(made, (centre, 0.0, rim - 0.122))
-    sections = ((0.38, 0.085, 0.0, 0.07, 0.075), (knee + 0.05, 0.11, 0.0, 0.1, 0.12))
+    sections = ((0.38, 0.085, 0.0, 0.07, 0.075), (knee + 0.012, 0.11, 0.0, 0.1, 0.12))
     made.draw(Shape(kind="loft", material="ceramic", sections=sections))
     made.solid(box("", (0.0, -0.09, 0.38), (0.18, 0.09, knee)))
     tap(made, (0.07, 0.0, rim), style=made.setting.rules.choice("tap"))

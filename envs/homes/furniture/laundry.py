@@ -148,6 +148,29 @@ def _drum(made: Assembly, front: float, z: float) -> None:
     )
     low, high = front - 0.004, front + 0.001
     collar = ((0.158, low), (0.235, low), (0.235, high), (0.158, high), (0.158, low))
+    made.draw(Shape(kind="lathe", material="plastic", at=(0.0, 0.0, z), rpy=turn, profile=collar))
+    made.solid(
+        box("", (back - 0.015, -0.25, z - 0.25), (back, 0.25, z + 0.25)),
+        box("", (back, -0.16, z - 0.23), (front - 0.06, 0.16, z - 0.2)),
+    )
+    made.frame("drum", (0.5 * (front + back), 0.0, z - 0.2), "bottom of the drum")
+
+
+def _round_door(made: Assembly, front: float, y: float, z: float) -> None:
+    """Add the round door, hinged at the left, with its glass."""
+    turn: Triple = (0.0, math.pi / 2, 0.0)
+    made.hang(
+        "door",
+        (front + 0.022, y + _RING, z),
+        (0.0, 0.0, 1.0),
+        math.radians(115),
+        mass=2.2,
+        low=(front + 0.002, y - _RING, z - _RING),
+        high=(front + 0.045, y + _RING, z + _RING),
+        slowing=0.15,
+    )
+    ring = ((0.15, 0.002), (_RING, 0.002), (_RING - 0.005, 0.03), (0.18, 0.045), (0.15, 0.03))
+    glass = ((0.15, 0.02), (0.1, -0.005), (0.0, -0.015), (0.0, 0.005), (0.15, 0.024), (0.15, 0.02))
     made.draw(
         Shape(kind="lathe", material="metal", at=(front, y, z), rpy=turn, profile=(*ring, ring[0])),
         Shape(kind="lathe", material="glass", at=(front, y, z), rpy=turn, profile=glass),
