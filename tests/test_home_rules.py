@@ -225,8 +225,8 @@ def test_level_one_fails_most_of_level_three(homes: dict[int, CareHome]) -> None
 
 def test_nearly_every_rule_is_measured(homes: dict[int, CareHome]) -> None:
     expected = {
-        "bathtub_rim_height", "entrance_rise", "entrance_way", "platform_lift_clear_width",
-        "ramp_slope", "ramp_width", "seat_height", "switch_height", "table_height",
+        "bathtub_rim_height", "platform_lift_clear_width",
+        "seat_height", "switch_height", "table_height",
         "table_knee_height", "wardrobe_rail_height", "cupboard_handle",
     }  # fmt: skip
     assert set(audit(homes[3]).unmeasured) <= expected
@@ -433,12 +433,28 @@ def test_doors_need_no_more_force_than_the_rules_say(level: int) -> None:
     assert rules["hardware_force"].allows(force, 3) == (level > 1)
 
 
+@pytest.mark.parametrize(
+    ("level", "way", "slope"), [(1, "steps", None), (2, "ramp", 1 / 12), (3, "ramp", 0.05)]
+)
+def test_the_way_to_the_entrance_is_measured(
+    homes: dict[int, CareHome], level: int, way: str, slope: float | None
+) -> None:
+    rules, result = Rules(level), audit(homes[level])
+    assert values(result, "entrance_way") == [way]
+    assert values(result, "entrance_rise") == [pytest.approx(rules.figure("entrance_rise"))]
+    if slope is None:
+        assert values(result, "ramp_slope") == values(result, "ramp_width") == []
+        return
+    assert values(result, "ramp_slope") == [pytest.approx(slope, rel=1e-3)]
+    assert values(result, "ramp_width") == [pytest.approx(rules.figure("ramp_width"))]
+
+
 def test_what_was_measured_elsewhere_counts(homes: dict[int, CareHome]) -> None:
-    ramp = Measurement("ramp_slope", "", "entrance_1", 0.1)
-    result = audit(homes[3], measured=[ramp])
-    assert result.broken == ("ramp_slope",) and "ramp_slope" not in result.unmeasured
-    with pytest.raises(UnknownNameError, match="ramp_slope"):
-        audit(homes[3], measured=[Measurement("ramp_slop", "", "entrance_1", 0.1)])
+    switch = Measurement("switch_height", "hall_1", "switch", 1.3)
+    result = audit(homes[3], measured=[switch])
+    assert result.broken == ("switch_height",) and "switch_height" not in result.unmeasured
+    with pytest.raises(UnknownNameError, match="switch_height"):
+        audit(homes[3], measured=[Measurement("switch_hight", "hall_1", "switch", 1.0)])
     with pytest.raises(ConfigError, match="level must be"):
         audit(homes[3], 4)
 

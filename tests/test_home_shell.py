@@ -199,9 +199,25 @@ def test_a_ramp_turns_where_the_house_is_in_the_way_and_says_so_where_it_cannot(
         heights = [height_at(world, p[0], p[1]) for p in steps]
         sides.append(-0.149 < heights[8] < -0.01)
     assert sum(sides) == 1, "the ramp runs along the house on one side"
-    walled = (Rectangle(2.0, -4.0, 3.5, -0.25), Rectangle(5.5, -4.0, 6.25, -0.25))
+    walled = (Rectangle(2.0, -2.0, 3.5, -0.25), Rectangle(5.5, -2.0, 6.25, -0.25))
     with pytest.raises(ConfigError, match="no room for a ramp"):
         floor_model(replace(turned, outline=(*turned.outline, *walled)), Rules(2), Palette())
+
+
+def test_a_yard_within_the_house_is_level_with_its_floor() -> None:
+    plan = small_home(3)
+    wings = (
+        Rectangle(1.0, -4.0, 3.0, -0.25),
+        Rectangle(5.6, -4.0, 7.0, -0.25),
+        Rectangle(1.0, -5.0, 7.0, -4.0),
+    )
+    yard, _, _ = built(replace(plan, outline=(*plan.outline, *wings)))
+    _, heights = profile(yard, plan, 3.7)
+    assert heights == pytest.approx([0.0] * len(heights), abs=1e-6)
+    assert height_at(yard, 3.2, -3.8) == pytest.approx(0.0, abs=1e-6)
+    open_yard, _, _ = built(replace(plan, outline=(*plan.outline, *wings[:2])))
+    _, heights = profile(open_yard, plan, 5.0)
+    assert min(heights) == pytest.approx(-Rules(3).figure("entrance_rise"), abs=1e-6)
 
 
 def test_a_house_is_cheap_to_draw_and_complete() -> None:

@@ -12,9 +12,10 @@ from rcare_marl.config import load
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
 from rcare_marl.urdf import Joint, Link, Model, Shape
-from rcare_marl.world import World
+from rcare_marl.world import GRAVITY, World
 
 from .device import Device, DeviceControl, Frame
+from .slack_stop import SlackStop
 from .spreader_bar import LINK, BarConfig, SpreaderBar
 from .telescope import Telescope
 
@@ -105,7 +106,7 @@ class CeilingLift(Device):
     @property
     def controls(self) -> Mapping[str, DeviceControl]:
         c = self.config
-        force = _LIFT_MARGIN * 9.81 * c.load
+        force = _LIFT_MARGIN * GRAVITY * c.load
         out = {
             "lift": DeviceControl("lift", c.lift_speed, force, "winds the strap"),
             "traverse": DeviceControl(
@@ -146,6 +147,7 @@ class CeilingLift(Device):
             )
         )  # fmt: skip
         self.bar.join(world, body)
+        world.matter.append(SlackStop(world, self, "lift", self.bar))
         self.bar.settle()
         return body
 
@@ -159,6 +161,8 @@ class CeilingLift(Device):
         """Put the sling round a person and hang it on the bar, as the person is now.
 
         The person is best in one of `postures`, at the frame named there.
+
+        Lowered, the lift stops where a seat or bed bears the person: then `release` them.
 
         Raises:
             WorldError: If somebody hangs there already.

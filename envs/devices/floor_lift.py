@@ -13,9 +13,10 @@ from rcare_marl.config import load
 from rcare_marl.errors import ActionError, ConfigError
 from rcare_marl.pose import Pose
 from rcare_marl.urdf import Joint, Link, Model, Shape, Triple
-from rcare_marl.world import World
+from rcare_marl.world import GRAVITY, World
 
 from .device import Device, DeviceControl, Frame
+from .slack_stop import SlackStop
 from .spreader_bar import BarConfig, SpreaderBar
 from .telescope import Telescope
 
@@ -102,12 +103,12 @@ class FloorLift(Device):
         self.name = name
         self.bar = SpreaderBar(self.config.bar, self.config.sling)
         self.postures = {"slung": (self.bar.sling.config.posture, "sling")}
-        self._is_braked = False
+        self._is_braked = self._is_pushed = False
 
     @property
     def controls(self) -> Mapping[str, DeviceControl]:
         c = self.config
-        torque = _BOOM_MARGIN * 9.81 * (c.load + c.mass) * c.boom_length
+        torque = _BOOM_MARGIN * GRAVITY * (c.load + c.mass) * c.boom_length
         return {
             "boom": DeviceControl("boom", c.boom_speed, torque, "raises and lowers the bar"),
             "legs": DeviceControl("leg_left", c.leg_speed, _LEG_FORCE, "spreads both legs"),
@@ -152,15 +153,22 @@ class FloorLift(Device):
         body.gear(joints["leg_left"].index, joints["leg_right"].index, 1.0, 10 * _LEG_FORCE)
         world.lines.append(self._actuator(body))
         self.bar.join(world, body)
+        world.matter.append(SlackStop(world, self, "boom", self.bar))
         self.bar.settle()
         return body
 
     def reset(self) -> None:
         """Hold boom and legs, take off the brakes, and let go of who is gone after a rewind."""
         super().reset()
-        self.brake(False)
         if self.bar.is_joined:
             self.bar.settle()
+        self.brake(False)
+
+    def set_position(self, name: str, position: float) -> None:
+        """Put a control at `position` [rad] at once and hold it there; the bar hangs level."""
+        super().set_position(name, position)
+        if name == "boom":
+            self.bar.set_pitch(self.position("boom"))
 
     def push(self, forward: float, left: float = 0.0, turn: float = 0.0) -> None:
         """Push it at these speeds in its own frame [m/s, m/s, rad/s], until told otherwise.
@@ -176,8 +184,9 @@ class FloorLift(Device):
             raise ActionError(f"{self.body.name!r} needs finite speeds, got {speeds}")
         if self._is_braked:
             return
-        if not any(speeds):
-            self._hold(self.config.rolling_resistance)
+        self._is_pushed = any(speeds)
+        if not self._is_pushed:
+            self._hold()
             return
         heading = self.body.joint_states([self._rolling[2]])[0][0]
         c, s = math.cos(heading), math.sin(heading)
@@ -187,24 +196,30 @@ class FloorLift(Device):
 
     def brake(self, on: bool) -> None:
         """Lock the casters, or unlock them."""
-        self._is_braked = on
+        self._is_braked, self._is_pushed = on, False
         self._rolling = self.body.indices(ROLLING)
-        self._hold(self.config.brake_force if on else self.config.rolling_resistance)
+        self._hold()
 
     def carry(self, person: Human) -> None:
         """Put the sling round a person and hang it on the bar, as the person is now.
 
         The person is best in one of `postures`, at the frame named there.
 
+        Lowered, the lift stops where a seat or bed bears the person: then `release` them.
+
         Raises:
             WorldError: If somebody hangs there already.
             ConfigError: If the pelvis is held in place, or the person is too heavy.
         """
         self.bar.carry(person, limit=self.config.load)
+        if not self._is_pushed:
+            self._hold()
 
     def release(self) -> None:
         """Take the loops off the hooks; nothing happens if nobody hangs there."""
         self.bar.release()
+        if not self._is_pushed:
+            self._hold()
 
     def model(self) -> Model:
         c = self.config
@@ -274,8 +289,11 @@ class FloorLift(Device):
     def _leg_length(self) -> float:
         return 0.5 * self.config.base_length - self._leg_at()[0]
 
-    def _hold(self, force: float) -> None:
-        """Let the casters resist with up to `force` [N]."""
+    def _hold(self) -> None:
+        """Let the casters resist, by their brakes or by what they roll over."""
+        c, person = self.config, self.bar.person
+        weight = GRAVITY * (c.mass + (person.avatar.mass_kg if person is not None else 0.0))
+        force = c.brake_force if self._is_braked else c.rolling_resistance * weight
         self.body.drive_velocities(self._rolling, [0.0] * 3, [force, force, _TURN_ARM * force])
 
     def _actuator(self, body: Body) -> Telescope:

@@ -105,7 +105,7 @@ class PlatformLift(JointedDevice):
 
     def _slope(self) -> float:
         """Return how steep the ramp is that lies on the ground [rad]."""
-        return math.asin((self.config.thickness - 0.002) / self.config.ramp)
+        return math.asin(self.config.thickness / self.config.ramp)
 
     def model(self) -> Model:
         c = self.config

@@ -15,6 +15,7 @@ from rcare_marl.world import World
 
 from .assembly import weigh
 from .device import Device, Frame
+from .jointed_device import refine
 
 _RUBBER = 0.003  # thickness of what is under the ends [m]
 _END = 0.16  # length of an end [m]
@@ -66,6 +67,7 @@ class SlideBoard(Device):
 
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         body = super().spawn(world, pose, name=name)
+        refine(world)
         body.set_friction([-1], lateral=self.config.friction)
         body.set_friction([body.links["ends"]], lateral=self.config.grip)
         return body

@@ -14,7 +14,7 @@ from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, WorldError
 from rcare_marl.pose import Pose
 from rcare_marl.urdf import ZERO, Joint, Link, Shape, Triple
-from rcare_marl.world import World
+from rcare_marl.world import GRAVITY, World
 
 from .device import Frame
 from .sling import Sling, SlingConfig
@@ -190,6 +190,13 @@ class SpreaderBar:
         empty, laden = self.config.friction
         self._body.release_motors(self._hinges, empty if self.person is None else laden)
 
+    def set_pitch(self, angle: float) -> None:
+        """Put the bar at an angle [rad] about the axis across what carries it, at once and at rest."""
+        self._body.set_joints(
+            self._hinges, (angle, 0.0, self._body.joint_states(self._hinges)[0][2])
+        )
+        self.settle()
+
     def frame_in_world(self, name: str) -> Pose:
         """Return the present pose of one of `frames` in the world."""
         return self._body.link_pose(self._body.link_index(LINK)) @ self.frames[name].pose
@@ -215,7 +222,7 @@ class SpreaderBar:
             raise ConfigError(
                 f"{person.name!r} weighs {person.avatar.mass_kg} kg, the lift bears {limit} kg"
             )
-        weight = 9.81 * person.avatar.mass_kg
+        weight = GRAVITY * person.avatar.mass_kg
         self._bonds = [self._world.attach(self._body, LINK, person.body, force=_HOLD * weight)]
         self.person = person
         self.sling.drape(person)

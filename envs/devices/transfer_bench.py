@@ -16,7 +16,7 @@ from rcare_marl.world import World
 
 from .assembly import Assembly
 from .device import DeviceControl, Frame
-from .jointed_device import JointedDevice
+from .jointed_device import JointedDevice, refine
 
 LEGS = {
     "leg_front_outside": (1, -1),
@@ -126,6 +126,7 @@ class TransferBench(JointedDevice):
         lifted = pose @ Pose((0.0, 0.0, self._leg(self.seat_height)))
         body = super().spawn(world, lifted, name=name)
         self.stand(self.seat_height)
+        refine(world)
         body.set_friction([body.links[leg] for leg in LEGS], lateral=_GRIP)
         body.set_damping()
         return body

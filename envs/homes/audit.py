@@ -9,6 +9,7 @@ from functools import cached_property
 from rich.table import Table
 
 from .audit_door import measure_openings
+from .audit_entrance import measure_entrance
 from .audit_furniture import measure_furniture, measure_sets
 from .audit_room import measure_rooms
 from .measurement import FurnishedHome, Measurement
@@ -129,6 +130,7 @@ def audit(
     order = {name: k for k, name in enumerate(rules)}
     taken = [
         *measure_openings(home),
+        *measure_entrance(home),
         *measure_rooms(home),
         *measure_furniture(home),
         *measure_sets(home),

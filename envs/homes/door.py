@@ -31,6 +31,7 @@ LEVER_REACH, LEVER_OUT, LEVER_TURN = 0.11, 0.05, 0.7
 BAR_LENGTH, BAR_OUT, BAR_EDGE = 0.3, 0.04, 0.015
 SWING = 1.6  # [rad] that leaves open unless a wall is nearer; own choice
 RELEASE = 0.6  # share of its turn at which a handle frees the latch; own choice
+FITTED = 0.012  # what is nearer to a shut door is what it is fitted into
 OVERLAP = 0.02  # of a shut panel with the wall, where it comes out of it; own choice
 # The spring of a handle yields to this share of the force that the rules allow; own choice.
 SPRING_SHARE = 0.85
@@ -341,6 +342,8 @@ class Door(JointedDevice):
     def spawn(self, world: World, pose: Pose | None = None, *, name: str = "") -> Body:
         """Load it into `world`, once, shut, and return its body.
 
+        It passes through what stands still around it by then: walls come first.
+
         Args:
             world: The world.
             pose: Where the frame of its opening is; as if the house stood at the origin if None.
@@ -349,6 +352,11 @@ class Door(JointedDevice):
         body = super().spawn(
             world, self.opening.pose if pose is None else pose, name=name or self.opening.name
         )
+        for other in world.bodies:
+            if other is not body and not other.is_movable and not other.joints:
+                # Walls and floor, which it never meets: Bullet would look for contacts all the time.
+                if world.separation(body, other, within=FITTED) < FITTED:
+                    world.set_collision(body, other, False)
         if self._is_hinged:
             body.exclude_pairs((("leaf", "handle"),))  # they never touch, but would cost time
             hinge, handle = (body.joint(j).index for j in ("hinge", self.opening.hardware))
@@ -371,10 +379,6 @@ class Door(JointedDevice):
                 maxVelocity=6.0,
                 physicsClientId=self._client,
             )
-
-    def pass_through(self, body: Body) -> None:
-        """Let the door not collide with `body`, such as the walls, which it never meets anyway."""
-        self._world.set_collision(self.body, body, False)
 
     @property
     def angle(self) -> float:

@@ -32,12 +32,17 @@ def build_entrance(canvas: Canvas, opening: Opening, plan: Plan, rules: Rules) -
     """
     rise, way = rules.figure("entrance_rise"), rules.choice("entrance_way")
     door, back = opening.pose, -0.5 * opening.thickness
+    house = [area.moved(door.inverse()) for area in plan.outline]
+    yard = _courtyard(house, back)
+    if yard is not None:  # as high as the floor: nobody comes from elsewhere
+        canvas.box("paving", yard.moved(door), (-rise, 0.0), solid=True)
+        return
     if way == "steps":
         wide, deep = max(PORCH[0], opening.width + 0.3), PORCH[1]
     else:
         wide = max(LANDING, opening.width - 2 * JAMB, _outer_width(rules))
         deep = wide  # so that a chair can turn on it, and the ramp can leave on any side
-    landing = Rectangle(-0.5 * wide, back - deep, 0.5 * wide, back)
+    landing = _landing(house, wide, deep, back, opening)
     canvas.box("paving", landing.moved(door), (-rise, 0.0), solid=True)
     mat = Rectangle(-0.4, back - 0.65, 0.4, back - 0.15)
     canvas.box("rubber", mat.moved(door), (0.0, 0.008))
@@ -45,6 +50,42 @@ def build_entrance(canvas: Canvas, opening: Opening, plan: Plan, rules: Rules) -
         _steps(canvas, door, landing, rise)
     elif way == "ramp":
         _ramp(canvas, opening, landing, plan, rules)
+
+
+def _courtyard(house: list[Rectangle], back: float) -> Rectangle | None:
+    """Return the floor outside a door if the house is all around it, in the frame of the door."""
+    near = Rectangle(-0.1, back - 0.2, 0.1, back - 0.1)
+    beside = [a for a in house if a.y0 < near.y0 and a.y1 > near.y1]
+    left = [a.x1 for a in beside if a.x1 <= near.x0]
+    right = [a.x0 for a in beside if a.x0 >= near.x1]
+    if not left or not right:
+        return None
+    low, high = max(left), min(right)
+    ahead = [a for a in house if a.x0 < high - 0.01 and a.x1 > low + 0.01 and a.y1 < near.y0]
+    if not ahead:
+        return None
+    yard = Rectangle(low, max(a.y1 for a in ahead), high, back)
+    # A yard that is open at a corner is none.
+    last = [a for a in ahead if abs(a.y1 - yard.y0) < 0.01]
+    spans = sorted((max(a.x0, low), min(a.x1, high)) for a in last)
+    walled = sum(b - a for a, b in spans) > yard.width - 0.02
+    flanked = all(any(a.y0 < y < a.y1 for a in house if abs(getattr(a, side) - x) < 0.01)
+                  for side, x in (("x1", low), ("x0", high))
+                  for y in (yard.y0 + 0.02, yard.centre[1]))  # fmt: skip
+    return yard if walled and flanked else None
+
+
+def _landing(
+    house: list[Rectangle], wide: float, deep: float, back: float, opening: Opening
+) -> Rectangle:
+    """Return a landing before a door, moved aside where the house is in its way."""
+    spare = 0.5 * (wide - opening.width)
+    shifts = [sign * 0.05 * k for k in range(int(spare / 0.05) + 1) for sign in (1, -1)]
+    for shift in (*shifts, spare, -spare):
+        landing = Rectangle(shift - 0.5 * wide, back - deep, shift + 0.5 * wide, back)
+        if not any(area.overlaps(landing, by=0.01) for area in house):
+            return landing
+    return Rectangle(-0.5 * wide, back - deep, 0.5 * wide, back)
 
 
 def _outer_width(rules: Rules) -> float:
@@ -65,7 +106,7 @@ def _steps(canvas: Canvas, door: Pose, landing: Rectangle, rise: float) -> None:
         rail.run(
             (landing.x0 + 0.05, landing.y0, 0.0), (landing.x0 + 0.05, foot, -rise + rise / count)
         )
-    _path(canvas, door @ Pose((0.0, foot, 0.0), _turn(-90.0)), 1.2, rise)
+    _path(canvas, door @ Pose((landing.centre[0], foot, 0.0), _turn(-90.0)), 1.2, rise)
 
 
 def _ramp(canvas: Canvas, opening: Opening, landing: Rectangle, plan: Plan, rules: Rules) -> None:

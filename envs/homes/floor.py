@@ -15,9 +15,9 @@ from .shell_canvas import Canvas, shade
 from .shell_outline import maximal
 
 # Sizes of what floors are laid of [m]; common, from memory.
-PLANK = (1.4, 0.14)
-TILE = {"bathroom": 0.3, "laundry": 0.3}
-WIDE_TILE = 0.45
+PLANK = (1.6, 0.17)
+TILE = {"bathroom": 0.33, "laundry": 0.33}
+WIDE_TILE = 0.5
 PLANK_GAP, TILE_GAP = 0.003, 0.005
 UNDER = -0.004  # height of what shows in the gaps
 GROUND = 0.5  # [m] thick

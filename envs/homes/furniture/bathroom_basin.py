@@ -196,9 +196,9 @@ def _mirror(made: Assembly, tilt: float, width: float, height: float) -> None:
     turn: Triple = (0.0, tilt, 0.0)
     size = (0.02, width + 0.03, height + 0.03)
     made.draw(Shape(kind="box", material="wood_light", at=(x, 0.0, middle), size=size, rpy=turn))
-    glass = (0.022, width, height)
+    glass = (0.01, width, height)
     made.draw(
-        Shape(kind="box", material="mirror", at=(x + 0.001, 0.0, middle), size=glass, rpy=turn)
+        Shape(kind="box", material="mirror", at=(x + 0.006, 0.0, middle), size=glass, rpy=turn)
     )
     made.solid(Shape(kind="box", at=(x, 0.0, middle), size=size, rpy=turn))
     if tilt:
