@@ -142,8 +142,7 @@ class Feeding(Task):
         self._settle()
         if world.contact_force(self.recipient.body) > 0:
             raise ConfigError(
-                "the robot or the spoon touches the person before the episode begins: feeding wants a "
-                "person who sits in the wheelchair"
+                "the robot or the spoon touches the person before the episode begins"
             )
 
     def _settle(self) -> None:
@@ -317,6 +316,5 @@ class Feeding(Task):
 @register_policy("feeding", "recipient", "cooperative")
 def cooperative(env: CareEnv, role: str) -> BehaviourTree:
     """Return a recipient who looks at the spoon and opens the mouth when it comes near."""
-    task = env.task
-    assert isinstance(task, Feeding)
+    assert isinstance(task := env.task, Feeding)
     return eat_when_fed(task.recipient, task.bowl_position, task.distance, task.control_dt)
