@@ -7,8 +7,8 @@ from collections import Counter
 import pytest
 from house_levels import ALL, built
 
-from rcare_marl.agents.human import Human
 from rcare_marl.agents.avatar import load_avatar, load_posture
+from rcare_marl.agents.human import Human
 from rcare_marl.envs.homes.care_home import CareHome, home_names
 from rcare_marl.envs.homes.furnishing import doorway
 from rcare_marl.envs.homes.recipe import recipe_for

@@ -13,10 +13,12 @@ from rich.console import Console
 from rcare_marl.envs.homes.audit import Audit, audit
 from rcare_marl.envs.homes.audit_bar import bars
 from rcare_marl.envs.homes.audit_door import door_force
+from rcare_marl.envs.homes.audit_entrance import is_yard
 from rcare_marl.envs.homes.audit_furniture import handle_word, tap_word
 from rcare_marl.envs.homes.audit_room import turning_diameter
 from rcare_marl.envs.homes.care_home import CareHome
 from rcare_marl.envs.homes.door import door_model
+from rcare_marl.envs.homes.entrance import build_entrance
 from rcare_marl.envs.homes.furnishing import Placed
 from rcare_marl.envs.homes.measurement import Measurement, Surroundings
 from rcare_marl.envs.homes.occupancy import Obstacle
@@ -34,6 +36,7 @@ from rcare_marl.envs.homes.plan import (
 )
 from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.envs.homes.rule import LEVELS, Rule, Rules
+from rcare_marl.envs.homes.shell_canvas import Canvas
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.urdf import Joint, Link, Model, Shape
@@ -447,6 +450,25 @@ def test_the_way_to_the_entrance_is_measured(
         return
     assert values(result, "ramp_slope") == [pytest.approx(slope, rel=1e-3)]
     assert values(result, "ramp_width") == [pytest.approx(rules.figure("ramp_width"))]
+
+
+def test_a_yard_within_the_house_is_level(homes: dict[int, CareHome]) -> None:
+    home = homes[3]
+    (x, y), thick = home.plan.openings["entrance_1"].centre, INNER_WALL
+    canvas = Canvas()
+    build_entrance(canvas, home.plan.openings["entrance_1"], home.plan, home.rules)
+    landing = next(s for s in canvas.solids if s.kind == "box" and s.rpy == (0.0, 0.0, 0.0))
+    area = Rectangle(*(landing.at[k] - 0.5 * landing.size[k] for k in (0, 1)),
+                     *(landing.at[k] + 0.5 * landing.size[k] for k in (0, 1)))  # fmt: skip
+    assert area.has(x + thick, y) and not is_yard(landing, home.plan)
+    around = (
+        Rectangle(area.x0, area.y1, area.x1, area.y1 + 1),
+        Rectangle(area.x0, area.y0 - 1, area.x1, area.y0),
+        Rectangle(area.x1, area.y0 - 1, area.x1 + 1, area.y1 + 1),
+    )
+    closed = replace(home.plan, outline=(*home.plan.outline, *around))
+    assert is_yard(landing, closed)
+    assert not is_yard(landing, replace(closed, outline=closed.outline[:-1]))
 
 
 def test_what_was_measured_elsewhere_counts(homes: dict[int, CareHome]) -> None:

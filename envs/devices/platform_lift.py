@@ -6,19 +6,24 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rcare_marl import assets
+import numpy as np
+
+from rcare_marl import assets, hull
 from rcare_marl.body import Body
+from rcare_marl.cache import cached
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import Model, Shape, Triple
+from rcare_marl.urdf import MeshFile, Model, Shape, Triple
 from rcare_marl.world import World
 
-from .assembly import Assembly, Part
+from .assembly import Assembly, Part, shifted, weigh
 from .device import DeviceControl, Frame
 from .jointed_device import JointedDevice
 
 _WALL = 0.03  # thickness of guards [m]
+_TIP = 0.0015  # height of the edge of the ramp [m]
+_MARGIN = 0.001  # [m], by which Bullet thickens hulls that it reads from a file
 _FLAP = 0.012  # thickness of the ramp [m]
 _OPEN = math.radians(88)  # of the bar
 _LIFT = 6000.0  # [N]
@@ -131,7 +136,9 @@ class PlatformLift(JointedDevice):
         turn = (0.0, -slope, 0.0)
         flap = (c.ramp, c.width - 0.02, _FLAP)
         ramp.visual.append(Shape(kind="box", material="platform", at=at, rpy=turn, size=flap))
-        ramp.collision.append(Shape(kind="box", at=at, rpy=turn, size=flap))
+        ramp.hulls.append(self._wedge())
+        back = (half, 0.0, -c.thickness)
+        ramp.inertia = weigh(c.masses["ramp"], [shifted(ramp.visual[0], back)])
         edge = (-half - (c.ramp - 0.02) * math.cos(slope), 0.0,
                 c.thickness - (c.ramp - 0.02) * math.sin(slope))  # fmt: skip
         ramp.visual.append(
@@ -140,6 +147,14 @@ class PlatformLift(JointedDevice):
         )  # fmt: skip
         self._hang_bar(made)
         return made.model("platform_lift", c.source, c.materials)
+
+    def _wedge(self) -> MeshFile:
+        """Return what the ramp collides with: sharp where it meets the ground, so as not to press on it."""
+        c = self.config
+        reach, side = c.ramp * math.cos(self._slope()), 0.5 * c.width - 0.01
+        edges = ((-reach, _TIP - c.thickness), (0.0, -_MARGIN), (0.0, -0.03))
+        corners = [(x, y, z) for x, z in edges for y in (-side, side)]
+        return MeshFile(str(cached("ramp", ".obj", hull.obj(np.array(corners)))))
 
     def _add_tower(self, tower: Part) -> None:
         tall = self.rise + 1.1

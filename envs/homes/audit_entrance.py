@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from rcare_marl.pose import Array
 from rcare_marl.urdf import Shape
 
 from .entrance import build_entrance
 from .measurement import FurnishedHome, Measurement
+from .plan import Plan
+from .rectangle import Rectangle
 from .shell_canvas import Canvas
 
 TILTED = math.radians(0.5)  # least tilt of a ramp; own choice
+RIM = 0.05  # [m] beyond a floor at which one looks for the house; own choice
 FLUSH = 0.013  # [m], most rise that is no step: ADA 303.3
 
 
@@ -25,7 +30,8 @@ def measure_entrance(home: FurnishedHome) -> Iterator[Measurement]:
         build_entrance(canvas, opening, home.plan, home.rules)
         boxes = [shape for shape in canvas.solids if shape.kind == "box"]
         ramps = [box for box in boxes if _tilt(box) > TILTED]
-        rise = max((0.5 * b.size[2] - b.at[2] for b in boxes if b not in ramps), default=0.0)
+        level = [box for box in boxes if box not in ramps and not is_yard(box, home.plan)]
+        rise = max((0.5 * box.size[2] - box.at[2] for box in level), default=0.0)
         room, name = opening.rooms[0], opening.name
         word = "ramp" if ramps else "steps" if rise > FLUSH else "level"
         yield Measurement("entrance_way", room, name, word)
@@ -54,10 +60,21 @@ def ramp_width(ramps: Sequence[Shape]) -> float:
     return high - low
 
 
+def is_yard(box: Shape, plan: Plan) -> bool:
+    """Return whether the house stands on all sides of a level floor, so that nobody steps off it."""
+    (x, y, _), (wide, deep, _) = box.at, box.size
+    area = Rectangle(x - 0.5 * wide, y - 0.5 * deep, x + 0.5 * wide, y + 0.5 * deep)
+    rim = area.grown(RIM)
+    xs, ys = (np.linspace(a, b, 40).tolist() for a, b in ((area.x0, area.x1), (area.y0, area.y1)))
+    beside = [(x, y) for x in xs for y in (rim.y0, rim.y1)]
+    beside += [(x, y) for y in ys for x in (rim.x0, rim.x1)]
+    return all(any(part.has(*point) for part in plan.outline) for point in beside)
+
+
 def _tilt(box: Shape) -> float:
     """Return the angle between the top of a box and the level [rad]."""
     up: Array = box.pose().matrix()[:3, 2]
     return math.atan2(math.hypot(float(up[0]), float(up[1])), float(up[2]))
 
 
-__all__ = ["measure_entrance", "ramp_width"]
+__all__ = ["is_yard", "measure_entrance", "ramp_width"]

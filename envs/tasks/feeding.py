@@ -141,9 +141,7 @@ class Feeding(Task):
         ]  # fmt: skip
         self._settle()
         if world.contact_force(self.recipient.body) > 0:
-            raise ConfigError(
-                "the robot or the spoon touches the person before the episode begins"
-            )
+            raise ConfigError("the robot or the spoon touches the person before the episode begins")
 
     def _settle(self) -> None:
         """Let the food come to rest in the spoon once, and remember where in the spoon it lies."""

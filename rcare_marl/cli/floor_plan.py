@@ -111,7 +111,9 @@ def _piece(axes: Axes, placed: Placed) -> None:
             middle = np.array((own.x0 + 0.28, side * 0.25 * own.depth))
             x, y = turn @ middle + placed.pose.position[:2]
             wide, deep = np.abs(turn @ (0.34, min(0.42 * own.depth, 0.6)))
-            axes.add_patch(Patch((x - wide / 2, y - deep / 2), wide, deep, fc="#f2f2f2", ec=PALE, lw=0.5, zorder=2))  # fmt: skip
+            pillow = Patch((x - wide / 2, y - deep / 2), wide, deep, fc="#f2f2f2", ec=PALE, lw=0.5)
+            pillow.set_zorder(2)
+            axes.add_patch(pillow)
     elif kind == "toilet":
         x, y = turn @ (own.x1 - 0.24, 0.0) + placed.pose.position[:2]
         axes.add_patch(Circle((x, y), 0.17, fc="white", ec=PALE, lw=0.6, zorder=2))
