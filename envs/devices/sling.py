@@ -28,6 +28,7 @@ Rgba = tuple[float, float, float, float]
 _BACK, _FLAP = (30, 25), (10, 19)  # rows along the body, columns round it
 _SLAB = 0.05  # half thickness of the slice of the body that a row of fabric goes round [m]
 _TURNS = 72  # directions in which a slice of the body is measured
+_EVERY = 4  # of so many points of the skin, one may lead the fabric
 _PULLS = 3  # times that the rows are smoothed
 _LOOP = 0.22  # of a strap, that is coloured
 _ARMS, _HANDS = ("shoulder",), ("elbow", "wrist", "index", "middle", "ring", "pinky", "thumb")
@@ -145,10 +146,14 @@ class Sling:
         head_up = to_pelvis.T @ rotations[JOINT_INDEX["head"]][:, 1]
         cloth = _worn(self.config, local, person.model.owner, joints, head_up, hooks)
         # Each point of the fabric follows the skin next to it: its place in the body's rest pose.
+        # Arms move freely, and pull no fabric along.
+        model = person.model
         there = cloth.points @ to_pelvis.T + positions[0]
         free = np.flatnonzero(~cloth.on_bar)
-        near = np.array([np.argmin(((surface - p) ** 2).sum(axis=1)) for p in there[free]])
-        model = person.model
+        skinned = np.flatnonzero(~_owned(model.owner, (*_ARMS, *_HANDS)))[::_EVERY]
+        shifted = surface[skinned] - positions[0]
+        squares = (shifted**2).sum(axis=1)
+        near = skinned[np.argmin(squares - 2 * (there[free] - positions[0]) @ shifted.T, axis=1)]
         self._joints = model.weight_joints[near].astype(np.intp)
         self._weights = model.weights[near].astype(np.float64)
         turns, shifts = self._moves(rotations, positions, model.joints)

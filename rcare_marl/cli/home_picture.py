@@ -103,7 +103,7 @@ def _best_corner(home: CareHome, room: str) -> str:
 
 
 def _taken(world: World, camera: Camera) -> Picture:
-    renderer = make_renderer(world)
+    renderer = make_renderer(world, floor=False)
     try:
         return renderer.render(camera)
     finally:

@@ -68,6 +68,7 @@ def make_renderer(
     backend: Literal["auto", "gl", "software"] = "auto",
     *,
     cuts: SkinCuts | None = None,
+    floor: bool = True,
 ) -> Renderer:
     """Return a renderer of `world`.
 
@@ -78,6 +79,7 @@ def make_renderer(
             RCARE_MARL_RENDERER decides what `auto` means. In a process forked after OpenGL was
             used `auto` does not fall back: its pictures would look unlike those of its parent.
         cuts: How `software` cuts people into rigid pieces; where they are now if None.
+        floor: Whether to draw a floor at z = 0 where the world has none.
 
     Raises:
         ConfigError: If the backend, or the value of the variable, is unknown.
@@ -87,17 +89,17 @@ def make_renderer(
     """
     chosen = chosen_backend(backend)
     if chosen == "software":
-        return SoftwareRenderer(world, cuts=cuts)
+        return SoftwareRenderer(world, cuts=cuts, floor=floor)
     if chosen == "gl":
-        return GLRenderer(world)
+        return GLRenderer(world, floor=floor)
     check_process()
     try:
-        return GLRenderer(world)
+        return GLRenderer(world, floor=floor)
     except (RenderingError, MissingPackageError) as error:
         if "fallback" not in _WARNED:
             _WARNED.add("fallback")
             _LOG.warning("drawing in software, slowly and plainly, since there is %s", error)
-        return SoftwareRenderer(world, cuts=cuts)
+        return SoftwareRenderer(world, cuts=cuts, floor=floor)
 
 
 __all__ = [
