@@ -10,7 +10,6 @@ import pybullet as bullet
 import pytest
 
 from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.human import Human
 from rcare_marl.body import Body
 from rcare_marl.envs.devices.device import Device
@@ -159,7 +158,7 @@ def test_the_wheelchair_has_the_width_and_weight_of_its_source() -> None:
     body = chair.spawn(world)
     low, high = body.bounds()
     assert high[1] - low[1] == pytest.approx(0.66, abs=0.01)
-    assert low[2] == pytest.approx(0.0, abs=2e-3)
+    assert low[2] == pytest.approx(0.0, abs=5e-3)
     assert 16.0 <= body.mass() <= 18.0
 
 
@@ -364,23 +363,32 @@ def test_a_person_rises_with_the_bed() -> None:
     assert depth(world, person, bed) < 0.1
     feet = [person.joint_pose(f"{side}_ankle").position[2] for side in ("left", "right")]
     assert min(feet) > bed.mattress_height() - 0.02
-    assert person.body.links and JOINT_INDEX["head"]
 
 
 # ---- bench, board, lift
+
+
+def slide_seat(world: World, bench: TransferBench, end: float) -> None:
+    """Push the handle of the seat by hand, at 0.3 m/s at most, until it has come to `end` [m]."""
+    slide = bench.body.joint("slide").index
+    position, started = bench.body.joint_states([slide])[0][0], world.time
+    way = math.copysign(1.0, end - position)
+    while way * (end - position) > 5e-3 and world.time < started + 5.0:
+        handle = bench.frame_in_world("handle_slide").position
+        if way * bench.body.joint_states([slide])[1][0] < 0.3:
+            bench.body.apply_force(slide, (0.0, way * HAND, 0.0), handle)
+        world.step()
+        position = bench.body.joint_states([slide])[0][0]
+    assert position == pytest.approx(end, abs=6e-3)
 
 
 def test_a_hand_slides_the_seat_of_the_bench() -> None:
     world, bench = World(), TransferBench()
     floor(world)
     body = bench.spawn(world)
-    slide = body.joint("slide").index
-    for way, end in ((1, 0.4), (-1, 0.0)):
-        for _ in range(SECOND):
-            handle = bench.frame_in_world("handle_slide").position
-            body.apply_force(slide, (0.0, way * HAND, 0.0), handle)
-            world.step()
-        assert body.joint_states([slide])[0][0] == pytest.approx(end, abs=5e-3)
+    for end in (0.4, 0.0):
+        slide_seat(world, bench, end)
+    run(world, 0.5)
     assert np.linalg.norm(place(body)[:2]) < 2e-3
 
 
@@ -413,11 +421,8 @@ def test_the_bench_carries_a_person_to_the_tub() -> None:
     before, start = place(body), place(person.body)
     run(world, 5.0)
     assert np.linalg.norm(place(body) - before) < 1e-3
-    for _ in range(3 * SECOND):
-        seat = bench.frame_in_world("seat").position
-        body.apply_force(body.links["slide"], (0.0, HAND, 0.0), seat)
-        world.step()
-    assert place(person.body)[1] - start[1] > 0.35
+    slide_seat(world, bench, 0.4)
+    assert place(person.body)[1] - start[1] > 0.38
     assert np.linalg.norm(place(body) - before) < 2e-3
 
 

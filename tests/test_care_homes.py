@@ -16,6 +16,7 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
+PUSHED_UNDER = {("chair", "dining_table"), ("chair", "round_table"), ("office_chair", "desk")}
 PAPER = {  # the RCareWorld paper, section on CareHomes
     "kitchen": 17, "bedroom": 59, "bathroom": 70, "living": 17, "dining": 16, "lounge": 18, "other": 41,
 }  # fmt: skip
@@ -36,6 +37,8 @@ def test_furniture_stands_in_its_room_and_in_nothing_else(name: str, level: int)
         for i, placed in enumerate(standing):
             assert room.inside.contains(placed.footprint, by=1e-4), placed.name
             for other in standing[:i]:
+                if (placed.piece.kind, other.piece.kind) in PUSHED_UNDER:
+                    continue
                 assert not placed.footprint.overlaps(other.footprint, by=1e-4), (
                     placed.name,
                     other.name,

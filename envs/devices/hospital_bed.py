@@ -8,17 +8,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet as bullet
 
 from rcare_marl import assets
 from rcare_marl.agents.avatar import body_model, load_posture
 from rcare_marl.agents.body.posture import PostureConfig, pelvis_pose
 from rcare_marl.agents.body.skeleton import DOF_INDEX, JOINT_INDEX, SIDES, forward_kinematics
 from rcare_marl.agents.human import Human
+from rcare_marl.body import Body
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
 from rcare_marl.urdf import Model, Shape, Triple
+from rcare_marl.world import World
 
 from .assembly import Assembly
 from .device import DeviceControl, Frame
@@ -26,6 +27,7 @@ from .jointed_device import JointedDevice
 
 _LEGS = ("hip_flexion", "knee_flexion")
 _PLATFORM = 0.03  # thickness of the platform under the mattress [m]
+_KNEE = 400.0  # torque under the thighs, and by which the calves follow [N·m]; own choice
 _HIPS = 0.06  # from the fold to the hips of who lies flat [m]
 _DEEP = 0.08  # of the hips of an adult over the mattress [m]
 _PELVIS = 0.07  # from the hips to the pelvis of an adult, towards the head [m]
@@ -107,7 +109,7 @@ class HospitalBed(JointedDevice):
         return {
             "height": DeviceControl("height", 0.03, 4000.0, "motor"),
             "backrest": DeviceControl("backrest", 0.05, 500.0, "motor"),
-            "knee": DeviceControl("knee", 0.05, 400.0, "motor; the calves follow"),
+            "knee": DeviceControl("knee", 0.05, _KNEE, "motor; the calves follow"),
             "rail_left": DeviceControl("rail_left", 0.3, 60.0, "hand"),
             "rail_right": DeviceControl("rail_right", 0.3, 60.0, "hand"),
         }
@@ -116,18 +118,14 @@ class HospitalBed(JointedDevice):
         """Return the present height of the top of the mattress [m]."""
         return self.config.low + self.config.mattress_thickness + self.position("height")
 
-    def command(self, name: str, target: float) -> None:
-        super().command(name, target)
-        if name == "knee":
-            calf, control = self.body.joint("calf"), self.controls["knee"]
-            upper = math.radians(self.config.knee_deg)
-            bend = self._calf(min(max(float(target), 0.0), upper))
-            # The calves arrive with the thighs: they have farther to go.
-            bullet.setJointMotorControl2(
-                self.body.uid, calf.index, bullet.POSITION_CONTROL, targetPosition=bend,
-                force=control.force, maxVelocity=control.speed * self._calf(upper) / upper,
-                positionGain=1.0, velocityGain=1.0, physicsClientId=self._client,
-            )  # fmt: skip
+    def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
+        body = super().spawn(world, pose, name=name)
+        upper = math.radians(self.config.knee_deg)
+        # Nearly a fixed ratio: the feet stay level to 2 mm.
+        body.gear(
+            body.joint("knee").index, body.joint("calf").index, self._calf(upper) / upper, _KNEE
+        )
+        return body
 
     def set_position(self, name: str, position: float) -> None:
         if name == "knee":
@@ -235,10 +233,10 @@ class HospitalBed(JointedDevice):
         )  # fmt: skip
         upper = math.radians(c.knee_deg)
         made.hang("knee", "platform", masses["thigh"], at=(thigh, 0.0, z), axis=(0.0, -1.0, 0.0),
-                  upper=upper, effort=400.0)  # fmt: skip
+                  upper=upper, effort=_KNEE)  # fmt: skip
         self._add_section(made, "knee", thigh, calf)
         made.hang("calf", "knee", masses["calf"], at=(calf, 0.0, z), axis=(0.0, 1.0, 0.0),
-                  upper=self._calf(upper), effort=400.0)  # fmt: skip
+                  upper=self._calf(upper), effort=_KNEE)  # fmt: skip
         self._add_section(made, "calf", calf, c.end + c.mattress_length)
         for name, sign in (("left", 1), ("right", -1)):
             self._hang_rail(made, name, sign)

@@ -10,31 +10,27 @@ from .spreader_bar import SpreaderBar
 
 # Of a person's weight: where something else bears as much, the sling is about to go slack; own choice.
 SHARE = 0.8
-_HEEDS = 0.15  # of each step's force, against what came before: heels that land are no seat; own choice
 
 
 class SlackStop:
     """Stops the lowering of a lift once a seat or bed bears the person, as push-only actuators do.
 
-    The bond of the sling is stiff, and would press the person down. Told to go on, the lift tries again.
-    Implements `rcare_marl.world.SteppedMatter`.
+    The bond of the sling is stiff, and would press the person down. Heels that land hard stop it, too:
+    told to go on, the lift tries again. Implements `rcare_marl.world.SteppedMatter`; it remembers nothing.
     """
 
     def __init__(self, world: World, device: Device, control: str, bar: SpreaderBar) -> None:
         """Watch `control`, which lowers `bar` where it moves backwards."""
         self._world, self._device, self._control, self._bar = world, device, control, bar
-        self._borne = 0.0  # smoothed force on the person from elsewhere [N]
         self._joint = device.body.joint(device.controls[control].joint).index
 
     def step(self) -> None:
         """Look at the last physics step, and stop the control if need be."""
         person = self._bar.person
         if person is None or self._device.body.joint_states([self._joint])[1][0] >= 0.0:
-            self._borne = 0.0
             return
-        force = self._world.contact_force(person.body)
-        self._borne += _HEEDS * (force - self._borne)
-        if self._borne >= SHARE * GRAVITY * person.avatar.mass_kg:
+        weight = GRAVITY * person.avatar.mass_kg
+        if self._world.contact_force(person.body) >= SHARE * weight:
             self._device.stop(self._control)
 
     def contacts(self, a: Body, b: Body | None = None) -> list[Contact]:
@@ -42,11 +38,10 @@ class SlackStop:
         return []
 
     def mark(self) -> None:
-        """Remember nothing: who is lowered there is not at rest."""
+        """Remember nothing."""
 
     def rewind(self) -> None:
-        """Forget what was felt."""
-        self._borne = 0.0
+        """Forget nothing."""
 
 
 __all__ = ["SHARE", "SlackStop"]

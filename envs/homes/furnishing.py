@@ -256,7 +256,8 @@ class _Furnisher:
             return ok & ~_meets(body, self._high_things(piece))
         if not piece.blocks:
             return ok
-        solids = [p.footprint for p in self.layout.standing if p.piece.blocks]
+        # A chair is pushed under its table.
+        solids = [p.footprint for p in self.layout.standing if p.piece.blocks and p.name != host]
         ok &= ~_meets(body, solids + self.layout.keep_free)
         # Others stand where they like beside a host, such as chairs in the zone of a table.
         others = [

@@ -86,7 +86,7 @@ def framed(
     eye = middle + 1.04 * float(needed.max()) * back
     return Camera(
         eye=(eye[0], eye[1], eye[2]), target=(middle[0], middle[1], middle[2]), fov_deg=fov_deg,
-        width=width, height=height, far=200.0,
+        width=width, height=height, near=1.0, far=200.0,
     )  # fmt: skip
 
 
