@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+import pytest
+
 from rcare_marl.envs.homes.care_home import CareHome, home_names
 
-ALL = [(name, level) for name in home_names() for level in (1, 2, 3)]
+ALL = [  # the middle level takes a third of the time and finds what the others find
+    pytest.param(name, level, marks=[pytest.mark.slow] if level == 2 else [])
+    for name in home_names()
+    for level in (1, 2, 3)
+]
 
 
 @lru_cache(maxsize=48)

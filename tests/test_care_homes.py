@@ -22,7 +22,7 @@ PAPER = {  # the RCareWorld paper, section on CareHomes
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("level", [1, 2, 3])
+@pytest.mark.parametrize("level", [1, pytest.param(2, marks=pytest.mark.slow), 3])
 def test_the_houses_have_the_rooms_of_the_paper(level: int) -> None:
     assert len(home_names()) == 16
     kinds = Counter(room.kind for name in home_names() for room in built(name, level).rooms())

@@ -17,7 +17,7 @@ from rcare_marl.world import GRAVITY, World
 
 from .device import Device, DeviceControl, Frame
 from .slack_stop import SlackStop
-from .spreader_bar import BarConfig, SpreaderBar
+from .spreader_bar import YOKE, BarConfig, SpreaderBar
 from .telescope import Telescope
 
 if TYPE_CHECKING:
@@ -224,7 +224,7 @@ class FloorLift(Device):
     def model(self) -> Model:
         c = self.config
         leg_mass, boom_mass = _LEG_SHARE * c.mass, _BOOM_SHARE * c.mass
-        chassis_mass = c.mass - 2 * leg_mass - boom_mass - c.bar.mass
+        chassis_mass = c.mass - 2 * leg_mass - boom_mass - c.bar.mass - 2 * YOKE
         links = {
             "floor": Link(),
             "roll_x": Link(),

@@ -26,7 +26,7 @@ LINK = "spreader_bar"
 HINGES = ("bar_pitch", "bar_roll", "bar_turn")
 TUBE = 0.014  # radius of the tubes of the bar [m]; our own choice
 _HOLD = 20.0  # the sling bears this many times the weight of who hangs in it; our own choice
-_YOKE = 0.35  # mass of each part of the joint [kg]; our own choice
+YOKE = 1.2  # mass of each part of the joint [kg]; our own choice
 _DAMPING = 0.05  # of its hinges [N·m·s/rad]; our own choice
 
 
@@ -139,11 +139,11 @@ class SpreaderBar:
         fold = (2 * c.reach, c.width, sling.idle_depth)
         fabric = Link(sling.mass, (0.0, 0.0, -0.6 * sling.idle_depth),
                       inertia.of_box(sling.mass, fold))  # fmt: skip
-        yoke = inertia.of_box(_YOKE, (0.07, 0.07, 0.07))
+        yoke = inertia.of_box(YOKE, (0.07, 0.07, 0.07))
         fork = Shape(kind="box", material="steel", size=(0.045, 0.06, 0.07), bevel=0.01)
         return {
-            "bar_fork": Link(_YOKE, inertia=yoke, visual=(fork,)),
-            "bar_yoke": Link(_YOKE, inertia=yoke),
+            "bar_fork": Link(YOKE, inertia=yoke, visual=(fork,)),
+            "bar_yoke": Link(YOKE, inertia=yoke),
             LINK: bar,
             "sling": fabric,
         }
@@ -241,4 +241,4 @@ class SpreaderBar:
         return self._bonds[0].load() if self._bonds else 0.0
 
 
-__all__ = ["HINGES", "LINK", "BarConfig", "SpreaderBar"]
+__all__ = ["HINGES", "LINK", "YOKE", "BarConfig", "SpreaderBar"]

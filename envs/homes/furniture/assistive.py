@@ -1,0 +1,157 @@
+"""Assistive devices as furniture: they stand at rest; `envs.devices` has those that work."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+from rcare_marl.urdf import Joint, Link, Model, Shape, Triple, joint_pose
+
+from ...devices.device import Frame
+from ...devices.hospital_bed import HospitalBed
+from ...devices.platform_lift import PlatformLift
+from ...devices.rolling_wheelchair import ManualWheelchair
+from ...devices.transfer_bench import TransferBench
+from ..piece import Piece, Setting, Zone, maker
+from ..rectangle import Rectangle
+
+_WHEELCHAIR_BACK, _WHEELCHAIR_FRONT = 0.47, 0.6  # from the origin of the chair [m]
+_BENCH_BACK, _BENCH_FRONT = 0.29, 0.19  # from the origin of the bench [m]
+
+
+def at_rest(model: Model, shift: Triple, positions: Mapping[str, float]) -> Model:
+    """Return a device as a thing that nothing moves, and whose colours nobody else's are mixed with.
+
+    Args:
+        model: The device.
+        shift: Where its origin is in the piece [m].
+        positions: Where joints stand [rad or m]; zero if absent.
+    """
+
+    def own(shape: Shape) -> Shape:
+        return dataclasses.replace(shape, material=f"{model.name}_{shape.material}")
+
+    links = {"piece": Link()} | {
+        name: dataclasses.replace(link, visual=tuple(own(shape) for shape in link.visual))
+        for name, link in model.links.items()
+    }
+    joints = {"stands": Joint(kind="fixed", parent="piece", child=model.root, at=shift)}
+    for name, joint in model.joints.items():
+        pose = joint_pose(joint, positions.get(name, 0.0))
+        x, y, z = pose.position
+        # Frames of links are parallel: only slides may stand elsewhere than at zero.
+        joints[name] = Joint(kind="fixed", parent=joint.parent, child=joint.child, at=(x, y, z))
+    materials = {f"{model.name}_{name}": colour for name, colour in model.materials.items()}
+    return Model(
+        name=model.name, source=model.source, links=links, joints=joints, materials=materials
+    )
+
+
+def _moved(frames: Mapping[str, Frame], by: Triple) -> dict[str, Frame]:
+    """Return frames moved by `by` [m]."""
+    return {
+        name: dataclasses.replace(
+            frame,
+            position=(
+                frame.position[0] + by[0],
+                frame.position[1] + by[1],
+                frame.position[2] + by[2],
+            ),
+        )
+        for name, frame in frames.items()
+    }
+
+
+@maker("hospital_bed")
+def make_hospital_bed(setting: Setting) -> Piece:
+    """Make a hospital bed, its head against the wall, its platform where the level wants mattresses."""
+    bed, rules = HospitalBed(), setting.rules
+    c = bed.config
+    lowest, highest = c.low + c.mattress_thickness, c.high + c.mattress_thickness
+    top = min(max(rules.figure("bed_height"), lowest), highest)
+    rest = top - lowest
+    length, half = c.mattress_length + 2 * c.end, 0.5 * c.mattress_width + 0.05
+    space = rules.figure("bed_side_space")
+    frames = {
+        name: frame if name.startswith("side") else _moved({name: frame}, (0.0, 0.0, rest))[name]
+        for name, frame in bed.frames.items()
+    }
+    return Piece(
+        kind="hospital_bed",
+        model=at_rest(bed.model(), (0.0, 0.0, 0.0), {"height": rest}),
+        footprint=Rectangle(0.0, -half, length, half),
+        height=max(c.board_height, top + 0.3),
+        zones=(
+            Zone(Rectangle(0.5, half, length, half + space)),
+            Zone(Rectangle(0.5, -half - space, length, -half)),
+        ),
+        frames=frames,
+        measures={"bed_height": top, "bed_side_space": space},
+    )
+
+
+@maker("manual_wheelchair")
+def make_manual_wheelchair(setting: Setting) -> Piece:
+    """Make a wheelchair that is parked with its back to the wall."""
+    chair = ManualWheelchair(headrest=False)
+    shift, half = (_WHEELCHAIR_BACK, 0.0, 0.0), 0.5 * chair.config.width
+    front = _WHEELCHAIR_BACK + _WHEELCHAIR_FRONT
+    frames = {key: frame for key, frame in chair.frames.items() if key != "headrest"}
+    return Piece(
+        kind="manual_wheelchair",
+        model=at_rest(chair.model(), shift, {}),
+        footprint=Rectangle(0.0, -half, front, half),
+        height=chair.config.seat_height + chair.config.backrest_height + 0.02,
+        frames=_moved(frames, shift),
+    )
+
+
+@maker("transfer_bench")
+def make_transfer_bench(setting: Setting, *, seat_height: float = 0.48) -> Piece:
+    """Make a transfer bench with its backrest to the wall and its seat `seat_height` [m] high.
+
+    The seat is at the right; a bathtub's rim goes below the left.
+    """
+    bench = TransferBench(seat_height=seat_height)
+    c = bench.config
+    out = seat_height - c.seat_low
+    shift, half = (_BENCH_BACK, 0.0, out), 0.5 * c.length + 0.015
+    positions = dict.fromkeys(bench.controls, out)
+    return Piece(
+        kind="transfer_bench",
+        model=at_rest(bench.model(), shift, positions),
+        footprint=Rectangle(0.0, -half, _BENCH_BACK + _BENCH_FRONT, half),
+        height=seat_height + c.backrest_height + 0.06,
+        frames=_moved(bench.frames, shift),
+        measures={"bath_seat_height": seat_height},
+    )
+
+
+@maker("platform_lift")
+def make_platform_lift(setting: Setting, *, rise: float = 0.3) -> Piece:
+    """Make a platform lift that rises by `rise` [m], its landing at the wall, its ramp before it."""
+    lift = PlatformLift(rise=rise)
+    c = lift.config
+    half = 0.5 * c.length
+    # The landing is at x of the lift: the piece looks the other way.
+    model = at_rest(lift.model(), (half, 0.0, 0.0), {})
+    turned = dataclasses.replace(model.joints["stands"], rpy=(0.0, 0.0, 3.141592653589793))
+    model = dataclasses.replace(model, joints=model.joints | {"stands": turned})
+    frames = {}
+    for name, frame in lift.frames.items():
+        (x, y, z), (roll, pitch, yaw) = frame.position, frame.rpy_deg
+        frames[name] = Frame((half - x, -y, z), (roll, pitch, yaw + 180.0), frame.note)
+    side, tower = 0.5 * c.width + 0.035, 0.5 * c.width + 0.26
+    front = c.length + c.ramp
+    return Piece(
+        kind="platform_lift",
+        model=model,
+        footprint=Rectangle(0.0, -tower, front, side),
+        height=rise + 1.1,
+        zones=(Zone(Rectangle(front, -0.5 * c.width, front + 1.22, 0.5 * c.width)),),
+        frames=frames,
+        measures={"platform_lift_clear_width": c.width},
+    )
+
+
+__all__ = ["at_rest"]
