@@ -87,6 +87,8 @@ class BuiltHome:
         body = self._world.load_urdf(path, self.pose @ placed.pose, name=placed.name)
         for name, joint in body.joints.items():
             body.release_motors([joint.index], model.joints[name].friction)
+        for still in self.bodies:  # it cannot leave its place, so it never needs to feel the house
+            self._world.set_collision(body, still, False)
         self.furniture[placed.name] = body
 
     def part(self, name: str) -> Body:

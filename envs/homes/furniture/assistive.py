@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 
 from rcare_marl.urdf import Joint, Link, Model, Shape, Triple, joint_pose
@@ -135,7 +136,7 @@ def make_platform_lift(setting: Setting, *, rise: float = 0.3) -> Piece:
     half = 0.5 * c.length
     # The landing is at x of the lift: the piece looks the other way.
     model = at_rest(lift.model(), (half, 0.0, 0.0), {})
-    turned = dataclasses.replace(model.joints["stands"], rpy=(0.0, 0.0, 3.141592653589793))
+    turned = dataclasses.replace(model.joints["stands"], rpy=(0.0, 0.0, math.pi))
     model = dataclasses.replace(model, joints=model.joints | {"stands": turned})
     frames = {}
     for name, frame in lift.frames.items():
