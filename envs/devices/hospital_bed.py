@@ -121,7 +121,7 @@ class HospitalBed(JointedDevice):
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         body = super().spawn(world, pose, name=name)
         upper = math.radians(self.config.knee_deg)
-        # Nearly a fixed ratio: the feet stay level to 2 mm.
+        # Nearly a fixed ratio: the feet stay level to 5 mm.
         body.gear(
             body.joint("knee").index, body.joint("calf").index, self._calf(upper) / upper, _KNEE
         )

@@ -1,6 +1,7 @@
 """What stands in the rooms; each module registers its makers."""
 
 from . import appliance as appliance
+from . import assistive as assistive
 from . import bathroom as bathroom
 from . import bathroom_bar as bathroom_bar
 from . import bathroom_basin as bathroom_basin
