@@ -145,7 +145,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                 fasten(self.world, agent, marker)
 
     def _check_apart(self) -> None:
-        """Refuse robots that stand in each other."""
+        """Refuse robots that stand in each other, and whoever stands in the house."""
         robots = [(role, a.body) for role, a in self.cast.items() if isinstance(a, Robot)]
         for i, (first, body) in enumerate(robots):
             for second, other in robots[i + 1 :]:
@@ -154,6 +154,16 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                     raise ConfigError(
                         f"{first!r} and {second!r} stand in each other by {-1e3 * gap:.0f} mm: give "
                         "one of them another mount or posture"
+                    )
+        if self.task.built is None:
+            return
+        for role, agent in self.cast.items():
+            for name, thing in self.task.built.things():
+                gap = self.world.separation(agent.body, thing, within=0.01)
+                if gap < -OVERLAP:
+                    raise ConfigError(
+                        f"{role!r} stands in {name} of {self.task.built.home.name} by {-1e3 * gap:.0f} mm: "
+                        "choose another room, mount or posture"
                     )
 
     def _beside(self, role: str, agent: Agent) -> Pose:

@@ -54,6 +54,7 @@ class Body:
         joints: The movable joints by name.
         links: Link indices by name; the base is -1 and is found under its own name and as `base`.
         is_movable: Whether the base can move.
+        may_sleep: Whether it sleeps while it is still; see `Slumber`.
     """
 
     def __init__(self, world: World, uid: int, name: str) -> None:
@@ -79,6 +80,7 @@ class Body:
         self._from_inertial = self._inertial.inverse()
         self._has_offset = self._inertial != Pose()
         self._released: set[int] = set()  # joints without a motor
+        self.may_sleep = False
 
     def indices(self, joints: Iterable[str]) -> list[int]:
         """Return the indices of the named movable joints.
@@ -249,13 +251,18 @@ class Body:
             quaternions[1:] = [s[5] for s in states]
         return positions, quaternions
 
+    def wake(self) -> None:
+        """Wake it if it sleeps."""
+        if self.may_sleep:
+            up = bullet.ACTIVATION_STATE_WAKE_UP
+            bullet.changeDynamics(self.uid, -1, activationState=up, physicsClientId=self._client)
+
     def set_joints(self, indices: Sequence[int], positions: Vector) -> None:
         """Teleport joints to `positions` [rad or m] at rest."""
+        self.wake()
         self._world.teleports += 1
-        for index, position in zip(indices, positions, strict=True):
-            bullet.resetJointState(
-                self.uid, index, float(position), 0.0, physicsClientId=self._client
-            )
+        for i, position in zip(indices, positions, strict=True):
+            bullet.resetJointState(self.uid, i, float(position), 0.0, physicsClientId=self._client)
 
     def drive_positions(
         self,
@@ -273,6 +280,7 @@ class Body:
         Bullet's: the share of the position error, and of the velocity error, that the motor tries to
         remove in one physics step.
         """
+        self.wake()
         self._released.difference_update(indices)
         count = len(indices)
         bullet.setJointMotorControlArray(
@@ -289,6 +297,7 @@ class Body:
 
     def drive_velocities(self, indices: Sequence[int], targets: Vector, forces: Vector) -> None:
         """Drive joints at `targets` [rad/s or m/s] with at most `forces` [N·m or N]."""
+        self.wake()
         self._released.difference_update(indices)
         bullet.setJointMotorControlArray(
             self.uid,
@@ -301,6 +310,7 @@ class Body:
 
     def drive_torques(self, indices: Sequence[int], torques: Sequence[float]) -> None:
         """Apply joint `torques` [N·m or N] for one physics step. A list is faster than an array."""
+        self.wake()
         bullet.setJointMotorControlArray(
             self.uid,
             indices,
@@ -336,6 +346,7 @@ class Body:
 
     def apply_force(self, link: int, force: Vector, point: Vector) -> None:
         """Push a link with `force` [N] at `point` [m], both in the world, for one physics step."""
+        self.wake()
         bullet.applyExternalForce(
             self.uid, link, force, point, bullet.WORLD_FRAME, physicsClientId=self._client
         )
@@ -351,6 +362,7 @@ class Body:
 
     def set_base(self, pose: Pose) -> None:
         """Teleport the base link's frame to `pose`, at rest."""
+        self.wake()
         self._world.teleports += 1
         at = pose @ self._inertial if self._has_offset else pose
         bullet.resetBasePositionAndOrientation(

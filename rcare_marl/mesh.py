@@ -1,15 +1,19 @@
-"""Triangle meshes from a few numbers: turned, lofted and swept shapes, with smooth normals."""
+"""Triangle meshes from a few numbers: turned, lofted and swept shapes, with smooth normals.
+
+All but quads come shaded.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from .pose import Array, Pose, Vector, matrix_from_quaternion
+from .pose import IDENTITY, Array, Pose, Vector, matrix_from_quaternion
 
 Faces = npt.NDArray[np.int64]
 
@@ -26,40 +30,80 @@ _SIDES = np.array(
 )  # fmt: skip
 
 
+CREASE = math.radians(40)  # edges sharper than this stay sharp; own choice
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangle mesh: vertices [m], shape [n, 3]; faces, shape [m, 3], outward by right hand."""
+    """A triangle mesh, with normals once it is shaded.
+
+    Attributes:
+        vertices: Points [m], shape [n, 3].
+        faces: Their indices, outward by right hand, shape [m, 3].
+        normals: Unit normals, shape [k, 3].
+        corners: Index of the normal at each corner of each face, shape [m, 3].
+    """
 
     vertices: Array
     faces: Faces
+    normals: Array | None = None
+    corners: Faces | None = None
 
     def moved(self, pose: Pose) -> Mesh:
         """Return the mesh, given in the frame `pose`, in the frame that `pose` is given in."""
-        turn = matrix_from_quaternion(pose.quaternion)
-        return Mesh(self.vertices @ turn.T + np.asarray(pose.position), self.faces)
+        if pose.quaternion == IDENTITY:
+            return Mesh(self.vertices + pose.position, self.faces, self.normals, self.corners)
+        back = matrix_from_quaternion(pose.quaternion).T
+        normals = None if self.normals is None else self.normals @ back
+        return Mesh(self.vertices @ back + pose.position, self.faces, normals, self.corners)
 
-    def obj(self, crease: float = math.radians(40)) -> str:
-        """Return the mesh as Wavefront OBJ text; edges sharper than `crease` [rad] stay sharp."""
-        normals = _corner_normals(self, crease)
-        unique, index = np.unique(np.round(normals, 4), axis=0, return_inverse=True)
-        rows = [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in self.vertices]
-        rows += [f"vn {x:.4g} {y:.4g} {z:.4g}" for x, y, z in unique]
-        corners = index.reshape(-1, 3) + 1
-        rows += [
-            f"f {a}//{p} {b}//{q} {c}//{r}"
-            for (a, b, c), (p, q, r) in zip(self.faces + 1, corners, strict=True)
-        ]
-        return "\n".join(rows) + "\n"
+    def stretched(self, scale: Vector) -> Mesh:
+        """Return the mesh stretched along its axes by `scale`, shape [3]."""
+        normals = None if self.normals is None else _unit(self.normals / scale)
+        return Mesh(self.vertices * scale, self.faces, normals, self.corners)
+
+    def shaded(self, crease: float = CREASE) -> Mesh:
+        """Return the mesh with normals, smooth but at edges sharper than `crease` [rad]."""
+        if self.normals is not None:
+            return self
+        normals, index = _distinct(_corner_normals(self, crease))
+        return Mesh(self.vertices, self.faces, normals, index.reshape(-1, 3))
+
+    def obj(self) -> str:
+        """Return the mesh as Wavefront OBJ text."""
+        mesh = self.shaded()
+        assert mesh.normals is not None and mesh.corners is not None
+        normals, index = _distinct(mesh.normals)
+        normals = np.round(normals, 4) + 0.0  # no minus zeros
+        corners = np.stack((self.faces, index[mesh.corners]), axis=2) + 1
+        return "".join(
+            (row * len(table)) % tuple(table.ravel().tolist())
+            for row, table in (
+                ("v %.6g %.6g %.6g\n", self.vertices),
+                ("vn %.4g %.4g %.4g\n", normals),
+                ("f %d//%d %d//%d %d//%d\n", corners),
+            )
+        )
 
 
 def merge(meshes: Iterable[Mesh]) -> Mesh:
     """Return one mesh of all the triangles."""
-    vertices, faces, count = [], [], 0
+    vertices, faces, normals, corners, count, turns = [], [], [], [], 0, 0
     for mesh in meshes:
-        vertices.append(mesh.vertices)
-        faces.append(mesh.faces + count)
-        count += len(mesh.vertices)
-    return Mesh(np.concatenate(vertices), np.concatenate(faces))
+        shaded = mesh.shaded()
+        assert shaded.normals is not None and shaded.corners is not None
+        vertices.append(shaded.vertices)
+        faces.append(shaded.faces + count)
+        normals.append(shaded.normals)
+        corners.append(shaded.corners + turns)
+        count += len(shaded.vertices)
+        turns += len(shaded.normals)
+    return Mesh(
+        np.concatenate(vertices),
+        np.concatenate(faces),
+        np.concatenate(normals),
+        np.concatenate(corners),
+    )
 
 
 def lathe(profile: Sequence[Sequence[float]], segments: int = 36) -> Mesh:
@@ -73,7 +117,7 @@ def lathe(profile: Sequence[Sequence[float]], segments: int = 36) -> Mesh:
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)
     circle = np.stack((np.cos(angle), np.sin(angle)), axis=1)
     rings = [np.column_stack((r * circle, np.full(segments, z))) for r, z in points]
-    return _skin(rings)
+    return _skin(rings).shaded(_crease(segments))
 
 
 def loft(sections: Sequence[Sequence[float]], segments: int = 36) -> Mesh:
@@ -93,29 +137,52 @@ def loft(sections: Sequence[Sequence[float]], segments: int = 36) -> Mesh:
         for z, cx, cy, rx, ry in rows
     ]
     ends = [np.tile(ring.mean(axis=0), (segments, 1)) for ring in (rings[0], rings[-1])]
-    return _skin([ends[0], *rings, ends[1]])
+    return _skin([ends[0], *rings, ends[1]]).shaded(_crease(segments))
 
 
 def box(size: Vector, bevel: float = 0.0, steps: int = 4) -> Mesh:
-    """Return a box with edges `size` [m], shape [3], rounded by the radius `bevel` [m]."""
+    """Return a box with edges `size` [m], shape [3], rounded by the radius `bevel` [m].
+
+    Each edge is rounded by `steps` strips.
+    """
     half = 0.5 * np.asarray(size, np.float64)
     if bevel <= 0:
-        return Mesh(half * _CORNERS, _SIDES)
+        sharp = _cube()
+        return Mesh(half * sharp.vertices, sharp.faces, sharp.normals, sharp.corners)
     radius = min(bevel, float(half.min()) * 0.999)
+    ball = _parted_ball(steps)
+    assert ball.normals is not None
+    vertices = (half - radius) * ball.vertices + radius * ball.normals
+    return Mesh(vertices, ball.faces, ball.normals, ball.faces)
+
+
+@lru_cache
+def _cube() -> Mesh:
+    return Mesh(_CORNERS, _SIDES).shaded()
+
+
+@lru_cache
+def _parted_ball(steps: int) -> Mesh:
+    """Return what makes a rounded box: a ball in eight parts that are pulled to the box's corners.
+
+    Its normals are the points of the ball, its vertices the corner that each is pulled to.
+    """
     quarter = np.linspace(0, np.pi / 2, steps + 1)
+    turn = np.concatenate([quarter + k * np.pi / 2 for k in range(4)])
+    around = np.stack((np.cos(turn), np.sin(turn), np.zeros(len(turn))), axis=1)
+    pulls = np.repeat(((1, 1, 0), (-1, 1, 0), (-1, -1, 0), (1, -1, 0)), steps + 1, axis=0)
     rings = []
-    for side in (-1.0, 1.0):  # lower and upper half of a sphere, pulled apart
-        for tilt in quarter - (np.pi / 2 if side < 0 else 0):
-            ring = []
-            for corner, (sx, sy) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
-                for turn in quarter + corner * np.pi / 2:
-                    on_sphere = radius * np.array(
-                        (np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt))
-                    )
-                    ring.append(on_sphere + (half - radius) * (sx, sy, side))
-            rings.append(np.array(ring))
-    ends = [np.tile(ring.mean(axis=0), (len(ring), 1)) for ring in (rings[0], rings[-1])]
-    return _skin([ends[0], *rings, ends[1]])
+    for side in (-1.0, 1.0):
+        up = np.array((0.0, 0.0, side))
+        halves = [math.cos(t) * around + abs(math.sin(t)) * up for t in quarter]
+        # Half of the pull and half of the ball: points that lie together in both are one point.
+        half = [up, *(0.5 * (pulls + up + ball) for ball in reversed(halves))]
+        rings += [
+            np.broadcast_to(ring, around.shape) for ring in (half if side < 0 else half[::-1])
+        ]
+    drawn = _skin(rings)
+    corners = np.sign(np.round(drawn.vertices, 6))
+    return Mesh(corners, drawn.faces, 2 * drawn.vertices - corners, drawn.faces)
 
 
 def quads(points: Sequence[Sequence[float]]) -> Mesh:
@@ -127,12 +194,22 @@ def quads(points: Sequence[Sequence[float]]) -> Mesh:
 
 def sphere(radius: float, segments: int = 24) -> Mesh:
     """Return a sphere of `radius` [m]."""
-    return capsule(radius, 0.0, segments)
+    return _ball(segments).stretched((radius, radius, radius))
 
 
 def cylinder(radius: float, length: float, segments: int = 36) -> Mesh:
     """Return a cylinder along z about the origin [m]."""
-    return lathe([(radius, -length / 2), (radius, length / 2)], segments)
+    return _rod(segments).stretched((radius, radius, length))
+
+
+@lru_cache
+def _ball(segments: int) -> Mesh:
+    return capsule(1.0, 0.0, segments)
+
+
+@lru_cache
+def _rod(segments: int) -> Mesh:
+    return lathe([(1.0, -0.5), (1.0, 0.5)], segments)
 
 
 def capsule(radius: float, length: float, segments: int = 24) -> Mesh:
@@ -147,10 +224,14 @@ def capsule(radius: float, length: float, segments: int = 24) -> Mesh:
 
 
 def tube(
-    points: Sequence[Sequence[float]], radius: float, bend: float = 0.0, segments: int = 14
+    points: Sequence[Sequence[float]],
+    radius: float,
+    bend: float = 0.0,
+    segments: int = 14,
+    steps: int = 6,
 ) -> Mesh:
-    """Sweep a circle of `radius` along `points`, the corners rounded by `bend` [m]."""
-    path = _rounded(np.asarray(points, np.float64), bend)
+    """Sweep a circle of `radius` along `points`, the corners rounded by `bend` [m] in `steps`."""
+    path = _rounded(np.asarray(points, np.float64), bend, steps)
     tangents = np.gradient(path, axis=0)
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     side = np.cross(tangents[0], np.eye(3)[int(np.argmin(np.abs(tangents[0])))])
@@ -162,10 +243,10 @@ def tube(
         other = np.cross(tangent, side)
         rings.append(point + radius * (np.cos(angle) * side + np.sin(angle) * other))
     ends = [np.tile(ring.mean(axis=0), (segments, 1)) for ring in (rings[0], rings[-1])]
-    return _skin([ends[0], *rings, ends[1]])
+    return _skin([ends[0], *rings, ends[1]]).shaded(_crease(segments))
 
 
-def _rounded(points: Array, bend: float, steps: int = 7) -> Array:
+def _rounded(points: Array, bend: float, steps: int) -> Array:
     if bend <= 0 or len(points) < 3:
         return points
     path = [points[0]]
@@ -174,7 +255,7 @@ def _rounded(points: Array, bend: float, steps: int = 7) -> Array:
         reach = min(bend, 0.49 * np.linalg.norm(to_before), 0.49 * np.linalg.norm(to_after))
         start = corner + reach * to_before / np.linalg.norm(to_before)
         end = corner + reach * to_after / np.linalg.norm(to_after)
-        for s in np.linspace(0, 1, steps):
+        for s in np.linspace(0, 1, steps + 1):
             path.append((1 - s) ** 2 * start + 2 * s * (1 - s) * corner + s**2 * end)
     return np.array([*path, points[-1]])
 
@@ -216,6 +297,11 @@ def _skin(rings: Sequence[Array]) -> Mesh:
     return Mesh(vertices[first], welded[(a != b) & (b != c) & (c != a)])
 
 
+def _crease(segments: int) -> float:
+    """Return the crease of a round mesh [rad], at which few points round it are still smooth."""
+    return max(CREASE, 1.25 * 2 * math.pi / segments)
+
+
 def _corner_normals(mesh: Mesh, crease: float) -> Array:
     """Return a unit normal for each corner of each face, shape [3 m, 3]."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
@@ -233,6 +319,20 @@ def _corner_normals(mesh: Mesh, crease: float) -> Array:
     close = np.einsum("ij,ij->i", units[left // 3], units[right // 3]) > math.cos(crease)
     normals = np.zeros((len(corners), 3))
     np.add.at(normals, left[close], areas[right[close] // 3])
+    return _unit(normals)
+
+
+def _unit(normals: Array) -> Array:
+    """Return vectors of length one; up where there is none."""
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     out: Array = np.where(length > 1e-300, normals / np.maximum(length, 1e-300), (0.0, 0.0, 1.0))
     return out
+
+
+def _distinct(normals: Array) -> tuple[Array, Faces]:
+    """Return normals without those that look the same as another, and where each went, shape [n]."""
+    fine = 10_000
+    steps = np.rint(normals * fine).astype(np.int64) + fine
+    code = (steps[:, 0] * (2 * fine + 1) + steps[:, 1]) * (2 * fine + 1) + steps[:, 2]
+    _, first, index = np.unique(code, return_index=True, return_inverse=True)
+    return normals[first], index.reshape(-1)

@@ -123,9 +123,10 @@ def quaternion_from_axis_angle(axis: Vector, angle: float) -> Array:
 
 def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     """Return the rotation of URDF's fixed-axis roll, pitch, yaw [rad], shape [4]."""
-    about_x = quaternion_from_axis_angle((1, 0, 0), roll)
-    about_y = quaternion_from_axis_angle((0, 1, 0), pitch)
-    about_z = quaternion_from_axis_angle((0, 0, 1), yaw)
+    x, y, z = 0.5 * roll, 0.5 * pitch, 0.5 * yaw
+    about_x = (math.sin(x), 0.0, 0.0, math.cos(x))
+    about_y = (0.0, math.sin(y), 0.0, math.cos(y))
+    about_z = (0.0, 0.0, math.sin(z), math.cos(z))
     return multiply(about_z, multiply(about_y, about_x))
 
 

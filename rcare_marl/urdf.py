@@ -6,6 +6,7 @@ import re
 import zlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree as xml
@@ -13,115 +14,16 @@ from xml.etree import ElementTree as xml
 import numpy as np
 
 from . import hull, mesh, mesh_path
+from . import shape as shape_module
 from .cache import cached_folder
-from .errors import ConfigError, UnknownNameError
+from .errors import UnknownNameError
 from .mesh import Mesh
 from .pose import Pose, quaternion_from_axis_angle, quaternion_from_rpy, rpy_from_matrix
+from .shape import SOLID, ZERO, MeshFile, Shape, Triple
 
-Triple = tuple[float, float, float]
-ZERO: Triple = (0.0, 0.0, 0.0)
-SOLID = ("box", "sphere", "cylinder", "capsule")
 # A link without mass would become 1 kg in Bullet: a frame weighs a hundredth of a gram.
 FRAME_MASS = 1e-5  # [kg]
 FRAME_INERTIA = (1e-9, 0.0, 0.0, 1e-9, 0.0, 1e-9)  # [kg·m²]
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A shape in the frame of its link. Lengths in metres.
-
-    Attributes:
-        kind: `box`, `sphere`, `cylinder`, `capsule`; for the eye only `lathe`, `loft`, `tube`,
-            `quads`.
-        material: Name of its colour in the model.
-        at: Origin of the shape.
-        rpy: Turn of the shape, fixed-axis roll, pitch, yaw [rad].
-        size: Edges of a box.
-        bevel: Rounding of the edges of a box, for the eye only.
-        radius: Of a sphere, cylinder, capsule or tube.
-        length: Of a cylinder, or between the cap centres of a capsule; along z.
-        profile: Of a lathe: (radius, z), see `mesh.lathe`.
-        sections: Of a loft: (z, centre x, centre y, half width x, half width y).
-        points: Path of a tube; the two ends of a cylinder or capsule; corners of quads, four by four.
-        bend: Rounding of the corners of the path of a tube.
-        scale: Stretch along the shape's own axes, for the eye only.
-    """
-
-    kind: Literal["box", "sphere", "cylinder", "capsule", "lathe", "loft", "tube", "quads"]
-    material: str = ""
-    at: Triple = ZERO
-    rpy: Triple = ZERO
-    size: Triple = ZERO
-    bevel: float = 0.0
-    radius: float = 0.0
-    length: float = 0.0
-    profile: tuple[tuple[float, float], ...] = ()
-    sections: tuple[tuple[float, ...], ...] = ()
-    points: tuple[Triple, ...] = ()
-    bend: float = 0.0
-    scale: Triple = (1.0, 1.0, 1.0)
-
-    def __post_init__(self) -> None:
-        needs = {"box": "size", "lathe": "profile", "loft": "sections", "tube": "points"}
-        needs["quads"] = "points"
-        need = needs.get(self.kind, "radius")
-        if not any(v for v in _flat(getattr(self, need))):
-            raise ValueError(f"a {self.kind} needs `{need}`")
-        if self.points and self.kind not in ("tube", "quads", "cylinder", "capsule"):
-            raise ValueError(f"a {self.kind} has no `points`")
-
-    def pose(self) -> Pose:
-        """Return the pose of the shape's own frame in its link, z along cylinders and capsules."""
-        if self.kind in ("cylinder", "capsule") and self.points:
-            start, end = self.points
-            middle = tuple((a + b) / 2 for a, b in zip(start, end, strict=True))
-            return Pose(middle, _turn_z_to([b - a for a, b in zip(start, end, strict=True)]))
-        return Pose(self.at, tuple(quaternion_from_rpy(*self.rpy).tolist()))
-
-    def span(self) -> float:
-        """Return the length of a cylinder, or between the cap centres of a capsule [m]."""
-        if self.points:
-            start, end = self.points
-            return float(sum((b - a) ** 2 for a, b in zip(start, end, strict=True)) ** 0.5)
-        return self.length
-
-    def mesh(self) -> Mesh:
-        """Return the surface in the frame of the link."""
-        makers = {
-            "box": lambda: mesh.box(self.size, self.bevel),
-            "sphere": lambda: mesh.sphere(self.radius),
-            "cylinder": lambda: mesh.cylinder(self.radius, self.span()),
-            "capsule": lambda: mesh.capsule(self.radius, self.span()),
-            "lathe": lambda: mesh.lathe(self.profile),
-            "loft": lambda: mesh.loft(self.sections),
-            "tube": lambda: mesh.tube(self.points, self.radius, self.bend),
-            "quads": lambda: mesh.quads(self.points),
-        }
-        made = makers[self.kind]()
-        return Mesh(made.vertices * self.scale, made.faces).moved(self.pose())
-
-
-@dataclass(frozen=True)
-class MeshFile:
-    """A mesh file to draw, or to collide with by its convex hull.
-
-    Attributes:
-        file: Absolute path.
-        rgba: Colour where the file has none.
-        scale: Factor on the file's numbers, one an axis.
-        at: Origin of the mesh in the link [m].
-        rpy: Turn of the mesh in the link [rad].
-    """
-
-    file: str
-    rgba: tuple[float, ...] = (0.75, 0.75, 0.75, 1.0)
-    scale: Triple = (1.0, 1.0, 1.0)
-    at: Triple = ZERO
-    rpy: Triple = ZERO
-
-    def pose(self) -> Pose:
-        """Return the pose of the mesh in its link."""
-        return Pose(self.at, tuple(quaternion_from_rpy(*self.rpy).tolist()))
 
 
 @dataclass(frozen=True)
@@ -274,14 +176,20 @@ def write(
     kept = None if melt_except is None else frozenset(melt_except)
     order = sorted(kept) if kept is not None else None
     recipe = repr((model, sorted(fixed_joints.items()), sorted(visuals.items()), order)).encode()
-    for maker in (__file__, mesh.__file__, hull.__file__, mesh_path.__file__):
-        recipe += Path(maker).read_bytes()  # other code makes other files
+    recipe += _makers()
     used = [m for link in model.links.values() for m in (*link.hulls, *link.meshes)]
     used += [m for drawn in visuals.values() for m in drawn]
     recipe += mesh_path.stamp(m.file for m in used)
     name = _plain(model.name)
     made = cached_folder(name, recipe, lambda: _files(model, fixed_joints, visuals, kept))
     return made / f"{name}.urdf"
+
+
+@lru_cache
+def _makers() -> bytes:
+    """Return the code that makes the files: other code makes other files."""
+    files = (__file__, shape_module.__file__, mesh.__file__, hull.__file__, mesh_path.__file__)
+    return b"".join(Path(file).read_bytes() for file in files)
 
 
 def _files(
@@ -376,15 +284,17 @@ def _generated_visuals(
 ) -> dict[str, str]:
     """Draw a link by one mesh a colour; return the files."""
     files = {}
-    for material in dict.fromkeys(shape.material for shape in link.visual):
-        shapes = [s.mesh().moved(pose) for s in link.visual if s.material == material]
+    painted: dict[str, list[Mesh]] = {}
+    for shape in link.visual:
+        painted.setdefault(shape.material, []).append(shape.mesh(pose))
+    for material, meshes in painted.items():
         file = f"{_plain(name)}_{_plain(material)}.obj"
-        files[file] = mesh.merge(shapes).obj()
+        files[file] = mesh.merge(meshes).obj()
         visual = xml.SubElement(element, "visual")
         xml.SubElement(xml.SubElement(visual, "geometry"), "mesh", filename=file)
         # Bullet keeps one colour for each material name of a link: make it unique.
-        painted = xml.SubElement(visual, "material", name=f"{name}_{material}")
-        xml.SubElement(painted, "color", rgba=_text(model.materials[material]))
+        paint = xml.SubElement(visual, "material", name=f"{name}_{material}")
+        xml.SubElement(paint, "color", rgba=_text(model.materials[material]))
     return files
 
 
@@ -469,26 +379,6 @@ def _origin(element: xml.Element, pose: Pose) -> None:
     xml.SubElement(element, "origin", xyz=_text(pose.position), rpy=_text(rpy))
 
 
-def _turn_z_to(direction: list[float]) -> tuple[float, ...]:
-    x, y, z = direction
-    length = (x * x + y * y + z * z) ** 0.5
-    if length == 0:
-        raise ConfigError("a cylinder or capsule needs two points that differ")
-    if z / length < -1 + 1e-9:
-        return (1.0, 0.0, 0.0, 0.0)
-    # Half-way rotation from z: (z × d, 1 + z · d), normalised.
-    w = 1 + z / length
-    q = (-y / length, x / length, 0.0, w)
-    norm = sum(v * v for v in q) ** 0.5
-    return tuple(v / norm for v in q)
-
-
-def _flat(value: object) -> list[object]:
-    if isinstance(value, tuple):
-        return [leaf for item in value for leaf in _flat(item)]
-    return [value]
-
-
 def _text(values: tuple[float, ...]) -> str:
     return " ".join(repr(float(v)) for v in values)
 
@@ -497,3 +387,20 @@ def _plain(name: str) -> str:
     """Return a name that a file can have; that of another name is another."""
     plain = re.sub(r"\W", "_", name)
     return plain if plain == name else f"{plain}_{zlib.crc32(name.encode()):08x}"
+
+
+__all__ = [
+    "FRAME_INERTIA",
+    "FRAME_MASS",
+    "SOLID",
+    "ZERO",
+    "Follow",
+    "Joint",
+    "Link",
+    "MeshFile",
+    "Model",
+    "Shape",
+    "Triple",
+    "joint_pose",
+    "write",
+]

@@ -10,7 +10,7 @@ import weakref
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -20,13 +20,12 @@ from .attachment import Attachment
 from .body import Body
 from .errors import ConfigError, WorldError
 from .pose import Array, Pose, Vector
+from .slumber import Slumber
 
 GRAVITY = 9.81  # [m/s²]
 FAR_AWAY = 100.0  # [m]
 STALE_PAIR_PASSES = 12  # of the broad phase, more than any scene has needed
-SOLVER_ITERATIONS = (
-    30  # for contacts and motors, of Bullet's 50: food stays on the spoon just as well
-)
+SOLVER_ITERATIONS = 30  # of Bullet's 50: food stays on the spoon just as well
 
 
 @dataclass(frozen=True)
@@ -133,17 +132,22 @@ class World:
         skins: Deforming surfaces for the renderers.
         lines: Thin tubes for the renderers, such as muscles.
         matter: What is simulated beside Bullet, such as soft bodies.
+        slumber: Bodies that sleep while nobody uses them.
         teleports: How often a body was set to a pose or joint angle instead of moving there.
+        solver_iterations: Of the solver in each physics step; see `set_solver_iterations`.
     """
 
-    def __init__(self, physics_dt: float = 1 / 240) -> None:
+    def __init__(
+        self, physics_dt: float = 1 / 240, *, solver_iterations: int = SOLVER_ITERATIONS
+    ) -> None:
         """Connect a private physics client.
 
         Args:
             physics_dt: Length of one physics step [s].
+            solver_iterations: See `set_solver_iterations`.
 
         Raises:
-            ConfigError: If `physics_dt` is not a positive number.
+            ConfigError: If `physics_dt` or `solver_iterations` is not a positive number.
         """
         if not 0 < physics_dt < 1:
             raise ConfigError(f"physics_dt must lie between 0 and 1 s, got {physics_dt}")
@@ -157,6 +161,7 @@ class World:
         self.skins: list[Skin] = []
         self.lines: list[Lines] = []
         self.matter: list[SteppedMatter] = []
+        self.slumber = Slumber(self.client)
         self.teleports = 0
         self.own_groups = 0  # bodies that have a collision group of their own
         self._attachments: list[Attachment] = []
@@ -164,12 +169,21 @@ class World:
         self._start: int | None = None
         # Bullet sorts overlapping pairs by address unless told otherwise: that breaks repeatability.
         bullet.setPhysicsEngineParameter(
-            fixedTimeStep=physics_dt,
-            numSolverIterations=SOLVER_ITERATIONS,
-            deterministicOverlappingPairs=1,
-            physicsClientId=self.client,
+            fixedTimeStep=physics_dt, deterministicOverlappingPairs=1, physicsClientId=self.client
         )
+        self.set_solver_iterations(solver_iterations)
         bullet.setGravity(0, 0, -GRAVITY, physicsClientId=self.client)
+
+    def set_solver_iterations(self, count: int) -> None:
+        """Let the solver go over contacts, bonds and motors `count` times a physics step, 1 to 1000.
+
+        A heavy load on something light needs more; a step costs nearly in proportion. `rewind` brings
+        back the number at `mark_start`. ConfigError if `count` is no such number.
+        """
+        if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= 1000:
+            raise ConfigError(f"solver iterations must be a whole number, 1 to 1000, got {count!r}")
+        self.solver_iterations = count
+        bullet.setPhysicsEngineParameter(numSolverIterations=count, physicsClientId=self.client)
 
     @property
     def time(self) -> float:
@@ -342,6 +356,7 @@ class World:
             bullet.removeState(self._start, physicsClientId=self.client)
         self._start = bullet.saveState(physicsClientId=self.client)
         self._marked = [(a, a.is_active) for a in self._attachments]
+        self._marked_iterations = self.solver_iterations
         for matter in self.matter:
             matter.mark()
 
@@ -352,7 +367,7 @@ class World:
         numbers islands depends on what the broad phase has seen since the client was made: with few
         iterations the order shows in the seventh digit. Bodies in one island are always in one order.
         """
-        jointed = [body for body in self.bodies if body.joints]
+        jointed = [b for b in self.bodies if b.joints and b not in self.slumber]
         for a, b in zip(jointed, jointed[1:], strict=False):
             links = (next(iter(body.joints.values())).index for body in (a, b))
             uid = bullet.createConstraint(
@@ -379,7 +394,9 @@ class World:
                 attachment._make()
             elif attachment.is_active and not was_active:
                 attachment._break()
+        self.set_solver_iterations(self._marked_iterations)
         self._forget_pairs()
+        self.slumber.begin()  # far apart: none wakes another
         bullet.restoreState(self._start, physicsClientId=self.client)
         bullet.performCollisionDetection(physicsClientId=self.client)
         for matter in self.matter:
@@ -401,12 +418,7 @@ class World:
 
     def contacts(self, a: Body, b: Body | None = None) -> list[Contact]:
         """Return the contact points of `a` with `b`, or with anything, after the last step."""
-        points = (
-            bullet.getContactPoints(a.uid, physicsClientId=self.client)
-            if b is None
-            else bullet.getContactPoints(a.uid, b.uid, physicsClientId=self.client)
-        )
-        found = [Contact(p[3], p[4], p[6], p[7], p[8], p[9]) for p in points]
+        found = [Contact(p[3], p[4], p[6], p[7], p[8], p[9]) for p in self._points(a, b)]
         for matter in self.matter:
             found.extend(matter.contacts(a, b))
         return found
@@ -441,15 +453,14 @@ class World:
 
     def contact_force(self, a: Body, b: Body | None = None) -> float:
         """Return the summed normal force on `a` by `b`, or by everything [N]."""
-        points = (
-            bullet.getContactPoints(a.uid, physicsClientId=self.client)
-            if b is None
-            else bullet.getContactPoints(a.uid, b.uid, physicsClientId=self.client)
-        )
-        total: float = sum([point[9] for point in points]) if points else 0.0
+        total: float = sum([point[9] for point in self._points(a, b)], 0.0)
         for matter in self.matter:
             total += sum([contact.force for contact in matter.contacts(a, b)])
         return total
+
+    def _points(self, a: Body, b: Body | None) -> Sequence[Any]:
+        other = -1 if b is None else b.uid
+        return bullet.getContactPoints(a.uid, other, physicsClientId=self.client) or ()
 
     def link_forces(self, a: Body, b: Body | None = None) -> Array:
         """Return the summed normal force on each link of `a` [N], shape [links + 1], base first."""

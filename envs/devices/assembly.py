@@ -155,7 +155,7 @@ def _lumps(shape: Shape) -> list[tuple[float, Array, Array]]:
 
 def _link(part: Part) -> Link:
     back = (-part.origin[0], -part.origin[1], -part.origin[2])
-    visual = tuple(shifted(shape, back) for shape in part.visual)
+    visual = tuple(shifted(shape, back).coarse() for shape in part.visual)
     collision = tuple(shifted(shape, back) for shape in part.collision)
     hulls = tuple(part.hulls)
     if part.mass == 0:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from rcare_marl import assets, inertia
 from rcare_marl.body import Body
@@ -14,13 +13,10 @@ from rcare_marl.pose import Pose
 from rcare_marl.urdf import Joint, Link, Model, Shape
 from rcare_marl.world import GRAVITY, World
 
-from .device import Device, DeviceControl, Frame
-from .slack_stop import SlackStop
+from .device import DeviceControl, Frame
+from .lift import Lift
 from .spreader_bar import LINK, BarConfig, SpreaderBar
 from .telescope import Telescope
-
-if TYPE_CHECKING:
-    from rcare_marl.agents.human import Human
 
 _UNIT = (0.36, 0.2, 0.17)  # edges of the motor unit [m]; our own choice
 _BELOW = 0.02  # of the unit's top below the track [m]
@@ -61,7 +57,7 @@ class CeilingLiftConfig:
             raise ConfigError(f"the strap must have a length, got {self.strap_length} m")
 
 
-class CeilingLift(Device):
+class CeilingLift(Lift):
     """A ceiling lift: x along the track, y left, origin in its middle at the ceiling.
 
     Controls: `lift` (height of the bar against where it is wound up, at rest: 0 down to the negative
@@ -70,11 +66,9 @@ class CeilingLift(Device):
 
     Frames: those of the bar (`sling`, `bar`, `hook_left_front`, ...), which move with it, and
     `track_start`, `track_end`.
-
-    Attributes:
-        bar: The spreader bar.
-        postures: How people rest in it.
     """
+
+    _raises = "lift"
 
     def __init__(
         self,
@@ -100,8 +94,11 @@ class CeilingLift(Device):
         if span is not None:
             made = replace(made, span=span)
         self.config = made
-        self.bar = SpreaderBar(replace(made.bar, swing_deg=made.swing_deg), made.sling)
-        self.postures = {"slung": (self.bar.sling.config.posture, "sling")}
+        super().__init__(SpreaderBar(replace(made.bar, swing_deg=made.swing_deg), made.sling))
+
+    @property
+    def safe_load(self) -> float:
+        return self.config.load
 
     @property
     def controls(self) -> Mapping[str, DeviceControl]:
@@ -132,11 +129,6 @@ class CeilingLift(Device):
         out["track_end"] = Frame((half, 0.0, -c.track_height), note="lower side of its end")
         return out
 
-    def frame_in_world(self, name: str) -> Pose:
-        if name in self.bar.frames:
-            return self.bar.frame_in_world(name)
-        return super().frame_in_world(name)
-
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         body = super().spawn(world, pose, name=name)
         top, low = (0.0, 0.0, -_UNIT[2]), (0.0, 0.0, self.config.bar.drop - 0.04)
@@ -146,33 +138,7 @@ class CeilingLift(Device):
                 colors=(_STRAP_COLOR, _STRAP_COLOR),
             )
         )  # fmt: skip
-        self.bar.join(world, body)
-        world.matter.append(SlackStop(world, self, "lift", self.bar))
-        self.bar.settle()
         return body
-
-    def reset(self) -> None:
-        """Hold strap and rollers, and let go of who is gone after a rewind."""
-        super().reset()
-        if self.bar.is_joined:
-            self.bar.settle()
-
-    def carry(self, person: Human) -> None:
-        """Put the sling round a person and hang it on the bar, as the person is now.
-
-        The person is best in one of `postures`, at the frame named there.
-
-        Lowered, the lift stops where a seat or bed bears the person: then `release` them.
-
-        Raises:
-            WorldError: If somebody hangs there already.
-            ConfigError: If the pelvis is held in place, or the person is too heavy.
-        """
-        self.bar.carry(person, limit=self.config.load)
-
-    def release(self) -> None:
-        """Take the loops off the hooks; nothing happens if nobody hangs there."""
-        self.bar.release()
 
     def model(self) -> Model:
         c = self.config

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 import pybullet as bullet
 
 from rcare_marl.body import Body
-from rcare_marl.errors import ActionError, UnknownNameError
+from rcare_marl.errors import ActionError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.urdf import Model, Triple, write
 from rcare_marl.world import World
+
+_ROUNDING = 1e-4  # of limits and targets, and of joints that are pressed against a limit [rad or m]
 
 
 @dataclass(frozen=True)
@@ -57,14 +59,24 @@ class DeviceControl:
 class Device(abc.ABC):
     """A body made from data.
 
-    Attributes:
-        body: The body, once spawned.
+    Its controls are worked by name: `command` drives one to a place, `stop` holds it, `position` tells
+    where it stands, `limits` how far it goes, and `set_position` puts it there at once.
     """
 
-    body: Body
     postures: Mapping[str, tuple[str, str]] = {}  # how people rest in it: posture, frame
     _fixed = True
+    _body: Body | None = None
     _client: int
+
+    @property
+    def body(self) -> Body:
+        """Its body; WorldError before `spawn`."""
+        return self._need_body()
+
+    def _need_body(self) -> Body:
+        if self._body is None:
+            raise WorldError(f"this {type(self).__name__} is in no world yet: spawn it first")
+        return self._body
 
     @abc.abstractmethod
     def model(self) -> Model:
@@ -96,16 +108,18 @@ class Device(abc.ABC):
         return self.pose @ self.frame(name)
 
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
-        """Load it into `world` at `pose`, once, and return its body."""
+        """Load it into `world` at `pose`, once, and return its body; WorldError the second time."""
+        if self._body is not None:
+            raise WorldError(f"{self._body.name!r} was spawned already: make another device")
         model = self.model()
         # Fixed joints cost nothing where their links melt into those that carry them.
         path = write(model, melt_except=self._kept_links())
-        self.body = world.load_urdf(path, pose, name=name or model.name, fixed=self._fixed)
-        self._client = world.client
-        for joint, moving in self.body.joints.items():
-            self.body.release_motors([moving.index], model.joints[joint].friction)
+        body = world.load_urdf(path, pose, name=name or model.name, fixed=self._fixed)
+        self._body, self._client = body, world.client
+        for joint, moving in body.joints.items():
+            body.release_motors([moving.index], model.joints[joint].friction)
         self.reset()
-        return self.body
+        return body
 
     def _kept_links(self) -> tuple[str, ...]:
         """Return the links that stay links of their own although they hang on a fixed joint."""
@@ -117,16 +131,20 @@ class Device(abc.ABC):
             self.stop(name)
 
     def command(self, name: str, target: float) -> None:
-        """Drive a control to `target` [rad or m], within its limits, at its speed at most.
+        """Drive a control to `target` [rad or m] at its speed at most.
 
         Raises:
             UnknownNameError: If there is no such control.
-            ActionError: If `target` is not a finite number.
+            ActionError: If `target` is not a number within its limits.
+            WorldError: If the device is in no world.
         """
+        self._check(name, target)
+        self._drive(name, target)
+
+    def _drive(self, name: str, target: float) -> None:
         control = self._control(name)
-        if not math.isfinite(target):
-            raise ActionError(f"{name!r} of {self.body.name!r} needs a finite target, got {target}")
         joint = self.body.joint(control.joint)
+        self.body.wake()
         bullet.setJointMotorControl2(
             self.body.uid,
             joint.index,
@@ -141,7 +159,7 @@ class Device(abc.ABC):
 
     def stop(self, name: str) -> None:
         """Hold a control where it stands; UnknownNameError if there is none of that name."""
-        self.command(name, self.position(name))
+        self._drive(name, self.position(name))
 
     def position(self, name: str) -> float:
         """Return where a control stands [rad or m]; UnknownNameError if there is none."""
@@ -149,10 +167,25 @@ class Device(abc.ABC):
         return self.body.joint_states([index])[0][0]
 
     def set_position(self, name: str, position: float) -> None:
-        """Put a control at `position` [rad or m] at once and hold it there."""
+        """Put a control at `position` [rad or m] at once and hold it there; raises as `command`."""
+        self._check(name, position)
         joint = self.body.joint(self._control(name).joint)
         self.body.set_joints([joint.index], [min(max(position, joint.lower), joint.upper)])
         self.stop(name)
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Return how far a control goes, least and most [rad or m]; raises as `position`."""
+        joint = self.body.joint(self._control(name).joint)
+        return joint.lower, joint.upper
+
+    def _check(self, name: str, target: float) -> None:
+        low, high = self.limits(name)
+        if not math.isfinite(target):
+            raise ActionError(f"{name!r} of {self.body.name!r} needs a finite target, got {target}")
+        if not low - _ROUNDING <= target <= high + _ROUNDING:
+            raise ActionError(
+                f"{name!r} of {self.body.name!r} goes from {low:.4g} to {high:.4g}, not to {target:.4g}"
+            )
 
     def _control(self, name: str) -> DeviceControl:
         if name not in self.controls:

@@ -15,8 +15,9 @@ from rcare_marl.pose import Pose
 from rcare_marl.urdf import Joint, Link, Model, Shape, Triple
 from rcare_marl.world import GRAVITY, World
 
-from .device import Device, DeviceControl, Frame
-from .slack_stop import SlackStop
+from .device import DeviceControl, Frame
+from .dry_friction import DryFriction
+from .lift import Lift
 from .spreader_bar import YOKE, BarConfig, SpreaderBar
 from .telescope import Telescope
 
@@ -72,7 +73,7 @@ class FloorLiftConfig:
             raise ConfigError("the boom must move from below to above the level, by 80 deg at most")
 
 
-class FloorLift(Device):
+class FloorLift(Lift):
     """A floor lift: x forward along its legs, y left, origin on the floor in the middle of the base.
 
     Controls: `boom` (angle above the level; at 0 the bar hangs level with the mast's top) and `legs`
@@ -81,11 +82,10 @@ class FloorLift(Device):
 
     Frames: those of the bar (`sling`, `bar`, `hook_left_front`, ...), which move with it, and
     `handle_left`, `handle_right` (of who pushes), `mast`.
-
-    Attributes:
-        bar: The spreader bar.
-        postures: How people rest in it.
     """
+
+    _raises = "boom"
+    _casters: DryFriction | None = None
 
     def __init__(
         self, name: str = "hoyer_lift_sling", *, config: FloorLiftConfig | None = None
@@ -101,9 +101,12 @@ class FloorLift(Device):
         """
         self.config = config or load(FloorLiftConfig, assets.find("devices", name))
         self.name = name
-        self.bar = SpreaderBar(self.config.bar, self.config.sling)
-        self.postures = {"slung": (self.bar.sling.config.posture, "sling")}
+        super().__init__(SpreaderBar(self.config.bar, self.config.sling))
         self._is_braked = self._is_pushed = False
+
+    @property
+    def safe_load(self) -> float:
+        return self.config.load
 
     @property
     def controls(self) -> Mapping[str, DeviceControl]:
@@ -141,28 +144,21 @@ class FloorLift(Device):
         """Whether the casters are locked."""
         return self._is_braked
 
-    def frame_in_world(self, name: str) -> Pose:
-        if name in self.bar.frames:
-            return self.bar.frame_in_world(name)
-        return super().frame_in_world(name)
-
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         body = super().spawn(world, pose, name=name)
         joints = body.joints
         # The right leg mirrors the left one: one pedal or motor spreads both.
         body.gear(joints["leg_left"].index, joints["leg_right"].index, 1.0, 10 * _LEG_FORCE)
         world.lines.append(self._actuator(body))
-        self.bar.join(world, body)
-        world.matter.append(SlackStop(world, self, "boom", self.bar))
-        self.bar.settle()
+        self._rolling, self._casters = body.indices(ROLLING), DryFriction(world, body)
+        self.brake(False)
         return body
 
     def reset(self) -> None:
         """Hold boom and legs, take off the brakes, and let go of who is gone after a rewind."""
         super().reset()
-        if self.bar.is_joined:
-            self.bar.settle()
-        self.brake(False)
+        if self._casters is not None:
+            self.brake(False)
 
     def set_position(self, name: str, position: float) -> None:
         """Put a control at `position` [rad] at once and hold it there; the bar hangs level."""
@@ -178,46 +174,38 @@ class FloorLift(Device):
 
         Raises:
             ActionError: If a speed is not finite.
+            WorldError: If the lift is in no world.
         """
+        body = self.body
         speeds = (float(forward), float(left), float(turn))
         if not all(map(math.isfinite, speeds)):
-            raise ActionError(f"{self.body.name!r} needs finite speeds, got {speeds}")
-        if self._is_braked:
+            raise ActionError(f"{body.name!r} needs finite speeds, got {speeds}")
+        if self._is_braked or self._casters is None:
             return
         self._is_pushed = any(speeds)
         if not self._is_pushed:
             self._hold()
             return
-        heading = self.body.joint_states([self._rolling[2]])[0][0]
+        self._casters.let_go(self._rolling)
+        heading = body.joint_states([self._rolling[2]])[0][0]
         c, s = math.cos(heading), math.sin(heading)
         wanted = [c * forward - s * left, s * forward + c * left, turn]
         force, torque = self.config.push_force, self.config.push_torque
-        self.body.drive_velocities(self._rolling, wanted, [force, force, torque])
+        body.drive_velocities(self._rolling, wanted, [force, force, torque])
 
     def brake(self, on: bool) -> None:
-        """Lock the casters, or unlock them."""
+        """Lock the casters, or unlock them; WorldError if the lift is in no world."""
+        self._need_body()
         self._is_braked, self._is_pushed = on, False
-        self._rolling = self.body.indices(ROLLING)
         self._hold()
 
     def carry(self, person: Human) -> None:
-        """Put the sling round a person and hang it on the bar, as the person is now.
-
-        The person is best in one of `postures`, at the frame named there.
-
-        Lowered, the lift stops where a seat or bed bears the person: then `release` them.
-
-        Raises:
-            WorldError: If somebody hangs there already.
-            ConfigError: If the pelvis is held in place, or the person is too heavy.
-        """
-        self.bar.carry(person, limit=self.config.load)
+        super().carry(person)
         if not self._is_pushed:
             self._hold()
 
     def release(self) -> None:
-        """Take the loops off the hooks; nothing happens if nobody hangs there."""
-        self.bar.release()
+        super().release()
         if not self._is_pushed:
             self._hold()
 
@@ -294,7 +282,9 @@ class FloorLift(Device):
         c, person = self.config, self.bar.person
         weight = GRAVITY * (c.mass + (person.avatar.mass_kg if person is not None else 0.0))
         force = c.brake_force if self._is_braked else c.rolling_resistance * weight
-        self.body.drive_velocities(self._rolling, [0.0] * 3, [force, force, _TURN_ARM * force])
+        if self._casters is not None:
+            forces = (force, force, _TURN_ARM * force)
+            self._casters.hold(dict(zip(self._rolling, forces, strict=True)))
 
     def _actuator(self, body: Body) -> Telescope:
         c = self.config

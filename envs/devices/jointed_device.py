@@ -4,32 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import pybullet as bullet
-
 from rcare_marl.agents.human import Human
 from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, WorldError
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
 from .device import Device
 
 HOLD = 5000.0  # [N], of the bond between a person and what carries them; own choice
-# A person on a device of a few kilograms is hard to solve for: with the 30 iterations of `World` an
-# occupied chair creeps by 2 mm/s and a bench sinks into its legs, with these by less than 0.1 mm/s.
-FINE_ITERATIONS = 150
-
-
-def refine(world: World) -> None:
-    """Let the solver of a world work more finely, for a heavy load on something light."""
-    bullet.setPhysicsEngineParameter(
-        numSolverIterations=FINE_ITERATIONS, physicsClientId=world.client
-    )
 
 
 class JointedDevice(Device):
-    """A device of several links; frames on moving links go with them."""
+    """A device of several links; frames on moving links go with them.
+
+    Attributes:
+        least_iterations: Of the world's solver, for a person whom it carries.
+    """
+
+    least_iterations = 1
+    _bond: Attachment | None = None
 
     _on: Mapping[str, str] = {}  # frame, link that carries it; those absent are on the base
 
@@ -57,7 +52,7 @@ class JointedDevice(Device):
     def carry(self, person: Human, frame: str = "") -> Attachment:
         """Bond a person to what bears them, as by a belt, and return the bond.
 
-        The world's solver works more finely from then on.
+        They pass through the device from then on.
 
         Args:
             person: Who rests on it already; spawned with `fixed_base=False`.
@@ -66,7 +61,10 @@ class JointedDevice(Device):
         Raises:
             ConfigError: If the person's pelvis is held in place, or nobody rests in the device.
             UnknownNameError: If there is no such frame.
+            WorldError: If somebody is carried already, the device is in no world, or the solver of
+                the world works with fewer than `least_iterations`.
         """
+        self._need_body()
         if not self.postures:
             raise ConfigError(f"nobody rests in {self.body.name!r}")
         if not person.body.is_movable:
@@ -76,9 +74,24 @@ class JointedDevice(Device):
         frame = frame or next(iter(self.postures.values()))[1]
         self.frame(frame)
         link = self._on.get(frame, "base")
+        if self._bond is not None and self._bond.is_active:
+            raise WorldError(f"{self._bond.child.name!r} rests there already: release them first")
+        if self._world.solver_iterations < self.least_iterations:
+            raise WorldError(
+                f"{self.body.name!r} with a person needs {self.least_iterations} iterations of the"
+                f" solver, got {self._world.solver_iterations}: call"
+                f" world.set_solver_iterations({self.least_iterations})"
+            )
         person.ignore(self.body)
-        refine(self._world)
-        return self._world.attach(self.body, link, person.body, force=HOLD)
+        self._bond = self._world.attach(self.body, link, person.body, force=HOLD)
+        return self._bond
+
+    def release(self) -> None:
+        """Let go of who is carried; nothing happens if nobody is. They still pass through it."""
+        self._need_body()
+        if self._bond is not None:
+            self._world.detach(self._bond)
+        self._bond = None
 
 
-__all__ = ["HOLD", "JointedDevice", "refine"]
+__all__ = ["HOLD", "JointedDevice"]

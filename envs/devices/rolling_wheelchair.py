@@ -20,6 +20,7 @@ from rcare_marl.world import GRAVITY, World
 
 from .assembly import Assembly
 from .device import DeviceControl, Frame
+from .dry_friction import DryFriction, grip
 from .jointed_device import JointedDevice
 from .wheelchair_frame import TUBE, WheelchairConfig, WheelchairFrame, tube
 
@@ -28,6 +29,7 @@ MARGIN = 0.001  # [m], by which Bullet thickens hulls that it reads from a file
 # Bullet rolls a cylinder of a URDF on 32 corners: it would stand still on a slope of 5.6 degrees. Four
 # quarters of 47 sides each stand still below 1 degree only.
 QUARTERS, STEPS = 4, 47
+FORK = 0.02  # friction of the forks of casters [N·m]; own choice
 REAR_SHARE = 0.6  # of the weight on the drive wheels, for rolling resistance; own choice
 FOOTREST_TORQUE, ARMREST_TORQUE = 4.0, 5.0  # [N·m], of a hand of 15 to 20 N; own choice
 
@@ -96,6 +98,8 @@ class ManualWheelchair(JointedDevice):
         )
         self.config = dataclasses.replace(self.rolling.chair(), has_headrest=headrest)
         self._load = 0.0
+        self._is_braked = False
+        self._friction: DryFriction | None = None
 
     def fit_footplates(self, left: Vector, right: Vector) -> None:
         """Move the footplates under a person's soles, given in the chair's frame [m], before `spawn`."""
@@ -179,7 +183,7 @@ class ManualWheelchair(JointedDevice):
         wheel.inertia = ((0.0, 0.0, 0.0), (0.5 * spin, 0.0, 0.0, spin, 0.0, 0.5 * spin))
         fork = made.hang(
             f"fork_{side}", "frame", masses["fork"], kind="continuous", at=frame.stem(sign),
-            axis=(0.0, 0.0, 1.0), velocity=30.0, damping=0.01, friction=0.02,
+            axis=(0.0, 0.0, 1.0), velocity=30.0, damping=0.01, friction=FORK,
         )  # fmt: skip
         fork.visual += frame.fork(sign)
         caster = made.hang(
@@ -216,32 +220,40 @@ class ManualWheelchair(JointedDevice):
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         body = super().spawn(world, pose, name=name)
         rolling = [body.links[f"{kind}_{side}"] for kind in ("wheel", "caster") for side in SIDES]
-        body.set_friction(rolling, lateral=self.rolling.tyre_friction)
+        grip(world, body, rolling, friction=self.rolling.tyre_friction)
         body.set_damping()
+        self._friction = DryFriction(world, body)
+        self._friction.hold({joint: FORK for joint in self._joints("fork")})
+        self.coast()
         return body
 
     def reset(self) -> None:
         """Hold footrests and armrests where they stand, and let go of brakes and rims."""
         super().reset()
-        self.coast()
+        if self._friction is not None:
+            self.coast()
 
     def carry(self, person: Human, frame: str = "") -> Attachment:
         bond = super().carry(person, frame)
         self._load = person.body.mass()
-        self.coast()
+        self._resist()
         return bond
 
-    def brakes(self, on: bool) -> None:
-        """Lock both drive wheels where they stand, or let go of them."""
-        if not on:
-            self.coast()
-            return
-        wheels = self._wheels()
-        positions, _ = self.body.joint_states(wheels)
-        # The motors' positions run on over whole turns, as the joints' do.
-        self.body.drive_positions(
-            wheels, positions, [self.rolling.brake_torque] * 2, position_gain=0.5
-        )
+    def release(self) -> None:
+        super().release()
+        self._load = 0.0
+        self._resist()
+
+    @property
+    def is_braked(self) -> bool:
+        """Whether the brakes are on."""
+        return self._is_braked
+
+    def brake(self, on: bool) -> None:
+        """Lock both drive wheels where they stand, or let go of them; WorldError before `spawn`."""
+        self._need_body()
+        self._is_braked = on
+        self._resist()
 
     def push(self, left: float, right: float) -> None:
         """Push the rims for one physics step with torques [N·m], forward if positive.
@@ -255,18 +267,31 @@ class ManualWheelchair(JointedDevice):
     def roll(self, left: float, right: float) -> None:
         """Turn the wheels at `left` and `right` [rad/s] by `rim_torque` at most, until told otherwise.
 
+        Nothing happens while the brakes are on.
+
         Raises:
             ActionError: If a speed is not finite.
+            WorldError: If the chair is in no world.
         """
         _check(left, right)
+        self._need_body()
+        if self._is_braked or self._friction is None:
+            return
+        self._friction.let_go(self._wheels())
         self.body.drive_velocities(self._wheels(), [left, right], [self.rolling.rim_torque] * 2)
 
     def coast(self) -> None:
-        """Let the wheels turn freely, but for their rolling resistance."""
-        drags = self._drags()
-        for kind, drag in drags.items():
-            wheels = self.body.indices(f"{kind}_{side}" for side in SIDES)
-            self.body.drive_velocities(wheels, [0.0, 0.0], [drag] * 2)
+        """Let the wheels turn freely, but for their rolling resistance, brakes off."""
+        self.brake(False)
+
+    def _resist(self) -> None:
+        """Let wheels and casters resist, by brakes or by what they roll over."""
+        if self._friction is not None:
+            drags = self._drags()
+            if self._is_braked:
+                drags["wheel"] = self.rolling.brake_torque
+            for kind, drag in drags.items():
+                self._friction.hold({joint: drag for joint in self._joints(kind)})
 
     def _drags(self) -> dict[str, float]:
         """Return the torque of rolling resistance on each wheel [N·m]."""
@@ -279,7 +304,10 @@ class ManualWheelchair(JointedDevice):
         }
 
     def _wheels(self) -> list[int]:
-        return self.body.indices(f"wheel_{side}" for side in SIDES)
+        return self._joints("wheel")
+
+    def _joints(self, kind: str) -> list[int]:
+        return self.body.indices(f"{kind}_{side}" for side in SIDES)
 
     def travelled(self) -> tuple[float, float]:
         """Return how far the left and the right wheel have rolled [m], forward positive."""

@@ -15,7 +15,7 @@ from rcare_marl.world import World
 
 from .assembly import weigh
 from .device import Device, Frame
-from .jointed_device import refine
+from .dry_friction import grip
 
 _RUBBER = 0.003  # thickness of what is under the ends [m]
 _END = 0.16  # length of an end [m]
@@ -67,9 +67,8 @@ class SlideBoard(Device):
 
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         body = super().spawn(world, pose, name=name)
-        refine(world)
-        body.set_friction([-1], lateral=self.config.friction)
-        body.set_friction([body.links["ends"]], lateral=self.config.grip)
+        grip(world, body, [-1], friction=self.config.friction)
+        grip(world, body, [body.links["ends"]], friction=self.config.grip)
         return body
 
     def _kept_links(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from rcare_marl.urdf import ZERO, Joint, Link, Shape, Triple
 from rcare_marl.world import GRAVITY, World
 
 from .device import Frame
+from .dry_friction import DryFriction
 from .sling import Sling, SlingConfig
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ class SpreaderBar:
     def join(self, world: World, body: Body) -> None:
         """Take up work on the body of a lift that was loaded into `world`."""
         self._world, self._body = world, body
-        self._hinges = body.indices(HINGES)
+        self._hinges, self._friction = body.indices(HINGES), DryFriction(world, body)
         self.is_joined = True
         self.sling.hang(world, body, LINK, self.hooks)
 
@@ -188,7 +189,8 @@ class SpreaderBar:
         if any(not bond.is_active for bond in self._bonds):  # the world was rewound
             self.release()
         empty, laden = self.config.friction
-        self._body.release_motors(self._hinges, empty if self.person is None else laden)
+        friction = empty if self.person is None else laden
+        self._friction.hold(dict.fromkeys(self._hinges, friction))
 
     def set_pitch(self, angle: float) -> None:
         """Put the bar at an angle [rad] about the axis across what carries it, at once and at rest."""

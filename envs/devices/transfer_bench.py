@@ -16,7 +16,8 @@ from rcare_marl.world import World
 
 from .assembly import Assembly
 from .device import DeviceControl, Frame
-from .jointed_device import JointedDevice, refine
+from .dry_friction import DryFriction, grip
+from .jointed_device import JointedDevice
 
 LEGS = {
     "leg_front_outside": (1, -1),
@@ -66,6 +67,8 @@ class TransferBench(JointedDevice):
     """
 
     postures = {"seated": ("bench", "seat_back")}
+    # A person weighs two hundred times as much as a leg: with fewer the legs slip under 82 kg.
+    least_iterations = 150
     _fixed = False
     _on = {"seat_back": "slide", "seat": "slide", "handle_slide": "slide"}
 
@@ -126,9 +129,10 @@ class TransferBench(JointedDevice):
         lifted = pose @ Pose((0.0, 0.0, self._leg(self.seat_height)))
         body = super().spawn(world, lifted, name=name)
         self.stand(self.seat_height)
-        refine(world)
-        body.set_friction([body.links[leg] for leg in LEGS], lateral=_GRIP)
+        grip(world, body, [body.links[leg] for leg in LEGS], friction=_GRIP)
         body.set_damping()
+        slide = body.joint("slide").index
+        DryFriction(world, body).hold({slide: self.config.slide_friction})
         return body
 
     def stand(self, seat_height: float, *, tub_floor: float = 0.0) -> None:

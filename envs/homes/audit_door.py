@@ -10,14 +10,11 @@ from rcare_marl.pose import Array, Pose
 from rcare_marl.urdf import Model, joint_pose
 
 from .door import door_model, hinge_side
-from .furnishing import DOORSTEP
+from .doorway import LATCH_DEPTH, OFF_WALL, latch_edge
 from .measurement import FurnishedHome, Measurement, Surroundings, near
 from .palette import Palette
-from .plan import JAMB, Opening
+from .plan import Opening
 
-# Depth of the floor beside a latch, for somebody who stands or sits there and pulls; own choice, the
-# ADA asks for 60 in of clear floor before the whole door.
-LATCH_DEPTH = DOORSTEP
 SLOWLY = 0.2  # [m/s] at which a hand moves a door; own choice
 _HANDLES = ("handle", "panel")  # links that hands take hold of
 
@@ -66,11 +63,10 @@ def _latch_side(home: FurnishedHome, opening: Opening) -> float:
     """Return the free floor beside the latch, on the side to which the door is pulled [m]."""
     room = opening.rooms[0]
     around = Surroundings(home, room, opening.pose)
-    low = 0.5 * opening.thickness + 0.01
+    low = 0.5 * opening.thickness + OFF_WALL
     high = min(low + LATCH_DEPTH, around.inside.y1 - 0.01)
     sign = -hinge_side(opening)
-    edge = sign * (0.5 * opening.width - JAMB)
-    return around.free(edge, (low, high), along="x", sign=sign)
+    return around.free(latch_edge(opening), (low, high), along="x", sign=sign)
 
 
 def _handle_height(door: Model) -> float:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rcare_marl.body import Body
 from rcare_marl.errors import UnknownNameError
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import Model, write
+from rcare_marl.urdf import Link, Model, Shape, write
 from rcare_marl.world import World
 
 from .door import Door, door_model
 from .furnishing import Placed
 from .merging import Part, merged
+from .partition import NEAR, partition
 from .plan import Opening
+from .rectangle import Rectangle
 from .shell import floor_model, shell_model
 
 if TYPE_CHECKING:
@@ -30,7 +33,8 @@ class BuiltHome:
         home: The house.
         pose: Where its origin is in the world.
         floor: The floor.
-        bodies: Walls, floor, and the still furniture of each room.
+        bodies: Walls, floor, and the still furniture of each room; where a busy floor is given, what is
+            solid of them is in bodies of its own, by the side of that floor: `solid_left`, ...
         furniture: What moves, by name, such as `kitchen_1.fridge`.
         doors: Doors that move, by name.
     """
@@ -42,10 +46,12 @@ class BuiltHome:
         at: Pose,
         articulated: Sequence[str],
         *,
+        busy: Rectangle | None,
         ceilings: bool,
         wall_height: float | None,
     ) -> None:
         self.home, self.pose, self._world = home, at, world
+        self._busy, self._solids = busy, dict[str, list[Shape]]()
         self.furniture: dict[str, Body] = {}
         self.doors: dict[str, Door] = {}
         self.bodies: list[Body] = []
@@ -66,9 +72,12 @@ class BuiltHome:
                 self._load(merged(f"{home.name}_{room}", parts), room)
             for each in moves:
                 self._load_moving(each)
+        for side, solids in self._solids.items():
+            self._load_still(_solid(f"{home.name}_{side}", solids), f"solid_{side}")
         for opening in moving:
             door = Door(opening, home.rules, home.palette)
             door.spawn(world, at @ opening.pose, name=opening.name)
+            self._world.slumber.add(door.body)
             self.doors[opening.name] = door
 
     def _still_door(self, opening: Opening) -> Part:
@@ -77,6 +86,20 @@ class BuiltHome:
         return model, opening.pose, wide or {"hinge": OPEN_DOOR}
 
     def _load(self, model: Model, name: str) -> Body:
+        """Load what stands still; what is solid of it waits for the others on its side."""
+        if self._busy is not None:
+            (root,) = model.links
+            link = model.links[root]
+            sides = partition(link.collision, self._busy)
+            stay = ("below",) if name == "floor" else (NEAR,)
+            kept = [shape for side in stay for shape in sides.pop(side, ())]
+            for side, shapes in sides.items():
+                self._solids.setdefault(side, []).extend(shapes)
+            link = dataclasses.replace(link, collision=tuple(kept))
+            model = dataclasses.replace(model, links={root: link})
+        return self._load_still(model, name)
+
+    def _load_still(self, model: Model, name: str) -> Body:
         body = self._world.load_urdf(write(model, melt_except=()), self.pose, name=name)
         self.bodies.append(body)
         return body
@@ -89,7 +112,18 @@ class BuiltHome:
             body.release_motors([joint.index], model.joints[name].friction)
         for still in self.bodies:  # it cannot leave its place, so it never needs to feel the house
             self._world.set_collision(body, still, False)
+        self._world.slumber.add(body)
         self.furniture[placed.name] = body
+
+    def things(self) -> list[tuple[str, Body]]:
+        """Return all that one can run into, with what it is; not the floor."""
+        still = [
+            ("what stands still" if body.name.startswith("solid_") else body.name, body)
+            for body in self.bodies
+            if body is not self.floor
+        ]
+        doors = [(name, door.body) for name, door in self.doors.items()]
+        return [*still, *self.furniture.items(), *doors]
 
     def part(self, name: str) -> Body:
         """Return a piece of furniture that moves; UnknownNameError lists those there are."""
@@ -100,6 +134,11 @@ class BuiltHome:
     def in_world(self, pose: Pose) -> Pose:
         """Return a pose given in the house in the world."""
         return self.pose @ pose
+
+
+def _solid(name: str, solids: Sequence[Shape]) -> Model:
+    links = {"solid": Link(collision=tuple(solids))}
+    return Model(name=name, source="a plan by rule", links=links, materials={})
 
 
 def _moves(placed: Placed) -> bool:

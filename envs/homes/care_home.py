@@ -16,12 +16,13 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.world import World
 
+from .doorway import narrowing
 from .furnishing import Placed, furnish
 from .layout import lay_out, load_house
 from .occupancy import BORDER, Obstacle, Occupancy
 from .palette import Palette
 from .piece import Setting
-from .plan import LEAF, OUTSIDE, Opening, Plan, Room
+from .plan import OUTSIDE, Plan, Room
 from .rectangle import Rectangle
 from .route import HAND_ROOM, WHEELCHAIR_WIDTH, Route, Way
 from .rule import Rules
@@ -141,7 +142,7 @@ class CareHome:
                 parts = [p for part in parts for p in part.without(opening.gap)]
             out += parts
         for opening in ways:
-            out += _narrowing(opening)
+            out += narrowing(opening)
         return out
 
     def way(self, width: float = WHEELCHAIR_WIDTH + HAND_ROOM) -> Way:
@@ -231,6 +232,7 @@ class CareHome:
         *,
         at: Pose = Pose(),
         articulated: Collection[str] = (),
+        busy: Rectangle | None = None,
         ceilings: bool = True,
         wall_height: float | None = None,
     ) -> BuiltHome:
@@ -241,6 +243,8 @@ class CareHome:
             at: Where the house's origin goes.
             articulated: Rooms whose furniture and doors move; all else is one with its room, and its
                 doors stand open. `("*",)` for all.
+            busy: Floor of the house on which agents mostly are [m]; steps are faster when nothing
+                else is there. None if they go everywhere.
             ceilings: Whether it has ceilings; they hide the rooms from above.
             wall_height: Where to cut walls for pictures [m]; at the ceiling if None.
 
@@ -252,31 +256,9 @@ class CareHome:
         rooms = tuple(self.plan.rooms) if tuple(articulated) == ("*",) else tuple(articulated)
         for room in rooms:
             self.plan.room(room)
-        return BuiltHome(self, world, at, rooms, ceilings=ceilings, wall_height=wall_height)
-
-
-def _narrowing(opening: Opening) -> list[Rectangle]:
-    """Return the floor that the lining of a door takes, and its leaf that stands open."""
-    if opening.kind == "passage":
-        return []
-    half, deep = 0.5 * opening.width, 0.5 * opening.thickness
-    loss = opening.width - opening.clear_width
-    is_hinged = opening.hardware != "slider"
-    # Seen in the frame of the opening, the low end of the axis may be on either side.
-    x, y = opening.pose.matrix()[:2, 0]
-    along = (x if opening.axis == "x" else y) > 0
-    hinge = -1.0 if (opening.hinge == "low") == along else 1.0
-    thick = loss - 2 * 0.03 if is_hinged else 0.0
-    low, high = -half + 0.03, half - 0.03
-    if hinge < 0:
-        low += thick
-    else:
-        high -= thick
-    parts = [Rectangle(-half, -deep, low, deep), Rectangle(high, -deep, half, deep)]
-    if is_hinged:
-        at = -half + 0.03 if hinge < 0 else half - 0.03 - LEAF
-        parts.append(Rectangle(at, deep, at + LEAF, deep + opening.width - 2 * 0.03))
-    return [part.moved(opening.pose) for part in parts]
+        return BuiltHome(
+            self, world, at, rooms, busy=busy, ceilings=ceilings, wall_height=wall_height
+        )
 
 
 __all__ = ["OUTSIDE", "CareHome", "home_names"]

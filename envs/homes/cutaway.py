@@ -1,67 +1,62 @@
-"""One room of a home by itself, with walls taken away, to look into it."""
+"""A home with everything taken away that stands between somebody outside of a room and the room."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING
 
-from .plan import OUTER_WALL, Wall
+from rcare_marl.errors import ConfigError
+
 from .rectangle import Rectangle
 
 if TYPE_CHECKING:
     from .care_home import CareHome
 
-SIDES = ("s", "w", "n", "e")
+SIDES = "swne"
 
 
 def cutaway(home: CareHome, room: str, open_sides: str = "") -> CareHome:
-    """Return a home of one room, with what stands in it.
+    """Return a home without the walls on some sides of a room, and what stands beyond them.
+
+    Floors and ceilings stay.
 
     Args:
         home: The home.
         room: Name of the room.
-        open_sides: Sides without a wall, letters of `swne`.
+        open_sides: Sides to look in from, letters of `swne` for south, west, north and east.
 
     Raises:
         UnknownNameError: If there is no such room.
+        ConfigError: If a side is none of these.
     """
     inside = home.room(room).inside
+    if set(open_sides) - set(SIDES):
+        raise ConfigError(f"open sides must be letters of {SIDES}, got {open_sides!r}")
+    kept = Rectangle(
+        inside.x0 if "w" in open_sides else -math.inf,
+        inside.y0 if "s" in open_sides else -math.inf,
+        inside.x1 if "e" in open_sides else math.inf,
+        inside.y1 if "n" in open_sides else math.inf,
+    )
     walls = []
-    for side in SIDES:
-        strip = _strip(inside, side)
-        if side in open_sides:
-            continue
-        for wall in home.plan.walls:
-            area = _common(wall.area, strip)
-            if area is not None and wall.axis == ("x" if side in "sn" else "y"):
-                walls.append(Wall(area, wall.axis, wall.is_outer))
+    for wall in home.plan.walls:
+        area = _common(wall.area, kept)
+        if area is not None:
+            walls.append(dataclasses.replace(wall, area=area))
     openings = {
         o.name: o
-        for o in home.plan.openings_of(room)
+        for o in home.plan.openings.values()
         if any(wall.axis == o.axis and wall.area.contains(o.gap, by=1e-6) for wall in walls)
     }
-    floor = inside.grown(0.02)
     plan = dataclasses.replace(
         home.plan,
         name=f"{home.plan.name}_{room}_{open_sides}",
-        rooms={room: home.room(room)},
         walls=tuple(walls),
         openings=openings,
-        outline=(floor,),
     )
-    return dataclasses.replace(home, plan=plan, name=plan.name, placed=home.furniture(room))
-
-
-def _strip(inside: Rectangle, side: str) -> Rectangle:
-    """Return where the wall on one side of a room can be [m]."""
-    wide = OUTER_WALL + 0.01
-    x0, y0, x1, y1 = inside.x0, inside.y0, inside.x1, inside.y1
-    return {
-        "s": Rectangle(x0 - wide, y0 - wide, x1 + wide, y0),
-        "n": Rectangle(x0 - wide, y1, x1 + wide, y1 + wide),
-        "w": Rectangle(x0 - wide, y0, x0, y1),
-        "e": Rectangle(x1, y0, x1 + wide, y1),
-    }[side]
+    placed = tuple(p for p in home.placed if kept.has(*p.footprint.centre))
+    return dataclasses.replace(home, plan=plan, name=plan.name, placed=placed)
 
 
 def _common(a: Rectangle, b: Rectangle) -> Rectangle | None:
@@ -69,4 +64,4 @@ def _common(a: Rectangle, b: Rectangle) -> Rectangle | None:
     return Rectangle(x0, y0, x1, y1) if x1 - x0 > 0.01 and y1 - y0 > 0.01 else None
 
 
-__all__ = ["cutaway"]
+__all__ = ["SIDES", "cutaway"]

@@ -6,31 +6,35 @@ import math
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_rpy
+from rcare_marl.pose import Array, Pose
 
-from .occupancy import Mask, Obstacle, Occupancy
+from .doorway import doorstep, doorway, narrowing
+from .ground import Ground
+from .occupancy import Mask
 from .piece import Piece, Setting, make_piece
-from .plan import LEAF, Opening, Plan, Room
+from .plan import Plan, Room
 from .recipe import Entry, Recipe, recipe_for
 from .rectangle import Rectangle
-from .route import Way
+from .route import HAND_ROOM, WHEELCHAIR_WIDTH
 
 TO_WALL = 0.005  # [m] between a back and its wall; own choice
 STEP = 0.05  # [m] between the places that are tried along a wall; own choice
-ROUGH = 0.05  # [m], cell of the map that a room is checked on
+CHAIR = WHEELCHAIR_WIDTH + HAND_ROOM  # [m] that wheelchairs need
+SPARE = 0.002  # [m] by which ways and circles are wider than the rules ask; own choice
 ATTEMPTS = 24  # with other chances, until everything that is required stands
 TRIALS = 12  # best places of a piece that are tried
-DOORSTEP = 0.75  # [m] that stays free before a door at least; own choice
-MOUTH = 0.3  # [m] that stays free before wide passages; own choice
 OVER_SILL = (
     0.35  # [m] that a back may rise over the sill of the window that it stands before; own choice
 )
 HIGH_SILL = 1.4  # [m]; before windows with sills as high as that anything may stand; own choice
+LEAN = 0.05  # [m] by which a piece reaches farther to one side to belong to the wall there
+LEFT = {(1, 0): (0, 1), (0, 1): (-1, 0), (-1, 0): (0, -1), (0, -1): (1, 0)}  # of who looks there
 AMID = 12  # attempts after which what found no wall may stand in the middle of the room
 WINDOW_REACH = 0.35  # [m] before a window in which nothing higher than its sill stands
 
@@ -51,18 +55,25 @@ class Placed:
     room: str
     pose: Pose
 
-    @property
+    @cached_property
     def footprint(self) -> Rectangle:
         """The floor that it covers, in the house [m]."""
         return self.piece.footprint.moved(self.pose)
 
-    @property
+    @cached_property
     def wheel_footprint(self) -> tuple[Rectangle, ...]:
         """What is left of it for a wheelchair, which reaches under what has room for knees [m]."""
         areas = [self.footprint]
         for knee in self.piece.knee:
             areas = [p for area in areas for p in area.without(knee.moved(self.pose))]
         return tuple(areas)
+
+    @cached_property
+    def stands(self) -> tuple[Rectangle, ...]:
+        """The floor that it needs where there is room for a wheelchair, in the house [m]."""
+        areas = [zone.area for zone in self.piece.zones if zone.why == "use"]
+        wide = [area for area in areas if min(area.width, area.depth) >= CHAIR]
+        return tuple(area.moved(self.pose) for area in wide)
 
     def frame(self, name: str) -> Pose:
         """Return the pose of one of its frames in the house."""
@@ -74,6 +85,7 @@ class _Layout:
     """A room while it is being furnished; all areas in the house."""
 
     room: Room
+    leaves: list[Rectangle] = field(default_factory=list)
     keep_free: list[Rectangle] = field(default_factory=list)
     doorsteps: list[Rectangle] = field(default_factory=list)
     windows: list[tuple[Rectangle, float]] = field(default_factory=list)
@@ -104,28 +116,6 @@ def furnish(plan: Plan, room: Room, setting: Setting) -> tuple[Placed, ...]:
     )
 
 
-def doorway(opening: Opening, room: str, passage: float) -> Rectangle:
-    """Return the floor before a door or passage that must stay free in a room [m].
-
-    That is the sweep of its leaf, or what somebody who walks in needs.
-
-    Args:
-        opening: The door.
-        room: Name of the room on whose side.
-        passage: Free width of ways [m].
-    """
-    sign = 1.0 if opening.rooms[0] == room else -1.0
-    is_swept = opening.hardware in ("knob", "lever") and sign > 0
-    # A leaf that opens by more than a right angle also takes floor beside the gap.
-    deep = max(DOORSTEP, opening.width if is_swept else 0.0)
-    if opening.kind == "passage" and opening.width > 2 * passage:
-        deep = MOUTH  # one walks round what stands farther in
-    half = 0.5 * max(opening.width, passage) + (LEAF if is_swept else 0.0)
-    near = 0.5 * opening.thickness
-    low, high = sorted((sign * near, sign * (near + deep)))
-    return Rectangle(-half, low, half, high).moved(opening.pose)
-
-
 class _Furnisher:
     """One try at a room."""
 
@@ -152,9 +142,9 @@ class _Furnisher:
                 area = Rectangle(-half, low, half, high).moved(opening.pose)
                 self.layout.windows.append((area, opening.sill))
             else:
-                area = doorway(opening, room.name, self._passage)
-                self.layout.keep_free.append(area)
-                self.layout.doorsteps.append(area)
+                self.layout.keep_free += doorway(opening, room.name, setting.rules)
+                self.layout.doorsteps.append(doorstep(opening, room.name))
+                self.layout.leaves += narrowing(opening)
 
     def run(self) -> list[str]:
         """Furnish; return what is required and found no place."""
@@ -225,14 +215,17 @@ class _Furnisher:
             return np.empty((0, 2))
         is_amid = entry.required and entry.at == "wall" and self._attempt >= AMID
         is_corner = entry.at == "corner" and self._attempt < AMID
+        # What reaches farther to one side, such as the bars of a toilet, belongs to the wall there.
+        lean = piece.footprint.y0 + piece.footprint.y1 if entry.at == "corner" else 0.0
         if entry.at in ("wall", "corner", "on_wall") and not is_amid:
             forward = (round(math.cos(yaw)), round(math.sin(yaw)))
+            ends = [0, -1] if abs(lean) < LEAN else [-1 if lean * sum(LEFT[forward]) > 0 else 0]
             if forward[0]:
                 xs = xs[:1] if forward[0] > 0 else xs[-1:]
-                ys = ys[[0, -1]] if is_corner else ys
+                ys = ys[ends] if is_corner or len(ends) == 1 else ys
             else:
                 ys = ys[:1] if forward[1] > 0 else ys[-1:]
-                xs = xs[[0, -1]] if is_corner else xs
+                xs = xs[ends] if is_corner or len(ends) == 1 else xs
         else:
             xs, ys = xs[::3], ys[::3]
         grid = np.meshgrid(xs, ys)
@@ -349,31 +342,25 @@ class _Furnisher:
             yield pose
 
     def _is_well(self, piece: Piece, pose: Pose, host: str) -> bool:
-        """Return whether all doors of the room are still joined, and a wheelchair can turn."""
+        """Return whether one can turn, and get from there to each door and wherever one is to stand."""
         if not piece.blocks:
             return True
-        inside = self.layout.room.inside
         standing = [p for p in self.layout.standing if p.piece.blocks]
         standing.append(Placed("", piece, self.layout.room.name, pose))
         things = [area for placed in standing for area in placed.wheel_footprint]
-        floor = Occupancy(inside, [Obstacle(area, "") for area in things], cell=ROUGH)
+        ground = Ground(self.layout.room.inside, [*self.layout.leaves, *things])
+        diameter, middle = ground.circle()
         if self._recipe.turning and self._setting.rules.has("turning_diameter"):
-            wanted = self._setting.rules.figure("turning_diameter")
-            if floor.free_circle(inside)[0] < wanted:
+            if diameter < self._setting.rules.figure("turning_diameter") + SPARE:
                 return False
-        doors = self.layout.doorsteps
-        way = Way(floor, self._passage - ROUGH)
-        regions = [way.regions_in(area) for area in doors]
-        if any(not region for region in regions):
+        if not ground.joins(self.layout.doorsteps, middle, self._passage + SPARE):
             return False
-        reached = regions[0] if regions else set()
-        for region in regions[1:]:
-            reached = reached & region
-        return bool(reached) or not doors
+        stands = [area for placed in standing for area in placed.stands]
+        return ground.joins(stands, middle, min(CHAIR, self._passage))
 
 
 def _pose(x: float, y: float, yaw: float) -> Pose:
-    return Pose((x, y, 0.0), tuple(quaternion_from_rpy(0, 0, yaw).tolist()))
+    return Pose((x, y, 0.0), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
 
 
 def _ticks(low: float, high: float) -> Array:
@@ -412,4 +399,4 @@ def _meets(areas: Array, others: Sequence[Rectangle]) -> Mask:
     return out
 
 
-__all__ = ["Placed", "doorway", "furnish"]
+__all__ = ["Placed", "furnish"]

@@ -45,7 +45,7 @@ def _named(material: str, rgba: tuple[float, ...], known: Mapping[str, tuple[flo
 
 def moved(shape: Shape, pose: Pose) -> Shape:
     """Return a shape, given in the frame `pose`, in the frame that `pose` is given in."""
-    if shape.points:
+    if shape.points and shape.kind in ("cylinder", "capsule"):  # which lie where their ends are
         points = [(pose @ Pose(point)).position for point in shape.points]
         return dataclasses.replace(shape, points=tuple((p[0], p[1], p[2]) for p in points))
     there = pose @ shape.pose()

@@ -43,17 +43,21 @@ class Stage:
         home: The home, without what was pushed aside.
         room: The room.
         pose: Of the task's origin in the house.
+        footprint: The free floor of the task, in the house [m].
         aside: What was pushed aside to make room, by name.
     """
 
     home: CareHome
     room: Room
     pose: Pose
+    footprint: Rectangle
     aside: tuple[str, ...]
 
     def spawn(self, world: World) -> BuiltHome:
         """Put the house into a world so that the task's origin is that of the world."""
-        return self.home.spawn(world, at=self.pose.inverse(), articulated=(self.room.name,))
+        return self.home.spawn(
+            world, at=self.pose.inverse(), articulated=(self.room.name,), busy=self.footprint
+        )
 
     def seen_from_inside(self, camera: Camera) -> Camera:
         """Return a camera like the one given, moved along its view until it is in the room.
@@ -148,7 +152,8 @@ def _in_room(home: CareHome, room: Room, footprint: Rectangle) -> Stage | None:
         return None
     aside = tuple(p.name for p in best[2])
     kept = tuple(p for p in home.placed if p.name not in aside)
-    return Stage(dataclasses.replace(home, placed=kept), room, best[1], aside)
+    kept_home = dataclasses.replace(home, placed=kept)
+    return Stage(kept_home, room, best[1], footprint.moved(best[1]), aside)
 
 
 def _row(area: Rectangle) -> Array:

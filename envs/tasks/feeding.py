@@ -94,6 +94,8 @@ class Feeding(Task):
     options: FeedingOptions
 
     def furnish(self, world: World) -> dict[str, Pose]:
+        if (posture := self.recipient.posture).arms != "armrests":
+            raise ConfigError(f"one eats who sits in the wheelchair, not {posture.description}")
         mount = f"wheelchair_{self.options.mount}"
         self._chair = chair_for(self.robot.mount_named(mount), self.options.mount)
         self.lay_floor(world)
@@ -175,8 +177,7 @@ class Feeding(Task):
             robot, angle = self.robot, math.degrees(found.angle)
             raise ConfigError(
                 f"{no_reach(robot.config, robot.files.model.name, robot.moves)}: it misses the spoon's "
-                f"place in front of the face by {found.distance:.2f} m, {angle:.0f} degrees. Feeding "
-                "wants a person who sits in the wheelchair, and a robot mounted near"
+                f"place in front of the face by {found.distance:.2f} m, {angle:.0f} degrees"
             )
         self.robot.set_posture(found.posture)
         self._spoon_body.set_base(self.robot.tool_pose() @ self._spoon.in_tool)

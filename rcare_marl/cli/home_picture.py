@@ -1,22 +1,37 @@
-"""Perspectives of homes: the whole house from above, and rooms with the walls before them taken away."""
+"""Perspectives of homes: the whole house from above without its ceilings, and rooms from within."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.envs.homes.care_home import CareHome
 from rcare_marl.envs.homes.cutaway import cutaway
+from rcare_marl.envs.homes.plan import CEILING_HEIGHT, OUTSIDE
 from rcare_marl.envs.homes.rectangle import Rectangle
-from rcare_marl.rendering import Camera, make_renderer
+from rcare_marl.pose import Array
+from rcare_marl.rendering import Camera, Light, make_renderer
+from rcare_marl.rendering.daylight import disc, dome, exposed
 from rcare_marl.world import World
 
+from .vantage import best_vantage
+
 Picture = npt.NDArray[np.uint8]
+
+# All our own choice.
 CUT = 1.35  # [m] at which walls are cut in the view from above: over sills, under lamps
 VIEW = (-0.35, -0.75, 1.0)  # direction from the house to the camera: south-west, above
-ROOM_CUT = 2.2  # [m] at which the walls behind are cut in views of rooms
+FOV = 24.0  # [deg] of the view from above
+LAMPS = 10  # lights that a sky, or a bright ceiling, is made of
+SUNS = 6  # lights that a sun is made of
+EVERYTHING = 100.0  # [m]; nothing is higher
+SUN = (-0.55, -0.45, 0.8)  # towards the sun over a house
+CEILING_LIGHT = Light(key=0.6, fill=1.45, bounce=1.0, reach=6.0, lid=CEILING_HEIGHT - 0.15)
+WINDOW_SUN = Light(key=3.0, fill=1.45, bounce=1.0, reach=6.0, lid=EVERYTHING)
+SUN_HEIGHT = 0.75  # rise of the sun that shines into a room, over its run
 
 
 def perspective(home: CareHome, *, width: int = 1600, height: int = 1000) -> Picture:
@@ -24,88 +39,111 @@ def perspective(home: CareHome, *, width: int = 1600, height: int = 1000) -> Pic
     world = World()
     try:
         home.spawn(world, ceilings=False, wall_height=CUT)
-        outlines = home.plan.outline
-        bounds = Rectangle(
-            min(a.x0 for a in outlines), min(a.y0 for a in outlines),
-            max(a.x1 for a in outlines), max(a.y1 for a in outlines),
-        )  # fmt: skip
-        camera = framed(bounds, CUT, VIEW, fov_deg=30.0, width=width, height=height)
-        return _taken(world, camera)
+        corners = _corners(home.plan.outline, CUT)
+        camera = framed(corners, VIEW, fov_deg=FOV, width=width, height=height)
+        reach = 0.5 * float(np.ptp(corners[:, :2], axis=0).max()) + 2.0
+        sky = Light(key=0.6, fill=0.9, bounce=0.4, reach=reach, lid=EVERYTHING)
+        sun = Light(SUN, key=1.2, fill=0.9, bounce=0.4, reach=reach, lid=EVERYTHING)
+        return _taken(world, camera, [*dome(sky, LAMPS), *disc(sun, SUNS)])
     finally:
         world.close()
 
 
 def room_perspective(
-    home: CareHome, room: str, *, width: int = 800, height: int = 640, view: str = ""
+    home: CareHome, room: str, *, width: int = 960, height: int = 720, view: str = ""
 ) -> Picture:
-    """Return one room seen from above a corner, the two walls before it taken away.
+    """Return one room by daylight, seen at the height of the eyes, shape [height, width, 3].
+
+    If it is too small to stand in and see it, the walls behind the eye are taken away.
 
     Args:
         home: The home.
         room: Name of the room.
         width: Of the picture [pixel].
         height: Of the picture [pixel].
-        view: The corner that the camera looks from, `sw`, `se`, `nw` or `ne`; the one from which the
-            least furniture is seen from behind if empty.
+        view: Side or corner of the room to look from, such as `s` or `ne`; the one from which most is
+            seen if empty.
+
+    Raises:
+        UnknownNameError: If there is no such room or view.
     """
-    inside = home.room(room).inside
-    corner = view or _best_corner(home, room)
+    vantage = best_vantage(home, room, ratio=width / height, view=view)
+    camera = vantage.camera(width=width, height=height)
     world = World()
     try:
-        cutaway(home, room, corner).spawn(world, ceilings=False, wall_height=ROOM_CUT)
-        x = -1.0 if "w" in corner else 1.0
-        y = -1.0 if "s" in corner else 1.0
-        camera = framed(inside, 1.6, (0.8 * x, y, 0.85), fov_deg=32.0, width=width, height=height)
-        return _taken(world, camera)
+        cutaway(home, room, vantage.open_sides).spawn(world, articulated=(room,))
+        return _taken(world, camera, _light(home, room))
     finally:
         world.close()
 
 
 def framed(
-    area: Rectangle,
-    top: float,
+    points: Array,
     direction: tuple[float, float, float],
     *,
     fov_deg: float,
     width: int,
     height: int,
+    margin: float = 1.04,
 ) -> Camera:
-    """Return a camera that sees all of the box over `area`, from the floor to `top` [m]."""
-    middle = np.array((*area.centre, 0.4 * top))
+    """Return a camera that sees all points, with them in the middle of the picture.
+
+    Args:
+        points: What to see [m], shape [n, 3].
+        direction: From there to the camera.
+        fov_deg: Vertical field of view [deg].
+        width: Of the picture [pixel].
+        height: Of the picture [pixel].
+        margin: Size of the picture over that of what is to be seen.
+    """
     back = np.array(direction) / np.linalg.norm(direction)
     right = np.cross((0.0, 0.0, 1.0), back)
     right /= np.linalg.norm(right)
     up = np.cross(back, right)
-    half = math.tan(math.radians(0.5 * fov_deg))
-    corners = np.array(
-        [(x, y, z) for x in (area.x0, area.x1) for y in (area.y0, area.y1) for z in (0.0, top)]
+    half = math.tan(math.radians(0.5 * fov_deg)) / margin
+    target = points.mean(axis=0)
+    eye = target
+    for _ in range(8):  # moving the target moves what is at the edges: it settles quickly
+        away = points - target
+        wide, high, near = away @ right * height / width, away @ up, away @ back
+        distance = float((np.maximum(np.abs(wide), np.abs(high)) / half + near).max())
+        eye = target + distance * back
+        depth = distance - near
+        x, y = away @ right / depth, away @ up / depth
+        target = target + distance * 0.5 * (
+            (x.min() + x.max()) * right + (y.min() + y.max()) * up
+        )
+    (ex, ey, ez), (tx, ty, tz) = eye.tolist(), (eye - back).tolist()
+    return Camera((ex, ey, ez), (tx, ty, tz), fov_deg=fov_deg, width=width, height=height, near=1.0, far=300.0)
+
+
+def _corners(areas: Sequence[Rectangle], top: float) -> Array:
+    return np.array(
+        [(x, y, z) for a in areas for x in (a.x0, a.x1) for y in (a.y0, a.y1) for z in (0.0, top)]
     )
-    away = corners - middle
-    wide = np.abs(away @ right) * height / width
-    needed = np.maximum(wide, np.abs(away @ up)) / half + away @ back
-    eye = middle + 1.04 * float(needed.max()) * back
-    return Camera(
-        eye=(eye[0], eye[1], eye[2]), target=(middle[0], middle[1], middle[2]), fov_deg=fov_deg,
-        width=width, height=height, near=1.0, far=200.0,
+
+
+def _light(home: CareHome, room: str) -> list[Light]:
+    """Return light from all of the ceiling, and a sun that shines in where there is a window."""
+    lamps = dome(CEILING_LIGHT, LAMPS, spread=0.8)
+    windows = [
+        o for o in home.plan.openings_of(room) if o.kind == "window" and o.rooms[1] == OUTSIDE
+    ]
+    if not windows:
+        return lamps
+    x, y = max(windows, key=lambda o: o.width * (o.head - o.sill)).normal
+    towards = (-x - 0.45 * y, -y + 0.45 * x, SUN_HEIGHT)
+    sun = Light(
+        towards, key=WINDOW_SUN.key, fill=WINDOW_SUN.fill, bounce=WINDOW_SUN.bounce,
+        reach=WINDOW_SUN.reach, lid=WINDOW_SUN.lid,
     )  # fmt: skip
+    return [*lamps, *disc(sun, SUNS)]
 
 
-def _best_corner(home: CareHome, room: str) -> str:
-    """Return the corner opposite of the walls that the furniture stands against."""
-    scores = {"sw": 0.0, "se": 0.0, "nw": 0.0, "ne": 0.0}
-    for placed in home.furniture(room):
-        x, y = placed.pose.matrix()[:2, 0].tolist()
-        size = placed.footprint.area * placed.piece.height
-        for corner in scores:
-            towards = (-x if "w" in corner else x) + (-y if "s" in corner else y)
-            scores[corner] += towards * size
-    return max(scores, key=lambda corner: scores[corner])
-
-
-def _taken(world: World, camera: Camera) -> Picture:
-    renderer = make_renderer(world, floor=False)
+def _taken(world: World, camera: Camera, lights: Sequence[Light]) -> Picture:
+    renderer = make_renderer(world, floor=False, samples=0)
     try:
-        return renderer.render(camera)
+        return exposed(renderer, camera, lights)
     finally:
         renderer.close()
 

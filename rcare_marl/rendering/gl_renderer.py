@@ -18,7 +18,8 @@ from .camera import Camera, look, orthographic
 from .gl_context import check_process, create_context, free_context, make_program, matrix_bytes
 from .gl_scene import GLScene
 from .gl_target import Finisher, SurveyTarget, Target
-from .shading import BACKGROUND_FRAGMENT, HORIZON, KEY_DIRECTION, SCREEN_VERTEX, ZENITH
+from .light import Light
+from .shading import BACKGROUND_FRAGMENT, HORIZON, SCREEN_VERTEX, ZENITH
 from .shot import Labels, Look, Picture, Shot
 
 _TARGETS_KEPT = 16
@@ -178,12 +179,12 @@ class GLRenderer:
         assert isinstance(target, Target)
         shadow = self._shadows[look]
         if look == "full":
-            shadow.draw(self._scene, camera, changed=self._is_shadow_stale)
+            shadow.draw(self._scene, camera, shot.light, changed=self._is_shadow_stale)
             self._is_shadow_stale = False
         scene = target.survey().scene if self._measures(shot) else target.scene
         scene.use()
         scene.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
-        self._light_up(camera, shadow)
+        self._light_up(camera, shot.light, shadow)
         self._scene.draw_opaque(camera, measured=self._measures(shot))
         target.scene.use()
         self._draw_background(camera)
@@ -223,7 +224,7 @@ class GLRenderer:
         self._targets[key] = target  # the last used stands last
         return target
 
-    def _light_up(self, camera: Camera, shadow: _ShadowMap) -> None:
+    def _light_up(self, camera: Camera, light: Light, shadow: _ShadowMap) -> None:
         """Give every surface program the camera and the lights."""
         shadow.bind(1, 2)
         matrix = matrix_bytes(camera.projection() @ camera.view())
@@ -235,7 +236,8 @@ class GLRenderer:
             "shadow_texel_uv": shadow.texel_uv,
             "eye": tuple(camera.eye),
             "optical": tuple((camera.axes() * ((1,), (-1,), (-1,))).T.ravel().tolist()),
-            "key": tuple(_light_axes()[2]),
+            "key": tuple(_light_axes(light)[2]),
+            "powers": (light.key, light.fill, light.bounce),
         }
         for kind, program in self._scene.programs.items():
             program["view_projection"].write(matrix)
@@ -265,7 +267,7 @@ class _ShadowMap:
 
     def __init__(self, gl: Any, size: int) -> None:
         self._gl, self._size = gl, size
-        self._key: tuple[float, ...] = ()
+        self._key: tuple[Any, ...] = ()
         self.matrix: Array = np.eye(4)
         self.texel, self.texel_uv = 0.0, 1 / max(size, 1)
         shape = (max(size, 1),) * 2
@@ -283,12 +285,12 @@ class _ShadowMap:
         nearest = (gl.NEAREST, gl.NEAREST)
         self._raw = gl.sampler(repeat_x=False, repeat_y=False, filter=nearest)
 
-    def draw(self, scene: GLScene, camera: Camera, *, changed: bool) -> None:
+    def draw(self, scene: GLScene, camera: Camera, light: Light, *, changed: bool) -> None:
         """Draw the map around what the camera looks at."""
         distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
-        radius = min(max(round(1.6 * distance) / 2, 1.0), 4.0)
+        radius = min(max(round(1.6 * distance) / 2, 1.0), light.reach)
         center = np.round(np.asarray(camera.target) * 4) / 4
-        axes = _light_axes()
+        axes = _light_axes(light)
         depth_range = 2 * radius + 8
         eye = center + axes[2] * (depth_range / 2)
         self.matrix = orthographic(radius, 0.0, depth_range) @ look(axes, eye)
@@ -296,16 +298,19 @@ class _ShadowMap:
         if not self._size:
             return
         self._gl.enable_only(self._gl.DEPTH_TEST)
+        # Walls would shade themselves in stripes where light grazes them.
+        self._gl.polygon_offset = (0.0, 0.0) if light.lid is None else (2.0, 2.0)
         still, live = self._targets
-        key = (radius, *center.tolist())
+        key = (radius, *center.tolist(), light.direction, light.lid)
         if changed or key != self._key:
             self._key = key
             still.use()
             still.clear(depth=1.0)
-            scene.draw_shadow_casters(self.matrix, still=True, cell=1.5 * self.texel)
+            scene.draw_shadow_casters(self.matrix, light, still=True, cell=1.5 * self.texel)
         self._gl.copy_framebuffer(live, still)
         live.use()
-        scene.draw_shadow_casters(self.matrix, still=False, cell=1.5 * self.texel)
+        scene.draw_shadow_casters(self.matrix, light, still=False, cell=1.5 * self.texel)
+        self._gl.polygon_offset = 0.0, 0.0
 
     def bind(self, compared: int, raw: int) -> None:
         """Bind the map to two texture units: one compares depths, one gives them."""
@@ -323,10 +328,10 @@ class _ShadowMap:
             thing.release()
 
 
-def _light_axes() -> Array:
-    back = np.asarray(KEY_DIRECTION, np.float64)
+def _light_axes(light: Light) -> Array:
+    back = np.asarray(light.direction, np.float64)
     back = back / np.linalg.norm(back)
-    right = np.cross((0.0, 0.0, 1.0), back)
+    right = np.cross((0.0, 0.0, 1.0) if abs(back[2]) < 0.999 else (1.0, 0.0, 0.0), back)
     right /= np.linalg.norm(right)
     return np.array((right, np.cross(back, right), back))
 

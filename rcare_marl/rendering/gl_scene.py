@@ -16,6 +16,7 @@ from .geometry import FLOOR_RGBA, LAYOUTS, VERTEX, Geometry, Part, Pass, Run, wo
 from .gl_context import make_program, matrix_bytes
 from .gl_lines import LineBuffers
 from .gl_skin import SkinBuffers
+from .light import Light
 from .mesh import Floats
 from .shading import (
     DEPTH_FRAGMENT,
@@ -151,20 +152,23 @@ class GLScene:
         }
         self._made = [*self._floor_arrays.values(), *self._made, buffer, index]
 
-    def draw_shadow_casters(self, matrix: Array, *, still: bool, cell: float) -> None:
+    def draw_shadow_casters(self, matrix: Array, light: Light, *, still: bool, cell: float) -> None:
         """Draw the depth of what casts shadows, either what stands still or what may move.
 
         Args:
             matrix: From the world to clip space.
+            light: The light that they keep off.
             still: Which of the two.
             cell: Size of what need not be told apart [m].
         """
         level = level_for(cell)
         self._transforms.use(0)
         self._depth_program["transforms"] = 0
+        self._depth_program["lid"] = min(light.height, 1e6)
         self._depth_program["view_projection"].write(matrix_bytes(matrix))
         for run in self.geometry.runs:
-            if run.casts and not run.is_floor and run.is_still == still:
+            casts = run.casts if light.lid is None else run.alpha >= 0.99
+            if casts and not run.is_floor and run.is_still == still:
                 first, count = run.level(level)
                 self._arrays["depth"].render(vertices=count, first=first)
         if still:

@@ -7,7 +7,6 @@ space, with the estimator of McGuire et al. 2012. Shadows are percentage-closer 
 widens with the distance to what casts them.
 """
 
-KEY_DIRECTION = (0.42, -0.5, 0.95)  # towards the light, not normalised
 HORIZON = (0.83, 0.85, 0.87)  # sRGB
 ZENITH = (0.60, 0.68, 0.77)
 
@@ -58,18 +57,27 @@ uniform mat4 view_projection;
 uniform sampler2D transforms;
 in vec3 in_position;
 in uint in_slot;
+out float height;
 void main() {
     int row = int(in_slot);
     vec4 local = vec4(in_position, 1.0);
     vec4 world = vec4(dot(texelFetch(transforms, ivec2(0, row), 0), local),
                       dot(texelFetch(transforms, ivec2(1, row), 0), local),
                       dot(texelFetch(transforms, ivec2(2, row), 0), local), 1.0);
+    height = world.z;
     gl_Position = view_projection * world;
 }
 """
 )
 
-DEPTH_FRAGMENT = _HEAD + "void main() {}\n"
+DEPTH_FRAGMENT = (
+    _HEAD
+    + """
+uniform float lid;
+in float height;
+void main() { if (height > lid) discard; }
+"""
+)
 
 # What is where: normal in the optical frame with the depth, and the label plus one; zero is nothing.
 SURVEY_VERTEX = (
@@ -119,6 +127,7 @@ _FRAGMENT = """
 uniform vec3 eye;
 uniform mat3 optical;
 uniform vec3 key;
+uniform vec3 powers;  // of the key, of what comes from everywhere, of that from below
 uniform vec3 horizon;
 uniform vec3 middle;
 uniform float shadow_texel_uv;
@@ -162,7 +171,9 @@ vec3 filmic(vec3 x) {
 }
 
 vec3 sky(float up) {
-    return mix(vec3(0.36, 0.33, 0.30), vec3(0.80, 0.86, 0.95), up * 0.5 + 0.5);
+    vec3 below = mix(vec3(0.36, 0.33, 0.30), vec3(0.92, 0.87, 0.79), powers.z);
+    vec3 above = mix(vec3(0.80, 0.86, 0.95), vec3(0.93, 0.89, 0.82), powers.z);
+    return powers.y * mix(below, above, up * 0.5 + 0.5);
 }
 
 void main() {
@@ -189,12 +200,13 @@ void main() {
     float rim = 1.0 - nv;
     rim = rim * rim * rim * rim * rim;
     float fresnel = 0.04 + (1.0 - roughness) * 0.6 * rim;
+    vec3 sun = powers.x * vec3(3.05, 2.88, 2.62);
     vec3 light = sky(n.z) * 0.80
-        + vec3(3.05, 2.88, 2.62) * diffuse * mix(wrap * 0.25, vec3(1.0), shade)
-        + vec3(0.20, 0.25, 0.33) * max(dot(n, vec3(-0.76, 0.57, 0.31)), 0.0);
+        + sun * diffuse * mix(wrap * 0.25, vec3(1.0), shade)
+        + powers.y * vec3(0.20, 0.25, 0.33) * max(dot(n, vec3(-0.76, 0.57, 0.31)), 0.0);
     vec3 mirrored = reflect(-v, n);
     vec3 out_light = base * light * 0.62
-        + shine * (vec3(3.05, 2.88, 2.62) * 0.04 * gloss * nl * shade
+        + shine * (sun * 0.04 * gloss * nl * shade
                    + sky(mirrored.z) * fresnel * (1.0 - 0.6 * roughness));
     vec3 seen = filmic(out_light);
     FADE
@@ -392,7 +404,6 @@ __all__ = [
     "DEPTH_VERTEX",
     "FINAL_FRAGMENT",
     "HORIZON",
-    "KEY_DIRECTION",
     "SCREEN_VERTEX",
     "SURVEY_FRAGMENT",
     "SURVEY_VERTEX",

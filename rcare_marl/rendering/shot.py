@@ -11,6 +11,7 @@ import numpy.typing as npt
 from ..errors import ConfigError, UnknownNameError
 from ..world import World
 from .camera import Camera
+from .light import Light
 
 Output = Literal["rgb", "depth", "normals", "segmentation"]
 Look = Literal["full", "plain"]
@@ -41,6 +42,7 @@ class Shot:
         outputs: What to read.
         look: Of `rgb`: `full` as in films, or `plain` without shadows, ambient occlusion and smooth
             edges, several times as fast.
+        light: Of `rgb`.
 
     Raises:
         UnknownNameError: If an output or a look does not exist.
@@ -50,6 +52,7 @@ class Shot:
     camera: Camera
     outputs: Sequence[Output] = ("rgb",)
     look: Look = "full"
+    light: Light = Light()
 
     def __post_init__(self) -> None:
         if self.look not in LOOKS:

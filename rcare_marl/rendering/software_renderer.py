@@ -23,7 +23,8 @@ from .geometry import FLOOR_RGBA, world_parts
 from .mesh import Floats, Ints
 from .piece import split_by_color
 from .relief import normals_from_depth
-from .shading import HORIZON, KEY_DIRECTION
+from .light import KEY_DIRECTION
+from .shading import HORIZON
 from .shot import Labels, Picture, Shot
 from .skin_cut import SkinCuts
 from .stroke import paint, skin_opacity

@@ -94,7 +94,7 @@ class Assembly:
 
     def draw(self, *shapes: Shape, link: str = BODY) -> None:
         """Add shapes for the eye."""
-        self._parts[link].visual += [self._local(shape, link) for shape in shapes]
+        self._parts[link].visual += [self._local(shape, link).coarse() for shape in shapes]
 
     def solid(self, *shapes: Shape, link: str = BODY) -> None:
         """Add shapes to collide with."""

@@ -65,7 +65,7 @@ class Joinery:
     def add(self, *shapes: Shape, link: str = BODY, solid: bool = False, seen: bool = True) -> None:
         """Add shapes to a link: to look at, to collide with, or both."""
         if seen:
-            self._parts[link].visual += shapes
+            self._parts[link].visual += [shape.coarse() for shape in shapes]
         if solid:
             self._parts[link].collision += shapes
 

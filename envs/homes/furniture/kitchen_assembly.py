@@ -136,7 +136,7 @@ class Assembly:
         else:
             placed = replace(shape, at=_less(shape.at, part.origin))
         if seen:
-            part.visual.append(placed)
+            part.visual.append(placed.coarse())
         if solid:
             part.collision.append(replace(placed, material="", bevel=0.0))
 

@@ -1,0 +1,93 @@
+"""The floor at doors: what must stay free there, and what linings and open leaves take."""
+
+from __future__ import annotations
+
+from .door import hinge_side
+from .plan import JAMB, LEAF, Opening
+from .rectangle import Rectangle
+from .rule import Rules
+
+DOORSTEP = 0.75  # [m] that stays free before a door at least; own choice
+MOUTH = 0.3  # [m] that stays free before wide passages; own choice
+# Depth of the floor beside a latch, for somebody who stands or sits there and pulls; own choice, the
+# ADA asks for 60 in of clear floor before the whole door.
+LATCH_DEPTH = DOORSTEP
+OFF_WALL = 0.01  # [m] from the wall, where that floor starts: skirtings do not count
+
+
+def doorway(opening: Opening, room: str, rules: Rules) -> tuple[Rectangle, ...]:
+    """Return the floor before a door or passage that must stay free in a room [m].
+
+    That is the sweep of its leaf, or what somebody who walks in needs, and where a leaf is pulled
+    open the floor beside its latch.
+
+    Args:
+        opening: The door.
+        room: Name of the room on whose side.
+        rules: The rules of the house.
+    """
+    sign, passage = _side(opening, room), rules.figure("passage_width")
+    is_swept = opening.hardware in ("knob", "lever") and sign > 0
+    # A leaf that opens by more than a right angle also takes floor beside the gap.
+    deep = max(DOORSTEP, opening.width if is_swept else 0.0)
+    if opening.kind == "passage" and opening.width > 2 * passage:
+        deep = MOUTH  # one walks round what stands farther in
+    half = 0.5 * max(opening.width, passage) + (LEAF if is_swept else 0.0)
+    near = 0.5 * opening.thickness
+    low, high = sorted((sign * near, sign * (near + deep)))
+    areas = [Rectangle(-half, low, half, high)]
+    if is_swept:
+        areas.append(_beside_latch(opening, rules.figure("latch_side_space")))
+    return tuple(area.moved(opening.pose) for area in areas)
+
+
+def _beside_latch(opening: Opening, wide: float) -> Rectangle:
+    """Return the floor beside a latch, as wide as the rules build it, in the frame of the door [m]."""
+    start = latch_edge(opening)
+    low, high = sorted((start, start - hinge_side(opening) * wide))
+    near = 0.5 * opening.thickness
+    return Rectangle(low, near, high, near + OFF_WALL + LATCH_DEPTH)
+
+
+def latch_edge(opening: Opening) -> float:
+    """Return where the leaf of a hinged door ends at its latch, along x of the door's frame [m]."""
+    return -hinge_side(opening) * (0.5 * opening.width - JAMB)
+
+
+def doorstep(opening: Opening, room: str) -> Rectangle:
+    """Return the floor on which somebody arrives who comes through a door into a room [m]."""
+    sign, near = _side(opening, room), 0.5 * opening.thickness
+    low, high = sorted((sign * near, sign * (near + DOORSTEP)))
+    half = 0.5 * opening.clear_width
+    return Rectangle(-half, low, half, high).moved(opening.pose)
+
+
+def narrowing(opening: Opening) -> list[Rectangle]:
+    """Return the floor that the lining of a door takes, and its leaf that stands open [m]."""
+    if opening.kind == "passage":
+        return []
+    half, deep = 0.5 * opening.width, 0.5 * opening.thickness
+    loss = opening.width - opening.clear_width
+    is_hinged = opening.hardware != "slider"
+    side = hinge_side(opening)
+    thick = loss - 2 * JAMB if is_hinged else 0.0
+    low, high = -half + JAMB, half - JAMB
+    if side < 0:
+        low += thick
+    else:
+        high -= thick
+    parts = [Rectangle(-half, -deep, low, deep), Rectangle(high, -deep, half, deep)]
+    if is_hinged:
+        at = -half + JAMB if side < 0 else half - JAMB - LEAF
+        parts.append(Rectangle(at, deep, at + LEAF, deep + opening.width - 2 * JAMB))
+    return [part.moved(opening.pose) for part in parts]
+
+
+def _side(opening: Opening, room: str) -> float:
+    """Return 1 for the side of a door into which y of its frame points, -1 for the other."""
+    return 1.0 if opening.rooms[0] == room else -1.0
+
+
+__all__ = [
+    "DOORSTEP", "LATCH_DEPTH", "MOUTH", "OFF_WALL", "doorstep", "doorway", "latch_edge", "narrowing",
+]  # fmt: skip

@@ -1,0 +1,66 @@
+"""Still solids sorted by where they are, seen from the floor that is busy.
+
+Bullet looks into a still body, box by box, for each link inside the body's own extent. A house in one
+body holds every link: for a person in a chair that doubled the time of a step. Sorted into what is
+left, right, before, behind, above and below of the place where people and robots are, no body's extent
+holds them, and nothing is looked into before something comes near it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from rcare_marl.pose import Array
+from rcare_marl.urdf import Shape
+
+from .rectangle import Rectangle
+
+LOW, HIGH = 0.03, 2.1  # [m] of height in which people and robots are; own choice
+SIDES = ("left", "right", "before", "behind", "above", "below")
+NEAR = "near"  # what reaches into the busy space itself
+
+
+def partition(solids: Iterable[Shape], busy: Rectangle) -> dict[str, tuple[Shape, ...]]:
+    """Return solids by the side of the busy space they are on: one of `SIDES`, or `NEAR`.
+
+    Args:
+        solids: Shapes to collide with.
+        busy: The busy floor, in the frame of the solids [m].
+    """
+    low = np.array((busy.x0, busy.y0, LOW))
+    high = np.array((busy.x1, busy.y1, HIGH))
+    sides: dict[str, list[Shape]] = {}
+    for shape in solids:
+        lowest, highest = extent(shape)
+        gaps = np.array((low - highest, lowest - high)).T.ravel()  # each axis: lower, upper side
+        side = SIDES[int(gaps.argmax())] if gaps.max() >= 0 else NEAR
+        sides.setdefault(side, []).append(shape)
+    return {side: tuple(shapes) for side, shapes in sides.items()}
+
+
+def extent(shape: Shape) -> tuple[Array, Array]:
+    """Return the lowest and highest corner of the box along the axes that holds a solid [m].
+
+    Raises:
+        ValueError: If the shape is one for the eye only.
+    """
+    if shape.points and shape.kind in ("cylinder", "capsule"):
+        points = np.array(shape.points)
+        return points.min(axis=0) - shape.radius, points.max(axis=0) + shape.radius
+    radius = shape.radius
+    halves = {
+        "box": (0.5 * shape.size[0], 0.5 * shape.size[1], 0.5 * shape.size[2]),
+        "sphere": (radius, radius, radius),
+        "cylinder": (radius, radius, 0.5 * shape.length),
+        "capsule": (radius, radius, 0.5 * shape.length + radius),
+    }
+    if shape.kind not in halves:
+        raise ValueError(f"a {shape.kind} is for the eye only")
+    matrix = shape.pose().matrix()
+    half = np.abs(matrix[:3, :3]) @ np.array(halves[shape.kind])
+    return matrix[:3, 3] - half, matrix[:3, 3] + half
+
+
+__all__ = ["NEAR", "SIDES", "extent", "partition"]

@@ -1,0 +1,74 @@
+"""Soft light: a picture as the mean of pictures under many lights."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from .camera import Camera
+from .light import Light
+from .shot import Picture, Shot
+
+GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))  # [rad]; points turned by it spread evenly over a disc
+# Steps within a pixel from picture to picture: Roberts' R2 sequence, from memory.
+STEPS = (0.7548776662, 0.5698402910)
+
+
+class _Reader(Protocol):
+    def read(self, shots: Sequence[Shot]) -> list[Picture]: ...
+
+
+def dome(light: Light, count: int, *, spread: float = 0.95) -> list[Light]:
+    """Return lights that together are like a sky, by cosine of the angle from overhead.
+
+    Args:
+        light: What each is like but for its direction.
+        count: How many.
+        spread: Sine of the widest angle from overhead, below 1.
+    """
+    out = []
+    for i in range(count):
+        sine, turn = spread * math.sqrt((i + 0.5) / count), GOLDEN_ANGLE * i
+        towards = sine * math.cos(turn), sine * math.sin(turn), math.sqrt(1 - sine * sine)
+        out.append(dataclasses.replace(light, direction=towards))
+    return out
+
+
+def disc(light: Light, count: int, *, radius: float = 0.03) -> list[Light]:
+    """Return lights that together are like a light as wide as `radius` [rad]."""
+    middle = np.array(light.direction) / np.linalg.norm(light.direction)
+    right = np.cross((0.0, 0.0, 1.0) if abs(middle[2]) < 0.999 else (1.0, 0.0, 0.0), middle)
+    right /= np.linalg.norm(right)
+    up = np.cross(middle, right)
+    out = []
+    for i in range(count):
+        away, turn = radius * math.sqrt((i + 0.5) / count), GOLDEN_ANGLE * i
+        x, y, z = (middle + away * (math.cos(turn) * right + math.sin(turn) * up)).tolist()
+        out.append(dataclasses.replace(light, direction=(x, y, z)))
+    return out
+
+
+def exposed(
+    renderer: _Reader, camera: Camera, lights: Sequence[Light]
+) -> npt.NDArray[np.uint8]:
+    """Return the mean of the pictures under each light, shape [height, width, 3].
+
+    Each is taken from elsewhere within a pixel, so that edges come out smooth even if the renderer takes
+    one sample a pixel.
+    """
+    total = np.zeros((camera.height, camera.width, 3))
+    u, v = camera.center or (0.5 * (camera.width - 1), 0.5 * (camera.height - 1))
+    for i, light in enumerate(lights):
+        du, dv = (step * i % 1 - 0.5 for step in STEPS)
+        moved = dataclasses.replace(camera, center=(u + du, v + dv))
+        seen = renderer.read([Shot(moved, light=light)])[0]["rgb"] / 255
+        total += seen * seen  # the mean of light, not of its encoding
+    return np.round(255 * np.sqrt(total / len(lights))).astype(np.uint8)
+
+
+__all__ = ["disc", "dome", "exposed"]

@@ -1,0 +1,93 @@
+"""A task takes place in any suitable room of any house at any level."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import rcare_marl
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.homes.partition import LOW, SIDES, extent, partition
+from rcare_marl.envs.homes.rectangle import Rectangle
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.urdf import Shape
+
+
+@pytest.fixture(scope="module")
+def env() -> Iterator[CareEnv]:
+    env = rcare_marl.make(
+        "feeding",
+        home="house_03",
+        level=1,
+        policies={"robot": "scripted", "recipient": "cooperative"},
+    )
+    yield env
+    env.close()
+
+
+def test_people_robots_and_house_keep_clear_of_each_other(env: CareEnv) -> None:
+    assert env.task.built is not None and env.task.stage is not None
+    assert env.task.stage.room.kind in type(env.task).room_kinds
+    env.reset(seed=0)
+    for agent in env.cast.values():
+        for name, thing in env.task.built.things():
+            assert env.world.separation(agent.body, thing, within=0.01) > 0, name
+
+
+def test_furniture_of_the_room_moves_and_that_of_others_does_not(env: CareEnv) -> None:
+    built, stage = env.task.built, env.task.stage
+    assert built is not None and stage is not None
+    assert {name.split(".")[0] for name in built.furniture} == {stage.room.name}
+    assert not set(stage.aside) & set(built.furniture)
+
+
+def test_scripted_feeding_succeeds_in_a_home_and_repeats_bit_by_bit(env: CareEnv) -> None:
+    tracks = []
+    for seed in (0, 1, 0):
+        env.reset(seed=seed)
+        track = [env.state()]
+        while not env.is_over:
+            env.step({})
+            track.append(env.state())
+        assert env.task.is_success(), seed
+        tracks.append(np.array(track))
+    np.testing.assert_array_equal(tracks[0], tracks[2])
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ({"home": "house_3"}, "house_03"),
+        ({"home": "house_03", "level": 4}, "level must be 1"),
+        ({"home": "house_03", "room": "kitchen_7"}, "kitchen_1"),
+        ({"home": "house_03", "room": "bathroom_1"}, "does not suit this task"),
+        ({"level": 2}, "home"),
+        ({"room": "kitchen_1"}, "home"),
+    ],
+)
+def test_a_place_that_is_none_is_refused(place: dict[str, object], message: str) -> None:
+    with pytest.raises((ConfigError, UnknownNameError), match=message):
+        rcare_marl.make("feeding", **place)  # type: ignore[arg-type]
+
+
+def test_solids_are_on_the_side_that_keeps_them_clear_of_the_busy_floor() -> None:
+    rng = np.random.default_rng(0)
+    solids = [
+        Shape(
+            kind="box", size=tuple(rng.uniform(0.1, 1, 3)), rpy=tuple(rng.uniform(-3, 3, 3)),
+            at=tuple(rng.uniform(-4, 4, 3)),
+        )
+        for _ in range(200)
+    ]  # fmt: skip
+    busy = Rectangle(-1, -1.5, 1, 1.5)
+    sides = partition(solids, busy)
+    assert sum(map(len, sides.values())) == len(solids)
+    low, high = (-1, -1.5, LOW), (1, 1.5, 2.1)
+    for side in SIDES:
+        extents = [extent(shape) for shape in sides[side]]
+        lowest = np.min([a for a, _ in extents], axis=0)
+        highest = np.max([b for _, b in extents], axis=0)
+        assert (lowest >= high).any() or (highest <= low).any(), side
+    for shape in sides["near"]:
+        lowest, highest = extent(shape)
+        assert (lowest < high).all() and (highest > low).all()
