@@ -77,6 +77,7 @@ class Evaluation:
         options: Settings of the task that were given.
         seed: Seed of the first episode; each further one has the next.
         episodes: The episodes, in order.
+        place: House, level and room in which it took place; empty on a bare floor.
         versions: Versions of what the numbers depend on.
     """
 
@@ -86,6 +87,7 @@ class Evaluation:
     options: Mapping[str, Any]
     seed: int
     episodes: tuple[Episode, ...]
+    place: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=lambda: versions())
 
     @property
@@ -125,6 +127,7 @@ class Evaluation:
             "policies": dict(self.policies),
             "cast": dict(self.cast),
             "options": dict(self.options),
+            "place": dict(self.place),
             "seed": self.seed,
             "episodes": len(self.episodes),
             "successes": sum(e.success for e in self.episodes),
@@ -170,7 +173,7 @@ def evaluate(
         episodes: How many.
         seed: Episode i has the seed `seed + i`.
         options: Settings of the task.
-        cast: Who plays, by role; see `rcare_marl.make`.
+        cast: Who plays, by role, and where: `home`, `level`, `room`; see `rcare_marl.make`.
         on_episode: Called after each episode.
 
     Raises:
@@ -189,9 +192,17 @@ def evaluate(
             done.append(run_episode(env, players, seed + number))
             if on_episode is not None:
                 on_episode(done[-1])
-        return Evaluation(task, names, model_names(env), dict(options or {}), seed, tuple(done))
+        models, chosen, place = model_names(env), dict(options or {}), _place(env)
+        return Evaluation(task, names, models, chosen, seed, tuple(done), place)
     finally:
         env.close()
+
+
+def _place(env: CareEnv) -> dict[str, Any]:
+    stage = env.task.stage
+    if stage is None:
+        return {}
+    return {"home": stage.home.name, "level": stage.home.level, "room": stage.room.name}
 
 
 def run_episode(

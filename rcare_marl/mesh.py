@@ -1,6 +1,6 @@
 """Triangle meshes from a few numbers: turned, lofted and swept shapes, with smooth normals.
 
-All but quads come shaded.
+They come shaded.
 """
 
 from __future__ import annotations
@@ -156,6 +156,27 @@ def box(size: Vector, bevel: float = 0.0, steps: int = 4) -> Mesh:
     return Mesh(vertices, ball.faces, ball.normals, ball.faces)
 
 
+def boxes(sizes: Array, turns: Array, at: Array) -> Mesh:
+    """Return many boxes as one mesh, which takes less time than to make and to merge them.
+
+    Args:
+        sizes: Their edges [m], shape [n, 3].
+        turns: Their quaternions, shape [n, 4].
+        at: Their middles [m], shape [n, 3].
+    """
+    cube, number = _cube(), np.arange(len(sizes))[:, None, None]
+    assert cube.normals is not None and cube.corners is not None
+    turn = np.moveaxis(matrix_from_quaternion(turns.T), 2, 0)
+    vertices = (0.5 * sizes[:, None] * cube.vertices) @ turn.transpose(0, 2, 1) + at[:, None]
+    normals = cube.normals @ turn.transpose(0, 2, 1)
+    return Mesh(
+        vertices.reshape(-1, 3),
+        (cube.faces + number * len(cube.vertices)).reshape(-1, 3),
+        normals.reshape(-1, 3),
+        (cube.corners + number * len(cube.normals)).reshape(-1, 3),
+    )
+
+
 @lru_cache
 def _cube() -> Mesh:
     return Mesh(_CORNERS, _SIDES).shaded()
@@ -187,9 +208,12 @@ def _parted_ball(steps: int) -> Mesh:
 
 def quads(points: Sequence[Sequence[float]]) -> Mesh:
     """Return flat four-sided faces, each by its corners, anticlockwise from outside, shape [4 n, 3]."""
-    first = 4 * np.arange(len(points) // 4)[:, None, None]
-    faces = (first + np.array(((0, 1, 2), (0, 2, 3)))).reshape(-1, 3)
-    return Mesh(np.asarray(points, np.float64), faces)
+    vertices = np.asarray(points, np.float64)
+    number = np.arange(len(vertices) // 4)[:, None, None]
+    faces = (4 * number + np.array(((0, 1, 2), (0, 2, 3)))).reshape(-1, 3)
+    p, q, r, s = vertices.reshape(-1, 4, 3).transpose(1, 0, 2)
+    corners = np.broadcast_to(number, (len(number), 2, 3)).reshape(-1, 3)
+    return Mesh(vertices, faces, _unit(np.cross(r - p, s - q)), corners)
 
 
 def sphere(radius: float, segments: int = 24) -> Mesh:
@@ -289,10 +313,10 @@ def _skin(rings: Sequence[Array]) -> Mesh:
         low, high = k * count, (k + 1) * count
         faces.append(np.stack((low + here, low + after, high + after), axis=1))
         faces.append(np.stack((low + here, high + after, high + here), axis=1))
-    _, first, index = np.unique(
-        np.round(vertices, 7), axis=0, return_index=True, return_inverse=True
-    )
-    welded = index.reshape(-1)[np.concatenate(faces)]
+    ranks = [np.unique(axis, return_inverse=True)[1] for axis in np.round(vertices, 7).T]
+    code = (ranks[0] * len(vertices) + ranks[1]) * len(vertices) + ranks[2]
+    _, first, index = np.unique(code, return_index=True, return_inverse=True)
+    welded = index[np.concatenate(faces)]
     a, b, c = welded.T
     return Mesh(vertices[first], welded[(a != b) & (b != c) & (c != a)])
 

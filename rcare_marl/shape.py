@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
@@ -13,12 +14,19 @@ import numpy as np
 from . import mesh
 from .errors import ConfigError
 from .mesh import Mesh
-from .pose import Array, Pose, matrix_from_quaternion, quaternion_from_rpy
+from .pose import (
+    IDENTITY,
+    Array,
+    Pose,
+    matrix_from_quaternion,
+    quaternion_from_rpy,
+    rpy_from_matrix,
+)
 
 Triple = tuple[float, float, float]
 ZERO: Triple = (0.0, 0.0, 0.0)
 UNSTRETCHED: Triple = (1.0, 1.0, 1.0)
-IDENTICAL = Pose()
+UNMOVED = Pose()
 ERROR = 0.0025  # [m] by which what is round may be angular: not seen across a room; own choice
 SOLID = ("box", "sphere", "cylinder", "capsule")
 # What a shape of a kind cannot do without; a radius for all others.
@@ -87,6 +95,10 @@ class Shape:
         if self.segments and (self.segments < 3 or self.kind not in _SEGMENTS):
             raise ValueError(f"a {self.kind} cannot have {self.segments} `segments`")
 
+    def __repr__(self) -> str:
+        told = (f"{k}={v!r}" for k, v in self.__dict__.items() if v != _DEFAULTS[k])
+        return f"Shape({', '.join(told)})"
+
     def pose(self) -> Pose:
         """Return the pose of the shape's own frame in its link, z along cylinders and capsules."""
         if self.points and self.kind in ("cylinder", "capsule"):
@@ -100,9 +112,8 @@ class Shape:
             return float(sum((b - a) ** 2 for a, b in zip(start, end, strict=True)) ** 0.5)
         return self.length
 
-    def mesh(self, pose: Pose = IDENTICAL) -> Mesh:
+    def mesh(self, pose: Pose = UNMOVED) -> Mesh:
         """Return the surface, in the frame in which the link is at `pose`."""
-        place = self.pose() if pose is IDENTICAL else pose @ self.pose()
         if self.kind == "box":
             made = mesh.box(self.size, self.bevel, self._steps)
         elif self.kind == "quads":
@@ -130,7 +141,7 @@ class Shape:
             )
         if self.scale != UNSTRETCHED:
             made = made.stretched(self.scale)
-        return made.moved(place)
+        return made.moved(pose @ self.pose())
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the lowest and the highest corner of the box round it in its link [m]."""
@@ -141,6 +152,25 @@ class Shape:
             return pose.position - reach, pose.position + reach
         vertices = self.mesh().vertices
         return vertices.min(axis=0), vertices.max(axis=0)
+
+    def moved(self, pose: Pose, *, material: str | None = None) -> Shape:
+        """Return the shape, given in the frame `pose`, in the frame that `pose` is given in.
+
+        Args:
+            pose: Where the frame is in the other.
+            material: Its colour from now on; the same if None.
+        """
+        changed: dict[str, object] = {} if material is None else {"material": material}
+        if self.points and self.kind in ("cylinder", "capsule"):  # they lie where their ends are
+            changed["points"] = tuple((pose @ Pose(point)).position for point in self.points)
+        else:
+            place = pose @ self.pose()
+            changed["at"] = place.position
+            changed["rpy"] = self.rpy if pose.quaternion == IDENTITY else _rpy(place.quaternion)
+        # What has been checked needs no check again: a house has thousands of these.
+        twin = object.__new__(Shape)
+        twin.__dict__.update(self.__dict__, **changed)
+        return twin
 
     def coarse(self, error: float = ERROR) -> Shape:
         """Return the shape with no more triangles than keep its surface true to about `error` [m].
@@ -168,6 +198,21 @@ class Shape:
     @property
     def _steps(self) -> int:
         return self.steps or _STEPS.get(self.kind, 0)
+
+
+def surface(shapes: Sequence[Shape], pose: Pose = UNMOVED) -> Mesh:
+    """Return the surfaces of shapes as one, in the frame in which their link is at `pose`."""
+    plain = [s for s in shapes if s.kind == "box" and s.bevel <= 0]
+    meshes = [s.mesh(pose) for s in shapes if s.kind != "box" or s.bevel > 0]
+    if plain:  # as most are
+        places = [pose @ s.pose() for s in plain]
+        sizes = np.array([s.size for s in plain]) * [s.scale for s in plain]
+        turns = np.array([place.quaternion for place in places])
+        meshes.append(mesh.boxes(sizes, turns, np.array([place.position for place in places])))
+    return mesh.merge(meshes)
+
+
+_DEFAULTS = {field.name: field.default for field in dataclasses.fields(Shape)}
 
 
 @dataclass(frozen=True)
@@ -216,6 +261,11 @@ def _curved(
 
 
 @lru_cache(maxsize=4096)
+def _rpy(quaternion: tuple[float, ...]) -> Triple:
+    return rpy_from_matrix(matrix_from_quaternion(quaternion))
+
+
+@lru_cache(maxsize=4096)
 def _turned(rpy: Triple) -> tuple[float, ...]:
     return tuple(quaternion_from_rpy(*rpy).tolist())
 
@@ -257,4 +307,4 @@ def _has_number(value: object) -> bool:
     return any(map(_has_number, value)) if isinstance(value, tuple) else bool(value)
 
 
-__all__ = ["SOLID", "ZERO", "MeshFile", "Shape", "Triple"]
+__all__ = ["SOLID", "ZERO", "MeshFile", "Shape", "Triple", "surface"]

@@ -17,9 +17,8 @@ from . import hull, mesh, mesh_path
 from . import shape as shape_module
 from .cache import cached_folder
 from .errors import UnknownNameError
-from .mesh import Mesh
 from .pose import Pose, quaternion_from_axis_angle, quaternion_from_rpy, rpy_from_matrix
-from .shape import SOLID, ZERO, MeshFile, Shape, Triple
+from .shape import SOLID, ZERO, MeshFile, Shape, Triple, surface
 
 # A link without mass would become 1 kg in Bullet: a frame weighs a hundredth of a gram.
 FRAME_MASS = 1e-5  # [kg]
@@ -284,12 +283,12 @@ def _generated_visuals(
 ) -> dict[str, str]:
     """Draw a link by one mesh a colour; return the files."""
     files = {}
-    painted: dict[str, list[Mesh]] = {}
+    painted: dict[str, list[Shape]] = {}
     for shape in link.visual:
-        painted.setdefault(shape.material, []).append(shape.mesh(pose))
-    for material, meshes in painted.items():
+        painted.setdefault(shape.material, []).append(shape)
+    for material, shapes in painted.items():
         file = f"{_plain(name)}_{_plain(material)}.obj"
-        files[file] = mesh.merge(meshes).obj()
+        files[file] = surface(shapes, pose).obj()
         visual = xml.SubElement(element, "visual")
         xml.SubElement(xml.SubElement(visual, "geometry"), "mesh", filename=file)
         # Bullet keeps one colour for each material name of a link: make it unique.

@@ -1,11 +1,12 @@
-"""All houses at all levels, built once for all tests that walk through them."""
+"""All houses at all levels, built and audited once for all tests that walk through them."""
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import pytest
 
+from rcare_marl.envs.homes.audit import Audit, audit
 from rcare_marl.envs.homes.care_home import CareHome, home_names
 
 ALL = [  # the middle level takes a third of the time and finds what the others find
@@ -15,7 +16,13 @@ ALL = [  # the middle level takes a third of the time and finds what the others 
 ]
 
 
-@lru_cache(maxsize=48)
+@cache
 def built(name: str, level: int) -> CareHome:
     """Return a home; the same one to all tests."""
     return CareHome.load(name, level=level)
+
+
+@cache
+def audited(name: str, level: int, against: int) -> Audit:
+    """Return the audit of a home against the rules of a level."""
+    return audit(built(name, level), against)

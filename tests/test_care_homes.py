@@ -65,7 +65,7 @@ def test_rooms_have_what_they_are_for(name: str, level: int) -> None:
     home = built(name, level)
     for room in home.rooms():
         kinds = {placed.piece.kind for placed in home.furniture(room.name)}
-        for entry in recipe_for(room.use).at_level(level, room.inside.area):
+        for entry, _ in recipe_for(room.use).wanted(room, level):
             assert not entry.required or entry.piece in kinds, (room.name, entry.piece)
 
 

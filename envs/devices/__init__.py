@@ -1,7 +1,39 @@
 """Things of care: made from data, with named frames that tasks use."""
 
-from .device import Device, Frame
+from .catalogue import device_kinds, make_device
+from .ceiling_lift import CeilingLift, CeilingLiftConfig
+from .device import Device, DeviceControl, Frame
+from .floor_lift import FloorLift, FloorLiftConfig
+from .hospital_bed import HospitalBed, HospitalBedConfig
+from .platform_lift import PlatformLift, PlatformLiftConfig
+from .rolling_wheelchair import ManualWheelchair, ManualWheelchairConfig
+from .slide_board import SlideBoard, SlideBoardConfig
 from .spoon import Spoon, SpoonConfig
+from .transfer_bench import TransferBench, TransferBenchConfig
 from .wheelchair import Wheelchair, WheelchairConfig
 
-__all__ = ["Device", "Frame", "Spoon", "SpoonConfig", "Wheelchair", "WheelchairConfig"]
+__all__ = [
+    "CeilingLift",
+    "CeilingLiftConfig",
+    "Device",
+    "DeviceControl",
+    "FloorLift",
+    "FloorLiftConfig",
+    "Frame",
+    "HospitalBed",
+    "HospitalBedConfig",
+    "ManualWheelchair",
+    "ManualWheelchairConfig",
+    "PlatformLift",
+    "PlatformLiftConfig",
+    "SlideBoard",
+    "SlideBoardConfig",
+    "Spoon",
+    "SpoonConfig",
+    "TransferBench",
+    "TransferBenchConfig",
+    "Wheelchair",
+    "WheelchairConfig",
+    "device_kinds",
+    "make_device",
+]

@@ -9,7 +9,7 @@ import pybullet as bullet
 from rcare_marl.body import Body
 from rcare_marl.world import Contact, World
 
-SLIP = 1e-4  # how far a joint gives before it slips [rad or m]; our own choice
+SLIP = 1e-3  # how far a joint gives before it slips [rad or m]; our own choice
 _GAIN = 0.1  # share of that which the motor takes back in one physics step
 
 

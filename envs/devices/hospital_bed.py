@@ -7,12 +7,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from rcare_marl import assets
-from rcare_marl.agents.avatar import body_model, load_posture
+from rcare_marl.agents.avatar import AvatarConfig, body_model, load_posture
 from rcare_marl.agents.body.posture import PostureConfig, pelvis_pose
-from rcare_marl.agents.body.skeleton import DOF_INDEX, JOINT_INDEX, SIDES, forward_kinematics
+from rcare_marl.agents.body.skeleton import SIDES
 from rcare_marl.agents.human import Human
 from rcare_marl.body import Body
 from rcare_marl.config import load
@@ -22,15 +20,20 @@ from rcare_marl.urdf import Model, Shape, Triple
 from rcare_marl.world import World
 
 from .assembly import Assembly
+from .bed_rest import HIPS, BedRest, Sections
 from .device import DeviceControl, Frame
 from .jointed_device import JointedDevice
 
 _LEGS = ("hip_flexion", "knee_flexion")
 _PLATFORM = 0.03  # thickness of the platform under the mattress [m]
 _KNEE = 400.0  # torque under the thighs, and by which the calves follow [N·m]; own choice
-_HIPS = 0.06  # from the fold to the hips of who lies flat [m]
-_DEEP = 0.08  # of the hips of an adult over the mattress [m]
 _PELVIS = 0.07  # from the hips to the pelvis of an adult, towards the head [m]
+_SINK = 0.012  # of a body in the mattress [m]; own choice
+# Hands on the belly [deg]; own choice.
+_ARMS = {
+    "shoulder_abduction": 16.0, "shoulder_flexion": 18.0, "shoulder_external_rotation": -45.0,
+    "elbow_flexion": 80.0, "elbow_pronation": 70.0,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class HospitalBed(JointedDevice):
     `rail_left`, `rail_right` (0 lowered, the upper limit raised).
 
     Nothing of the mattress yields; a person lies in the posture of `posture` and is moved with the
-    sections by `raise_with`.
+    sections by `raise_with`, who fits each part of their body to its section.
     """
 
     postures = {"lain": ("bed_supine", "mattress")}
@@ -87,6 +90,7 @@ class HospitalBed(JointedDevice):
     def __init__(self, config: HospitalBedConfig | None = None) -> None:
         """Make a bed of the dimensions in `config`; those of the data file if None."""
         self.config = config or load(HospitalBedConfig, assets.find("devices", "hospital_bed"))
+        self._lying: tuple[AvatarConfig, BedRest] | None = None
 
     @property
     def frames(self) -> Mapping[str, Frame]:
@@ -94,7 +98,7 @@ class HospitalBed(JointedDevice):
         top, fold = c.low + c.mattress_thickness, self._hinges()[0]
         side, rail = 0.5 * c.mattress_width, self._rail_y()
         out = {
-            "mattress": Frame((fold + _HIPS - _PELVIS, 0.0, top), note="under the pelvis"),
+            "mattress": Frame((fold + HIPS - _PELVIS, 0.0, top), note="under the pelvis"),
             "fold": Frame((fold, 0.0, top), note="where backrest and seat meet"),
             "pillow": Frame((c.end + 0.2, 0.0, top), note="under the head"),
         }
@@ -149,50 +153,31 @@ class HospitalBed(JointedDevice):
 
     # ---- people
 
-    def posture(self, *, backrest: float | None = None, knee: float | None = None) -> PostureConfig:
-        """Return the posture of who lies on the bed bent as it is, or by these angles [rad]."""
+    def posture(
+        self, avatar: AvatarConfig, *, backrest: float | None = None, knee: float | None = None
+    ) -> PostureConfig:
+        """Return how somebody lies on the bed bent as it is, or by these angles [rad].
+
+        Hands lie on the belly, where no section of the bed comes upon them.
+        """
         back = self.position("backrest") if backrest is None else backrest
         bent = self.position("knee") if knee is None else knee
-        lying = load_posture("bed_raised" if back > 0 else "bed_supine")
-        angles = dict(lying.angles_deg)
-        _, seat, thigh, _ = self.config.sections
-        # From hips over the seat to knees over the fold between thighs and calves.
-        ahead = seat + thigh * math.cos(bent) - self._hips(back, _DEEP)
-        up = math.atan2(thigh * math.sin(bent), ahead)
-        angles["hip_flexion"] = math.degrees(back + up)
-        angles["knee_flexion"] = math.degrees(up + self._calf(bent) - bent)
+        lying = load_posture("bed_supine")
+        legs = self._rest_of(avatar).lie(back, bent, self._calf(bent))[1]
+        degrees = {name: math.degrees(angle) for name, angle in legs.items()}
         return dataclasses.replace(
             lying,
             description=f"lying in bed, backrest raised by {math.degrees(back):.0f} degrees",
             recline_deg=90.0 - math.degrees(back),
-            angles_deg=angles,
+            angles_deg=lying.angles_deg | _ARMS | degrees,
         )
 
     def support(self, person: Human) -> Pose:
-        """Return where to spawn a person whose posture is that of `posture` at present.
-
-        Their hips bend where the bed does: as far from the seat as from the backrest.
-        """
-        return self._support(person, person.posture)
-
-    def _support(self, person: Human, posture: PostureConfig) -> Pose:
+        """Return where to spawn a person whose posture is that of `posture` at present."""
         model = body_model(person.avatar.body_path(), person.avatar.height_m)
-        angles = posture.angles(person.avatar.profile.limits("passive"))
-        _, positions = forward_kinematics(model.joints, angles)
-        base = pelvis_pose(posture, model, angles, Pose()).matrix()
-        hips = np.mean([positions[JOINT_INDEX[f"{side}_hip"]] for side in SIDES], axis=0)
-        x, _, z = (base @ np.append(hips, 1.0))[:3]
-        raised = math.radians(90.0 - posture.recline_deg)
-        along = self._hips(raised, float(z)) - float(x)
-        return self.frame_in_world("fold") @ Pose((along, 0.0, 0.0))
-
-    def _hips(self, backrest: float, height: float) -> float:
-        """Return how far from the fold hips lie that are `height` over the mattress [m].
-
-        Once the backrest is up, as far from the seat as from the backrest.
-        """
-        halfway = (self.config.mattress_thickness + height) * math.tan(0.5 * backrest)
-        return math.hypot(_HIPS, halfway)
+        angles = person.posture.angles(person.avatar.profile.limits("passive"))
+        alone = pelvis_pose(person.posture, model, angles, Pose())
+        return self._pelvis(person.avatar)[0] @ alone.inverse()
 
     def raise_with(self, person: Human) -> None:
         """Put a person who lies here where the sections of the bed are now; to be called as it moves.
@@ -208,10 +193,25 @@ class HospitalBed(JointedDevice):
             raise ConfigError(
                 f"{person.name!r} cannot be raised: {', '.join(fixed)} must be movable"
             )
-        posture = self.posture()
-        angles = posture.angles(person.avatar.profile.limits("passive"))
-        person.place(pelvis_pose(posture, person.model, angles, self._support(person, posture)))
-        person.set_angles({dof: float(angles[DOF_INDEX[dof]]) for dof in dofs})
+        pelvis, angles = self._pelvis(person.avatar)
+        person.place(pelvis)
+        person.set_angles(angles)
+
+    def _pelvis(self, avatar: AvatarConfig) -> tuple[Pose, dict[str, float]]:
+        """Return where the pelvis of somebody lies in the world, and angles of hips and knees [rad]."""
+        knee = self.position("knee")
+        bends = (self.position("backrest"), knee, self._calf(knee))
+        pelvis, angles = self._rest_of(avatar).lie(*bends)
+        return self.frame_in_world("fold") @ pelvis, angles
+
+    def _rest_of(self, avatar: AvatarConfig) -> BedRest:
+        if self._lying is None or self._lying[0] is not avatar:
+            _, seat, thigh, _ = self.config.sections
+            lying = load_posture("bed_supine")
+            lying = dataclasses.replace(lying, angles_deg=lying.angles_deg | _ARMS)
+            sections = Sections(seat, thigh, self.config.mattress_thickness)
+            self._lying = (avatar, BedRest(avatar, lying, sections, sink=_SINK))
+        return self._lying[1]
 
     # ---- parts
 

@@ -33,8 +33,9 @@ class BuiltHome:
         home: The house.
         pose: Where its origin is in the world.
         floor: The floor.
-        bodies: Walls, floor, and the still furniture of each room; where a busy floor is given, what is
-            solid of them is in bodies of its own, by the side of that floor: `solid_left`, ...
+        bodies: Floor, walls, doors, and the still furniture of each room. Where a busy floor is given,
+            all but the floor and the articulated rooms are one, `house`, and what is solid is by
+            itself, by the side of that floor that it is on: `solid_left`, ...
         furniture: What moves, by name, such as `kitchen_1.fridge`.
         doors: Doors that move, by name.
     """
@@ -58,27 +59,46 @@ class BuiltHome:
         self.floor = self._load(floor_model(home.plan, home.rules, home.palette), "floor")
         self.floor.set_friction([-1], lateral=0.8)
         shell = shell_model(home.plan, home.palette, ceilings=ceilings, wall_height=wall_height)
-        self._load(shell, "walls")
-        moving = [
-            o for o in home.plan.openings.values() if o.hardware and set(o.rooms) & set(articulated)
-        ]
-        still = [o for o in home.plan.openings.values() if o.hardware and o not in moving]
-        self._load(merged(f"{home.name}_doors", [self._still_door(o) for o in still]), "doors")
-        for room in home.plan.rooms:
-            placed = home.furniture(room)
-            moves = [p for p in placed if room in articulated and _moves(p)]
-            parts: list[Part] = [(p.piece.model, p.pose, {}) for p in placed if p not in moves]
-            if parts:
-                self._load(merged(f"{home.name}_{room}", parts), room)
-            for each in moves:
-                self._load_moving(each)
-        for side, solids in self._solids.items():
-            self._load_still(_solid(f"{home.name}_{side}", solids), f"solid_{side}")
+        doors = [o for o in home.plan.openings.values() if o.hardware]
+        moving = [o for o in doors if set(o.rooms) & set(articulated)]
+        still = [self._still_door(o) for o in doors if o not in moving]
+        self._load_still(
+            {"walls": shell, "doors": merged(f"{home.name}_doors", still)}, articulated
+        )
+        moves = [p for p in home.placed if p.room in articulated and _moves(p)]
+        for each in moves:
+            self._load_moving(each)
         for opening in moving:
             door = Door(opening, home.rules, home.palette)
             door.spawn(world, at @ opening.pose, name=opening.name)
             self._world.slumber.add(door.body)
             self.doors[opening.name] = door
+
+    def _load_still(self, models: dict[str, Model], articulated: Sequence[str]) -> None:
+        """Load what stands still: `models` by name, and the furniture of each room."""
+        name = self.home.name
+        for room in self.home.plan.rooms:
+            parts: list[Part] = [
+                (p.piece.model, p.pose, {})
+                for p in self.home.furniture(room)
+                if room not in articulated or not _moves(p)
+            ]
+            if parts:
+                models[room] = merged(f"{name}_{room}", parts)
+        if (
+            self._busy is not None
+        ):  # what is elsewhere is one body: each costs a little at every step
+            elsewhere = [models.pop(key) for key in list(models) if key not in articulated]
+            house = merged(
+                "_".join((name, "but", *articulated)), [(m, Pose(), {}) for m in elsewhere]
+            )
+            models["house"] = house
+        for key, model in models.items():
+            self._load(model, key)
+        for side, solids in self._solids.items():
+            links = {"solid": Link(collision=tuple(solids))}
+            solid = Model(name=f"{name}_{side}", source="a plan by rule", links=links, materials={})
+            self._write(solid, f"solid_{side}")
 
     def _still_door(self, opening: Opening) -> Part:
         model = door_model(opening, self.home.rules, self.home.palette)
@@ -97,9 +117,9 @@ class BuiltHome:
                 self._solids.setdefault(side, []).extend(shapes)
             link = dataclasses.replace(link, collision=tuple(kept))
             model = dataclasses.replace(model, links={root: link})
-        return self._load_still(model, name)
+        return self._write(model, name)
 
-    def _load_still(self, model: Model, name: str) -> Body:
+    def _write(self, model: Model, name: str) -> Body:
         body = self._world.load_urdf(write(model, melt_except=()), self.pose, name=name)
         self.bodies.append(body)
         return body
@@ -134,11 +154,6 @@ class BuiltHome:
     def in_world(self, pose: Pose) -> Pose:
         """Return a pose given in the house in the world."""
         return self.pose @ pose
-
-
-def _solid(name: str, solids: Sequence[Shape]) -> Model:
-    links = {"solid": Link(collision=tuple(solids))}
-    return Model(name=name, source="a plan by rule", links=links, materials={})
 
 
 def _moves(placed: Placed) -> bool:

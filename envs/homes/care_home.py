@@ -21,7 +21,7 @@ from .furnishing import Placed, furnish
 from .layout import lay_out, load_house
 from .occupancy import BORDER, Obstacle, Occupancy
 from .palette import Palette
-from .piece import Setting
+from .piece import Piece, Setting
 from .plan import OUTSIDE, Plan, Room
 from .rectangle import Rectangle
 from .route import HAND_ROOM, WHEELCHAIR_WIDTH, Route, Way
@@ -81,7 +81,8 @@ class CareHome:
         plan = lay_out(house, level)
         palette = house.colours()
         setting = Setting(rules, palette)
-        placed = [p for room in plan.rooms.values() for p in furnish(plan, room, setting)]
+        made: dict[str, Piece] = {}
+        placed = [p for room in plan.rooms.values() for p in furnish(plan, room, setting, made)]
         return cls(name, level, plan, rules, palette, tuple(placed))
 
     def rooms(self, kind: str | None = None) -> tuple[Room, ...]:

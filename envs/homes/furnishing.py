@@ -92,15 +92,23 @@ class _Layout:
     standing: list[Placed] = field(default_factory=list)
 
 
-def furnish(plan: Plan, room: Room, setting: Setting) -> tuple[Placed, ...]:
+def furnish(
+    plan: Plan, room: Room, setting: Setting, made: dict[str, Piece] | None = None
+) -> tuple[Placed, ...]:
     """Return the furniture of a room; the same for the same house, level and room.
+
+    Args:
+        plan: Of the house.
+        room: One of its rooms.
+        setting: What furniture is made for.
+        made: What was made for other rooms with the same setting, to be used again and added to.
 
     Raises:
         ConfigError: If something that the room must have finds no place.
     """
     recipe = recipe_for(room.use)
     missing: list[str] = []
-    made: dict[str, Piece] = {}
+    made = {} if made is None else made
     for attempt in range(ATTEMPTS):
         seed = zlib.crc32(f"{plan.name}/{room.name}/{attempt}".encode())
         furnisher = _Furnisher(
@@ -149,9 +157,8 @@ class _Furnisher:
     def run(self) -> list[str]:
         """Furnish; return what is required and found no place."""
         missing = []
-        room = self.layout.room
-        for entry in self._recipe.at_level(self._setting.rules.level, room.inside.area):
-            for _ in range(int(str(room.options.get(entry.piece, entry.count)))):
+        for entry, count in self._recipe.wanted(self.layout.room, self._setting.rules.level):
+            for _ in range(count):
                 if not self._add(entry):
                     if entry.required:
                         missing.append(entry.piece)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping
 
-from rcare_marl.pose import Pose, rpy_from_matrix
+from rcare_marl.pose import Pose
 from rcare_marl.urdf import Link, Model, Shape, joint_pose
 
 Part = tuple[Model, Pose, Mapping[str, float]]  # model, its place, positions of joints [rad or m]
@@ -26,10 +25,8 @@ def merged(name: str, parts: Iterable[Part]) -> Model:
             places[joint.child] = places[joint.parent] @ there
         for link_name, link in model.links.items():
             at = places[link_name]
-            visual += [
-                dataclasses.replace(moved(s, at), material=names[s.material]) for s in link.visual
-            ]
-            collision += [moved(s, at) for s in link.collision]
+            visual += [s.moved(at, material=names[s.material]) for s in link.visual]
+            collision += [s.moved(at) for s in link.collision]
     link = Link(visual=tuple(visual), collision=tuple(collision))
     return Model(name=name, source="own choice", links={"home": link}, materials=materials)
 
@@ -45,12 +42,7 @@ def _named(material: str, rgba: tuple[float, ...], known: Mapping[str, tuple[flo
 
 def moved(shape: Shape, pose: Pose) -> Shape:
     """Return a shape, given in the frame `pose`, in the frame that `pose` is given in."""
-    if shape.points and shape.kind in ("cylinder", "capsule"):  # which lie where their ends are
-        points = [(pose @ Pose(point)).position for point in shape.points]
-        return dataclasses.replace(shape, points=tuple((p[0], p[1], p[2]) for p in points))
-    there = pose @ shape.pose()
-    x, y, z = there.position
-    return dataclasses.replace(shape, at=(x, y, z), rpy=rpy_from_matrix(there.matrix()[:3, :3]))
+    return shape.moved(pose)
 
 
 __all__ = ["Part", "merged", "moved"]

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from rcare_marl import assets
 from rcare_marl.config import load
 
+from .plan import Room
 from .rule import LEVELS
 
 Spot = Literal["wall", "corner", "middle", "beside", "before", "around", "on_wall", "under"]
@@ -25,7 +26,8 @@ class Entry:
             `before` a piece of the kind `to`, `around` it at its frames `place_1`, ..., `under` it,
             or `on_wall`, where no floor is needed.
         to: The kind of piece that `at` speaks of.
-        count: How many.
+        unless: Kind of piece in whose stead it comes: it stays out of rooms that get one of those.
+        count: How many, where the house does not say in the options of a room; 0 for only there.
         required: Whether the room is no such room without it.
         options: Options of the maker.
         fit: Options to try in turn, the best first.
@@ -40,6 +42,7 @@ class Entry:
     piece: str
     at: Spot = "wall"
     to: str = ""
+    unless: str = ""
     count: int = 1
     required: bool = False
     options: dict[str, Any] = field(default_factory=dict)
@@ -69,9 +72,16 @@ class Recipe:
     turning: bool = False
     source: str = "own choice"
 
-    def at_level(self, level: int, area: float) -> tuple[Entry, ...]:
-        """Return the entries of a level in a room of an area [m²]."""
-        return tuple(e for e in self.pieces if level in e.levels and e.area[0] <= area <= e.area[1])
+    def wanted(self, room: Room, level: int) -> tuple[tuple[Entry, int], ...]:
+        """Return what a room is to get at a level, and how many of each."""
+        area = room.inside.area
+        counts = [
+            (entry, int(str(room.options.get(entry.piece, entry.count))))
+            for entry in self.pieces
+            if level in entry.levels and entry.area[0] <= area <= entry.area[1]
+        ]
+        there = {entry.piece for entry, count in counts if count}
+        return tuple((e, count) for e, count in counts if count and e.unless not in there)
 
 
 @lru_cache(maxsize=64)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from .furnishing import Placed
     from .piece import Zone
 
+_KNOWN_AS = {"hospital_bed": "bed"}  # a task beside a bed takes either
+
 
 @dataclass(frozen=True)
 class Spot:
@@ -38,7 +40,7 @@ def spots_of(home: CareHome, room: Room) -> dict[str, Spot]:
     _, (x, y) = home.clearance.free_circle(room.inside)
     out = {"centre": Spot(Pose((x, y, 0.0)), "middle of the largest free circle")}
     for placed in home.furniture(room.name):
-        kind = placed.piece.kind
+        kind = _KNOWN_AS.get(placed.piece.kind, placed.piece.kind)
         for zone in placed.piece.zones:
             if zone.why == "use":
                 name, spot = _at(placed, zone)

@@ -86,6 +86,19 @@ TaskOptions = Annotated[
         "See: rcare-marl describe TASK",
     ),
 ]
+HomeName = Annotated[
+    str | None,
+    typer.Option(
+        "--home", metavar="HOUSE", help="House in which it takes place, such as house_07."
+    ),
+]
+HomeLevel = Annotated[
+    int | None,
+    typer.Option("--level", min=1, max=3, help="Its level of accessibility; 1 if left out."),
+]
+HomeRoom = Annotated[
+    str | None, typer.Option("--room", help="The room; the first that suits if left out.")
+]
 PolicyName = Annotated[
     str,
     typer.Option(
@@ -175,6 +188,9 @@ def evaluate(
     robot: RobotModel = None,
     recipient: RecipientModel = None,
     caregiver: CaregiverModel = None,
+    home: HomeName = None,
+    level: HomeLevel = None,
+    room: HomeRoom = None,
     option: TaskOptions = None,
     as_json: Json = False,
     output: Annotated[
@@ -199,7 +215,7 @@ def evaluate(
         episodes=episodes,
         seed=seed,
         options=_settings(option),
-        cast=_cast(robot, recipient, caregiver),
+        cast=_cast(robot, recipient, caregiver) | _place(home, level, room),
     )
     if output is not None:
         from .folder import write_whole
@@ -309,6 +325,9 @@ def play(
     robot: RobotModel = None,
     recipient: RecipientModel = None,
     caregiver: CaregiverModel = None,
+    home: HomeName = None,
+    level: HomeLevel = None,
+    room: HomeRoom = None,
     option: TaskOptions = None,
 ) -> None:
     """Show episodes live in your browser, in real time, until Ctrl-C.
@@ -324,7 +343,7 @@ def play(
         episodes=episodes,
         seed=seed,
         options=_settings(option),
-        cast=_cast(robot, recipient, caregiver),
+        cast=_cast(robot, recipient, caregiver) | _place(home, level, room),
     )
 
 
@@ -332,10 +351,13 @@ def play(
 def bench(
     what: Annotated[
         str,
-        typer.Argument(metavar="TASK|avatars", help="A task, or [bold]avatars[/bold] for people."),
+        typer.Argument(
+            metavar="TASK|avatars|homes",
+            help="A task, [bold]avatars[/bold] for people or [bold]homes[/bold] for houses.",
+        ),
     ],
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Control steps of a task to time; 300 if left out.")
+        int | None, typer.Option(min=1, help="Control steps to time; 300 if left out.")
     ] = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of a task's resets and actions.")
@@ -343,6 +365,9 @@ def bench(
     robot: RobotModel = None,
     recipient: RecipientModel = None,
     caregiver: CaregiverModel = None,
+    home: HomeName = None,
+    level: HomeLevel = None,
+    room: HomeRoom = None,
     avatar: Annotated[
         str | None,
         typer.Option(metavar="MODEL", help="Whom `avatars` measures; karan if left out."),
@@ -353,19 +378,33 @@ def bench(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Measure speed: of a task, or of people with and without muscles and soft tissue.
+    """Measure speed: of a task, of people with and without muscles and soft tissue, or of houses.
 
     A task: steps, resets, import, and what the environment costs on top of the physics;
     overhead_ratio is the time of a control step over that of its physics steps alone.
 
     avatars: frames of 1/60 s per second of one whole person nodding, the muscle kernel, 1,024 people.
 
+    homes: how long a house takes to load, and what it adds to a step of feeding.
+
     Example: rcare-marl bench feeding --json
 
-    Example: rcare-marl bench avatars --avatar daniel
+    Example: rcare-marl bench homes --home house_07
     """
     cast = _cast(robot, recipient, caregiver)
-    of_task = {"steps": steps, "seed": seed, **cast}
+    place = _place(home, level, room)
+    of_people = {"avatar": avatar, "seconds": seconds}
+    if what == "homes":
+        from . import home_benchmark
+
+        _refuse({"seed": seed, "room": room, **cast, **of_people}, "bench homes")
+        costs = home_benchmark.bench(home or "house_07", level or 1, steps or 300)
+        if as_json:
+            _print_json(costs)
+        else:
+            home_benchmark.show(costs)
+        return
+    of_task = {"steps": steps, "seed": seed, **cast, **place}
     if what == "avatars":
         from . import avatar_benchmark
 
@@ -381,9 +420,9 @@ def bench(
     from . import benchmark
 
     if what not in task_names():
-        raise UnknownNameError("task", what, (*task_names(), "avatars"))
-    _refuse({"avatar": avatar, "seconds": seconds}, f"bench {what}")
-    result = benchmark.bench(what, 300 if steps is None else steps, seed or 0, cast)
+        raise UnknownNameError("task", what, (*task_names(), "avatars", "homes"))
+    _refuse(of_people, f"bench {what}")
+    result = benchmark.bench(what, 300 if steps is None else steps, seed or 0, cast | place)
     if as_json:
         _print_json(result)
     else:
@@ -400,6 +439,11 @@ def _refuse(options: Mapping[str, Any], command: str) -> None:
 def _cast(robot: str | None, recipient: str | None, caregiver: str | None) -> dict[str, Any]:
     entries = {"robot": robot, "recipient": recipient, "caregiver": caregiver}
     return {role: _entry(role, text) for role, text in entries.items() if text is not None}
+
+
+def _place(home: str | None, level: int | None, room: str | None) -> dict[str, Any]:
+    place = {"home": home, "level": level, "room": room}
+    return {name: value for name, value in place.items() if value is not None}
 
 
 def _entry(role: str, text: str) -> Any:

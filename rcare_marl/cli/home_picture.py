@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -25,12 +26,12 @@ Picture = npt.NDArray[np.uint8]
 CUT = 1.35  # [m] at which walls are cut in the view from above: over sills, under lamps
 VIEW = (-0.35, -0.75, 1.0)  # direction from the house to the camera: south-west, above
 FOV = 24.0  # [deg] of the view from above
-LAMPS = 10  # lights that a sky, or a bright ceiling, is made of
-SUNS = 6  # lights that a sun is made of
+LAMPS = 14  # lights that a sky, or a bright ceiling, is made of
+SUNS = 7  # lights that a sun is made of
 EVERYTHING = 100.0  # [m]; nothing is higher
-SUN = (-0.55, -0.45, 0.8)  # towards the sun over a house
-CEILING_LIGHT = Light(key=0.6, fill=1.45, bounce=1.0, reach=6.0, lid=CEILING_HEIGHT - 0.15)
-WINDOW_SUN = Light(key=3.0, fill=1.45, bounce=1.0, reach=6.0, lid=EVERYTHING)
+SUN = (-0.8, 0.45, 0.85)  # towards the sun over a house
+CEILING_LIGHT = Light(key=1.4, fill=1.5, bounce=1.0, reach=6.0, lid=CEILING_HEIGHT - 0.15)
+WINDOW_SUN = Light(key=4.2, fill=1.5, bounce=1.0, reach=6.0, lid=EVERYTHING)
 SUN_HEIGHT = 0.75  # rise of the sun that shines into a room, over its run
 
 
@@ -42,8 +43,8 @@ def perspective(home: CareHome, *, width: int = 1600, height: int = 1000) -> Pic
         corners = _corners(home.plan.outline, CUT)
         camera = framed(corners, VIEW, fov_deg=FOV, width=width, height=height)
         reach = 0.5 * float(np.ptp(corners[:, :2], axis=0).max()) + 2.0
-        sky = Light(key=0.6, fill=0.9, bounce=0.4, reach=reach, lid=EVERYTHING)
-        sun = Light(SUN, key=1.2, fill=0.9, bounce=0.4, reach=reach, lid=EVERYTHING)
+        sky = Light(key=0.75, fill=1.15, bounce=0.6, reach=reach, lid=EVERYTHING)
+        sun = Light(SUN, key=2.2, fill=1.15, bounce=0.6, reach=reach, lid=EVERYTHING)
         return _taken(world, camera, [*dome(sky, LAMPS), *disc(sun, SUNS)])
     finally:
         world.close()
@@ -102,19 +103,19 @@ def framed(
     up = np.cross(back, right)
     half = math.tan(math.radians(0.5 * fov_deg)) / margin
     target = points.mean(axis=0)
-    eye = target
+    distance = 0.0
     for _ in range(8):  # moving the target moves what is at the edges: it settles quickly
         away = points - target
         wide, high, near = away @ right * height / width, away @ up, away @ back
         distance = float((np.maximum(np.abs(wide), np.abs(high)) / half + near).max())
-        eye = target + distance * back
         depth = distance - near
         x, y = away @ right / depth, away @ up / depth
-        target = target + distance * 0.5 * (
-            (x.min() + x.max()) * right + (y.min() + y.max()) * up
-        )
-    (ex, ey, ez), (tx, ty, tz) = eye.tolist(), (eye - back).tolist()
-    return Camera((ex, ey, ez), (tx, ty, tz), fov_deg=fov_deg, width=width, height=height, near=1.0, far=300.0)
+        target = target + distance * 0.5 * ((x.min() + x.max()) * right + (y.min() + y.max()) * up)
+    eye = target + distance * back
+    (ex, ey, ez), (tx, ty, tz) = eye.tolist(), target.tolist()
+    return Camera(
+        (ex, ey, ez), (tx, ty, tz), fov_deg=fov_deg, width=width, height=height, near=1.0, far=300.0
+    )
 
 
 def _corners(areas: Sequence[Rectangle], top: float) -> Array:
@@ -125,7 +126,7 @@ def _corners(areas: Sequence[Rectangle], top: float) -> Array:
 
 def _light(home: CareHome, room: str) -> list[Light]:
     """Return light from all of the ceiling, and a sun that shines in where there is a window."""
-    lamps = dome(CEILING_LIGHT, LAMPS, spread=0.8)
+    lamps = dome(CEILING_LIGHT, LAMPS, spread=0.93)
     windows = [
         o for o in home.plan.openings_of(room) if o.kind == "window" and o.rooms[1] == OUTSIDE
     ]
@@ -133,15 +134,11 @@ def _light(home: CareHome, room: str) -> list[Light]:
         return lamps
     x, y = max(windows, key=lambda o: o.width * (o.head - o.sill)).normal
     towards = (-x - 0.45 * y, -y + 0.45 * x, SUN_HEIGHT)
-    sun = Light(
-        towards, key=WINDOW_SUN.key, fill=WINDOW_SUN.fill, bounce=WINDOW_SUN.bounce,
-        reach=WINDOW_SUN.reach, lid=WINDOW_SUN.lid,
-    )  # fmt: skip
-    return [*lamps, *disc(sun, SUNS)]
+    return [*lamps, *disc(dataclasses.replace(WINDOW_SUN, direction=towards), SUNS)]
 
 
 def _taken(world: World, camera: Camera, lights: Sequence[Light]) -> Picture:
-    renderer = make_renderer(world, floor=False, samples=0)
+    renderer = make_renderer(world, floor=False, samples=0, ambient_occlusion=False)
     try:
         return exposed(renderer, camera, lights)
     finally:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcare_marl.envs.homes.care_home import CareHome
+from rcare_marl.envs.homes.furnishing import Placed
 from rcare_marl.envs.homes.plan import CEILING_HEIGHT
 from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.errors import UnknownNameError
@@ -24,8 +25,9 @@ VIEWS = {"sw": (-1, -1), "s": (0, -1), "se": (1, -1), "e": (1, 0), "ne": (1, 1),
 BACK = (-0.9, -0.6, -0.3, 0.0, 0.4, 0.8, 1.2, 1.6)  # [m] from the walls; beyond them if positive
 ASIDE = (-0.8, 0.0, 0.8)  # [m]
 TURNS = (-0.2, 0.0, 0.2)  # [rad]
-NEAR = 0.75  # [m]; what is taller than `TALL` and as near as that fills the picture
+NEAR = 1.0  # [m]; what is taller than `TALL` and as near as that fills the picture
 TALL = 1.0
+AHEAD = 3.0  # [m] from the eye to the middle of what is seen
 STANDING_ROOM = 0.2  # [m] around the eye
 
 
@@ -46,7 +48,7 @@ class Vantage:
     def camera(self, *, width: int, height: int) -> Camera:
         """Return the camera; it looks level, so that what is upright is upright in the picture."""
         x, y, z = self.eye
-        ahead = x + math.cos(self.yaw), y + math.sin(self.yaw), z
+        ahead = x + AHEAD * math.cos(self.yaw), y + AHEAD * math.sin(self.yaw), z
         return Camera(
             eye=self.eye, target=ahead, fov_deg=FOV, width=width, height=height, near=0.12, far=90.0,
             center=(0.5 * (width - 1), HORIZON * height),
@@ -104,11 +106,11 @@ class _Scene:
     """What there is to see in a room, and what may be in the way."""
 
     def __init__(self, home: CareHome, room: str) -> None:
-        inside = home.room(room).inside
+        inside = self._inside = home.room(room).inside
         self._centre = np.array((*inside.centre, 1.0))
         placed = home.furniture(room)
         boxes = [(p.footprint, 0.02, p.piece.height) for p in placed]
-        self._weights = [0.3 + math.sqrt(p.footprint.area + 0.3 * p.piece.height) for p in placed]
+        self._weights = [_weight(p) for p in placed]
         self._fronts = [p.pose.matrix()[:2, 0] for p in placed]
         self._solid = np.array([p.piece.blocks for p in placed], bool)
         for opening in home.plan.openings_of(room):
@@ -132,18 +134,33 @@ class _Scene:
             return -math.inf
         if (gap[tall] < STANDING_ROOM).any():
             return -math.inf
-        total = -1.5 * float((gap[tall] < NEAR).sum())
+        total = -1.0 * float((gap[tall] < NEAR).sum())
         total -= 0.12 * float(np.linalg.norm(eye - self._centre))
         total -= 0.35 * len(vantage.open_sides)
+        total -= 1.5 * float(_in_frame(self._ends(vantage.open_sides), vantage, ratio).sum())
         for i, weight in enumerate(self._weights):
             middle = 0.5 * (self._low[i, :2] + self._high[i, :2])
-            is_before = float(self._fronts[i] @ (eye[:2] - middle)) > 0
-            if i >= count and not is_before:
+            towards = eye[:2] - middle
+            facing = float(self._fronts[i] @ towards) / max(float(np.linalg.norm(towards)), 0.1)
+            if i >= count and facing <= 0:
                 continue  # the wall of this opening is taken away
             points = _points(self._low[i], self._high[i])
             seen = _in_frame(points, vantage, ratio) & ~self._hidden(eye, points, i)
-            total += weight * float(seen.mean()) * (1.0 if is_before else 0.55)
+            total += weight * float(seen.mean()) * (0.4 + 0.6 * max(facing, 0.0))
         return total
+
+    def _ends(self, open_sides: str) -> Array:
+        """Return where walls end that are taken away, beyond which there is nothing, shape [n, 3]."""
+        a = self._inside
+        return np.array(
+            [
+                (x, y, EYE)
+                for x, y, sides in (
+                    (a.x0, a.y0, "sw"), (a.x1, a.y0, "se"), (a.x0, a.y1, "nw"), (a.x1, a.y1, "ne")
+                )
+                if set(sides) & set(open_sides)
+            ]
+        ).reshape(-1, 3)  # fmt: skip
 
     def _hidden(self, eye: Array, points: Array, own: int) -> Array:
         """Return which points something else is before, shape [n]."""
@@ -157,6 +174,13 @@ class _Scene:
         leave = np.maximum(a, b).min(axis=2)
         hidden: Array = ((enter < leave) & (leave > 0) & (enter < 0.97)).any(axis=1)
         return hidden
+
+
+def _weight(placed: Placed) -> float:
+    """Return how much a piece counts: what is seen of it from above, and from before it [m²]."""
+    own = placed.piece.footprint
+    seen = own.area + 0.5 * own.depth * min(placed.piece.height, EYE)
+    return 0.2 + min(seen, 3.5)
 
 
 def _points(low: Array, high: Array) -> Array:

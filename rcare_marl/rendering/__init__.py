@@ -71,6 +71,7 @@ def make_renderer(
     cuts: SkinCuts | None = None,
     floor: bool = True,
     samples: int = 4,
+    ambient_occlusion: bool = True,
 ) -> Renderer:
     """Return a renderer of `world`.
 
@@ -83,6 +84,7 @@ def make_renderer(
         cuts: How `software` cuts people into rigid pieces; where they are now if None.
         floor: Whether to draw a floor at z = 0 where the world has none.
         samples: Samples a pixel of `gl` against jagged edges; 0 is fastest.
+        ambient_occlusion: Whether `gl` darkens corners and contacts.
 
     Raises:
         ConfigError: If the backend, or the value of the variable, is unknown.
@@ -93,11 +95,15 @@ def make_renderer(
     chosen = chosen_backend(backend)
     if chosen == "software":
         return SoftwareRenderer(world, cuts=cuts, floor=floor)
+
+    def with_gl() -> GLRenderer:
+        return GLRenderer(world, floor=floor, samples=samples, ambient_occlusion=ambient_occlusion)
+
     if chosen == "gl":
-        return GLRenderer(world, floor=floor, samples=samples)
+        return with_gl()
     check_process()
     try:
-        return GLRenderer(world, floor=floor, samples=samples)
+        return with_gl()
     except (RenderingError, MissingPackageError) as error:
         if "fallback" not in _WARNED:
             _WARNED.add("fallback")

@@ -53,9 +53,7 @@ def disc(light: Light, count: int, *, radius: float = 0.03) -> list[Light]:
     return out
 
 
-def exposed(
-    renderer: _Reader, camera: Camera, lights: Sequence[Light]
-) -> npt.NDArray[np.uint8]:
+def exposed(renderer: _Reader, camera: Camera, lights: Sequence[Light]) -> npt.NDArray[np.uint8]:
     """Return the mean of the pictures under each light, shape [height, width, 3].
 
     Each is taken from elsewhere within a pixel, so that edges come out smooth even if the renderer takes

@@ -288,7 +288,9 @@ class _ShadowMap:
     def draw(self, scene: GLScene, camera: Camera, light: Light, *, changed: bool) -> None:
         """Draw the map around what the camera looks at."""
         distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
-        radius = min(max(round(1.6 * distance) / 2, 1.0), light.reach)
+        radius = light.reach
+        if light.lid is None:
+            radius = min(max(round(1.6 * distance) / 2, 1.0), radius)
         center = np.round(np.asarray(camera.target) * 4) / 4
         axes = _light_axes(light)
         depth_range = 2 * radius + 8

@@ -24,10 +24,10 @@ class Light:
         key: Strength of the far light, 1 as usual.
         fill: Strength of the light from everywhere, 1 as usual.
         bounce: How much of that comes from below as in a room with bright walls, in [0, 1].
-        reach: How far from what the camera looks at shadows are seen, at most [m].
-        lid: Height of what casts shadows, however large it is [m]: a lower one than the ceiling's is
-            light from all of the ceiling. If None, walls and other still things of their size cast no
-            shadow, and everything else does.
+        reach: How far from what the camera looks at shadows are seen [m].
+        lid: Up to where things cast shadows, however large they are [m]: if lower than the ceiling, light
+            comes from all of the ceiling. If None, walls and other still things of their size cast no
+            shadow, everything else does, and shadows reach no farther than the picture does.
 
     Raises:
         ConfigError: If `direction` is zero, or strength or `reach` is negative.

@@ -299,11 +299,11 @@ class Joinery:
         lows, highs, tops = [], [], []
         for part in self._parts.values():
             for shape in (*part.visual, *part.collision):
-                vertices = shape.mesh().vertices
-                tops.append(float(vertices[:, 2].max()))
-                if float(vertices[:, 2].min()) < _REACH:
-                    lows.append(vertices.min(axis=0))
-                    highs.append(vertices.max(axis=0))
+                low, high = shape.bounds()
+                tops.append(float(high[2]))
+                if low[2] < _REACH:
+                    lows.append(low)
+                    highs.append(high)
         low, high = np.min(lows, axis=0), np.max(highs, axis=0)
         return np.minimum(low, (0.0, np.inf, np.inf)), np.array((high[0], high[1], max(tops)))
 

@@ -1,0 +1,95 @@
+"""Audits of the sixteen houses: what is built for a level keeps its rules."""
+
+from __future__ import annotations
+
+import pytest
+from house_levels import audited, built
+
+from rcare_marl.envs.homes.care_home import home_names
+from rcare_marl.envs.homes.doorway import doorstep
+from rcare_marl.envs.homes.ground import Ground
+from rcare_marl.envs.homes.measurement import near
+from rcare_marl.envs.homes.route import HAND_ROOM, WHEELCHAIR_WIDTH
+from rcare_marl.envs.homes.rule import Rules
+
+EACH = pytest.mark.parametrize("name", home_names())
+BARRIER_FREE = pytest.mark.parametrize("level", [pytest.param(2, marks=pytest.mark.slow), 3])
+# Free floor, of which a usual house has what level 1 builds; the floor beside a bed is asked for twice.
+FREE = {
+    "bed_side_space", "hallway_width", "kitchen_aisle", "latch_side_space", "passage_width",
+    "toilet_centre_to_wall",
+}  # fmt: skip
+
+
+@BARRIER_FREE
+@EACH
+def test_a_house_fails_none_of_the_rules_of_its_level(name: str, level: int) -> None:
+    result = audited(name, level, level)
+    assert [(f.rule, f.room, f.what, f.value, f.allowed) for f in result.failures] == []
+
+
+@BARRIER_FREE
+def test_every_door_and_room_is_measured(level: int) -> None:
+    for name in home_names():
+        home, result = built(name, level), audited(name, level, level)
+        found = {(finding.rule, finding.what) for finding in result.findings}
+        for opening in home.plan.openings.values():
+            assert opening.kind == "window" or any(
+                (f"{what}_clear_width", opening.name) in found
+                for what in ("door", "bathroom_door", "entrance")
+            )
+        for room in home.rooms():
+            is_way = room.use not in ("closet", "pantry")
+            assert (("passage_width", room.name) in found) is is_way
+            is_large = room.kind not in ("other", "lounge")
+            assert (("turning_diameter", room.name) in found) is is_large
+            if room.kind == "bathroom":
+                assert ("toilet_side_space", f"{room.name}.toilet") in found
+                assert ("bathing", room.name) in found
+            if room.kind == "kitchen":
+                assert ("counter_knee_height", room.name) in found
+        assert len([rule for rule, _ in found if rule == "bed_far_side_space"]) >= len(
+            home.rooms("bedroom")
+        )
+
+
+@EACH
+def test_a_usual_house_fails_most_of_level_3(name: str) -> None:
+    result = audited(name, 1, 3)
+    assert len(result.failures) > 0.5 * len(result.findings)
+    assert len(result.broken) > 2 * len(result.kept)
+
+
+@pytest.mark.slow
+@EACH
+def test_level_2_is_between_the_others(name: str) -> None:
+    one, two, three = (audited(name, level, 3).share for level in (1, 2, 3))
+    assert one < two < three == 1.0
+
+
+@EACH
+def test_a_usual_house_has_the_free_floor_that_level_1_builds(name: str) -> None:
+    rules = Rules(1)
+    for finding in audited(name, 1, 3).findings:
+        if finding.rule in FREE:
+            assert isinstance(finding.value, float)
+            assert finding.value >= rules.figure(finding.rule) - 1e-6, finding
+
+
+@BARRIER_FREE
+@EACH
+def test_a_wheelchair_gets_beside_beds_and_before_basins_and_cupboards(
+    name: str, level: int
+) -> None:
+    home, wide, count = built(name, level), WHEELCHAIR_WIDTH + HAND_ROOM, 0
+    for room in home.rooms():
+        things = [thing.area for thing in near(home.wheel_clearance, room.inside)]
+        ground = Ground(room.inside, things)
+        _, middle = ground.circle()
+        ways = [o for o in home.plan.openings_of(room.name) if o.kind != "window"]
+        stands = [area for placed in home.furniture(room.name) for area in placed.stands]
+        assert ground.joins([doorstep(way, room.name) for way in ways], middle, wide)
+        for area in stands:
+            assert ground.joins([area], middle, wide), (room.name, area)
+        count += len(stands)
+    assert count > 5 * len(home.rooms("bathroom"))
