@@ -38,7 +38,7 @@ SIZE = (480, 440)  # [pixel]
 BAND, COLUMNS, QUALITY = 40, 4, 86
 FOV, MARGIN = 28.0, 0.95  # [deg], share of the picture
 CEILING = 2.4  # [m]
-SETTLE = 0.5  # [s]
+SETTLE, SPREAD = 0.5, 3.0  # [s] of physics, and while legs of a lift spread
 WHITE, LINEN = (0.93, 0.94, 0.95, 1.0), (0.80, 0.84, 0.88, 1.0)
 Picture = npt.NDArray[np.uint8]
 Scene = tuple[World, list[Body], tuple[float, float, float]]  # bodies to see, way to the camera
@@ -67,9 +67,9 @@ def slung(
     return world, [lift.body, person.body], (0.75, 0.9, 0.32)
 
 
-def settle(world: World) -> None:
+def settle(world: World, seconds: float = SETTLE) -> None:
     """Run physics for a moment; nobody here moves by themselves."""
-    for _ in range(round(SETTLE / world.physics_dt)):
+    for _ in range(round(seconds / world.physics_dt)):
         world.step()
 
 
@@ -87,28 +87,34 @@ def seat_in_chair(world: World, chair: ManualWheelchair, avatar: str, at: Pose) 
 
 
 def hoyer_lift_sling() -> Scene:
+    """Somebody half lies in a universal sling, the legs of the lift spread."""
     lift = FloorLift("hoyer_lift_sling")
     scene = slung(lift, "natalia", Pose(), "boom", 0.25)
     lift.command("legs", lift.limits("legs")[1])
+    settle(scene[0], SPREAD)
     return scene
 
 
 def hoyer_lift_transfer() -> Scene:
+    """Somebody sits upright in a sling for transfers."""
     return slung(FloorLift("hoyer_lift_transfer"), "jose", Pose(), "boom", 0.1)
 
 
 def ceiling_lift() -> Scene:
+    """Somebody hangs below a track."""
     lift = CeilingLift(track_length=2.2)
     return slung(lift, "daniel", Pose((0.0, 0.0, CEILING)), "lift", -0.45)
 
 
 def manual_wheelchair() -> Scene:
+    """Somebody sits, feet on the footplates."""
     world, chair = World(), ManualWheelchair()
     person = seat_in_chair(world, chair, "karan", Pose())
     return world, [chair.body, person.body], (0.85, 0.65, 0.3)
 
 
 def transfer_bench() -> Scene:
+    """Somebody sits beside a bathtub, two legs of the bench in it."""
     world, bench = World(solver_iterations=150), TransferBench()
     tub = [
         world.add_box(size, Pose(at), name="tub", rgba=WHITE)
@@ -127,6 +133,7 @@ def transfer_bench() -> Scene:
 
 
 def slide_board() -> Scene:
+    """Somebody sits on a board between a bed and a seat."""
     world, board, height = World(), SlideBoard(), 0.5
     person = someone("daniel", "bench")
     seats = []
@@ -142,9 +149,10 @@ def slide_board() -> Scene:
 
 
 def hospital_bed() -> Scene:
+    """Somebody half sits, knees raised, one side rail up."""
     world, bed, avatar = World(), HospitalBed(), load_avatar("morgan")
     bed.spawn(world)
-    for name, angle in (("backrest", 45.0), ("knee", 15.0)):
+    for name, angle in (("backrest", 40.0), ("knee", 12.0)):
         bed.set_position(name, math.radians(angle))
     bed.set_position("height", 0.2)
     bed.set_position("rail_right", bed.limits("rail_right")[1])
@@ -154,6 +162,7 @@ def hospital_bed() -> Scene:
 
 
 def platform_lift() -> Scene:
+    """Somebody in a wheelchair is on the way up."""
     world, chair, lift = World(), ManualWheelchair(), PlatformLift(rise=0.6)
     lift.spawn(world)
     lift.set_position("height", 0.35)
@@ -224,6 +233,7 @@ def sheet(names: Sequence[str]) -> Image.Image:
 
 
 def main() -> None:
+    """Draw what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/images/devices.jpg"))
     parser.add_argument("--device", nargs="*", default=list(device_kinds()))

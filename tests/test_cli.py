@@ -113,6 +113,13 @@ def test_evaluate_takes_role_policies_and_options_and_writes_a_file(tmp_path: Pa
     assert [path.name for path in file.parent.iterdir()] == ["result.json"]
 
 
+def test_evaluate_takes_a_place_and_records_it() -> None:
+    place = {"home": "house_03", "level": 2, "room": "living_1"}
+    given = [text for name, value in place.items() for text in (f"--{name}", str(value))]
+    result = answer("evaluate", "feeding", "--policy", "still", "--episodes", "1", *given)
+    assert result["place"] == place
+
+
 def test_evaluate_prints_a_table() -> None:
     text = call("evaluate", "feeding", "--episodes", "1").stdout
     assert "95 % interval" in text and "1 of 1, 100.0 %" in text
@@ -126,7 +133,9 @@ def test_evaluate_prints_a_table() -> None:
         (("bench", "feedng"), "Did you mean 'feeding'?"),
         (("bench", "avatrs"), "Did you mean 'avatars'?"),
         (("bench", "avatars", "--avatar", "karn"), "Did you mean 'karan'?"),
+        (("bench", "homes", "--home", "house_77"), "Did you mean 'house_07'?"),
         (("play", "feedng"), "Did you mean 'feeding'?"),
+        (("evaluate", "feeding", "--home", "huose_07"), "Did you mean 'house_07'?"),
         (("evaluate", "feeding", "--policy", "scriptd"), "Did you mean 'scripted'?"),
         (("evaluate", "feeding", "--recipient", "karn"), "Did you mean 'karan'?"),
         (("evaluate", "feeding", "--role-policy", "robt=still"), "Did you mean 'robot'?"),
@@ -148,6 +157,9 @@ def test_mistake_is_one_line_with_a_suggestion(arguments: tuple[str, ...], messa
         ("evaluate", "feeding", "--seed", "-1"),
         ("bench", "avatars", "--steps", "5"),
         ("bench", "avatars", "--recipient", "jose"),
+        ("bench", "avatars", "--home", "house_07"),
+        ("bench", "homes", "--room", "kitchen_1"),
+        ("evaluate", "feeding", "--home", "house_07", "--level", "4"),
         ("bench", "avatars", "--seconds", "0"),
         ("bench", "feeding", "--avatar", "jose"),
         ("evaluate", "feeding", "--option", "reward"),
@@ -269,6 +281,17 @@ def test_bench_of_avatars_prints_a_table() -> None:
     text = call("bench", "avatars", "--seconds", "0.1", "--avatar", "daniel").stdout
     for words in ("Daniel", "at least 1500", "at most 60 ", "person-steps/s"):
         assert words in text
+
+
+@pytest.mark.slow
+def test_bench_of_homes_measures_loading_and_a_step_in_each_kind_of_room() -> None:
+    result = answer("bench", "homes", "--home", "house_03", "--steps", "8")
+    assert result["load_first_s"] > 0 and result["load_again_s"] > 0
+    assert {room.split("_")[0] for room in result["step_ratios"]} >= {"kitchen", "living"}
+    assert all(ratio > 0 for ratio in result["step_ratios"].values())
+    for key, bound in result["wanted"].items():
+        worst = max(result[key].values()) if isinstance(result[key], dict) else result[key]
+        assert result["met"][key] is (worst <= bound)
 
 
 def test_play_tells_where_to_watch_and_stops_calmly(monkeypatch: pytest.MonkeyPatch) -> None:

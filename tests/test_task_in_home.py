@@ -61,6 +61,7 @@ def test_scripted_feeding_succeeds_in_a_home_and_repeats_bit_by_bit(env: CareEnv
         ({"home": "house_03", "level": 4}, "level must be 1"),
         ({"home": "house_03", "room": "kitchen_7"}, "kitchen_1"),
         ({"home": "house_03", "room": "bathroom_1"}, "does not suit this task"),
+        ({"home": "house_03", "level": 2, "room": "kitchen_1"}, "large enough: .*living_1"),
         ({"level": 2}, "home"),
         ({"room": "kitchen_1"}, "home"),
     ],

@@ -28,11 +28,11 @@ _LEGS = ("hip_flexion", "knee_flexion")
 _PLATFORM = 0.03  # thickness of the platform under the mattress [m]
 _KNEE = 400.0  # torque under the thighs, and by which the calves follow [N·m]; own choice
 _PELVIS = 0.07  # from the hips to the pelvis of an adult, towards the head [m]
-_SINK = 0.012  # of a body in the mattress [m]; own choice
+_SINK = 0.014  # of a body in the mattress [m]; own choice
 # Hands on the belly [deg]; own choice.
 _ARMS = {
-    "shoulder_abduction": 16.0, "shoulder_flexion": 18.0, "shoulder_external_rotation": -45.0,
-    "elbow_flexion": 80.0, "elbow_pronation": 70.0,
+    "shoulder_abduction": 22.0, "shoulder_flexion": 2.0, "shoulder_external_rotation": -70.0,
+    "elbow_flexion": 70.0, "elbow_pronation": 75.0,
 }  # fmt: skip
 
 

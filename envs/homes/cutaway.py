@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .care_home import CareHome
 
 SIDES = "swne"
+ON_WALL = 0.2  # [m] from a wall; what stands out less hangs on it, and goes with it
 
 
 def cutaway(home: CareHome, room: str, open_sides: str = "") -> CareHome:
@@ -55,7 +56,14 @@ def cutaway(home: CareHome, room: str, open_sides: str = "") -> CareHome:
         walls=tuple(walls),
         openings=openings,
     )
-    placed = tuple(p for p in home.placed if kept.has(*p.footprint.centre))
+    near = inside.grown(-ON_WALL)
+    gone = {
+        "w": lambda a: a.x1 <= near.x0,
+        "s": lambda a: a.y1 <= near.y0,
+        "e": lambda a: a.x0 >= near.x1,
+        "n": lambda a: a.y0 >= near.y1,
+    }
+    placed = tuple(p for p in home.placed if not any(gone[s](p.footprint) for s in open_sides))
     return dataclasses.replace(home, plan=plan, name=plan.name, placed=placed)
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from rcare_marl.pose import Array
+
 from .door import hinge_side
 from .plan import JAMB, LEAF, Opening
 from .rectangle import Rectangle
@@ -12,6 +16,8 @@ MOUTH = 0.3  # [m] that stays free before wide passages; own choice
 # Depth of the floor beside a latch, for somebody who stands or sits there and pulls; own choice, the
 # ADA asks for 60 in of clear floor before the whole door.
 LATCH_DEPTH = DOORSTEP
+SWITCH = 0.15  # [m] from the gap of a door to a switch; own choice
+BEHIND = 0.3  # [m] by which a place beside the hinges counts as if it were farther; own choice
 OFF_WALL = 0.01  # [m] from the wall, where that floor starts: skirtings do not count
 
 
@@ -83,6 +89,27 @@ def narrowing(opening: Opening) -> list[Rectangle]:
     return [part.moved(opening.pose) for part in parts]
 
 
+def off_switch(opening: Opening, room: str, at: Array) -> Array:
+    """Return how far places on the walls of a room are from where its switch is looked for [m].
+
+    That is beside the latch; the side of the hinges, where a leaf may stand before it, and that of a
+    pocket count as if they were farther.
+
+    Args:
+        opening: The door.
+        room: Name of the room.
+        at: Places, shape [n, 2] [m].
+    """
+    (x, y), turn = opening.centre, opening.pose.matrix()[:2, :2]
+    local: Array = (at - (x, y)) @ turn
+    local[:, 1] -= 0.5 * _side(opening, room) * opening.thickness
+    wanted = 0.5 * opening.width + SWITCH
+    far: Array = np.abs(np.linalg.norm(local, axis=1) - wanted)
+    if opening.hardware:
+        far += BEHIND * (local[:, 0] * hinge_side(opening) > 0)
+    return far
+
+
 def _side(opening: Opening, room: str) -> float:
     """Return 1 for the side of a door into which y of its frame points, -1 for the other."""
     return 1.0 if opening.rooms[0] == room else -1.0
@@ -90,4 +117,5 @@ def _side(opening: Opening, room: str) -> float:
 
 __all__ = [
     "DOORSTEP", "LATCH_DEPTH", "MOUTH", "OFF_WALL", "doorstep", "doorway", "latch_edge", "narrowing",
+    "off_switch",
 ]  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose
 
-from .doorway import doorstep, doorway, narrowing
+from .doorway import doorstep, doorway, narrowing, off_switch
 from .ground import Ground
 from .occupancy import Mask
 from .piece import Piece, Setting, make_piece
@@ -36,6 +36,8 @@ HIGH_SILL = 1.4  # [m]; before windows with sills as high as that anything may s
 LEAN = 0.05  # [m] by which a piece reaches farther to one side to belong to the wall there
 LEFT = {(1, 0): (0, 1), (0, 1): (-1, 0), (-1, 0): (0, -1), (0, -1): (1, 0)}  # of who looks there
 AMID = 12  # attempts after which what found no wall may stand in the middle of the room
+QUARTERS = (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)
+ELBOW = 0.05  # [m] round a switch where nothing else is; own choice
 WINDOW_REACH = 0.35  # [m] before a window in which nothing higher than its sill stands
 
 
@@ -116,6 +118,7 @@ def furnish(
         )
         missing = furnisher.run()
         if not missing:
+            furnisher.put_switch()
             return tuple(furnisher.layout.standing)
     inside = room.inside
     raise ConfigError(
@@ -138,7 +141,7 @@ class _Furnisher:
         rng: np.random.Generator,
     ) -> None:
         self.layout = _Layout(room)
-        self._attempt, self._made = attempt, made
+        self._plan, self._attempt, self._made = plan, attempt, made
         self._setting, self._recipe, self._rng = setting, recipe, rng
         self._passage = setting.rules.figure("passage_width")
         for opening in plan.openings_of(room.name):
@@ -164,6 +167,26 @@ class _Furnisher:
                         missing.append(entry.piece)
                     break
         return missing
+
+    def put_switch(self) -> None:
+        """Hang a light switch beside a door, where nothing stands before it."""
+        piece, room = self._make("light_switch", {}), self.layout.room
+        low = piece.frames["rocker"].position[2] - ELBOW
+        ways = [o for o in self._plan.openings_of(room.name) if o.kind != "window"]
+        taken = [p.footprint for p in self.layout.standing if p.piece.height > low]
+        taken += [*self.layout.leaves, *(way.gap for way in ways)]
+        taken += [area for area, sill in self.layout.windows if sill < piece.height]
+        poses: list[Pose] = []
+        costs: list[float] = []
+        for yaw in QUARTERS:
+            at = self._grid(Entry(piece.kind, at="on_wall"), piece, yaw)
+            area = piece.footprint.moved(_pose(0.0, 0.0, yaw)).grown(ELBOW)
+            at = at[~_meets(_shifted(area, at), taken)]
+            off = [off_switch(way, room.name, at) + (way.kind == "passage") for way in ways]
+            costs += np.min(off, axis=0).tolist() if off else [0.0] * len(at)
+            poses += [_pose(x, y, yaw) for x, y in at.tolist()]
+        if poses:
+            self._put(piece, poses[int(np.argmin(costs))])
 
     def _add(self, entry: Entry) -> bool:
         # Where all did not fit, what is large gives way to what is small.
@@ -201,7 +224,7 @@ class _Furnisher:
             return
         poses: list[tuple[float, float, float]] = []
         scores: list[float] = []
-        for yaw in (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi):
+        for yaw in QUARTERS:
             at = self._grid(entry, piece, yaw)
             if not len(at):
                 continue

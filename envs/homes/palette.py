@@ -16,13 +16,13 @@ class Palette:
 
     wall: Rgba = (0.93, 0.91, 0.86, 1.0)
     wall_accent: Rgba = (0.72, 0.77, 0.74, 1.0)
-    wall_tile: Rgba = (0.86, 0.90, 0.90, 1.0)
+    wall_tile: Rgba = (0.80, 0.87, 0.86, 1.0)
     facade: Rgba = (0.82, 0.78, 0.71, 1.0)
     ceiling: Rgba = (0.97, 0.97, 0.96, 1.0)
     trim: Rgba = (0.96, 0.95, 0.93, 1.0)  # frames of doors and windows, skirting
     door: Rgba = (0.90, 0.88, 0.84, 1.0)
     floor_wood: Rgba = (0.70, 0.53, 0.36, 1.0)
-    floor_tile: Rgba = (0.76, 0.75, 0.72, 1.0)
+    floor_tile: Rgba = (0.67, 0.63, 0.58, 1.0)
     floor_carpet: Rgba = (0.74, 0.70, 0.63, 1.0)
     wood: Rgba = (0.66, 0.47, 0.29, 1.0)
     wood_dark: Rgba = (0.36, 0.24, 0.16, 1.0)
@@ -51,7 +51,7 @@ class Palette:
     paper: Rgba = (0.86, 0.83, 0.76, 1.0)
     lamp: Rgba = (1.0, 0.95, 0.82, 1.0)
     rubber: Rgba = (0.16, 0.16, 0.17, 1.0)
-    grass: Rgba = (0.52, 0.60, 0.38, 1.0)
+    grass: Rgba = (0.56, 0.61, 0.45, 1.0)
     paving: Rgba = (0.66, 0.64, 0.60, 1.0)
 
     def materials(self) -> dict[str, tuple[float, ...]]:

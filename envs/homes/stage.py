@@ -99,23 +99,23 @@ def find_stage(
         UnknownNameError: If there is no such room.
         ConfigError: If the room does not suit the task, or none has the floor that it needs.
     """
-    if room is not None:
-        rooms = [home.room(room)]
-        if rooms[0].kind not in kinds:
-            raise ConfigError(
-                f"{room!r} does not suit this task; rooms of {home.name} that do: "
-                f"{', '.join(r.name for r in home.rooms() if r.kind in kinds)}"
-            )
-    else:
-        rooms = [r for kind in kinds for r in home.rooms() if r.kind == kind]
+    suitable = [r for kind in kinds for r in home.rooms() if r.kind == kind]
+    rooms = suitable if room is None else [home.room(room)]
+    if room is not None and rooms[0] not in suitable:
+        raise ConfigError(
+            f"{room!r} does not suit this task; rooms of {home.name} that do: "
+            f"{', '.join(r.name for r in suitable)}"
+        )
     for each in rooms:
         found = _in_room(home, each, footprint)
         if found is not None:
             return found
     tried = ", ".join(r.name for r in rooms) or "none of these kinds: " + ", ".join(kinds)
+    large = [r.name for r in suitable if room is not None and _in_room(home, r, footprint)]
     raise ConfigError(
         f"no room in {home.name} at level {home.level} has {footprint.width:.1f} x "
         f"{footprint.depth:.1f} m of free floor for this task; tried {tried}"
+        + (f"; large enough: {', '.join(large)}" if large else "")
     )
 
 

@@ -38,7 +38,7 @@ from .console import console, table
 TASK = "feeding"
 BLOCK = 5  # control steps that run in one go
 STARTS = 3  # processes for each time of loading
-LOAD_LIMIT, STEP_LIMIT = 3.0, 1.2  # what is wanted: seconds, and of the step on a bare floor
+WANTED = {"load_first_s": 3.0, "step_ratios": 1.2}
 _LOAD = """
 import sys, time
 import rcare_marl.envs.homes.built
@@ -76,9 +76,10 @@ def bench(home: str, level: int, steps: int) -> dict[str, Any]:
         "load_again_s": again,
         "bare_step_ms": 1e3 * bare,
         "step_ratios": ratios,
-        "is_met": {
-            "load": max(first, again) < LOAD_LIMIT,
-            "step": max(ratios.values()) < STEP_LIMIT,
+        "wanted": WANTED,
+        "met": {
+            "load_first_s": first <= WANTED["load_first_s"],
+            "step_ratios": max(ratios.values()) <= WANTED["step_ratios"],
         },
         "machine": platform.platform(),
         "versions": versions(),
@@ -148,12 +149,16 @@ def _block(env: CareEnv) -> list[float]:
 
 def show(result: Mapping[str, Any]) -> None:
     """Print what `bench` returned as a table."""
+    most = 100 * (result["wanted"]["step_ratios"] - 1)
     rows = [
-        ("load, the first time", f"{result['load_first_s']:.2f} s"),
+        (
+            "load, the first time",
+            f"{result['load_first_s']:.2f} s (at most {result['wanted']['load_first_s']:.0f})",
+        ),
         ("load, again", f"{result['load_again_s']:.2f} s"),
         ("a step on a bare floor", f"{result['bare_step_ms']:.2f} ms"),
         *(
-            (f"a step in {name}", f"{100 * (ratio - 1):+.0f} %")
+            (f"a step in {name}", f"{100 * (ratio - 1):+.0f} % (at most {most:+.0f})")
             for name, ratio in result["step_ratios"].items()
         ),
     ]

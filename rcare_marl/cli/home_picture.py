@@ -28,10 +28,11 @@ VIEW = (-0.35, -0.75, 1.0)  # direction from the house to the camera: south-west
 FOV = 24.0  # [deg] of the view from above
 LAMPS = 14  # lights that a sky, or a bright ceiling, is made of
 SUNS = 7  # lights that a sun is made of
+BRIGHTEST = 0.9  # of nearly all of a picture
 EVERYTHING = 100.0  # [m]; nothing is higher
 SUN = (-0.8, 0.45, 0.85)  # towards the sun over a house
-CEILING_LIGHT = Light(key=1.4, fill=1.5, bounce=1.0, reach=6.0, lid=CEILING_HEIGHT - 0.15)
-WINDOW_SUN = Light(key=4.2, fill=1.5, bounce=1.0, reach=6.0, lid=EVERYTHING)
+CEILING_LIGHT = Light(key=1.6, fill=1.1, bounce=1.0, reach=6.0, lid=CEILING_HEIGHT - 0.15)
+WINDOW_SUN = Light(key=4.5, fill=1.1, bounce=1.0, reach=6.0, lid=EVERYTHING)
 SUN_HEIGHT = 0.75  # rise of the sun that shines into a room, over its run
 
 
@@ -140,7 +141,7 @@ def _light(home: CareHome, room: str) -> list[Light]:
 def _taken(world: World, camera: Camera, lights: Sequence[Light]) -> Picture:
     renderer = make_renderer(world, floor=False, samples=0, ambient_occlusion=False)
     try:
-        return exposed(renderer, camera, lights)
+        return exposed(renderer, camera, lights, brightest=BRIGHTEST)
     finally:
         renderer.close()
 

@@ -146,7 +146,7 @@ class _Scene:
                 continue  # the wall of this opening is taken away
             points = _points(self._low[i], self._high[i])
             seen = _in_frame(points, vantage, ratio) & ~self._hidden(eye, points, i)
-            total += weight * float(seen.mean()) * (0.4 + 0.6 * max(facing, 0.0))
+            total += weight * float(seen.mean()) * max(0.4 + 0.6 * facing, 0.1)
         return total
 
     def _ends(self, open_sides: str) -> Array:

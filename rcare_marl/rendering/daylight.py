@@ -19,6 +19,10 @@ GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))  # [rad]; points turned by it spread
 STEPS = (0.7548776662, 0.5698402910)
 
 
+BRIGHT = 96.0  # [%] of the pixels are not too bright; own choice
+GAINS = (0.7, 1.8)  # least and most that an exposure changes the light; own choice
+
+
 class _Reader(Protocol):
     def read(self, shots: Sequence[Shot]) -> list[Picture]: ...
 
@@ -53,11 +57,24 @@ def disc(light: Light, count: int, *, radius: float = 0.03) -> list[Light]:
     return out
 
 
-def exposed(renderer: _Reader, camera: Camera, lights: Sequence[Light]) -> npt.NDArray[np.uint8]:
+def exposed(
+    renderer: _Reader,
+    camera: Camera,
+    lights: Sequence[Light],
+    *,
+    brightest: float | None = None,
+) -> npt.NDArray[np.uint8]:
     """Return the mean of the pictures under each light, shape [height, width, 3].
 
     Each is taken from elsewhere within a pixel, so that edges come out smooth even if the renderer takes
     one sample a pixel.
+
+    Args:
+        renderer: What takes the pictures.
+        camera: Where from.
+        lights: The lights.
+        brightest: How bright nearly all of the picture is at most, in (0, 1], as a camera would expose
+            it; as the lights make it if None.
     """
     total = np.zeros((camera.height, camera.width, 3))
     u, v = camera.center or (0.5 * (camera.width - 1), 0.5 * (camera.height - 1))
@@ -66,7 +83,11 @@ def exposed(renderer: _Reader, camera: Camera, lights: Sequence[Light]) -> npt.N
         moved = dataclasses.replace(camera, center=(u + du, v + dv))
         seen = renderer.read([Shot(moved, light=light)])[0]["rgb"] / 255
         total += seen * seen  # the mean of light, not of its encoding
-    return np.round(255 * np.sqrt(total / len(lights))).astype(np.uint8)
+    mean = total / len(lights)
+    if brightest is not None:
+        now = float(np.percentile(mean.max(axis=2), BRIGHT))
+        mean *= np.clip(brightest**2 / max(now, 1e-6), *GAINS)
+    return np.round(255 * np.sqrt(np.minimum(mean, 1.0))).astype(np.uint8)
 
 
 __all__ = ["disc", "dome", "exposed"]

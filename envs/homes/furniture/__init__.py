@@ -21,3 +21,4 @@ from . import laundry as laundry
 from . import living as living
 from . import storage as storage
 from . import study as study
+from . import switch as switch
