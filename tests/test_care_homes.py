@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 
 import pytest
@@ -109,3 +110,43 @@ def test_a_person_is_placed_beside_the_bed_on_free_floor() -> None:
     assert z == pytest.approx(height, abs=0.01)
     assert home.clearance.clearance(x, y) > 0.2
     world.close()
+
+
+@pytest.mark.parametrize("name", home_names())
+def test_a_barrier_free_house_has_a_hospital_bed_that_tasks_find_as_a_bed(name: str) -> None:
+    home = built(name, 3)
+    (bed,) = [p for p in home.placed if p.piece.kind == "hospital_bed"]
+    assert not any(p.piece.kind == "bed" for p in home.furniture(bed.room))
+    spots = home.spots(bed.room)
+    assert {"beside_bed", "beside_bed_2", "bed_mattress", "bed_pillow"} <= set(spots)
+    for side in ("beside_bed", "beside_bed_2"):
+        x, y, _ = spots[side].pose.position
+        assert home.clearance.clearance(x, y) > 0.4
+    assert not any(p.piece.kind == "hospital_bed" for p in built(name, 1).placed)
+
+
+@pytest.mark.parametrize(("name", "level"), ALL)
+def test_each_room_has_a_light_switch_at_a_door_with_nothing_before_it(
+    name: str, level: int
+) -> None:
+    home = built(name, level)
+    for room in home.rooms():
+        (switch,) = [p for p in home.furniture(room.name) if p.piece.kind == "light_switch"]
+        x, y, z = switch.frame("rocker").position
+        assert z == pytest.approx(home.rules.figure("switch_height"))
+        assert room.inside.has(x, y)
+        ways = [o for o in home.plan.openings_of(room.name) if o.kind != "window"]
+        assert min(math.dist((x, y), o.centre) - 0.5 * o.width for o in ways) < 1.0
+        for placed in home.furniture(room.name):
+            is_before = placed.footprint.overlaps(switch.footprint)
+            assert placed is switch or not is_before or placed.piece.height < z, placed.name
+
+
+@pytest.mark.parametrize(("name", "level"), ALL)
+def test_toilets_stand_at_the_wall_that_their_bars_hang_on(name: str, level: int) -> None:
+    home = built(name, level)
+    for placed in (p for p in home.placed if p.piece.kind == "toilet"):
+        inside = home.plan.room(placed.room).inside.moved(placed.pose.inverse())
+        own = placed.piece.footprint
+        gap = inside.y1 - own.y1 if own.y1 > -own.y0 else own.y0 - inside.y0
+        assert gap == pytest.approx(0.005, abs=1e-6), placed.name

@@ -41,6 +41,15 @@ def test_furniture_of_the_room_moves_and_that_of_others_does_not(env: CareEnv) -
     assert not set(stage.aside) & set(built.furniture)
 
 
+def test_what_is_only_solid_is_not_drawn(env: CareEnv) -> None:
+    assert env.task.built is not None
+    for body in env.task.built.bodies:
+        if body.name.startswith("solid_"):
+            lowest, highest = body.bounds()
+            assert (highest - lowest).max() > 1.0
+            assert all(shape.kind == "mesh" for shape in body.visual_shapes())  # not Bullet's boxes
+
+
 def test_scripted_feeding_succeeds_in_a_home_and_repeats_bit_by_bit(env: CareEnv) -> None:
     tracks = []
     for seed in (0, 1, 0):

@@ -28,8 +28,8 @@ _HIP_RANGE, _KNEE_RANGE = math.radians(130), math.radians(120)
 _RINGS, _POINTS = 5, 30  # along a capsule and round it
 _LEG = tuple(f"{side}_{part}" for side in SIDES for part in ("hip", "knee", "ankle", "foot"))
 HIPS = 0.06  # from the fold to the hips of who lies flat [m]; own choice
-# Buttocks move so far to touch a backrest [m], and no further than it is raised [rad]; own choice.
-_SHIFT = 0.04
+# Buttocks move so far along the bed to touch a backrest that is raised so far or more; own choice.
+_SHIFT, _RAISED = 0.04, 0.5  # [m], [rad]
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ class BedRest:
         if back > 0:
             normal = np.array((math.sin(back), math.cos(back)))
             behind = thick - sink - float((flat @ normal).min()) - (z + thick) * math.cos(back)
-            shift = min(back, _SHIFT)
+            shift = _SHIFT * min(back / _RAISED, 1.0)
             x = min(max(behind / math.sin(back), x - shift), x + shift)
         return np.array((x, z))
 

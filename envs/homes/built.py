@@ -12,10 +12,10 @@ from rcare_marl.pose import Pose
 from rcare_marl.urdf import Link, Model, Shape, write
 from rcare_marl.world import World
 
-from .door import Door, door_model
+from .door import Door, door_model, widest_swing
 from .furnishing import Placed
 from .merging import Part, merged
-from .partition import NEAR, partition
+from .partition import NEAR, extent, partition
 from .plan import Opening
 from .rectangle import Rectangle
 from .shell import floor_model, shell_model
@@ -23,6 +23,7 @@ from .shell import floor_model, shell_model
 if TYPE_CHECKING:
     from .care_home import CareHome
 
+SPECK = 1e-3  # [m]
 OPEN_DOOR = 1.5  # [rad] that doors stand open where they do not move; own choice
 
 
@@ -69,7 +70,8 @@ class BuiltHome:
         for each in moves:
             self._load_moving(each)
         for opening in moving:
-            door = Door(opening, home.rules, home.palette)
+            swing = widest_swing(opening, home.plan)
+            door = Door(opening, home.rules, home.palette, swing=swing)
             door.spawn(world, at @ opening.pose, name=opening.name)
             self._world.slumber.add(door.body)
             self.doors[opening.name] = door
@@ -96,14 +98,13 @@ class BuiltHome:
         for key, model in models.items():
             self._load(model, key)
         for side, solids in self._solids.items():
-            links = {"solid": Link(collision=tuple(solids))}
-            solid = Model(name=f"{name}_{side}", source="a plan by rule", links=links, materials={})
-            self._write(solid, f"solid_{side}")
+            self._write(_unseen(f"{name}_{side}", solids), f"solid_{side}")
 
     def _still_door(self, opening: Opening) -> Part:
         model = door_model(opening, self.home.rules, self.home.palette)
         wide = {"slide": model.joints["slide"].upper} if "slide" in model.joints else {}
-        return model, opening.pose, wide or {"hinge": OPEN_DOOR}
+        angle = min(OPEN_DOOR, widest_swing(opening, self.home.plan))
+        return model, opening.pose, wide or {"hinge": angle}
 
     def _load(self, model: Model, name: str) -> Body:
         """Load what stands still; what is solid of it waits for the others on its side."""
@@ -154,6 +155,22 @@ class BuiltHome:
     def in_world(self, pose: Pose) -> Pose:
         """Return a pose given in the house in the world."""
         return self.pose @ pose
+
+
+def _unseen(name: str, solids: Sequence[Shape]) -> Model:
+    """Return a link to run into that shows nothing but a speck inside the first of its solids.
+
+    Bullet draws the solids themselves of a link that has nothing to draw.
+    """
+    lowest, highest = extent(solids[0])
+    x, y, z = (0.5 * (lowest + highest)).tolist()
+    speck = Shape(kind="box", material="speck", at=(x, y, z), size=(SPECK, SPECK, SPECK))
+    return Model(
+        name=name,
+        source="a plan by rule",
+        links={"solid": Link(visual=(speck,), collision=tuple(solids))},
+        materials={"speck": (0.5, 0.5, 0.5, 1.0)},
+    )
 
 
 def _moves(placed: Placed) -> bool:

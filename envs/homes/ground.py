@@ -69,7 +69,9 @@ class Ground:
         if not len(xs) or not len(ys):
             return False
         labels = ndimage.label(self._free(xs, ys, width))[0]
-        row, column = (int(np.abs(line - at).argmin()) for line, at in zip((ys, xs), goal[::-1], strict=True))
+        row, column = (
+            int(np.abs(line - at).argmin()) for line, at in zip((ys, xs), goal[::-1], strict=True)
+        )
         region = labels[row, column]
         if not region:
             return False

@@ -23,9 +23,7 @@ def make_light_switch(setting: Setting) -> Piece:
     wide, high, thick = PLATE
     out = thick + _ROCKER[2]
     shapes = (
-        Shape(
-            kind="box", material="trim", at=(0.5 * thick, 0.0, height), size=(thick, wide, high)
-        ),
+        Shape(kind="box", material="trim", at=(0.5 * thick, 0.0, height), size=(thick, wide, high)),
         Shape(
             kind="box",
             material="white",

@@ -1,0 +1,205 @@
+"""Draw the pictures of homes in the documentation.
+
+python experiments/home_pictures.py --output docs/images
+
+home_plans.png has the floor plans of all houses at one scale, with a wheelchair's ways from the front door.
+home_house.jpg is a house seen from above; bathroom_levels.jpg and kitchen_levels.jpg show the same room at
+the three levels side by side, home_rooms.jpg other rooms.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image, ImageDraw, ImageFont
+
+import rcare_marl
+from rcare_marl import CareHome
+from rcare_marl.cli.floor_plan import FLOORS, INK, LEVELS, ROUTE, draw, extent
+from rcare_marl.cli.home_picture import perspective, room_perspective
+from rcare_marl.envs.homes.route import Route
+
+Picture = npt.NDArray[np.uint8]
+
+HOUSE = "house_07"  # that is shown from above
+BATHROOM = ("house_07", "bathroom_1", "w")  # house, room, where from
+KITCHEN = ("house_07", "kitchen_1", "se")
+ROOMS = (  # house, level, room
+    ("house_02", 1, "living_1"),
+    ("house_06", 1, "dining_1"),
+    ("house_07", 3, "bedroom_4"),
+    ("house_04", 3, "bedroom_1"),
+    ("house_10", 3, "lounge_1"),
+    ("house_02", 2, "kitchen_1"),
+)
+SHEET = 66.0  # [m] across the sheet of plans
+PIXELS = 34  # a metre of plan
+GAP, TITLE = 1.6, 2.3  # [m] between plans, and of the title over each
+TILE = (640, 480)  # [pixel]
+FONT = "DejaVuSans.ttf"  # comes with matplotlib
+
+
+def plans(level: int = 3) -> Image.Image:
+    """Return the floor plans of all houses on one sheet."""
+    homes = [CareHome.load(name, level=level) for name in rcare_marl.home_names()]
+    rows = _rows(homes)
+    heights = [TITLE + max(extent(home).depth for home in row) + GAP for row in rows]
+    top = 3.2
+    total = top + sum(heights)
+    inch = PIXELS / 100
+    sheet = Figure(figsize=(SHEET * inch, total * inch), dpi=100)
+    FigureCanvasAgg(sheet)
+    points = 72 * inch  # of a metre
+    y = total - top
+    for row, height in zip(rows, heights, strict=True):
+        spare = SHEET - sum(extent(home).width for home in row)
+        x = 0.0
+        for home in row:
+            x += spare / (len(row) + 1)
+            bounds = extent(home)
+            low = y - TITLE - bounds.depth
+            axes = sheet.add_axes(
+                (x / SHEET, low / total, bounds.width / SHEET, bounds.depth / total)
+            )
+            draw(axes, home, labels="kinds", routes=_ways(home), weight=0.095 * points)
+            _title(sheet, home, x / SHEET, (y - TITLE + 0.35) / total, points)
+            x += bounds.width
+        y -= height
+    _legend(sheet, level, total, points)
+    out = io.BytesIO()
+    sheet.savefig(out, facecolor="white")
+    return Image.open(out).convert("RGB").quantize(96, dither=Image.Dither.NONE)
+
+
+def _rows(homes: Sequence[CareHome]) -> list[list[CareHome]]:
+    """Return the homes in their order, in rows as long as the sheet is wide."""
+    rows: list[list[CareHome]] = [[]]
+    for home in homes:
+        width = sum(extent(h).width + GAP for h in (*rows[-1], home)) + GAP
+        if rows[-1] and width > SHEET:
+            rows.append([])
+        rows[-1].append(home)
+    return rows
+
+
+def _ways(home: CareHome) -> list[Route]:
+    """Return the ways of a wheelchair from the front door to each room that must be reached."""
+    way = home.way()
+    entrance = next(o for o in home.plan.openings.values() if o.kind == "entrance")
+    start = home.room(entrance.rooms[0]).inside
+    found = [way.route(start, home.room(room).inside) for room in home.required_rooms()]
+    return [route for route in found if route is not None]
+
+
+def _title(sheet: Figure, home: CareHome, x: float, y: float, points: float) -> None:
+    area = sum(room.inside.area for room in home.rooms())
+    sheet.text(x, y, f"{home.name} · {area:.0f} m²", fontsize=0.72 * points, color=INK, weight="bold")
+    sheet.text(x, y - 0.55 / sheet.get_figheight() * points / 72, home.plan.title, fontsize=0.55 * points, color=INK, va="top")  # fmt: skip
+
+
+def _legend(sheet: Figure, level: int, total: float, points: float) -> None:
+    axes = sheet.add_axes((0, 1 - 3.2 / total, 1, 3.2 / total))
+    axes.set_xlim(0, SHEET)
+    axes.set_ylim(0, 3.2)
+    axes.axis("off")
+    axes.text(
+        1.2, 1.6, f"Sixteen houses at level {level}, {LEVELS[level]}", fontsize=1.1 * points,
+        color=INK, va="center",
+    )  # fmt: skip
+    x = 34.0
+    for kind, color in FLOORS.items():
+        axes.add_patch(_swatch(x, color))
+        axes.text(x + 0.9, 1.6, kind, fontsize=0.62 * points, color=INK, va="center")
+        x += 1.7 + 0.42 * len(kind)
+    axes.plot((x, x + 1.2), (1.6, 1.6), color=ROUTE, lw=0.1 * points)
+    axes.text(x + 1.5, 1.6, "wheelchair", fontsize=0.62 * points, color=INK, va="center")
+    axes.plot((x - 4, x + 1), (0.4, 0.4), color=INK, lw=0.12 * points)
+    axes.text(x + 1.5, 0.4, "5 m", fontsize=0.62 * points, color=INK, va="center")
+
+
+def _swatch(x: float, color: str) -> object:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((x, 1.25), 0.7, 0.7, fc=color, ec="#b9bec6", lw=0.5)
+
+
+def levels(house: str, room: str, view: str) -> Image.Image:
+    """Return one room at the three levels side by side, with captions."""
+    pictures = [
+        room_perspective(
+            CareHome.load(house, level=level), room, width=TILE[0], height=TILE[1], view=view
+        )
+        for level in LEVELS
+    ]
+    return tiled(pictures, [f"level {k}: {v}" for k, v in LEVELS.items()], columns=3)
+
+
+def rooms() -> Image.Image:
+    """Return rooms of several houses, with captions."""
+    pictures, captions = [], []
+    for house, level, room in ROOMS:
+        home = CareHome.load(house, level=level)
+        pictures.append(room_perspective(home, room, width=TILE[0], height=TILE[1]))
+        captions.append(f"{house}, {room.replace('_', ' ')}, level {level}")
+    return tiled(pictures, captions, columns=3)
+
+
+def tiled(pictures: Sequence[Picture], captions: Sequence[str], *, columns: int) -> Image.Image:
+    """Return pictures of one size in rows, each with a line of text under it."""
+    (wide, high), line, gap = TILE, 40, 8
+    count = -(-len(pictures) // columns)
+    sheet = Image.new(
+        "RGB", (columns * (wide + gap) - gap, count * (high + line)), (255, 255, 255)
+    )
+    pen = ImageDraw.Draw(sheet)
+    font = ImageFont.truetype(_font(), 24)
+    for i, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
+        x, y = (i % columns) * (wide + gap), (i // columns) * (high + line)
+        sheet.paste(Image.fromarray(picture), (x, y))
+        pen.text((x + wide / 2, y + high + line / 2), caption, INK, font=font, anchor="mm")
+    return sheet
+
+
+def _font() -> str:
+    from matplotlib import get_data_path
+
+    return str(Path(get_data_path()) / "fonts" / "ttf" / FONT)
+
+
+def house() -> Image.Image:
+    """Return a house from above."""
+    home = CareHome.load(HOUSE, level=3)
+    return Image.fromarray(perspective(home, width=1600, height=950))
+
+
+PICTURES: dict[str, Callable[[], Image.Image]] = {
+    "home_plans.png": plans,
+    "home_house.jpg": house,
+    "bathroom_levels.jpg": lambda: levels(*BATHROOM),
+    "kitchen_levels.jpg": lambda: levels(*KITCHEN),
+    "home_rooms.jpg": rooms,
+}
+
+
+def main() -> None:
+    """Write the pictures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, default=Path("runs") / "home_pictures")
+    parser.add_argument("--only", choices=sorted(PICTURES), action="append")
+    options = parser.parse_args()
+    options.output.mkdir(parents=True, exist_ok=True)
+    for name in options.only or PICTURES:
+        path = options.output / name
+        PICTURES[name]().save(path, **({"quality": 82} if path.suffix == ".jpg" else {"optimize": True}))
+        print(path)
+
+
+if __name__ == "__main__":
+    main()
