@@ -18,11 +18,12 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from PIL import Image, ImageDraw, ImageFont
 
 import rcare_marl
 from rcare_marl import CareHome
-from rcare_marl.cli.floor_plan import FLOORS, INK, LEVELS, ROUTE, draw, extent
+from rcare_marl.cli.floor_plan import FLOORS, INK, LEVELS, MARGIN, ROUTE, draw, extent
 from rcare_marl.cli.home_picture import perspective, room_perspective
 from rcare_marl.envs.homes.route import Route
 
@@ -39,9 +40,10 @@ ROOMS = (  # house, level, room
     ("house_10", 3, "lounge_1"),
     ("house_02", 2, "kitchen_1"),
 )
-SHEET = 66.0  # [m] across the sheet of plans
-PIXELS = 34  # a metre of plan
-GAP, TITLE = 1.6, 2.3  # [m] between plans, and of the title over each
+SHEET = 95.0  # [m] across the sheet of plans
+PIXELS = 25  # a metre of plan
+GAP, TITLE = 1.6, 3.0  # [m] between plans, and of the title over each
+TOP = 4.0  # [m] of the line over all plans
 TILE = (640, 480)  # [pixel]
 FONT = "DejaVuSans.ttf"  # comes with matplotlib
 
@@ -51,13 +53,12 @@ def plans(level: int = 3) -> Image.Image:
     homes = [CareHome.load(name, level=level) for name in rcare_marl.home_names()]
     rows = _rows(homes)
     heights = [TITLE + max(extent(home).depth for home in row) + GAP for row in rows]
-    top = 3.2
-    total = top + sum(heights)
+    total = TOP + sum(heights)
     inch = PIXELS / 100
     sheet = Figure(figsize=(SHEET * inch, total * inch), dpi=100)
     FigureCanvasAgg(sheet)
     points = 72 * inch  # of a metre
-    y = total - top
+    y = total - TOP
     for row, height in zip(rows, heights, strict=True):
         spare = SHEET - sum(extent(home).width for home in row)
         x = 0.0
@@ -68,8 +69,8 @@ def plans(level: int = 3) -> Image.Image:
             axes = sheet.add_axes(
                 (x / SHEET, low / total, bounds.width / SHEET, bounds.depth / total)
             )
-            draw(axes, home, labels="kinds", routes=_ways(home), weight=0.095 * points)
-            _title(sheet, home, x / SHEET, (y - TITLE + 0.35) / total, points)
+            draw(axes, home, labels="kinds", routes=_ways(home), weight=0.11 * points)
+            _title(sheet, home, x + MARGIN, y - TITLE, total, points)
             x += bounds.width
         y -= height
     _legend(sheet, level, total, points)
@@ -98,36 +99,34 @@ def _ways(home: CareHome) -> list[Route]:
     return [route for route in found if route is not None]
 
 
-def _title(sheet: Figure, home: CareHome, x: float, y: float, points: float) -> None:
+def _title(sheet: Figure, home: CareHome, x: float, y: float, total: float, points: float) -> None:
     area = sum(room.inside.area for room in home.rooms())
-    sheet.text(x, y, f"{home.name} · {area:.0f} m²", fontsize=0.72 * points, color=INK, weight="bold")
-    sheet.text(x, y - 0.55 / sheet.get_figheight() * points / 72, home.plan.title, fontsize=0.55 * points, color=INK, va="top")  # fmt: skip
+    for text, up, size, weight in (
+        (f"{home.name} · {area:.0f} m²", 1.55, 1.05, "bold"),
+        (home.plan.title, 0.35, 0.8, "normal"),
+    ):
+        sheet.text(
+            x / SHEET, (y + up) / total, text, fontsize=size * points, color=INK, weight=weight
+        )
 
 
 def _legend(sheet: Figure, level: int, total: float, points: float) -> None:
-    axes = sheet.add_axes((0, 1 - 3.2 / total, 1, 3.2 / total))
+    axes = sheet.add_axes((0, 1 - TOP / total, 1, TOP / total))
     axes.set_xlim(0, SHEET)
-    axes.set_ylim(0, 3.2)
+    axes.set_ylim(0, TOP)
     axes.axis("off")
-    axes.text(
-        1.2, 1.6, f"Sixteen houses at level {level}, {LEVELS[level]}", fontsize=1.1 * points,
-        color=INK, va="center",
-    )  # fmt: skip
-    x = 34.0
+    style = {"color": INK, "va": "center"}
+    title = f"Sixteen houses at level {level}, {LEVELS[level]}"
+    axes.text(1.6, 2.2, title, fontsize=1.5 * points, **style)
+    x = 39.0
     for kind, color in FLOORS.items():
-        axes.add_patch(_swatch(x, color))
-        axes.text(x + 0.9, 1.6, kind, fontsize=0.62 * points, color=INK, va="center")
-        x += 1.7 + 0.42 * len(kind)
-    axes.plot((x, x + 1.2), (1.6, 1.6), color=ROUTE, lw=0.1 * points)
-    axes.text(x + 1.5, 1.6, "wheelchair", fontsize=0.62 * points, color=INK, va="center")
-    axes.plot((x - 4, x + 1), (0.4, 0.4), color=INK, lw=0.12 * points)
-    axes.text(x + 1.5, 0.4, "5 m", fontsize=0.62 * points, color=INK, va="center")
-
-
-def _swatch(x: float, color: str) -> object:
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((x, 1.25), 0.7, 0.7, fc=color, ec="#b9bec6", lw=0.5)
+        axes.add_patch(Rectangle((x, 1.8), 0.8, 0.8, fc=color, ec="#b9bec6", lw=0.5))
+        axes.text(x + 1.1, 2.2, kind, fontsize=0.85 * points, **style)
+        x += 2.1 + 0.58 * len(kind)
+    for length, color, text in ((1.5, ROUTE, "wheelchair"), (5.0, INK, "5 m")):
+        axes.plot((x, x + length), (2.2, 2.2), color=color, lw=0.12 * points)
+        axes.text(x + length + 0.4, 2.2, text, fontsize=0.85 * points, **style)
+        x += length + 1.4 + 0.58 * len(text)
 
 
 def levels(house: str, room: str, view: str) -> Image.Image:
@@ -155,9 +154,7 @@ def tiled(pictures: Sequence[Picture], captions: Sequence[str], *, columns: int)
     """Return pictures of one size in rows, each with a line of text under it."""
     (wide, high), line, gap = TILE, 40, 8
     count = -(-len(pictures) // columns)
-    sheet = Image.new(
-        "RGB", (columns * (wide + gap) - gap, count * (high + line)), (255, 255, 255)
-    )
+    sheet = Image.new("RGB", (columns * (wide + gap) - gap, count * (high + line)), (255, 255, 255))
     pen = ImageDraw.Draw(sheet)
     font = ImageFont.truetype(_font(), 24)
     for i, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
@@ -197,7 +194,9 @@ def main() -> None:
     options.output.mkdir(parents=True, exist_ok=True)
     for name in options.only or PICTURES:
         path = options.output / name
-        PICTURES[name]().save(path, **({"quality": 82} if path.suffix == ".jpg" else {"optimize": True}))
+        PICTURES[name]().save(
+            path, **({"quality": 82} if path.suffix == ".jpg" else {"optimize": True})
+        )
         print(path)
 
 

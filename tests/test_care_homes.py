@@ -13,6 +13,7 @@ from rcare_marl.agents.human import Human
 from rcare_marl.envs.homes.care_home import CareHome, home_names
 from rcare_marl.envs.homes.doorway import doorway
 from rcare_marl.envs.homes.recipe import recipe_for
+from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
@@ -21,6 +22,9 @@ PUSHED_UNDER = {("chair", "dining_table"), ("chair", "round_table"), ("office_ch
 PAPER = {  # the RCareWorld paper, section on CareHomes
     "kitchen": 17, "bedroom": 59, "bathroom": 70, "living": 17, "dining": 16, "lounge": 18, "other": 41,
 }  # fmt: skip
+
+SHOULDERS = 0.5  # [m] wide, with arms; from memory
+STRIDE = 0.6  # [m] before and behind a door
 
 
 @pytest.mark.parametrize("level", [1, pytest.param(2, marks=pytest.mark.slow), 3])
@@ -44,6 +48,21 @@ def test_furniture_stands_in_its_room_and_in_nothing_else(name: str, level: int)
                     placed.name,
                     other.name,
                 )
+
+
+@pytest.mark.parametrize(("name", "level"), ALL)
+def test_every_door_is_walked_through(name: str, level: int) -> None:
+    home = built(name, level)
+    way = home.way(SHOULDERS)
+    openings = [o for o in home.plan.openings.values() if o.kind != "window"]
+    entrance = next(o for o in openings if o.kind == "entrance")
+    walked = way.regions_in(home.room(entrance.rooms[0]).inside) & way.regions_in(entrance.gap)
+    assert len(walked) == 1
+    for opening in openings:
+        half, deep = 0.5 * opening.width, 0.5 * opening.thickness
+        for low, high in ((-deep - STRIDE, -deep), (-deep, deep), (deep, deep + STRIDE)):
+            step = Rectangle(-half, low, half, high).moved(opening.pose)
+            assert walked <= way.regions_in(step), (opening.name, low)
 
 
 @pytest.mark.parametrize(("name", "level"), ALL)

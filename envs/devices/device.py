@@ -6,6 +6,7 @@ import abc
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 
 import pybullet as bullet
 
@@ -180,11 +181,15 @@ class Device(abc.ABC):
 
     def _check(self, name: str, target: float) -> None:
         low, high = self.limits(name)
-        if not math.isfinite(target):
-            raise ActionError(f"{name!r} of {self.body.name!r} needs a finite target, got {target}")
-        if not low - _ROUNDING <= target <= high + _ROUNDING:
+        if not isinstance(target, Real) or not math.isfinite(target):
             raise ActionError(
-                f"{name!r} of {self.body.name!r} goes from {low:.4g} to {high:.4g}, not to {target:.4g}"
+                f"{name!r} of {self.body.name!r} needs a finite number, got {target!r}"
+            )
+        if not low - _ROUNDING <= target <= high + _ROUNDING:
+            unit = "m" if self.body.joint(self._control(name).joint).kind == "prismatic" else "rad"
+            raise ActionError(
+                f"{name!r} of {self.body.name!r} goes from {low:.4g} to {high:.4g} {unit}, not to"
+                f" {target:.4g}"
             )
 
     def _control(self, name: str) -> DeviceControl:

@@ -38,6 +38,7 @@ class Lift(Device):
 
     def frame_in_world(self, name: str) -> Pose:
         self.frame(name)
+        self._need_body()
         if name in self.bar.frames:
             return self.bar.frame_in_world(name)
         return super().frame_in_world(name)

@@ -200,7 +200,9 @@ class SpreaderBar:
         self.settle()
 
     def frame_in_world(self, name: str) -> Pose:
-        """Return the present pose of one of `frames` in the world."""
+        """Return the present pose of one of `frames` in the world; WorldError before it is there."""
+        if not self.is_joined:
+            raise WorldError("this spreader bar is in no world yet: spawn its lift first")
         return self._body.link_pose(self._body.link_index(LINK)) @ self.frames[name].pose
 
     def carry(self, person: Human, *, limit: float) -> None:

@@ -64,7 +64,7 @@ def draw(
     for room in home.rooms():
         _label(axes, room, labels, weight)
     for route in routes:
-        axes.plot(*route.points.T, color=ROUTE, lw=1.1 * weight, alpha=0.75, zorder=2.5)
+        axes.plot(*route.points.T, color=ROUTE, lw=0.9 * weight, alpha=0.7, zorder=2.5)
     bounds = extent(home)
     axes.set_xlim(bounds.x0, bounds.x1)
     axes.set_ylim(bounds.y0, bounds.y1)
@@ -168,4 +168,4 @@ def _label(axes: Axes, room: Room, labels: str, weight: float) -> None:
     )  # fmt: skip
 
 
-__all__ = ["FLOORS", "INK", "LEVELS", "ROUTE", "WALL", "draw", "extent", "figure", "png"]
+__all__ = ["FLOORS", "INK", "LEVELS", "MARGIN", "ROUTE", "WALL", "draw", "extent", "figure", "png"]
