@@ -13,6 +13,7 @@ import argparse
 import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +31,8 @@ from rcare_marl.envs.homes.route import Route
 Picture = npt.NDArray[np.uint8]
 
 HOUSE = "house_07"  # that is shown from above
-BATHROOM = ("house_07", "bathroom_1", "w")  # house, room, where from
-KITCHEN = ("house_07", "kitchen_1", "se")
+BATHROOM = ("house_11", "bathroom_1", "")  # house, room, where from
+KITCHEN = ("house_11", "kitchen_1", "w")
 ROOMS = (  # house, level, room
     ("house_02", 1, "living_1"),
     ("house_06", 1, "dining_1"),
@@ -40,8 +41,8 @@ ROOMS = (  # house, level, room
     ("house_10", 3, "lounge_1"),
     ("house_02", 2, "kitchen_1"),
 )
-SHEET = 95.0  # [m] across the sheet of plans
-PIXELS = 25  # a metre of plan
+SHEET = 98.0  # [m] across the sheet of plans
+PIXELS = 24  # a metre of plan
 GAP, TITLE = 1.6, 3.0  # [m] between plans, and of the title over each
 TOP = 4.0  # [m] of the line over all plans
 TILE = (640, 480)  # [pixel]
@@ -115,10 +116,10 @@ def _legend(sheet: Figure, level: int, total: float, points: float) -> None:
     axes.set_xlim(0, SHEET)
     axes.set_ylim(0, TOP)
     axes.axis("off")
-    style = {"color": INK, "va": "center"}
+    style: dict[str, Any] = {"color": INK, "va": "center"}
     title = f"Sixteen houses at level {level}, {LEVELS[level]}"
     axes.text(1.6, 2.2, title, fontsize=1.5 * points, **style)
-    x = 39.0
+    x = 38.5
     for kind, color in FLOORS.items():
         axes.add_patch(Rectangle((x, 1.8), 0.8, 0.8, fc=color, ec="#b9bec6", lw=0.5))
         axes.text(x + 1.1, 2.2, kind, fontsize=0.85 * points, **style)

@@ -279,7 +279,7 @@ def _chords(radius: float, error: float, angle: float) -> int:
 def _around(radius: float, error: float) -> int:
     """Return how many points go round a circle: a multiple of four, so that halves are alike."""
     quarters = math.ceil(_chords(radius, error, 2 * math.pi) / 4)
-    return min(max(4 * quarters, 8), 32)
+    return min(max(4 * quarters, 8 if radius > error else 4), 32)
 
 
 def _between(start: Triple, end: Triple) -> Pose:

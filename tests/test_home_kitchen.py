@@ -193,6 +193,18 @@ def test_the_lowest_shelf_of_wall_cabinets_is_where_the_rule_wants_it(level: int
 
 
 @pytest.mark.parametrize("level", LEVELS)
+def test_a_sink_is_deep_enough_for_plates(level: int) -> None:
+    world = World()
+    made = piece("kitchen_run", level)
+    load(world, made)
+    x, y, z = made.frames["basin"].position
+    top = made.measures["counter_height"]
+    deep = ray_distances(world, (x + 0.08, y, top), np.array([[0.0, 0.0, -1.0]]), 1.0)[0]
+    assert deep == pytest.approx(top - z, abs=1e-4)
+    assert 0.1 <= deep <= 0.2
+
+
+@pytest.mark.parametrize("level", LEVELS)
 def test_a_ball_dropped_into_the_sink_stays_there(level: int) -> None:
     world = World()
     made = piece("kitchen_run", level)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rcare_marl.envs.homes.ground import Ground
 from rcare_marl.envs.homes.occupancy import Obstacle, Occupancy
 from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.envs.homes.route import Way
@@ -75,3 +76,40 @@ def test_a_width_that_nothing_can_have_is_refused(width: float) -> None:
 def test_a_place_off_the_map_is_refused() -> None:
     with pytest.raises(ConfigError, match="off the map"):
         two_rooms(0.9).cell_of(20.0, 0.0)
+
+
+HALL = Rectangle(0.0, 0.0, 6.0, 4.0)
+ENDS = [Rectangle(0.0, 1.5, 0.75, 2.5), Rectangle(5.25, 1.5, 6.0, 2.5)]
+
+
+@pytest.mark.parametrize("gap", [0.5, 0.6603, 0.8149, 0.915, 1.2])
+@pytest.mark.parametrize("y", [0.8, 1.03171])
+def test_straight_gaps_are_measured_to_the_millimetre(gap: float, y: float) -> None:
+    ground = Ground(HALL, [Rectangle(2.5, 0.0, 3.5, y), Rectangle(2.7, y + gap, 3.1, 4.0)])
+    assert ground.width(ENDS) == pytest.approx(gap, abs=0.0011)
+    _, middle = ground.circle()
+    assert ground.joins(ENDS, middle, gap - 1e-4)
+    assert not ground.joins(ENDS, middle, gap + 1e-3)
+
+
+@pytest.mark.parametrize("angle", [10.0, 25.0, 35.0, 45.0, 70.0])
+def test_slanted_gaps_are_found_hardly_wider_and_little_narrower(angle: float) -> None:
+    gap, turn = 0.8, np.radians(angle)
+    x, y = 2.6 + gap * np.cos(turn), 1.5 + gap * np.sin(turn)
+    ground = Ground(HALL, [Rectangle(2.0, 0.0, 2.6, 1.5), Rectangle(x, y, x + 0.5, 4.0)])
+    assert -0.04 < ground.width(ENDS) - gap < 0.003
+
+
+def test_a_way_reaches_all_doors_or_has_no_width() -> None:
+    shut = Ground(HALL, [Rectangle(2.0, 0.0, 2.5, 4.0)])
+    assert shut.width(ENDS) < 0.002 < shut.width(ENDS[1:])
+    behind = Ground(HALL, [Rectangle(0.0, 1.4, 0.76, 2.6)])  # something stands on a doorstep
+    assert behind.width(ENDS) < 0.002
+
+
+@pytest.mark.parametrize("side", [0.9, 2.0])
+def test_an_empty_floor_is_as_wide_as_its_shorter_side(side: float) -> None:
+    area = Rectangle(1.0, 1.0, 1.0 + side, 5.0)
+    door = Rectangle(1.0, 1.0, 1.0 + side, 1.75)
+    assert Ground(area, []).width([door]) == pytest.approx(min(side, 1.5), abs=0.0011)
+    assert Ground(area, []).circle()[0] == pytest.approx(side, abs=1e-3)

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from rcare_marl.pose import Array
+from rcare_marl.pose import Array, Pose
 from rcare_marl.urdf import ZERO, Joint, Link, MeshFile, Model, Shape, Triple
 
 Inertia = tuple[float, float, float, float, float, float]
@@ -21,7 +21,8 @@ class Part:
     """A link while it is put together, all shapes in the frame of the device.
 
     Attributes:
-        mass: Mass [kg].
+        mass: Mass [kg]; that of the solids if None.
+        density: Of the solids where they tell the mass [kg/m³].
         origin: Where the link's frame is in the device, not turned [m].
         visual: What to draw.
         collision: What to collide with.
@@ -29,8 +30,9 @@ class Part:
         inertia: Centre and inertia of the mass where the shapes do not tell it.
     """
 
-    mass: float
+    mass: float | None
     origin: Triple = ZERO
+    density: float = 0.0
     visual: list[Shape] = field(default_factory=list)
     collision: list[Shape] = field(default_factory=list)
     hulls: list[MeshFile] = field(default_factory=list)
@@ -103,11 +105,7 @@ class Assembly:
 
 def shifted(shape: Shape, by: Triple) -> Shape:
     """Return a shape moved by `by` [m]."""
-    if shape.points:
-        moved = tuple((x + by[0], y + by[1], z + by[2]) for x, y, z in shape.points)
-        return dataclasses.replace(shape, points=moved)
-    x, y, z = shape.at
-    return dataclasses.replace(shape, at=(x + by[0], y + by[1], z + by[2]))
+    return shape.moved(Pose(by))
 
 
 def weigh(mass: float, shapes: Sequence[Shape]) -> tuple[Triple, Inertia]:
@@ -134,8 +132,8 @@ def _lumps(shape: Shape) -> list[tuple[float, Array, Array]]:
     """Return volume [m³], centre [m] and inertia for each unit of mass [m²] of a shape's pieces."""
     if shape.kind == "tube":
         rods = zip(shape.points, shape.points[1:], strict=False)
-        ends = [Shape(kind="cylinder", radius=shape.radius, points=rod) for rod in rods]
-        return [lump for end in ends for lump in _lumps(end)]
+        rod = [Shape(kind="cylinder", radius=shape.radius, points=ends) for ends in rods]
+        return [lump for part in rod for lump in _lumps(part.moved(shape.pose()))]
     pose = shape.pose()
     turn = pose.matrix()[:3, :3]
     if shape.kind == "box":
@@ -157,12 +155,16 @@ def _link(part: Part) -> Link:
     back = (-part.origin[0], -part.origin[1], -part.origin[2])
     visual = tuple(shifted(shape, back).coarse() for shape in part.visual)
     collision = tuple(shifted(shape, back) for shape in part.collision)
-    hulls = tuple(part.hulls)
-    if part.mass == 0:
-        return Link(visual=visual, collision=collision, hulls=hulls)
-    heavy = [*collision, *(shape for shape in visual if shape.kind == "tube")]
-    com, inertia = part.inertia or weigh(part.mass, heavy)
-    return Link(part.mass, com, inertia, visual=visual, collision=collision, hulls=hulls)
+    link = Link(visual=visual, collision=collision, hulls=tuple(part.hulls))
+    heavy, mass = list(collision), part.mass
+    if mass is None:
+        mass = part.density * sum(size for shape in heavy for size, _, _ in _lumps(shape))
+    else:
+        heavy += [shape for shape in visual if shape.kind == "tube"]
+    if mass == 0:
+        return link
+    com, inertia = part.inertia or weigh(mass, heavy)
+    return dataclasses.replace(link, mass=mass, com=com, inertia=inertia)
 
 
 __all__ = ["Assembly", "Part", "shifted", "weigh"]

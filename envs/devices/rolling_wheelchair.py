@@ -224,8 +224,22 @@ class ManualWheelchair(JointedDevice):
         body.set_damping()
         self._friction = DryFriction(world, body)
         self._friction.hold({joint: FORK for joint in self._joints("fork")})
-        self.coast()
+        self.reset()
         return body
+
+    def command(self, name: str, target: float) -> None:
+        """Drive a rest to `target` [rad] and hold it there until `stop`; raises as any device."""
+        super().command(name, target)
+        if self._friction is not None:
+            self._friction.let_go([self.body.joint(name).index])
+
+    def stop(self, name: str) -> None:
+        """Leave a rest where it stands: it stays there, and where a hand pushes it."""
+        control = self._control(name)
+        if self._friction is None:
+            super().stop(name)
+        else:
+            self._friction.hold({self.body.joint(control.joint).index: control.force})
 
     def reset(self) -> None:
         """Hold footrests and armrests where they stand, and let go of brakes and rims."""

@@ -280,10 +280,12 @@ class WheelchairFrame:
         y = outer - sign * 0.042
         hub = (c.wheel_axle, y, radius)
 
-        def ring(mid: float, thick: float, at_y: float, material: str, flat: float = 1.0) -> Shape:
+        def ring(
+            mid: float, thick: float, at_y: float, material: str, corners: int, flat: float = 1.0
+        ) -> Shape:
             points = [
                 (mid + thick * math.cos(t), flat * thick * math.sin(t))
-                for t in (2 * math.pi * k / 12 for k in range(13))
+                for t in (2 * math.pi * k / corners for k in range(corners + 1))
             ]
             points[-1] = points[0]
             return Shape(
@@ -292,9 +294,9 @@ class WheelchairFrame:
             )  # fmt: skip
 
         shapes = [
-            ring(radius - 0.015, 0.015, y, "tyre"),
-            ring(radius - 0.035, 0.007, y, "steel", 1.5),
-            ring(radius - 0.055, 0.008, outer, "steel"),
+            ring(radius - 0.015, 0.015, y, "tyre", 10),
+            ring(radius - 0.035, 0.007, y, "steel", 6, 1.5),
+            ring(radius - 0.055, 0.008, outer, "steel", 6),
             Shape(kind="cylinder", material="steel", radius=0.024,
                   points=((c.wheel_axle, y - 0.026, radius), (c.wheel_axle, y + 0.026, radius))),
         ]  # fmt: skip

@@ -26,7 +26,7 @@ from .route import HAND_ROOM, WHEELCHAIR_WIDTH
 TO_WALL = 0.005  # [m] between a back and its wall; own choice
 STEP = 0.05  # [m] between the places that are tried along a wall; own choice
 CHAIR = WHEELCHAIR_WIDTH + HAND_ROOM  # [m] that wheelchairs need
-SPARE = 0.002  # [m] by which ways and circles are wider than the rules ask; own choice
+SPARE = 0.003  # [m] by which ways and circles are wider than the rules ask: what `Ground` may err, and 1 mm
 ATTEMPTS = 24  # with other chances, until everything that is required stands
 TRIALS = 12  # best places of a piece that are tried
 OVER_SILL = (

@@ -54,7 +54,7 @@ def table(
         title=Text(title, style="bold"), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
     )
     for column in columns:
-        out.add_column(column, justify="right" if right.get(column) else "left")
+        out.add_column(Text(column), justify="right" if right.get(column) else "left")
     for row in rows:
         out.add_row(*(Text(cell) for cell in row))
     return out

@@ -148,9 +148,9 @@ def _opening(axes: Axes, opening: Opening, weight: float) -> None:
     low, high = min(angles), max(angles)
     if high - low > 180:
         low, high = high, low + 360
-    axes.add_patch(
-        Arc(tuple(pivot), 4 * half, 4 * half, theta1=low, theta2=high, color="#c9b392", lw=0.7 * weight, zorder=5)
-    )  # fmt: skip
+    size = 4 * half
+    style: dict[str, Any] = {"color": "#c9b392", "lw": 0.7 * weight, "zorder": 5}
+    axes.add_patch(Arc(tuple(pivot), size, size, theta1=low, theta2=high, **style))
 
 
 def _label(axes: Axes, room: Room, labels: str, weight: float) -> None:

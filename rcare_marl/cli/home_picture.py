@@ -31,8 +31,8 @@ SUNS = 7  # lights that a sun is made of
 BRIGHTEST = 0.9  # of nearly all of a picture
 EVERYTHING = 100.0  # [m]; nothing is higher
 SUN = (-0.8, 0.45, 0.85)  # towards the sun over a house
-CEILING_LIGHT = Light(key=1.6, fill=1.1, bounce=1.0, reach=6.0, lid=CEILING_HEIGHT - 0.15)
-WINDOW_SUN = Light(key=4.5, fill=1.1, bounce=1.0, reach=6.0, lid=EVERYTHING)
+CEILING_LIGHT = Light(key=1.7, fill=0.95, bounce=1.0, reach=6.0, lid=CEILING_HEIGHT - 0.15)
+WINDOW_SUN = Light(key=4.8, fill=0.95, bounce=1.0, reach=6.0, lid=EVERYTHING)
 SUN_HEIGHT = 0.75  # rise of the sun that shines into a room, over its run
 
 
@@ -74,7 +74,7 @@ def room_perspective(
     world = World()
     try:
         cutaway(home, room, vantage.open_sides).spawn(world, articulated=(room,))
-        return _taken(world, camera, _light(home, room))
+        return _taken(world, camera, _light(home, room, vantage.open_sides))
     finally:
         world.close()
 
@@ -125,11 +125,14 @@ def _corners(areas: Sequence[Rectangle], top: float) -> Array:
     )
 
 
-def _light(home: CareHome, room: str) -> list[Light]:
+def _light(home: CareHome, room: str, open_sides: str) -> list[Light]:
     """Return light from all of the ceiling, and a sun that shines in where there is a window."""
     lamps = dome(CEILING_LIGHT, LAMPS, spread=0.93)
+    walls = {(0, 1): "s", (1, 0): "w", (0, -1): "n", (-1, 0): "e"}  # by the direction into the room
     windows = [
-        o for o in home.plan.openings_of(room) if o.kind == "window" and o.rooms[1] == OUTSIDE
+        o
+        for o in home.plan.openings_of(room)
+        if o.kind == "window" and o.rooms[1] == OUTSIDE and walls[o.normal] not in open_sides
     ]
     if not windows:
         return lamps

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import typer
@@ -15,50 +15,92 @@ from rcare_marl.envs.homes.care_home import CareHome
 from rcare_marl.envs.homes.route import Route
 
 from . import floor_plan, home_picture
-from .console import console
-from .folder import write_whole
+from .console import console, progress, table
+from .folder import draft
+
+Way = tuple[str, str]
 
 
 def show(
-    name: str, level: int, *, rooms: Sequence[str], way: tuple[str, str] | None, output: Path
-) -> None:
+    name: str, level: int, *, rooms: Sequence[str], way: Way | None, output: Path
+) -> tuple[Path, ...]:
     """Draw a house into a folder and print what it has; see the command `home`.
+
+    Returns:
+        The pictures.
 
     Raises:
         UnknownNameError: If there is no such house or room; nothing has been written then.
+        ConfigError: If the folder cannot be written.
     """
     home = CareHome.load(name, level=level)
-    for room in rooms:
+    for room in (*rooms, *(way or ())):
         home.room(room)
     route = None if way is None else home.route(*way)
-    console().print(_rooms(home))
-    console().print(audit(home, 3).table())
-    if way is not None:
-        typer.echo(_told(way, route))
-    stem = f"{name}_level_{level}"
-    _write(output / f"{stem}_plan.png", floor_plan.png(floor_plan.figure(home, route=route)))
-    _write(output / f"{stem}.png", _png(home_picture.perspective(home)))
+    drawn = _drawings(home, rooms, route)
+    with draft(output) as folder:
+        with progress("drawing") as bar:
+            work = bar.add_task("", total=len(drawn))
+            for file, draw in drawn.items():
+                bar.update(work, description=file)
+                (folder.path / file).write_bytes(draw())
+                bar.advance(work)
+        console().print(_rooms(home))
+        _judge(home)
+        if way is not None:
+            typer.echo(_told(way, route))
+        target = folder.publish()
+    paths = tuple(target / file for file in drawn)
+    for path in paths:
+        typer.echo(path)
+    return paths
+
+
+def _drawings(
+    home: CareHome, rooms: Sequence[str], route: Route | None
+) -> dict[str, Callable[[], bytes]]:
+    """Return what makes each picture, by the name of its file."""
+    stem = f"{home.name}_level_{home.level}"
+    drawn: dict[str, Callable[[], bytes]] = {
+        f"{stem}_plan.png": lambda: floor_plan.png(floor_plan.figure(home, route=route)),
+        f"{stem}.png": lambda: _png(home_picture.perspective(home)),
+    }
     for room in rooms:
-        _write(output / f"{stem}_{room}.png", _png(home_picture.room_perspective(home, room)))
+        drawn[f"{stem}_{room}.png"] = lambda room=room: _png(  # type: ignore[misc]
+            home_picture.room_perspective(home, room)
+        )
+    return drawn
 
 
 def _rooms(home: CareHome) -> Table:
-    table = Table(title=f"{home.name}, {home.plan.title}, level {home.level}")
-    for column in ("room", "size [m]", "area [m²]", "a wheelchair"):
-        table.add_column(column, justify="left" if column in ("room", "a wheelchair") else "right")
     reached = set(home.reached())
+    columns = ("room", "used as", "size [m]", "area [m²]", "wheelchair")
+    rows = []
     for room in home.rooms():
         inside = room.inside
-        table.add_row(
-            room.name,
-            f"{inside.width:.2f} x {inside.depth:.2f}",
-            f"{inside.area:.1f}",
-            "comes in" if room.name in reached else "stays out",
+        rows.append(
+            (
+                room.name,
+                room.use,
+                f"{inside.width:.2f} x {inside.depth:.2f}",
+                f"{inside.area:.1f}",
+                "comes in" if room.name in reached else "stays out",
+            )
         )
-    return table
+    title = f"{home.name}: {home.plan.title}, level {home.level} ({floor_plan.LEVELS[home.level]})"
+    return table(title, columns, rows, **{"size [m]": True, "area [m²]": True})
 
 
-def _told(way: tuple[str, str], route: Route | None) -> str:
+def _judge(home: CareHome) -> None:
+    """Print what keeps a wheelchair out, or else that nothing does."""
+    found = audit(home, 3)
+    if found.failures:
+        console().print(found.table())
+    else:
+        typer.echo(f"None of {len(found.findings)} findings of the audit fails level 3.")
+
+
+def _told(way: Way, route: Route | None) -> str:
     if route is None:
         return f"No way for a wheelchair from {way[0]} to {way[1]}."
     return (
@@ -71,11 +113,6 @@ def _png(picture: home_picture.Picture) -> bytes:
     out = io.BytesIO()
     Image.fromarray(picture).save(out, "PNG")
     return out.getvalue()
-
-
-def _write(path: Path, data: bytes) -> None:
-    write_whole(path, data)
-    typer.echo(path)
 
 
 __all__ = ["show"]

@@ -74,7 +74,10 @@ def draw_piece(axes: Axes, placed: Placed, *, weight: float = 1.0) -> None:
 
 
 def _plain(pen: Pen, piece: Piece, area: Rectangle) -> None:
-    pen.box(area, WOOD if piece.blocks else "none", **({} if piece.blocks else {"ls": ":"}))
+    if piece.blocks:
+        pen.box(area, WOOD)
+    else:
+        pen.box(area, "none", ls=":")
 
 
 def _rug(pen: Pen, piece: Piece, area: Rectangle) -> None:

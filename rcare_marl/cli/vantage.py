@@ -10,6 +10,7 @@ import numpy as np
 
 from rcare_marl.envs.homes.care_home import CareHome
 from rcare_marl.envs.homes.furnishing import Placed
+from rcare_marl.envs.homes.occupancy import Mask
 from rcare_marl.envs.homes.plan import CEILING_HEIGHT
 from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.errors import UnknownNameError
@@ -162,7 +163,7 @@ class _Scene:
             ]
         ).reshape(-1, 3)  # fmt: skip
 
-    def _hidden(self, eye: Array, points: Array, own: int) -> Array:
+    def _hidden(self, eye: Array, points: Array, own: int) -> Mask:
         """Return which points something else is before, shape [n]."""
         others = np.flatnonzero(self._solid)
         others = others[others != own]
@@ -172,7 +173,7 @@ class _Scene:
         b = (self._high[others] - 0.03 - eye)[None] / ray
         enter = np.minimum(a, b).max(axis=2)
         leave = np.maximum(a, b).min(axis=2)
-        hidden: Array = ((enter < leave) & (leave > 0) & (enter < 0.97)).any(axis=1)
+        hidden: Mask = ((enter < leave) & (leave > 0) & (enter < 0.97)).any(axis=1)
         return hidden
 
 
@@ -190,13 +191,13 @@ def _points(low: Array, high: Array) -> Array:
     return points
 
 
-def _in_frame(points: Array, vantage: Vantage, ratio: float) -> Array:
+def _in_frame(points: Array, vantage: Vantage, ratio: float) -> Mask:
     away = points - np.array(vantage.eye)
     ahead = away[:, 0] * math.cos(vantage.yaw) + away[:, 1] * math.sin(vantage.yaw)
     right = away[:, 0] * math.sin(vantage.yaw) - away[:, 1] * math.cos(vantage.yaw)
     half = math.tan(math.radians(0.5 * FOV))
     depth = np.maximum(ahead, 1e-6)
-    inside: Array = (
+    inside: Mask = (
         (ahead > 0.15)
         & (np.abs(right) < ratio * half * depth)
         & (away[:, 2] < 2 * HORIZON * half * depth)

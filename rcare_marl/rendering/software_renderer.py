@@ -20,10 +20,10 @@ from ..pose import Pose
 from ..world import Skin, World
 from .camera import Camera
 from .geometry import FLOOR_RGBA, world_parts
+from .light import KEY_DIRECTION
 from .mesh import Floats, Ints
 from .piece import split_by_color
 from .relief import normals_from_depth
-from .light import KEY_DIRECTION
 from .shading import HORIZON
 from .shot import Labels, Picture, Shot
 from .skin_cut import SkinCuts

@@ -18,10 +18,12 @@ from ..rectangle import Rectangle
 
 _WHEELCHAIR_BACK, _WHEELCHAIR_FRONT = 0.47, 0.6  # from the origin of the chair [m]
 _BENCH_BACK, _BENCH_FRONT = 0.29, 0.19  # from the origin of the bench [m]
+# [m] by which what is round may be angular: they are seen from farther away than where they work.
+_ERROR = 0.006
 
 
 def at_rest(model: Model, shift: Triple, positions: Mapping[str, float]) -> Model:
-    """Return a device as a thing that nothing moves, and whose colours nobody else's are mixed with.
+    """Return a device as a thing that nothing moves, drawn by fewer triangles, in colours of its own.
 
     Args:
         model: The device.
@@ -30,7 +32,8 @@ def at_rest(model: Model, shift: Triple, positions: Mapping[str, float]) -> Mode
     """
 
     def own(shape: Shape) -> Shape:
-        return dataclasses.replace(shape, material=f"{model.name}_{shape.material}")
+        material = f"{model.name}_{shape.material}"
+        return dataclasses.replace(shape, material=material, segments=0, steps=0).coarse(_ERROR)
 
     links = {"piece": Link()} | {
         name: dataclasses.replace(link, visual=tuple(own(shape) for shape in link.visual))

@@ -9,8 +9,9 @@ from rcare_marl.urdf import Shape
 
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
-from .bathroom_assembly import Assembly, box, rod, solid_rods
+from .joinery import Joinery
 from .plumbing import grab_bar
+from .stock import box, rod, solid_rods
 
 # All in metres; common sizes of toilets with a tank, from memory.
 _TANK_FRONT = 0.17  # the lid leans back past vertical and does not reach it
@@ -52,7 +53,7 @@ def toilet(setting: Setting, *, wall: str = "left") -> Piece:
         raise ConfigError(f"wall must be one of left, right, none, got {wall!r}")
     rules = setting.rules
     side = -1.0 if wall == "right" else 1.0
-    made = Assembly("toilet", setting)
+    made = Joinery("toilet", setting)
     seat = rules.figure("toilet_seat_height")
     rim = seat - _SEAT - _GAP
     _bowl(made, rim)
@@ -82,7 +83,7 @@ def toilet(setting: Setting, *, wall: str = "left") -> Piece:
     return made.piece(Rectangle(0.0, near, _FRONT, far), height, zones=zones)
 
 
-def _bowl(made: Assembly, rim: float) -> None:
+def _bowl(made: Joinery, rim: float) -> None:
     """Add foot and bowl: a turned body, stretched lengthwise, with a real hollow."""
     flat = _HALF / _LONG
     outside = ((0.125, 0.0), (0.13, 0.05), (0.125, 0.45 * rim), (0.165, 0.7 * rim))
@@ -119,7 +120,7 @@ def _bowl(made: Assembly, rim: float) -> None:
     made.frame("bowl", (_CENTRE, 0.0, floor), "bottom of the bowl")
 
 
-def _tank(made: Assembly, rim: float, side: float) -> None:
+def _tank(made: Joinery, rim: float, side: float) -> None:
     """Add the tank, with its lever on the open side, as ADA 604.6 wants it."""
     half, top = 0.5 * _TANK_WIDTH, min(rim + 0.37, 0.78)
     low, high = (0.02, -half, rim - 0.002), (_TANK_FRONT, half, top - 0.03)
@@ -131,35 +132,38 @@ def _tank(made: Assembly, rim: float, side: float) -> None:
     )
     made.solid(box("", (0.012, -half, rim - 0.002), (_TANK_FRONT, half, top)))
     y, z = -side * (half - 0.05), top - 0.08
-    made.hang(
+    made.moving(
         "flush",
+        "revolute",
         (_TANK_FRONT + 0.012, y, z),
         (-side, 0.0, 0.0),
         math.radians(35),
         mass=0.08,
-        low=(_TANK_FRONT + 0.006, min(y, y + side * 0.09), z - 0.008),
-        high=(_TANK_FRONT + 0.018, max(y, y + side * 0.09), z + 0.008),
+        fills=(
+            (_TANK_FRONT + 0.006, min(y, y + side * 0.09), z - 0.008),
+            (_TANK_FRONT + 0.018, max(y, y + side * 0.09), z + 0.008),
+        ),
         slowing=0.02,
-        friction=0.15,  # [N·m], four times its weight; own choice
+        friction=0.15,
     )
     end = (_TANK_FRONT + 0.02, y + side * 0.09, z)
     made.draw(rod("metal", 0.014, (_TANK_FRONT, y, z), (_TANK_FRONT + 0.016, y, z)))
-    made.bar("metal", 0.007, (_TANK_FRONT + 0.02, y, z), end, link="flush")
+    made.rod(((_TANK_FRONT + 0.02, y, z), end), 0.007, "metal", link="flush", solid=True)
     made.frame("handle_flush", end, "end of the lever; push it down", link="flush")
 
 
-def _seat(made: Assembly, low: float) -> None:
+def _seat(made: Joinery, low: float) -> None:
     """Add the seat: a ring that lies on the bowl and leans on the lid when it is up."""
     high = low + _SEAT
     front = _FRONT + 0.002
-    made.hang(
+    made.moving(
         "seat",
+        "revolute",
         (_HINGE, 0.0, low),
         (0.0, -1.0, 0.0),
         math.radians(95),
         mass=1.3,
-        low=(_HINGE, -_HALF, low),
-        high=(front, _HALF, high),
+        fills=((_HINGE, -_HALF, low), (front, _HALF, high)),
         slowing=0.06,
     )
     long, slim = _LONG + 0.002, _SLIM[0]
@@ -191,17 +195,17 @@ def _seat(made: Assembly, low: float) -> None:
     made.frame("handle_seat", (front, 0.0, low), "front edge; lift it", link="seat")
 
 
-def _lid(made: Assembly, low: float) -> None:
+def _lid(made: Joinery, low: float) -> None:
     """Add the lid, which leans past vertical when it is up."""
     high = low + _LID
-    made.hang(
+    made.moving(
         "lid",
+        "revolute",
         (_HINGE, 0.0, low - _SEAT),
         (0.0, -1.0, 0.0),
         math.radians(98),
         mass=1.2,
-        low=(_HINGE, -_HALF, low),
-        high=(_FRONT, _HALF, high),
+        fills=((_HINGE, -_HALF, low), (_FRONT, _HALF, high)),
         slowing=0.06,
     )
     long = _LONG + 0.001
@@ -221,7 +225,7 @@ def _lid(made: Assembly, low: float) -> None:
     made.frame("lid", (_CENTRE, 0.0, high), "middle of the lid when it is shut")
 
 
-def _wall_bars(made: Assembly, side: float, reach: float | None) -> None:
+def _wall_bars(made: Joinery, side: float, reach: float | None) -> None:
     """Add the bar behind the toilet and, where a wall is at `reach` [m], the one beside it."""
     rules = made.setting.rules
     diameter, gap = rules.figure("grab_bar_diameter"), rules.figure("grab_bar_gap")
@@ -248,11 +252,11 @@ def _wall_bars(made: Assembly, side: float, reach: float | None) -> None:
     made.frame("grab_bar_side", middle, "middle of the bar")
 
 
-def _fold_down(made: Assembly, y: float, top: float) -> None:
+def _fold_down(made: Joinery, y: float, top: float) -> None:
     fold_down(made, y, top=top, length=_FOLD_LONG, diameter=0.035)
 
 
-def fold_down(made: Assembly, y: float, *, top: float, length: float, diameter: float) -> None:
+def fold_down(made: Joinery, y: float, *, top: float, length: float, diameter: float) -> None:
     """Add a bar on the wall behind that stands up against it and folds down, joint `fold_down`.
 
     Args:
@@ -264,19 +268,19 @@ def fold_down(made: Assembly, y: float, *, top: float, length: float, diameter: 
     """
     radius = 0.5 * diameter
     hinge, z = 0.12, top - radius
-    made.block("metal", (0.0, y - 0.05, z - 0.2), (0.012, y + 0.05, z + 0.06))
+    made.box((0.0, y - 0.05, z - 0.2), (0.012, y + 0.05, z + 0.06), "metal")
     for aside in (-0.03, 0.03):
         made.draw(rod("metal", 0.012, (0.01, y + aside, z), (hinge, y + aside, z)))
     made.draw(rod("metal", 0.016, (hinge, y - 0.038, z), (hinge, y + 0.038, z)))
     made.solid(*solid_rods(0.03, (0.0, y, z), (hinge, y, z)))
-    made.hang(
+    made.moving(
         "fold_down",
+        "revolute",
         (hinge, y, z),
         (0.0, 1.0, 0.0),
-        math.radians(95),  # up, it leans five degrees towards the wall
+        math.radians(95),
         mass=2.5,
-        low=(hinge, y - radius, z - 0.15),
-        high=(length, y + radius, z + radius),
+        fills=((hinge, y - radius, z - 0.15), (length, y + radius, z + radius)),
         slowing=0.1,
         friction=_FOLD_FRICTION,
         drawn_open=True,

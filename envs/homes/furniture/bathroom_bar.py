@@ -11,8 +11,9 @@ from ..piece import Piece, Setting, maker
 from ..rectangle import Rectangle
 from ..rule import Rules
 from .bathroom import fold_down
-from .bathroom_assembly import Assembly, box, rod, solid_rods
+from .joinery import Joinery
 from .plumbing import disc, grab_bar
+from .stock import box, rod, solid_rods
 
 # What is built where the rules of a level want no bars: as at the other levels.
 _HEIGHT, _DIAMETER, _GAP = 0.86, 0.035, 0.038  # [m]
@@ -59,7 +60,7 @@ def wall_bar(
     middle = high - 0.5 * thick if tilt_deg == 0 else high
     if middle - abs(z) < 0.05:
         raise ConfigError(f"a bar {length} m long at {high} m, tilted {tilt_deg}°, meets the floor")
-    made = Assembly("grab_bar", setting)
+    made = Joinery("grab_bar", setting)
     ends = ((0.0, -y, middle - z), (0.0, y, middle + z))
     grab_bar(made, *ends, (1.0, 0.0, 0.0), diameter=thick, gap=free)
     made.measures |= {"grab_bar_diameter": thick, "grab_bar_gap": free}
@@ -80,7 +81,7 @@ def fold_down_bar(setting: Setting, *, length: float = 0.75) -> Piece:
         length: From the wall to its front end [m].
     """
     height, diameter, _ = bar_figures(setting.rules)
-    made = Assembly("fold_down_bar", setting)
+    made = Joinery("fold_down_bar", setting)
     fold_down(made, 0.0, top=height, length=length, diameter=diameter)
     made.measures["grab_bar_diameter"] = diameter
     area = Rectangle(0.0, -0.06, 0.31, 0.06)
@@ -95,7 +96,7 @@ def towel_rail(setting: Setting, *, length: float = 0.6) -> Piece:
         setting: What it is made for.
         length: Between its ends [m].
     """
-    made = Assembly("towel_rail", setting)
+    made = Joinery("towel_rail", setting)
     z = (1.3, 1.15, 1.1)[setting.rules.level - 1]  # ADA 308: 48 in at most; level 1, 3: own choice
     half, x = 0.5 * length, 0.07
     rail = ((0.0, -half, z), (x, -half, z), (x, half, z), (0.0, half, z))
@@ -117,7 +118,7 @@ def towel_rail(setting: Setting, *, length: float = 0.6) -> Piece:
 @maker("toilet_paper")
 def toilet_paper(setting: Setting) -> Piece:
     """Return a roll of paper on its holder; the roll turns, joint `roll`."""
-    made = Assembly("toilet_paper", setting)
+    made = Joinery("toilet_paper", setting)
     z, x = 0.65, 0.08  # ADA 604.7: 15 to 48 in high; own choice
     made.draw(
         rod("metal", 0.02, (0.0, 0.08, z + 0.02), (0.008, 0.08, z + 0.02)),
@@ -126,14 +127,14 @@ def toilet_paper(setting: Setting) -> Piece:
         ),
     )
     made.solid(*solid_rods(0.006, (0.0, 0.08, z), (x, 0.08, z), (x, -0.07, z)))
-    made.hang(
+    made.moving(
         "roll",
+        "revolute",
         (x, 0.0, z),
         (0.0, 1.0, 0.0),
-        2 * math.pi,  # as much as a few sheets take
+        2 * math.pi,
         mass=0.15,
-        low=(x - 0.05, -0.05, z - 0.05),
-        high=(x + 0.05, 0.05, z + 0.05),
+        fills=((x - 0.05, -0.05, z - 0.05), (x + 0.05, 0.05, z + 0.05)),
         slowing=0.1,
     )
     ring = ((0.02, -0.05), (0.055, -0.05), (0.055, 0.05), (0.02, 0.05), (0.02, -0.05))

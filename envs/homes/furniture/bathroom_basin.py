@@ -9,9 +9,10 @@ from rcare_marl.urdf import Shape, Triple
 
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
-from .bathroom_assembly import Assembly, box, rod
 from .bathroom_storage import BOARD, bottle, carcase, door
+from .joinery import Joinery
 from .plumbing import drain, tap, trap
+from .stock import box, rod
 
 _TILT = math.radians(8)  # of a mirror that somebody who sits looks into; own choice
 _MIRROR_EDGE = 0.98  # [m], lower edge of mirrors: ADA 603.3, 40 in at most
@@ -36,7 +37,7 @@ def washbasin(setting: Setting, *, width: float | None = None) -> Piece:
     least = 0.6 if setting.rules.level == 1 else 0.5
     if width is not None and width < least:
         raise ConfigError(f"a washbasin must be at least {least} m wide here, got {width}")
-    made = Assembly("washbasin", setting)
+    made = Joinery("washbasin", setting)
     rules = setting.rules
     rim = rules.figure("basin_rim_height")
     made.measures["basin_rim_height"] = rim
@@ -49,14 +50,14 @@ def washbasin(setting: Setting, *, width: float | None = None) -> Piece:
     return _wall_hung(made, rim, knee, width or 0.65)
 
 
-def _hollow(made: Assembly, low: Triple, high: Triple, inner: Rectangle, floor: float) -> None:
+def _hollow(made: Joinery, low: Triple, high: Triple, inner: Rectangle, floor: float) -> None:
     """Add a slab of ceramic between two corners [m], with a hollow over `inner` down to `floor`."""
     (x0, y0, z0), (x1, y1, z1) = low, high
-    made.block("ceramic", (x0, y0, z0), (inner.x0, y1, z1))
-    made.block("ceramic", (inner.x1, y0, z0), (x1, y1, z1))
-    made.block("ceramic", (inner.x0, y0, z0), (inner.x1, inner.y0, z1))
-    made.block("ceramic", (inner.x0, inner.y1, z0), (inner.x1, y1, z1))
-    made.block("ceramic", (inner.x0, inner.y0, z0), (inner.x1, inner.y1, floor))
+    made.box((x0, y0, z0), (inner.x0, y1, z1), "ceramic")
+    made.box((inner.x1, y0, z0), (x1, y1, z1), "ceramic")
+    made.box((inner.x0, y0, z0), (inner.x1, inner.y0, z1), "ceramic")
+    made.box((inner.x0, inner.y1, z0), (inner.x1, y1, z1), "ceramic")
+    made.box((inner.x0, inner.y0, z0), (inner.x1, inner.y1, floor), "ceramic")
     for x, y in (
         (inner.x0, inner.y0),
         (inner.x0, inner.y1),
@@ -68,24 +69,24 @@ def _hollow(made: Assembly, low: Triple, high: Triple, inner: Rectangle, floor: 
     drain(made, (*inner.centre, floor))
 
 
-def _vanity(made: Assembly, rim: float, width: float) -> Piece:
+def _vanity(made: Joinery, rim: float, width: float) -> Piece:
     half, deep = 0.5 * width, 0.5
     style = made.setting.rules.choice("cupboard_handle")
-    made.block("wood_dark", (0.0, 0.02 - half, 0.0), (deep - 0.1, half - 0.02, 0.09))
+    made.box((0.0, 0.02 - half, 0.0), (deep - 0.1, half - 0.02, 0.09), "wood_dark")
     under = rim - 0.145
     carcase(made, (0.0, -half, 0.09), (deep - 0.02, half, under))
-    made.block("front", (deep - 0.02, -half, under), (deep, half, rim - 0.03))
+    made.box((deep - 0.02, -half, under), (deep, half, rim - 0.03), "front")
     for y in (-half, half - BOARD):
-        made.block("front", (0.0, y, under), (deep - 0.02, y + BOARD, rim - 0.03))
+        made.box((0.0, y, under), (deep - 0.02, y + BOARD, rim - 0.03), "front")
     inner = Rectangle(0.14, -0.24, 0.44, 0.24)
     low: Triple = (0.11, -0.265, under)
     _hollow(made, low, (0.465, 0.265, rim), inner, rim - 0.125)
     x0, y0, z0 = 0.0, -half - 0.01, rim - 0.03
     x1, y1, z1 = deep + 0.01, half + 0.01, rim - 0.005
-    made.block("worktop", (x0, y0, z0), (low[0], y1, z1))
-    made.block("worktop", (0.465, y0, z0), (x1, y1, z1))
-    made.block("worktop", (low[0], y0, z0), (0.465, -0.265, z1))
-    made.block("worktop", (low[0], 0.265, z0), (0.465, y1, z1))
+    made.box((x0, y0, z0), (low[0], y1, z1), "worktop")
+    made.box((0.465, y0, z0), (x1, y1, z1), "worktop")
+    made.box((low[0], y0, z0), (0.465, -0.265, z1), "worktop")
+    made.box((low[0], 0.265, z0), (0.465, y1, z1), "worktop")
     tap(made, (0.065, 0.0, z1), style=made.setting.rules.choice("tap"))
     bottle(made, (0.06, 0.05 - half, z1), "accent")
     for name, side in (("door_left", 1.0), ("door_right", -1.0)):
@@ -109,11 +110,11 @@ def _vanity(made: Assembly, rim: float, width: float) -> Piece:
     return made.piece(Rectangle(0.0, -half - 0.01, front, half + 0.01), 1.8, zones=zones)
 
 
-def _mirror_cabinet(made: Assembly, half: float, style: str) -> None:
+def _mirror_cabinet(made: Joinery, half: float, style: str) -> None:
     """Add a cabinet over the basin, with two mirrors for doors."""
     low, high, deep = 1.2, 1.8, 0.14
     carcase(made, (0.0, -half, low), (deep - 0.02, half, high))
-    made.block("front", (0.012, BOARD - half, 1.49), (deep - 0.03, half - BOARD, 1.49 + BOARD))
+    made.box((0.012, BOARD - half, 1.49), (deep - 0.03, half - BOARD, 1.49 + BOARD), "front")
     for name, side in (("mirror_left", 1.0), ("mirror_right", -1.0)):
         door(
             made,
@@ -132,7 +133,7 @@ def _mirror_cabinet(made: Assembly, half: float, style: str) -> None:
         made.draw(rod(colour, 0.022, (0.06, y, low + BOARD), (0.06, y, low + 0.15)))
 
 
-def _semi_pedestal(made: Assembly, rim: float, knee: float, width: float) -> Piece:
+def _semi_pedestal(made: Joinery, rim: float, knee: float, width: float) -> Piece:
     half, front = 0.5 * width, 0.5
     centre, long = 0.29, 0.21
     made.draw(
@@ -174,7 +175,7 @@ def _semi_pedestal(made: Assembly, rim: float, knee: float, width: float) -> Pie
     return _with_knees(made, half, front, 0.22)
 
 
-def _wall_hung(made: Assembly, rim: float, knee: float, width: float) -> Piece:
+def _wall_hung(made: Joinery, rim: float, knee: float, width: float) -> Piece:
     half, front = 0.5 * width, 0.55
     inner = Rectangle(0.15, 0.1 - half, 0.49, half - 0.1)
     _hollow(made, (0.0, -half, knee), (front, half, rim), inner, rim - 0.095)
@@ -189,7 +190,7 @@ def _wall_hung(made: Assembly, rim: float, knee: float, width: float) -> Piece:
     return _with_knees(made, half + 0.0125, front + 0.0125, 0.24)
 
 
-def _mirror(made: Assembly, tilt: float, width: float, height: float) -> None:
+def _mirror(made: Joinery, tilt: float, width: float, height: float) -> None:
     """Add a mirror on the wall in a thin frame, its top tilted forward."""
     half, middle = 0.5 * width, _MIRROR_EDGE + 0.5 * height * math.cos(tilt)
     x = 0.015 + 0.5 * height * math.sin(tilt)
@@ -208,7 +209,7 @@ def _mirror(made: Assembly, tilt: float, width: float, height: float) -> None:
     made.frame("mirror", (x + 0.012, 0.0, middle), "middle of the mirror")
 
 
-def _with_knees(made: Assembly, half: float, front: float, back: float) -> Piece:
+def _with_knees(made: Joinery, half: float, front: float, back: float) -> Piece:
     """Return the piece with room for knees from `back` [m] to its front."""
     free = (0.0, 0.8, 0.92)[
         made.setting.rules.level - 1
@@ -217,7 +218,8 @@ def _with_knees(made: Assembly, half: float, front: float, back: float) -> Piece
     knee = Rectangle(back, -half, front, half)
     made.frame("knees", (front, 0.0, 0.5), "where knees go under it", yaw_deg=180.0)
     footprint = Rectangle(0.0, -half, front, half)
-    return made.piece(footprint, 1.86, zones=(Zone(use),), knee=(knee,))
+    made.knee += (knee,)
+    return made.piece(footprint, 1.86, zones=(Zone(use),))
 
 
 __all__ = ["washbasin"]

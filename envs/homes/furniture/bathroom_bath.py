@@ -8,9 +8,10 @@ from rcare_marl.urdf import Shape, Triple
 
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
-from .bathroom_assembly import Assembly, box, rod
 from .bathroom_bar import bar_figures
+from .joinery import Joinery
 from .plumbing import drain, grab_bar, hand_shower, tap
+from .stock import box, rod
 
 _WALL = 0.07  # [m] thick, with its rim; common, from memory
 _RIM = 0.035  # [m], radius of the rim
@@ -32,7 +33,7 @@ def bathtub(setting: Setting, *, length: float = 1.52, width: float = 0.76) -> P
         length: Along the wall [m].
         width: Out of the wall [m].
     """
-    made = Assembly("bathtub", setting)
+    made = Joinery("bathtub", setting)
     rim = _tub(made, length, width)
     _slope(made, rim, length, width)
     return _finished(made, rim, length, width)
@@ -47,7 +48,7 @@ def bathtub_with_seat(setting: Setting, *, length: float = 1.52, width: float = 
         length: Along the wall [m].
         width: Out of the wall [m].
     """
-    made = Assembly("bathtub_with_seat", setting)
+    made = Joinery("bathtub_with_seat", setting)
     rim = _tub(made, length, width)
     _seat(made, length, width)
     height, diameter, gap = bar_figures(setting.rules)
@@ -66,13 +67,13 @@ def bathtub_with_seat(setting: Setting, *, length: float = 1.52, width: float = 
     return _finished(made, rim, length, width)
 
 
-def _tub(made: Assembly, length: float, width: float) -> float:
+def _tub(made: Joinery, length: float, width: float) -> float:
     """Add floor, walls and rim, tap and drain; return the height of the rim [m]."""
     rules = made.setting.rules
     rim = rules.figure("bathtub_rim_height") if rules.has("bathtub_rim_height") else _RIM_ELSE
     made.measures["bathtub_rim_height"] = rim
     half, top = 0.5 * length, rim - _RIM
-    made.block("ceramic", (0.0, -half, 0.0), (width, half, _FLOOR))
+    made.box((0.0, -half, 0.0), (width, half, _FLOOR), "ceramic")
     for low, high in (
         ((0.0, -half), (_WALL, half)),
         ((width - _WALL, -half), (width, half)),
@@ -101,7 +102,7 @@ def _tub(made: Assembly, length: float, width: float) -> float:
     return rim
 
 
-def _slope(made: Assembly, rim: float, length: float, width: float) -> None:
+def _slope(made: Joinery, rim: float, length: float, width: float) -> None:
     """Lean the head end back, to lie against."""
     end, rise = 0.5 * length - _WALL, rim - _FLOOR - 0.02
     tilt = math.atan2(_SLOPE, rise)
@@ -115,7 +116,7 @@ def _slope(made: Assembly, rim: float, length: float, width: float) -> None:
     made.solid(Shape(kind="box", at=at, size=size, rpy=turn))
 
 
-def _seat(made: Assembly, length: float, width: float) -> None:
+def _seat(made: Joinery, length: float, width: float) -> None:
     """Add a seat of four boards that lies within the rim."""
     rules = made.setting.rules
     top = rules.figure("bath_seat_height") if rules.has("bath_seat_height") else _RIM_ELSE
@@ -133,7 +134,7 @@ def _seat(made: Assembly, length: float, width: float) -> None:
     made.frame("seat", seat, "middle of the seat, facing the tap", yaw_deg=-90.0)
 
 
-def _finished(made: Assembly, rim: float, length: float, width: float) -> Piece:
+def _finished(made: Joinery, rim: float, length: float, width: float) -> Piece:
     half, level = 0.5 * length, made.setting.rules.level
     free = 0.6 if level == 1 else 0.76  # ADA 607.2: 30 in along the whole bath; level 1: own choice
     along = 0.45 if level == 1 else half

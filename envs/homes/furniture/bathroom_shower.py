@@ -9,9 +9,10 @@ from rcare_marl.urdf import Triple
 
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
-from .bathroom_assembly import Assembly, box, rod, solid_rods
 from .bathroom_bar import bar_figures
+from .joinery import Joinery
 from .plumbing import disc, drain, grab_bar, hand_shower, tiled_panel
+from .stock import box, rod, solid_rods
 
 _PANEL = 0.04  # [m], thickness of tiled walls; own choice
 _HIGH = 2.02  # [m], of walls and curtain rails; own choice
@@ -22,7 +23,7 @@ _ROLL_IN = (1.83, 1.22)  # [m], width and depth where the rules of a level want 
 _HINGE = 0.06  # [m], of a seat, from its wall: ADA 610.3, 2 1/2 in at most
 
 
-def _seat_height(made: Assembly) -> float:
+def _seat_height(made: Joinery) -> float:
     rules = made.setting.rules
     height = rules.figure("bath_seat_height") if rules.has("bath_seat_height") else _SEAT_ELSE
     made.measures["bath_seat_height"] = height
@@ -30,7 +31,7 @@ def _seat_height(made: Assembly) -> float:
 
 
 def fold_seat(
-    made: Assembly, wall: Triple, out: Triple, *, width: float, depth: float, folded: bool
+    made: Joinery, wall: Triple, out: Triple, *, width: float, depth: float, folded: bool
 ) -> None:
     """Add a seat that folds up against its wall, joint `seat`, with slats.
 
@@ -60,14 +61,14 @@ def fold_seat(
     # Down from the wall is about z × out; folded, it leans five degrees back.
     down: Triple = (-dy, dx, 0.0) if folded else (dy, -dx, 0.0)
     hinge = (x + _HINGE * dx, y + _HINGE * dy, top - 0.5 * thick)
-    made.hang(
+    made.moving(
         "seat",
+        "revolute",
         hinge,
         down,
         math.radians(95),
         mass=4.0,
-        low=low,
-        high=high,
+        fills=(low, high),
         slowing=0.12,
         drawn_open=folded,
     )
@@ -84,7 +85,7 @@ def fold_seat(
         made.draw(rod("metal", 0.012, start, end), link="seat")
     made.solid(box("", low, high), link="seat")
     plate = span(0.0, 0.03, top - 0.08, top, 0.85 * half)
-    made.block("metal", *plate)
+    made.box(*plate, "metal")
     arms = span(0.03, _HINGE, top - 0.03, top - 0.012, 0.75 * half)
     made.draw(box("metal", *arms))
     front = (x + depth * dx, y + depth * dy, top - 0.5 * thick)
@@ -94,7 +95,7 @@ def fold_seat(
     made.frame("seat", seat, "middle of the seat when it is down, facing out", yaw_deg=yaw)
 
 
-def _curtain(made: Assembly, x: float, half: float, covered: float) -> None:
+def _curtain(made: Joinery, x: float, half: float, covered: float) -> None:
     """Add a rail between two walls and a curtain, drawn to one side; the curtain is to see only."""
     z = _HIGH - 0.06
     made.draw(rod("metal", 0.012, (x, -half, z), (x, half, z)))
@@ -105,7 +106,7 @@ def _curtain(made: Assembly, x: float, half: float, covered: float) -> None:
         made.draw(rod("curtain", 0.034, (x + aside, y, 0.12), (x + 0.5 * aside, y, z - 0.03)))
 
 
-def _bars(made: Assembly, ends: tuple[tuple[Triple, Triple, Triple], ...]) -> None:
+def _bars(made: Joinery, ends: tuple[tuple[Triple, Triple, Triple], ...]) -> None:
     """Add bars at the usual height, each from one point of a wall to another, out of it."""
     height, diameter, gap = bar_figures(made.setting.rules)
     z = height - 0.5 * diameter
@@ -139,7 +140,7 @@ def transfer_shower(setting: Setting, *, seat: str = "left") -> Piece:
     """
     if seat not in ("left", "right"):
         raise ConfigError(f"seat must be left or right, got {seat!r}")
-    made = Assembly("transfer_shower", setting)
+    made = Joinery("transfer_shower", setting)
     side, half, deep = (1.0 if seat == "left" else -1.0), 0.5 * _TRANSFER, _TRANSFER
     for sign in (-1.0, 1.0):
         near, far = sorted((sign * half, sign * (half + _PANEL)))
@@ -148,7 +149,7 @@ def transfer_shower(setting: Setting, *, seat: str = "left") -> Piece:
     made.measures["shower_threshold"] = step
     made.draw(box("wall_tile", (0.0, -half, 0.0), (deep, half, 0.004)))
     if step > 0:
-        made.block("metal", (deep - 0.04, -half, 0.0), (deep, half, step))
+        made.box((deep - 0.04, -half, 0.0), (deep, half, step), "metal")
     drain(made, (0.5 * deep, -side * 0.1, 0.004), radius=0.05)
     inward: Triple = (0.0, -side, 0.0)
     fold_seat(made, (0.45, side * half, 0.0), inward, width=0.55, depth=0.4, folded=False)
@@ -188,7 +189,7 @@ def roll_in_shower(setting: Setting, *, ends: str = "none") -> Piece:
     if ends not in ("none", "left", "right", "both"):
         raise ConfigError(f"ends must be one of none, left, right, both, got {ends!r}")
     rules = setting.rules
-    made = Assembly("roll_in_shower", setting)
+    made = Joinery("roll_in_shower", setting)
     width, deep = _ROLL_IN
     if rules.has("shower_width"):
         width, deep = rules.figure("shower_width"), rules.figure("shower_depth")
@@ -221,12 +222,8 @@ def roll_in_shower(setting: Setting, *, ends: str = "none") -> Piece:
     left = half + (_PANEL if 1.0 in own else 0.0)
     right = half + (_PANEL if -1.0 in own else 0.0)
     use = Rectangle(deep, -half, deep + 0.76, half)  # ADA 608.2.2: 30 in along the open side
-    return made.piece(
-        Rectangle(0.0, -right, deep, left),
-        _HIGH + 0.012,
-        zones=(Zone(use),),
-        knee=(Rectangle(0.0, -half, deep, half),),
-    )
+    made.knee += (Rectangle(0.0, -half, deep, half),)
+    return made.piece(Rectangle(0.0, -right, deep, left), _HIGH + 0.012, zones=(Zone(use),))
 
 
 @maker("shower_cabin")
@@ -238,17 +235,17 @@ def shower_cabin(setting: Setting, *, width: float = 0.9, depth: float = 0.9) ->
         width: Along the wall [m].
         depth: Out of the wall [m].
     """
-    made = Assembly("shower_cabin", setting)
+    made = Joinery("shower_cabin", setting)
     half, rim, high = 0.5 * width, setting.rules.figure("shower_threshold"), 1.98
     made.measures["shower_threshold"] = rim
     floor = min(0.03, 0.5 * rim)
     edge = 0.045
     if rim > 0:
-        made.block("ceramic", (0.0, -half, 0.0), (depth, half, floor))
-        made.block("ceramic", (0.0, -half, floor), (edge, half, rim))
-        made.block("ceramic", (depth - edge, -half, floor), (depth, half, rim))
+        made.box((0.0, -half, 0.0), (depth, half, floor), "ceramic")
+        made.box((0.0, -half, floor), (edge, half, rim), "ceramic")
+        made.box((depth - edge, -half, floor), (depth, half, rim), "ceramic")
         for y in (-half, half - edge):
-            made.block("ceramic", (edge, y, floor), (depth - edge, y + edge, rim))
+            made.box((edge, y, floor), (depth - edge, y + edge, rim), "ceramic")
     else:
         made.draw(box("wall_tile", (0.0, -half, 0.0), (depth, half, 0.004)))
     drain(made, (0.5 * depth, 0.0, max(floor, 0.004)), radius=0.04)
@@ -282,24 +279,24 @@ def shower_cabin(setting: Setting, *, width: float = 0.9, depth: float = 0.9) ->
 
 
 def _glass_door(
-    made: Assembly, face: float, hinge: float, free: float, low: float, high: float
+    made: Joinery, face: float, hinge: float, free: float, low: float, high: float
 ) -> None:
     """Add a door of glass in the plane `face`, hinged at the left, that opens outwards."""
     corner, far = (face - 0.008, free, low), (face, hinge, high)
-    made.hang(
+    made.moving(
         "door",
+        "revolute",
         (face, hinge, low),
         (0.0, 0.0, 1.0),
         math.radians(95),
-        mass=2500 * 0.008 * (hinge - free) * (high - low),  # density of glass, from memory
-        low=corner,
-        high=far,
+        mass=2500 * 0.008 * (hinge - free) * (high - low),
+        fills=(corner, far),
         slowing=0.15,
     )
     made.draw(box("glass", corner, far), link="door")
     made.solid(box("", (face - 0.012, free, low), far), link="door")
     y, x = free + 0.06, face + 0.035
-    made.bar("metal", 0.008, (x, y, 0.95), (x, y, 1.25), link="door")
+    made.rod(((x, y, 0.95), (x, y, 1.25)), 0.008, "metal", link="door", solid=True)
     for z in (0.98, 1.22):
         made.draw(rod("metal", 0.006, (face, y, z), (x, y, z)), link="door")
     made.draw(rod("metal", 0.006, (face, free, low), (face, free, high)), link="door")

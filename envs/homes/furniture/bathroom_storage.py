@@ -8,15 +8,16 @@ from rcare_marl.urdf import Shape
 
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
-from .bathroom_assembly import Assembly, box, rod
+from .joinery import Joinery
 from .plumbing import handle
+from .stock import box, rod
 
 BOARD = 0.016  # [m] thick; common chipboard, from memory
 _DENSITY = 650.0  # [kg/m³] of chipboard, from memory
 
 
 def door(
-    made: Assembly,
+    made: Joinery,
     name: str,
     *,
     front: float,
@@ -46,35 +47,35 @@ def door(
     """
     near, far = sorted((hinge, free))
     low_corner, high_corner = (front - thick, near, low), (front, far, high)
-    made.hang(
+    made.moving(
         name,
+        "revolute",
         (front, hinge, low),
         (0.0, 0.0, 1.0 if hinge > free else -1.0),
         math.radians(105),
         mass=_DENSITY * thick * (far - near) * (high - low),
-        low=low_corner,
-        high=high_corner,
+        fills=(low_corner, high_corner),
         slowing=0.1,
     )
-    made.block(material, low_corner, high_corner, link=name)
+    made.box(low_corner, high_corner, material, link=name)
     inward = 0.045 if hinge > free else -0.045
     handle(made, name, (front, free + inward, handle_at), style=style)
 
 
 def carcase(
-    made: Assembly, low: tuple[float, float, float], high: tuple[float, float, float]
+    made: Joinery, low: tuple[float, float, float], high: tuple[float, float, float]
 ) -> None:
     """Add sides, back, bottom and top of a cupboard that is open along x."""
     (x0, y0, z0), (x1, y1, z1) = low, high
-    made.block("front", (x0, y0, z0), (x1, y0 + BOARD, z1))
-    made.block("front", (x0, y1 - BOARD, z0), (x1, y1, z1))
-    made.block("front", (x0, y0 + BOARD, z0), (x0 + 0.012, y1 - BOARD, z1))
-    made.block("front", (x0 + 0.012, y0 + BOARD, z0), (x1, y1 - BOARD, z0 + BOARD))
-    made.block("front", (x0 + 0.012, y0 + BOARD, z1 - BOARD), (x1, y1 - BOARD, z1))
+    made.box((x0, y0, z0), (x1, y0 + BOARD, z1), "front")
+    made.box((x0, y1 - BOARD, z0), (x1, y1, z1), "front")
+    made.box((x0, y0 + BOARD, z0), (x0 + 0.012, y1 - BOARD, z1), "front")
+    made.box((x0 + 0.012, y0 + BOARD, z0), (x1, y1 - BOARD, z0 + BOARD), "front")
+    made.box((x0 + 0.012, y0 + BOARD, z1 - BOARD), (x1, y1 - BOARD, z1), "front")
 
 
 def towels(
-    made: Assembly, at: tuple[float, float, float], *, count: int, size: tuple[float, float]
+    made: Joinery, at: tuple[float, float, float], *, count: int, size: tuple[float, float]
 ) -> None:
     """Add a pile of folded towels on `at` [m], `size` deep and wide."""
     x, y, z = at
@@ -89,7 +90,7 @@ def towels(
 
 
 def bottle(
-    made: Assembly, at: tuple[float, float, float], material: str, *, height: float = 0.14
+    made: Joinery, at: tuple[float, float, float], material: str, *, height: float = 0.14
 ) -> None:
     """Add a dispenser for soap that stands on `at` [m], for the eye."""
     x, y, z = at
@@ -117,13 +118,13 @@ def bathroom_cabinet(
         depth: Out of the wall [m].
         height: Of its top [m].
     """
-    made = Assembly("bathroom_cabinet", setting)
+    made = Joinery("bathroom_cabinet", setting)
     half, front, inner = 0.5 * width, depth, depth - 0.02
-    made.block("wood_dark", (0.0, 0.02 - half, 0.0), (inner - 0.04, half - 0.02, 0.08))
+    made.box((0.0, 0.02 - half, 0.0), (inner - 0.04, half - 0.02, 0.08), "wood_dark")
     carcase(made, (0.0, -half, 0.08), (inner, half, height))
     levels = (0.45, 0.8, 1.12, 1.4)
     for z in levels:
-        made.block("front", (0.012, BOARD - half, z), (inner, half - BOARD, z + BOARD))
+        made.box((0.012, BOARD - half, z), (inner, half - BOARD, z + BOARD), "front")
     style = setting.rules.choice("cupboard_handle")
     for name, low, high, grip in (
         ("door_low", 0.085, levels[1] + 0.006, 0.68),
@@ -160,21 +161,21 @@ def shelf_linen(setting: Setting, *, width: float = 0.8, depth: float = 0.38) ->
         width: Along the wall [m].
         depth: Out of the wall [m].
     """
-    made = Assembly("shelf_linen", setting)
+    made = Joinery("shelf_linen", setting)
     half, high = 0.5 * width, (1.7, 1.4, 1.25)[setting.rules.level - 1]  # within reach; own choice
     for y in (-half, half - 0.02):
-        made.block("wood_light", (0.0, y, 0.0), (depth, y + 0.02, high))
+        made.box((0.0, y, 0.0), (depth, y + 0.02, high), "wood_light")
     rise = (high - 0.12) / 4
     for i in range(5):
         z = 0.08 + rise * i
-        made.block("wood_light", (0.0, 0.02 - half, z), (depth, half - 0.02, z + 0.02))
+        made.box((0.0, 0.02 - half, z), (depth, half - 0.02, z + 0.02), "wood_light")
         made.frame(f"place_{i + 1}", (0.5 * depth, 0.0, z + 0.02), "middle of a board")
         if i in (1, 2, 3):
             counts = ((2, 4), (4, 3), (3, 2))[i - 1]
             for side, count in zip((-1, 1), counts, strict=True):
                 towels(made, (0.17, side * 0.19, z + 0.02), count=count, size=(0.28, 0.32))
     for y in (-0.19, 0.19):  # boxes below
-        made.block("fabric_light", (0.03, y - 0.16, 0.1), (depth - 0.02, y + 0.16, 0.27))
+        made.box((0.03, y - 0.16, 0.1), (depth - 0.02, y + 0.16, 0.27), "fabric_light")
         made.draw(rod("wood_dark", 0.01, (depth - 0.02, y, 0.22), (depth - 0.014, y, 0.22)))
     use = Rectangle(depth, -half, depth + 0.6, half)
     return made.piece(Rectangle(0.0, -half, depth, half), high, zones=(Zone(use),))
@@ -189,7 +190,7 @@ def laundry_basket(setting: Setting, *, width: float = 0.4, height: float = 0.55
         width: Across its top [m].
         height: Of its rim [m].
     """
-    made = Assembly("laundry_basket", setting)
+    made = Joinery("laundry_basket", setting)
     radius, low, wall = 0.5 * width, 0.42 * width, 0.012
     centre = radius + 0.02
     made.draw(
@@ -248,7 +249,7 @@ def bath_mat(setting: Setting, *, width: float = 0.8, depth: float = 0.5) -> Pie
         width: Along y [m].
         depth: Along x [m].
     """
-    made = Assembly("bath_mat", setting)
+    made = Joinery("bath_mat", setting)
     half = 0.5 * width
     made.draw(
         box("towel", (0.0, -half, 0.0), (depth, half, 0.008)),

@@ -9,7 +9,7 @@ from rcare_marl.urdf import Shape
 
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
-from .kitchen_assembly import Assembly, front_zone, wall_strip
+from .joinery import Joinery, front_zone, wall_strip
 
 # Length and width [m] of tables by seats; common, from memory. At level 3 longer by what a wheelchair
 # needs more than a chair; own choice.
@@ -44,7 +44,7 @@ def dining_table(setting: Setting, *, seats: int = 6) -> Piece:
     length, depth = TABLES[seats]
     length += LONGER if rules.level == 3 else 0.0
     height, free = rules.figure("table_height"), rules.figure("table_knee_height")
-    add = Assembly("dining_table", setting)
+    add = Joinery("dining_table", setting)
     half = 0.5 * length
     add.box((0.0, -half, height - TOP), (depth, half, height), "wood", bevel=0.006)
     if rules.level == 3:
@@ -55,17 +55,13 @@ def dining_table(setting: Setting, *, seats: int = 6) -> Piece:
     add.frame("tabletop", (0.5 * depth, 0.0, height), note="middle of the table")
     at_ends = SITTING if seats == 8 else 0.0
     zone = Rectangle(-SITTING, -half - at_ends, depth + SITTING, half + at_ends)
-    return add.piece(
-        wall_strip(depth, length),
-        height,
-        zones=(Zone(zone),),
-        measures={"table_height": height, "table_knee_height": free},
-        knee=knee,
-    )
+    add.measures |= {"table_height": height, "table_knee_height": free}
+    add.knee += knee
+    return add.piece(wall_strip(depth, length), height, zones=(Zone(zone),))
 
 
 def _legs(
-    add: Assembly, half: float, depth: float, under: float, free: float
+    add: Joinery, half: float, depth: float, under: float, free: float
 ) -> tuple[Rectangle, ...]:
     """Add legs at the corners, and the frame between them down to where knees go."""
     inset = INSET
@@ -81,7 +77,7 @@ def _legs(
 
 
 def _columns(
-    add: Assembly, seats: int, half: float, depth: float, under: float, free: float
+    add: Joinery, seats: int, half: float, depth: float, under: float, free: float
 ) -> tuple[Rectangle, ...]:
     """Add one column in the middle of a small table, or one near each end of a long one."""
     thick, foot = 0.10, 0.02
@@ -105,7 +101,7 @@ def _columns(
     )
 
 
-def _places(add: Assembly, seats: int, half: float, depth: float) -> None:
+def _places(add: Joinery, seats: int, half: float, depth: float) -> None:
     """Name where chairs go: along both long sides, and at the ends of the longest table."""
     a_side = seats // 2 if seats < 8 else 3
     away = CHAIR_DEPTH - TUCK
@@ -138,15 +134,15 @@ def round_table(setting: Setting, *, diameter: float = 1.1) -> Piece:
         raise ConfigError(f"a round table is 0.7 to 1.5 m wide, got {diameter!r}")
     rules = setting.rules
     height, free = rules.figure("table_height"), rules.figure("table_knee_height")
-    add = Assembly("round_table", setting)
+    add = Joinery("round_table", setting)
     r = 0.5 * diameter
     top = Shape("cylinder", "wood", (r, 0.0, height - 0.5 * TOP), radius=r, length=TOP)
-    add.shape(top, solid=True)
-    add.rod((r, 0.0, 0.02), (r, 0.0, height - TOP), 0.05, "wood", solid=True)
+    add.add(top)
+    add.rod(((r, 0.0, 0.02), (r, 0.0, height - TOP)), 0.05, "wood", solid=True)
     foot = ((0.26, 0.0), (0.26, 0.015), (0.08, 0.03), (0.05, 0.08))
-    add.shape(Shape("lathe", "wood", (r, 0.0, 0.0), profile=foot))
+    add.draw(Shape("lathe", "wood", (r, 0.0, 0.0), profile=foot))
     base = Shape("cylinder", at=(r, 0.0, 0.01), radius=0.26, length=0.02)
-    add.shape(base, solid=True, seen=False)
+    add.solid(base)
     beam = 0.5 * r
     add.box((r - beam, -0.03, free), (r + beam, 0.03, height - TOP), "wood")
     add.box((r - 0.03, -beam, free), (r + 0.03, beam, height - TOP), "wood")
@@ -158,15 +154,15 @@ def round_table(setting: Setting, *, diameter: float = 1.1) -> Piece:
         add.frame(name, at, yaw_deg=math.degrees(turn), note="where a chair goes")
     add.frame("tabletop", (r, 0.0, height), note="middle of the table")
     side = r - 0.06
+    add.measures |= {"table_height": height, "table_knee_height": free}
+    add.knee += (
+        Rectangle(0.0, -r, side, r),
+        Rectangle(diameter - side, -r, diameter, r),
+    )
     return add.piece(
         wall_strip(diameter, diameter),
         height,
         zones=(Zone(Rectangle(-SITTING, -r - SITTING, diameter + SITTING, r + SITTING)),),
-        measures={"table_height": height, "table_knee_height": free},
-        knee=(
-            Rectangle(0.0, -r, side, r),
-            Rectangle(diameter - side, -r, diameter, r),
-        ),
     )
 
 
@@ -175,7 +171,7 @@ def chair(setting: Setting) -> Piece:
     """Return a dining chair; at level 3 with armrests to push up from."""
     rules = setting.rules
     seat = rules.figure("seat_height")
-    add = Assembly("chair", setting)
+    add = Joinery("chair", setting)
     half, leg, high = 0.5 * CHAIR_WIDTH, 0.035, seat + 0.45
     cushion = 0.035
     for side in (-1, 1):
@@ -207,11 +203,11 @@ def chair(setting: Setting) -> Piece:
         add.box((0.025, -half + leg, z), (0.05, half - leg, z + tall), "wood", solid=False)
     add.box((0.025, -half + leg, seat + 0.15), (0.05, half - leg, high), "wood", seen=False)
     add.frame("seat", (0.05, 0.0, seat), note="top of the seat, at the back")
+    add.measures |= {"seat_height": seat}
     return add.piece(
         wall_strip(CHAIR_DEPTH, CHAIR_WIDTH),
         high,
         zones=(front_zone(CHAIR_DEPTH, CHAIR_WIDTH, 0.35),),
-        measures={"seat_height": seat},
     )
 
 
@@ -230,7 +226,7 @@ def high_sideboard(setting: Setting, *, width: float = 1.2) -> Piece:
 def _sideboard(setting: Setting, kind: str, width: float, high: float) -> Piece:
     if not 1.0 <= width <= 2.4:
         raise ConfigError(f"a {kind} is 1.0 to 2.4 m wide, got {width!r}")
-    add = Assembly(kind, setting)
+    add = Joinery(kind, setting)
     body_of_drawers(add, width, high, 0.42)
     z = high + 0.0
     vase = (
@@ -242,7 +238,7 @@ def _sideboard(setting: Setting, kind: str, width: float, high: float) -> Piece:
         (0.032, 0.23),
         (0.0, 0.15),
     )
-    add.shape(Shape("lathe", "blanket", (0.2, -0.3 * width, z), profile=vase))
+    add.draw(Shape("lathe", "blanket", (0.2, -0.3 * width, z), profile=vase))
     add.box((0.03, 0.2 * width, z), (0.05, 0.2 * width + 0.14, z + 0.19), "wood_dark", solid=False)
     add.box(
         (0.05, 0.2 * width + 0.012, z + 0.012),
@@ -261,7 +257,7 @@ def _sideboard(setting: Setting, kind: str, width: float, high: float) -> Piece:
     )
 
 
-def body_of_drawers(add: Assembly, width: float, high: float, deep: float) -> None:
+def body_of_drawers(add: Joinery, width: float, high: float, deep: float) -> None:
     """Add a cabinet on legs with a row of drawers over a row of doors, its front at `deep` [m]."""
     half, leg, board, row = 0.5 * width, 0.14, 0.018, 0.16
     carcass = deep - 0.018
@@ -281,17 +277,17 @@ def body_of_drawers(add: Assembly, width: float, high: float, deep: float) -> No
         y0 = -half + board + k * step
         if k:
             add.box((0.0, y0 - 0.008, leg), (carcass, y0 + 0.008, high - 0.022), "wood")
-        a, b = (carcass, y0, upper), (deep, y0 + step, high - 0.024)
-        add.drawer(f"drawer_{k + 1}", a, b, "wood", inside=0.36, reach=0.3, inner="wood_light")
+        a, b = (carcass - 0.36, y0, upper), (deep, y0 + step, high - 0.024)
+        add.drawer(f"drawer_{k + 1}", a, b, "wood", travel=0.3)
         a, b = (carcass, y0, leg), (deep, y0 + step, upper)
         if k % 2:
-            add.leaf(f"door_{k + 1}", a, b, "wood", hinge="high", framed=True)
+            add.door(f"door_{k + 1}", a, b, "wood", hinge="left", framed=True)
         else:
-            add.leaf(f"door_{k + 1}", a, b, "wood", hinge="low", framed=True)
+            add.door(f"door_{k + 1}", a, b, "wood", hinge="right", framed=True)
         z = leg + 0.5 * (upper - leg)
         add.box((0.012, y0, z), (carcass - 0.05, y0 + step, z + board), "wood_light")
         at = (0.2, y0 + 0.5 * step, leg + board)
-        add.rod(at, (at[0], at[1], at[2] + 0.1), 0.11, "ceramic")
+        add.rod((at, (at[0], at[1], at[2] + 0.1)), 0.11, "ceramic")
 
 
 @maker("dresser_cabinet")
@@ -299,7 +295,7 @@ def dresser_cabinet(setting: Setting, *, width: float = 1.2) -> Piece:
     """Return a dresser with crockery on open shelves over drawers and doors, `width` [m] wide."""
     if not 1.0 <= width <= 1.8:
         raise ConfigError(f"a dresser is 1.0 to 1.8 m wide, got {width!r}")
-    add = Assembly("dresser_cabinet", setting)
+    add = Joinery("dresser_cabinet", setting)
     base, half, deep, top = 0.86, 0.5 * width, 0.3, 1.95
     body_of_drawers(add, width, base, 0.42)
     for side in (-1, 1):
@@ -313,15 +309,14 @@ def dresser_cabinet(setting: Setting, *, width: float = 1.2) -> Piece:
         for k in range(count):
             y = -half + 0.2 + k * (width - 0.4) / max(1, count - 1)
             tilted = ((0.07, y, z + 0.13), (0.085, y, z + 0.134))
-            add.rod(*tilted, 0.105, ("ceramic", "blanket")[(k + row) % 2])
+            add.rod(tilted, 0.105, ("ceramic", "blanket")[(k + row) % 2])
             add.rod(
-                (0.18, y + 0.08, z + 0.02),
-                (0.18, y + 0.08, z + 0.1),
+                ((0.18, y + 0.08, z + 0.02), (0.18, y + 0.08, z + 0.1)),
                 0.038,
                 ("clay", "ceramic")[k % 2],
             )
     bowl = ((0.06, 0.0), (0.14, 0.09), (0.13, 0.09), (0.05, 0.02), (0.0, 0.02))
-    add.shape(Shape("lathe", "clay", (0.2, 0.15, base), profile=bowl))
+    add.draw(Shape("lathe", "clay", (0.2, 0.15, base), profile=bowl))
     add.frame("top", (0.35, -0.2, base), note="on its top, before the shelves")
     return add.piece(
         wall_strip(0.47, width),

@@ -29,7 +29,7 @@ def make_curtains(
             x = 0.09 + 0.018 * (fold % 2)
             spread = sign * 0.012 * (2.5 - fold)
             curtains.rod([(x, y + spread, low), (x, y, rod - 0.015)], 0.034, "curtain")
-    return curtains.done(blocks=False)
+    return curtains.piece(blocks=False)
 
 
 @maker("blind")
@@ -46,28 +46,31 @@ def make_blind(
     """
     blind, half, panel = Joinery("blind", setting), 0.5 * width + 0.04, 0.5 * drop
     top = head + 0.06
-    blind.board((0.0, -half - 0.02, top - 0.05), (0.07, half + 0.02, top + 0.02), "trim")
-    blind.board(
-        (0.04, -half, top - 0.05 - panel), (0.046, half, top - 0.05), "curtain", solid=False
-    )
+    blind.box((0.0, -half - 0.02, top - 0.05), (0.07, half + 0.02, top + 0.02), "trim")
+    blind.box((0.04, -half, top - 0.05 - panel), (0.046, half, top - 0.05), "curtain", solid=False)
     low = top - 0.05 - panel
     # It weighs half a kilogram; the friction of its roll holds that.
     blind.moving("panel", "prismatic", (0.025, 0.0, low), (0.0, 0.0, -1.0), 0.92 * panel,
                  density=0.5 / (0.012 * 2 * half * (panel + 0.02)), damping=8.0, friction=8.0)  # fmt: skip
-    blind.board(
+    blind.box(
         (0.019, -half + 0.01, low - 0.02),
         (0.031, half - 0.01, low + panel),
         "fabric_light",
         link="panel",
     )
-    blind.board((0.014, -half + 0.01, low - 0.035), (0.036, half - 0.01, low - 0.012), "trim", link="panel",
-                solid=False)  # fmt: skip
+    blind.box(
+        (0.014, -half + 0.01, low - 0.035),
+        (0.036, half - 0.01, low - 0.012),
+        "trim",
+        link="panel",
+        solid=False,
+    )
     blind.rod([(0.03, 0.0, low - 0.03), (0.03, 0.0, low - 0.12)], 0.004, "paper", link="panel")
     blind.rod(
         [(0.03, 0.0, low - 0.16), (0.03, 0.0, low - 0.12)], 0.01, "wood", link="panel", solid=True
     )
-    blind.mark("handle_panel", (0.03, 0.0, low - 0.14), "toggle on the lower edge")
-    return blind.done(blocks=False)
+    blind.frame("handle_panel", (0.03, 0.0, low - 0.14), "toggle on the lower edge")
+    return blind.piece(blocks=False)
 
 
 __all__ = ["make_blind", "make_curtains"]

@@ -18,30 +18,30 @@ def make_garden_table(setting: Setting, *, width: float = 1.2, depth: float = 0.
     slats = round(depth / 0.1)
     for k in range(slats):
         x = k * depth / slats
-        table.board(
+        table.box(
             (x, -half, top - 0.025),
             (x + depth / slats - 0.008, half, top),
             "wood_light",
             solid=False,
         )
-    table.board((0.0, -half, top - 0.025), (depth, half, top), "", seen=False)
+    table.box((0.0, -half, top - 0.025), (depth, half, top), "", seen=False)
     for y in (-half + 0.08, half - 0.12):
-        table.board((0.03, y, top - 0.055), (depth - 0.03, y + 0.04, top - 0.025), "wood")
+        table.box((0.03, y, top - 0.055), (depth - 0.03, y + 0.04, top - 0.025), "wood")
     table.legs(Rectangle(0.03, -half + 0.07, depth - 0.03, half - 0.07), top - 0.055, 0.06, "wood")
     table.rod([(0.5 * depth, 0.1, top), (0.5 * depth, 0.1, top + 0.2)], 0.05, "glass")
     for x, y in ((0.3, -0.2), (0.62, -0.3), (0.6, 0.3)):
         table.rod([(x, y, top), (x, y, top + 0.11)], 0.032, "glass")
     table.measures.update(table_height=top, table_knee_height=top - 0.025)
     table.knee.append(Rectangle(0.0, -half + 0.13, depth, half - 0.13))
-    table.mark("tabletop", (0.5 * depth, 0.0, top), "middle of the top")
-    table.mark(
+    table.frame("tabletop", (0.5 * depth, 0.0, top), "middle of the top")
+    table.frame(
         "place_1",
         (depth + 0.35, 0.0, 0.0),
         "floor of a chair's back that faces the table",
         yaw_deg=180.0,
     )
-    table.mark("place_2", (-0.35, 0.0, 0.0), "floor of a chair's back that faces the table")
-    return table.done()
+    table.frame("place_2", (-0.35, 0.0, 0.0), "floor of a chair's back that faces the table")
+    return table.piece()
 
 
 __all__ = ["make_garden_table"]

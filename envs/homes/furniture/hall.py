@@ -16,7 +16,7 @@ def make_coat_rack(setting: Setting, *, width: float = 0.9) -> Piece:
     """Make a board with hooks on the wall, some coats and a bag; within reach of a seated person by rule."""
     rack, half = Joinery("coat_rack", setting), 0.5 * width
     high = min(setting.rules.figure("wardrobe_rail_height"), 1.65)
-    rack.board((0.0, -half, high - 0.08), (0.02, half, high + 0.08), "wood")
+    rack.box((0.0, -half, high - 0.08), (0.02, half, high + 0.08), "wood")
     count = max(3, round(width / 0.2))
     coats = ("fabric", "rug", "", "wood_dark", "", "leaf")
     for k in range(count):
@@ -27,8 +27,8 @@ def make_coat_rack(setting: Setting, *, width: float = 0.9) -> Piece:
             continue
         length = min(0.95, high - 0.3) - 0.06 * (k % 3)
         _hang_coat(rack, y, high, length, coat)
-    rack.mark("hook", (0.08, -half + 2.5 * width / count, high), "a free hook")
-    return rack.done()
+    rack.frame("hook", (0.08, -half + 2.5 * width / count, high), "a free hook")
+    return rack.piece()
 
 
 def _hang_coat(rack: Joinery, y: float, high: float, length: float, material: str) -> None:
@@ -36,7 +36,7 @@ def _hang_coat(rack: Joinery, y: float, high: float, length: float, material: st
     shoulder = high - 0.13
     outline = ((0.2, high - length), (0.17, shoulder - 0.25), (0.19, shoulder), (0.08, high - 0.05),
                (0.05, high + 0.01))  # fmt: skip
-    rack.add(
+    rack.draw(
         Shape(
             kind="lathe",
             material=material,
@@ -59,55 +59,59 @@ def make_shoe_bench(setting: Setting, *, width: float = 0.9) -> Piece:
         setting.rules.figure("seat_height"),
     )
     for y in (-half, half - BOARD):
-        bench.board((0.0, y, 0.0), (0.36, y + BOARD, top - 0.06), "wood")
+        bench.box((0.0, y, 0.0), (0.36, y + BOARD, top - 0.06), "wood")
     for z in (0.03, 0.2):
-        bench.board((0.0, -half + BOARD, z), (0.36, half - BOARD, z + BOARD), "wood")
-    bench.board((0.0, -half, top - 0.06 - BOARD), (0.36, half, top - 0.06), "wood")
-    bench.board((0.0, -half, top - 0.06), (0.36, half, top), "fabric_light", bevel=0.025)
+        bench.box((0.0, -half + BOARD, z), (0.36, half - BOARD, z + BOARD), "wood")
+    bench.box((0.0, -half, top - 0.06 - BOARD), (0.36, half, top - 0.06), "wood")
+    bench.box((0.0, -half, top - 0.06), (0.36, half, top), "fabric_light", bevel=0.025)
     count = int((width - 0.1) / 0.25)
     for level, z in enumerate((0.03 + BOARD, 0.2 + BOARD)):
         for k in range(count):
             y = -half + 0.07 + 0.25 * k
             material = ("wood_dark", "rug", "black", "white", "fabric")[(2 * k + level) % 5]
             for shift in (0.0, 0.105):
-                bench.board(
+                bench.box(
                     (0.06, y + shift, z), (0.33, y + shift + 0.09, z + 0.045), material, solid=False
                 )
-                bench.board((0.06, y + shift + 0.01, z + 0.045), (0.18, y + shift + 0.08, z + 0.09), material,
-                            solid=False)  # fmt: skip
+                bench.box(
+                    (0.06, y + shift + 0.01, z + 0.045),
+                    (0.18, y + shift + 0.08, z + 0.09),
+                    material,
+                    solid=False,
+                )
     bench.measures["seat_height"] = top
-    bench.mark("seat", (0.18, 0.0, top), "middle of the seat")
+    bench.frame("seat", (0.18, 0.0, top), "middle of the seat")
     bench.stand_zone(-half, half, 0.5, x=0.36)
-    return bench.done()
+    return bench.piece()
 
 
 @maker("console_table")
 def make_console_table(setting: Setting, *, width: float = 1.0) -> Piece:
     """Make a narrow table for keys and post, with a drawer, a bowl and a vase."""
     table, half, deep, top = Joinery("console_table", setting), 0.5 * width, 0.32, 0.8
-    table.board((0.0, -half, top - 0.022), (deep, half, top), "wood")
+    table.box((0.0, -half, top - 0.022), (deep, half, top), "wood")
     table.legs(Rectangle(0.01, -half + 0.01, deep - 0.01, half - 0.01), top - 0.022, 0.035, "wood")
     wide = min(0.45, width - 0.1)
     low = top - 0.13
     for y in (-0.5 * wide - BOARD, 0.5 * wide):
-        table.board((0.02, y, low), (deep - 0.02, y + BOARD, top - 0.022), "wood")
-    table.board((0.01, -half + 0.045, low), (0.022, half - 0.045, top - 0.022), "wood")
+        table.box((0.02, y, low), (deep - 0.02, y + BOARD, top - 0.022), "wood")
+    table.box((0.01, -half + 0.045, low), (0.022, half - 0.045, top - 0.022), "wood")
     table.drawer(
         "drawer", (0.03, -0.5 * wide, low), (deep - 0.02, 0.5 * wide, top - 0.022), "wood_light"
     )
-    table.board((0.02, -half + 0.02, 0.15), (deep - 0.02, half - 0.02, 0.17), "wood")
+    table.box((0.02, -half + 0.02, 0.15), (deep - 0.02, half - 0.02, 0.17), "wood")
     bowl = ((0.03, 0.0), (0.09, 0.05), (0.084, 0.05), (0.025, 0.008))
-    table.add(Shape(kind="lathe", material="ceramic", at=(0.18, -0.25 * width, top), profile=bowl))
+    table.draw(Shape(kind="lathe", material="ceramic", at=(0.18, -0.25 * width, top), profile=bowl))
     vase = ((0.04, 0.0), (0.06, 0.09), (0.03, 0.19), (0.04, 0.22))
-    table.add(Shape(kind="lathe", material="blanket", at=(0.15, 0.33 * width, top), profile=vase))
+    table.draw(Shape(kind="lathe", material="blanket", at=(0.15, 0.33 * width, top), profile=vase))
     for k in range(5):
         angle = 2 * math.pi * k / 5
         x, y = 0.15 + 0.09 * math.cos(angle), 0.33 * width + 0.09 * math.sin(angle)
         table.rod([(0.15, 0.33 * width, top + 0.2), (x, y, top + 0.42)], 0.004, "leaf")
         table.rod([(x, y, top + 0.4), (x, y, top + 0.43)], 0.022, ("rug", "accent", "linen")[k % 3])
-    table.mark("tabletop", (0.5 * deep, 0.0, top), "free part of the top")
+    table.frame("tabletop", (0.5 * deep, 0.0, top), "free part of the top")
     table.stand_zone(-0.5 * wide, 0.5 * wide, 0.5, x=deep)
-    return table.done()
+    return table.piece()
 
 
 @maker("mirror_wall")
@@ -116,15 +120,15 @@ def make_mirror(
 ) -> Piece:
     """Make a framed mirror on the wall, from `low` up [m]; low enough for a person who sits."""
     mirror, half = Joinery("mirror_wall", setting), 0.5 * width
-    mirror.board((0.0, -half, low), (0.022, half, low + height), "wood_dark")
-    mirror.board(
+    mirror.box((0.0, -half, low), (0.022, half, low + height), "wood_dark")
+    mirror.box(
         (0.022, -half + 0.03, low + 0.03),
         (0.026, half - 0.03, low + height - 0.03),
         "mirror",
         solid=False,
     )
-    mirror.mark("mirror", (0.026, 0.0, low + 0.5 * height), "middle of the glass, x out of it")
-    return mirror.done(blocks=False)
+    mirror.frame("mirror", (0.026, 0.0, low + 0.5 * height), "middle of the glass, x out of it")
+    return mirror.piece(blocks=False)
 
 
 @maker("umbrella_stand")
@@ -139,12 +143,8 @@ def make_umbrella_stand(setting: Setting) -> Piece:
         (radius - 0.012, 0.015),
         (0.0, 0.015),
     )
-    stand.add(Shape(kind="lathe", material="metal_dark", at=(x, 0.0, 0.0), profile=wall))
-    stand.add(
-        Shape(kind="cylinder", at=(x, 0.0, 0.0075), radius=radius, length=0.015),
-        solid=True,
-        seen=False,
-    )
+    stand.draw(Shape(kind="lathe", material="metal_dark", at=(x, 0.0, 0.0), profile=wall))
+    stand.solid(Shape(kind="cylinder", at=(x, 0.0, 0.0075), radius=radius, length=0.015))
     for k in range(8):  # staves, so that it is hollow
         angle = 2 * math.pi * k / 8
         at = (
@@ -153,9 +153,7 @@ def make_umbrella_stand(setting: Setting) -> Piece:
             0.5 * high,
         )
         size = (0.012, 2 * radius * math.tan(math.pi / 8), high)
-        stand.add(
-            Shape(kind="box", at=at, rpy=(0.0, 0.0, angle), size=size), solid=True, seen=False
-        )
+        stand.solid(Shape(kind="box", at=at, rpy=(0.0, 0.0, angle), size=size))
     for dx, dy, material in ((0.04, 0.03, "rug"), (-0.03, 0.05, "fabric")):
         foot, tip = (x - 0.4 * dx, -0.6 * dy, 0.02), (x + dx, dy, 0.86)
         stand.rod([foot, tip], 0.006, "wood_dark")
@@ -169,7 +167,7 @@ def make_umbrella_stand(setting: Setting) -> Piece:
         "wood",
         bend=0.05,
     )
-    return stand.done()
+    return stand.piece()
 
 
 __all__ = [

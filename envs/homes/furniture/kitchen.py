@@ -7,7 +7,7 @@ from rcare_marl.urdf import Shape
 
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
-from .kitchen_assembly import Assembly, front_zone, wall_strip
+from .joinery import Joinery, front_zone, wall_strip
 from .kitchen_layout import CORNER, LONGEST_RUN, SHORTEST_RUN, RunPlan, Unit, lay_units
 from .kitchen_unit import (
     CARCASS,
@@ -79,7 +79,7 @@ def kitchen_run(
         )
     if corner not in ("", "left", "right"):
         raise ConfigError(f"corner must be 'left', 'right' or empty, got {corner!r}")
-    add = Assembly("kitchen_run", setting)
+    add = Joinery("kitchen_run", setting)
     units = lay_units(plan, setting.rules)
     run = _run(add, 0.0)
     _fit(run, units, DEPTH)
@@ -101,20 +101,18 @@ def _hung(run: Run, plan: RunPlan, units: tuple[Unit, ...], *, wall_cabinets: bo
     if hobs:
         height = max(height, add_hood(add, hobs[0].middle, run.top))
     aisle = rules.figure("kitchen_aisle")
+    add.measures |= measures
+    add.knee += tuple(
+        Rectangle(DEPTH - run.knee_depth, unit.y0, DEPTH, unit.y1) for unit in units if unit.is_open
+    )
     return add.piece(
         wall_strip(DEPTH, plan.length),
         height,
         zones=(*_in_front(plan, aisle, "use"), *_in_front(plan, SWEEP, "sweep")),
-        measures=measures,
-        knee=tuple(
-            Rectangle(DEPTH - run.knee_depth, unit.y0, DEPTH, unit.y1)
-            for unit in units
-            if unit.is_open
-        ),
     )
 
 
-def _run(add: Assembly, back: float) -> Run:
+def _run(add: Joinery, back: float) -> Run:
     rules = add.rules
     has_knee = rules.has("counter_knee_height")
     return Run(
@@ -180,19 +178,19 @@ def _free_worktop(run: Run, units: tuple[Unit, ...], *, props: bool) -> None:
         add_fruit(run.assembly, (0.3, 0.5 * sum(stretches[1]), run.top))
 
 
-def add_kettle(add: Assembly, at: tuple[float, float, float]) -> None:
+def add_kettle(add: Joinery, at: tuple[float, float, float]) -> None:
     """Stand a kettle on a worktop; `at` is the middle of its foot [m]."""
     x, y, z = at
     profile = ((0.082, 0.0), (0.085, 0.02), (0.078, 0.12), (0.055, 0.19), (0.02, 0.205))
-    add.shape(Shape("lathe", "metal", at, profile=profile))
+    add.draw(Shape("lathe", "metal", at, profile=profile))
     body = Shape("cylinder", at=(x, y, z + 0.1), radius=0.08, length=0.2)
-    add.shape(body, solid=True, seen=False)
+    add.solid(body)
     handle = ((x, y - 0.07, z + 0.17), (x, y - 0.13, z + 0.16), (x, y - 0.12, z + 0.04))
-    add.shape(Shape("tube", "black", points=handle, radius=0.010, bend=0.03))
-    add.rod((x, y + 0.05, z + 0.15), (x, y + 0.105, z + 0.185), 0.014, "metal")
+    add.draw(Shape("tube", "black", points=handle, radius=0.010, bend=0.03))
+    add.rod(((x, y + 0.05, z + 0.15), (x, y + 0.105, z + 0.185)), 0.014, "metal")
 
 
-def add_knives(add: Assembly, at: tuple[float, float, float]) -> None:
+def add_knives(add: Joinery, at: tuple[float, float, float]) -> None:
     """Stand a block of knives on a worktop; `at` is the middle of its foot [m]."""
     x, y, z = at
     add.box((x - 0.06, y - 0.05, z), (x + 0.06, y + 0.05, z + 0.2), "wood", bevel=0.0)
@@ -203,11 +201,11 @@ def add_knives(add: Assembly, at: tuple[float, float, float]) -> None:
         )
 
 
-def add_fruit(add: Assembly, at: tuple[float, float, float]) -> None:
+def add_fruit(add: Joinery, at: tuple[float, float, float]) -> None:
     """Stand a bowl of fruit on a table or worktop; `at` is the middle of its foot [m]."""
     x, y, z = at
     bowl = ((0.05, 0.0), (0.06, 0.01), (0.14, 0.075), (0.132, 0.075), (0.05, 0.02), (0.0, 0.02))
-    add.shape(Shape("lathe", "clay", at, profile=bowl))
+    add.draw(Shape("lathe", "clay", at, profile=bowl))
     fruit = (
         (0.05, 0.02, "accent"),
         (-0.05, 0.03, "leaf"),
@@ -217,9 +215,9 @@ def add_fruit(add: Assembly, at: tuple[float, float, float]) -> None:
     ball = ((0.012, -0.034), (0.036, -0.014), (0.036, 0.014), (0.012, 0.034))
     for k, (dx, dy, material) in enumerate(fruit):
         at = (x + dx, y + dy, z + (0.1 if k == 3 else 0.06))
-        add.shape(Shape("lathe", material, at, profile=ball))
+        add.draw(Shape("lathe", material, at, profile=ball))
     body = Shape("cylinder", at=(x, y, z + 0.05), radius=0.12, length=0.1)
-    add.shape(body, solid=True, seen=False)
+    add.solid(body)
 
 
 @maker("kitchen_island")
@@ -237,7 +235,7 @@ def kitchen_island(setting: Setting, *, length: float = 1.6) -> Piece:
     """
     if not 1.2 <= length <= 2.8:
         raise ConfigError(f"a kitchen island is 1.2 to 2.8 m long, got {length!r}")
-    add = Assembly("kitchen_island", setting)
+    add = Joinery("kitchen_island", setting)
     rules = setting.rules
     has_knee = rules.has("counter_knee_depth")
     spare = rules.figure("counter_knee_depth") if has_knee else SPARE
@@ -269,12 +267,12 @@ def kitchen_island(setting: Setting, *, length: float = 1.6) -> Piece:
             "counter_knee_width": 2 * free,
             "counter_knee_depth": spare - 0.012,
         }
+    add.measures |= measures
+    add.knee += (Rectangle(0.0, -free, spare - 0.012, free),) if has_knee else ()
     return add.piece(
         wall_strip(depth, length),
         run.top + 0.14,
         zones=(front_zone(depth, length, rules.figure("kitchen_aisle")), behind),
-        measures=measures,
-        knee=(Rectangle(0.0, -free, spare - 0.012, free),) if has_knee else (),
     )
 
 
@@ -295,7 +293,7 @@ def _tall(
 ) -> Piece:
     if not 0.4 <= width <= 1.2:
         raise ConfigError(f"a {kind} is 0.4 to 1.2 m wide, got {width!r}")
-    add = Assembly(kind, setting)
+    add = Joinery(kind, setting)
     half = 0.5 * width
     tall_carcass(add, half)
     for place, (z0, z1) in enumerate(zip(joins, joins[1:], strict=False), start=1):
@@ -308,9 +306,9 @@ def _tall(
             name = f"door_{place}" + (f"_{leaf + 1}" if len(spans) > 1 else "")
             at = ((CARCASS, y0, z0), (CARCASS + FRONT, y1, z1))
             if side == "low":
-                add.leaf(name, *at, "front", hinge="low", handle_z=handle, framed=True)
+                add.door(name, *at, "front", hinge="right", handle_z=handle, framed=True)
             else:
-                add.leaf(name, *at, "front", hinge="high", handle_z=handle, framed=True)
+                add.door(name, *at, "front", hinge="left", handle_z=handle, framed=True)
     for k, z in enumerate((0.45, 0.8, 1.15, 1.5, 1.8)):
         low, high = (0.01, -half + 0.016, z), (0.48, half - 0.016, z + 0.016)
         add.box(low, high, "trim")
@@ -325,7 +323,7 @@ def _tall(
     )
 
 
-def tall_carcass(add: Assembly, half: float) -> None:
+def tall_carcass(add: Joinery, half: float) -> None:
     """Add the boards of a tall unit `2 half` [m] wide: sides, top, bottom, back and plinth."""
     for y0, y1 in ((-half, -half + 0.016), (half - 0.016, half)):
         add.box((0.0, y0, 0.0), (CARCASS, y1, TALL), "front")
@@ -335,20 +333,20 @@ def tall_carcass(add: Assembly, half: float) -> None:
     add.box((CARCASS - 0.076, -half, 0.0), (CARCASS - 0.06, half, PLINTH), "front")
 
 
-def _groceries(add: Assembly, half: float, z: float, row: int) -> None:
+def _groceries(add: Joinery, half: float, z: float, row: int) -> None:
     colours = ("accent", "paper", "clay", "leaf", "rug", "blanket", "glass")
     count = int((2 * half - 0.1) / 0.095)
     for k in range(count):
         y = -half + 0.08 + 0.095 * k
         material, tall = colours[(3 * k + 2 * row) % 7], 0.12 + 0.05 * ((k + row) % 3)
         if (k + row) % 2:
-            add.rod((0.3, y, z), (0.3, y, z + tall), 0.036, material)
+            add.rod(((0.3, y, z), (0.3, y, z + tall)), 0.036, material)
         else:
             low, high = (0.22, y - 0.036, z), (0.36, y + 0.036, z + tall)
             add.box(low, high, material, solid=False)
 
 
-def _linen(add: Assembly, half: float, z: float, row: int) -> None:
+def _linen(add: Joinery, half: float, z: float, row: int) -> None:
     colours = ("towel", "linen", "blanket", "paper")
     for k in range(2):
         y = -0.5 * half + k * half
@@ -359,19 +357,17 @@ def _linen(add: Assembly, half: float, z: float, row: int) -> None:
 @maker("stool")
 def stool(setting: Setting, *, height: float = 0.65) -> Piece:
     """Return a stool with a round seat, `height` [m] high."""
-    add = Assembly("stool", setting)
+    add = Joinery("stool", setting)
     x, foot = 0.19, 0.15
-    add.shape(
-        Shape("cylinder", "wood", (x, 0.0, height - 0.018), radius=0.17, length=0.036), solid=True
-    )
+    add.add(Shape("cylinder", "wood", (x, 0.0, height - 0.018), radius=0.17, length=0.036))
     for dx in (-1, 1):
         for dy in (-1, 1):
             low = (x + dx * foot, dy * foot, 0.002)
-            add.rod(low, (x + 0.11 * dx, 0.11 * dy, height - 0.03), 0.016, "wood", solid=True)
+            add.rod((low, (x + 0.11 * dx, 0.11 * dy, height - 0.03)), 0.016, "wood", solid=True)
     z = 0.35 * height
     for side in (-1, 1):
-        add.rod((x - 0.135, 0.135 * side, z), (x + 0.135, 0.135 * side, z), 0.01, "metal")
-        add.rod((x + 0.135 * side, -0.135, z), (x + 0.135 * side, 0.135, z), 0.01, "metal")
+        add.rod(((x - 0.135, 0.135 * side, z), (x + 0.135, 0.135 * side, z)), 0.01, "metal")
+        add.rod(((x + 0.135 * side, -0.135, z), (x + 0.135 * side, 0.135, z)), 0.01, "metal")
     add.frame("seat", (x, 0.0, height), note="middle of the seat")
     return add.piece(wall_strip(0.38, 0.36), height)
 
@@ -379,7 +375,7 @@ def stool(setting: Setting, *, height: float = 0.65) -> Piece:
 @maker("bin")
 def waste_bin(setting: Setting) -> Piece:
     """Return a bin with a lid that swings up."""
-    add = Assembly("bin", setting)
+    add = Joinery("bin", setting)
     x, radius, high = 0.17, 0.15, 0.55
     can = (
         (radius, 0.0),
@@ -388,7 +384,7 @@ def waste_bin(setting: Setting) -> Piece:
         (radius - 0.006, 0.01),
         (0.0, 0.01),
     )
-    add.shape(Shape("lathe", "metal", (x, 0.0, 0.0), profile=can))
+    add.draw(Shape("lathe", "metal", (x, 0.0, 0.0), profile=can))
     wall = 0.012
     add.box((x - 0.13, -0.13, 0.0), (x + 0.13, 0.13, wall), "", seen=False)
     for side in (-1, 1):
@@ -398,11 +394,13 @@ def waste_bin(setting: Setting) -> Piece:
         add.box((c - 0.5 * wall, -0.13, 0.0), (c + 0.5 * wall, 0.13, high), "", seen=False)
     # It stops short of upright, and friction holds its 0.4 kg wherever it is let go of.
     hinge = (x - radius, 0.0, high)
-    add.hang("lid", "revolute", hinge, (0.0, -1.0, 0.0), 1.4, mass=0.4, damping=0.03, friction=0.75)
+    add.moving(
+        "lid", "revolute", hinge, (0.0, -1.0, 0.0), 1.4, mass=0.4, damping=0.03, friction=0.75
+    )
     dome = ((radius, 0.0), (radius - 0.005, 0.025), (radius - 0.06, 0.05), (0.02, 0.06))
-    add.shape(Shape("lathe", "metal_dark", (x, 0.0, high), profile=dome), on="lid")
+    add.draw(Shape("lathe", "metal_dark", (x, 0.0, high), profile=dome), link="lid")
     low, top = (x - 0.12, -0.12, high), (x + 0.12, 0.12, high + 0.04)
-    add.box(low, top, "metal_dark", on="lid", seen=False)
+    add.box(low, top, "metal_dark", link="lid", seen=False)
     add.frame("handle_lid", (x + radius - 0.01, 0.0, high + 0.01), note="front rim of the lid")
     return add.piece(wall_strip(0.33, 0.32), high + 0.06)
 

@@ -9,7 +9,7 @@ from rcare_marl.urdf import Shape
 
 from ..piece import Piece, Setting, maker
 from ..rectangle import Rectangle
-from .kitchen_assembly import Assembly, wall_strip
+from .joinery import Joinery, wall_strip
 
 PICTURE_HEIGHT = 1.5  # [m] of the middle of pictures; common, from memory
 LAMP_BOTTOM = 1.9  # [m]; heads pass below it
@@ -34,7 +34,7 @@ def pendant_lamp(
         raise ConfigError(
             f"a pendant lamp hangs between {LAMP_BOTTOM} m and 0.3 m under the ceiling, got {bottom!r}"
         )
-    add = Assembly("pendant_lamp", setting)
+    add = Joinery("pendant_lamp", setting)
     x = 0.19
     shade = (
         (0.19, 0.0),
@@ -45,12 +45,12 @@ def pendant_lamp(
         (0.16, 0.07),
         (0.18, 0.0),
     )
-    add.shape(Shape("lathe", "accent", (x, 0.0, bottom), profile=shade))
-    add.shape(Shape("sphere", "lamp", (x, 0.0, bottom + 0.07), radius=0.05))
-    add.rod((x, 0.0, bottom + 0.2), (x, 0.0, ceiling - 0.02), 0.004, "black")
-    add.rod((x, 0.0, ceiling - 0.025), (x, 0.0, ceiling), 0.05, "white")
+    add.draw(Shape("lathe", "accent", (x, 0.0, bottom), profile=shade))
+    add.draw(Shape("sphere", "lamp", (x, 0.0, bottom + 0.07), radius=0.05))
+    add.rod(((x, 0.0, bottom + 0.2), (x, 0.0, ceiling - 0.02)), 0.004, "black")
+    add.rod(((x, 0.0, ceiling - 0.025), (x, 0.0, ceiling)), 0.05, "white")
     body = Shape("cylinder", at=(x, 0.0, bottom + 0.1), radius=0.17, length=0.2)
-    add.shape(body, solid=True, seen=False)
+    add.solid(body)
     add.frame("light", (x, 0.0, bottom + 0.07), note="the bulb")
     return add.piece(wall_strip(0.38, 0.38), ceiling, blocks=False)
 
@@ -60,7 +60,7 @@ def rug(setting: Setting, *, width: float = 2.0, depth: float = 1.4) -> Piece:
     """Return a rug, `width` [m] along y and `depth` [m] along x; for the eye only, nothing trips over it."""
     if not (0.3 <= width <= 5 and 0.3 <= depth <= 5):
         raise ConfigError(f"a rug is 0.3 to 5 m wide and deep, got {width!r} by {depth!r}")
-    add = Assembly("rug", setting)
+    add = Joinery("rug", setting)
     half, z = 0.5 * width, 0.004
     add.box((0.0, -half, 0.0), (depth, half, z), "rug", solid=False)
     edge = 0.08 * min(width, depth)
@@ -98,7 +98,7 @@ def picture(setting: Setting, *, width: float = 0.6, height: float = 0.45, motif
         raise ConfigError(
             f"a picture is 0.15 to 2 m wide, to 1.6 m high, got {width!r} by {height!r}"
         )
-    add = Assembly("picture", setting)
+    add = Joinery("picture", setting)
     half, low, rim = 0.5 * width, PICTURE_HEIGHT - 0.5 * height, 0.025
     high = low + height
     add.box((0.0, -half, low), (0.012, half, high), "paper")
@@ -115,7 +115,7 @@ def picture(setting: Setting, *, width: float = 0.6, height: float = 0.45, motif
 Area = tuple[float, float, float, float]
 
 
-def _patch(add: Assembly, area: Area, part: Area, material: str, layer: int) -> None:
+def _patch(add: Joinery, area: Area, part: Area, material: str, layer: int) -> None:
     """Paint a part of the area, given in shares of it; higher layers cover lower ones."""
     y0, z0, y1, z1 = area
     a = (0.012, y0 + part[0] * (y1 - y0), z0 + part[1] * (z1 - z0))
@@ -123,7 +123,7 @@ def _patch(add: Assembly, area: Area, part: Area, material: str, layer: int) -> 
     add.box(a, b, material, solid=False)
 
 
-def _hills(add: Assembly, area: Area) -> None:
+def _hills(add: Joinery, area: Area) -> None:
     _patch(add, area, (0.0, 0.0, 1.0, 1.0), "blanket", 0)
     _patch(add, area, (0.66, 0.62, 0.8, 0.82), "lamp", 1)
     steps = 12
@@ -135,7 +135,7 @@ def _hills(add: Assembly, area: Area) -> None:
         _patch(add, area, (a, 0.0, b, near), "leaf", 3)
 
 
-def _fields(add: Assembly, area: Area) -> None:
+def _fields(add: Joinery, area: Area) -> None:
     _patch(add, area, (0.0, 0.0, 1.0, 1.0), "linen", 0)
     _patch(add, area, (0.08, 0.1, 0.48, 0.6), "accent", 1)
     _patch(add, area, (0.52, 0.1, 0.92, 0.38), "blanket", 1)
@@ -144,7 +144,7 @@ def _fields(add: Assembly, area: Area) -> None:
     _patch(add, area, (0.3, 0.3, 0.66, 0.5), "paper", 2)
 
 
-def _still_life(add: Assembly, area: Area) -> None:
+def _still_life(add: Joinery, area: Area) -> None:
     _patch(add, area, (0.0, 0.0, 1.0, 1.0), "fabric_light", 0)
     _patch(add, area, (0.0, 0.0, 1.0, 0.3), "wood", 1)
     _patch(add, area, (0.42, 0.22, 0.6, 0.6), "fabric", 2)
@@ -159,9 +159,9 @@ def _still_life(add: Assembly, area: Area) -> None:
 @maker("wall_clock")
 def wall_clock(setting: Setting, *, height: float = 1.8) -> Piece:
     """Return a round clock, its middle at `height` [m]; it shows ten past ten."""
-    add = Assembly("wall_clock", setting)
-    add.rod((0.0, 0.0, height), (0.03, 0.0, height), 0.16, "wood_dark", solid=True)
-    add.rod((0.03, 0.0, height), (0.034, 0.0, height), 0.14, "white")
+    add = Joinery("wall_clock", setting)
+    add.rod(((0.0, 0.0, height), (0.03, 0.0, height)), 0.16, "wood_dark", solid=True)
+    add.rod(((0.03, 0.0, height), (0.034, 0.0, height)), 0.14, "white")
     for k in range(12):
         turn = k * math.pi / 6
         y, z = 0.12 * math.sin(turn), height + 0.12 * math.cos(turn)
@@ -170,7 +170,7 @@ def wall_clock(setting: Setting, *, height: float = 1.8) -> Piece:
     # Seen from the room, y runs to the right.
     for turn, length in ((math.radians(-55), 0.07), (math.radians(60), 0.105)):
         end = (0.038, length * math.sin(turn), height + length * math.cos(turn))
-        add.rod((0.038, 0.0, height), end, 0.004, "black")
+        add.rod(((0.038, 0.0, height), end), 0.004, "black")
     return add.piece(wall_strip(0.042, 0.32), height + 0.16, blocks=False)
 
 
@@ -183,7 +183,7 @@ def plant(setting: Setting, *, size: str = "large") -> Piece:
     """
     if size not in ("small", "large"):
         raise ConfigError(f"a plant is 'small' or 'large', got {size!r}")
-    add = Assembly("plant", setting)
+    add = Joinery("plant", setting)
     s = 1.0 if size == "large" else 0.36
     x, tall = 0.26 * s, 0.34 * s
     pot = (
@@ -193,9 +193,9 @@ def plant(setting: Setting, *, size: str = "large") -> Piece:
         (0.145 * s, tall - 0.03 * s),
         (0.0, tall - 0.03 * s),
     )
-    add.shape(Shape("lathe", "clay", (x, 0.0, 0.0), profile=pot))
+    add.draw(Shape("lathe", "clay", (x, 0.0, 0.0), profile=pot))
     body = Shape("cylinder", at=(x, 0.0, 0.5 * tall), radius=0.16 * s, length=tall)
-    add.shape(body, solid=True, seen=False)
+    add.solid(body)
     for k in range(14):
         turn, lean = 2.399963 * k, 0.25 + 0.05 * k  # leaves turn by the golden angle
         long = (0.85 - 0.03 * k) * s
@@ -205,15 +205,15 @@ def plant(setting: Setting, *, size: str = "large") -> Piece:
         a = (x + 0.03 * s * c, 0.03 * s * d, tall - 0.03 * s)
         mid = (x + 0.45 * out * c, 0.45 * out * d, tall + 0.65 * up)
         tip = (x + out * c, out * d, tall + up)
-        add.rod(a, mid, 0.006 * s, "leaf")
+        add.rod((a, mid), 0.006 * s, "leaf")
         middle = (0.5 * (mid[0] + tip[0]), 0.5 * (mid[1] + tip[1]), 0.5 * (mid[2] + tip[2]))
         reach = math.hypot(tip[0] - mid[0], tip[1] - mid[1])
         pitch = math.atan2(mid[2] - tip[2], reach)
         length = math.dist(mid, tip) * 1.3
         leaf = (length, 0.075 * s, 0.008 * s)
-        add.shape(Shape("box", "leaf", middle, (0.0, pitch, turn), size=leaf))
+        add.draw(Shape("box", "leaf", middle, (0.0, pitch, turn), size=leaf))
     crown = Shape("cylinder", "leaf", (x, 0.0, tall - 0.02 * s), radius=0.1 * s, length=0.01 * s)
-    add.shape(crown)
+    add.draw(crown)
     height = tall + 0.95 * s
     reach = 0.3 * s
     return add.piece(Rectangle(x - reach, -reach, x + reach, reach), height)

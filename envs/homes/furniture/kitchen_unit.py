@@ -8,13 +8,14 @@ from typing import Literal
 
 from rcare_marl.urdf import Shape, Triple
 
-from .kitchen_assembly import Assembly
+from .joinery import Joinery
 from .kitchen_layout import Unit
 
 # Depths and heights [m]; common, from memory.
 DEPTH = 0.6  # of the worktop; bar handles stay within it
 CARCASS = 0.54
 FRONT = 0.018
+DRAWER = 0.07  # where drawers end at the back
 BOARD = 0.016
 WORKTOP = 0.04
 PLINTH = 0.10
@@ -39,7 +40,7 @@ class Run:
         knee_depth: Free depth for knees from the front edge of the worktop [m].
     """
 
-    assembly: Assembly
+    assembly: Joinery
     back: float
     top: float
     knee: float = 0.0
@@ -140,9 +141,9 @@ def _drawers(run: Run, unit: Unit, number: int) -> None:
     levels = (high, high - first, high - first - rest, low)
     for place in range(3):
         joint = f"drawer_{number}_{place + 1}"
-        a = run.at(CARCASS, unit.y0, levels[place + 1])
+        a = run.at(DRAWER, unit.y0, levels[place + 1])
         b = run.at(CARCASS + FRONT, unit.y1, levels[place])
-        run.assembly.drawer(joint, a, b, "front", inside=0.47, reach=0.4, framed=place > 0)
+        run.assembly.drawer(joint, a, b, "front", travel=0.4, inner="trim", framed=place > 0)
         if place == 0:
             _cutlery(run, unit, joint, levels[1] + 0.034)
 
@@ -152,7 +153,7 @@ def _cutlery(run: Run, unit: Unit, joint: str, z: float) -> None:
     for lane in range(lanes):
         y = unit.y0 + 0.08 + 0.09 * lane
         a, b = run.at(0.20, y, z), run.at(0.40, y + 0.045, z + 0.012)
-        run.assembly.box(a, b, "metal" if lane % 2 else "wood_light", on=joint, solid=False)
+        run.assembly.box(a, b, "metal" if lane % 2 else "wood_light", link=joint, solid=False)
 
 
 def _cupboard(run: Run, unit: Unit, number: int) -> None:
@@ -163,15 +164,14 @@ def _cupboard(run: Run, unit: Unit, number: int) -> None:
     for place, (y0, y1) in enumerate(spans):
         joint = f"door_{number}" if is_single else f"door_{number}_{place + 1}"
         a, b = run.at(CARCASS, y0, low), run.at(CARCASS + FRONT, y1, high)
-        hinge: Literal["low", "high"] = "high" if place else "low"
-        add.leaf(joint, a, b, "front", hinge=hinge, handle_z=handle, framed=True)
+        hinge: Literal["left", "right"] = "left" if place else "right"
+        add.door(joint, a, b, "front", hinge=hinge, handle_z=handle, framed=True)
     if unit.kind == "doors":
         z = 0.5 * (low + high)
         add.box(run.at(0.01, unit.y0, z), run.at(0.46, unit.y1, z + BOARD), "trim")
         _crockery(run, unit, z + BOARD)
         add.rod(
-            run.at(0.25, unit.middle, PLINTH + BOARD),
-            run.at(0.25, unit.middle, PLINTH + 0.16),
+            (run.at(0.25, unit.middle, PLINTH + BOARD), run.at(0.25, unit.middle, PLINTH + 0.16)),
             0.11,
             "metal",
         )
@@ -182,10 +182,10 @@ def _cupboard(run: Run, unit: Unit, number: int) -> None:
 
 def _crockery(run: Run, unit: Unit, z: float) -> None:
     add, y = run.assembly, unit.y0 + 0.16
-    add.rod(run.at(0.25, y, z), run.at(0.25, y, z + 0.08), 0.12, "ceramic")
+    add.rod((run.at(0.25, y, z), run.at(0.25, y, z + 0.08)), 0.12, "ceramic")
     if unit.y1 - unit.y0 > 0.45:
         add.rod(
-            run.at(0.25, unit.y1 - 0.14, z), run.at(0.25, unit.y1 - 0.14, z + 0.1), 0.08, "clay"
+            (run.at(0.25, unit.y1 - 0.14, z), run.at(0.25, unit.y1 - 0.14, z + 0.1)), 0.08, "clay"
         )
 
 
@@ -203,7 +203,7 @@ def drop_door(
     """Hang a door on its lower edge; friction holds it wherever it is let go of."""
     add, face = run.assembly, CARCASS + FRONT
     back = face - thickness
-    add.hang(
+    add.moving(
         joint,
         "revolute",
         run.at(face, unit.middle, z[0]),
@@ -214,7 +214,7 @@ def drop_door(
         friction=friction,
     )
     low, high = run.at(back, unit.y0 + 0.003, z[0]), run.at(face, unit.y1 - 0.003, z[1])
-    add.box(low, high, material, on=joint)
+    add.box(low, high, material, link=joint)
     at = run.at(face, unit.middle, z[1] - 0.045)
     add.handle(joint, at, length=unit.y1 - unit.y0 - 0.14, style="bar")
 
@@ -224,8 +224,8 @@ def _oven(run: Run, unit: Unit, number: int) -> None:
     panel = 0.10
     bottom = high - panel - 0.46
     if bottom > PLINTH + 0.1:  # a drawer for trays is left below
-        a, b = run.at(CARCASS, unit.y0, PLINTH), run.at(CARCASS + FRONT, unit.y1, bottom)
-        add.drawer(f"drawer_{number}", a, b, "front", inside=0.47, reach=0.4)
+        a, b = run.at(DRAWER, unit.y0, PLINTH), run.at(CARCASS + FRONT, unit.y1, bottom)
+        add.drawer(f"drawer_{number}", a, b, "front", travel=0.4, inner="trim")
     else:
         a = run.at(CARCASS, unit.y0 + 0.002, PLINTH)
         add.box(a, run.at(CARCASS + FRONT, unit.y1 - 0.002, bottom), "front")
@@ -251,7 +251,7 @@ def oven_front(run: Run, unit: Unit, z0: float, z1: float) -> None:
     face = CARCASS + FRONT
     a = run.at(face, unit.y0 + 0.08, z0 + 0.08)
     run.assembly.box(
-        a, run.at(face + 0.002, unit.y1 - 0.08, z1 - 0.1), "black", on="oven_door", solid=False
+        a, run.at(face + 0.002, unit.y1 - 0.08, z1 - 0.1), "black", link="oven_door", solid=False
     )
 
 
@@ -273,7 +273,7 @@ def oven_controls(run: Run, unit: Unit, z: float) -> None:
     add, face = run.assembly, CARCASS + FRONT
     for k in (-2, -1, 1, 2):
         y = unit.middle + 0.1 * k
-        add.rod(run.at(face, y, z), run.at(face + 0.022, y, z), 0.017, "metal_dark")
+        add.rod((run.at(face, y, z), run.at(face + 0.022, y, z)), 0.017, "metal_dark")
     a = run.at(face, unit.middle - 0.05, z - 0.018)
     add.box(a, run.at(face + 0.002, unit.middle + 0.05, z + 0.018), "black", solid=False)
 
@@ -313,7 +313,7 @@ def _knee(run: Run, unit: Unit, number: int) -> None:
     else:  # insulated trap, behind the panel's upper edge
         z = run.bowl_bottom - 0.05
         a, b = run.at(0.02, unit.middle, z), run.at(face - SHELL, unit.middle, z)
-        add.rod(a, b, 0.024, "plastic")
+        add.rod((a, b), 0.024, "plastic")
         rail = 0.02
         low = run.at(DEPTH - 0.06, unit.y0, run.under - rail)
         add.box(low, run.at(DEPTH - 0.04, unit.y1, run.under), "front", solid=False)
@@ -348,7 +348,7 @@ def _bowl(run: Run, unit: Unit) -> None:
         add.box(run.at(a, b, run.top), run.at(c, d, run.top + 0.003), "metal", solid=False)
     x = 0.5 * (x0 + x1)
     drain = run.at(x, unit.middle, z0 + SHELL)
-    add.rod(drain, run.at(x, unit.middle, z0 + SHELL + 0.003), 0.035, "metal_dark")
+    add.rod((drain, run.at(x, unit.middle, z0 + SHELL + 0.003)), 0.035, "metal_dark")
     add.frame("basin", run.at(x, unit.middle, z0 + SHELL), note="bottom of the bowl")
     stand = run.at(DEPTH + 0.3, unit.middle, 0.0)
     add.frame("stand_sink", stand, yaw_deg=180.0, note="where one stands or wheels at the sink")
@@ -357,32 +357,32 @@ def _bowl(run: Run, unit: Unit) -> None:
 def _tap(run: Run, unit: Unit) -> None:
     """Add the spout, and what works it: two knobs, or a lever that is lifted."""
     add, x, y, z = run.assembly, 0.05, unit.middle, run.top
-    add.rod(run.at(x, y, z), run.at(x, y, z + 0.03), 0.026, "metal", solid=True)
+    add.rod((run.at(x, y, z), run.at(x, y, z + 0.03)), 0.026, "metal", solid=True)
     path = ((x, y, z + 0.02), (x, y, z + 0.27), (x + 0.19, y, z + 0.27), (x + 0.19, y, z + 0.2))
     points = tuple(run.at(*point) for point in path)
-    add.shape(Shape("tube", "metal", points=points, radius=0.011, bend=0.07))
-    add.shape(Shape("capsule", points=points[:2], radius=0.012), solid=True, seen=False)
+    add.draw(Shape("tube", "metal", points=points, radius=0.011, bend=0.07))
+    add.solid(Shape("capsule", points=points[:2], radius=0.012))
     add.frame("tap", points[-1], note="mouth of the spout")
     if add.rules.choice("tap") == "knob":
         for name, side in (("tap_cold", -1), ("tap_hot", 1)):
             at = run.at(x, y + 0.085 * side, z + 0.05)
-            add.rod((at[0], at[1], z), (at[0], at[1], z + 0.035), 0.014, "metal")
-            add.hang(name, "revolute", at, (0.0, 0.0, 1.0), 3.0, mass=0.1, damping=0.002)
+            add.rod(((at[0], at[1], z), (at[0], at[1], z + 0.035)), 0.014, "metal")
+            add.moving(name, "revolute", at, (0.0, 0.0, 1.0), 3.0, mass=0.1, damping=0.002)
             low, high = (at[0], at[1], z + 0.036), (at[0], at[1], z + 0.066)
-            add.rod(low, high, 0.02, "metal", on=name, solid=True)
+            add.rod((low, high), 0.02, "metal", link=name, solid=True)
             a, b = (
                 (at[0] - 0.028, at[1] - 0.006, z + 0.045),
                 (at[0] + 0.028, at[1] + 0.006, z + 0.06),
             )
-            add.box(a, b, "metal", on=name, solid=False)
+            add.box(a, b, "metal", link=name, solid=False)
             add.frame(f"handle_{name}", (at[0] + 0.028, at[1], z + 0.052), note=f"rim of {name}")
         return
     at = run.at(x, y - 0.03, z + 0.1)
-    add.rod((at[0], y, at[2]), (at[0], y - 0.03, at[2]), 0.014, "metal")
+    add.rod(((at[0], y, at[2]), (at[0], y - 0.03, at[2])), 0.014, "metal")
     # Lifted about x, it reaches out along -y: a loop that a hand or an arm can lift.
-    add.hang("tap", "revolute", at, (-1.0, 0.0, 0.0), 0.6, mass=0.12, damping=0.004, friction=0.1)
+    add.moving("tap", "revolute", at, (-1.0, 0.0, 0.0), 0.6, mass=0.12, damping=0.004, friction=0.1)
     low, high = (at[0] - 0.010, at[1] - 0.13, at[2] - 0.006), (at[0] + 0.010, at[1], at[2] + 0.006)
-    add.box(low, high, "metal", on="tap")
+    add.box(low, high, "metal", link="tap")
     add.frame("handle_tap", (at[0], at[1] - 0.12, at[2]), note="end of the lever")
 
 
@@ -398,13 +398,13 @@ def _hob(run: Run, unit: Unit) -> None:
         (0.42, 0.14, 0.08),
     ):
         at = run.at(x, unit.middle + y, z + 0.006)
-        add.rod(at, (at[0], at[1], at[2] + 0.001), radius, "metal_dark")
+        add.rod((at, (at[0], at[1], at[2] + 0.001)), radius, "metal_dark")
         add.rod(
-            (at[0], at[1], at[2] + 0.001), (at[0], at[1], at[2] + 0.002), radius - 0.012, "black"
+            ((at[0], at[1], at[2] + 0.001), (at[0], at[1], at[2] + 0.002)), radius - 0.012, "black"
         )
     for k in range(4):
         at = run.at(0.535, unit.middle - 0.06 + 0.04 * k, z + 0.006)
-        add.rod(at, (at[0], at[1], at[2] + 0.002), 0.010, "plastic")
+        add.rod((at, (at[0], at[1], at[2] + 0.002)), 0.010, "plastic")
     add.frame("hob", run.at(0.31, unit.middle, z + 0.008), note="middle of the hob")
     stand = run.at(DEPTH + 0.3, unit.middle, 0.0)
     add.frame("stand_hob", stand, yaw_deg=180.0, note="where one stands or wheels at the hob")

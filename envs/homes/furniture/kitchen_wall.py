@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from .kitchen_assembly import Assembly
+from .joinery import Joinery
 from .kitchen_layout import CORNER, NARROWEST, WIDEST, RunPlan, Unit
 
 # [m]; common, from memory.
@@ -18,9 +18,7 @@ HOOD_WIDTH = 0.6
 TILE = 0.2
 
 
-def add_cabinets(
-    assembly: Assembly, plan: RunPlan, units: tuple[Unit, ...], bottom: float
-) -> float:
+def add_cabinets(assembly: Joinery, plan: RunPlan, units: tuple[Unit, ...], bottom: float) -> float:
     """Hang cabinets with their lowest shelf at `bottom` [m] and return the height of their tops [m].
 
     They leave free the window and the hood over the hob; into a corner they go as open shelves.
@@ -51,7 +49,7 @@ def _free(low: float, high: float, taken: list[tuple[float, float]]) -> list[tup
     return out
 
 
-def _cabinet(add: Assembly, y0: float, y1: float, bottom: float, number: int) -> int:
+def _cabinet(add: Joinery, y0: float, y1: float, bottom: float, number: int) -> int:
     """Hang one row of cabinets and return the number of doors so far."""
     low, top = bottom - BOARD, bottom - BOARD + HEIGHT
     for z in (low, top - BOARD):
@@ -73,32 +71,32 @@ def _cabinet(add: Assembly, y0: float, y1: float, bottom: float, number: int) ->
         for leaf, (c, d) in enumerate(leaves):
             number += 1
             at = ((DEPTH, c, low), (DEPTH + FRONT, d, top))
-            hinge: Literal["low", "high"] = "high" if leaf else "low"
+            hinge: Literal["left", "right"] = "left" if leaf else "right"
             name = f"wall_door_{number}"
-            add.leaf(name, *at, "front", hinge=hinge, handle_z=low + 0.12, framed=True)
+            add.door(name, *at, "front", hinge=hinge, handle_z=low + 0.12, framed=True)
         _stores(add, a, a + width, bottom, shelf + BOARD)
     return number
 
 
-def _stores(add: Assembly, y0: float, y1: float, low: float, high: float) -> None:
+def _stores(add: Joinery, y0: float, y1: float, low: float, high: float) -> None:
     """Put crockery and food into a cabinet, for the eye only."""
     y = 0.5 * (y0 + y1)
-    add.rod((0.16, y - 0.08, low), (0.16, y - 0.08, low + 0.07), 0.10, "ceramic")
+    add.rod(((0.16, y - 0.08, low), (0.16, y - 0.08, low + 0.07)), 0.10, "ceramic")
     for k, material in enumerate(("glass", "clay", "accent", "paper")):
         at = y0 + 0.06 + k * (y1 - y0 - 0.12) / 3
-        add.rod((0.12, at, high), (0.12, at, high + 0.12 + 0.03 * (k % 2)), 0.035, material)
+        add.rod(((0.12, at, high), (0.12, at, high + 0.12 + 0.03 * (k % 2))), 0.035, material)
 
 
-def _shelves(add: Assembly, y0: float, y1: float, bottom: float) -> None:
+def _shelves(add: Joinery, y0: float, y1: float, bottom: float) -> None:
     for z in (bottom - BOARD, bottom - BOARD + 0.5 * HEIGHT):
         add.box((0.0, y0, z), (0.24, y1, z + BOARD), "wood")
         for k, material in enumerate(("clay", "ceramic", "glass", "accent")):
             y = y0 + 0.09 + k * (y1 - y0 - 0.18) / 3
             tall = (0.16, 0.09, 0.13, 0.11)[(k + (z > bottom)) % 4]
-            add.rod((0.12, y, z + BOARD), (0.12, y, z + BOARD + tall), 0.045, material)
+            add.rod(((0.12, y, z + BOARD), (0.12, y, z + BOARD + tall)), 0.045, material)
 
 
-def add_hood(add: Assembly, middle: float, worktop: float) -> float:
+def add_hood(add: Joinery, middle: float, worktop: float) -> float:
     """Hang an extractor hood over the hob and return the height of its top [m]."""
     z, half = worktop + HOOD_OVER_HOB, 0.5 * HOOD_WIDTH
     top = max(z + 0.45, 2.05)
@@ -109,11 +107,11 @@ def add_hood(add: Assembly, middle: float, worktop: float) -> float:
     add.box(low, high, "metal_dark", solid=False)
     for side in (-1, 1):
         at = (0.36, middle + 0.18 * side, z - 0.006)
-        add.rod(at, (at[0], at[1], z - 0.002), 0.025, "lamp")
+        add.rod((at, (at[0], at[1], z - 0.002)), 0.025, "lamp")
     return top
 
 
-def add_tiles(add: Assembly, plan: RunPlan, low: float, high: float) -> None:
+def add_tiles(add: Joinery, plan: RunPlan, low: float, high: float) -> None:
     """Tile the wall over the worktop; under a window only a strip."""
     half = 0.5 * plan.length
     free = [(-half, half)]

@@ -8,8 +8,9 @@ from rcare_marl.urdf import Shape, Triple
 
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
-from .bathroom_assembly import Assembly, box, rod
+from .joinery import Joinery
 from .plumbing import disc, drain, handle, tap, trap
+from .stock import box, rod
 
 _SIDE, _HIGH = 0.6, 0.85  # [m], width and depth, height of machines; common, from memory
 _PANEL = 0.13  # [m], height of the strip with knob and drawer
@@ -22,23 +23,23 @@ _FRONT_SPACE = (0.75, 0.92, 1.22)  # [m]: ADA 611.2 wants 30 by 48 in; level 1, 
 @maker("washing_machine")
 def washing_machine(setting: Setting) -> Piece:
     """Return a washing machine with a round door, a drawer for soap and a knob."""
-    return _machine(Assembly("washing_machine", setting), is_washer=True)
+    return _machine(Joinery("washing_machine", setting), is_washer=True)
 
 
 @maker("dryer")
 def dryer(setting: Setting) -> Piece:
     """Return a tumble dryer with a round door, a drawer for water and a knob."""
-    return _machine(Assembly("dryer", setting), is_washer=False)
+    return _machine(Joinery("dryer", setting), is_washer=False)
 
 
-def _machine(made: Assembly, *, is_washer: bool) -> Piece:
+def _machine(made: Joinery, *, is_washer: bool) -> Piece:
     half, front, z0 = 0.5 * _SIDE, _SIDE - 0.02, 0.04
     strip = _HIGH - _PANEL
     for y in (-half, half - 0.015):
-        made.block("white", (0.0, y, z0), (front - 0.02, y + 0.015, _HIGH - 0.02))
-    made.block("white", (0.0, 0.015 - half, z0), (0.015, half - 0.015, _HIGH - 0.02))
-    made.block("white", (0.0, -half, _HIGH - 0.02), (front, half, _HIGH))
-    made.block("metal_dark", (0.015, 0.015 - half, z0), (front - 0.02, half - 0.015, z0 + 0.015))
+        made.box((0.0, y, z0), (front - 0.02, y + 0.015, _HIGH - 0.02), "white")
+    made.box((0.0, 0.015 - half, z0), (0.015, half - 0.015, _HIGH - 0.02), "white")
+    made.box((0.0, -half, _HIGH - 0.02), (front, half, _HIGH), "white")
+    made.box((0.015, 0.015 - half, z0), (front - 0.02, half - 0.015, z0 + 0.015), "metal_dark")
     for x in (0.06, front - 0.08):
         for y in (0.06 - half, half - 0.06):
             made.draw(rod("rubber", 0.025, (x, y, 0.0), (x, y, z0)))
@@ -51,7 +52,7 @@ def _machine(made: Assembly, *, is_washer: bool) -> Piece:
         ((-half, low[1]), (low[0], high[1])),
         ((high[0], low[1]), (half, high[1])),
     ):
-        made.block("white", (front - 0.02, *a), (front, *b))
+        made.box((front - 0.02, *a), (front, *b), "white")
     _strip(made, front, strip, half, is_washer=is_washer)
     _drum(made, front, z)
     _round_door(made, front, y, z)
@@ -65,10 +66,10 @@ def _machine(made: Assembly, *, is_washer: bool) -> Piece:
     return made.piece(Rectangle(0.0, -half, end, half), _HIGH, zones=zones)
 
 
-def _strip(made: Assembly, front: float, low: float, half: float, *, is_washer: bool) -> None:
+def _strip(made: Joinery, front: float, low: float, half: float, *, is_washer: bool) -> None:
     """Add the strip of controls: a drawer at the left, a knob, a display."""
     edge, top = half - 0.2, _HIGH - 0.02
-    made.block("plastic", (front - 0.02, -half, low), (front, edge, top))
+    made.box((front - 0.02, -half, low), (front, edge, top), "plastic")
     made.draw(
         box("black", (front, -0.25, low + 0.035), (front + 0.002, -0.1, top - 0.03)),
         box(
@@ -88,43 +89,43 @@ def _strip(made: Assembly, front: float, low: float, half: float, *, is_washer: 
             )
         )
     bottom: Triple = (front - 0.26, edge + 0.004, low + 0.004)
-    made.hang(
+    made.moving(
         "drawer",
+        "prismatic",
         (front, edge + 0.1, low + 0.05),
         (1.0, 0.0, 0.0),
         0.2,
         mass=0.6,
-        low=bottom,
-        high=(front, half - 0.006, top - 0.004),
-        slide=True,
+        fills=(bottom, (front, half - 0.006, top - 0.004)),
         slowing=0.05,
     )
-    made.block(
-        "plastic",
+    made.box(
         (front - 0.018, edge + 0.004, low + 0.004),
         (front, half, top - 0.002),
+        "plastic",
         link="drawer",
     )
     inner_low, inner_high = edge + 0.01, half - 0.022
-    made.block("plastic", bottom, (front - 0.018, inner_high, low + 0.016), link="drawer")
+    made.box(bottom, (front - 0.018, inner_high, low + 0.016), "plastic", link="drawer")
     for y in (inner_low, inner_high - 0.012):
-        made.block(
-            "plastic",
+        made.box(
             (front - 0.26, y, low + 0.016),
             (front - 0.018, y + 0.012, low + 0.07),
+            "plastic",
             link="drawer",
         )
     handle(made, "drawer", (front, edge + 0.1, low + 0.05), style="bar", upright=False)
     at: Triple = (front + 0.014, 0.01, low + 0.055)
     made.draw(disc("metal", (front + 0.002, 0.01, low + 0.055), 0.038, 0.004, along="x"))
-    made.hang(
+    made.moving(
         "knob",
+        "revolute",
         at,
         (1.0, 0.0, 0.0),
         1.5 * math.pi,
         mass=0.08,
-        low=(front, -0.02, low + 0.025),
-        high=(front + 0.028, 0.04, low + 0.085),
+        fills=((front, -0.02, low + 0.025), (front + 0.028, 0.04, low + 0.085)),
+        slowing=0.05,
     )
     made.draw(
         disc("metal", at, 0.03, 0.024, along="x"),
@@ -138,7 +139,7 @@ def _strip(made: Assembly, front: float, low: float, half: float, *, is_washer: 
     made.frame("handle_knob", (front + 0.028, 0.01, low + 0.085), "rim of the knob", link="knob")
 
 
-def _drum(made: Assembly, front: float, z: float) -> None:
+def _drum(made: Joinery, front: float, z: float) -> None:
     """Add the drum, open to the front: a cup to see, its floor and back to collide with."""
     turn: Triple = (0.0, math.pi / 2, 0.0)  # its axis, z, along x
     back = 0.12
@@ -156,17 +157,17 @@ def _drum(made: Assembly, front: float, z: float) -> None:
     made.frame("drum", (0.5 * (front + back), 0.0, z - 0.2), "bottom of the drum")
 
 
-def _round_door(made: Assembly, front: float, y: float, z: float) -> None:
+def _round_door(made: Joinery, front: float, y: float, z: float) -> None:
     """Add the round door, hinged at the left, with its glass."""
     turn: Triple = (0.0, math.pi / 2, 0.0)
-    made.hang(
+    made.moving(
         "door",
+        "revolute",
         (front + 0.022, y + _RING, z),
         (0.0, 0.0, 1.0),
         math.radians(115),
         mass=2.2,
-        low=(front + 0.002, y - _RING, z - _RING),
-        high=(front + 0.045, y + _RING, z + _RING),
+        fills=((front + 0.002, y - _RING, z - _RING), (front + 0.045, y + _RING, z + _RING)),
         slowing=0.15,
     )
     ring = ((0.15, 0.002), (_RING, 0.002), (_RING - 0.005, 0.03), (0.18, 0.045), (0.15, 0.03))
@@ -181,12 +182,12 @@ def _round_door(made: Assembly, front: float, y: float, z: float) -> None:
         link="door",
     )
     grip: Triple = (front + 0.045, y - 0.21, z)
-    made.bar(
-        "metal_dark",
+    made.rod(
+        ((front + 0.04, y - 0.212, z - 0.06), (front + 0.04, y - 0.212, z + 0.06)),
         0.008,
-        (front + 0.04, y - 0.212, z - 0.06),
-        (front + 0.04, y - 0.212, z + 0.06),
+        "metal_dark",
         link="door",
+        solid=True,
     )
     made.frame("handle_door", grip, "grip at the edge of the door", link="door")
 
@@ -201,17 +202,17 @@ def laundry_sink(setting: Setting, *, width: float = 0.6, depth: float = 0.52) -
         depth: Out of the wall [m].
     """
     rules = setting.rules
-    made = Assembly("laundry_sink", setting)
+    made = Joinery("laundry_sink", setting)
     half, rim = 0.5 * width, rules.figure("basin_rim_height")
     # Knees go under a shallow one; a deep one at level 1; own choice.
     under = rules.figure("basin_knee_height") if rules.has("basin_knee_height") else rim - 0.3
     made.measures["basin_rim_height"] = rim
     floor, wall, ledge = under + 0.02, 0.025, 0.11
-    made.block("plastic", (0.0, -half, under), (ledge, half, rim))
-    made.block("plastic", (depth - wall, -half, under), (depth, half, rim))
+    made.box((0.0, -half, under), (ledge, half, rim), "plastic")
+    made.box((depth - wall, -half, under), (depth, half, rim), "plastic")
     for y in (-half, half - wall):
-        made.block("plastic", (ledge, y, under), (depth - wall, y + wall, rim))
-    made.block("plastic", (ledge, wall - half, under), (depth - wall, half - wall, floor))
+        made.box((ledge, y, under), (depth - wall, y + wall, rim), "plastic")
+    made.box((ledge, wall - half, under), (depth - wall, half - wall, floor), "plastic")
     made.draw(
         box("white", (depth - 0.01, -half - 0.008, rim - 0.03), (depth + 0.008, half + 0.008, rim)),
         box("white", (0.0, -half - 0.008, rim - 0.03), (depth, 0.01 - half, rim)),
@@ -219,13 +220,13 @@ def laundry_sink(setting: Setting, *, width: float = 0.6, depth: float = 0.52) -
     )
     for x in (0.05, depth - 0.05):
         for y in (0.05 - half, half - 0.05):
-            made.bar("metal", 0.014, (x, y, 0.0), (x, y, under))
+            made.rod(((x, y, 0.0), (x, y, under)), 0.014, "metal", solid=True)
     middle = 0.5 * (ledge + depth - wall)
     drain(made, (middle, 0.0, floor))
     trap(made, (middle, 0.0, under), sleeve=rules.level > 1)
     made.frame("basin", (middle, 0.0, floor), "bottom of the sink")
     tap(made, (0.055, 0.0, rim), style=rules.choice("tap"), reach=0.15)
-    made.block("blanket", (0.02, half - 0.14, rim), (0.09, half - 0.06, rim + 0.03))
+    made.box((0.02, half - 0.14, rim), (0.09, half - 0.06, rim + 0.03), "blanket")
     knee: tuple[Rectangle, ...] = ()
     if rules.has("basin_knee_height"):
         made.measures["basin_knee_height"] = under
@@ -233,7 +234,8 @@ def laundry_sink(setting: Setting, *, width: float = 0.6, depth: float = 0.52) -
     end = depth + 0.008
     use = Rectangle(end, -half, end + (0.6, 0.8, 0.92)[rules.level - 1], half)
     area = Rectangle(0.0, -half - 0.008, end, half + 0.008)
-    return made.piece(area, rim + 0.2, zones=(Zone(use),), knee=knee)
+    made.knee += knee
+    return made.piece(area, rim + 0.2, zones=(Zone(use),))
 
 
 @maker("drying_rack")
@@ -244,11 +246,11 @@ def drying_rack(setting: Setting, *, length: float = 1.1) -> Piece:
         setting: What it is made for.
         length: Of its bars [m].
     """
-    made = Assembly("drying_rack", setting)
+    made = Joinery("drying_rack", setting)
     high, deep, half = 0.95, 0.55, 0.5 * length
     for y in (-half, half):
-        made.bar("white", 0.009, (0.02, y, 0.01), (deep - 0.02, y, high))
-        made.bar("white", 0.009, (deep - 0.02, y, 0.01), (0.02, y, high))
+        made.rod(((0.02, y, 0.01), (deep - 0.02, y, high)), 0.009, "white", solid=True)
+        made.rod(((deep - 0.02, y, 0.01), (0.02, y, high)), 0.009, "white", solid=True)
     count = 7
     spots = [0.02 + (deep - 0.04) * i / (count - 1) for i in range(count)]
     for x in spots:
@@ -278,10 +280,10 @@ def drying_rack(setting: Setting, *, length: float = 1.1) -> Piece:
 @maker("ironing_board")
 def ironing_board(setting: Setting) -> Piece:
     """Return an ironing board on crossed legs, along the wall, with an iron on it."""
-    made = Assembly("ironing_board", setting)
+    made = Joinery("ironing_board", setting)
     high, deep, half = (0.9, 0.8, 0.74)[setting.rules.level - 1], 0.38, 0.6  # as who sits needs it
     middle = 0.5 * deep
-    made.block("linen", (0.0, 0.35 - half, high - 0.03), (deep, half, high))
+    made.box((0.0, 0.35 - half, high - 0.03), (deep, half, high), "linen")
     nose = Shape(  # the round end
         kind="lathe",
         material="linen",
@@ -297,8 +299,8 @@ def ironing_board(setting: Setting) -> Piece:
     )
     made.solid(box("", (0.05, 0.03 - half, high - 0.03), (deep - 0.05, 0.35 - half, high)))
     for start, end in ((-0.42, 0.36), (0.42, -0.36)):
-        made.bar("metal", 0.011, (middle, start, 0.02), (middle, end, high - 0.03))
-        made.bar("metal", 0.011, (0.03, start, 0.012), (deep - 0.03, start, 0.012))
+        made.rod(((middle, start, 0.02), (middle, end, high - 0.03)), 0.011, "metal", solid=True)
+        made.rod(((0.03, start, 0.012), (deep - 0.03, start, 0.012)), 0.011, "metal", solid=True)
     y = half - 0.16
     made.draw(
         box("metal", (middle - 0.055, y - 0.11, high), (middle + 0.055, y + 0.11, high + 0.012)),

@@ -43,14 +43,18 @@ def _lounge(kind: str, setting: Setting, seats: int, seat: float, *, deep: float
     sofa = Joinery(kind, setting)
     outer = half + _ARM
     sofa.legs(Rectangle(0.06, -outer + 0.06, deep - 0.06, outer - 0.06), 0.12, 0.05, "wood_dark")
-    sofa.board((0.04, -half, 0.12), (deep - 0.02, half, under), "fabric")
-    sofa.board((0.0, -half, 0.12), (back - 0.06, half, top + 0.36), "fabric")
+    sofa.box((0.04, -half, 0.12), (deep - 0.02, half, under), "fabric")
+    sofa.box((0.0, -half, 0.12), (back - 0.06, half, top + 0.36), "fabric")
     for y in (-outer, half):
-        sofa.board((0.0, y, 0.12), (deep, y + _ARM, top + 0.2), "fabric", bevel=0.05)
+        sofa.box((0.0, y, 0.12), (deep, y + _ARM, top + 0.2), "fabric", bevel=0.05)
     for k in range(seats):
         y = -half + k * seat
-        sofa.board((back - 0.04, y + 0.004, under), (deep + 0.01, y + seat - 0.004, top), "fabric",
-                   bevel=0.045)  # fmt: skip
+        sofa.box(
+            (back - 0.04, y + 0.004, under),
+            (deep + 0.01, y + seat - 0.004, top),
+            "fabric",
+            bevel=0.045,
+        )
         at = (back + 0.055, y + 0.5 * seat, top + 0.21)
         sofa.slab(
             at, (0.13, seat - 0.03, 0.42), "fabric", rpy=(0.0, -0.17, 0.0), bevel=0.055, solid=False
@@ -62,7 +66,7 @@ def _lounge(kind: str, setting: Setting, seats: int, seat: float, *, deep: float
             rpy=(0.0, -0.17, 0.0),
             seen=False,
         )
-        sofa.mark(
+        sofa.frame(
             f"seat_{k + 1}", (0.5 * (deep + back) + 0.05, at[1], top), f"middle of place {k + 1}"
         )
     sofa.frames["seat"] = sofa.frames["seat_1"]
@@ -81,13 +85,13 @@ def make_sofa(setting: Setting, *, seats: int = 3) -> Piece:
     for sign, material in ((1, "accent"), (-1, "fabric_light")):
         sofa.slab((0.42, sign * (edge - 0.2), top + 0.19), (0.11, 0.38, 0.38), material,
                   rpy=(0.0, -0.35, -0.25 * sign), bevel=0.05, solid=False)  # fmt: skip
-    return sofa.done()
+    return sofa.piece()
 
 
 @maker("armchair")
 def make_armchair(setting: Setting) -> Piece:
     """Make an armchair."""
-    return _lounge("armchair", setting, 1, 0.56, deep=0.85).done()
+    return _lounge("armchair", setting, 1, 0.56, deep=0.85).piece()
 
 
 @maker("recliner")
@@ -100,14 +104,16 @@ def make_recliner(setting: Setting) -> Piece:
     chair = Joinery("recliner", setting)
     back, outer = 0.55, half + _ARM  # off the wall: the back needs room to recline
     for y in (-outer, half):
-        chair.board(
-            (back - 0.1, y, 0.03), (deep + 0.25, y + _ARM, top + 0.18), "fabric", bevel=0.05
-        )
-    chair.board((back, -half, 0.06), (deep + 0.16, half, top - 0.14), "fabric")
-    chair.board((back + 0.02, -half + 0.004, top - 0.14), (deep + 0.24, half - 0.004, top), "fabric",
-                bevel=0.045)  # fmt: skip
+        chair.box((back - 0.1, y, 0.03), (deep + 0.25, y + _ARM, top + 0.18), "fabric", bevel=0.05)
+    chair.box((back, -half, 0.06), (deep + 0.16, half, top - 0.14), "fabric")
+    chair.box(
+        (back + 0.02, -half + 0.004, top - 0.14),
+        (deep + 0.24, half - 0.004, top),
+        "fabric",
+        bevel=0.045,
+    )
     for y in (-outer + 0.02, outer - 0.08):
-        chair.board((back, y, 0.0), (deep + 0.1, y + 0.06, 0.05), "wood_dark")
+        chair.box((back, y, 0.0), (deep + 0.1, y + 0.06, 0.05), "wood_dark")
     pivot = (back + 0.04, 0.0, top - 0.02)
     # Cushions on a frame: light, or no friction that a push can beat would hold them.
     chair.moving("backrest", "revolute", pivot, (0.0, -1.0, 0.0), math.radians(35.0),
@@ -120,16 +126,21 @@ def make_recliner(setting: Setting) -> Piece:
     knee = (front, 0.0, top - 0.055)
     chair.moving("leg_rest", "revolute", knee, (0.0, -1.0, 0.0), math.radians(88.0),
                  density=80.0, damping=1.0, friction=3.4)  # fmt: skip
-    chair.board((front, -half + 0.01, 0.07), (front + 0.09, half - 0.01, top - 0.05), "fabric",
-                link="leg_rest", bevel=0.04)  # fmt: skip
-    chair.mark(
+    chair.box(
+        (front, -half + 0.01, 0.07),
+        (front + 0.09, half - 0.01, top - 0.05),
+        "fabric",
+        link="leg_rest",
+        bevel=0.04,
+    )
+    chair.frame(
         "handle_backrest", (pivot[0] - 0.05, 0.0, top + 0.66), "top of the back", yaw_deg=180.0
     )
-    chair.mark("handle_leg_rest", (front + 0.09, 0.0, 0.1), "lower edge of the leg rest")
-    chair.mark("seat", (back + 0.3, 0.0, top), "middle of the seat")
+    chair.frame("handle_leg_rest", (front + 0.09, 0.0, 0.1), "lower edge of the leg rest")
+    chair.frame("seat", (back + 0.3, 0.0, top), "middle of the seat")
     chair.measures["seat_height"] = top
     chair.stand_zone(-half, half, 0.6, x=front + 0.09)
-    return chair.done()
+    return chair.piece()
 
 
 @maker("coffee_table")
@@ -137,24 +148,31 @@ def make_coffee_table(setting: Setting, *, width: float = 1.0, depth: float = 0.
     """Make a coffee table with a shelf below; a tray, a mug and magazines lie on it."""
     half, top = 0.5 * width, 0.42
     table = Joinery("coffee_table", setting)
-    table.board((0.0, -half, top - 0.035), (depth, half, top), "wood", bevel=0.01)
+    table.box((0.0, -half, top - 0.035), (depth, half, top), "wood", bevel=0.01)
     table.legs(Rectangle(0.03, -half + 0.03, depth - 0.03, half - 0.03), top - 0.035, 0.05, "wood")
-    table.board((0.05, -half + 0.05, 0.14), (depth - 0.05, half - 0.05, 0.16), "wood")
+    table.box((0.05, -half + 0.05, 0.14), (depth - 0.05, half - 0.05, 0.16), "wood")
     for k, material in enumerate(("paper", "accent", "towel")):
-        table.board((0.1, -half + 0.12 + 0.01 * k, 0.16 + 0.012 * k), (0.34, -half + 0.3, 0.171 + 0.012 * k),
-                    material, solid=False)  # fmt: skip
-    table.board((0.14, 0.05, top), (0.4, 0.42 * width, top + 0.012), "wood_dark", solid=False)
+        table.box(
+            (0.1, -half + 0.12 + 0.01 * k, 0.16 + 0.012 * k),
+            (0.34, -half + 0.3, 0.171 + 0.012 * k),
+            material,
+            solid=False,
+        )
+    table.box((0.14, 0.05, top), (0.4, 0.42 * width, top + 0.012), "wood_dark", solid=False)
     table.rod([(0.3, 0.2, top + 0.012), (0.3, 0.2, top + 0.1)], 0.038, "ceramic")
-    table.mark("tabletop", (0.5 * depth, 0.0, top), "middle of the top")
-    return table.done()
+    table.frame("tabletop", (0.5 * depth, 0.0, top), "middle of the top")
+    return table.piece()
 
 
 @maker("side_table")
 def make_side_table(setting: Setting, *, lamp: bool = True) -> Piece:
     """Make a small round table beside a sofa, with a lamp on it if `lamp`."""
     table, at, top = Joinery("side_table", setting), 0.23, 0.55
-    table.add(Shape(kind="cylinder", material="wood", at=(at, 0.0, top - 0.0125), radius=0.22, length=0.025),
-              solid=True)  # fmt: skip
+    table.add(
+        Shape(
+            kind="cylinder", material="wood", at=(at, 0.0, top - 0.0125), radius=0.22, length=0.025
+        )
+    )
     for turn in range(3):
         angle = 2 * math.pi * turn / 3
         x, y = math.cos(angle), math.sin(angle)
@@ -162,8 +180,8 @@ def make_side_table(setting: Setting, *, lamp: bool = True) -> Piece:
                   "wood_dark", solid=True)  # fmt: skip
     if lamp:
         table_lamp(table, at - 0.06, 0.0, top)
-    table.mark("tabletop", (at + 0.1, 0.0, top), "free part of the top")
-    return table.done()
+    table.frame("tabletop", (at + 0.1, 0.0, top), "free part of the top")
+    return table.piece()
 
 
 @maker("tv_stand")
@@ -172,12 +190,12 @@ def make_tv_stand(setting: Setting, *, width: float = 1.5) -> Piece:
     half, deep, top, foot = 0.5 * width, 0.42, 0.5, 0.1
     stand = Joinery("tv_stand", setting)
     for y in (-half, half - BOARD, -half / 3 - BOARD, half / 3):
-        stand.board((0.0, y, foot), (deep, y + BOARD, top - BOARD), "wood")
-    stand.board((0.0, -half, top - BOARD), (deep, half, top), "wood")
-    stand.board((0.0, -half, foot - BOARD), (deep, half, foot), "wood")
-    stand.board((0.0, -half + BOARD, foot), (0.012, half - BOARD, top - BOARD), "wood_dark")
-    stand.board((0.02, -half / 3, 0.29), (deep - 0.04, half / 3, 0.29 + BOARD), "wood")
-    stand.board((0.1, -0.18, 0.29 + BOARD), (0.33, 0.16, 0.35), "black", solid=False)
+        stand.box((0.0, y, foot), (deep, y + BOARD, top - BOARD), "wood")
+    stand.box((0.0, -half, top - BOARD), (deep, half, top), "wood")
+    stand.box((0.0, -half, foot - BOARD), (deep, half, foot), "wood")
+    stand.box((0.0, -half + BOARD, foot), (0.012, half - BOARD, top - BOARD), "wood_dark")
+    stand.box((0.02, -half / 3, 0.29), (deep - 0.04, half / 3, 0.29 + BOARD), "wood")
+    stand.box((0.1, -0.18, 0.29 + BOARD), (0.33, 0.16, 0.35), "black", solid=False)
     stand.legs(
         Rectangle(0.03, -half + 0.06, deep - 0.03, half - 0.06), foot - BOARD, 0.04, "wood_dark"
     )
@@ -189,15 +207,19 @@ def make_tv_stand(setting: Setting, *, width: float = 1.5) -> Piece:
     wide = min(1.23, 0.9 * width)  # a 55 inch screen
     tall = wide * 9 / 16
     low = top + 0.07
-    stand.board((0.17, -0.5 * wide, low), (0.205, 0.5 * wide, low + tall), "black")
-    stand.board((0.205, -0.5 * wide + 0.012, low + 0.015), (0.207, 0.5 * wide - 0.012, low + tall - 0.012),
-                "metal_dark", solid=False)  # fmt: skip
+    stand.box((0.17, -0.5 * wide, low), (0.205, 0.5 * wide, low + tall), "black")
+    stand.box(
+        (0.205, -0.5 * wide + 0.012, low + 0.015),
+        (0.207, 0.5 * wide - 0.012, low + tall - 0.012),
+        "metal_dark",
+        solid=False,
+    )
     for y in (-0.3 * wide, 0.3 * wide):
-        stand.board((0.08, y - 0.012, top), (0.3, y + 0.012, top + 0.015), "black", solid=False)
-        stand.board((0.18, y - 0.01, top), (0.2, y + 0.01, low), "black", solid=False)
-    stand.mark("screen", (0.207, 0.0, low + 0.5 * tall), "middle of the screen, x out of it")
+        stand.box((0.08, y - 0.012, top), (0.3, y + 0.012, top + 0.015), "black", solid=False)
+        stand.box((0.18, y - 0.01, top), (0.2, y + 0.01, low), "black", solid=False)
+    stand.frame("screen", (0.207, 0.0, low + 0.5 * tall), "middle of the screen, x out of it")
     stand.stand_zone(-half, half, 0.5, x=deep)
-    return stand.done()
+    return stand.piece()
 
 
 @maker("bookshelf")
@@ -208,18 +230,18 @@ def make_bookshelf(
     half, deep = 0.5 * width, 0.3
     shelf = Joinery("bookshelf", setting)
     for y in (-half, half - BOARD):
-        shelf.board((0.0, y, 0.0), (deep, y + BOARD, height), "wood")
-    shelf.board((0.0, -half + BOARD, 0.0), (0.012, half - BOARD, height), "wood")
+        shelf.box((0.0, y, 0.0), (deep, y + BOARD, height), "wood")
+    shelf.box((0.0, -half + BOARD, 0.0), (0.012, half - BOARD, height), "wood")
     count = max(2, round((height - 0.1) / 0.36))
     step = (height - 0.07 - BOARD) / count
     for k in range(count + 1):
         z = 0.07 + k * step
-        shelf.board((0.012, -half + BOARD, z), (deep, half - BOARD, z + BOARD), "wood")
+        shelf.box((0.012, -half + BOARD, z), (deep, half - BOARD, z + BOARD), "wood")
         if k < count:
             fill_books(shelf, (-half + BOARD, half - BOARD), z + BOARD, step - BOARD, seed + 5 * k)
-    shelf.board((deep - 0.03, -half + BOARD, 0.0), (deep - 0.018, half - BOARD, 0.07), "wood")
+    shelf.box((deep - 0.03, -half + BOARD, 0.0), (deep - 0.018, half - BOARD, 0.07), "wood")
     shelf.stand_zone(-half, half, 0.6, x=deep)
-    return shelf.done()
+    return shelf.piece()
 
 
 def fill_books(
@@ -246,25 +268,26 @@ def fill_books(
             break
         deep = 0.14 + 0.05 * math.modf(3.1 * mix)[0]
         material = _SPINES[int(10 * math.modf(11.7 * mix + 0.13 * seed)[0])]
-        piece.board((x, y, z), (x + deep, y + thick - 0.001, z + tall), material, solid=False)
+        piece.box((x, y, z), (x + deep, y + thick - 0.001, z + tall), material, solid=False)
         y, k, tallest = y + thick, k + 1, max(tallest, tall)
-    piece.board((x, start, z), (x + 0.15, y, z + tallest), "", seen=False)
+    piece.box((x, start, z), (x + 0.15, y, z + tallest), "", seen=False)
 
 
 @maker("floor_lamp")
 def make_floor_lamp(setting: Setting) -> Piece:
     """Make a floor lamp."""
     lamp, x = Joinery("floor_lamp", setting), 0.2
-    lamp.add(Shape(kind="cylinder", material="metal_dark", at=(x, 0.0, 0.0125), radius=0.14, length=0.025),
-             solid=True)  # fmt: skip
-    lamp.rod([(x, 0.0, 0.02), (x, 0.0, 1.45)], 0.012, "metal_dark", solid=True)
     lamp.add(
+        Shape(
+            kind="cylinder", material="metal_dark", at=(x, 0.0, 0.0125), radius=0.14, length=0.025
+        )
+    )
+    lamp.rod([(x, 0.0, 0.02), (x, 0.0, 1.45)], 0.012, "metal_dark", solid=True)
+    lamp.draw(
         Shape(kind="lathe", material="lamp", at=(x, 0.0, 0.0), profile=((0.2, 1.3), (0.14, 1.6)))
     )
-    lamp.add(
-        Shape(kind="cylinder", at=(x, 0.0, 1.45), radius=0.17, length=0.3), solid=True, seen=False
-    )
-    return lamp.done()
+    lamp.solid(Shape(kind="cylinder", at=(x, 0.0, 1.45), radius=0.17, length=0.3))
+    return lamp.piece()
 
 
 __all__ = [

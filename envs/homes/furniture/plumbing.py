@@ -6,7 +6,8 @@ import math
 
 from rcare_marl.urdf import Shape, Triple
 
-from .bathroom_assembly import Assembly, box, rod, solid_rods
+from .joinery import Joinery
+from .stock import box, rod, solid_rods
 
 _LEVER = 0.12  # [m] of a lever tap; common, from memory
 # Dry friction of a cartridge [N·m]: it holds the lever, and 4 N at its end move it; own choice.
@@ -20,7 +21,7 @@ def disc(material: str, at: Triple, radius: float, thick: float, *, along: str =
     return rod(material, radius, (x - dx, y - dy, z - dz), (x + dx, y + dy, z + dz))
 
 
-def drain(assembly: Assembly, at: Triple, *, radius: float = 0.025) -> None:
+def drain(assembly: Joinery, at: Triple, *, radius: float = 0.025) -> None:
     """Add a drain to see at `at` [m], on the floor of a basin."""
     x, y, z = at
     assembly.draw(disc("metal", (x, y, z + 0.001), radius, 0.004))
@@ -28,7 +29,7 @@ def drain(assembly: Assembly, at: Triple, *, radius: float = 0.025) -> None:
     assembly.frame("drain", (x, y, z), "the drain")
 
 
-def tap(assembly: Assembly, at: Triple, *, style: str, reach: float = 0.13) -> None:
+def tap(assembly: Joinery, at: Triple, *, style: str, reach: float = 0.13) -> None:
     """Add a tap that stands on `at` [m] and pours along x.
 
     Two knobs turn, `tap_hot` and `tap_cold`; or one lever lifts, `tap_lift`, and turns, `tap_turn`,
@@ -55,19 +56,20 @@ def tap(assembly: Assembly, at: Triple, *, style: str, reach: float = 0.13) -> N
         _lever(assembly, (x, y, high + 0.012))
 
 
-def _knob(assembly: Assembly, at: Triple, name: str, side: float) -> None:
+def _knob(assembly: Joinery, at: Triple, name: str, side: float) -> None:
     """Add a knob with four spokes, which three quarters of a turn open."""
     x, y, z = at
     assembly.draw(rod("metal", 0.014, at, (x, y, z + 0.035)))
     top = z + 0.045
-    assembly.hang(
+    assembly.moving(
         name,
+        "revolute",
         (x, y, top),
         (0.0, 0.0, side),
         1.5 * math.pi,
         mass=0.12,
-        low=(x - 0.026, y - 0.026, top - 0.012),
-        high=(x + 0.026, y + 0.026, top + 0.012),
+        fills=((x - 0.026, y - 0.026, top - 0.012), (x + 0.026, y + 0.026, top + 0.012)),
+        slowing=0.05,
     )
     assembly.draw(
         disc("metal", (x, y, top), 0.018, 0.024),
@@ -80,38 +82,39 @@ def _knob(assembly: Assembly, at: Triple, name: str, side: float) -> None:
     assembly.frame(f"handle_{name}", (x + 0.026, y, top), "rim of the knob", link=name)
 
 
-def _lever(assembly: Assembly, at: Triple) -> None:
+def _lever(assembly: Joinery, at: Triple) -> None:
     """Add a lever that turns about z and, on that, lifts."""
     x, y, z = at
-    assembly.hang(
+    assembly.moving(
         "tap_turn",
+        "revolute",
         at,
         (0.0, 0.0, 1.0),
         math.radians(70),
         mass=0.1,
-        low=(x - 0.02, y - 0.02, z - 0.012),
-        high=(x + 0.02, y + 0.02, z + 0.012),
+        fills=((x - 0.02, y - 0.02, z - 0.012), (x + 0.02, y + 0.02, z + 0.012)),
+        slowing=0.05,
     )
     assembly.draw(disc("metal", at, 0.02, 0.026), link="tap_turn")
     end: Triple = (x + _LEVER, y, z + 0.032)
-    assembly.hang(
+    assembly.moving(
         "tap_lift",
+        "revolute",
         (x, y, z + 0.014),
         (0.0, -1.0, 0.0),
         math.radians(25),
         mass=0.1,
-        low=(x - 0.02, y - 0.01, z + 0.008),
-        high=(x + _LEVER, y + 0.01, z + 0.03),
+        fills=((x - 0.02, y - 0.01, z + 0.008), (x + _LEVER, y + 0.01, z + 0.03)),
         slowing=0.02,
         friction=_CARTRIDGE,
         parent="tap_turn",
     )
-    assembly.bar("metal", 0.008, (x - 0.01, y, z + 0.018), end, link="tap_lift")
+    assembly.rod(((x - 0.01, y, z + 0.018), end), 0.008, "metal", link="tap_lift", solid=True)
     assembly.frame("handle_tap_lift", end, "end of the lever", link="tap_lift")
     assembly.frame("handle_tap_turn", end, "end of the lever", link="tap_lift")
 
 
-def hand_shower(assembly: Assembly, wall: Triple, out: Triple, *, low: float, high: float) -> None:
+def hand_shower(assembly: Joinery, wall: Triple, out: Triple, *, low: float, high: float) -> None:
     """Add a hand shower on a bar that it slides along, `shower_slider`, with its hose and mixer.
 
     Args:
@@ -126,21 +129,21 @@ def hand_shower(assembly: Assembly, wall: Triple, out: Triple, *, low: float, hi
     def point(away: float, height: float, aside: float = 0.0) -> Triple:
         return (x + away * dx - aside * dy, y + away * dy + aside * dx, z + height)
 
-    assembly.bar("metal", 0.011, point(0.06, low), point(0.06, high))
+    assembly.rod((point(0.06, low), point(0.06, high)), 0.011, "metal", solid=True)
     for height in (low + 0.03, high - 0.03):
         assembly.draw(rod("metal", 0.009, point(0.0, height), point(0.06, height)))
     middle = point(0.06, low + 0.12)
     a, b, c = middle
-    assembly.hang(
+    assembly.moving(
         "shower_slider",
+        "prismatic",
         middle,
         (0.0, 0.0, 1.0),
         high - low - 0.2,
         mass=0.35,
-        low=(a - 0.04, b - 0.04, c - 0.06),
-        high=(a + 0.04, b + 0.04, c + 0.06),
-        slide=True,
-        friction=7.0,  # twice its weight; own choice
+        fills=((a - 0.04, b - 0.04, c - 0.06), (a + 0.04, b + 0.04, c + 0.06)),
+        slowing=0.05,
+        friction=7.0,
     )
     grip = (point(0.1, low + 0.03), point(0.12, low + 0.2), point(0.17, low + 0.25))
     head = point(0.19, low + 0.235)
@@ -158,7 +161,7 @@ def hand_shower(assembly: Assembly, wall: Triple, out: Triple, *, low: float, hi
     _mixer(assembly, point(0.0, low - 0.08), out, point(0.1, low + 0.03))
 
 
-def _mixer(assembly: Assembly, at: Triple, out: Triple, hose_end: Triple) -> None:
+def _mixer(assembly: Joinery, at: Triple, out: Triple, hose_end: Triple) -> None:
     """Add a mixer on the wall with a hose, and its lever, `shower_lever`, that turns."""
     (x, y, z), (dx, dy, _) = at, out
     away: Triple = (x + 0.055 * dx, y + 0.055 * dy, z)
@@ -173,25 +176,25 @@ def _mixer(assembly: Assembly, at: Triple, out: Triple, hose_end: Triple) -> Non
         rod("metal", 0.007, away, low, back, hose_end, bend=0.12),
     )
     assembly.solid(*solid_rods(0.025, at, away))
-    assembly.hang(
+    assembly.moving(
         "shower_lever",
+        "revolute",
         away,
         out,
         math.radians(90),
         mass=0.12,
-        low=(away[0] - 0.012, away[1] - 0.012, z - 0.1),
-        high=(away[0] + 0.012, away[1] + 0.012, z),
+        fills=((away[0] - 0.012, away[1] - 0.012, z - 0.1), (away[0] + 0.012, away[1] + 0.012, z)),
         slowing=0.02,
         friction=_CARTRIDGE,
     )
     tip = (away[0] + 0.02 * dx, away[1] + 0.02 * dy, z - 0.11)
     start = (away[0] + 0.008 * dx, away[1] + 0.008 * dy, z)
     assembly.draw(rod("metal", 0.028, away, start), link="shower_lever")
-    assembly.bar("metal", 0.009, start, tip, link="shower_lever")
+    assembly.rod((start, tip), 0.009, "metal", link="shower_lever", solid=True)
     assembly.frame("handle_shower_lever", tip, "end of the lever", link="shower_lever")
 
 
-def trap(assembly: Assembly, at: Triple, *, sleeve: bool) -> None:
+def trap(assembly: Joinery, at: Triple, *, sleeve: bool) -> None:
     """Add the trap of a basin, for the eye, from its drain at `at` [m] to the wall.
 
     Args:
@@ -212,7 +215,7 @@ def trap(assembly: Assembly, at: Triple, *, sleeve: bool) -> None:
 
 
 def grab_bar(
-    assembly: Assembly, start: Triple, end: Triple, out: Triple, *, diameter: float, gap: float
+    assembly: Joinery, start: Triple, end: Triple, out: Triple, *, diameter: float, gap: float
 ) -> None:
     """Add a grab bar to a wall: bent back to the wall at its ends, with flanges.
 
@@ -244,7 +247,7 @@ def grab_bar(
         assembly.solid(Shape(kind="cylinder", radius=radius, points=(foot, off(foot, away))))
 
 
-def handle(assembly: Assembly, link: str, at: Triple, *, style: str, upright: bool = True) -> None:
+def handle(assembly: Joinery, link: str, at: Triple, *, style: str, upright: bool = True) -> None:
     """Add a knob or a bar to a front that looks along x, and its frame `handle_<link>`.
 
     Args:
@@ -264,16 +267,16 @@ def handle(assembly: Assembly, link: str, at: Triple, *, style: str, upright: bo
         return
     dy, dz = (0.0, 0.07) if upright else (0.07, 0.0)
     ends = ((x + 0.032, y - dy, z - dz), (x + 0.032, y + dy, z + dz))
-    assembly.bar("metal", 0.006, *ends, link=link)
+    assembly.rod(ends, 0.006, "metal", link=link, solid=True)
     for a, b, c in ends:
         foot = (x, b * 0.85 + y * 0.15, c * 0.85 + z * 0.15)
         assembly.draw(rod("metal", 0.005, foot, (a, foot[1], foot[2])), link=link)
     assembly.frame(f"handle_{link}", (x + 0.032, y, z), "bar handle", link=link)
 
 
-def tiled_panel(assembly: Assembly, low: Triple, high: Triple) -> None:
+def tiled_panel(assembly: Joinery, low: Triple, high: Triple) -> None:
     """Add a thin tiled wall between two corners [m], with a rail of metal on top."""
-    assembly.block("wall_tile", low, high)
+    assembly.box(low, high, "wall_tile")
     rim = 0.004
     cap = box(
         "metal",
