@@ -1,12 +1,14 @@
 # Each target sets up what it needs from nothing: a virtual environment in .venv with the exact
 # versions of constraints.txt. The second time there is nothing to set up.
-# PYTHON=/path/to/python chooses the interpreter, VENV=folder the environment.
+# PYTHON=/path/to/python chooses the interpreter, VENV=folder the environment, JOBS=4 how many
+# processes run tests; those of one file stay together.
 
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 CONSTRAINTS := $(wildcard constraints.txt)
 ARGS ?=
+JOBS ?= 2
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-all lint types clean
@@ -20,10 +22,10 @@ demo: $(STAMP)  ## ten seeded feeding episodes: a table, a video, a plot, a reco
 	@$(BIN)/rcare-marl demo $(ARGS)
 
 test: $(STAMP)  ## the quick tests
-	@$(BIN)/python -m pytest -q $(ARGS)
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile $(ARGS)
 
 test-all: $(STAMP)  ## all tests, the slow ones too
-	@$(BIN)/python -m pytest -q -m "" $(ARGS)
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "" $(ARGS)
 
 lint: $(STAMP)  ## ruff
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check -q .

@@ -62,6 +62,26 @@ class Mesh:
         normals = None if self.normals is None else _unit(self.normals / scale)
         return Mesh(self.vertices * scale, self.faces, normals, self.corners)
 
+    def copies(self, scales: Array, turns: Array, at: Array) -> Mesh:
+        """Return many copies as one mesh, which takes less time than to make and to merge them.
+
+        Args:
+            scales: Factors along its axes, shape [n, 3].
+            turns: Quaternions, shape [n, 4].
+            at: Places of its origin [m], shape [n, 3].
+        """
+        mesh, number = self.shaded(), np.arange(len(at))[:, None, None]
+        assert mesh.normals is not None and mesh.corners is not None
+        back = matrix_from_quaternion(turns.T).transpose(2, 1, 0)
+        vertices = (mesh.vertices * scales[:, None]) @ back + at[:, None]
+        normals = _unit((mesh.normals / scales[:, None]).reshape(-1, 3))
+        return Mesh(
+            vertices.reshape(-1, 3),
+            (mesh.faces + number * len(mesh.vertices)).reshape(-1, 3),
+            (normals.reshape(len(at), -1, 3) @ back).reshape(-1, 3),
+            (mesh.corners + number * len(mesh.normals)).reshape(-1, 3),
+        )
+
     def shaded(self, crease: float = CREASE) -> Mesh:
         """Return the mesh with normals, smooth but at edges sharper than `crease` [rad]."""
         if self.normals is not None:
@@ -147,8 +167,7 @@ def box(size: Vector, bevel: float = 0.0, steps: int = 4) -> Mesh:
     """
     half = 0.5 * np.asarray(size, np.float64)
     if bevel <= 0:
-        sharp = _cube()
-        return Mesh(half * sharp.vertices, sharp.faces, sharp.normals, sharp.corners)
+        return cube().stretched(half)
     radius = min(bevel, float(half.min()) * 0.999)
     ball = _parted_ball(steps)
     assert ball.normals is not None
@@ -156,30 +175,22 @@ def box(size: Vector, bevel: float = 0.0, steps: int = 4) -> Mesh:
     return Mesh(vertices, ball.faces, ball.normals, ball.faces)
 
 
-def boxes(sizes: Array, turns: Array, at: Array) -> Mesh:
-    """Return many boxes as one mesh, which takes less time than to make and to merge them.
-
-    Args:
-        sizes: Their edges [m], shape [n, 3].
-        turns: Their quaternions, shape [n, 4].
-        at: Their middles [m], shape [n, 3].
-    """
-    cube, number = _cube(), np.arange(len(sizes))[:, None, None]
-    assert cube.normals is not None and cube.corners is not None
-    turn = np.moveaxis(matrix_from_quaternion(turns.T), 2, 0)
-    vertices = (0.5 * sizes[:, None] * cube.vertices) @ turn.transpose(0, 2, 1) + at[:, None]
-    normals = cube.normals @ turn.transpose(0, 2, 1)
-    return Mesh(
-        vertices.reshape(-1, 3),
-        (cube.faces + number * len(cube.vertices)).reshape(-1, 3),
-        normals.reshape(-1, 3),
-        (cube.corners + number * len(cube.normals)).reshape(-1, 3),
-    )
+@lru_cache
+def cube() -> Mesh:
+    """Return a cube from -1 to 1 [m]."""
+    return Mesh(_CORNERS, _SIDES).shaded()
 
 
 @lru_cache
-def _cube() -> Mesh:
-    return Mesh(_CORNERS, _SIDES).shaded()
+def ball(segments: int) -> Mesh:
+    """Return a sphere of radius 1 [m]."""
+    return capsule(1.0, 0.0, segments)
+
+
+@lru_cache
+def rod(segments: int) -> Mesh:
+    """Return a cylinder of radius 1 and length 1 along z about the origin [m]."""
+    return lathe([(1.0, -0.5), (1.0, 0.5)], segments)
 
 
 @lru_cache
@@ -216,26 +227,6 @@ def quads(points: Sequence[Sequence[float]]) -> Mesh:
     return Mesh(vertices, faces, _unit(np.cross(r - p, s - q)), corners)
 
 
-def sphere(radius: float, segments: int = 24) -> Mesh:
-    """Return a sphere of `radius` [m]."""
-    return _ball(segments).stretched((radius, radius, radius))
-
-
-def cylinder(radius: float, length: float, segments: int = 36) -> Mesh:
-    """Return a cylinder along z about the origin [m]."""
-    return _rod(segments).stretched((radius, radius, length))
-
-
-@lru_cache
-def _ball(segments: int) -> Mesh:
-    return capsule(1.0, 0.0, segments)
-
-
-@lru_cache
-def _rod(segments: int) -> Mesh:
-    return lathe([(1.0, -0.5), (1.0, 0.5)], segments)
-
-
 def capsule(radius: float, length: float, segments: int = 24) -> Mesh:
     """Return a capsule along z about the origin; `length` [m] is that between the cap centres."""
     tilt = np.linspace(-np.pi / 2, np.pi / 2, segments // 2 + 2)
@@ -258,16 +249,27 @@ def tube(
     path = _rounded(np.asarray(points, np.float64), bend, steps)
     tangents = np.gradient(path, axis=0)
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    side = np.cross(tangents[0], np.eye(3)[int(np.argmin(np.abs(tangents[0])))])
+    sides = _untwisted(tangents)
+    others = np.cross(tangents, sides)
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)[:, None]
-    rings = []
-    for point, tangent in zip(path, tangents, strict=True):
-        side = side - tangent * float(side @ tangent)  # carried along without twist
-        side /= np.linalg.norm(side)
-        other = np.cross(tangent, side)
-        rings.append(point + radius * (np.cos(angle) * side + np.sin(angle) * other))
-    ends = [np.tile(ring.mean(axis=0), (segments, 1)) for ring in (rings[0], rings[-1])]
+    around = np.cos(angle) * sides[:, None] + np.sin(angle) * others[:, None]
+    rings = list(path[:, None] + radius * around)
+    ends = [np.broadcast_to(ring.mean(axis=0), ring.shape) for ring in (rings[0], rings[-1])]
     return _skin([ends[0], *rings, ends[1]]).shaded(_crease(segments))
+
+
+def _untwisted(tangents: Array) -> Array:
+    """Return a direction across each tangent, shape [n, 3], carried along a path without twist."""
+    rows = tangents.tolist()
+    side = np.cross(rows[0], np.eye(3)[int(np.argmin(np.abs(rows[0])))]).tolist()
+    out = []
+    for tangent in rows:  # in plain numbers: arrays this short take ten times as long
+        along = sum(a * b for a, b in zip(side, tangent, strict=True))
+        side = [a - along * b for a, b in zip(side, tangent, strict=True)]
+        length = math.sqrt(sum(a * a for a in side))
+        side = [a / length for a in side]
+        out.append(side)
+    return np.array(out)
 
 
 def _rounded(points: Array, bend: float, steps: int) -> Array:
@@ -341,9 +343,8 @@ def _corner_normals(mesh: Mesh, crease: float) -> Array:
     within = np.arange(len(left)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
     right = order[starts[corners[left]] + within]
     close = np.einsum("ij,ij->i", units[left // 3], units[right // 3]) > math.cos(crease)
-    normals = np.zeros((len(corners), 3))
-    np.add.at(normals, left[close], areas[right[close] // 3])
-    return _unit(normals)
+    met = np.where(close[:, None], areas[right // 3], 0.0)
+    return _unit(np.add.reduceat(met, np.cumsum(repeats) - repeats))
 
 
 def _unit(normals: Array) -> Array:

@@ -114,17 +114,14 @@ class Shape:
 
     def mesh(self, pose: Pose = UNMOVED) -> Mesh:
         """Return the surface, in the frame in which the link is at `pose`."""
+        plain = self._plain()
+        if plain is not None:
+            template, scale, place = plain
+            return template.stretched(scale).moved(pose @ place)
         if self.kind == "box":
             made = mesh.box(self.size, self.bevel, self._steps)
         elif self.kind == "quads":
             made = mesh.quads(self.points)
-        elif self.kind == "sphere":
-            made = mesh.sphere(self.radius, self._round)
-        elif self.kind == "cylinder":
-            made = mesh.cylinder(self.radius, self.span(), self._round)
-        elif self.kind == "tube" and len(self.points) == 2:  # as most are
-            made = mesh.cylinder(self.radius, self.span(), self._round)
-            made = made.moved(_between(*self.points))
         else:
             span = self.span() if self.kind == "capsule" else 0.0
             path = self.points if self.kind == "tube" else ()
@@ -142,6 +139,22 @@ class Shape:
         if self.scale != UNSTRETCHED:
             made = made.stretched(self.scale)
         return made.moved(pose @ self.pose())
+
+    def _plain(self) -> tuple[Mesh, Triple, Pose] | None:
+        """Return a mesh that many shapes share, its stretch, and its pose in the link; None if none."""
+        a, b, c = self.scale
+        if self.kind == "box" and self.bevel <= 0:
+            x, y, z = self.size
+            return mesh.cube(), (0.5 * a * x, 0.5 * b * y, 0.5 * c * z), self.pose()
+        r = self.radius
+        if self.kind == "sphere":
+            return mesh.ball(self._round), (a * r, b * r, c * r), self.pose()
+        if self.kind == "cylinder":
+            return mesh.rod(self._round), (a * r, b * r, c * self.span()), self.pose()
+        if self.kind == "tube" and len(self.points) == 2 and self.scale == UNSTRETCHED:
+            place = self.pose() @ _between(*self.points)
+            return mesh.rod(self._round), (r, r, self.span()), place
+        return None
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the lowest and the highest corner of the box round it in its link [m]."""
@@ -166,7 +179,7 @@ class Shape:
         else:
             place = pose @ self.pose()
             changed["at"] = place.position
-            changed["rpy"] = self.rpy if pose.quaternion == IDENTITY else _rpy(place.quaternion)
+            changed["rpy"] = self.rpy if pose.quaternion == IDENTITY else turn_rpy(place.quaternion)
         # What has been checked needs no check again: a house has thousands of these.
         twin = object.__new__(Shape)
         twin.__dict__.update(self.__dict__, **changed)
@@ -202,13 +215,20 @@ class Shape:
 
 def surface(shapes: Sequence[Shape], pose: Pose = UNMOVED) -> Mesh:
     """Return the surfaces of shapes as one, in the frame in which their link is at `pose`."""
-    plain = [s for s in shapes if s.kind == "box" and s.bevel <= 0]
-    meshes = [s.mesh(pose) for s in shapes if s.kind != "box" or s.bevel > 0]
-    if plain:  # as most are
-        places = [pose @ s.pose() for s in plain]
-        sizes = np.array([s.size for s in plain]) * [s.scale for s in plain]
+    meshes: list[Mesh] = []
+    alike: dict[int, list[tuple[Mesh, Triple, Pose]]] = {}
+    for shape in shapes:
+        plain = shape._plain()
+        if plain is None:
+            meshes.append(shape.mesh(pose))
+        else:
+            alike.setdefault(id(plain[0]), []).append(plain)
+    for group in alike.values():  # together they take a tenth of the time
+        places = [pose @ place for _, _, place in group]
+        scales = np.array([scale for _, scale, _ in group])
         turns = np.array([place.quaternion for place in places])
-        meshes.append(mesh.boxes(sizes, turns, np.array([place.position for place in places])))
+        at = np.array([place.position for place in places])
+        meshes.append(group[0][0].copies(scales, turns, at))
     return mesh.merge(meshes)
 
 
@@ -261,7 +281,8 @@ def _curved(
 
 
 @lru_cache(maxsize=4096)
-def _rpy(quaternion: tuple[float, ...]) -> Triple:
+def turn_rpy(quaternion: tuple[float, ...]) -> Triple:
+    """Return URDF's roll, pitch, yaw of a quaternion [rad]; the same turns come again and again."""
     return rpy_from_matrix(matrix_from_quaternion(quaternion))
 
 
@@ -307,4 +328,4 @@ def _has_number(value: object) -> bool:
     return any(map(_has_number, value)) if isinstance(value, tuple) else bool(value)
 
 
-__all__ = ["SOLID", "ZERO", "MeshFile", "Shape", "Triple", "surface"]
+__all__ = ["SOLID", "ZERO", "MeshFile", "Shape", "Triple", "surface", "turn_rpy"]

@@ -17,8 +17,8 @@ from . import hull, mesh, mesh_path
 from . import shape as shape_module
 from .cache import cached_folder
 from .errors import UnknownNameError
-from .pose import Pose, quaternion_from_axis_angle, quaternion_from_rpy, rpy_from_matrix
-from .shape import SOLID, ZERO, MeshFile, Shape, Triple, surface
+from .pose import Pose, quaternion_from_axis_angle, quaternion_from_rpy
+from .shape import SOLID, ZERO, MeshFile, Shape, Triple, surface, turn_rpy
 
 # A link without mass would become 1 kg in Bullet: a frame weighs a hundredth of a gram.
 FRAME_MASS = 1e-5  # [kg]
@@ -374,7 +374,7 @@ def joint_pose(joint: Joint, position: float = 0.0) -> Pose:
 
 
 def _origin(element: xml.Element, pose: Pose) -> None:
-    rpy = rpy_from_matrix(pose.matrix()[:3, :3])
+    rpy = turn_rpy(pose.quaternion)
     xml.SubElement(element, "origin", xyz=_text(pose.position), rpy=_text(rpy))
 
 

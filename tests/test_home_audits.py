@@ -9,7 +9,10 @@ from rcare_marl.envs.homes.care_home import home_names
 from rcare_marl.envs.homes.doorway import doorstep
 from rcare_marl.envs.homes.ground import Ground
 from rcare_marl.envs.homes.measurement import near
-from rcare_marl.envs.homes.route import HAND_ROOM, WHEELCHAIR_WIDTH
+from rcare_marl.envs.homes.occupancy import Occupancy
+from rcare_marl.envs.homes.plan import OUTSIDE
+from rcare_marl.envs.homes.rectangle import Rectangle
+from rcare_marl.envs.homes.route import HAND_ROOM, WHEELCHAIR_WIDTH, Way
 from rcare_marl.envs.homes.rule import Rules
 
 EACH = pytest.mark.parametrize("name", home_names())
@@ -85,7 +88,7 @@ def test_a_wheelchair_gets_beside_beds_and_before_basins_and_cupboards(
     for room in home.rooms():
         things = [thing.area for thing in near(home.wheel_clearance, room.inside)]
         ground = Ground(room.inside, things)
-        _, middle = ground.circle()
+        _, middle = ground.circle
         ways = [o for o in home.plan.openings_of(room.name) if o.kind != "window"]
         stands = [area for placed in home.furniture(room.name) for area in placed.stands]
         assert ground.joins([doorstep(way, room.name) for way in ways], middle, wide)
@@ -93,3 +96,24 @@ def test_a_wheelchair_gets_beside_beds_and_before_basins_and_cupboards(
             assert ground.joins([area], middle, wide), (room.name, area)
         count += len(stands)
     assert count > 5 * len(home.rooms("bathroom"))
+
+
+@pytest.mark.parametrize(
+    ("level", "wide"),
+    [(1, 0.5), pytest.param(2, 0.7, marks=pytest.mark.slow), (3, 0.7)],  # on foot, on wheels [m]
+)
+def test_every_door_can_be_gone_through(level: int, wide: float) -> None:
+    count = 0
+    for name in home_names():
+        home = built(name, level)
+        for opening in home.plan.openings.values():
+            if opening.kind == "window" or OUTSIDE in opening.rooms:
+                continue
+            a, b = (doorstep(opening, room) for room in opening.rooms)
+            strip = Rectangle(
+                min(a.x0, b.x0), min(a.y0, b.y0), max(a.x1, b.x1), max(a.y1, b.y1)
+            ).grown(0.3)
+            floor = Occupancy(strip, tuple(near(home.wheel_clearance, strip)))
+            assert Way(floor, wide).connects(a, b), (name, opening.name)
+            count += 1
+    assert count > 200

@@ -232,10 +232,14 @@ def test_interrupted_drawing_leaves_nothing(
 
 
 @pytest.mark.slow
-def test_every_block_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_block_of_the_page_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, quick: None
+) -> None:
     page = (DOCS / "homes.md").read_text(encoding="utf-8")
     assert "(homes.md)" in (DOCS / "index.md").read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
+    (yaml,) = (part.split("```")[0] for part in page.split("```yaml\n")[1:])
+    Path("my_house.yaml").write_text(yaml, encoding="utf-8")
     blocks = [part.split("```")[0] for part in page.split("```python\n")[1:]]
     assert len(blocks) > 3
     names: dict[str, Any] = {}

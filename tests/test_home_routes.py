@@ -87,7 +87,7 @@ ENDS = [Rectangle(0.0, 1.5, 0.75, 2.5), Rectangle(5.25, 1.5, 6.0, 2.5)]
 def test_straight_gaps_are_measured_to_the_millimetre(gap: float, y: float) -> None:
     ground = Ground(HALL, [Rectangle(2.5, 0.0, 3.5, y), Rectangle(2.7, y + gap, 3.1, 4.0)])
     assert ground.width(ENDS) == pytest.approx(gap, abs=0.0011)
-    _, middle = ground.circle()
+    _, middle = ground.circle
     assert ground.joins(ENDS, middle, gap - 1e-4)
     assert not ground.joins(ENDS, middle, gap + 1e-3)
 
@@ -112,4 +112,4 @@ def test_an_empty_floor_is_as_wide_as_its_shorter_side(side: float) -> None:
     area = Rectangle(1.0, 1.0, 1.0 + side, 5.0)
     door = Rectangle(1.0, 1.0, 1.0 + side, 1.75)
     assert Ground(area, []).width([door]) == pytest.approx(min(side, 1.5), abs=0.0011)
-    assert Ground(area, []).circle()[0] == pytest.approx(side, abs=1e-3)
+    assert Ground(area, []).circle[0] == pytest.approx(side, abs=1e-3)

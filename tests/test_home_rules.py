@@ -15,13 +15,12 @@ from rcare_marl.envs.homes.audit_bar import bars
 from rcare_marl.envs.homes.audit_door import door_force
 from rcare_marl.envs.homes.audit_entrance import is_yard
 from rcare_marl.envs.homes.audit_furniture import handle_word, tap_word
-from rcare_marl.envs.homes.audit_room import turning_diameter
 from rcare_marl.envs.homes.care_home import CareHome
 from rcare_marl.envs.homes.door import door_model
 from rcare_marl.envs.homes.entrance import build_entrance
 from rcare_marl.envs.homes.furnishing import Placed
+from rcare_marl.envs.homes.ground import Ground
 from rcare_marl.envs.homes.measurement import Measurement, Surroundings
-from rcare_marl.envs.homes.occupancy import Obstacle
 from rcare_marl.envs.homes.palette import Palette
 from rcare_marl.envs.homes.piece import Piece, Setting, make_piece
 from rcare_marl.envs.homes.plan import (
@@ -382,14 +381,14 @@ def test_a_bar_that_folds_is_measured_as_it_is_unfolded() -> None:
 
 def test_the_largest_circle_is_exact() -> None:
     area = Rectangle(0.0, 0.0, 2.0, 3.0)
-    assert turning_diameter(area, ()) == pytest.approx(2.0, abs=1e-3)
-    post = Obstacle(Rectangle(0.0, 0.0, 2.0, 1.513), "box")
-    assert turning_diameter(area, (post,)) == pytest.approx(1.487, abs=1e-3)
+    assert Ground(area, ()).circle[0] == pytest.approx(2.0, abs=1e-3)
+    post = Rectangle(0.0, 0.0, 2.0, 1.513)
+    assert Ground(area, (post,)).circle[0] == pytest.approx(1.487, abs=1e-3)
     # A circle in the corner of a square, touching the corner of a square in the other corner.
-    square, block = Rectangle(0.0, 0.0, 2.0, 2.0), Obstacle(Rectangle(0.0, 0.0, 1.0, 1.0), "box")
+    square, block = Rectangle(0.0, 0.0, 2.0, 2.0), Rectangle(0.0, 0.0, 1.0, 1.0)
     expected = 2 * math.sqrt(2) / (1 + math.sqrt(2))
-    assert turning_diameter(square, (block,)) == pytest.approx(expected, abs=2e-3)
-    assert turning_diameter(square, (Obstacle(square, "all"),)) == 0.0
+    assert Ground(square, (block,)).circle[0] == pytest.approx(expected, abs=2e-3)
+    assert Ground(square, (square,)).circle[0] == 0.0
 
 
 def test_ways_are_as_wide_as_their_narrowest_place(homes: dict[int, CareHome]) -> None:

@@ -105,7 +105,7 @@ class Assembly:
 
 def shifted(shape: Shape, by: Triple) -> Shape:
     """Return a shape moved by `by` [m]."""
-    return shape.moved(Pose(by))
+    return shape if by == ZERO else shape.moved(Pose(by))
 
 
 def weigh(mass: float, shapes: Sequence[Shape]) -> tuple[Triple, Inertia]:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from .doorway import doorstep
 from .ground import Ground
 from .measurement import FurnishedHome, Measurement, near
-from .occupancy import Obstacle
 from .plan import Room
-from .rectangle import Rectangle
 
 TURNING = ("kitchen", "bedroom", "bathroom", "living", "dining")
 REACHED_INTO = ("closet", "pantry")  # rooms that one reaches into, without ways of their own
@@ -24,16 +22,11 @@ def measure_rooms(home: FurnishedHome) -> Iterator[Measurement]:
         things = [thing.area for thing in near(home.wheel_clearance, room.inside)]
         ground = Ground(room.inside, things)
         if room.kind in TURNING:
-            yield Measurement("turning_diameter", room.name, room.name, ground.circle()[0])
+            yield Measurement("turning_diameter", room.name, room.name, ground.circle[0])
         if room.use not in REACHED_INTO:
             width = _passage(home, room, ground)
             if width is not None:
                 yield Measurement("passage_width", room.name, room.name, width)
-
-
-def turning_diameter(area: Rectangle, things: Sequence[Obstacle]) -> float:
-    """Return the diameter of the largest circle between `things` within `area` [m], to 1 mm."""
-    return Ground(area, [thing.area for thing in things]).circle()[0]
 
 
 def _passage(home: FurnishedHome, room: Room, ground: Ground) -> float | None:
@@ -45,4 +38,4 @@ def _passage(home: FurnishedHome, room: Room, ground: Ground) -> float | None:
     return ground.width([doorstep(way, room.name) for way in ways]) if ways else None
 
 
-__all__ = ["TURNING", "measure_rooms", "turning_diameter"]
+__all__ = ["TURNING", "measure_rooms"]

@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcare_marl import assets
@@ -60,16 +61,16 @@ class CareHome:
     placed: tuple[Placed, ...]
 
     @classmethod
-    def load(cls, name: str, *, level: int = 1) -> CareHome:
+    def load(cls, name: str | Path, *, level: int = 1) -> CareHome:
         """Build a house from its description.
 
         Args:
-            name: One of `home_names()`.
+            name: One of `home_names()`, or a YAML file with a house of your own.
             level: Level of accessibility.
 
         Raises:
-            UnknownNameError: If there is no such house.
-            ConfigError: If `level` is not 1, 2 or 3.
+            UnknownNameError: If there is no such house, or a name in its description is unknown.
+            ConfigError: If `level` is not 1, 2 or 3, or the description is wrong.
 
         Example:
             >>> home = CareHome.load("house_07", level=3)
@@ -83,7 +84,7 @@ class CareHome:
         setting = Setting(rules, palette)
         made: dict[str, Piece] = {}
         placed = [p for room in plan.rooms.values() for p in furnish(plan, room, setting, made)]
-        return cls(name, level, plan, rules, palette, tuple(placed))
+        return cls(house.name, level, plan, rules, palette, tuple(placed))
 
     def rooms(self, kind: str | None = None) -> tuple[Room, ...]:
         """Return the rooms of a kind or use, such as `kitchen` or `hall`; all if None.

@@ -37,6 +37,7 @@ LEAN = 0.05  # [m] by which a piece reaches farther to one side to belong to the
 LEFT = {(1, 0): (0, 1), (0, 1): (-1, 0), (-1, 0): (0, -1), (0, -1): (1, 0)}  # of who looks there
 AMID = 12  # attempts after which what found no wall may stand in the middle of the room
 QUARTERS = (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)
+APART = 0.3  # [m] between two things that hang on a wall; own choice
 ELBOW = 0.05  # [m] round a switch where nothing else is; own choice
 WINDOW_REACH = 0.35  # [m] before a window in which nothing higher than its sill stands
 
@@ -305,7 +306,9 @@ class _Furnisher:
         """Return what a thing on the wall must not hang in front of, or behind."""
         high = [p.footprint for p in self.layout.standing if p.piece.height > 1.2]
         flat = [
-            p.footprint for p in self.layout.standing if not p.piece.blocks and p.piece.height > 1.0
+            p.footprint.grown(APART)
+            for p in self.layout.standing
+            if not p.piece.blocks and p.piece.height > 1.0
         ]
         return high + flat + [area.grown(0.1) for area in self.layout.keep_free]
 
@@ -379,7 +382,7 @@ class _Furnisher:
         standing.append(Placed("", piece, self.layout.room.name, pose))
         things = [area for placed in standing for area in placed.wheel_footprint]
         ground = Ground(self.layout.room.inside, [*self.layout.leaves, *things])
-        diameter, middle = ground.circle()
+        diameter, middle = ground.circle
         if self._recipe.turning and self._setting.rules.has("turning_diameter"):
             if diameter < self._setting.rules.figure("turning_diameter") + SPARE:
                 return False

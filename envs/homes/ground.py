@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import numpy as np
 from scipy import ndimage  # type: ignore[import-untyped]
@@ -44,8 +45,9 @@ class Ground:
         rows = [(t.x0, t.y0, t.x1, t.y1) for t in things if t.overlaps(inside)]
         self._things: Array = np.array(rows, np.float64).reshape(-1, 4)
 
+    @cached_property
     def circle(self) -> tuple[float, tuple[float, float]]:
-        """Return diameter, to 1 mm, and middle of the largest circle that fits in [m].
+        """Diameter, to 1 mm, and middle of the largest circle that fits in [m].
 
         A grid finds about where it may lie; from there middles climb to where they have most room.
         """
@@ -85,7 +87,7 @@ class Ground:
 
     def width(self, places: Sequence[Rectangle]) -> float:
         """Return the free width of the ways from all of the places to the freest one [m]."""
-        high, goal = self.circle()
+        high, goal = self.circle
         low = 0.0
         while high - low > WIDTH_WITHIN:
             middle = 0.5 * (low + high)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from rcare_marl import assets
 from rcare_marl.config import load
@@ -20,6 +21,7 @@ from .plan import OUTSIDE, ROOM_KINDS, Plan, Room, Wall
 from .rectangle import Rectangle
 from .rule import Rules
 
+_ENDINGS = (".yaml", ".yml")
 _SIDES = ("north", "east", "south", "west")
 _FLOORS = ("wood", "tile", "carpet")
 # What floors are made of where a house does not say; own choice.
@@ -129,15 +131,19 @@ def use_of(room: str) -> str:
     return use
 
 
-def load_house(name: str) -> HouseConfig:
+def load_house(name: str | Path) -> HouseConfig:
     """Load the description of a house.
+
+    Args:
+        name: Name of a house that comes with the package, or a YAML file.
 
     Raises:
         UnknownNameError: If there is no such house, or a name in it is unknown.
         ConfigError: If its description is wrong.
     """
-    house = load(HouseConfig, assets.find("homes", name))
-    return dataclasses.replace(house, name=name)
+    is_file = isinstance(name, Path) or name.endswith(_ENDINGS)
+    path = Path(name) if is_file else assets.find("homes", str(name))
+    return dataclasses.replace(load(HouseConfig, path), name=path.stem)
 
 
 def lay_out(house: HouseConfig, level: int) -> Plan:

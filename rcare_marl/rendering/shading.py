@@ -171,7 +171,7 @@ vec3 filmic(vec3 x) {
 }
 
 vec3 sky(float up) {
-    vec3 below = mix(vec3(0.36, 0.33, 0.30), vec3(1.20, 1.13, 1.02), powers.z);
+    vec3 below = mix(vec3(0.36, 0.33, 0.30), vec3(1.08, 1.02, 0.92), powers.z);
     vec3 above = mix(vec3(0.80, 0.86, 0.95), vec3(0.93, 0.89, 0.82), powers.z);
     return powers.y * mix(below, above, up * 0.5 + 0.5);
 }

@@ -1,0 +1,143 @@
+"""The constraints of a cloth: threads that stretch, and folds that bend.
+
+A thread is an edge of the mesh. Along and across the grain it stands for the strip of cloth around it;
+between them, for shear: with the cell's two edges du, dv and its diagonal L, a shear g lengthens the
+diagonal by g du dv / L, so a stiffness G L² / (du dv) has the energy G g² / 2 per area.
+
+A fold is an inner edge with the two triangles at it. Its energy is the square of a sum of positions whose
+weights depend on the shape at rest alone: M. Bergou, M. Wardetzky, D. Harmon, D. Zorin and E. Grinspun, "A
+Quadratic Bending Model for Inextensible Surfaces" (SGP 2006). It knows neither angle nor root, and is
+right where cloth bends much more easily than it stretches. All cloth is flat at rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import ConfigError
+from .colouring import colours
+from .fabric import Fabric
+from .hinge import hinges
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
+
+ALONG = 0.9  # cosine between an edge and the grain, from where the edge is a thread and not a diagonal
+# Columns of the table of threads: rest length [m], compliance [m/N], and both beyond the length [m] from
+# which the yarns are straight; then that length.
+REST, SOFTNESS, LOCKED_REST, LOCKED_SOFTNESS, LOCK = range(5)
+# Columns of the table of folds: weights of the four particles, compliance [m/N].
+FOLD_SOFTNESS = 4
+
+
+def face_areas(positions: Array, faces: Indices) -> Array:
+    """Return the area of each face [m²], shape [m]."""
+    a, b, c = (positions[faces[:, k]] for k in range(3))
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+
+
+def vertex_masses(positions: Array, faces: Indices, fabric: Fabric) -> Array:
+    """Return a third of the mass of the faces around each vertex [kg], shape [n]."""
+    out = np.zeros(len(positions))
+    share = face_areas(positions, faces) * fabric.area_density_kg_m2 / 3
+    for k in range(3):
+        np.add.at(out, faces[:, k], share)
+    return out
+
+
+class Weave:
+    """Threads and folds of a cloth, each sorted by colour: neighbours in memory share no particle.
+
+    Attributes:
+        threads: Two particles each, shape [t, 2].
+        thread_table: Their constants, shape [t, 5].
+        folds: Ends of an edge and the two particles across, shape [f, 4].
+        fold_table: Their constants, shape [f, 5].
+    """
+
+    def __init__(self, rest: Array, faces: Indices, grain: Array, fabric: Fabric) -> None:
+        """Weave.
+
+        Args:
+            rest: Positions of the particles in cloth at rest [m], shape [n, 3].
+            faces: Shape [m, 3].
+            grain: Direction of the warp at each particle, of unit length, shape [n, 3].
+            fabric: What it is made of.
+
+        Raises:
+            ConfigError: If a face has no area.
+        """
+        areas = face_areas(rest, faces)
+        if areas.min() <= 1e-10:
+            raise ConfigError(f"face {int(np.argmin(areas))} of a cloth has no area")
+        self.threads, self.thread_table = _threads(rest, faces, areas, grain, fabric)
+        self.folds, self.fold_table = _folds(rest, faces, fabric)
+
+
+def _threads(
+    rest: Array, faces: Indices, areas: Array, grain: Array, fabric: Fabric
+) -> tuple[Indices, Array]:
+    sides = np.concatenate([faces[:, k] for k in ((0, 1), (1, 2), (2, 0))])
+    pairs, where = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+    around = np.bincount(where.ravel(), weights=np.tile(areas, 3), minlength=len(pairs))
+    way = rest[pairs[:, 1]] - rest[pairs[:, 0]]
+    lengths = np.linalg.norm(way, axis=1)
+    along = grain[pairs[:, 0]] + grain[pairs[:, 1]]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    cosine = np.abs(np.einsum("ea,ea->e", way, along)) / lengths
+    # A strip of cloth is as wide as the area around the edge says.
+    stiffness = np.where(
+        cosine > ALONG,
+        fabric.stretch_warp_n_m * around / lengths**2,
+        fabric.stretch_weft_n_m * around / lengths**2,
+    )
+    diagonal = (cosine <= ALONG) & (cosine >= np.sqrt(1 - ALONG**2))
+    stiffness[diagonal] = (fabric.shear_n_m * lengths**2 / around)[diagonal]
+    table = np.empty((len(pairs), 5))
+    table[:, REST], table[:, SOFTNESS] = lengths, 1 / stiffness
+    table[:, LOCK] = lengths * (1 + fabric.lock_strain)
+    table[:, LOCKED_SOFTNESS] = table[:, SOFTNESS] / fabric.lock_factor
+    # The two straight lines of tension over length meet at the lock.
+    table[:, LOCKED_REST] = lengths * (1 + fabric.lock_strain * (1 - 1 / fabric.lock_factor))
+    order = np.argsort(colours(pairs, len(rest)), kind="stable")
+    return np.ascontiguousarray(pairs[order], np.int32), np.ascontiguousarray(table[order])
+
+
+def _folds(rest: Array, faces: Indices, fabric: Fabric) -> tuple[Indices, Array]:
+    members = hinges(faces)
+    p, q, a, b = (rest[members[:, k]] for k in range(4))
+    edge = q - p
+
+    def cotangent(corner: Array, one: Array, other: Array) -> Array:
+        u, v = one - corner, other - corner
+        size = np.linalg.norm(np.cross(u, v), axis=1)
+        return np.asarray(np.einsum("ea,ea->e", u, v) / size)
+
+    at_p = (cotangent(p, q, a), cotangent(p, q, b))
+    at_q = (cotangent(q, p, a), cotangent(q, p, b))
+    table = np.empty((len(members), 5))
+    table[:, 0] = at_q[0] + at_q[1]
+    table[:, 1] = at_p[0] + at_p[1]
+    table[:, 2] = -at_p[0] - at_q[0]
+    table[:, 3] = -at_p[1] - at_q[1]
+    area = (
+        np.linalg.norm(np.cross(edge, a - p), axis=1)
+        + np.linalg.norm(np.cross(edge, b - p), axis=1)
+    ) / 2
+    table[:, FOLD_SOFTNESS] = area / (3 * fabric.bending_nm)
+    order = np.argsort(colours(members, len(rest)), kind="stable")
+    return np.ascontiguousarray(members[order], np.int32), np.ascontiguousarray(table[order])
+
+
+__all__ = [
+    "FOLD_SOFTNESS",
+    "LOCK",
+    "LOCKED_REST",
+    "LOCKED_SOFTNESS",
+    "REST",
+    "SOFTNESS",
+    "Weave",
+    "face_areas",
+    "vertex_masses",
+]
