@@ -77,7 +77,7 @@ def plans(level: int = 3) -> Image.Image:
     _legend(sheet, level, total, points)
     out = io.BytesIO()
     sheet.savefig(out, facecolor="white")
-    return Image.open(out).convert("RGB").quantize(96, dither=Image.Dither.NONE)
+    return Image.open(out).convert("RGB").quantize(192, dither=Image.Dither.NONE)
 
 
 def _rows(homes: Sequence[CareHome]) -> list[list[CareHome]]:

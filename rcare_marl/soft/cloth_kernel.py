@@ -23,8 +23,8 @@ OUTCOME = 14
 ANCHOR, WAY, PIN_SOFTNESS, PIN_LIMIT, PULL = 0, 3, 6, 7, 8
 PIN = 11
 # Columns of the constants of a step.
-DT, KEEP, FASTEST, APART, RUB, THICKNESS, FIELD = 0, 1, 2, 3, 4, 5, 6
-CONSTANTS = 9
+DT, KEEP, FASTEST, RUB, THICKNESS, FIELD = 0, 1, 2, 3, 4, 5
+CONSTANTS = 8
 _LEAST = 1e-12
 _HASH = (92837111, 689287499, 283923481)  # of three cell numbers; any large primes do
 
@@ -143,7 +143,7 @@ def _part(x, previous, close, gaps, count, rub) -> None:  # type: ignore[no-unty
         along = (sx * dx + sy * dy + sz * dz) / (length * length)
         sx, sy, sz = sx - along * dx, sy - along * dy, sz - along * dz
         slip = np.sqrt(sx * sx + sy * sy + sz * sz) + _LEAST
-        held = min(1.0, rub * depth / slip) / (wi + wj)
+        held = min(1.0, rub * min(depth, max(-along * length, 0.0)) / slip) / (wi + wj)
         fx, fy, fz = held * sx - push * dx, held * sy - push * dy, held * sz - push * dz
         x[i, 0] += wi * fx
         x[i, 1] += wi * fy
@@ -151,15 +151,12 @@ def _part(x, previous, close, gaps, count, rub) -> None:  # type: ignore[no-unty
         x[j, 0] -= wj * fx
         x[j, 1] -= wj * fy
         x[j, 2] -= wj * fz
-        # What was too close before must not fly apart: coming apart is no speed beyond what it was.
-        ox, oy, oz = push * dx, push * dy, push * dz
-        beyond = along + push * (wi + wj)
-        if beyond > 0:
-            cut = min(beyond / (push * (wi + wj)), 1.0)
-            for a in range(3):
-                o = ox if a == 0 else (oy if a == 1 else oz)
-                previous[i, a] -= wi * cut * o
-                previous[j, a] += wj * cut * o
+        # What was too close before must not fly apart: only the approach of this step is an impulse.
+        rest = push * (1.0 - min(depth, max(-along * length, 0.0)) / depth)
+        for a in range(3):
+            o = rest * (dx if a == 0 else (dy if a == 1 else dz))
+            previous[i, a] -= wi * o
+            previous[j, a] += wj * o
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
@@ -177,7 +174,7 @@ def _limit(x, previous, furthest) -> None:  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _touch(  # type: ignore[no-untyped-def]
-    x, previous, pairs, count, meetings, kinds, planes, runs, dt, thickness, outcome
+    x, previous, pairs, count, meetings, kinds, planes, runs, dt, thickness, furthest, outcome
 ) -> None:
     """Push particles out of the shapes, hold them back by friction, and note what shapes get.
 
@@ -198,7 +195,7 @@ def _touch(  # type: ignore[no-untyped-def]
         along = sx * nx + sy * ny + sz * nz
         # Of the way out, `along` below zero is the approach of this step: that much is an impulse.
         push = min(-d, max(-along, 0.0))
-        rest = -d - push
+        rest = min(-d - push, furthest)
         previous[i, 0] += rest * nx
         previous[i, 1] += rest * ny
         previous[i, 2] += rest * nz
@@ -281,7 +278,7 @@ def _cell(a, b, c, size):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def find_close(x, v, rest, gap, reach, starts, members, close, gaps) -> int:  # type: ignore[no-untyped-def]
+def find_close(x, rest, gap, reach, starts, members, close, gaps) -> int:  # type: ignore[no-untyped-def]
     """Write pairs of particles of the cloth that are closer than `reach` [m], by a spatial hash.
 
     M. Teschner, B. Heidelberger, M. Müller, D. Pomeranets and M. Gross, "Optimized Spatial Hashing for
@@ -301,7 +298,7 @@ def find_close(x, v, rest, gap, reach, starts, members, close, gaps) -> int:  # 
     Returns:
         How many there are.
     """
-    count, size, per = v.shape[0], starts.shape[0] - 1, 1.0 / reach
+    count, size, per = rest.shape[0], starts.shape[0] - 1, 1.0 / reach
     starts[:] = 0
     for i in range(count):
         h = _cell(
@@ -376,6 +373,39 @@ def feel_air(x, faces, drag, air) -> None:  # type: ignore[no-untyped-def]
         row[3] = drag * size / 6.0 * x[i, 3]
 
 
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def find_shapes(x, middle, radius, meetings, kinds, planes, runs, radii, reach, out) -> None:  # type: ignore[no-untyped-def]
+    """Write which shapes are within `reach` [m] of any particle, shape [m].
+
+    Args:
+        x: Positions, shape [n, 4].
+        middle: Of a sphere around the cloth [m], shape [3].
+        radius: Of that sphere [m].
+        meetings: Shapes in the world, columns as in `contact`, shape [m, MEETING].
+        kinds: Their kinds.
+        planes: Planes of all hulls.
+        runs: Runs of the planes of each.
+        radii: Of spheres around them [m].
+        reach: How near counts [m].
+        out: Out.
+    """
+    for c in range(meetings.shape[0]):
+        row, square = meetings[c], 0.0
+        for a in range(3):
+            square += (row[PLACE + a] - middle[a]) ** 2
+        out[c] = False
+        if square > (radii[c] + radius + reach) ** 2:
+            continue
+        d, _, _, _ = distance_to(row, kinds[c], planes, runs[c], middle[0], middle[1], middle[2])
+        if d > radius + reach:
+            continue
+        for i in range(x.shape[0]):
+            d, _, _, _ = distance_to(row, kinds[c], planes, runs[c], x[i, 0], x[i, 1], x[i, 2])
+            if d < reach:
+                out[c] = True
+                break
+
+
 @numba.njit(cache=True)
 def simulate(  # type: ignore[no-untyped-def]
     x, v, previous, air, constants, substeps, threads, thread_table, folds, fold_table, pinned, pins,
@@ -396,7 +426,7 @@ def simulate(  # type: ignore[no-untyped-def]
             move_meetings(meetings, np.float32(dt))
             _touch(
                 x, previous, pairs, pair_count, meetings, kinds, planes, runs, dt,
-                constants[THICKNESS], outcome,
+                constants[THICKNESS], furthest, outcome,
             )  # fmt: skip
         _finish(x, v, previous, constants[KEEP], dt)
 
@@ -425,5 +455,6 @@ __all__ = [
     "feel_air",
     "find_close",
     "find_near",
+    "find_shapes",
     "simulate",
 ]

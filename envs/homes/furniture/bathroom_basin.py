@@ -9,7 +9,7 @@ from rcare_marl.urdf import Shape, Triple
 
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
-from .bathroom_storage import BOARD, bottle, carcase, door
+from .bathroom_storage import BOARD, LEAF, bottle, carcase
 from .joinery import Joinery
 from .plumbing import drain, tap, trap
 from .stock import box, rod
@@ -71,7 +71,6 @@ def _hollow(made: Joinery, low: Triple, high: Triple, inner: Rectangle, floor: f
 
 def _vanity(made: Joinery, rim: float, width: float) -> Piece:
     half, deep = 0.5 * width, 0.5
-    style = made.setting.rules.choice("cupboard_handle")
     made.box((0.0, 0.02 - half, 0.0), (deep - 0.1, half - 0.02, 0.09), "wood_dark")
     under = rim - 0.145
     carcase(made, (0.0, -half, 0.09), (deep - 0.02, half, under))
@@ -90,18 +89,10 @@ def _vanity(made: Joinery, rim: float, width: float) -> Piece:
     tap(made, (0.065, 0.0, z1), style=made.setting.rules.choice("tap"))
     bottle(made, (0.06, 0.05 - half, z1), "accent")
     for name, side in (("door_left", 1.0), ("door_right", -1.0)):
-        door(
-            made,
-            name,
-            front=deep,
-            hinge=side * half,
-            free=side * 0.002,
-            low=0.095,
-            high=under - 0.002,
-            handle_at=under - 0.1,
-            style=style,
-        )
-    _mirror_cabinet(made, half, style)
+        y0, y1 = sorted((0.0, side * half))
+        a, b = (deep - LEAF, y0, 0.095), (deep, y1, under - 0.002)
+        made.door(name, a, b, "front", hinge="left" if side > 0 else "right", handle_z=under - 0.1)
+    _mirror_cabinet(made, half)
     front = deep + 0.045
     zones = (
         Zone(Rectangle(front, -half, front + 0.6, half)),
@@ -110,24 +101,15 @@ def _vanity(made: Joinery, rim: float, width: float) -> Piece:
     return made.piece(Rectangle(0.0, -half - 0.01, front, half + 0.01), 1.8, zones=zones)
 
 
-def _mirror_cabinet(made: Joinery, half: float, style: str) -> None:
+def _mirror_cabinet(made: Joinery, half: float) -> None:
     """Add a cabinet over the basin, with two mirrors for doors."""
     low, high, deep = 1.2, 1.8, 0.14
     carcase(made, (0.0, -half, low), (deep - 0.02, half, high))
     made.box((0.012, BOARD - half, 1.49), (deep - 0.03, half - BOARD, 1.49 + BOARD), "front")
     for name, side in (("mirror_left", 1.0), ("mirror_right", -1.0)):
-        door(
-            made,
-            name,
-            front=deep,
-            hinge=side * half,
-            free=side * 0.002,
-            low=low,
-            high=high,
-            handle_at=low + 0.05,
-            style=style,
-            material="mirror",
-        )
+        y0, y1 = sorted((0.0, side * half))
+        a, b = (deep - LEAF, y0, low), (deep, y1, high)
+        made.door(name, a, b, "mirror", hinge="left" if side > 0 else "right", handle_z=low + 0.1)
     made.frame("place_1", (0.07, 0.0, 1.49 + BOARD), "shelf behind the mirrors")
     for y, colour in ((0.2, "accent"), (-0.15, "leaf"), (-0.22, "white")):
         made.draw(rod(colour, 0.022, (0.06, y, low + BOARD), (0.06, y, low + 0.15)))

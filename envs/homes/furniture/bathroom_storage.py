@@ -2,64 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 from rcare_marl.urdf import Shape
 
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
 from .joinery import Joinery
-from .plumbing import handle
 from .stock import box, rod
 
 BOARD = 0.016  # [m] thick; common chipboard, from memory
-_DENSITY = 650.0  # [kg/m³] of chipboard, from memory
-
-
-def door(
-    made: Joinery,
-    name: str,
-    *,
-    front: float,
-    hinge: float,
-    free: float,
-    low: float,
-    high: float,
-    handle_at: float,
-    style: str,
-    material: str = "front",
-    thick: float = 0.018,
-) -> None:
-    """Add a door in a plane across x, which opens towards x, and its handle.
-
-    Args:
-        made: What it is part of.
-        name: Of its link and joint.
-        front: Where its front face is along x [m].
-        hinge: Where its hinge is along y [m].
-        free: Where its other edge is along y [m].
-        low: Height of its lower edge [m].
-        high: Height of its upper edge [m].
-        handle_at: Height of the handle [m].
-        style: `knob` or `bar`.
-        material: Its colour.
-        thick: How thick it is [m].
-    """
-    near, far = sorted((hinge, free))
-    low_corner, high_corner = (front - thick, near, low), (front, far, high)
-    made.moving(
-        name,
-        "revolute",
-        (front, hinge, low),
-        (0.0, 0.0, 1.0 if hinge > free else -1.0),
-        math.radians(105),
-        mass=_DENSITY * thick * (far - near) * (high - low),
-        fills=(low_corner, high_corner),
-        slowing=0.1,
-    )
-    made.box(low_corner, high_corner, material, link=name)
-    inward = 0.045 if hinge > free else -0.045
-    handle(made, name, (front, free + inward, handle_at), style=style)
+LEAF = 0.018  # [m], thickness of doors; common, from memory
 
 
 def carcase(
@@ -125,22 +76,12 @@ def bathroom_cabinet(
     levels = (0.45, 0.8, 1.12, 1.4)
     for z in levels:
         made.box((0.012, BOARD - half, z), (inner, half - BOARD, z + BOARD), "front")
-    style = setting.rules.choice("cupboard_handle")
     for name, low, high, grip in (
         ("door_low", 0.085, levels[1] + 0.006, 0.68),
         ("door_high", levels[2] + 0.01, height - 0.002, 1.2),
     ):
-        door(
-            made,
-            name,
-            front=front,
-            hinge=half,
-            free=-half,
-            low=low,
-            high=high,
-            handle_at=grip,
-            style=style,
-        )
+        a, b = (front - LEAF, -half, low), (front, half, high)
+        made.door(name, a, b, "front", hinge="left", handle_z=grip)
     towels(made, (0.16, 0.0, levels[1] + BOARD), count=4, size=(0.24, 0.28))
     made.frame("shelf_open", (0.5 * depth, 0.0, levels[1] + BOARD), "open shelf")
     sweep = Rectangle(front, -half, front + width, half + 0.05)
@@ -264,7 +205,6 @@ __all__ = [
     "bath_mat",
     "bottle",
     "carcase",
-    "door",
     "laundry_basket",
     "shelf_linen",
     "towels",

@@ -9,7 +9,7 @@ from rcare_marl.urdf import Shape, Triple
 from ..piece import Piece, Setting, Zone, maker
 from ..rectangle import Rectangle
 from .joinery import Joinery
-from .plumbing import disc, drain, handle, tap, trap
+from .plumbing import disc, drain, tap, trap
 from .stock import box, rod
 
 _SIDE, _HIGH = 0.6, 0.85  # [m], width and depth, height of machines; common, from memory
@@ -88,33 +88,8 @@ def _strip(made: Joinery, front: float, low: float, half: float, *, is_washer: b
                 along="x",
             )
         )
-    bottom: Triple = (front - 0.26, edge + 0.004, low + 0.004)
-    made.moving(
-        "drawer",
-        "prismatic",
-        (front, edge + 0.1, low + 0.05),
-        (1.0, 0.0, 0.0),
-        0.2,
-        mass=0.6,
-        fills=(bottom, (front, half - 0.006, top - 0.004)),
-        slowing=0.05,
-    )
-    made.box(
-        (front - 0.018, edge + 0.004, low + 0.004),
-        (front, half, top - 0.002),
-        "plastic",
-        link="drawer",
-    )
-    inner_low, inner_high = edge + 0.01, half - 0.022
-    made.box(bottom, (front - 0.018, inner_high, low + 0.016), "plastic", link="drawer")
-    for y in (inner_low, inner_high - 0.012):
-        made.box(
-            (front - 0.26, y, low + 0.016),
-            (front - 0.018, y + 0.012, low + 0.07),
-            "plastic",
-            link="drawer",
-        )
-    handle(made, "drawer", (front, edge + 0.1, low + 0.05), style="bar", upright=False)
+    a, b = (front - 0.26, edge + 0.002, low + 0.002), (front, half, top)
+    made.drawer("drawer", a, b, "plastic", travel=0.2, inner="plastic")
     at: Triple = (front + 0.014, 0.01, low + 0.055)
     made.draw(disc("metal", (front + 0.002, 0.01, low + 0.055), 0.038, 0.004, along="x"))
     made.moving(

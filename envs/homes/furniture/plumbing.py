@@ -247,33 +247,6 @@ def grab_bar(
         assembly.solid(Shape(kind="cylinder", radius=radius, points=(foot, off(foot, away))))
 
 
-def handle(assembly: Joinery, link: str, at: Triple, *, style: str, upright: bool = True) -> None:
-    """Add a knob or a bar to a front that looks along x, and its frame `handle_<link>`.
-
-    Args:
-        assembly: What it is part of.
-        link: The door or drawer.
-        at: Point of its front [m].
-        style: `knob` or `bar`.
-        upright: Whether a bar runs along z, else along y.
-    """
-    x, y, z = at
-    if style == "knob":
-        assembly.draw(rod("metal", 0.008, at, (x + 0.02, y, z)), link=link)
-        ball = Shape(kind="sphere", material="metal", at=(x + 0.026, y, z), radius=0.015)
-        assembly.draw(rod("metal", 0.015, (x + 0.016, y, z), (x + 0.03, y, z)), link=link)
-        assembly.solid(ball, link=link)
-        assembly.frame(f"handle_{link}", (x + 0.026, y, z), "knob", link=link)
-        return
-    dy, dz = (0.0, 0.07) if upright else (0.07, 0.0)
-    ends = ((x + 0.032, y - dy, z - dz), (x + 0.032, y + dy, z + dz))
-    assembly.rod(ends, 0.006, "metal", link=link, solid=True)
-    for a, b, c in ends:
-        foot = (x, b * 0.85 + y * 0.15, c * 0.85 + z * 0.15)
-        assembly.draw(rod("metal", 0.005, foot, (a, foot[1], foot[2])), link=link)
-    assembly.frame(f"handle_{link}", (x + 0.032, y, z), "bar handle", link=link)
-
-
 def tiled_panel(assembly: Joinery, low: Triple, high: Triple) -> None:
     """Add a thin tiled wall between two corners [m], with a rail of metal on top."""
     assembly.box(low, high, "wall_tile")
@@ -291,7 +264,6 @@ __all__ = [
     "drain",
     "grab_bar",
     "hand_shower",
-    "handle",
     "tap",
     "tiled_panel",
     "trap",
