@@ -55,8 +55,7 @@ class SafetyMeter:
         self._spared |= {b.uid for b in world.bodies if not (b.joints or b.is_movable)}
         model = physiology_model()
         self._region = {joint: model.region(joint) for joint in person.segments}
-        limits = person.avatar.profile.limits("passive")
-        self._low, self._high = np.array([limits[d] for d in person.movable]).reshape(-1, 2).T
+        self._low, self._high = np.reshape(person.passive, (-1, 2)).T
         self.reset()
 
     def reset(self) -> None:

@@ -26,6 +26,7 @@ from ..devices.wheelchair import chair_for
 from ..homes.rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
+from ..safety import SafetyMeter
 from ..task import Role, Task
 
 MOUTH_RADIUS = 0.03  # [m] food within this of the mouth is eaten: Assistive Gym, feeding.py
@@ -141,6 +142,9 @@ class Feeding(Task):
             )
             for i in range(FOOD_COUNT)
         ]  # fmt: skip
+        movers = [self._spoon_body, *(a.body for a in self.cast.values() if isinstance(a, Robot))]
+        limit = self.options.force_limit
+        self._safety = SafetyMeter(self.recipient, world, movers, force_limit=limit)
         self._settle()
         if world.contact_force(self.recipient.body) > 0:
             raise ConfigError("the robot or the spoon touches the person before the episode begins")
@@ -192,17 +196,14 @@ class Feeding(Task):
         for piece, local in zip(self._food, self._food_in_spoon, strict=True):
             piece.set_base(self._spoon_body.base_pose() @ local)
         self._fate = ["carried"] * FOOD_COUNT
-        self._force = self._peak_force = self._step_force = 0.0
+        self._safety.reset()
         self._time_to_mouth = -1.0
 
     def after_substep(self) -> None:
-        force = self._world.contact_force(self.recipient.body)
-        if force > self._step_force:
-            self._step_force = force
+        self._safety.after_substep()
 
     def after_step(self) -> None:
-        self._force, self._step_force = self._step_force, 0.0
-        self._peak_force = max(self._peak_force, self._force)
+        self._safety.after_step(self.control_dt)
         position, quaternion = self._spoon_body.centre_pose()
         self._bowl = rotate(quaternion, self._bowl_in_spoon) + position
         self._up = rotate(quaternion, self._up_in_spoon)
@@ -239,7 +240,7 @@ class Feeding(Task):
             Observable("jaw_opening", "rad", 1, lambda: (self._jaw,)),
             Observable("food_on_spoon", "1", 1, lambda: (self._carried / FOOD_COUNT,)),
             Observable("food_eaten", "1", 1, lambda: (self._eaten / FOOD_COUNT,)),
-            Observable("contact_force", "N", 1, lambda: (self._force,)),
+            Observable("contact_force", "N", 1, lambda: (self._safety.force,)),
             Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
         ]
 
@@ -254,7 +255,7 @@ class Feeding(Task):
         if self.options.reward == "shaped":
             limit = self.options.force_limit
             comfort = min(COMFORT_FORCE, 0.5 * limit)
-            excess = max(self._force - comfort, 0.0) / (limit - comfort)
+            excess = max(self._safety.force - comfort, 0.0) / (limit - comfort)
             terms |= {"comfort": -min(excess, 1.0), "level": float(self._up[2]) - 1.0}
             terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
             best = SHAPED_WEIGHTS["food"] + SHAPED_WEIGHTS["approach"]
@@ -264,8 +265,7 @@ class Feeding(Task):
 
     def metrics(self) -> Mapping[str, float]:
         return {
-            "peak_force_n": self._peak_force,
-            "force_n": self._force,
+            **self._safety.metrics(),
             "distance_m": self._distance,
             "spilled": float(self._spilled),
             "eaten_pieces": float(self._eaten),
@@ -276,7 +276,7 @@ class Feeding(Task):
         return self._eaten == FOOD_COUNT and not self.is_failure()
 
     def is_failure(self) -> bool:
-        return self._spilled > 0 or self._peak_force > self.options.force_limit
+        return self._spilled > 0 or self._safety.peak_force > self.options.force_limit
 
     def bowl_position(self) -> Array:
         """Return where the middle of the spoon's bowl is in the world [m], shape [3]."""

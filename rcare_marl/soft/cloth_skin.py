@@ -14,27 +14,26 @@ if TYPE_CHECKING:
 
 
 class ClothSkin:
-    """The surface of a cloth, for renderers: implements `rcare_marl.world.Skin`."""
+    """The surface of a cloth, for renderers: implements `rcare_marl.world.Skin`.
+
+    Attributes:
+        cloth: The cloth.
+        body: A body that stands for it where something must.
+        faces: Shape [m, 3]; new ones when the cloth has torn.
+        colors: RGB of each vertex, shape [n, 3].
+    """
 
     def __init__(self, cloth: Cloth, body: Body, rgb: tuple[int, int, int]) -> None:
         self.cloth, self.body = cloth, body
         self._rgb = np.array(rgb, np.uint8)
-        self._colors = np.tile(self._rgb, (len(cloth.rest), 1))
-
-    @property
-    def faces(self) -> npt.NDArray[np.int32]:
-        """Shape [m, 3]; new ones when the cloth has torn."""
-        return self.cloth.faces
-
-    @property
-    def colors(self) -> npt.NDArray[np.uint8]:
-        """Shape [n, 3]."""
-        if len(self._colors) != len(self.cloth.rest):
-            self._colors = np.tile(self._rgb, (len(self.cloth.rest), 1))
-        return self._colors
+        self.faces = cloth.faces
+        self.colors = np.tile(self._rgb, (len(cloth.rest), 1))
 
     def vertices(self) -> npt.NDArray[np.float32]:
         """Return the present vertices in the world [m], shape [n, 3]."""
+        if self.faces is not self.cloth.faces:
+            self.faces = self.cloth.faces
+            self.colors = np.tile(self._rgb, (len(self.cloth.rest), 1))
         return self.cloth.positions.astype(np.float32)
 
     def rest_pieces(self) -> list[tuple[int, npt.NDArray[np.float32], npt.NDArray[np.int32]]]:

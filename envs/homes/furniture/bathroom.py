@@ -22,6 +22,7 @@ _HALF = 0.19  # half its width
 _SEAT = 0.022  # thick
 _LID = 0.018
 _GAP = 0.006  # pads between bowl, seat and lid
+_LIP = (0.022, 0.16, 0.010)  # out over the seat, wide, thick: what a lid is lifted by; own choice
 _SLIM = (0.155, 0.115)  # half length and half width of the hole in the seat
 _CENTRE = 0.5 * (_HINGE + _FRONT) - 0.005  # of the bowl
 _LONG = 0.5 * (_FRONT - _HINGE)
@@ -221,7 +222,11 @@ def _lid(made: Joinery, low: float) -> None:
         link="lid",
     )
     made.solid(box("", (_HINGE + 0.03, -0.16, low), (_FRONT, 0.16, high)), link="lid")
-    made.frame("handle_lid", (_FRONT, 0.0, low), "front edge; lift it", link="lid")
+    out, wide, thick = _LIP
+    tip = _FRONT + out
+    made.box((_FRONT - 0.03, -0.5 * wide, low), (tip, 0.5 * wide, low + thick), "white", link="lid",
+             bevel=0.004)  # fmt: skip
+    made.frame("handle_lid", (tip - 0.5 * out, 0.0, low), "under its lip; lift it", link="lid")
     made.frame("lid", (_CENTRE, 0.0, high), "middle of the lid when it is shut")
 
 

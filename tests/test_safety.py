@@ -1,0 +1,98 @@
+"""Forces, angles and speeds that a person goes through are measured as they are."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from rcare_marl.agents.avatar import load_avatar, load_posture
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.physiology_model import REGIONS
+from rcare_marl.envs.safety import SLOW, WEIGHTS, SafetyMeter, patch_area
+from rcare_marl.pose import Pose
+from rcare_marl.world import GRAVITY, World
+
+STEP = 0.1
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    world = World()
+    yield world
+    world.close()
+
+
+def lying(world: World) -> Human:
+    person = Human(
+        "karan", load_avatar("karan"), posture=load_posture("bed_supine"), movable=("left_elbow",)
+    )
+    person.spawn(world, Pose((0, 0, 1)))
+    person.reset(np.random.default_rng(0))
+    return person
+
+
+def run(world: World, person: Human, meter: SafetyMeter, seconds: float) -> None:
+    for _ in range(round(seconds / STEP)):
+        for _ in range(24):
+            person.actuate()
+            world.step()
+            meter.after_substep()
+        person.sense()
+        meter.after_step(STEP)
+
+
+def test_a_weight_on_the_belly_presses_by_its_weight(world: World) -> None:
+    person = lying(world)
+    x, y, z = person.joint_pose("spine2").position
+    weight = world.add_box((0.2, 0.2, 0.02), Pose((x, y, z + 0.2)), mass=3.0)
+    meter = SafetyMeter(person, world, [weight], force_limit=40.0)
+    run(world, person, meter, 2.0)
+    metrics = meter.metrics()
+    assert meter.force == pytest.approx(3.0 * GRAVITY, rel=0.05)
+    assert metrics["peak_force_trunk_n"] == metrics["peak_force_n"] >= meter.force
+    assert 0 < metrics["mean_force_n"] <= metrics["peak_force_n"]
+    assert all(metrics[f"peak_force_{r}_n"] == 0 for r in REGIONS if r.endswith(("leg", "neck")))
+    assert metrics["peak_pressure_pa"] >= metrics["peak_force_n"] / 0.2**2
+    assert meter.cost > 0.3  # 29 N of 40 N, and 20 N are comfortable
+
+
+def test_what_carries_does_not_press(world: World) -> None:
+    person = lying(world)
+    x, y, z = person.joint_pose("pelvis").position
+    world.add_box((0.5, 0.5, 0.4), Pose((x, y, z - 0.25)), name="bed")  # into the back
+    meter = SafetyMeter(person, world, [], force_limit=40.0)
+    run(world, person, meter, 0.3)
+    assert meter.peak_force == 0.0 and meter.cost == 0.0
+
+
+def test_angles_beyond_the_passive_range_count_by_degree_and_second(world: World) -> None:
+    person = lying(world)
+    meter = SafetyMeter(person, world, [], force_limit=40.0)
+    dof = person.movable.index("left_elbow_flexion")
+    highest = person.passive[dof][1]
+    joint = person.body.joints[person.movable[dof]].index
+    person.body.set_joints([joint], [highest + math.radians(5)])
+    person.sense()
+    meter.after_step(2.0)
+    assert meter.metrics()["prom_violation_deg_s"] == pytest.approx(10.0, rel=1e-6)
+    assert meter.cost == pytest.approx(0.5 * WEIGHTS["prom"])
+
+
+def test_only_a_fast_approach_costs(world: World) -> None:
+    person = lying(world)
+    ball = world.add_sphere(0.03, mass=0.1)
+    meter = SafetyMeter(person, world, [ball], force_limit=40.0)
+    x, y, z = person.joint_pose("spine2").position
+    for speed in (0.8 * SLOW, 2.0 * SLOW):
+        meter.reset()
+        for time in (0.0, STEP):
+            ball.set_base(Pose((x, y, z + 0.3 - speed * time)))
+            meter.after_step(STEP)
+        assert meter.metrics()["approach_speed_m_s"] == pytest.approx(speed, rel=0.1)
+        assert (meter.cost > 0) == (speed > SLOW)
+
+
+def test_a_point_is_as_large_as_a_fingertip() -> None:
+    assert patch_area([(0.1, 0.2, 0.3)]) == 1e-4
+    assert patch_area([(0, 0, 0), (0.2, 0, 0), (0.2, 0.1, 0.01)]) == pytest.approx(0.02)
