@@ -96,7 +96,10 @@ class Shape:
             raise ValueError(f"a {self.kind} cannot have {self.segments} `segments`")
 
     def __repr__(self) -> str:
-        told = (f"{k}={v!r}" for k, v in self.__dict__.items() if v != _DEFAULTS[k])
+        usual = _DEFAULTS
+        told = [
+            f"{k}={v!r}" for k, v in self.__dict__.items() if v is not usual[k] and v != usual[k]
+        ]
         return f"Shape({', '.join(told)})"
 
     def pose(self) -> Pose:

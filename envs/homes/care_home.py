@@ -220,7 +220,8 @@ class CareHome:
             agent.place(agent.mount("floor", pose, with_posture=False))
         else:
             pelvis = agent.body.base_pose()
-            yaw = math.atan2(pelvis.matrix()[1, 0], pelvis.matrix()[0, 0])
+            left = pelvis.matrix()[:2, 0]  # the x axis of a pelvis points to the left
+            yaw = math.atan2(left[1], left[0]) - 0.5 * math.pi
             upright = Pose((0, 0, 0), tuple(quaternion_from_rpy(0, 0, yaw).tolist())).inverse()
             lean = upright @ Pose((0, 0, 0), pelvis.quaternion)
             x, y, z = pose.position

@@ -45,6 +45,7 @@ class Stage:
         pose: Of the task's origin in the house.
         footprint: The free floor of the task, in the house [m].
         aside: What was pushed aside to make room, by name.
+        fixture: The piece of furniture or the door at which the origin is, by name; empty if none.
     """
 
     home: CareHome
@@ -52,6 +53,7 @@ class Stage:
     pose: Pose
     footprint: Rectangle
     aside: tuple[str, ...]
+    fixture: str = ""
 
     def spawn(self, world: World) -> BuiltHome:
         """Put the house into a world so that the task's origin is that of the world."""
@@ -85,7 +87,12 @@ class Stage:
 
 
 def find_stage(
-    home: CareHome, kinds: Sequence[str], footprint: Rectangle, *, room: str | None = None
+    home: CareHome,
+    kinds: Sequence[str],
+    footprint: Rectangle,
+    *,
+    room: str | None = None,
+    site: str = "",
 ) -> Stage:
     """Return where a task has room in a home: where least furniture is pushed aside for it.
 
@@ -94,6 +101,8 @@ def find_stage(
         kinds: Kinds of rooms that suit the task, the best first.
         footprint: The free floor that it needs, about its origin [m].
         room: The room to take; the first that suits if None.
+        site: What the origin is at: `door`, or a kind of furniture, whose frame it then is; anywhere
+            if empty. The frame of a door points into its first room, see `Opening`.
 
     Raises:
         UnknownNameError: If there is no such room.
@@ -107,24 +116,24 @@ def find_stage(
             f"{', '.join(r.name for r in suitable)}"
         )
     for each in rooms:
-        found = _in_room(home, each, footprint)
+        found = _in_room(home, each, footprint, site)
         if found is not None:
             return found
     tried = ", ".join(r.name for r in rooms) or "none of these kinds: " + ", ".join(kinds)
-    large = [r.name for r in suitable if room is not None and _in_room(home, r, footprint)]
+    large = [r.name for r in suitable if room is not None and _in_room(home, r, footprint, site)]
     raise ConfigError(
         f"no room in {home.name} at level {home.level} has {footprint.width:.1f} x "
-        f"{footprint.depth:.1f} m of free floor for this task; tried {tried}"
-        + (f"; large enough: {', '.join(large)}" if large else "")
+        f"{footprint.depth:.1f} m of free floor {f'at a {site} ' if site else ''}for this task; "
+        f"tried {tried}" + (f"; large enough: {', '.join(large)}" if large else "")
     )
 
 
-def _in_room(home: CareHome, room: Room, footprint: Rectangle) -> Stage | None:
+def _in_room(home: CareHome, room: Room, footprint: Rectangle, site: str) -> Stage | None:
+    if site:
+        return _at_fixture(home, room, footprint, site)
     inside = room.inside.grown(-0.02)
-    standing = [p for p in home.furniture(room.name) if p.piece.blocks]
+    standing, cost = _standing(home, room)
     rows = np.array([_row(p.footprint) for p in standing]).reshape(-1, 4)
-    # Heavy things stay; of light ones the fewest and smallest are moved.
-    cost = np.array([1.0 + p.footprint.area if p.piece.kind in LIGHT else 1e6 for p in standing])
     best: tuple[float, Pose, list[Placed]] | None = None
     for yaw in QUARTERS:
         turn = Pose((0, 0, 0), tuple(quaternion_from_rpy(0, 0, yaw).tolist()))
@@ -150,10 +159,47 @@ def _in_room(home: CareHome, room: Room, footprint: Rectangle) -> Stage | None:
             )
     if best is None:
         return None
-    aside = tuple(p.name for p in best[2])
+    return _stage(home, room, best[1], footprint, best[2])
+
+
+def _standing(home: CareHome, room: Room) -> tuple[list[Placed], Array]:
+    """Return what stands in a room, and what it costs to move each piece."""
+    standing = [p for p in home.furniture(room.name) if p.piece.blocks]
+    # Heavy things stay; of light ones the fewest and smallest are moved.
+    cost = [1.0 + p.footprint.area if p.piece.kind in LIGHT else 1e6 for p in standing]
+    return standing, np.array(cost)
+
+
+def _at_fixture(home: CareHome, room: Room, footprint: Rectangle, site: str) -> Stage | None:
+    """Return the place at the fixture of a room before which least furniture is in the way."""
+    standing, cost = _standing(home, room)
+    places: list[tuple[str, Pose]]
+    if site == "door":
+        doors = [o for o in home.plan.openings_of(room.name) if o.hardware]
+        places = [(o.name, o.pose) for o in doors]
+    else:
+        places = [(p.name, p.pose) for p in standing if p.piece.kind == site]
+    best: tuple[float, Stage] | None = None
+    for name, pose in places:
+        area = footprint.moved(pose)
+        if not room.inside.contains(area):
+            continue
+        hit = [p.name != name and p.footprint.overlaps(area) for p in standing]
+        total = float(cost[hit].sum())
+        if total < 1e5 and (best is None or total < best[0]):
+            moved = [p for p, is_hit in zip(standing, hit, strict=True) if is_hit]
+            stage = _stage(home, room, pose, footprint, moved)
+            best = total, dataclasses.replace(stage, fixture=name)
+    return None if best is None else best[1]
+
+
+def _stage(
+    home: CareHome, room: Room, pose: Pose, footprint: Rectangle, moved: Sequence[Placed]
+) -> Stage:
+    aside = tuple(p.name for p in moved)
     kept = tuple(p for p in home.placed if p.name not in aside)
     kept_home = dataclasses.replace(home, placed=kept)
-    return Stage(kept_home, room, best[1], footprint.moved(best[1]), aside)
+    return Stage(kept_home, room, pose, footprint.moved(pose), aside)
 
 
 def _row(area: Rectangle) -> Array:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from ..body import Body
 from ..errors import ConfigError, WorldError
 from ..pose import Vector
+from . import cloth_contact as contact
 from . import cloth_kernel as kernel
 from .collider import Colliders, link_state
 from .fabric import Fabric
@@ -32,6 +33,7 @@ AIR = 0.5 * 1.2 * 1.1  # [kg/m³]: half the density of air times the drag coeffi
 CLOSENESS = 0.6  # least distance of particles of a cloth, as a share of the length of its threads
 REACH = 0.006  # [m] beyond what a particle and a shape move in a step
 _PAIRS = 4  # shapes that one particle can be near, on average
+_CELLS = 16  # of the grid for finding them, per particle
 _CLOSE = 12  # particles of the cloth that one can be near, on average
 
 
@@ -135,8 +137,8 @@ class Cloth:
         self._close = np.zeros((_CLOSE * count, 2), np.uint32)
         self._gaps = np.zeros(_CLOSE * count)
         self._close_count = 0
-        self._starts = np.zeros((1 << (2 * count).bit_length()) + 1, np.int64)
-        self._cells, self._members = np.zeros((count, 3), np.int64), np.zeros(count, np.int64)
+        self._starts = np.zeros(max(_CELLS * count, 64) + 1, np.int64)
+        self._cells, self._members = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self.gap = CLOSENESS * float(np.median(self.weave.thread_table[:, 0]))
 
     @property
@@ -251,7 +253,8 @@ class Cloth:
         return np.sum(chosen, axis=0) if chosen else np.zeros(3)
 
     def look(self, wait: float) -> None:
-        """Find which particles can come close to each other within `wait` [s]."""
+        """Find which particles can come close to each other within `wait` [s], and how air meets them."""
+        kernel.feel_air(self._x, self.faces, AIR, self._air)
         self._close_count = 0
         if self._avoids_itself:
             drift = self._v - self._v.mean(axis=0)
@@ -268,7 +271,7 @@ class Cloth:
         """Simulate one physics step of `period` [s]; links' states must be fresh.
 
         Returns:
-            What each near shape got, shape [m, OUTCOME]: see `cloth_kernel`.
+            What each near shape got, shape [m, OUTCOME]: see `cloth_contact`.
         """
         fabric, weave = self.fabric, self.weave
         dt = period / self.substeps
@@ -279,16 +282,15 @@ class Cloth:
         )  # fmt: skip
         constants[kernel.FIELD :] = gravity
         pinned, pins = self._lead_pins(period)
-        meetings = colliders.relate(_WORLD, near.shapes, fabric.friction)
-        outcome = np.zeros((len(near.shapes), kernel.OUTCOME))
+        meetings = colliders.relate(_WORLD, near.shapes, fabric.friction).astype(np.float64)
+        outcome = np.zeros((len(near.shapes), contact.OUTCOME))
         shapes, count = (near.kinds, colliders.planes, near.runs), 0
         if len(meetings):
             radii = colliders.radii[near.shapes]
-            count = kernel.find_near(
+            count = contact.find_near(
                 self._x, self._v, meetings, *shapes, radii, fabric.thickness_m + REACH, period,
                 self._pairs,
             )  # fmt: skip
-        kernel.feel_air(self._x, self.faces, AIR, self._air)
         kernel.simulate(
             self._x, self._v, self._previous, self._air, constants, self.substeps, self._threads,
             weave.thread_table, self._folds, weave.fold_table, pinned, pins, self._close,
@@ -323,20 +325,20 @@ class Cloth:
         self, colliders: Colliders, near: Encounter, outcome: Array, period: float
     ) -> None:
         """Sum up by link what the shapes got, note it in `contacts`, and push the links."""
-        rows = np.flatnonzero(outcome[:, kernel.COUNT])
+        rows = np.flatnonzero(outcome[:, contact.COUNT])
         self.contacts = []
         links = colliders.shape_links[near.shapes[rows]]
         for link_row in dict.fromkeys(links.tolist()):
             body, link = colliders.links[link_row]
             total = outcome[rows[links == link_row]].sum(axis=0)
-            if total[kernel.LOAD] <= 0:
+            if total[contact.LOAD] <= 0:
                 continue
             force, moment = total[:3] / period, total[3:6] / period
-            middle, point = total[6:9] / total[kernel.LOAD], np.empty(3)
+            middle, point = total[6:9] / total[contact.LOAD], np.empty(3)
             line_point(force, moment, middle, point)
             if np.linalg.norm(point - middle) > _FAR:
                 point = middle  # forces all round that cancel leave a couple, which no line can give
-            load = float(total[kernel.LOAD]) / period
+            load = float(total[contact.LOAD]) / period
             self.contacts.append(ClothContact(body, link, force, point, load))
             if body.is_movable or body.joints:
                 body.apply_force(link, force, point)

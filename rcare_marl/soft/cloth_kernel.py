@@ -12,12 +12,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .contact import GRIP, PLACE, SLIDE, SPIN, distance_to, move_meetings
+from .cloth_contact import touch_shapes
+from .contact import move_meetings
 
-# Columns of what a shape got from a cloth in a step: impulse [N·s], moment of impulse about the world's
-# origin [N·m·s], then sums over touches: point [m], normal, count, size of the normal impulses [N·s].
-IMPULSE, MOMENT, MIDDLE, NORMAL, COUNT, LOAD = 0, 3, 6, 9, 12, 13
-OUTCOME = 14
 # Columns of a pin: where it is [m], its way in a small step [m], compliance [m/N], greatest force [N], and
 # the impulse on the particle in this step [N·s].
 ANCHOR, WAY, PIN_SOFTNESS, PIN_LIMIT, PULL = 0, 3, 6, 7, 8
@@ -25,9 +22,8 @@ PIN = 11
 # Columns of the constants of a step.
 DT, KEEP, FASTEST, RUB, THICKNESS, FIELD = 0, 1, 2, 3, 4, 5
 CONSTANTS = 8
-BEND_EVERY, ROOT_EVERY = 2, 2.0**0.5  # an impulse of so many small steps at once
+BEND_EVERY, ROOT_EVERY = 5, 5.0**0.5  # an impulse of so many small steps at once
 _LEAST = 1e-12
-_HASH = (92837111, 689287499, 283923481)  # of three cell numbers; any large primes do
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
@@ -169,60 +165,6 @@ def _limit(x, previous, furthest) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _touch(  # type: ignore[no-untyped-def]
-    x, previous, pairs, count, meetings, kinds, planes, runs, dt, thickness, furthest, outcome
-) -> None:
-    """Push particles out of the shapes, hold them back by friction, and note what shapes get.
-
-    Coulomb's law as positions, as in `contact.solve_contacts`. A change of position is a change of
-    velocity by itself over dt, so impulses are exact. What was inside before comes out without speed.
-    """
-    for p in range(count):
-        i, c = pairs[p, 0], pairs[p, 1]
-        row = meetings[c]
-        d, nx, ny, nz = distance_to(row, kinds[c], planes, runs[c], x[i, 0], x[i, 1], x[i, 2])
-        d -= thickness
-        if d >= 0.0:
-            continue
-        rx, ry, rz = x[i, 0] - row[PLACE], x[i, 1] - row[PLACE + 1], x[i, 2] - row[PLACE + 2]
-        sx = x[i, 0] - previous[i, 0] - dt * (row[SLIDE] + row[SPIN + 1] * rz - row[SPIN + 2] * ry)
-        sy = x[i, 1] - previous[i, 1] - dt * (row[SLIDE + 1] + row[SPIN + 2] * rx - row[SPIN] * rz)
-        sz = x[i, 2] - previous[i, 2] - dt * (row[SLIDE + 2] + row[SPIN] * ry - row[SPIN + 1] * rx)
-        along = sx * nx + sy * ny + sz * nz
-        # Of the way out, `along` below zero is the approach of this step: that much is an impulse.
-        push = min(-d, max(-along, 0.0))
-        rest = min(-d - push, furthest)
-        previous[i, 0] += rest * nx
-        previous[i, 1] += rest * ny
-        previous[i, 2] += rest * nz
-        sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
-        slip = np.sqrt(sx * sx + sy * sy + sz * sz) + _LEAST
-        held = min(1.0, push * row[GRIP] / slip)
-        fx, fy, fz = push * nx - held * sx, push * ny - held * sy, push * nz - held * sz
-        x[i, 0] += fx + rest * nx
-        x[i, 1] += fy + rest * ny
-        x[i, 2] += fz + rest * nz
-        out, mass = outcome[c], -1.0 / (x[i, 3] * dt)
-        fx, fy, fz = mass * fx, mass * fy, mass * fz
-        px, py, pz = x[i, 0], x[i, 1], x[i, 2]
-        out[IMPULSE] += fx
-        out[IMPULSE + 1] += fy
-        out[IMPULSE + 2] += fz
-        out[MOMENT] += py * fz - pz * fy
-        out[MOMENT + 1] += pz * fx - px * fz
-        out[MOMENT + 2] += px * fy - py * fx
-        weight = -mass * push
-        out[MIDDLE] += weight * px
-        out[MIDDLE + 1] += weight * py
-        out[MIDDLE + 2] += weight * pz
-        out[NORMAL] += weight * nx
-        out[NORMAL + 1] += weight * ny
-        out[NORMAL + 2] += weight * nz
-        out[COUNT] += 1.0
-        out[LOAD] += weight
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _finish(x, v, previous, keep, dt) -> None:  # type: ignore[no-untyped-def]
     scale = keep / dt
     for i in range(v.shape[0]):
@@ -232,61 +174,47 @@ def _finish(x, v, previous, keep, dt) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def find_near(x, v, meetings, kinds, planes, runs, radii, reach, period, pairs) -> int:  # type: ignore[no-untyped-def]
-    """Write (particle, shape) for each particle that may come to a shape in `period` [s].
-
-    Args:
-        x: Positions, shape [n, 4].
-        v: Velocities [m/s], shape [n, 3].
-        meetings: Shapes in the world, columns as in `contact`, shape [m, MEETING].
-        kinds: Their kinds.
-        planes: Planes of all hulls.
-        runs: Runs of the planes of each.
-        radii: Of spheres around them [m].
-        reach: How near counts as touching [m].
-        period: Length of the physics step [s].
-        pairs: Out, shape [p, 2].
-
-    Returns:
-        How many there are.
-    """
-    count = 0
-    for c in range(meetings.shape[0]):
-        row = meetings[c]
-        speed = np.sqrt(row[SLIDE] ** 2 + row[SLIDE + 1] ** 2 + row[SLIDE + 2] ** 2)
-        spin = np.sqrt(row[SPIN] ** 2 + row[SPIN + 1] ** 2 + row[SPIN + 2] ** 2)
-        ahead = reach + period * (speed + spin * min(radii[c], 2.0))
-        for i in range(v.shape[0]):
-            near = ahead + period * np.sqrt(v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2)
-            dx, dy, dz = x[i, 0] - row[PLACE], x[i, 1] - row[PLACE + 1], x[i, 2] - row[PLACE + 2]
-            if dx * dx + dy * dy + dz * dz > (radii[c] + near) ** 2 or count >= pairs.shape[0]:
-                continue
-            d, _, _, _ = distance_to(row, kinds[c], planes, runs[c], x[i, 0], x[i, 1], x[i, 2])
-            if d < near:
-                pairs[count, 0], pairs[count, 1] = i, c
-                count += 1
-    return count
-
-
-@numba.njit(cache=True)
-def _cell(a, b, c, size):  # type: ignore[no-untyped-def]
-    return np.uint64((a * _HASH[0]) ^ (b * _HASH[1]) ^ (c * _HASH[2])) & np.uint64(size - 1)
+def _sort(x, reach, starts, cells, members):  # type: ignore[no-untyped-def]
+    """Sort particles into the cells of a grid and return its shape; cells are `reach` wide or more."""
+    count, size = members.shape[0], starts.shape[0] - 1
+    low, wide = x[0, :3].copy(), reach
+    high = low.copy()
+    for i in range(count):
+        for a in range(3):
+            low[a], high[a] = min(low[a], x[i, a]), max(high[a], x[i, a])
+    ny, nz = 0, 0
+    for _ in range(64):  # as fine as there is room for; each wider grid has at most half the cells
+        nx, ny = int((high[0] - low[0]) / wide) + 1, int((high[1] - low[1]) / wide) + 3
+        nz = int((high[2] - low[2]) / wide) + 3
+        if (nx + 2) * ny * nz <= size:
+            break
+        wide *= 1.26
+    starts[:] = 0
+    for i in range(count):
+        cells[i] = (
+            int((x[i, 0] - low[0]) / wide) * ny + int((x[i, 1] - low[1]) / wide) + 1
+        ) * nz + int((x[i, 2] - low[2]) / wide) + 1  # fmt: skip
+        starts[cells[i]] += 1
+    for h in range(1, size + 1):
+        starts[h] += starts[h - 1]
+    for k in range(count):
+        i = count - 1 - k
+        starts[cells[i]] -= 1
+        members[starts[cells[i]]] = i
+    return ny, nz
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def find_close(x, rest, gap, reach, starts, cells, members, close, gaps) -> int:  # type: ignore[no-untyped-def]
-    """Write pairs of particles of the cloth that are closer than `reach` [m], by a spatial hash.
-
-    M. Teschner, B. Heidelberger, M. Müller, D. Pomeranets and M. Gross, "Optimized Spatial Hashing for
-    Collision Detection of Deformable Objects" (VMV 2003).
+    """Write pairs of particles of the cloth that are closer than `reach` [m].
 
     Args:
         x: Positions, shape [n, 4].
         rest: Positions at rest [m], shape [n, 3]; neighbours there are left to threads and folds.
         gap: Least distance of particles [m].
         reach: How near a pair counts [m].
-        starts: Scratch, shape [s + 1], s being a power of two.
-        cells: Scratch, shape [n, 3].
+        starts: Scratch, one more than there may be cells, shape [c + 1].
+        cells: Scratch, shape [n].
         members: Scratch, shape [n].
         close: Out: the pairs, shape [p, 2].
         gaps: Out: least distance of each [m], shape [p].
@@ -294,34 +222,22 @@ def find_close(x, rest, gap, reach, starts, cells, members, close, gaps) -> int:
     Returns:
         How many there are.
     """
-    count, size, per = rest.shape[0], starts.shape[0] - 1, 1.0 / reach
-    starts[:] = 0
-    for i in range(count):
-        for a in range(3):
-            cells[i, a] = int(np.floor(x[i, a] * per))
-        starts[_cell(cells[i, 0], cells[i, 1], cells[i, 2], size)] += 1
-    for h in range(1, size + 1):
-        starts[h] += starts[h - 1]
-    for k in range(count):
-        i = count - 1 - k
-        h = _cell(cells[i, 0], cells[i, 1], cells[i, 2], size)
-        starts[h] -= 1
-        members[starts[h]] = i
-    found = 0
-    for i in range(count):
-        for n in range(27):
-            h = _cell(
-                cells[i, 0] + n // 9 - 1, cells[i, 1] + (n // 3) % 3 - 1, cells[i, 2] + n % 3 - 1, size
-            )
-            for s in range(starts[h], starts[h + np.uint64(1)]):
+    ny, nz = _sort(x, reach, starts, cells, members)
+    # A row of three cells along z is one run of `members`. Own row, and four that stand for eight.
+    rows = (0, nz, ny * nz - nz, ny * nz, ny * nz + nz)
+    found, square, own = 0, reach * reach, 4.0 * gap * gap
+    for i in range(members.shape[0]):
+        for n in range(5):
+            first = cells[i] + rows[n] - 1
+            for s in range(starts[first], starts[first + 3]):
                 j = members[s]
-                if j <= i:
+                if n == 0 and j <= i:
                     continue
                 dx, dy, dz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
-                if dx * dx + dy * dy + dz * dz > reach * reach or found >= close.shape[0]:
+                if dx * dx + dy * dy + dz * dz > square or found >= close.shape[0]:
                     continue
                 rx, ry, rz = rest[j, 0] - rest[i, 0], rest[j, 1] - rest[i, 1], rest[j, 2] - rest[i, 2]
-                if rx * rx + ry * ry + rz * rz > 4.0 * gap * gap:
+                if rx * rx + ry * ry + rz * rz > own:
                     close[found, 0], close[found, 1], gaps[found] = i, j, gap
                     found += 1
     return found
@@ -357,39 +273,6 @@ def feel_air(x, faces, drag, air) -> None:  # type: ignore[no-untyped-def]
         row[3] = drag * size / 6.0 * x[i, 3]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def find_shapes(x, middle, radius, meetings, kinds, planes, runs, radii, reach, out) -> None:  # type: ignore[no-untyped-def]
-    """Write which shapes are within `reach` [m] of any particle, shape [m].
-
-    Args:
-        x: Positions, shape [n, 4].
-        middle: Of a sphere around the cloth [m], shape [3].
-        radius: Of that sphere [m].
-        meetings: Shapes in the world, columns as in `contact`, shape [m, MEETING].
-        kinds: Their kinds.
-        planes: Planes of all hulls.
-        runs: Runs of the planes of each.
-        radii: Of spheres around them [m].
-        reach: How near counts [m].
-        out: Out.
-    """
-    for c in range(meetings.shape[0]):
-        row, square = meetings[c], 0.0
-        for a in range(3):
-            square += (row[PLACE + a] - middle[a]) ** 2
-        out[c] = False
-        if square > (radii[c] + radius + reach) ** 2:
-            continue
-        d, _, _, _ = distance_to(row, kinds[c], planes, runs[c], middle[0], middle[1], middle[2])
-        if d > radius + reach:
-            continue
-        for i in range(x.shape[0]):
-            d, _, _, _ = distance_to(row, kinds[c], planes, runs[c], x[i, 0], x[i, 1], x[i, 2])
-            if d < reach:
-                out[c] = True
-                break
-
-
 @numba.njit(cache=True)
 def simulate(  # type: ignore[no-untyped-def]
     x, v, previous, air, constants, substeps, threads, thread_table, folds, fold_table, pinned, pins,
@@ -401,15 +284,15 @@ def simulate(  # type: ignore[no-untyped-def]
     for step in range(substeps):
         _predict(x, v, previous, air, dt, field)
         _stretch(x, threads, thread_table, dt)
-        if step % BEND_EVERY == 0:  # cloth bends so easily that half as often is as good
+        if step % BEND_EVERY == 0:  # cloth bends so easily that less often is as good
             _bend(x, folds, fold_table, dt * ROOT_EVERY)
         _hold(x, pinned, pins, dt)
         if close_count:
             _part(x, previous, close, gaps, close_count, constants[RUB])
         _limit(x, previous, furthest)
         if pair_count:
-            move_meetings(meetings, np.float32(dt))
-            _touch(
+            move_meetings(meetings, dt)
+            touch_shapes(
                 x, previous, pairs, pair_count, meetings, kinds, planes, runs, dt,
                 constants[THICKNESS], furthest, outcome,
             )  # fmt: skip
@@ -419,17 +302,10 @@ def simulate(  # type: ignore[no-untyped-def]
 __all__ = [
     "ANCHOR",
     "CONSTANTS",
-    "COUNT",
     "DT",
     "FASTEST",
     "FIELD",
-    "IMPULSE",
     "KEEP",
-    "LOAD",
-    "MIDDLE",
-    "MOMENT",
-    "NORMAL",
-    "OUTCOME",
     "PIN",
     "PIN_LIMIT",
     "PIN_SOFTNESS",
@@ -439,7 +315,5 @@ __all__ = [
     "WAY",
     "feel_air",
     "find_close",
-    "find_near",
-    "find_shapes",
     "simulate",
 ]

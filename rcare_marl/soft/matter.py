@@ -80,6 +80,11 @@ class Matter:
         self._ignored.extend(bodies)
         self._colliders = None
 
+    def spare(self, soft: SoftBody, bodies: Iterable[Body]) -> None:
+        """Let one soft body pass through rigid bodies, such as the hand that holds a sponge."""
+        soft.spared.extend(bodies)
+        self._colliders = None
+
     def step(self) -> None:
         """Simulate up to the end of the coming physics step and push the rigid bodies."""
         self._steps += 1
@@ -145,8 +150,9 @@ class Matter:
             owners = [self._colliders.links[row][0] for row in self._colliders.shape_links]
             self._candidates = []
             for soft in self.bodies:
-                own = None if soft.carrier is None else soft.carrier.body
-                rows = [i for i, owner in enumerate(owners) if owner is not own]
+                own = [] if soft.carrier is None else [soft.carrier.body]
+                passed = {id(body) for body in (*own, *soft.spared)}
+                rows = [i for i, owner in enumerate(owners) if id(owner) not in passed]
                 self._candidates.append(np.array(rows, np.int64))
             self._wanted = [  # bodies that some soft body can meet
                 k

@@ -107,6 +107,7 @@ class SoftBody:
         faces: Surface, shape [m, 3].
         material: What it is made of.
         carrier: What it rides on; the world if None.
+        spared: Rigid bodies that it passes through, beside its carrier; see `Matter.spare`.
         is_awake: Whether it is being simulated.
         pressure: On each particle [Pa], shape [n]; zero inside.
         contacts: What it pressed on in the last physics step.
@@ -184,7 +185,7 @@ class SoftBody:
         self._pairs = np.zeros((_PAIRS * len(self._skin) + 1, 2), np.int32)
         self._areas = vertex_areas(self.rest, self.faces)
         self._pins: list[tuple[Indices, Body, int, Array]] = []
-        self.is_awake = falls
+        self.is_awake, self.spared = falls, list[Body]()
         middle = (self.rest.min(axis=0) + self.rest.max(axis=0)) / 2
         self.middle, self.radius = middle, float(np.linalg.norm(self.rest - middle, axis=1).max())
         self._place = np.array((*Pose().position, *Pose().quaternion))

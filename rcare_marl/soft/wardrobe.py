@@ -14,7 +14,7 @@ import pybullet as bullet
 from ..body import Body
 from ..pose import conjugate, multiply, rotation_vector
 from ..world import GRAVITY, Contact, World
-from . import cloth_kernel as kernel
+from . import cloth_contact as contact
 from .cloth import FASTEST, Cloth
 from .cloth_skin import ClothSkin
 from .collider import Colliders, link_state
@@ -156,9 +156,10 @@ class Wardrobe:
         rows = np.flatnonzero(fresh[colliders.shape_links])
         wanted = set[int]()
         for place, (cloth, (middle, radius)) in enumerate(zip(self.cloths, spheres, strict=True)):
+            meetings = colliders.relate(_WORLD, rows, 1.0).astype(np.float64)
             is_near = np.zeros(len(rows), np.bool_)
-            kernel.find_shapes(
-                cloth.points, middle, radius, colliders.relate(_WORLD, rows, 1.0),
+            contact.find_shapes(
+                cloth.points, middle, radius, meetings,
                 colliders.kinds[rows], colliders.planes, colliders.runs[rows],
                 colliders.radii[rows], reach, is_near,
             )  # fmt: skip
