@@ -34,9 +34,9 @@ class BuiltHome:
         home: The house.
         pose: Where its origin is in the world.
         floor: The floor.
-        bodies: Floor, walls, doors, and the still furniture of each room. Where a busy floor is given,
-            all but the floor and the articulated rooms are one, `house`, and what is solid is by
-            itself, by the side of that floor that it is on: `solid_left`, ...
+        bodies: The floor, and `house`: what one sees of all that stands still. What is solid of it is
+            in bodies of its own: `walls`, `doors` and each room; where a busy floor is given, by
+            the side of that floor that it is on: `solid_left`, ...
         furniture: What moves, by name, such as `kitchen_1.fridge`.
         doors: Doors that move, by name.
     """
@@ -63,9 +63,8 @@ class BuiltHome:
         doors = [o for o in home.plan.openings.values() if o.hardware]
         moving = [o for o in doors if set(o.rooms) & set(articulated)]
         still = [self._still_door(o) for o in doors if o not in moving]
-        self._load_still(
-            {"walls": shell, "doors": merged(f"{home.name}_doors", still)}, articulated
-        )
+        models = {"walls": shell, "doors": merged(f"{home.name}_doors", still)}
+        self._load_still(models, articulated)
         moves = [p for p in home.placed if p.room in articulated and _moves(p)]
         for each in moves:
             self._load_moving(each)
@@ -87,18 +86,16 @@ class BuiltHome:
             ]
             if parts:
                 models[room] = merged(f"{name}_{room}", parts)
-        if (
-            self._busy is not None
-        ):  # what is elsewhere is one body: each costs a little at every step
-            elsewhere = [models.pop(key) for key in list(models) if key not in articulated]
-            house = merged(
-                "_".join((name, "but", *articulated)), [(m, Pose(), {}) for m in elsewhere]
-            )
-            models["house"] = house
-        for key, model in models.items():
-            self._load(model, key)
-        for side, solids in self._solids.items():
-            self._write(_unseen(f"{name}_{side}", solids), f"solid_{side}")
+        # For the eye all is one body: each costs a little at every step, and files to load.
+        house = merged(f"{name}_still", [(m, Pose(), {}) for m in models.values()])
+        if self._busy is None:
+            for key, model in models.items():
+                self._solids[key] = [s for link in model.links.values() for s in link.collision]
+            house = _with_solids(house, ())
+        self._load(house, "house")
+        for key, solids in self._solids.items():
+            if solids:
+                self._write(_unseen(f"{name}_{key}", solids), key)
 
     def _still_door(self, opening: Opening) -> Part:
         model = door_model(opening, self.home.rules, self.home.palette)
@@ -109,15 +106,12 @@ class BuiltHome:
     def _load(self, model: Model, name: str) -> Body:
         """Load what stands still; what is solid of it waits for the others on its side."""
         if self._busy is not None:
-            (root,) = model.links
-            link = model.links[root]
+            (link,) = model.links.values()
             sides = partition(link.collision, self._busy)
-            stay = ("below",) if name == "floor" else (NEAR,)
-            kept = [shape for side in stay for shape in sides.pop(side, ())]
+            kept = sides.pop("below" if name == "floor" else NEAR, ())
             for side, shapes in sides.items():
-                self._solids.setdefault(side, []).extend(shapes)
-            link = dataclasses.replace(link, collision=tuple(kept))
-            model = dataclasses.replace(model, links={root: link})
+                self._solids.setdefault(f"solid_{side}", []).extend(shapes)
+            model = _with_solids(model, kept)
         return self._write(model, name)
 
     def _write(self, model: Model, name: str) -> Body:
@@ -155,6 +149,14 @@ class BuiltHome:
     def in_world(self, pose: Pose) -> Pose:
         """Return a pose given in the house in the world."""
         return self.pose @ pose
+
+
+def _with_solids(model: Model, solids: Sequence[Shape]) -> Model:
+    """Return a model of one link with other solids."""
+    ((name, link),) = model.links.items()
+    return dataclasses.replace(
+        model, links={name: dataclasses.replace(link, collision=tuple(solids))}
+    )
 
 
 def _unseen(name: str, solids: Sequence[Shape]) -> Model:
