@@ -31,8 +31,8 @@ from rcare_marl.envs.homes.route import Route
 Picture = npt.NDArray[np.uint8]
 
 HOUSE = "house_07"  # that is shown from above
-BATHROOM = ("house_11", "bathroom_1", "")  # house, room, where from
-KITCHEN = ("house_11", "kitchen_1", "w")
+BATHROOM = ("house_11", "bathroom_1", ("n", "w", ""))  # house, room, where from at each level
+KITCHEN = ("house_11", "kitchen_1", ("w", "nw", "w"))
 ROOMS = (  # house, level, room
     ("house_02", 1, "living_1"),
     ("house_06", 1, "dining_1"),
@@ -130,13 +130,13 @@ def _legend(sheet: Figure, level: int, total: float, points: float) -> None:
         x += length + 1.4 + 0.58 * len(text)
 
 
-def levels(house: str, room: str, view: str) -> Image.Image:
+def levels(house: str, room: str, views: Sequence[str]) -> Image.Image:
     """Return one room at the three levels side by side, with captions."""
     pictures = [
         room_perspective(
             CareHome.load(house, level=level), room, width=TILE[0], height=TILE[1], view=view
         )
-        for level in LEVELS
+        for level, view in zip(LEVELS, views, strict=True)
     ]
     return tiled(pictures, [f"level {k}: {v}" for k, v in LEVELS.items()], columns=3)
 

@@ -131,6 +131,21 @@ def test_a_person_is_placed_beside_the_bed_on_free_floor() -> None:
     world.close()
 
 
+def test_people_look_where_their_place_says_and_lie_with_the_head_at_the_headboard() -> None:
+    home = built("house_01", 3)
+    world = World()
+    for posture, spot, axis, along in (
+        ("standing", "beside_bed", 2, 1.0),  # the z axis of a pelvis points ahead
+        ("bed_supine", "bed_mattress", 1, -1.0),  # and y to the head; x of a bed to its foot
+    ):
+        person = Human(posture, load_avatar("caregiver"), posture=load_posture(posture), movable=())
+        person.spawn(world, Pose((0, 0, 0), (0, 0, 0.6, 0.8)))
+        pose = home.place(person, "bedroom_1", spot)
+        pelvis = person.body.base_pose().matrix()[:3, axis]
+        assert pelvis @ pose.matrix()[:3, 0] == pytest.approx(along, abs=0.02)
+    world.close()
+
+
 @pytest.mark.parametrize("name", home_names())
 def test_a_barrier_free_house_has_a_hospital_bed_that_tasks_find_as_a_bed(name: str) -> None:
     home = built(name, 3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rcare_marl.envs.homes.ground import Ground
+from rcare_marl.envs.homes.ground import Gate, Ground
 from rcare_marl.envs.homes.occupancy import Obstacle, Occupancy
 from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.envs.homes.route import Way
@@ -79,7 +79,10 @@ def test_a_place_off_the_map_is_refused() -> None:
 
 
 HALL = Rectangle(0.0, 0.0, 6.0, 4.0)
-ENDS = [Rectangle(0.0, 1.5, 0.75, 2.5), Rectangle(5.25, 1.5, 6.0, 2.5)]
+ENDS = [
+    Gate(Rectangle(0.0, 1.5, 0.0, 2.5), (1, 0)),
+    Gate(Rectangle(6.0, 1.5, 6.0, 2.5), (-1, 0)),
+]
 
 
 @pytest.mark.parametrize("gap", [0.5, 0.6603, 0.8149, 0.915, 1.2])
@@ -88,8 +91,8 @@ def test_straight_gaps_are_measured_to_the_millimetre(gap: float, y: float) -> N
     ground = Ground(HALL, [Rectangle(2.5, 0.0, 3.5, y), Rectangle(2.7, y + gap, 3.1, 4.0)])
     assert ground.width(ENDS) == pytest.approx(gap, abs=0.0011)
     _, middle = ground.circle
-    assert ground.joins(ENDS, middle, gap - 1e-4)
-    assert not ground.joins(ENDS, middle, gap + 1e-3)
+    for width, is_joined in ((gap - 1e-4, True), (gap + 1e-3, False)):
+        assert ground.joins([end.place(width) for end in ENDS], middle, width) is is_joined
 
 
 @pytest.mark.parametrize("angle", [10.0, 25.0, 35.0, 45.0, 70.0])
@@ -103,13 +106,24 @@ def test_slanted_gaps_are_found_hardly_wider_and_little_narrower(angle: float) -
 def test_a_way_reaches_all_doors_or_has_no_width() -> None:
     shut = Ground(HALL, [Rectangle(2.0, 0.0, 2.5, 4.0)])
     assert shut.width(ENDS) < 0.002 < shut.width(ENDS[1:])
-    behind = Ground(HALL, [Rectangle(0.0, 1.4, 0.76, 2.6)])  # something stands on a doorstep
+    behind = Ground(HALL, [Rectangle(0.0, 1.4, 0.76, 2.6)])  # something stands in a door
     assert behind.width(ENDS) < 0.002
+
+
+def test_a_way_leads_straight_out_of_a_door() -> None:
+    post = Rectangle(0.6, 1.9, 0.7, 2.1)
+    assert Ground(HALL, [post]).width(ENDS) < 0.72  # there is 1.9 m of floor on each side of it
+    assert Ground(HALL, [post]).width(ENDS[1:]) > 2.5
+
+
+def test_one_is_within_a_room_in_line_with_its_door() -> None:
+    assert ENDS[0].place(0.6) == Rectangle(0.3, 1.8, 0.3, 2.2)
+    assert ENDS[1].place(1.2) == Rectangle(5.4, 2.0, 5.4, 2.0)
 
 
 @pytest.mark.parametrize("side", [0.9, 2.0])
 def test_an_empty_floor_is_as_wide_as_its_shorter_side(side: float) -> None:
     area = Rectangle(1.0, 1.0, 1.0 + side, 5.0)
-    door = Rectangle(1.0, 1.0, 1.0 + side, 1.75)
-    assert Ground(area, []).width([door]) == pytest.approx(min(side, 1.5), abs=0.0011)
+    door = Gate(Rectangle(1.0, 1.0, 1.0 + side, 1.0), (0, 1))
+    assert Ground(area, []).width([door]) == pytest.approx(side, abs=0.0011)
     assert Ground(area, []).circle[0] == pytest.approx(side, abs=1e-3)

@@ -285,7 +285,9 @@ def narrow_hall(home: CareHome) -> CareHome:
     hall = home.plan.rooms["hall_1"]
     inside = Rectangle(hall.inside.x0, 0.2, hall.inside.x1, hall.inside.y1)
     rooms = {**home.plan.rooms, "hall_1": replace(hall, inside=inside)}
-    return replace(home, plan=replace(home.plan, rooms=rooms))
+    x, _ = home.plan.openings["passage_1"].centre
+    narrowed = replace(home, plan=replace(home.plan, rooms=rooms))
+    return changed(narrowed, "passage_1", centre=(x, inside.centre[1]))
 
 
 FAULTS: dict[str, tuple[Callable[[CareHome], CareHome], set[str]]] = {

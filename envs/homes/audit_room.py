@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .doorway import doorstep
+from .doorway import gate
 from .ground import Ground
 from .measurement import FurnishedHome, Measurement, near
 from .plan import Room
@@ -35,7 +35,7 @@ def _passage(home: FurnishedHome, room: Room, ground: Ground) -> float | None:
     None for a room without doors.
     """
     ways = [o for o in home.plan.openings_of(room.name) if o.kind != "window"]
-    return ground.width([doorstep(way, room.name) for way in ways]) if ways else None
+    return ground.width([gate(way, room.name) for way in ways]) if ways else None
 
 
 __all__ = ["TURNING", "measure_rooms"]

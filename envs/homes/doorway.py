@@ -7,6 +7,7 @@ import numpy as np
 from rcare_marl.pose import Array
 
 from .door import hinge_side
+from .ground import Gate
 from .plan import JAMB, LEAF, Opening
 from .rectangle import Rectangle
 from .rule import Rules
@@ -60,12 +61,14 @@ def latch_edge(opening: Opening) -> float:
     return -hinge_side(opening) * (0.5 * opening.width - JAMB)
 
 
-def doorstep(opening: Opening, room: str) -> Rectangle:
-    """Return the floor on which somebody arrives who comes through a door into a room [m]."""
-    sign, near = _side(opening, room), 0.5 * opening.thickness
-    low, high = sorted((sign * near, sign * (near + DOORSTEP)))
-    half = 0.5 * opening.clear_width
-    return Rectangle(-half, low, half, high).moved(opening.pose)
+def gate(opening: Opening, room: str) -> Gate:
+    """Return where one comes through a door into a room."""
+    sign = _side(opening, room)
+    at = sign * 0.5 * opening.thickness
+    low, high = _clear(opening)
+    line = Rectangle(low, at, high, at).moved(opening.pose)
+    normal = opening.normal
+    return Gate(line, (round(sign) * normal[0], round(sign) * normal[1]))
 
 
 def narrowing(opening: Opening) -> list[Rectangle]:
@@ -73,18 +76,10 @@ def narrowing(opening: Opening) -> list[Rectangle]:
     if opening.kind == "passage":
         return []
     half, deep = 0.5 * opening.width, 0.5 * opening.thickness
-    loss = opening.width - opening.clear_width
-    is_hinged = opening.hardware != "slider"
-    side = hinge_side(opening)
-    thick = loss - 2 * JAMB if is_hinged else 0.0
-    low, high = -half + JAMB, half - JAMB
-    if side < 0:
-        low += thick
-    else:
-        high -= thick
+    low, high = _clear(opening)
     parts = [Rectangle(-half, -deep, low, deep), Rectangle(high, -deep, half, deep)]
-    if is_hinged:
-        at = -half + JAMB if side < 0 else half - JAMB - LEAF
+    if opening.hardware != "slider":
+        at = -half + JAMB if hinge_side(opening) < 0 else half - JAMB - LEAF
         parts.append(Rectangle(at, deep, at + LEAF, deep + opening.width - 2 * JAMB))
     return [part.moved(opening.pose) for part in parts]
 
@@ -110,12 +105,22 @@ def off_switch(opening: Opening, room: str, at: Array) -> Array:
     return far
 
 
+def _clear(opening: Opening) -> tuple[float, float]:
+    """Return where the free part of a gap begins and ends, along x of the frame of the door [m]."""
+    half = 0.5 * opening.width
+    if opening.kind == "passage":
+        return -half, half
+    low, high = -half + JAMB, half - JAMB
+    thick = opening.width - opening.clear_width - 2 * JAMB
+    return (low + thick, high) if hinge_side(opening) < 0 else (low, high - thick)
+
+
 def _side(opening: Opening, room: str) -> float:
     """Return 1 for the side of a door into which y of its frame points, -1 for the other."""
     return 1.0 if opening.rooms[0] == room else -1.0
 
 
 __all__ = [
-    "DOORSTEP", "LATCH_DEPTH", "MOUTH", "OFF_WALL", "doorstep", "doorway", "latch_edge", "narrowing",
+    "DOORSTEP", "LATCH_DEPTH", "MOUTH", "OFF_WALL", "doorway", "gate", "latch_edge", "narrowing",
     "off_switch",
 ]  # fmt: skip

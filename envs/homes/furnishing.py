@@ -14,8 +14,8 @@ import numpy as np
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose
 
-from .doorway import doorstep, doorway, narrowing, off_switch
-from .ground import Ground
+from .doorway import doorway, gate, narrowing, off_switch
+from .ground import Gate, Ground
 from .occupancy import Mask
 from .piece import Piece, Setting, make_piece
 from .plan import Plan, Room
@@ -90,7 +90,7 @@ class _Layout:
     room: Room
     leaves: list[Rectangle] = field(default_factory=list)
     keep_free: list[Rectangle] = field(default_factory=list)
-    doorsteps: list[Rectangle] = field(default_factory=list)
+    gates: list[Gate] = field(default_factory=list)
     windows: list[tuple[Rectangle, float]] = field(default_factory=list)
     standing: list[Placed] = field(default_factory=list)
 
@@ -155,7 +155,8 @@ class _Furnisher:
                 self.layout.windows.append((area, opening.sill))
             else:
                 self.layout.keep_free += doorway(opening, room.name, setting.rules)
-                self.layout.doorsteps.append(doorstep(opening, room.name))
+                self.layout.gates.append(gate(opening, room.name))
+                self._passage = min(self._passage, opening.clear_width - SPARE)
                 self.layout.leaves += narrowing(opening)
 
     def run(self) -> list[str]:
@@ -320,7 +321,7 @@ class _Furnisher:
         middle = np.array(piece.footprint.moved(turn).centre) + at
         # The later the attempt, the less wishes count against chance.
         score: Array = self._rng.uniform(0.0, 0.6 + 0.4 * self._attempt, len(at))
-        doors = np.array([d.centre for d in self.layout.doorsteps] or [inside.centre])
+        doors = np.array([g.line.centre for g in self.layout.gates] or [inside.centre])
         to_door = np.linalg.norm(middle[:, None] - doors[None], axis=2).min(axis=1)
         windows = [area for area, _ in self.layout.windows]
         body = _shifted(piece.footprint.moved(turn), at)
@@ -386,7 +387,8 @@ class _Furnisher:
         if self._recipe.turning and self._setting.rules.has("turning_diameter"):
             if diameter < self._setting.rules.figure("turning_diameter") + SPARE:
                 return False
-        if not ground.joins(self.layout.doorsteps, middle, self._passage + SPARE):
+        width = self._passage + SPARE
+        if not ground.joins([g.place(width) for g in self.layout.gates], middle, width):
             return False
         stands = [area for placed in standing for area in placed.stands]
         return ground.joins(stands, middle, min(CHAIR, self._passage))

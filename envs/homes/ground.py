@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -24,10 +25,34 @@ _ANGLES = np.linspace(0.0, 2 * math.pi, 16, endpoint=False)
 _TURNS = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=1)
 
 
+@dataclass(frozen=True)
+class Gate:
+    """Where one comes into a room.
+
+    Attributes:
+        line: The free part of a door, on the face of its wall, without depth [m].
+        inward: Direction into the room, a unit vector along x or y.
+    """
+
+    line: Rectangle
+    inward: tuple[int, int]
+
+    def place(self, width: float) -> Rectangle:
+        """Return where something round of a width [m] has its middle when it is just within.
+
+        It is in line with the door. In one that is too narrow it is in the middle.
+        """
+        r, (x, y) = 0.5 * width, self.line.centre
+        wide = max(0.5 * self.line.width - r, 0.0)
+        deep = max(0.5 * self.line.depth - r, 0.0)
+        x, y = x + r * self.inward[0], y + r * self.inward[1]
+        return Rectangle(x - wide, y - deep, x + wide, y + deep)
+
+
 class Ground:
     """The floor of a room between its walls and what stands there.
 
-    What moves there is round. It must keep within the walls, so a doorway is not part of the floor.
+    What moves there is round. It keeps within the walls: it is there as soon as it is through a door.
     Distances are exact; ways are sought on a grid whose lines include all on which something round
     touches a wall or a piece, so the width of a straight gap is found to the millimetre. A way that
     squeezes slantwise past two corners may be found to be up to 4 cm narrower than it is. None is found
@@ -68,7 +93,7 @@ class Ground:
 
     def joins(self, places: Sequence[Rectangle], goal: tuple[float, float], width: float) -> bool:
         """Return whether something of a width [m] gets from all of the places to a goal [m]."""
-        xs, ys = self._lines(width, goal)
+        xs, ys = self._lines(width, goal, places)
         if not len(xs) or not len(ys):
             return False
         labels = ndimage.label(self._free(xs, ys, width), structure=np.ones((3, 3)))[0]
@@ -85,25 +110,30 @@ class Ground:
                 return False
         return True
 
-    def width(self, places: Sequence[Rectangle]) -> float:
-        """Return the free width of the ways from all of the places to the freest one [m]."""
+    def width(self, gates: Sequence[Gate]) -> float:
+        """Return the free width of the ways from all of the gates to the freest place [m]."""
         high, goal = self.circle
         low = 0.0
         while high - low > WIDTH_WITHIN:
             middle = 0.5 * (low + high)
-            if self.joins(places, goal, middle):
+            if self.joins([gate.place(middle) for gate in gates], goal, middle):
                 low = middle
             else:
                 high = middle
         return low
 
-    def _lines(self, width: float, goal: tuple[float, float]) -> tuple[Array, Array]:
+    def _lines(
+        self, width: float, goal: tuple[float, float], places: Sequence[Rectangle]
+    ) -> tuple[Array, Array]:
         """Return where something round of a width may have its middle, along x and y [m]."""
         inside, r, out = self.inside, 0.5 * width, []
+        rims = np.array([(p.x0, p.y0, p.x1, p.y1) for p in places]).reshape(-1, 4)
         for low, high, axis in ((inside.x0, inside.x1, 0), (inside.y0, inside.y1, 1)):
             edges = (self._things[:, axis] - r, self._things[:, axis + 2] + r)
             ends = np.array((low + r, high - r, goal[axis]))
-            line = np.sort(np.concatenate((ends, np.arange(low + r, high - r, STEP), *edges)))
+            sides = (rims[:, axis], rims[:, axis + 2])
+            even = np.arange(low + r, high - r, STEP)
+            line = np.sort(np.concatenate((ends, even, *sides, *edges)))
             out.append(line[(line >= low + r - TOUCH) & (line <= high - r + TOUCH)])
         return out[0], out[1]
 
@@ -164,4 +194,4 @@ class Ground:
         return out
 
 
-__all__ = ["Ground"]
+__all__ = ["Gate", "Ground"]

@@ -17,6 +17,7 @@ from .rule import Rules
 CORNER = 100  # from the hinges to the corner, so that the handle does not strike the wall
 BETWEEN = 100  # wall that is left between two openings
 FRONT = 400  # in front of an opening, where no leaf may swing
+LEAF_ROOM = 60  # on each side of the line on which a leaf stands open
 WIDEST_PASSAGE = 2400
 KITCHEN_PASSAGE = 1400
 POCKET_SPARE = 50  # that a pocket is longer than the gap
@@ -64,7 +65,10 @@ class Request:
 
 @dataclass(frozen=True)
 class Place:
-    """A door in its place [mm]: its gap, the wall that it takes, where its leaf swings."""
+    """A door in its place [mm]: its gap, the wall that it takes, where its leaf swings.
+
+    No leaf swings within `FRONT` of it, nor stands open within `ahead`, so that one gets to it.
+    """
 
     request: Request
     panel: Panel
@@ -76,6 +80,18 @@ class Place:
     hardware: str
     sweep: Cell | None
     cost: float
+    ahead: int = FRONT
+
+    @property
+    def leaf(self) -> Cell | None:
+        """Where the leaf stands when it is open at a right angle; None for what does not swing."""
+        if self.sweep is None:
+            return None
+        if self.panel.axis == "x":
+            x = self.sweep.x0 if self.hinge == "low" else self.sweep.x1
+            return Cell(x - LEAF_ROOM, self.sweep.y0, x + LEAF_ROOM, self.sweep.y1)
+        y = self.sweep.y0 if self.hinge == "low" else self.sweep.y1
+        return Cell(self.sweep.x0, y - LEAF_ROOM, self.sweep.x1, y + LEAF_ROOM)
 
     def meets(self, other: Place) -> bool:
         """Return whether the two are in each other's way."""
@@ -83,7 +99,10 @@ class Place:
             (a, b), (c, d) = self.taken, other.taken
             if min(b, d) > max(a, c) - BETWEEN:
                 return True
-        fronts, sweeps = (self._fronts(), other._fronts()), (self.sweep, other.sweep)
+        for door, before in ((self, other), (other, self)):
+            if door.leaf and any(door.leaf.overlaps(area) for area in before._fronts(before.ahead)):
+                return True
+        fronts, sweeps = (self._fronts(FRONT), other._fronts(FRONT)), (self.sweep, other.sweep)
         if sweeps[0] and sweeps[1] and sweeps[0].overlaps(sweeps[1]):
             return True
         return any(
@@ -91,16 +110,16 @@ class Place:
             for sweep, front_set in zip(sweeps, fronts[::-1], strict=True)
         )
 
-    def _fronts(self) -> tuple[Cell, Cell]:
+    def _fronts(self, depth: int) -> tuple[Cell, Cell]:
         area = self.panel.area
         if self.panel.axis == "x":
             return (
-                Cell(self.low, area.y0 - FRONT, self.high, area.y0),
-                Cell(self.low, area.y1, self.high, area.y1 + FRONT),
+                Cell(self.low, area.y0 - depth, self.high, area.y0),
+                Cell(self.low, area.y1, self.high, area.y1 + depth),
             )
         return (
-            Cell(area.x0 - FRONT, self.low, area.x0, self.high),
-            Cell(area.x1, self.low, area.x1 + FRONT, self.high),
+            Cell(area.x0 - depth, self.low, area.x0, self.high),
+            Cell(area.x1, self.low, area.x1 + depth, self.high),
         )
 
 
@@ -109,6 +128,7 @@ class Joiner:
 
     def __init__(self, masonry: Masonry, uses: dict[str, str], rules: Rules) -> None:
         self._masonry, self._uses, self._rules = masonry, uses, rules
+        self._ahead = round(1000 * rules.figure("passage_width"))
         self._deepest, self._tries = 0, 0
 
     def request(
@@ -213,7 +233,7 @@ class Joiner:
         for cost, (name, start) in enumerate(spots.items()):
             if low <= start and start + width <= high and request.wish.at in ("", name):
                 taken = start, start + width
-                yield Place(request, panel, run, *taken, taken, "low", "", None, cost)
+                yield Place(request, panel, run, *taken, taken, "low", "", None, cost, self._ahead)
 
     def _doors(self, request: Request, panel: Panel, run: Run) -> Iterator[Place]:
         hardware = self._rules.choice("door_hardware")
@@ -257,7 +277,7 @@ class Joiner:
             cost += min(abs(gap[0] - ends[0]), abs(ends[1] - gap[1])) / 1000 + (
                 0 if beside else 0.5
             )
-            return Place(request, panel, run, *gap, taken, hinge, hardware, None, cost)
+            return Place(request, panel, run, *gap, taken, hinge, hardware, None, cost, self._ahead)
         side = gap[0] - ends[0] if hinge == "low" else ends[1] - gap[1]
         latch = ends[1] - gap[1] if hinge == "low" else gap[0] - ends[0]
         if latch < 1000 * self._rules.figure("latch_side_space") or side < 0:
@@ -267,7 +287,7 @@ class Joiner:
             return None
         # A leaf that opens against no wall stands in the room.
         cost += side / 1000 + (0 if side < 400 else 1.0) + (0 if side >= CORNER else 0.3)
-        return Place(request, panel, run, *gap, gap, hinge, hardware, sweep, cost)
+        return Place(request, panel, run, *gap, gap, hinge, hardware, sweep, cost, self._ahead)
 
     def _away(self, at: str, ends: tuple[int, int], gap: tuple[int, int]) -> float:
         """How far a gap is from where it is wanted; counts ten times [m]."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from rcare_marl.errors import ConfigError
 
 from .layout_door import Place
-from .layout_tree import Cell
 from .layout_wall import Masonry, Panel
 from .plan import OUTSIDE, Opening
 
@@ -83,8 +82,8 @@ def _free(panel: Panel, doors: list[Place]) -> list[tuple[int, int]]:
     for door in doors:
         if door.run.area.overlaps(panel.area):
             taken.append((door.low - _MARGIN, door.high + _MARGIN))
-        if door.sweep is not None and _leaf(door).overlaps(panel.area.grown(250)):
-            leaf = _leaf(door)
+        leaf = door.leaf
+        if leaf is not None and leaf.overlaps(panel.area.grown(250)):
             taken.append((leaf.x0, leaf.x1) if panel.axis == "x" else (leaf.y0, leaf.y1))
     out, start = [], low
     for a, b in sorted(taken):
@@ -96,17 +95,6 @@ def _free(panel: Panel, doors: list[Place]) -> list[tuple[int, int]]:
     if start < high:
         out.append((start, high))
     return out
-
-
-def _leaf(door: Place) -> Cell:
-    """Where the leaf of a door stands when it is open at 90 degrees [mm]."""
-    sweep = door.sweep
-    assert sweep is not None
-    if door.panel.axis == "x":
-        x = sweep.x0 if door.hinge == "low" else sweep.x1
-        return Cell(x - 60, sweep.y0, x + 60, sweep.y1)
-    y = sweep.y0 if door.hinge == "low" else sweep.y1
-    return Cell(sweep.x0, y - 60, sweep.x1, y + 60)
 
 
 def _fit(low: int, high: int, sash: Sash) -> list[tuple[int, int]]:

@@ -14,7 +14,7 @@ from rcare_marl.envs.homes.cutaway import cutaway
 from rcare_marl.envs.homes.plan import CEILING_HEIGHT, OUTSIDE
 from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.pose import Array
-from rcare_marl.rendering import Camera, Light, make_renderer
+from rcare_marl.rendering import Camera, Light, SoftwareRenderer, make_renderer
 from rcare_marl.rendering.daylight import disc, dome, exposed
 from rcare_marl.world import World
 
@@ -27,6 +27,7 @@ CUT = 1.35  # [m] at which walls are cut in the view from above: over sills, und
 VIEW = (-0.35, -0.75, 1.0)  # direction from the house to the camera: south-west, above
 FOV = 24.0  # [deg] of the view from above
 LAMPS = 14  # lights that a sky, or a bright ceiling, is made of
+SMOOTH = 4  # pictures against jagged edges
 SUNS = 7  # lights that a sun is made of
 BRIGHTEST = 0.9  # of nearly all of a picture
 EVERYTHING = 100.0  # [m]; nothing is higher
@@ -143,6 +144,8 @@ def _light(home: CareHome, room: str, open_sides: str) -> list[Light]:
 
 def _taken(world: World, camera: Camera, lights: Sequence[Light]) -> Picture:
     renderer = make_renderer(world, floor=False, samples=0, ambient_occlusion=False)
+    if isinstance(renderer, SoftwareRenderer):  # it has one light: more pictures only smooth edges
+        lights = lights[:SMOOTH]
     try:
         return exposed(renderer, camera, lights, brightest=BRIGHTEST)
     finally:

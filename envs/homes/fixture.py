@@ -1,0 +1,60 @@
+"""A piece of furniture that a task is about, where there is no house around it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rcare_marl.body import Body
+from rcare_marl.pose import Pose
+from rcare_marl.urdf import write
+from rcare_marl.world import World
+
+from .piece import Piece, Setting, make_piece
+from .rule import Rules
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """A piece of furniture in a world.
+
+    Attributes:
+        piece: What it is.
+        body: Its body.
+    """
+
+    piece: Piece
+    body: Body
+
+
+def set_up(
+    world: World,
+    kind: str,
+    *,
+    level: int,
+    pose: Pose = Pose(),
+    options: Mapping[str, Any] | None = None,
+) -> Fixture:
+    """Put a piece of furniture into a world as a house does: its joints have their friction.
+
+    Args:
+        world: The world.
+        kind: Kind of the piece.
+        level: Level of accessibility whose rules it keeps.
+        pose: Of its frame.
+        options: Of its maker.
+
+    Raises:
+        UnknownNameError: If there is no such kind.
+        ConfigError: If there is no such level, or an option is impossible.
+    """
+    piece = make_piece(kind, Setting(Rules(level)), options)
+    body = world.load_urdf(write(piece.model, melt_except=()), pose, name=kind)
+    for name, joint in body.joints.items():
+        body.release_motors([joint.index], piece.model.joints[name].friction)
+    world.slumber.add(body)
+    return Fixture(piece, body)
+
+
+__all__ = ["Fixture", "set_up"]
