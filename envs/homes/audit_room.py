@@ -32,6 +32,7 @@ def measure_rooms(home: FurnishedHome) -> Iterator[Measurement]:
 def _passage(home: FurnishedHome, room: Room, ground: Ground) -> float | None:
     """Return the free width of the ways from each door of a room to its freest place [m].
 
+    A way starts in line with its door, so a leaf that stands open there makes it narrower.
     None for a room without doors.
     """
     ways = [o for o in home.plan.openings_of(room.name) if o.kind != "window"]

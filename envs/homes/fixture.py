@@ -14,6 +14,9 @@ from rcare_marl.world import World
 from .piece import Piece, Setting, make_piece
 from .rule import Rules
 
+WALL, HEIGHT, LENGTH = 0.1, 2.2, 1.7  # [m] of walls where there is no house; own choice
+WALL_RGBA = (0.84, 0.87, 0.86, 1.0)
+
 
 @dataclass(frozen=True)
 class Fixture:
@@ -57,4 +60,22 @@ def set_up(
     return Fixture(piece, body)
 
 
-__all__ = ["Fixture", "set_up"]
+def add_corner(world: World, fixture: Fixture, *, left: float) -> None:
+    """Add the walls at a piece that stands at the origin: behind it, and to its left.
+
+    Args:
+        world: The world.
+        fixture: The piece; it does not feel them, as in a house.
+        left: From its middle to the wall on its left [m].
+    """
+    low, high, half = left - LENGTH, left + WALL, 0.5 * HEIGHT
+    walls = (
+        ((WALL, high - low, HEIGHT), (-0.5 * WALL, 0.5 * (low + high), half)),
+        ((LENGTH, WALL, HEIGHT), (0.5 * LENGTH, left + 0.5 * WALL, half)),
+    )
+    for size, at in walls:
+        wall = world.add_box(size, Pose(at), name="wall", rgba=WALL_RGBA)
+        world.set_collision(wall, fixture.body, False)
+
+
+__all__ = ["Fixture", "add_corner", "set_up"]
