@@ -31,7 +31,7 @@ from rcare_marl.envs.homes.route import Route
 Picture = npt.NDArray[np.uint8]
 
 HOUSE = "house_07"  # that is shown from above
-BATHROOM = ("house_11", "bathroom_1", ("n", "w", ""))  # house, room, where from at each level
+BATHROOM = ("house_11", "bathroom_2", ("w", "e", "n"))  # house, room, where from at each level
 KITCHEN = ("house_11", "kitchen_1", ("w", "nw", "w"))
 ROOMS = (  # house, level, room
     ("house_02", 1, "living_1"),
