@@ -16,10 +16,9 @@ from ..pose import Vector
 from . import cloth_contact as contact
 from . import cloth_kernel as kernel
 from .collider import Colliders, link_state
+from .contact import BOX, CAPSULE, SIZE, SPHERE
 from .fabric import Fabric
 from .grip import FORCE, STIFFNESS, Grip
-from .kernel import line_point
-from .soft_body import Encounter
 from .tear import torn
 from .weave import SOFTNESS, Weave, vertex_masses
 
@@ -28,11 +27,18 @@ Indices = npt.NDArray[np.int32]
 Unsigned = npt.NDArray[np.uint32]
 
 SUBSTEPS = 10  # in a physics step of 1/240 s
-FASTEST = 4.0  # [m/s] of a particle: with 1.7 mm a small step nothing passes through a limb
+# A particle goes no faster: with 5 mm a small step it passes through no limb. Less would cut the force with
+# which taut cloth can hold something up.
+FASTEST = 12.0  # [m/s]
+EMERGENCE = 4.0  # [m/s], how fast what has got into a body comes out
 AIR = 0.5 * 1.2 * 1.1  # [kg/m³]: half the density of air times the drag coefficient of a plate
 CLOSENESS = 0.6  # least distance of particles of a cloth, as a share of the length of its threads
-REACH = 0.006  # [m] beyond what a particle and a shape move in a step
-_PAIRS = 4  # shapes that one particle can be near, on average
+REACH = 0.003  # [m] beyond what a particle and a shape move in a step
+HURRY = 1.0  # [m/s], speed that a particle may have before cloth looks around again
+SHAPE_SPEED = 2.0  # [m/s] of a shape, from pose to pose: nothing in care moves faster for long
+_PAIRS = 16  # shapes that one particle can be near, on average
+_SHARP = 4  # sharp shapes that the middle of a thread can be near, on average
+_BROAD = 0.5  # [m], half an edge of a box from where it is furniture, whose edges need no care
 _CELLS = 16  # of the grid for finding them, per particle
 _CLOSE = 12  # particles of the cloth that one can be near, on average
 
@@ -57,6 +63,24 @@ class ClothContact:
     load: float
 
 
+@dataclass(frozen=True, eq=False)
+class _Neighbours:
+    """The shapes that a cloth may touch: rows, kinds, runs of planes, rows of links, and whose each is."""
+
+    shapes: npt.NDArray[np.int64]
+    kinds: npt.NDArray[np.int64]
+    runs: npt.NDArray[np.int64]
+    links: tuple[int, ...]
+    owners: npt.NDArray[np.intp]
+
+    @classmethod
+    def of(cls, colliders: Colliders, shapes: npt.NDArray[np.int64]) -> _Neighbours:
+        """Return these shapes as neighbours."""
+        links, owners = np.unique(colliders.shape_links[shapes], return_inverse=True)
+        kinds, runs = colliders.kinds[shapes], colliders.runs[shapes]
+        return cls(shapes, kinds, runs, tuple(links.tolist()), owners.ravel())
+
+
 class Cloth:
     """A mesh of particles in the frame of the world. Its `Wardrobe` steps it.
 
@@ -70,6 +94,8 @@ class Cloth:
         grips: What holds it.
         contacts: What it pressed on in the last physics step.
         tears: How often it has torn.
+        spacing: Usual length of its threads [m].
+        gap: Least distance of particles that are no neighbours [m].
     """
 
     def __init__(
@@ -133,13 +159,25 @@ class Cloth:
         # Without a sign an index needs no check whether it counts from the end: a fifth of the time.
         self._threads = self.weave.threads.astype(np.uint32)
         self._folds = self.weave.folds.astype(np.uint32)
-        self._pairs = np.zeros((_PAIRS * count, 2), np.uint32)
+        self._pairs, self._near = (np.zeros((_PAIRS * count, 2), np.uint32) for _ in range(2))
+        self._near_count, self._neighbours = 0, _NOBODY
+        threads = len(self._threads)
+        self._sharp, self._near_sharp = (
+            np.zeros((_SHARP * threads, 2), np.uint32) for _ in range(2)
+        )
+        self._sharp_count = 0
+        ends = self.weave.threads.T.ravel()  # of both ends: which threads are at each particle
+        self._around = np.argsort(ends, kind="stable") % max(threads, 1)
+        self._thread_starts = np.searchsorted(np.sort(ends), np.arange(count + 1))
+        self._stamps = np.zeros(threads, np.int64)
+        self._middles, self._drift = np.zeros((threads, 3)), np.zeros((threads, 3))
         self._close = np.zeros((_CLOSE * count, 2), np.uint32)
         self._gaps = np.zeros(_CLOSE * count)
         self._close_count = 0
         self._starts = np.zeros(max(_CELLS * count, 64) + 1, np.int64)
         self._cells, self._members = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        self.gap = CLOSENESS * float(np.median(self.weave.thread_table[:, 0]))
+        self.spacing = float(np.median(self.weave.thread_table[:, 0]))
+        self.gap = CLOSENESS * self.spacing
 
     @property
     def positions(self) -> Array:
@@ -219,7 +257,7 @@ class Cloth:
 
     def hold(
         self,
-        particles: Sequence[int] | Indices,
+        particles: Sequence[int] | npt.NDArray[np.integer],
         body: Body,
         link: str | int,
         *,
@@ -228,7 +266,9 @@ class Cloth:
     ) -> Grip:
         """Let a link hold given particles where they are; see `grasp`."""
         if self._client < 0:
-            raise WorldError(f"the cloth {self.name!r} is in no wardrobe: Wardrobe.of(world).add it")
+            raise WorldError(
+                f"the cloth {self.name!r} is in no wardrobe: Wardrobe.of(world).add it"
+            )
         if not force > 0 or not stiffness > 0:
             raise ConfigError(f"force and stiffness must be above 0, got {force}, {stiffness}")
         index = body.link_index(link) if isinstance(link, str) else link
@@ -252,8 +292,35 @@ class Cloth:
         ]
         return np.sum(chosen, axis=0) if chosen else np.zeros(3)
 
-    def look(self, wait: float) -> None:
-        """Find which particles can come close to each other within `wait` [s], and how air meets them."""
+    def look(
+        self, colliders: Colliders, rows: npt.NDArray[np.int64], meetings: Array, wait: float
+    ) -> tuple[int, ...]:
+        """Find what can meet within `wait` [s]: particles and shapes, and particles each other.
+
+        Args:
+            colliders: The rigid shapes.
+            rows: Those whose poses are fresh.
+            meetings: Their table as seen from the world.
+            wait: Until the next look [s].
+
+        Returns:
+            Rows of the links that it can touch.
+        """
+        tables = (colliders.kinds[rows], colliders.planes, colliders.runs[rows])
+        radii, reach = colliders.radii[rows], self.fabric.thickness_m + REACH + SHAPE_SPEED * wait
+        low, high = self._x[:, :3].min(axis=0), self._x[:, :3].max(axis=0)
+        count = self._near_count = contact.find_near(
+            self._x, self._v, low, high, meetings, *tables, radii, reach, HURRY, wait, self._near
+        )
+        met = np.zeros(len(rows), np.bool_)
+        met[self._near[:count, 1]] = True
+        self._near[:count, 1] = (np.cumsum(met) - 1)[self._near[:count, 1]]
+        sharp = is_sharp(tables[0][met], meetings[met], self.spacing)
+        self._sharp_count = contact.find_threads(
+            self._near, count, sharp, self._thread_starts, self._around, self._stamps,
+            self._near_sharp,
+        )  # fmt: skip
+        self._neighbours = _Neighbours.of(colliders, rows[met])
         kernel.feel_air(self._x, self.faces, AIR, self._air)
         self._close_count = 0
         if self._avoids_itself:
@@ -264,42 +331,43 @@ class Cloth:
                 self._x, self.rest, self.gap, reach, self._starts, self._cells, self._members,
                 self._close, self._gaps,
             )  # fmt: skip
+        return self._neighbours.links
 
-    def advance(
-        self, colliders: Colliders, near: Encounter, gravity: Array, period: float
-    ) -> Array:
-        """Simulate one physics step of `period` [s]; links' states must be fresh.
-
-        Returns:
-            What each near shape got, shape [m, OUTCOME]: see `cloth_contact`.
-        """
-        fabric, weave = self.fabric, self.weave
+    def advance(self, colliders: Colliders, gravity: Array, period: float) -> None:
+        """Simulate one physics step of `period` [s] and push what it met; links must be fresh."""
+        fabric, weave, near = self.fabric, self.weave, self._neighbours
         dt = period / self.substeps
         constants = np.empty(kernel.CONSTANTS)
         constants[: kernel.FIELD] = (
-            dt, math.exp(-fabric.damping_per_s * dt), FASTEST, fabric.own_friction,
-            fabric.thickness_m,
+            dt, math.exp(-fabric.damping_per_s * dt), FASTEST, EMERGENCE, fabric.own_friction,
+            fabric.thickness_m, fabric.lock_strain, fabric.lock_factor,
         )  # fmt: skip
         constants[kernel.FIELD :] = gravity
         pinned, pins = self._lead_pins(period)
         meetings = colliders.relate(_WORLD, near.shapes, fabric.friction).astype(np.float64)
         outcome = np.zeros((len(near.shapes), contact.OUTCOME))
-        shapes, count = (near.kinds, colliders.planes, near.runs), 0
-        if len(meetings):
-            radii = colliders.radii[near.shapes]
-            count = contact.find_near(
-                self._x, self._v, meetings, *shapes, radii, fabric.thickness_m + REACH, period,
-                self._pairs,
-            )  # fmt: skip
+        shapes, count, few = (near.kinds, colliders.planes, near.runs), 0, 0
+        if self._near_count:
+            rest = (*shapes, colliders.radii[near.shapes], fabric.thickness_m + REACH, period)
+            count = contact.narrow(
+                self._x, self._v, self._near, self._near_count, meetings, *rest, self._pairs
+            )
+            if self._sharp_count:
+                contact.find_middles(self._x, self._v, self._threads, self._middles, self._drift)
+                few = contact.narrow(
+                    self._middles, self._drift, self._near_sharp, self._sharp_count, meetings,
+                    *rest, self._sharp,
+                )  # fmt: skip
         kernel.simulate(
             self._x, self._v, self._previous, self._air, constants, self.substeps, self._threads,
             weave.thread_table, self._folds, weave.fold_table, pinned, pins, self._close,
-            self._gaps, self._close_count, self._pairs, count, meetings, *shapes, outcome,
+            self._gaps, self._close_count, self._pairs, count, self._sharp, few, meetings, *shapes,
+            outcome,
         )  # fmt: skip
         self._settle_pins(pins, period)
         if fabric.tear_strain is not None:
             self._tear(fabric.tear_strain)
-        return outcome
+        self._read_contacts(colliders, near, outcome, period)
 
     def _lead_pins(self, period: float) -> tuple[Indices, Array]:
         if not self.grips:
@@ -321,27 +389,21 @@ class Cloth:
         if first and not all(grip.is_active for grip in self.grips):
             self.grips = [grip for grip in self.grips if grip.is_active]
 
-    def read_contacts(
-        self, colliders: Colliders, near: Encounter, outcome: Array, period: float
+    def _read_contacts(
+        self, colliders: Colliders, near: _Neighbours, outcome: Array, period: float
     ) -> None:
         """Sum up by link what the shapes got, note it in `contacts`, and push the links."""
-        rows = np.flatnonzero(outcome[:, contact.COUNT])
         self.contacts = []
-        links = colliders.shape_links[near.shapes[rows]]
-        for link_row in dict.fromkeys(links.tolist()):
-            body, link = colliders.links[link_row]
-            total = outcome[rows[links == link_row]].sum(axis=0)
-            if total[contact.LOAD] <= 0:
+        sums = np.empty((len(near.links), 7))
+        contact.sum_by_link(outcome, near.owners, period, _FAR, sums)
+        for place, row in enumerate(sums.tolist()):
+            if row[6] <= 0:
                 continue
-            force, moment = total[:3] / period, total[3:6] / period
-            middle, point = total[6:9] / total[contact.LOAD], np.empty(3)
-            line_point(force, moment, middle, point)
-            if np.linalg.norm(point - middle) > _FAR:
-                point = middle  # forces all round that cancel leave a couple, which no line can give
-            load = float(total[contact.LOAD]) / period
-            self.contacts.append(ClothContact(body, link, force, point, load))
+            body, link = colliders.links[near.links[place]]
+            force, point = sums[place, :3], sums[place, 3:6]
+            self.contacts.append(ClothContact(body, link, force, point, row[6]))
             if body.is_movable or body.joints:
-                body.apply_force(link, force, point)
+                body.apply_force(link, row[:3], row[3:6])
 
     def _tear(self, limit: float) -> None:
         """Tear where threads are stretched by more than the limit."""
@@ -382,9 +444,27 @@ class Cloth:
         self._close_count = 0
 
 
+def is_sharp(
+    kinds: npt.NDArray[np.int64], meetings: Array, spacing: float
+) -> npt.NDArray[np.bool_]:
+    """Return which shapes could come through a mesh of that spacing [m], shape [m]."""
+    size = meetings[:, SIZE : SIZE + 3]
+    is_round = (kinds == SPHERE) | (kinds == CAPSULE)
+    radius = np.where(kinds == CAPSULE, size[:, 1], size[:, 0])
+    is_broad = (kinds == BOX) & (size.max(axis=1) > _BROAD)
+    return np.where(is_round, radius < spacing, ~is_broad)
+
+
 _FAR = 0.5  # [m]
+_NOBODY = _Neighbours(
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+    np.zeros((0, 2), np.int64),
+    (),
+    np.zeros(0, np.intp),
+)
 _WORLD = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 _NO_PINS = (np.zeros(0, np.int32), np.zeros((0, kernel.PIN)))
 
 
-__all__ = ["FASTEST", "SUBSTEPS", "Cloth", "ClothContact"]
+__all__ = ["FASTEST", "SHAPE_SPEED", "SUBSTEPS", "Cloth", "ClothContact"]

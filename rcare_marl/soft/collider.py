@@ -30,7 +30,10 @@ _KINDS = {
     bullet.GEOM_MESH: contact.HULL,
     bullet.GEOM_PLANE: contact.HULL,
 }
-EXACT = 0.2  # [m] between bounding spheres, from where the distance of the skin itself is found
+EXACT = 0.2  # [m] between bounding spheres, from where the shape itself is looked at
+FINE = (
+    0.08  # [m] from shape to bounding sphere, from where the distance of the skin itself is found
+)
 _UNBOUNDED = 1e3  # [m]
 
 
@@ -156,6 +159,7 @@ class Colliders:
         planes: Planes of all hulls, shape [p, 4].
         radii: Bounding radius of each shape [m], shape [s].
         states: State of each link at the last fetch, shape [l, 13].
+        beds: Stiffness of the flesh on each shape, see `Matter.bed` [Pa/m], shape [s].
     """
 
     def __init__(self, bodies: Sequence[Body], client: int) -> None:
@@ -179,6 +183,7 @@ class Colliders:
             row[3:12] = matrix_from_quaternion(shape.pose.quaternion).ravel()
             row[12:15], row[15] = shape.size, shape.friction
         self.states = np.zeros((len(self.links), STATE))
+        self.beds = np.zeros(len(shapes), np.float32)
         self.rows_of = [
             [row for row, (owner, _) in enumerate(self.links) if owner is body] for body in bodies
         ]
@@ -310,7 +315,13 @@ def _gaps(  # type: ignore[no-untyped-def]
         for a in range(3):
             square += (meetings[k, contact.PLACE + a] - middle[a]) ** 2
         out[k] = np.sqrt(square) - radii[row] - radius
-        if out[k] < EXACT:
+        if out[k] >= EXACT:
+            continue
+        gap, _, _, _ = contact.distance_to(
+            meetings[k], kinds[row], planes, runs[row], middle[0], middle[1], middle[2]
+        )
+        out[k] = gap - radius  # no particle is nearer than that, whatever the shape
+        if out[k] < FINE:
             out[k] = contact.least_gap(points, skin, meetings[k], kinds[row], planes, runs[row])
 
 

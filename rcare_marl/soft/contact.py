@@ -144,9 +144,13 @@ def move_meetings(meetings, dt) -> None:  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def solve_contacts(  # type: ignore[no-untyped-def]
-    x, previous, pairs, count, meetings, kinds, planes, runs, dt, touch, normals
+    x, previous, pairs, count, meetings, kinds, planes, runs, dt, touch, normals, beds, areas
 ) -> None:
     """Push particles out of the shapes and hold them back by friction.
+
+    A shape with flesh that is not simulated pushes as an elastic foundation: in proportion to the depth
+    [m], the `areas` of the skin around the particle [m²] and its stiffness in `beds` [Pa/m]; where that
+    is zero it is rigid.
 
     A particle slides on a shape if it would have to be held by more than the friction coefficient
     times what pushes it out (Coulomb), as positions: M. Müller et al., "Detailed Rigid Body Simulation
@@ -160,6 +164,8 @@ def solve_contacts(  # type: ignore[no-untyped-def]
         d, nx, ny, nz = distance_to(row, kinds[c], planes, runs[c], x[i, 0], x[i, 1], x[i, 2])
         if d >= _ZERO:
             continue
+        if beds[c] > _ZERO:
+            d *= x[i, 3] / (x[i, 3] + _ONE / (beds[c] * areas[i] * dt * dt))
         x[i, 0] -= d * nx
         x[i, 1] -= d * ny
         x[i, 2] -= d * nz

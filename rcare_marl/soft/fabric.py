@@ -36,7 +36,7 @@ class Fabric:
     lock_strain: float = 0.3
     lock_factor: float = 5.0
     tear_strain: float | None = None
-    damping_per_s: float = 0.5
+    damping_per_s: float = 1.0
     friction: float = 0.8
     own_friction: float = 0.4
     thickness_m: float = 0.004

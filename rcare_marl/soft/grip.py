@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,11 +17,12 @@ Indices = npt.NDArray[np.int32]
 
 STIFFNESS = 2000.0  # [N/m] of a whole hold: a light finger at 1/240 s stays at rest; our own choice
 FORCE = 60.0  # [N] of a whole hold: a firm grip, our own choice
-SLIP = 0.03  # [m] from its place in the hold, where a particle has slipped out; our own choice
+_MORE = 1.5
+SLIP = 0.03  # [m] beyond what its spring yields, where a particle has slipped out; our own choice
 
 
 class Grip:
-    """Particles of a cloth that a link holds, each by a spring that pulls no harder than its share.
+    """Particles of a cloth that a link holds by springs, which together pull no harder than a hold can.
 
     Attributes:
         body: What holds.
@@ -93,26 +96,41 @@ class Grip:
         if self.pull @ self.pull > 1e-18:
             point, moment = np.empty(3), np.cross(points, forces).sum(axis=0)
             line_point(self.pull, moment, points.mean(axis=0), point)
-        apart = points - pins[:, :3]
-        kept = np.einsum("pa,pa->p", apart, apart) < SLIP**2
+        sizes = np.linalg.norm(forces, axis=1)
+        self._share_out(sizes)
+        beyond = np.linalg.norm(points - pins[:, :3], axis=1) - sizes * pins[:, kernel.PIN_SOFTNESS]
+        kept = beyond < SLIP
         if not kept.all():
             self.particles, self._pins = self.particles[kept], self._pins[kept]
             self._local = self._local[kept]
+        if not len(self.particles):
+            self.let_go()
         return point
+
+    def _share_out(self, sizes: Array) -> None:
+        """Let each particle pull a little harder than it does, and all together as hard as they can.
+
+        Fingers press on all of it: what one corner does not need, another may have.
+        """
+        total = max(float(sizes.sum()), 1e-9)
+        limits = sizes * min(_MORE, self.force / total)
+        self._pins[:, kernel.PIN_LIMIT] = np.maximum(
+            limits, self.force / max(len(sizes), 1) / _MORE
+        )
 
     def let_go(self) -> None:
         """Hold nothing any more."""
         self.particles, self._pins = self.particles[:0], self._pins[:0]
         self._local, self.pull = self._local[:0], np.zeros(3)
 
-    def save(self) -> tuple[Array | Indices, ...]:
+    def save(self) -> tuple[Any, ...]:
         """Return a snapshot of everything that changes."""
         return (self.particles, self._pins.copy(), self._local, self.pull)
 
-    def restore(self, snapshot: tuple[Array | Indices, ...]) -> None:
+    def restore(self, snapshot: tuple[Any, ...]) -> None:
         """Return to a snapshot, bit for bit."""
         particles, pins, local, pull = snapshot
-        self.particles, self._pins = particles.astype(np.int32), pins.copy()
+        self.particles, self._pins = particles, pins.copy()
         self._local, self.pull = local, pull
 
 

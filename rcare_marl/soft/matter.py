@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..body import Body
+from ..errors import ConfigError
 from ..pose import conjugate, multiply, rotation_vector
 from ..world import GRAVITY, Contact, World
 from . import kernel
@@ -51,6 +52,8 @@ class Matter:
         ] = {}  # force and moment on each link in this step, by its row
         self._pushed: dict[int, Array] = {}  # in the last step
         self._masses: dict[int, tuple[float, Array]] = {}
+        self._beds: dict[tuple[int, int], float] = {}  # by body and link
+        self._fetched: set[int] = set()  # bodies whose poses were read once
         self._hauled: set[int] = set()  # rows of links of immovable bodies
         self._stands: dict[int, tuple[int, Array, Array]] = {}  # step, their pose, state made of it
         self._answers: dict[int, tuple[int, Array, Array]] = {}  # step, state, state foreseen
@@ -83,6 +86,22 @@ class Matter:
     def spare(self, soft: SoftBody, bodies: Iterable[Body]) -> None:
         """Let one soft body pass through rigid bodies, such as the hand that holds a sponge."""
         soft.spared.extend(bodies)
+        self._colliders = None
+
+    def bed(self, body: Body, link: int, stiffness: float) -> None:
+        """Let soft matter sink into a link as into flesh: an elastic foundation.
+
+        Args:
+            body: The body.
+            link: Its link.
+            stiffness: Pressure for each depth [Pa/m]; 0 makes it rigid again.
+
+        Raises:
+            ConfigError: If it is negative.
+        """
+        if not stiffness >= 0:
+            raise ConfigError(f"the stiffness of flesh must not be negative, got {stiffness}")
+        self._beds[id(body), link] = stiffness
         self._colliders = None
 
     def step(self) -> None:
@@ -125,14 +144,17 @@ class Matter:
                 continue
             own, own_link = soft.carrier.body, soft.carrier.link
             for touch in soft.contacts:
-                size = float(np.linalg.norm(touch.force))
-                along = touch.force / max(size, 1e-12)
-                point = tuple(touch.point.tolist())
+                if own is not a and touch.body is not a:
+                    continue
+                x, y, z = touch.force.tolist()
+                size = math.sqrt(x * x + y * y + z * z)
+                unit = 1.0 / max(size, 1e-12)
+                along, point = (x * unit, y * unit, z * unit), tuple(touch.point.tolist())
                 if own is a and b in (None, touch.body):
-                    out = tuple((-along).tolist())
+                    out = (-along[0], -along[1], -along[2])
                     found.append(Contact(own_link, touch.link, point, out, 0.0, size))
                 if touch.body is a and b in (None, own):
-                    out = tuple(along.tolist())
+                    out = along
                     found.append(Contact(touch.link, own_link, point, out, 0.0, size))
         return found
 
@@ -147,20 +169,25 @@ class Matter:
             self._known = len(world.bodies)
             chosen = [body for body in world.bodies if body not in self._ignored]
             self._colliders = Colliders(chosen, world.client)
-            owners = [self._colliders.links[row][0] for row in self._colliders.shape_links]
-            self._candidates = []
-            for soft in self.bodies:
-                own = [] if soft.carrier is None else [soft.carrier.body]
-                passed = {id(body) for body in (*own, *soft.spared)}
-                rows = [i for i, owner in enumerate(owners) if id(owner) not in passed]
-                self._candidates.append(np.array(rows, np.int64))
+            carried = [self._colliders.links[row] for row in self._colliders.shape_links]
+            owners = [owner for owner, _ in carried]
+            beds = [self._beds.get((id(owner), link), 0.0) for owner, link in carried]
+            self._colliders.beds[:] = beds
+            passed = [
+                {
+                    id(body)
+                    for body in (*soft.spared, *([soft.carrier.body] if soft.carrier else ()))
+                }
+                for soft in self.bodies
+            ]
+            self._candidates = [
+                np.array([i for i, owner in enumerate(owners) if id(owner) not in own], np.int64)
+                for own in passed
+            ]
             self._wanted = [  # bodies that some soft body can meet
                 k
                 for k, body in enumerate(chosen)
-                if self._colliders.rows_of[k]
-                and any(
-                    soft.carrier is None or soft.carrier.body is not body for soft in self.bodies
-                )
+                if self._colliders.rows_of[k] and not all(id(body) in own for own in passed)
             ]
             self._near = [Encounter.of(self._colliders, np.zeros(0, np.int64)) for _ in self.bodies]
             self._hauled = {
@@ -174,7 +201,7 @@ class Matter:
                 for row, (body, _) in enumerate(self._colliders.links)
                 if body.is_movable and not body.link_count
             }
-            self._seen = -1
+            self._seen, self._fetched = -1, set()
         return self._colliders
 
     def _look(self) -> None:
@@ -191,7 +218,7 @@ class Matter:
                 gaps = colliders.gaps(frame, rows, soft.middle, soft.radius, soft.points, soft.skin)
                 gap = min(float(gaps.min()), beyond)
                 rows, gaps = rows[gaps < NEAR], gaps[gaps < NEAR]
-            if len(rows) or len(self._near[place].shapes):
+            if not np.array_equal(rows, self._near[place].shapes):
                 self._near[place] = Encounter.of(colliders, rows)
             if gap < WAKE:
                 soft.is_awake = True
@@ -231,7 +258,9 @@ class Matter:
             if gap > 2 * NEAR:
                 beyond = min(beyond, gap)
                 continue
-            colliders.fetch_body(k)
+            if moved or not is_still or k not in self._fetched:
+                colliders.fetch_body(k)
+                self._fetched.add(k)
             fresh[colliders.rows_of[k]] = True
         return fresh[colliders.shape_links], beyond
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -81,18 +81,22 @@ class Encounter:
         kinds: Their kinds, shape [m].
         runs: Runs of the planes of hulls, shape [m, 2].
         links: Rows of the links that carry them, each once.
+        beds: Stiffness of the flesh on them, zero where they are rigid [Pa/m], shape [m].
     """
 
     shapes: npt.NDArray[np.int64]
     kinds: npt.NDArray[np.int64]
     runs: npt.NDArray[np.int64]
     links: tuple[int, ...]
+    beds: Floats = field(default_factory=lambda: np.zeros(0, np.float32))
 
     @classmethod
     def of(cls, colliders: Colliders, shapes: npt.NDArray[np.int64]) -> Encounter:
         """Return the encounter with these shapes."""
         links = tuple(np.unique(colliders.shape_links[shapes]).tolist())
-        return cls(shapes, colliders.kinds[shapes], colliders.runs[shapes], links)
+        return cls(
+            shapes, colliders.kinds[shapes], colliders.runs[shapes], links, colliders.beds[shapes]
+        )
 
 
 class SoftBody:
@@ -346,7 +350,7 @@ class SoftBody:
                 contact.move_meetings(meetings, dt)
                 contact.solve_contacts(
                     self._x, self._previous, self._pairs, pairs, meetings, *shapes, dt,
-                    self._touch, self._normals,
+                    self._touch, self._normals, near.beds, self._areas,
                 )  # fmt: skip
             kernel.finish(self._x, self._v, self._previous, keep, dt)
         self._read_elastic(self.material.damping_s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,18 +13,21 @@ import pybullet as bullet
 
 from ..body import Body
 from ..pose import conjugate, multiply, rotation_vector
-from ..world import GRAVITY, Contact, World
-from . import cloth_contact as contact
-from .cloth import FASTEST, Cloth
+from ..world import GRAVITY, Contact, Skin, World
+from .cloth import FASTEST, SHAPE_SPEED, Cloth
 from .cloth_skin import ClothSkin
 from .collider import Colliders, link_state
-from .soft_body import Encounter
+from .contact import CAPSULE
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 
 LOOK = 4  # physics steps between two looks around
-NEAR = 0.03  # [m] beyond what particle and shape can move until the next look; our own choice
+NEAR = 0.02  # [m] beyond what particle and shape can move until the next look; our own choice
+# Of capsules: half a length per radius from where one is a limb and not a trunk, and how much longer it
+# is for cloth. Our own choices: then a straight leg has a neck of 2 mm at the knee.
+SLENDER, JOINED = 0.8, 0.75
+LEAP = 4.0  # [m/s] of a link that is set from pose to pose, from where it is a teleport
 _AT_REST = 1e-6  # [m/s] and [rad/s], what Bullet says of a link that is set from pose to pose
 
 
@@ -39,16 +42,15 @@ class Wardrobe:
         self._world: World = weakref.proxy(world)
         self.cloths: list[Cloth] = []
         self._ignored: list[Body] = []
+        self._joined: list[Body] = []
         self._colliders: Colliders | None = None
         self._known = 0
-        self._near: list[Encounter] = []
         self._gravity = np.array((0.0, 0.0, -GRAVITY))
         self._before = np.zeros((0, 7))  # poses of links a step ago
         self._read = np.zeros(0, np.int64)  # the step in which they were read
         self._wanted: list[tuple[Body, list[int], Rows]] = []
         self._steps = 0
         self._until_look = 0
-        self._seen = -1
         self._marked: list[tuple[Any, ...]] = []
 
     @staticmethod
@@ -61,14 +63,26 @@ class Wardrobe:
         world.matter.append(made)
         return made
 
-    def add(self, cloth: Cloth, *, rgb: tuple[int, int, int] = (120, 150, 180)) -> Cloth:
-        """Put a cloth into the world, and before the eyes of its renderers in a colour; return it."""
+    def add(
+        self,
+        cloth: Cloth,
+        *,
+        rgb: tuple[int, int, int] = (120, 150, 180),
+        beneath: Sequence[Skin] = (),
+    ) -> Cloth:
+        """Put a cloth into the world and return it.
+
+        Args:
+            cloth: The cloth.
+            rgb: Its colour.
+            beneath: Skins of people that it is drawn outside of; the physics does not know them.
+        """
         cloth.bind(self._world.client)
         self.cloths.append(cloth)
         # Renderers ask what a skin belongs to: a body that is nowhere and touches nothing.
         body = self._world.add_box((0.001,) * 3, collides=False, name=cloth.name)
         self._ignored.append(body)
-        self._world.skins.append(ClothSkin(cloth, body, rgb))
+        self._world.skins.append(ClothSkin(cloth, body, rgb, beneath))
         self._colliders = None
         return cloth
 
@@ -77,19 +91,30 @@ class Wardrobe:
         self._ignored.extend(bodies)
         self._colliders = None
 
+    def join_limbs(self, body: Body) -> None:
+        """Close the gaps between the limbs of a person, for cloth alone.
+
+        Their capsules end round where a joint is: a hem would slip in between thigh and shank, and in there
+        through the leg. So slender ones are longer for cloth, by `JOINED` of their radius at each end.
+        """
+        self._joined.append(body)
+        self._colliders = None
+
     def step(self) -> None:
         """Simulate up to the end of the coming physics step and push the rigid bodies."""
         if not self.cloths:
             return
         self._steps += 1
         self._until_look -= 1
-        if self._until_look <= 0 or self._world.teleports != self._seen:
+        if self._until_look <= 0:
             self._look()
         colliders, period = self._prepare(), self._world.physics_dt
         self._fetch(colliders, period)
-        for cloth, near in zip(self.cloths, self._near, strict=True):
-            outcome = cloth.advance(colliders, near, self._gravity, period)
-            cloth.read_contacts(colliders, near, outcome, period)
+        for cloth in self.cloths:
+            tears = cloth.tears
+            cloth.advance(colliders, self._gravity, period)
+            if cloth.tears != tears:
+                self._until_look = 0
 
     def mark(self) -> None:
         """Remember the present state as the one that `rewind` returns to."""
@@ -128,8 +153,7 @@ class Wardrobe:
             self._known = len(world.bodies)
             chosen = [body for body in world.bodies if body not in self._ignored]
             self._colliders = Colliders(chosen, world.client)
-            empty = Encounter.of(self._colliders, np.zeros(0, np.int64))
-            self._near = [empty for _ in self.cloths]
+            _lengthen(self._colliders, self._joined)
             self._before = np.zeros((len(self._colliders.links), 7))
             self._read = np.full(len(self._colliders.links), -2)
             self._until_look = 0
@@ -139,7 +163,7 @@ class Wardrobe:
         """Find which shapes are near each cloth and which particles are near each other."""
         colliders = self._prepare()
         wait = LOOK * self._world.physics_dt
-        reach = NEAR + 2 * FASTEST * wait
+        reach = NEAR + (FASTEST + SHAPE_SPEED) * wait
         spheres = []
         for cloth in self.cloths:
             low, high = cloth.positions.min(axis=0), cloth.positions.max(axis=0)
@@ -154,20 +178,12 @@ class Wardrobe:
                 colliders.fetch_body(k)
                 fresh[colliders.rows_of[k]] = True
         rows = np.flatnonzero(fresh[colliders.shape_links])
-        wanted = set[int]()
-        for place, (cloth, (middle, radius)) in enumerate(zip(self.cloths, spheres, strict=True)):
-            meetings = colliders.relate(_WORLD, rows, 1.0).astype(np.float64)
-            is_near = np.zeros(len(rows), np.bool_)
-            contact.find_shapes(
-                cloth.points, middle, radius, meetings,
-                colliders.kinds[rows], colliders.planes, colliders.runs[rows],
-                colliders.radii[rows], reach, is_near,
-            )  # fmt: skip
-            self._near[place] = Encounter.of(colliders, rows[is_near])
-            wanted.update(self._near[place].links)
-            cloth.look(wait)
+        meetings = colliders.relate(_WORLD, rows, 1.0).astype(np.float64)
+        wanted = {
+            row for cloth in self.cloths for row in cloth.look(colliders, rows, meetings, wait)
+        }
         self._wanted = _by_body(colliders, sorted(wanted))
-        self._until_look, self._seen = LOOK, self._world.teleports
+        self._until_look = LOOK
 
     def _fetch(self, colliders: Colliders, period: float) -> None:
         """Read the states of all near links; let those set from pose to pose move there in the step."""
@@ -189,9 +205,20 @@ class Wardrobe:
         if not is_known or (state[:7] == before).all() or np.abs(state[7:]).max() > _AT_REST:
             return
         apart = state[:3] - before[:3]
-        if float(apart @ apart) < (FASTEST * period) ** 2:
+        if float(apart @ apart) < (LEAP * period) ** 2:
             turn = rotation_vector(multiply(state[3:7], conjugate(before[3:])))
             state[:7], state[7:10], state[10:] = before, apart / period, turn / period
+
+
+def _lengthen(colliders: Colliders, bodies: list[Body]) -> None:
+    """Make the slender capsules of some bodies longer."""
+    for row, link in enumerate(colliders.shape_links):
+        shape = colliders._local[row]
+        half, radius = shape[12:14]
+        is_limb = colliders.kinds[row] == CAPSULE and half > SLENDER * radius
+        if is_limb and any(colliders.links[link][0] is body for body in bodies):
+            shape[12] += JOINED * radius
+            colliders.radii[row] += JOINED * radius
 
 
 def _by_body(colliders: Colliders, rows: list[int]) -> list[tuple[Body, list[int], Rows]]:
