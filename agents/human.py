@@ -22,6 +22,7 @@ from .actuation.drive import ActuationConfig, make_drive
 from .agent import Agent, Array
 from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf
 from .body.posture import PostureConfig, lay_arm, pelvis_pose
+from .body.segment import nearest, shape_row
 from .body.skeleton import (
     DOF_INDEX,
     DOFS,
@@ -175,6 +176,11 @@ class Human(Agent):
         self.frames = [
             JointFrame(self.body.link_index(f.link), f.rotation, f.offset) for f in urdf.frames
         ]
+        self._segments_on: dict[int, list[tuple[str, JointFrame]]] = {}
+        self._surfaces: dict[int, tuple[list[str], Array]] = {}  # shapes by link, once asked for
+        for joint, frame in zip(JOINTS, self.frames, strict=True):
+            if self.segments[joint].shapes:
+                self._segments_on.setdefault(frame.link, []).append((joint, frame))
         self.drive = self._make_drive(world.physics_dt)
         self._sensed_at = world.time
         self.sense()
@@ -331,17 +337,21 @@ class Human(Agent):
 
     def segment_at(self, link: int, point: Array) -> str:
         """Return the segment of a link whose surface is nearest to a point in the world [m]."""
+        here = self._segments_on.get(link, [])
+        if len(here) == 1:
+            return here[0][0]
+        if link not in self._surfaces:
+            found = [
+                (joint, shape_row(shape, frame.rotation, frame.offset))
+                for joint, frame in here
+                for shape in self.segments[joint].shapes
+            ]
+            rows = np.array([row for _, row in found]).reshape(-1, 16)
+            self._surfaces[link] = [joint for joint, _ in found] or ["pelvis"], rows
+        joints, rows = self._surfaces[link]
         pose = self.body.link_pose(link)
         local = rotate(conjugate(pose.quaternion), point - pose.position)
-        best, nearest = "pelvis", np.inf
-        for joint, frame in zip(JOINTS, self.frames, strict=True):
-            if frame.link == link:
-                here = frame.rotation.T @ (local - frame.offset)
-                for shape in self.segments[joint].shapes:
-                    distance = shape.distance(here)
-                    if distance < nearest:
-                        best, nearest = joint, distance
-        return best
+        return joints[nearest(rows, local)]
 
     def mouth_position(self) -> Array:
         """Return the point between the lips in the world [m], shape [3]; it follows head and jaw."""

@@ -12,6 +12,7 @@ from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
 from .cast import CastEntry, find_policy, make_cast
 from .homes.care_home import CareHome, home_names
+from .homes.rule import Rules
 from .homes.stage import find_stage
 from .registry import policy_names, register_policy, register_task, task_class, task_names
 from .task import Role, Task
@@ -55,8 +56,8 @@ def make(
         render_mode: `rgb_array` for pictures, `human` for a live page, or None.
         home: Name of the house in which it takes place, see `rcare_marl.home_names()`; a bare floor
             if None.
-        level: Level of accessibility of that house: 1 usual, 2 partially barrier-free, 3 barrier-free;
-            1 if None.
+        level: Level of accessibility: 1 usual, 2 partially barrier-free, 3 barrier-free; 1 if None. That
+            of the house, or of the furniture or door that the task builds itself on a bare floor.
         room: Name of the room, such as `dining_1`; the first that suits the task if None.
         **cast: For a role of the task: the name of a robot or avatar, a YAML file, or a mapping
             such as `{"model": "karan", "policy": "cooperative"}`; None leaves an optional role out.
@@ -83,9 +84,15 @@ def make(
             raise ConfigError(f"two policies for {role!r}: one in the cast, one in policies")
         factories[role] = find_policy(task, role, policy)
     scene = cls(load(cls.Options, dict(options or {}), f"options of {task!r}"))
+    scene.cast = agents
     if home is not None:
         house = CareHome.load(home, level=1 if level is None else level)
-        scene.stage = find_stage(house, scene.room_kinds, scene.footprint, room=room)
+        scene.level = house.level
+        scene.stage = find_stage(
+            house, scene.room_kinds, scene.free_floor(), room=room, site=scene.site
+        )
+    elif level is not None and room is None and scene.site:
+        scene.level = Rules(level).level
     elif level is not None or room is not None:
         raise ConfigError("level and room are those of a home: name one, such as home='house_07'")
     return CareEnv(

@@ -232,6 +232,7 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any]) -> Agent:
             mount=robot.mount,
             meshes=robot.meshes,
             self_collision=robot.self_collision,
+            gripper=role.gripper if robot.moves is None else "held",
         )
         agent.equip(_suite(name, robot.sensors), robot.markers)
         return agent

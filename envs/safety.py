@@ -146,4 +146,13 @@ def patch_area(points: Sequence[Sequence[float]]) -> float:
     return max(middle * longest, LEAST_PATCH)
 
 
-__all__ = ["NEAR", "WEIGHTS", "SafetyMeter", "patch_area"]
+# What is reported of a scene without people: the keys of `SafetyMeter.metrics`.
+NOBODY: Mapping[str, float] = dict.fromkeys(
+    (
+        "force_n", "peak_force_n", "mean_force_n", *(f"peak_force_{r}_n" for r in REGIONS),
+        "peak_pressure_pa", "prom_violation_deg_s", "approach_speed_m_s", "pain", "cost",
+    ),
+    0.0,
+)  # fmt: skip
+
+__all__ = ["NEAR", "NOBODY", "WEIGHTS", "SafetyMeter", "patch_area"]

@@ -20,7 +20,7 @@ from rcare_marl.world import World
 from .homes.rectangle import Rectangle
 
 if TYPE_CHECKING:
-    from rcare_marl.agents.robot import Robot
+    from rcare_marl.agents.robot import GripperUse, Robot
     from rcare_marl.rendering import Camera
 
     from .homes.built import BuiltHome
@@ -49,6 +49,7 @@ class Role(Generic[AgentT]):
         movable: DoFs or joints of a person that move in this task; the others cost nothing.
         control: Control mode of a robot where the cast names none.
         partner: Policy that plays the role where another one is the only learner.
+        gripper: What a robot's gripper does where the cast names no parts to move; see `Robot`.
     """
 
     def __init__(
@@ -61,9 +62,10 @@ class Role(Generic[AgentT]):
         movable: Sequence[str] | None = None,
         control: str = "tool_delta",
         partner: str | None = None,
+        gripper: GripperUse = "held",
     ) -> None:
         self.kind, self.default, self.optional = kind, default, optional
-        self.posture, self.movable = posture, movable
+        self.posture, self.movable, self.gripper = posture, movable, gripper
         self.control, self.partner = control, partner
 
     def __set_name__(self, owner: type[Task], name: str) -> None:
@@ -95,6 +97,9 @@ class Task(abc.ABC):
         time_limit: Length of an episode [s].
         room_kinds: Kinds of rooms of a home that suit the task, the best first.
         footprint: The free floor that it needs, about the origin [m].
+        site: What the origin is at: `door`, or a kind of furniture such as `toilet`, whose frame it
+            is. Such a task builds that itself on a bare floor. Anywhere if empty.
+        level: Level of accessibility of the home, or of what the task builds itself.
         stage: Where in a home it takes place; None on a bare floor.
         built: That home, once it stands in the world.
     """
@@ -102,6 +107,8 @@ class Task(abc.ABC):
     Options: type[Any]
     room_kinds: Sequence[str] = ()
     footprint: Rectangle = Rectangle(-1.1, -1.1, 1.1, 1.1)
+    site: str = ""
+    level: int = 1
     stage: Stage | None = None
     built: BuiltHome | None = None
     cast: Mapping[str, Agent]
@@ -125,6 +132,10 @@ class Task(abc.ABC):
         A robot starts with its base there; a person rests on the surface there, see
         `agents.body.posture.pelvis_pose`.
         """
+
+    def free_floor(self) -> Rectangle:
+        """Return the free floor that this cast needs, about the origin [m]; `cast` is set by then."""
+        return self.footprint
 
     def lay_floor(self, world: World) -> Body:
         """Add the floor, once: that of the home, with all that stands on it, or a bare one."""

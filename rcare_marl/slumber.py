@@ -41,16 +41,19 @@ class Slumber:
         self._bodies.append(body)
 
     def begin(self) -> None:
-        """Put all to sleep, and let Bullet take note of it in one physics step."""
-        for body in self._bodies:
-            bullet.changeDynamics(
-                body.uid,
-                -1,
-                activationState=bullet.ACTIVATION_STATE_SLEEP,
-                physicsClientId=self._client,
-            )
-        if self._bodies:
-            bullet.stepSimulation(physicsClientId=self._client)
+        """Put all to sleep, and let Bullet take note of it.
+
+        Bullet notes in each physics step who is awake, and forgets to move the boxes of its broad phase
+        along with who is not: somebody who slept before must wake for a step, or nothing could touch
+        them where they are put next.
+        """
+        for state in (bullet.ACTIVATION_STATE_WAKE_UP, bullet.ACTIVATION_STATE_SLEEP):
+            for body in self._bodies:
+                bullet.changeDynamics(
+                    body.uid, -1, activationState=state, physicsClientId=self._client
+                )
+            if self._bodies:
+                bullet.stepSimulation(physicsClientId=self._client)
 
 
 __all__ = ["STILLNESS", "Slumber"]

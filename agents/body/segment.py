@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -56,9 +58,8 @@ class Shape:
         if self.kind == "box":
             beyond = np.abs(local) - 0.5 * np.array(self.size)
             return float(np.linalg.norm(np.maximum(beyond, 0.0)) + min(beyond.max(), 0.0))
-        length, radius = self.size
-        along = min(max(local[2], -0.5 * length), 0.5 * length)
-        return float(np.hypot(np.hypot(local[0], local[1]), local[2] - along) - radius)
+        (length, radius), (x, y, z) = self.size, local.tolist()
+        return math.hypot(x, y, z - min(max(z, -0.5 * length), 0.5 * length)) - radius
 
     def inertia(self, mass: float) -> Array:
         """Return the inertia about the centre of a homogeneous shape [kg·m²], shape [3, 3]."""
@@ -94,6 +95,41 @@ class Segment:
     centre: Array
     inertia: Array
     shapes: tuple[Shape, ...]
+
+
+def shape_row(shape: Shape, rotation: Array, offset: Array) -> Array:
+    """Return a shape whose joint is turned and shifted in a link as a row for `nearest`, shape [16]."""
+    is_box = shape.kind == "box"
+    size = (*shape.size, 0.0)[:3]
+    turn = (rotation @ shape.rotation).T
+    return np.array((is_box, *size, *(rotation @ shape.centre + offset), *turn.ravel()), np.float64)
+
+
+@numba.njit(cache=True)
+def nearest(rows, point):  # type: ignore[no-untyped-def]
+    """Return which of the shapes in `rows` [n, 16] has its surface nearest to a point [3] of the link."""
+    best, least = 0, np.inf
+    local, beyond = np.empty(3), np.empty(3)
+    for k in range(rows.shape[0]):
+        row = rows[k]
+        for i in range(3):
+            local[i] = 0.0
+            for j in range(3):
+                local[i] += row[7 + 3 * i + j] * (point[j] - row[4 + j])
+        if row[0] == 1.0:
+            outside, inside = 0.0, -np.inf
+            for i in range(3):
+                beyond[i] = abs(local[i]) - 0.5 * row[1 + i]
+                outside += max(beyond[i], 0.0) ** 2
+                inside = max(inside, beyond[i])
+            distance = np.sqrt(outside) + min(inside, 0.0)
+        else:
+            along = min(max(local[2], -0.5 * row[1]), 0.5 * row[1])
+            square = local[0] ** 2 + local[1] ** 2 + (local[2] - along) ** 2
+            distance = np.sqrt(square) - row[2]
+        if distance < least:
+            best, least = k, distance
+    return best
 
 
 def combined(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:

@@ -2,12 +2,14 @@
 
 from .catalogue import device_kinds, make_device
 from .ceiling_lift import CeilingLift, CeilingLiftConfig
+from .cushion import Cushion
 from .device import Device, DeviceControl, Frame
 from .floor_lift import FloorLift, FloorLiftConfig
 from .hospital_bed import HospitalBed, HospitalBedConfig
 from .platform_lift import PlatformLift, PlatformLiftConfig
 from .rolling_wheelchair import ManualWheelchair, ManualWheelchairConfig
 from .slide_board import SlideBoard, SlideBoardConfig
+from .sponge import Sponge, SpongeConfig
 from .spoon import Spoon, SpoonConfig
 from .transfer_bench import TransferBench, TransferBenchConfig
 from .wheelchair import Wheelchair, WheelchairConfig
@@ -15,6 +17,7 @@ from .wheelchair import Wheelchair, WheelchairConfig
 __all__ = [
     "CeilingLift",
     "CeilingLiftConfig",
+    "Cushion",
     "Device",
     "DeviceControl",
     "FloorLift",
@@ -28,6 +31,8 @@ __all__ = [
     "PlatformLiftConfig",
     "SlideBoard",
     "SlideBoardConfig",
+    "Sponge",
+    "SpongeConfig",
     "Spoon",
     "SpoonConfig",
     "TransferBench",

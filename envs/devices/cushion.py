@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
+import numpy as np
+
+from rcare_marl.agents.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.human import Human
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.urdf import Link, Model, Shape, Triple
 from rcare_marl.world import World
 
@@ -16,6 +21,8 @@ from .device import Device, Frame
 STIFFNESS, DAMPING = 3000.0, 60.0  # [N/m], [N·s/m] of a point of contact
 FRICTION = 0.7
 LEAST = 0.01  # [m] thick
+LENGTH, MIDDLE = 0.8, 0.6  # of the way from shoulder to wrist: how long, and where its middle is
+WIDTH = 0.18  # [m]
 RGBA = (0.93, 0.94, 0.92, 1.0)
 
 
@@ -65,4 +72,36 @@ class Cushion(Device):
         )
 
 
-__all__ = ["Cushion"]
+def lay_under(world: World, person: Human, side: str, *, base: float, under: float) -> Body | None:
+    """Lay a cushion under an arm, cut to fill the gap to what the person lies on.
+
+    Arm and cushion touch; the rest of the person, who lies beside it, passes through it.
+
+    Args:
+        world: Where.
+        person: Who lies there.
+        side: Of the arm, `left` or `right`.
+        base: Height of what they lie on [m].
+        under: Height of the underside of the upper arm [m].
+
+    Returns:
+        The cushion; None where the gap is smaller than `LEAST`.
+    """
+    if under - base < LEAST:
+        return None
+    start, end = (
+        np.array(person.joint_pose(f"{side}_{j}").position) for j in ("shoulder", "wrist")
+    )
+    way = end - start
+    size = (LENGTH * math.hypot(way[0], way[1]), WIDTH, under - base)
+    x, y = (start + MIDDLE * way)[:2].tolist()
+    turn = quaternion_from_rpy(0, 0, math.atan2(way[1], way[0]))
+    cushion = Cushion(size).spawn(world, Pose((x, y, base), tuple(turn.tolist())))
+    person.ignore(cushion)
+    joints = [JOINT_INDEX[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist")]
+    arm = {person.frames[joint].link for joint in joints}
+    world.set_collision(person.body, cushion, True, links_a=arm)
+    return cushion
+
+
+__all__ = ["LEAST", "Cushion", "lay_under"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,7 +12,7 @@ from rcare_marl import assets
 from rcare_marl.body import Body
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, WorldError
-from rcare_marl.pose import Array, Pose
+from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.soft.block import make_block
 from rcare_marl.soft.material import Material
 from rcare_marl.soft.matter import Matter
@@ -53,7 +54,8 @@ class SpongeConfig:
 class Sponge(Device):
     """A soft block on a plate with a handle: z from the handle to the face that wipes.
 
-    It fits a robot's tool frame: held straight, its pose in the tool is `Pose()`. The block is XPBD
+    `grips` are its poses in a robot's tool frame: held straight, and across for hands that cannot point
+    down. The block is XPBD
     matter (`rcare_marl.soft`) held by the plate. What it presses on is pushed, and the plate the other
     way, so the robot feels it. Its weight is in the plate.
 
@@ -61,7 +63,7 @@ class Sponge(Device):
     """
 
     _fixed = False
-    in_tool = Pose()
+    grips = (Pose(), Pose((0.0, 0.0, 0.0), tuple(quaternion_from_rpy(0, -math.pi / 2, 0).tolist())))
 
     def __init__(self, config: SpongeConfig | None = None) -> None:
         """Make a sponge of the sizes in `config`; those of the data file if None."""
@@ -118,13 +120,10 @@ class Sponge(Device):
         """Return the force of the block on a body in the last physics step, in the world [N], [3]."""
         return self.soft.force_on(body)
 
-    def wiping_points(self) -> Array:
-        """Return where particles of the block touch something, in the world [m], shape [n, 3]."""
-        soft = self.soft
-        touching = np.flatnonzero(soft.pressure > 0)
-        if not len(touching):
-            return np.zeros((0, 3))
-        return np.asarray(soft.in_world(soft.frame(self._client))[touching], np.float64)
+    def face_points(self) -> Array:
+        """Return the particles of the face that wipes, as they are now in the world [m], shape [n, 3]."""
+        soft, count = self.soft, (self.config.cells[0] + 1) * (self.config.cells[1] + 1)
+        return np.asarray(soft.in_world(soft.frame(self._client))[-count:], np.float64)
 
     def model(self) -> Model:
         c = self.config

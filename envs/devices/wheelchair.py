@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Literal
 
 from rcare_marl import assets
 from rcare_marl.agents.robot_config import Mount
+from rcare_marl.body import Body
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Vector
-from rcare_marl.urdf import Link, Model, Shape
+from rcare_marl.pose import Pose, Vector
+from rcare_marl.urdf import Link, Model, Shape, Triple
+from rcare_marl.world import World
 
 from .device import Device, Frame
 from .wheelchair_frame import WheelchairConfig, WheelchairFrame
 
 LOWEST_POST = 0.1  # [m]; what is mounted lower stands on the floor
+EDGE = 0.002  # [m] by which contacts with a pad may lie beside it; our own choice
 
 
 class Wheelchair(Device):
@@ -59,6 +62,31 @@ class Wheelchair(Device):
     @property
     def frames(self) -> Mapping[str, Frame]:
         return self._frame().frames()
+
+    @property
+    def armrest_size(self) -> Triple:
+        """Edges of the pad of an armrest [m]: along, across, thick."""
+        return self._frame().armrest_pad(1).size
+
+    def load_on_armrest(
+        self, side: Literal["left", "right"], world: World, body: Body, links: Collection[int]
+    ) -> float:
+        """Return how some links of a body weigh on the top of an armrest's pad in `world` [N]."""
+        top, (length, width, _) = (
+            self.frame_in_world(f"armrest_{side}").inverse(),
+            self.armrest_size,
+        )
+        load = 0.0
+        for touch in world.contacts(body, self.body):
+            if touch.link_a in links and touch.normal[2] > 0.5:
+                x, y, z = (top @ Pose(touch.position)).position
+                if (
+                    abs(x) < 0.5 * length + EDGE
+                    and abs(y) < 0.5 * width + EDGE
+                    and abs(z) < 5 * EDGE
+                ):
+                    load += touch.force * touch.normal[2]
+        return load
 
     def model(self) -> Model:
         c, frame = self.config, self._frame()

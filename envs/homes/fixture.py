@@ -1,17 +1,20 @@
-"""A piece of furniture that a task is about, where there is no house around it."""
+"""A piece of furniture or a door that a task is about, where there is no house around it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from rcare_marl.body import Body
 from rcare_marl.pose import Pose
 from rcare_marl.urdf import write
 from rcare_marl.world import World
 
+from .built import BuiltHome
+from .door import Door
 from .piece import Piece, Setting, make_piece
+from .plan import HINGED_LOSS, INNER_WALL, SLIDING_LOSS, Opening
 from .rule import Rules
 
 WALL, HEIGHT, LENGTH = 0.1, 2.2, 1.7  # [m] of walls where there is no house; own choice
@@ -29,6 +32,13 @@ class Fixture:
 
     piece: Piece
     body: Body
+
+    @staticmethod
+    def of(built: BuiltHome, name: str) -> Fixture:
+        """Return a piece of a house that moves; UnknownNameError lists those there are."""
+        body = built.part(name)
+        (placed,) = (p for p in built.home.placed if p.name == name)
+        return Fixture(placed.piece, body)
 
 
 def set_up(
@@ -78,4 +88,36 @@ def add_corner(world: World, fixture: Fixture, *, left: float) -> None:
         world.set_collision(wall, fixture.body, False)
 
 
-__all__ = ["Fixture", "add_corner", "set_up"]
+def set_up_door(world: World, *, level: int, hinge: Literal["low", "high"] = "low") -> Door:
+    """Put a door of a level into a wall across the origin, and return it; its frame is the origin's.
+
+    Args:
+        world: The world.
+        level: Level of accessibility.
+        hinge: The end of the gap along x where its hinges or its pocket are.
+    """
+    rules = Rules(level)
+    hardware = rules.choice("door_hardware")
+    loss = SLIDING_LOSS if hardware == "slider" else HINGED_LOSS
+    opening = Opening(
+        "door", "door", ("beyond", "here"), "x", (0.0, 0.0),
+        rules.figure("door_clear_width") + loss, INNER_WALL, hardware=hardware, hinge=hinge,
+    )  # fmt: skip
+    half = 0.5 * opening.width
+    pieces = (
+        ((LENGTH, INNER_WALL, HEIGHT), (-half - 0.5 * LENGTH, 0.0, 0.5 * HEIGHT)),
+        ((LENGTH, INNER_WALL, HEIGHT), (half + 0.5 * LENGTH, 0.0, 0.5 * HEIGHT)),
+        (
+            (2 * half, INNER_WALL, HEIGHT - opening.head),
+            (0.0, 0.0, 0.5 * (HEIGHT + opening.head)),
+        ),
+    )
+    for size, at in pieces:
+        world.add_box(size, Pose(at), name="wall", rgba=WALL_RGBA)
+    door = Door(opening, rules)
+    door.spawn(world)
+    world.slumber.add(door.body)
+    return door
+
+
+__all__ = ["Fixture", "add_corner", "set_up", "set_up_door"]

@@ -101,8 +101,8 @@ def find_stage(
         kinds: Kinds of rooms that suit the task, the best first.
         footprint: The free floor that it needs, about its origin [m].
         room: The room to take; the first that suits if None.
-        site: What the origin is at: `door`, or a kind of furniture, whose frame it then is; anywhere
-            if empty. The frame of a door points into its first room, see `Opening`.
+        site: What the origin is at: `door`, one inside the house, or a kind of furniture, whose frame
+            it then is; anywhere if empty. That of a door points into its first room, see `Opening`.
 
     Raises:
         UnknownNameError: If there is no such room.
@@ -175,7 +175,7 @@ def _at_fixture(home: CareHome, room: Room, footprint: Rectangle, site: str) -> 
     standing, cost = _standing(home, room)
     places: list[tuple[str, Pose]]
     if site == "door":
-        doors = [o for o in home.plan.openings_of(room.name) if o.hardware]
+        doors = [o for o in home.plan.openings_of(room.name) if o.kind == "door"]
         places = [(o.name, o.pose) for o in doors]
     else:
         places = [(p.name, p.pose) for p in standing if p.piece.kind == site]

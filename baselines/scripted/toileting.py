@@ -1,0 +1,98 @@
+"""A scripted robot that lifts the lid of a toilet."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.agents.control import ToolDelta
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.tasks.toileting import Toileting
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import conjugate, multiply, quaternion_from_rpy, rotation_vector
+
+Array = npt.NDArray[np.float64]
+
+# All our own choices.
+PAD = np.array(
+    (-0.004, 0.0, 0.006)
+)  # [m] from Stretch's tool to the slope of its rubber cups, level
+EDGE, DEEP = (
+    0.479,
+    0.36,
+)  # [m] from the hinge, where the lid is pushed: by its lip, and when it is up
+BELOW = 0.02  # [m] under the lip, where the hand comes in
+APPROACH = np.array((0.06, 0.0, -0.03))  # [m] from the lip, where it lines up
+LINED_UP = 0.012  # [m] across or up that it may be off before it goes under the lip
+NEAR = 0.003  # [m] from there it begins to lift
+SLIPPED = 0.03  # [m] over the lip of a shut lid: the hand missed it
+LEAD = math.radians(12)  # that the hand is ahead of the lid
+STARTED = math.radians(1.5)  # from where on the lid follows
+GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
+FAST, SLOW = 0.20, 0.06  # [m/s] on the way, and under the lip
+AHEAD = quaternion_from_rpy(0.0, -0.5 * math.pi, 0.0)  # z at the toilet, x up
+
+
+class ScriptedToileting:
+    """Puts the fingers under the lip, and pushes the lid along its arc until it is open."""
+
+    def __init__(self, env: CareEnv, role: str) -> None:
+        """Take the environment and the robot's role.
+
+        Raises:
+            ConfigError: If the task is not toileting, or the robot has another control mode.
+        """
+        task = env.task
+        if not isinstance(task, Toileting):
+            raise ConfigError(f"the scripted lifter of lids cannot play {type(task).__name__}")
+        if env.cast[role] is not task.robot:
+            raise ConfigError(f"{role!r} does not stand at the toilet: the first robot does")
+        if not isinstance(task.robot.control, ToolDelta):
+            raise ConfigError(
+                "the scripted lifter of lids needs the control mode 'tool_delta': "
+                "make('toileting', robot={'control': 'tool_delta'})"
+            )
+        self._task, self._robot = task, task.robot
+        self._max = task.robot.control.max
+        self._is_lined_up = self._is_under = False
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self._is_lined_up = self._is_under = False
+
+    def act(self) -> Array:
+        pose = self._robot.tool_pose()
+        goal, most = self._goal(np.array(pose.position))
+        wished = GAIN * (goal - pose.position)
+        speed = float(np.linalg.norm(wished))
+        if speed > most:
+            wished *= most / speed
+        turn = TURN_GAIN * rotation_vector(multiply(AHEAD, conjugate(pose.quaternion)))
+        action = np.concatenate((wished, turn)) / self._max
+        return np.clip(action / max(1.0, float(np.abs(action).max())), -1.0, 1.0)
+
+    def _goal(self, tool: Array) -> tuple[Array, float]:
+        """Return where the tool is to go [m], shape [3], and how fast at most [m/s]."""
+        task, angle = self._task, self._task.lid_angle()
+        if angle > STARTED:
+            share = min(angle / math.radians(60), 1.0)
+            along = EDGE + share * (DEEP - EDGE)
+            return task.lip_at(angle + LEAD, along) - PAD, FAST
+        lip = task.lip_at(0.0)
+        if tool[2] > lip[2] + SLIPPED:
+            self._is_lined_up = self._is_under = False
+        line_up = lip + APPROACH
+        off = np.abs(tool - line_up)[1:].max()
+        self._is_lined_up = self._is_lined_up or off < LINED_UP
+        if not self._is_lined_up:
+            return line_up, FAST
+        under = task.lip_at(0.0, EDGE) - PAD
+        self._is_under = self._is_under or tool[0] - under[0] < NEAR
+        if not self._is_under:
+            return under - (0.0, 0.0, BELOW), FAST
+        return task.lip_at(LEAD, EDGE) - PAD, SLOW
+
+
+register_policy("toileting", "robot", "scripted")(ScriptedToileting)

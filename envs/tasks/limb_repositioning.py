@@ -1,0 +1,320 @@
+"""Limb repositioning: lift an arm that hangs beside the wheelchair and lay it on the armrest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from rcare_marl.agents.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.control import ToolDelta
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.policies.go_along import GoAlong
+from rcare_marl.agents.robot import Robot
+from rcare_marl.errors import ConfigError
+from rcare_marl.observable import Observable
+from rcare_marl.pose import Array, Pose, Vector, rotate
+from rcare_marl.rendering.camera import Camera
+from rcare_marl.world import World
+
+from ..care_env import CareEnv
+from ..devices.arm_cradle import ArmCradle
+from ..devices.stand import add_stand
+from ..devices.wheelchair import chair_for
+from ..homes.rectangle import Rectangle
+from ..registry import register_policy, register_task
+from ..rewards import tolerance
+from ..safety import SafetyMeter
+from ..start_posture import start_best
+from ..task import Role, Task
+
+# [N]: a man's arm weighs some 35. Own choice, a quarter of ISO/TS 15066 for a forearm (160, from memory).
+FORCE_LIMIT = 40.0
+COMFORT_FORCE = 20.0  # [N] free of penalty in `shaped`: comfort of the user of the RCareWorld paper
+TARGET_RADIUS = 0.05  # [m] from the target to the middle of the forearm; our own choice
+PAD_FORCE = 2.0  # [N] with which forearm and hand weigh on the pad at least; our own choice
+TOUCH = 0.005  # [m] between forearm and pad, flesh being softer than its capsule; our own choice
+LET_GO = 0.02  # [m] between the person and all that the robot moves; our own choice
+STILL = 0.05  # [m/s] of the forearm that rests; our own choice
+HOLD_TIME = 0.5  # [s] that it rests before it counts; our own choice
+PROM_MARGIN = math.radians(5)  # beyond the passive range, joint stops being soft; our own choice
+TIME_LIMIT = 30.0  # [s]; our own choice
+CARRYING_FORCE = 60.0  # [N] from which `tool_delta` gives way, with an arm to lift; our own choice
+PAD_FRICTION = 0.7  # times that of clothes, 0.6; our own choice
+
+# Where an episode starts, uniform; our own choices.
+TARGET_SPREAD = (0.03, 0.008)  # [m] of the target along and across the pad, each way
+START_SPREAD = (0.04, 0.04, 0.05)  # [m] of the cradle along, across and up, each way
+START_OUT = 0.16  # [m] that it starts outside the forearm
+SWING = {  # of the arm out of where it hangs, forward and outward
+    "left_shoulder_abduction": math.radians(10),
+    "left_shoulder_flexion": math.radians(15),
+    "left_elbow_flexion": math.radians(25),
+}
+SETTLE_STEPS = 1440  # physics steps that the arm gets to come to rest, once
+# The wrist is held straight, as by a resting splint; name it in `movable` to let the hand droop.
+MOVABLE = ("left_shoulder", "left_elbow_flexion", "left_elbow_pronation")
+NEEDED = (*SWING, "left_shoulder_external_rotation")
+SHAPED_WEIGHTS = {"distance": 1.0, "reach": 0.3, "comfort": 0.3, "rest": 0.5}  # our own choice
+
+
+@dataclass(frozen=True)
+class LimbRepositioningOptions:
+    """Settings of the task.
+
+    Attributes:
+        reward: `paper` as in the RCareWorld paper; `shaped` adds reach, comfort and rest.
+        force_limit: Force on the person that ends the episode as a failure [N].
+    """
+
+    reward: Literal["paper", "shaped"] = "paper"
+    force_limit: float = FORCE_LIMIT
+
+    def __post_init__(self) -> None:
+        if not self.force_limit > 0:
+            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
+
+
+@register_task("limb_repositioning")
+class LimbRepositioning(Task):
+    """A robot with a padded cradle lays the left arm of a seated person on the armrest.
+
+    Goal: the forearm rests on the armrest, and the robot has let go of it.
+    Randomised at reset: how the arm swings, where the cradle starts, where on the pad the arm belongs.
+    Success and failure: see `is_success` and `is_failure`.
+
+    Attributes:
+        chair: The wheelchair.
+        cradle: What the robot lifts with.
+        elbow: Where the left elbow is [m], shape [3]; likewise `wrist`.
+        target: Where the middle of the forearm belongs, above the pad [m], shape [3].
+        radius: Radius of the forearm [m].
+    """
+
+    robot = Role(Robot, default="kinova_gen3", partner="scripted")
+    recipient = Role(
+        Human, default="jose", posture="wheelchair_arm_out", movable=MOVABLE, partner="cooperative"
+    )
+    caregiver = Role(
+        Human, default=None, optional=True, posture="standing", partner="still",
+        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
+    )  # fmt: skip
+
+    Options = LimbRepositioningOptions
+    room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
+    footprint = Rectangle(-0.8, -1.1, 1.2, 1.2)  # [m] the chair, a robot or helper at its side
+    time_limit = TIME_LIMIT
+    options: LimbRepositioningOptions
+
+    def furnish(self, world: World) -> dict[str, Pose]:
+        posture = self.recipient.posture
+        if posture.supported == "all" or "left_shoulder" in posture.supported:
+            raise ConfigError(f"no arm hangs beside an armrest of who is {posture.description}")
+        if missing := set(NEEDED) - set(self.recipient.movable):
+            raise ConfigError(f"an arm that is to be lifted moves in {', '.join(sorted(missing))}")
+        mount = self.robot.mount_named("wheelchair_left")
+        self.chair = chair_for(mount, "left")
+        self.lay_floor(world)
+        soles = self.recipient.soles(self.chair.frame("seat_back"))
+        self.chair.fit_footplates(soles["left"], soles["right"])
+        self.chair.spawn(world).set_friction([-1], lateral=PAD_FRICTION)
+        self.recipient.use_arm_rests(None, self.chair.frame_in_world("armrest_right"))
+        base = self.robot.mount("wheelchair_left", self.chair.pose)
+        if mount.stand:
+            add_stand(world, base)
+        return {
+            "robot": base,
+            "recipient": self.chair.frame_in_world("seat_back"),
+            "caregiver": Pose((0.15, -0.95, 0.0), (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))),
+        }
+
+    def frame_of(self, mount: str) -> Pose:
+        return self.chair.pose if mount.startswith("wheelchair") else Pose()
+
+    def build(self, world: World) -> None:
+        self._world, person = world, self.recipient
+        for each in (a for a in self.cast.values() if isinstance(a, Human)):
+            each.ignore(self.chair.body)  # the posture already keeps trunk and legs apart
+        arm = person.body.carried_by(person.frames[JOINT_INDEX["left_shoulder"]].link)
+        world.set_collision(person.body, self.chair.body, True, links_a=arm)
+        if self.chair.carries_robot:
+            world.set_collision(self.robot.body, self.chair.body, False)
+        self._forearm = person.frames[JOINT_INDEX["left_elbow"]].link
+        self._lower_arm = person.body.carried_by(self._forearm)
+        self.radius = person.segments["left_elbow"].shapes[0].size[1]
+        self._let_hang()
+        self.cradle = ArmCradle()
+        self._cradle_body = self.cradle.spawn(world, Pose((0.0, 0.0, -10.0)))
+        self._see_arm()
+        lift = self.cradle.lift_way(self.elbow, self.wrist, self._place, self.radius)
+        way = [self._start_pose(np.zeros(3)), *(self._tool_at(*each) for each in lift)]
+        start_best(self.robot, way, person.body, world, clear=2 * LET_GO)
+        self.robot.grasp(self._cradle_body, self.cradle.in_tool)
+        if isinstance(self.robot.control, ToolDelta):
+            self.robot.control.contact_force = CARRYING_FORCE
+        robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
+        self._movers, limit = [self._cradle_body, *robots], self.options.force_limit
+        self._safety = SafetyMeter(person, world, self._movers, force_limit=limit)
+        if min(self._gaps()) < LET_GO:
+            raise ConfigError("robot or cradle touch the person before the episode begins")
+
+    def _let_hang(self) -> None:
+        """Find once where the arm comes to rest: laid on the armrest by hand, and hanging beside it."""
+        person, start = self.recipient, list(self.recipient.positions)
+        laid = {d: person.angle(d.replace("left", "right", 1)) for d in person.movable}
+        person.set_angles(laid)
+        self._settle()
+        middle = self._see_arm()
+        pad = self.chair.frame_in_world("armrest_left")
+        most = 0.5 * self.chair.armrest_size[0] - TARGET_SPREAD[0]
+        along = min(max(float(middle[0] - pad.position[0]), -most), most)
+        self._place = np.add(pad.position, (along, 0.0, self.radius))
+        person.set_angles(dict(zip(person.movable, start, strict=True)))
+        self._settle()
+        self._hanging = dict(zip(person.movable, person.positions, strict=True))
+
+    def _settle(self) -> None:
+        person, relaxed = self.recipient, GoAlong(self.recipient, self.control_dt)
+        for step in range(SETTLE_STEPS):
+            if step % 24 == 0:
+                person.command(relaxed.act(), self.control_dt)
+            for agent in self.cast.values():
+                agent.actuate()
+            self._world.step()
+        person.sense()
+
+    def _tool_at(self, place: Array, turn: Array) -> Pose:
+        """Return the pose of the tool that puts the middle of the plate somewhere."""
+        seat = Pose(tuple(place.tolist()), tuple(turn.tolist()))
+        return seat @ self.cradle.frame("seat").inverse() @ self.cradle.in_tool.inverse()
+
+    def _start_pose(self, offset: Vector) -> Pose:
+        """Return a start pose of the tool: the cradle open towards the forearm, outside of it."""
+        middle, turn = self.hook()
+        return self._tool_at(middle - START_OUT * rotate(turn, (0.0, 0.0, 1.0)) + offset, turn)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        swing = {dof: rng.uniform(0.0, most) for dof, most in SWING.items()}
+        offset = rng.uniform(-1, 1, 3) * START_SPREAD
+        shift = rng.uniform(-1, 1, 2) * TARGET_SPREAD
+        self.target = self._place + (shift[0], shift[1], 0.0)
+        for part in (1.0, 0.5, 0.0):  # less where the robot cannot reach, or the arm swings into it
+            self.recipient.set_angles(self._hanging)
+            self._see_arm()
+            tool = self._start_pose(part * offset)
+            found = self.robot.solve_ik(tool, seed=self.robot.arm.rest)
+            self.recipient.set_angles({d: self._hanging[d] + part * a for d, a in swing.items()})
+            self.robot.set_posture(found.posture)
+            self._cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
+            if found.is_within(0.01, 0.1) and min(self._gaps()) >= LET_GO:
+                break
+        self._safety.reset()
+        self._beyond = self._pad_force = self._rested = 0.0
+        self._middle = self._see_arm()
+
+    def after_substep(self) -> None:
+        self._safety.after_substep()
+
+    def after_step(self) -> None:
+        self._safety.after_step(self.control_dt)
+        person = self.recipient
+        angles, (low, high) = np.array(person.positions), person.passive.T
+        self._beyond = max(self._beyond, float((angles - high).max()), float((low - angles).max()))
+        before, self._middle = self._middle, self._see_arm()
+        speed = math.dist(before, self._middle) / self.control_dt
+        self._gap = self.target - self._middle
+        self._distance = math.sqrt(float(self._gap @ self._gap))
+        seat = self.seat_pose()
+        self._seat, self._seat_turn = np.array(seat.position), np.array(seat.quaternion)
+        self._pad_force = self._force_on_pad()
+        lies = self._pad_force >= PAD_FORCE and self._distance <= TARGET_RADIUS
+        rests = lies and speed <= STILL and min(self._gaps()) >= LET_GO
+        self._rested = self._rested + self.control_dt if rests else 0.0
+
+    def _see_arm(self) -> Array:
+        """Take note of where elbow and wrist are, and return the middle between them [m], shape [3]."""
+        poses = [self.recipient.joint_pose(f"left_{name}") for name in ("elbow", "wrist")]
+        self.elbow, self.wrist = (np.array(pose.position) for pose in poses)
+        return 0.5 * (self.elbow + self.wrist)
+
+    def _gaps(self) -> list[float]:
+        """Return how far all that robots move is from the person [m], no farther than it matters."""
+        body, world = self.recipient.body, self._world
+        return [world.separation(mover, body, within=2 * LET_GO) for mover in self._movers]
+
+    def _force_on_pad(self) -> float:
+        """Return how forearm and hand weigh on the pad [N], not at all unless the forearm touches it."""
+        person, chair = self.recipient.body, self.chair.body
+        force = self.chair.load_on_armrest("left", self._world, person, self._lower_arm)
+        gap = self._world.separation(person, chair, within=2 * TOUCH, links=(self._forearm, -1))
+        return force if gap <= TOUCH else 0.0
+
+    def observables(self, role: str) -> Sequence[Observable]:
+        return [
+            Observable("seat_position", "m", 3, lambda: self._seat),
+            Observable("seat_to_hook", "m", 3, lambda: self.hook()[0] - self._seat),
+            Observable("seat_up", "1", 3, lambda: rotate(self._seat_turn, (1.0, 0.0, 0.0))),
+            Observable("seat_inward", "1", 3, lambda: rotate(self._seat_turn, (0.0, 0.0, 1.0))),
+            Observable("elbow_position", "m", 3, lambda: self.elbow),
+            Observable("wrist_position", "m", 3, lambda: self.wrist),
+            Observable("forearm_to_target", "m", 3, lambda: self._gap),
+            Observable("force_on_armrest", "N", 1, lambda: (self._pad_force,)),
+            Observable("contact_force", "N", 1, lambda: (self._safety.force,)),
+            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
+        ]
+
+    def rewards(self, role: str) -> Mapping[str, float]:
+        terms = {"distance": -self._distance}
+        if self.options.reward == "shaped":
+            limit = self.options.force_limit
+            comfort = min(COMFORT_FORCE, 0.5 * limit)
+            excess = max(self._safety.force - comfort, 0.0) / (limit - comfort)
+            reach = math.dist(self.hook()[0], self._seat) if self._pad_force < PAD_FORCE else 0.0
+            near = tolerance(self._distance, bounds=(0, TARGET_RADIUS), margin=0.2)
+            terms |= {"reach": -reach, "comfort": -min(excess, 1.0)}
+            terms |= {"rest": near - 1.0 if self._pad_force >= PAD_FORCE else -1.0}
+            terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
+        # Every term is a cost, so that to end well ends the costs. An episode that ends badly is charged
+        # as if it had stayed as it was: else to hurt somebody at once would cost least.
+        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
+        terms["failed"] = sum(terms.values()) * left if self.is_failure() else 0.0
+        return terms
+
+    def metrics(self) -> Mapping[str, float]:
+        return {
+            **self._safety.metrics(),
+            "distance_m": self._distance,
+            "force_on_armrest_n": self._pad_force,
+            "rested_s": self._rested,
+            "beyond_prom_deg": math.degrees(self._beyond),
+        }
+
+    def is_success(self) -> bool:
+        """Return whether the forearm has rested on the pad, still and untouched, long enough."""
+        return self._rested >= HOLD_TIME - 1e-9 and not self.is_failure()
+
+    def is_failure(self) -> bool:
+        """Return whether the force was above the limit, or a joint beyond its passive range."""
+        return self._safety.peak_force > self.options.force_limit or self._beyond > PROM_MARGIN
+
+    def hook(self, share: float | None = None) -> tuple[Array, Array]:
+        """Return place and turn of the cradle's plate that lifts the forearm, as `ArmCradle.under`."""
+        return self.cradle.under(self.elbow, self.wrist, self.radius, share)
+
+    def seat_pose(self) -> Pose:
+        """Return the pose of the cradle's plate: middle of its top, x out of it, z to its tip."""
+        return self._cradle_body.base_pose() @ self.cradle.frame("seat")
+
+    def camera(self) -> Camera:
+        far = 1.0 if self.chair.carries_robot else 1.25  # others stand beside, and are larger
+        return Camera(eye=(-1.3 * far, 1.75 * far, 1.6), target=(0.05, 0.25, 0.72), fov_deg=38)
+
+
+@register_policy("limb_repositioning", "recipient", "cooperative")
+def cooperative(env: CareEnv, role: str) -> GoAlong:
+    """Return a recipient who relaxes and lets the arm go where it is taken."""
+    assert isinstance(task := env.task, LimbRepositioning)
+    return GoAlong(task.recipient, task.control_dt)

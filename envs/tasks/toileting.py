@@ -1,0 +1,318 @@
+"""Toileting: lift the lid of the toilet by its lip."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from rcare_marl.agents.control import ToolDelta
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.robot_config import no_reach
+from rcare_marl.errors import ConfigError
+from rcare_marl.observable import Observable
+from rcare_marl.pose import Array, Pose, quaternion_from_rpy
+from rcare_marl.rendering.camera import Camera
+from rcare_marl.world import World
+
+from ..devices.stand import add_stand
+from ..devices.wheelchair import Wheelchair
+from ..homes.fixture import Fixture, add_corner, set_up
+from ..homes.rectangle import Rectangle
+from ..registry import register_task
+from ..rewards import tolerance
+from ..safety import NOBODY, SafetyMeter
+from ..task import Role, Task
+
+OPEN_ANGLE_DEG = 60.0  # of the lid: the paper has a threshold and does not tell it; our own choice
+FORCE_LIMIT = 20.0  # [N] on a person; comfort ended there for the user of the RCareWorld paper
+GENTLE_FORCE = 30.0  # [N] on the toilet, free of penalty; its lid weighs 12 N; our own choice
+ROUGH_FORCE = (
+    100.0  # [N] on the toilet, full penalty: what a lift of Stretch can do; our own choice
+)
+# [N] from which `tool_delta` gives way, of 15 N else: it would slide off under the weight of the lid.
+CONTACT_FORCE = 40.0  # our own choice
+TIME_LIMIT = 20.0  # [s], 200 control steps, as feeding
+START = (0.075, 0.0, -0.02)  # [m] from the lip to the tool: out, across, up; our own choice
+START_SPREAD = (0.025, 0.04, 0.05)  # [m] uniform, each way; our own choice
+REACH_ANGLE = math.radians(20)  # that a hand may be turned away from straight; our own choice
+HAND = 0.03  # [m] of the hand beyond the tool, to ask whether the open lid can be reached
+HELD_AT = 0.38  # [m] from the hinge, where the open lid is then pushed; our own choice
+DISTANCES = (
+    1.2,
+    1.1,
+    1.0,
+    0.9,
+    1.3,
+)  # [m] from the wall to a robot, the best first; our own choice
+ASIDES = (0.0, 0.25, -0.25)  # [m] and beside the middle; our own choice
+STAND = 0.5  # [m] height of the stand of an arm that has no base; our own choice
+CLEAR = 0.003  # [m] between robot and toilet at the start
+SHAPED_WEIGHTS = {"approach": 0.3, "open_angle": 0.7, "gentle": 0.2}  # our own choice
+
+
+@dataclass(frozen=True)
+class ToiletingOptions:
+    """Settings of the toileting task.
+
+    Attributes:
+        reward: `paper` as in the RCareWorld paper; `shaped` adds the way to the lip, and gentleness.
+        open_angle_deg: Angle of the lid above which it counts as open [degrees]. From 92 on it stays
+            up by itself.
+        force_limit: Force on a person that ends the episode as a failure [N].
+    """
+
+    reward: Literal["paper", "shaped"] = "paper"
+    open_angle_deg: float = OPEN_ANGLE_DEG
+    force_limit: float = FORCE_LIMIT
+
+    def __post_init__(self) -> None:
+        if not 0 < self.open_angle_deg <= 95:
+            raise ValueError(f"open_angle_deg must be in (0, 95], got {self.open_angle_deg}")
+        if not self.force_limit > 0:
+            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
+
+
+@register_task("toileting")
+class Toileting(Task):
+    """A robot in the bathroom lifts the lid of the toilet, for somebody who cannot.
+
+    The lid is a link on a hinge and moves only by contact. The origin is the toilet's frame: on the
+    floor at the wall behind it, x out of the wall.
+    Randomised at reset: where the hand starts in front of the lip.
+    Success and failure: the lid over its angle; force above the limit on a person, if one is there.
+    """
+
+    robot = Role(Robot, default="stretch_re1", partner="scripted")
+    recipient = Role(Human, default=None, optional=True, posture="wheelchair", movable=("neck", "head"),
+                     partner="still")  # fmt: skip
+    caregiver = Role(Human, default=None, optional=True, partner="still",
+                     movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"))  # fmt: skip
+
+    Options = ToiletingOptions
+    room_kinds = ("bathroom",)
+    footprint = Rectangle(0.73, -0.3, 1.55, 0.37)  # [m] before the bowl
+    site = "toilet"
+    time_limit = TIME_LIMIT
+    options: ToiletingOptions
+
+    def free_floor(self) -> Rectangle:
+        """Return the floor before the bowl, and that beside it where somebody waits [m]."""
+        people = [role for role in ("recipient", "caregiver") if role in self.cast]
+        if not people:
+            return self.footprint
+        x0, x1 = 0.05 if "recipient" in people else 0.73, 1.75 if "caregiver" in people else 1.55
+        return Rectangle(x0, -1.05, x1, 0.37)
+
+    def furnish(self, world: World) -> dict[str, Pose]:
+        self.lay_floor(world)
+        self._fixture = self._toilet(world)
+        places = {"robot": self._robot_place(DISTANCES[0], 0.0)}
+        places["caregiver"] = Pose((1.45, -0.75, 0.0), _about_z(math.radians(150)))
+        if "recipient" in self.cast:
+            places["recipient"] = self._seat(world)
+        return places
+
+    def _toilet(self, world: World) -> Fixture:
+        """Return the toilet of the house, or one at two walls."""
+        if self.stage is not None and self.built is not None:
+            return Fixture.of(self.built, self.stage.fixture)
+        fixture = set_up(world, "toilet", level=self.level)
+        add_corner(world, fixture, left=fixture.piece.measures["toilet_centre_to_wall"])
+        return fixture
+
+    def _robot_place(self, distance: float, aside: float) -> Pose:
+        """Return where the robot's root goes, so that it looks, or its arm reaches, at the toilet."""
+        height = STAND if self._is_on_stand else 0.0
+        name = "table" if self.robot.config.base is not None else "floor"
+        return self.robot.mount(name, Pose((distance, aside, height), _about_z(math.pi)))
+
+    @property
+    def _is_on_stand(self) -> bool:
+        """Whether the robot is an arm without base or legs."""
+        config = self.robot.config
+        return config.base is None and config.mounts["floor"].position[2] == 0
+
+    def _seat(self, world: World) -> Pose:
+        """Add a wheelchair beside the toilet, and return where its user sits."""
+        if (posture := self.recipient.posture).arms != "armrests":
+            raise ConfigError(f"one waits in the wheelchair, not {posture.description}")
+        self._chair = Wheelchair(mounts="none")
+        soles = self.recipient.soles(self._chair.frame("seat_back"))
+        self._chair.fit_footplates(soles["left"], soles["right"])
+        self._chair.spawn(world, Pose((0.6, -0.68, 0.0)))
+        rests = [self._chair.frame_in_world(f"armrest_{side}") for side in ("left", "right")]
+        self.recipient.use_arm_rests(*rests)
+        return self._chair.frame_in_world("seat_back")
+
+    def build(self, world: World) -> None:
+        self._world = world
+        self._people = [agent for agent in self.cast.values() if isinstance(agent, Human)]
+        if "recipient" in self.cast:
+            for person in self._people:
+                person.ignore(self._chair.body)  # the posture already keeps them apart
+        self._body = self._fixture.body
+        lid = self._fixture.piece.model.joints["lid"]
+        self._lid = [self._body.joint("lid").index]
+        self._tool = self.robot.tool_index
+        self._hinge = np.array(lid.at) * (1, 0, 1)
+        self._lip = np.array(self._fixture.piece.frames["handle_lid"].position) - self._hinge
+        movers = [a.body for a in self.cast.values() if isinstance(a, Robot)]
+        limit = self.options.force_limit
+        self._meters = [SafetyMeter(p, world, movers, force_limit=limit) for p in self._people]
+        self._stand_robot(world)
+        if isinstance(control := self.robot.control, ToolDelta):
+            control.contact_force = CONTACT_FORCE
+        if any(world.contact_force(person.body) > 0 for person in self._people):
+            raise ConfigError("the robot touches a person before the episode begins")
+
+    def _stand_robot(self, world: World) -> None:
+        """Find the place from which the robot reaches the lip, and the lid when it is open."""
+        robot = self.robot
+        aims = [self._start_pose(np.zeros(3)), self._open_pose()]
+        for distance in DISTANCES:
+            for aside in ASIDES:
+                base = self._robot_place(distance, aside)
+                robot.place(base)
+                found = [robot.solve_ik(aim) for aim in aims]
+                if not all(each.is_within(0.02, REACH_ANGLE) for each in found):
+                    continue
+                robot.set_posture(found[0].posture)
+                if world.separation(robot.body, self._body, within=CLEAR) < CLEAR:
+                    continue
+                if self._is_on_stand:
+                    add_stand(world, base)
+                return
+        raise ConfigError(
+            f"{no_reach(robot.config, robot.files.model.name, robot.moves)} the lid of the toilet"
+        )
+
+    def _start_pose(self, offset: Array) -> Pose:
+        """Return a start pose of the tool: in front of the lip, level, pointing at it."""
+        at = self.lip_at(0.0) + START + offset * START_SPREAD
+        return Pose(tuple(at.tolist()), _AHEAD)
+
+    def _open_pose(self) -> Pose:
+        """Return where the tool is about to push the lid over its angle."""
+        angle = math.radians(self.options.open_angle_deg)
+        out = np.array((math.sin(angle), 0.0, -math.cos(angle)))
+        at = self.lip_at(angle, HELD_AT) + HAND * out
+        return Pose(tuple(at.tolist()), _AHEAD)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        start = self._start_pose(rng.uniform(-1, 1, 3))
+        self.robot.set_posture(self.robot.solve_ik(start).posture)
+        for meter in self._meters:
+            meter.reset()
+        self._push = self._peak_push = self._step_push = self._peak_angle = 0.0
+        self._time_to_open = -1.0
+
+    def after_substep(self) -> None:
+        push = self._world.contact_force(self.robot.body, self._body)
+        if push > self._step_push:
+            self._step_push = push
+        for meter in self._meters:
+            meter.after_substep()
+
+    def after_step(self) -> None:
+        for meter in self._meters:
+            meter.after_step(self.control_dt)
+        self._push, self._step_push = self._step_push, 0.0
+        self._peak_push = max(self._peak_push, self._push)
+        (self._angle,), (self._speed,) = self._body.joint_states(self._lid)
+        self._peak_angle = max(self._peak_angle, self._angle)
+        self._rim = self.lip_at(self._angle)
+        self._gap = self._rim - self.robot.body.link_pose(self._tool).position
+        if self._time_to_open < 0 and self.is_open:
+            self._time_to_open = self._world.time
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the lid is over the angle that counts."""
+        return self._angle > math.radians(self.options.open_angle_deg)
+
+    def observables(self, role: str) -> Sequence[Observable]:
+        return [
+            Observable("lid_angle", "rad", 1, lambda: (self._angle,)),
+            Observable("lid_speed", "rad/s", 1, lambda: (self._speed,)),
+            Observable("lip_position", "m", 3, lambda: self._rim),
+            Observable("tool_to_lip", "m", 3, lambda: self._gap),
+            Observable("toilet_force", "N", 1, lambda: (self._push,)),
+            Observable("contact_force", "N", 1, lambda: (self._safety()["force_n"],)),
+            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
+        ]
+
+    def rewards(self, role: str) -> Mapping[str, float]:
+        terms = {"open_angle": max(self._angle, 0.0)}
+        if self.options.reward == "shaped":
+            share = min(terms["open_angle"] / math.radians(self.options.open_angle_deg), 1.0)
+            distance = math.sqrt(float(self._gap @ self._gap))
+            near = tolerance(distance, bounds=(0, 0.05), margin=0.3)
+            rough = (self._push - GENTLE_FORCE) / (ROUGH_FORCE - GENTLE_FORCE)
+            # A lid that is being lifted has been reached, wherever the hand is by then.
+            terms = {"approach": max(near, share), "open_angle": share}
+            terms["gentle"] = -min(max(rough, 0.0), 1.0)
+            terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
+        # An episode that ends well is paid as if it had gone on so: else to hold the lid just below
+        # its angle would pay more than to open it.
+        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
+        terms["opened"] = sum(terms.values()) * left if self.is_success() else 0.0
+        return terms
+
+    def metrics(self) -> Mapping[str, float]:
+        return {
+            **self._safety(),
+            "lid_angle_deg": math.degrees(self._angle),
+            "peak_lid_angle_deg": math.degrees(self._peak_angle),
+            "toilet_force_n": self._push,
+            "peak_toilet_force_n": self._peak_push,
+            "time_to_open_s": self._time_to_open,
+        }
+
+    def _safety(self) -> Mapping[str, float]:
+        """Return the measures of whoever goes through most, by measure."""
+        found = [meter.metrics() for meter in self._meters]
+        if len(found) < 2:
+            return found[0] if found else NOBODY
+        return {key: max(each[key] for each in found) for key in found[0]}
+
+    def is_success(self) -> bool:
+        return self.is_open and not self.is_failure()
+
+    def is_failure(self) -> bool:
+        return any(meter.peak_force > self.options.force_limit for meter in self._meters)
+
+    def lid_angle(self) -> float:
+        """Return how far the lid is open [rad]."""
+        return self._angle
+
+    def lip_at(self, angle: float, from_hinge: float | None = None) -> Array:
+        """Return where the underside of the lid is in the world [m], shape [3].
+
+        Args:
+            angle: How far the lid is open [rad].
+            from_hinge: How far from the hinge, along the lid [m]; its lip if None.
+        """
+        along = self._lip[0] if from_hinge is None else from_hinge
+        up, c, s = self._lip[2], math.cos(angle), math.sin(angle)
+        return self._hinge + np.array((along * c - up * s, 0.0, along * s + up * c))
+
+    def camera(self) -> Camera:
+        side = -1.0  # the open one: there is a wall on the other side
+        if self.stage is not None:
+            inside = self.stage.room.inside.moved(self.stage.pose.inverse())
+            side = math.copysign(1.0, inside.y0 + inside.y1)
+        if self._meters:
+            return Camera(eye=(1.1, 2.3 * side, 2.3), target=(0.8, -0.1, 0.5), fov_deg=52)
+        return Camera(eye=(2.1, 1.12 * side, 1.6), target=(0.75, 0.05, 0.55), fov_deg=58)
+
+
+def _about_z(yaw: float) -> tuple[float, float, float, float]:
+    return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+
+
+_AHEAD = tuple(quaternion_from_rpy(0.0, -0.5 * math.pi, 0.0).tolist())  # z at the toilet, x up

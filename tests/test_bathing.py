@@ -1,0 +1,266 @@
+"""Bathing: an arm is wiped by contact in one stroke, gently, and what was wiped is known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import cast
+
+import numpy as np
+import pytest
+
+import rcare_marl
+from rcare_marl import assets
+from rcare_marl.agents.body.skeleton import JOINT_INDEX
+from rcare_marl.envs import wiped_skin
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.tasks import bathing
+from rcare_marl.envs.tasks.bathing import Bathing
+from rcare_marl.errors import ConfigError, UnknownNameError
+
+BOTH = {"robot": "scripted", "recipient": "still"}
+
+
+def task_of(env: CareEnv) -> Bathing:
+    return cast(Bathing, env.task)
+
+
+def run(env: CareEnv, seed: int) -> Bathing:
+    env.reset(seed=seed)
+    while not env.is_over:
+        env.step({})
+    return task_of(env)
+
+
+@pytest.fixture(scope="module")
+def scripted() -> Iterator[CareEnv]:
+    env = rcare_marl.make("bathing", policies=BOTH)
+    yield env
+    env.close()
+
+
+@pytest.fixture(scope="module")
+def learned() -> Iterator[CareEnv]:
+    env = rcare_marl.make("bathing", policies={"recipient": "still"})
+    yield env
+    env.close()
+
+
+def push_down(env: CareEnv, steps: int) -> None:
+    """Move the tool of the learning robot straight down at 6 cm/s."""
+    action = np.zeros(env.action_space("robot").shape, np.float32)
+    action[2] = -0.24
+    for _ in range(steps):
+        if env.is_over:
+            break
+        env.step({"robot": action})
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_scripted_robot_bathes_natalia_gently(scripted: CareEnv, seed: int) -> None:
+    task = run(scripted, seed)
+    metrics = task.metrics()
+    assert task.is_success()
+    assert metrics["peak_force_n"] < 8.0
+    assert metrics["coverage"] > 0.6
+    assert metrics["prom_violation_deg_s"] == 0.0
+
+
+@pytest.mark.slow
+def test_the_scripted_robot_succeeds_in_ninety_five_of_a_hundred_episodes(
+    scripted: CareEnv,
+) -> None:
+    assert sum(run(scripted, seed).is_success() for seed in range(100)) >= 95
+
+
+@pytest.mark.slow
+def test_a_random_robot_hardly_ever_bathes_anybody() -> None:
+    env = rcare_marl.make("bathing", policies={"robot": "random", "recipient": "random"})
+    assert sum(run(env, seed).is_success() for seed in range(50)) == 0
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("avatar", assets.names("avatars"))
+def test_every_avatar_can_be_bathed(avatar: str) -> None:
+    env = rcare_marl.make("bathing", recipient=avatar, policies=BOTH)
+    assert all(run(env, seed).is_success() for seed in range(2))
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", sorted(set(assets.names("robots")) - {"nao", "pepper"}))
+def test_every_robot_that_reaches_can_bathe(robot: str) -> None:
+    env = rcare_marl.make("bathing", robot=robot, policies=BOTH)
+    assert run(env, 0).is_success()
+    env.close()
+
+
+def test_a_robot_that_cannot_reach_is_refused() -> None:
+    with pytest.raises(ConfigError, match="no arm that reaches"):
+        rcare_marl.make("bathing", robot="nao")
+
+
+def test_who_sits_is_not_bathed_in_bed() -> None:
+    with pytest.raises(ConfigError, match="lies on the back"):
+        rcare_marl.make("bathing", recipient={"posture": "wheelchair"})
+
+
+def test_flesh_that_a_sponge_cannot_feel_is_refused() -> None:
+    with pytest.raises(ConfigError, match="does not feel flesh"):
+        rcare_marl.make("bathing", recipient={"tissue": ["left_arm"]})
+
+
+def test_the_elbow_alone_is_not_the_goal(learned: CareEnv) -> None:
+    learned.reset(seed=0)
+    task = task_of(learned)
+    task._set_sponge(task._over(task.target_on_arm()[0], 0.03))
+    push_down(learned, 20)
+    metrics = task.metrics()
+    assert metrics["sponge_force_n"] > 1.0
+    assert metrics["distance_m"] < 0.04
+    assert not task.is_success()
+
+
+def test_too_much_force_fails_and_costs_more_than_to_go_on() -> None:
+    env = rcare_marl.make("bathing", policies=BOTH, options={"force_limit": 3.0})
+    task = run(env, 0)
+    terms = task.rewards("robot")
+    left = (task.time_limit - env.world.time) / task.control_dt
+    assert task.is_failure() and not task.is_success()
+    assert terms["hurt"] == pytest.approx(-bathing.HURT * left)
+    assert terms["hurt"] < left * (terms["distance"] + terms["force"])
+    env.close()
+
+
+def test_the_arm_yields_to_the_sponge_and_the_cushion_bears_it(learned: CareEnv) -> None:
+    learned.reset(seed=3)
+    task = task_of(learned)
+    before = np.array(task.recipient.joint_pose("left_elbow").position)
+    task._set_sponge(task._over(0.6, 0.02))
+    push_down(learned, 30)
+    after = np.array(task.recipient.joint_pose("left_elbow").position)
+    cushion = next(b for b in learned.world.bodies if b.name == "cushion")
+    assert 0.0003 < before[2] - after[2] < 0.02
+    assert learned.world.contact_force(task.recipient.body, cushion) > 0.5
+
+
+def test_pressing_is_felt_by_person_and_robot_alike(scripted: CareEnv) -> None:
+    scripted.reset(seed=1)
+    task = task_of(scripted)
+    for _ in range(30):
+        scripted.step({})
+    own = float(np.linalg.norm(task.sponge_force()))
+    assert 3.0 < own < 7.0
+    assert task.recipient.contact_forces(task.sponge.body)["left_shoulder"] == pytest.approx(
+        own, rel=0.2
+    )
+    assert scripted.world.contact_force(task.sponge.body) >= own * 0.99
+
+
+def test_only_skin_of_the_arm_gets_wet_and_it_can_be_seen(scripted: CareEnv) -> None:
+    task = run(scripted, 2)
+    skin, person = task.skin, task.recipient
+    wet = np.flatnonzero(skin.wetness)
+    owners = {int(j) for j in np.unique(person.model.owner[wet])}
+    names = {JOINT_INDEX[f"left_{j}"] for j in ("shoulder", "elbow")}
+    assert len(wet) > 50 and owners <= names
+    assert skin.wetness.max() == 1.0
+    painted = next(s for s in scripted.world.skins if s.body is person.body)
+    assert (painted.colors != skin._dry).any(axis=1).sum() <= len(wet)
+    scripted.reset(seed=2)
+    assert not skin.wetness.any() and skin.coverage == 0.0
+    assert (painted.colors == skin._dry).all()
+
+
+def test_coverage_grows_by_what_is_wiped_and_never_falls(scripted: CareEnv) -> None:
+    scripted.reset(seed=4)
+    seen = []
+    while not scripted.is_over:
+        scripted.step({})
+        seen.append(task_of(scripted).coverage())
+    assert seen[0] == 0.0 and (np.diff(seen) >= 0).all() and 0.3 < seen[-1] <= 1.0
+
+
+def test_the_arm_is_bare(scripted: CareEnv) -> None:
+    model, dry = task_of(scripted).recipient.model, task_of(scripted).skin._dry
+    arm = task_of(scripted).skin.vertices
+    arm = arm[model.owner[arm] == JOINT_INDEX["left_shoulder"]]
+    other = model.owner == JOINT_INDEX["right_shoulder"]
+    assert len(np.unique(dry[arm], axis=0)) == 1
+    assert (dry[other] == model.colors[other]).all()
+
+
+def test_places_on_the_arm_follow_it(scripted: CareEnv) -> None:
+    scripted.reset(seed=0)
+    skin = task_of(scripted).skin
+    points = [skin.place(share)[0] for share in (0.3, 0.6, 0.9)]
+    assert [skin.progress(p) for p in points] == pytest.approx([0.3, 0.6, 0.9], abs=1e-6)
+    point, out = skin.place(0.6)
+    assert out[2] > 0.95 and float(out @ skin.direction()) == pytest.approx(0.0, abs=1e-9)
+    right = skin.place(0.6, 0.3)[1]
+    assert float(np.cross(skin.direction(), (0, 0, 1)) @ right) > 0.2
+
+
+def test_the_same_seed_gives_the_same_episode(scripted: CareEnv) -> None:
+    ends = []
+    for _ in range(2):
+        scripted.reset(seed=7)
+        for _ in range(35):
+            if not scripted.is_over:
+                scripted.step({})
+        ends.append(scripted.state().tobytes() + task_of(scripted).skin.wetness.tobytes())
+    assert ends[0] == ends[1]
+
+
+def test_random_actions_leave_all_finite() -> None:
+    env = rcare_marl.make("bathing", options={"force_limit": 1e6})
+    rng = np.random.default_rng(0)
+    steps, seed = 0, 0
+    while steps < 300:
+        env.reset(seed=seed)
+        seed += 1
+        while env.agents and steps < 300:
+            steps += 1
+            actions = {
+                r: rng.uniform(-1, 1, env.action_space(r).shape).astype(np.float32)
+                for r in env.agents
+            }
+            env.step(actions)
+            assert np.isfinite(env.state()).all()
+            assert task_of(env).sponge.soft.deviation() < 0.1
+    env.close()
+
+
+def test_shaped_rewards_pay_for_wiping() -> None:
+    env = rcare_marl.make("bathing", policies=BOTH, options={"reward": "shaped"})
+    env.reset(seed=0)
+    wiped = 0.0
+    while not env.is_over:
+        env.step({})
+        terms = task_of(env).rewards("robot")
+        wiped += terms["wiped"]
+    weights = bathing.SHAPED_WEIGHTS
+    assert wiped == pytest.approx(weights["wiped"] * task_of(env).coverage())
+    assert terms["reached"] == weights["reached"]
+    env.close()
+
+
+def test_a_limb_must_be_known(scripted: CareEnv) -> None:
+    task = task_of(scripted)
+    with pytest.raises(UnknownNameError, match="left_shoulder"):
+        wiped_skin.WipedSkin(task.recipient, scripted.world, "left_sholder", "left_elbow")
+    with pytest.raises(ConfigError, match="not one capsule"):
+        wiped_skin.WipedSkin(task.recipient, scripted.world, "head", "jaw")
+
+
+def test_options_are_checked() -> None:
+    with pytest.raises(ConfigError, match="force_limit"):
+        rcare_marl.make("bathing", options={"force_limit": 0})
+    with pytest.raises(ConfigError, match="least_coverage"):
+        rcare_marl.make("bathing", options={"least_coverage": 2})
+
+
+def test_bathing_finds_a_room_in_a_house() -> None:
+    env = rcare_marl.make("bathing", home="house_01", level=3, policies=BOTH)
+    assert run(env, 0).is_success()
+    env.close()

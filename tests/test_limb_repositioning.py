@@ -1,0 +1,151 @@
+"""Limb repositioning: the arm is lifted by contact alone, lies by its weight, and the task can be done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import cast
+
+import numpy as np
+import pytest
+
+import rcare_marl
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.devices.arm_cradle import ArmCradle
+from rcare_marl.envs.tasks import limb_repositioning as module
+from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import rotate
+
+BOTH = {"robot": "scripted", "recipient": "cooperative"}
+
+
+def task_of(env: CareEnv) -> LimbRepositioning:
+    return cast(LimbRepositioning, env.task)
+
+
+def run(env: CareEnv, seed: int) -> LimbRepositioning:
+    env.reset(seed=seed)
+    while not env.is_over:
+        env.step({})
+    return task_of(env)
+
+
+@pytest.fixture(scope="module")
+def scripted() -> Iterator[CareEnv]:
+    env = rcare_marl.make("limb_repositioning", policies=BOTH)
+    yield env
+    env.close()
+
+
+@pytest.fixture(scope="module")
+def still() -> Iterator[CareEnv]:
+    policies = {"robot": "still", "recipient": "still"}
+    env = rcare_marl.make("limb_repositioning", policies=policies)
+    yield env
+    env.close()
+
+
+def test_the_scripted_robot_lays_the_arm_of_jose_on_the_armrest(scripted: CareEnv) -> None:
+    assert sum(run(scripted, seed).is_success() for seed in range(5)) >= 4
+
+
+@pytest.mark.slow
+def test_the_scripted_robot_succeeds_in_ninety_of_a_hundred_episodes(scripted: CareEnv) -> None:
+    assert sum(run(scripted, seed).is_success() for seed in range(100)) >= 90
+
+
+@pytest.mark.slow
+def test_acting_at_random_fails() -> None:
+    policies = {"robot": "random", "recipient": "random"}
+    env = rcare_marl.make("limb_repositioning", policies=policies)
+    assert sum(run(env, seed).is_success() for seed in range(50)) == 0
+    env.close()
+
+
+def test_an_arm_that_was_laid_there_lies_by_its_weight_within_its_passive_range(
+    scripted: CareEnv,
+) -> None:
+    task = run(scripted, 1)
+    assert task.is_success()
+    weight = 9.81 * sum(task.recipient.segments[f"left_{j}"].mass for j in ("elbow", "wrist"))
+    assert 0.2 * weight < task.metrics()["force_on_armrest_n"] < 5 * weight
+    top, (length, width, _) = task.chair.frame_in_world("armrest_left"), task.chair.armrest_size
+    x, y, z = 0.5 * (task.elbow + task.wrist) - top.position
+    assert abs(x) < 0.5 * length and abs(y) < width and abs(z - task.radius) < 0.02
+    assert task.metrics()["beyond_prom_deg"] < 1
+    assert task.metrics()["peak_force_n"] < task.options.force_limit
+
+
+def test_left_alone_the_arm_hangs_outside_the_armrest(still: CareEnv) -> None:
+    still.reset(seed=3)
+    task = task_of(still)
+    for _ in range(40):
+        still.step({})
+    outside = (
+        task.chair.frame_in_world("armrest_left").position[1] + 0.5 * task.chair.armrest_size[1]
+    )
+    assert task.wrist[1] > outside and task.wrist[2] < task.target[2] - 0.1
+    assert task.metrics()["force_on_armrest_n"] == 0 and not task.is_success()
+    assert task.recipient.contact_forces(task.chair.body)  # it leans on the chair
+
+
+def test_the_same_seed_gives_the_same_episode(still: CareEnv) -> None:
+    seen = []
+    for _ in range(2):
+        still.reset(seed=7)
+        for _ in range(5):
+            still.step({})
+        seen.append(still.state())
+    assert np.array_equal(seen[0], seen[1])
+    still.reset(seed=8)
+    assert not np.array_equal(seen[0], still.state())
+
+
+def test_nothing_touches_the_person_at_the_start(still: CareEnv) -> None:
+    for seed in range(10):
+        still.reset(seed=seed)
+        assert min(task_of(still)._gaps()) >= module.LET_GO
+
+
+def test_random_actions_stay_finite() -> None:
+    env = rcare_marl.make("limb_repositioning", options={"force_limit": 1e6})
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        if env.is_over:
+            env.reset()
+        sizes = {role: env.action_space(role).shape for role in env.agents}
+        env.step({r: rng.uniform(-1, 1, size).astype(np.float32) for r, size in sizes.items()})
+        assert np.isfinite(env.state()).all()
+    env.close()
+
+
+def test_pressing_too_hard_fails_and_is_charged_to_the_end() -> None:
+    env = rcare_marl.make("limb_repositioning", options={"force_limit": 1.0}, policies=BOTH)
+    task = run(env, 0)
+    assert task.is_failure() and not task.is_success()
+    terms = task.rewards("robot")
+    assert terms["failed"] < 10 * terms["distance"] < 0
+    env.close()
+
+
+def test_an_arm_that_is_held_by_furniture_is_refused() -> None:
+    with pytest.raises(ConfigError, match="hangs beside an armrest"):
+        rcare_marl.make("limb_repositioning", recipient={"posture": "wheelchair"})
+    with pytest.raises(ConfigError, match="left_elbow_flexion"):
+        rcare_marl.make("limb_repositioning", recipient={"movable": ("left_shoulder",)})
+
+
+def test_a_robot_without_reach_says_so() -> None:
+    with pytest.raises(ConfigError, match="reaches"):
+        rcare_marl.make("limb_repositioning", robot="nao")
+
+
+def test_the_plate_lies_under_a_level_forearm_and_behind_one_that_hangs() -> None:
+    cradle, elbow = ArmCradle(), np.array((-0.1, 0.3, 0.8))
+    for along, out in (((1.0, 0.0, 0.0), 2), ((0.0, 0.0, -1.0), 0)):
+        place, turn = cradle.under(elbow, elbow + 0.25 * np.array(along), 0.03)
+        up = rotate(turn, (1.0, 0.0, 0.0))
+        assert up[out] > 0.9
+        assert (elbow - place) @ up == pytest.approx(0.03, abs=1e-9)  # its surface touches the skin
+        assert rotate(turn, (0.0, 0.0, 1.0))[1] < -0.9  # the tip points inwards

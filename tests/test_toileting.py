@@ -1,0 +1,297 @@
+"""Toileting: the lid moves by contact alone, at every level, and the task can be done."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import cast
+
+import numpy as np
+import pytest
+
+import rcare_marl
+from rcare_marl import assets
+from rcare_marl.agents.avatar import load_avatar, load_posture
+from rcare_marl.agents.human import Human
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.homes.care_home import CareHome, home_names
+from rcare_marl.envs.homes.rectangle import Rectangle
+from rcare_marl.envs.homes.rule import Rules
+from rcare_marl.envs.homes.stage import find_stage
+from rcare_marl.envs.safety import NOBODY, SafetyMeter
+from rcare_marl.envs.tasks.toileting import OPEN_ANGLE_DEG, Toileting
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Pose
+from rcare_marl.world import World
+
+LEVELS = (1, 2, 3)
+SCRIPTED = {"robot": "scripted"}
+
+
+def task_of(env: CareEnv) -> Toileting:
+    return cast(Toileting, env.task)
+
+
+def run(env: CareEnv, seed: int) -> Toileting:
+    env.reset(seed=seed)
+    while not env.is_over:
+        env.step({})
+    return task_of(env)
+
+
+@pytest.fixture(scope="module")
+def scripted() -> Iterator[CareEnv]:
+    env = rcare_marl.make("toileting", policies=SCRIPTED)
+    yield env
+    env.close()
+
+
+def test_the_scripted_robot_lifts_the_lid(scripted: CareEnv) -> None:
+    for seed in range(5):
+        task = run(scripted, seed)
+        assert task.is_success()
+        assert task.metrics()["lid_angle_deg"] > OPEN_ANGLE_DEG
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", LEVELS)
+def test_the_scripted_robot_succeeds_in_ninety_five_of_a_hundred_episodes(level: int) -> None:
+    env = rcare_marl.make("toileting", level=level, policies=SCRIPTED)
+    assert sum(run(env, seed).is_success() for seed in range(100)) >= 95
+    env.close()
+
+
+@pytest.mark.slow
+def test_a_random_robot_opens_next_to_nothing() -> None:
+    env = rcare_marl.make("toileting", policies={"robot": "random"})
+    assert sum(run(env, seed).is_success() for seed in range(100)) < 2
+    env.close()
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_on_a_bare_floor_the_toilet_is_as_high_as_its_level_says(level: int) -> None:
+    env = rcare_marl.make("toileting", level=level, policies=SCRIPTED)
+    task = run(env, 0)
+    assert task.is_success()
+    seat = Rules(level).figure("toilet_seat_height")
+    assert seat < task.lip_at(0.0)[2] < seat + 0.02
+    env.close()
+
+
+def test_the_lid_moves_only_where_the_robot_touches_it(scripted: CareEnv) -> None:
+    scripted.reset(seed=0)
+    task, touched = task_of(scripted), False
+    while not scripted.is_over:
+        before = task.lid_angle()
+        scripted.step({})
+        touched = touched or task.metrics()["toilet_force_n"] > 0
+        assert touched or task.lid_angle() == pytest.approx(before, abs=2e-4)  # its slack
+    assert touched and task.metrics()["peak_toilet_force_n"] > 5.0  # half the weight of the lid
+
+
+def test_a_lid_that_is_let_go_falls_shut_again(scripted: CareEnv) -> None:
+    task = run(scripted, 0)
+    task.robot.set_posture(task.robot.arm.rest)
+    for _ in range(480):
+        scripted.world.step()
+    task.after_step()
+    assert task.lid_angle() == pytest.approx(0.0, abs=0.01) and not task.is_success()
+
+
+def test_the_lid_stays_solid_through_many_short_episodes(scripted: CareEnv) -> None:
+    for seed in range(12):  # furniture sleeps at the start of each
+        scripted.reset(seed=seed)
+        for _ in range(seed % 3):
+            scripted.step({})
+    assert run(scripted, 0).is_success()
+
+
+def test_the_lip_is_where_the_lid_is(scripted: CareEnv) -> None:
+    scripted.reset(seed=0)
+    task = task_of(scripted)
+    body = task._body
+    link = body.link_index("lid")
+    before = body.link_pose(link).inverse() @ Pose(tuple(task.lip_at(0.0).tolist()))
+    for angle in (0.3, 1.0):
+        body.set_joints(task._lid, [angle])
+        now = body.link_pose(link) @ before
+        np.testing.assert_allclose(now.position, task.lip_at(angle), atol=1e-6)
+
+
+def test_the_hand_starts_clear_of_the_toilet_and_elsewhere_each_time(scripted: CareEnv) -> None:
+    places = []
+    for seed in range(8):
+        scripted.reset(seed=seed)
+        task = task_of(scripted)
+        assert scripted.world.separation(task.robot.body, task._body, within=0.01) > 0
+        places.append(task.robot.tool_pose().position)
+    assert (np.ptp(places, axis=0) > 0.02).all()
+
+
+def test_an_episode_is_a_function_of_its_seed(scripted: CareEnv) -> None:
+    tracks = []
+    for seed in (3, 4, 3):
+        scripted.reset(seed=seed)
+        track = [scripted.state()]
+        while not scripted.is_over:
+            scripted.step({})
+            track.append(scripted.state())
+        tracks.append(np.array(track))
+    np.testing.assert_array_equal(tracks[0], tracks[2])
+    assert not np.array_equal(tracks[0][0], tracks[1][0])
+
+
+def test_random_actions_stay_finite() -> None:
+    env = rcare_marl.make("toileting", recipient="kim", level=2)
+    for role in env.possible_agents:
+        env.action_space(role).seed(0)
+    observations, _ = env.reset(seed=0)
+    for _ in range(300):
+        if env.is_over:
+            env.reset()
+        actions = {role: env.action_space(role).sample() for role in env.agents}
+        observations, rewards, _, _, _ = env.step(actions)
+        assert all(np.isfinite(seen).all() for seen in observations.values())
+        assert np.isfinite(list(rewards.values())).all()
+    env.close()
+
+
+def test_the_paper_reward_is_the_angle_of_the_lid(scripted: CareEnv) -> None:
+    scripted.reset(seed=0)
+    task = task_of(scripted)
+    assert task.rewards("robot") == {"open_angle": pytest.approx(0, abs=1e-3), "opened": 0.0}
+    task._body.set_joints(task._lid, [0.7])
+    task.after_step()
+    assert task.rewards("robot")["open_angle"] == pytest.approx(0.7)
+
+
+def test_a_good_end_pays_at_least_what_waiting_would(scripted: CareEnv) -> None:
+    scripted.reset(seed=0)
+    best = 0.0
+    task = task_of(scripted)
+    while not scripted.is_over:
+        best = max(best, sum(task.rewards("robot").values()))
+        scripted.step({})
+    left = (task.time_limit - scripted.world.time) / task.control_dt
+    assert task.rewards("robot")["opened"] >= best * left > 0
+
+
+def test_the_shaped_reward_has_its_own_terms_and_grows_on_the_way() -> None:
+    env = rcare_marl.make("toileting", options={"reward": "shaped"}, policies=SCRIPTED)
+    env.reset(seed=0)
+    task = task_of(env)
+    start = task.rewards("robot")
+    assert set(start) == {"approach", "open_angle", "gentle", "opened"}
+    for _ in range(15):
+        env.step({})
+    reached = task.rewards("robot")
+    assert reached["approach"] > start["approach"]
+    while not env.is_over:
+        env.step({})
+    assert task.rewards("robot")["open_angle"] > reached["open_angle"]
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("avatar", assets.names("avatars"))
+def test_everybody_can_wait_beside_the_toilet(avatar: str) -> None:
+    policies = {"robot": "scripted", "recipient": "still"}
+    env = rcare_marl.make("toileting", recipient=avatar, level=3, policies=policies)
+    task = run(env, 0)
+    assert task.is_success() and task.metrics()["peak_force_n"] == 0
+    env.close()
+
+
+def test_force_on_who_waits_ends_the_episode_as_a_failure() -> None:
+    policies = {"recipient": "still"}
+    env = rcare_marl.make("toileting", recipient="jose", policies=policies)
+    env.reset(seed=0)
+    task = task_of(env)
+    x, y, _ = task.recipient.joint_pose("left_knee").position
+    while not env.is_over:
+        aim = np.subtract((x, y, 0.55), task.robot.tool_pose().position)
+        push = np.zeros(6, np.float32)
+        push[:3] = np.clip(8 * aim, -1, 1)
+        env.step({"robot": push})
+    metrics = task.metrics()
+    assert task.is_failure() and not task.is_success()
+    assert metrics["peak_force_n"] > task.options.force_limit and metrics["cost"] > 0
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "robot", ["franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stretch_re1_dex", "ur5"]
+)
+def test_other_robots_that_reach_do_it_too(robot: str) -> None:
+    env = rcare_marl.make("toileting", robot=robot, policies=SCRIPTED)
+    assert run(env, 0).is_success()
+    env.close()
+
+
+@pytest.mark.parametrize("robot", ["nao", "pepper"])
+def test_robots_that_do_not_reach_are_refused_by_name(robot: str) -> None:
+    with pytest.raises(ConfigError, match=f"{robot} has no arm that reaches"):
+        rcare_marl.make("toileting", robot=robot)
+
+
+@pytest.mark.parametrize(
+    ("what", "message"),
+    [
+        ({"level": 4}, "level must be 1"),
+        ({"home": "house_03", "room": "kitchen_1"}, "does not suit"),
+        ({"options": {"open_angle_deg": 0}}, "open_angle_deg"),
+        ({"options": {"force_limit": -1}}, "force_limit"),
+        ({"robot": {"control": "joint_velocity"}, "policies": SCRIPTED}, "tool_delta"),
+    ],
+)
+def test_what_cannot_be_is_refused(what: dict[str, object], message: str) -> None:
+    with pytest.raises((ConfigError, ValueError), match=message):
+        rcare_marl.make("toileting", **what)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("home", "level"), [("house_03", 1), ("house_12", 3)])
+def test_the_lid_of_a_house_is_lifted_in_its_bathroom(home: str, level: int) -> None:
+    env = rcare_marl.make("toileting", home=home, level=level, policies=SCRIPTED)
+    task = run(env, 0)
+    stage, built = env.task.stage, env.task.built
+    assert stage is not None and built is not None
+    assert stage.room.kind == "bathroom" and stage.fixture in built.furniture
+    assert task._body is built.part(stage.fixture)
+    place = built.part(stage.fixture).base_pose()  # the origin is the toilet's
+    np.testing.assert_allclose(place.position, 0.0, atol=1e-6)
+    assert task.is_success()
+    env.close()
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_every_house_has_a_toilet_at_which_there_is_room(level: int) -> None:
+    for name in home_names()[:: 3 if level == 2 else 5]:
+        home = CareHome.load(name, level=level)
+        stage = find_stage(home, ("bathroom",), Toileting.footprint, site="toilet")
+        others = [p for p in stage.home.furniture(stage.room.name) if p.name != stage.fixture]
+        blocked = [p.name for p in others if p.piece.blocks]
+        free = Toileting.footprint.moved(stage.pose)
+        assert stage.room.inside.contains(free)
+        assert not [p.name for p in others if p.name in blocked and p.footprint.overlaps(free)]
+
+
+def test_a_stage_at_a_door_has_its_frame_and_the_floor_on_that_side() -> None:
+    home = CareHome.load("house_07", level=2)
+    before = Rectangle(-0.5, -1.2, 0.5, -0.2)  # of the side that it does not swing to
+    stage = find_stage(home, ("bedroom",), before, site="door")
+    opening = home.plan.openings[stage.fixture]
+    assert stage.pose == opening.pose and opening.rooms[1] == stage.room.name
+    assert stage.room.inside.contains(before.moved(opening.pose))
+
+
+def test_a_scene_without_people_reports_the_same_safety_keys(scripted: CareEnv) -> None:
+    world = World()
+    person = Human("kim", load_avatar("kim"), posture=load_posture("standing"), movable=())
+    person.spawn(world, Pose())
+    measured = SafetyMeter(person, world, [], force_limit=20.0).metrics()
+    world.close()
+    assert set(measured) == set(NOBODY)
+    scripted.reset(seed=0)
+    assert set(NOBODY) <= set(task_of(scripted).metrics())
+    assert math.isclose(sum(NOBODY.values()), 0.0)
