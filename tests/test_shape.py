@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -144,6 +145,6 @@ def test_a_rounded_box_is_as_large_as_it_says_and_holds_what_it_should() -> None
         ({"kind": "lathe"}, "needs `profile`"),
     ],
 )
-def test_a_shape_that_cannot_be_is_refused(fields: dict[str, object], words: str) -> None:
+def test_a_shape_that_cannot_be_is_refused(fields: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         Shape(**fields)
