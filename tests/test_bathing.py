@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+from episode import play
 
 import rcare_marl
 from rcare_marl import assets
@@ -25,9 +26,7 @@ def task_of(env: CareEnv) -> Bathing:
 
 
 def run(env: CareEnv, seed: int) -> Bathing:
-    env.reset(seed=seed)
-    while not env.is_over:
-        env.step({})
+    play(env, seed)
     return task_of(env)
 
 

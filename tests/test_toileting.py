@@ -8,6 +8,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+from episode import play
 
 import rcare_marl
 from rcare_marl import assets
@@ -33,9 +34,7 @@ def task_of(env: CareEnv) -> Toileting:
 
 
 def run(env: CareEnv, seed: int) -> Toileting:
-    env.reset(seed=seed)
-    while not env.is_over:
-        env.step({})
+    play(env, seed)
     return task_of(env)
 
 

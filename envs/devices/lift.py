@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 from typing import TYPE_CHECKING
 
 from rcare_marl.body import Body
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from rcare_marl.agents.human import Human
 
 
-class Lift(Device):
+class Lift(Device, abc.ABC):
     """A device that raises people in a sling.
 
     Attributes:
@@ -32,9 +33,9 @@ class Lift(Device):
         self.postures = {"slung": (bar.sling.config.posture, "sling")}
 
     @property
+    @abc.abstractmethod
     def safe_load(self) -> float:
         """Greatest weight of a person [kg]."""
-        raise NotImplementedError
 
     def frame_in_world(self, name: str) -> Pose:
         self.frame(name)
