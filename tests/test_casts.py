@@ -1,0 +1,97 @@
+"""Promises that every task keeps with other robots and people, and at every level of accessibility."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from episode import assert_same, rollout
+from pettingzoo.test.parallel_test import parallel_api_test
+
+import rcare_marl
+from rcare_marl import assets
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.robot import Robot
+from rcare_marl.envs.homes.rule import LEVELS
+from rcare_marl.envs.registry import task_class
+from rcare_marl.envs.task import Role
+from rcare_marl.errors import ConfigError
+
+HOME = "house_08"  # its doors have room for a wheelchair even at level 1
+TASKS = rcare_marl.task_names()
+ROBOTS = assets.names("robots")
+PEOPLE = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
+
+# The robots that reach: the table of docs/tasks.md.
+ON_CHAIR = {"fetch", "franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stretch_re1", "ur5"}
+REACH = {
+    "ambulating": ON_CHAIR - {"pr2", "stretch_re1"},
+    "bathing": ON_CHAIR | {"hsr", "pepper", "stretch_re1_dex"},
+    "feeding": ON_CHAIR | {"stretch_re1_dex"},
+    "limb_repositioning": {"franka_panda", "kinova_gen3"},
+    "toileting": ON_CHAIR | {"hsr", "stretch_re1_dex"},
+}
+
+
+def casts() -> list[Any]:
+    """Return every task with every robot and every person; beyond one of each they are slow."""
+    cases = []
+    for task in TASKS:
+        for role, part in task_class(task).roles().items():
+            others = [o for o in (ROBOTS if part.kind is Robot else PEOPLE) if o != part.default]
+            if part.default is None:
+                continue
+            quick = next((o for o in others if role != "robot" or o in REACH[task]), None)
+            cases += [
+                pytest.param(
+                    task, role, other, id=f"{task}-{role}-{other}",
+                    marks=() if other == quick else pytest.mark.slow,
+                )
+                for other in others
+            ]  # fmt: skip
+    return cases
+
+
+def check(task: str, **chosen: Any) -> None:
+    """Hold an environment to PettingZoo's interface, and to repeating an episode bit by bit."""
+    env, other = rcare_marl.make(task, **chosen), rcare_marl.make(task, **chosen)
+    parallel_api_test(env, num_cycles=30)
+    first = list(rollout(env, 3, steps=10))
+    assert_same(first, list(rollout(env, 3, steps=10)))
+    assert_same(first, list(rollout(other, 3, steps=10)))
+    env.close()
+    other.close()
+
+
+def is_refused(task: str, role: Role[Any], name: str) -> bool:
+    return role.kind is Robot and name not in REACH[task]
+
+
+@pytest.mark.parametrize(("task", "role", "other"), casts())
+def test_another_cast_keeps_the_promises_or_is_told_that_it_does_not_reach(
+    task: str, role: str, other: str
+) -> None:
+    part = task_class(task).roles()[role]
+    assert part.kind in (Robot, Human)
+    if is_refused(task, part, other):
+        with pytest.raises(ConfigError, match="has no arm that reaches"):
+            rcare_marl.make(task, **{role: other})
+    else:
+        check(task, **{role: other})
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("task", [t for t in TASKS if task_class(t).site])
+def test_a_task_at_a_fixture_keeps_the_promises_at_every_level(task: str, level: int) -> None:
+    check(task, level=level)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("task", TASKS)
+def test_a_task_in_a_home_keeps_the_promises_at_every_level(task: str, level: int) -> None:
+    check(task, home=HOME, level=level)
+
+
+def test_the_table_names_robots_that_there_are() -> None:
+    assert {name for names in REACH.values() for name in names} <= set(ROBOTS)
