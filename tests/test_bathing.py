@@ -238,7 +238,7 @@ def test_shaped_rewards_pay_for_wiping() -> None:
         env.step({})
         terms = task_of(env).rewards("robot")
         wiped += terms["wiped"]
-    weights = bathing.SHAPED_WEIGHTS
+    weights = bathing.BathingOptions.SHAPED_WEIGHTS
     assert wiped == pytest.approx(weights["wiped"] * task_of(env).coverage())
     assert terms["reached"] == weights["reached"]
     env.close()

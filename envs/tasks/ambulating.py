@@ -30,11 +30,12 @@ from ..registry import register_task
 from ..rewards import tolerance
 from ..safety import SafetyMeter
 from ..task import Role, Task
+from ..task_options import TaskOptions
 
 # [rad] that a handle is turned when the latch is free: that of our doors. The paper has a threshold.
 TURNED = {"knob": RELEASE * KNOB_TURN, "lever": RELEASE * LEVER_TURN}
 WIDE_ENOUGH = 0.7  # [m] that a panel must be open: a wheelchair of 0.66 m and hands; our own choice
-FORCE_LIMIT = 20.0  # [N] on the person; comfort ended there for the user of the RCareWorld paper
+COMFORT_FORCE = 10.0  # [N] free of penalty below: Assistive Gym, config.ini
 TIME_LIMIT = 30.0  # [s]; our own choice
 # [N] from which `tool_delta` gives way, of 15 N else: hardware asks for up to 35 N.
 CONTACT_FORCE = 60.0  # our own choice
@@ -43,11 +44,10 @@ BEFORE = 0.14  # [m] from the handle to the tool at the start; our own choice
 START_SPREAD = (0.05, 0.03, 0.05)  # [m] along the wall, out, up; uniform, each way; our own choice
 # [m] along and off the wall from the middle of the handle's way to where the robot is mounted.
 BASE_AT = (0.0, -0.7)  # our own choice
-SHAPED_WEIGHTS = {"approach": 0.3, "progress": 0.7, "comfort": 0.5}  # our own choice
 
 
 @dataclass(frozen=True)
-class AmbulatingOptions:
+class AmbulatingOptions(TaskOptions):
     """Settings of the ambulating task.
 
     Attributes:
@@ -57,13 +57,9 @@ class AmbulatingOptions:
         force_limit: Force on the person that ends the episode as a failure [N].
     """
 
-    reward: Literal["paper", "shaped"] = "paper"
-    mount: Literal["handle", "left", "right"] = "handle"
-    force_limit: float = FORCE_LIMIT
+    SHAPED_WEIGHTS = {"approach": 0.3, "progress": 0.7, "comfort": 0.5}  # our own choice
 
-    def __post_init__(self) -> None:
-        if not self.force_limit > 0:
-            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
+    mount: Literal["handle", "left", "right"] = "handle"
 
 
 @register_task("ambulating")
@@ -226,11 +222,10 @@ class Ambulating(Task):
         if self.options.reward == "shaped":
             share = min(max(self._progress, 0.0), 1.0)
             near = tolerance(float(np.linalg.norm(self._gap)), bounds=(0, 0.05), margin=0.3)
-            comfort = 0.5 * self.options.force_limit
-            excess = max(self._safety.force - comfort, 0.0) / comfort
-            terms = {"approach": max(near, share), "progress": share, "comfort": -min(excess, 1.0)}
-            terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
-            best = SHAPED_WEIGHTS["approach"] + SHAPED_WEIGHTS["progress"]
+            excess = self.options.discomfort(self._safety.force, COMFORT_FORCE)
+            terms = {"approach": max(near, share), "progress": share, "comfort": -excess}
+            terms = self.options.weighted(terms)
+            best = self.options.weight("approach") + self.options.weight("progress")
         left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
         terms["opened"] = best * left if self.is_success() else 0.0
         return terms

@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -27,9 +26,9 @@ from ..homes.rectangle import Rectangle
 from ..registry import register_task
 from ..safety import SafetyMeter
 from ..task import Role, Task
+from ..task_options import FORCE_LIMIT, TaskOptions
 from ..wiped_skin import WipedSkin, pad
 
-FORCE_LIMIT = 20.0  # [N] on the person; comfort ended there for the user of the RCareWorld paper
 COMFORT_FORCE = 12.0  # [N] above it PhyRC's bathing takes points; used by the shaped reward
 REACHED = 0.025  # [m] from target to the middle of the sponge's face: Assistive Gym, bed_bathing.py
 LEAST_FORCE = 0.3  # [N] with which a sponge wipes; own choice
@@ -50,14 +49,13 @@ ROBOT_RADIUS = 0.35  # [m] of a robot on the floor; own choice
 TIME_LIMIT = 20.0  # [s], 200 control steps, as in Assistive Gym
 FORCE_WEIGHT = 0.01  # [1/N] of force against metres: Assistive Gym, config.ini
 HURT = 1.0 + FORCE_WEIGHT * FORCE_LIMIT  # a step that is left when someone was hurt: own choice
-SHAPED_WEIGHTS = {"distance": 1.0, "wiped": 10.0, "comfort": 0.5, "reached": 10.0}  # own choice
 
 SIDE = "left"  # of the arm: that of the paper's trial
 MOVABLE = (f"{SIDE}_shoulder", f"{SIDE}_elbow_flexion")
 
 
 @dataclass(frozen=True)
-class BathingOptions:
+class BathingOptions(TaskOptions):
     """Settings of the bathing task.
 
     Attributes:
@@ -66,13 +64,12 @@ class BathingOptions:
         least_coverage: Share of the upper arm's upper side that must be wiped for success.
     """
 
-    reward: Literal["paper", "shaped"] = "paper"
-    force_limit: float = FORCE_LIMIT
+    SHAPED_WEIGHTS = {"distance": 1.0, "wiped": 10.0, "comfort": 0.5, "reached": 10.0}  # own choice
+
     least_coverage: float = LEAST_COVERAGE
 
     def __post_init__(self) -> None:
-        if not self.force_limit > 0:
-            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
+        super().__post_init__()
         if not 0 <= self.least_coverage <= 1:
             raise ValueError(f"least_coverage must lie in 0..1, got {self.least_coverage}")
 
@@ -242,13 +239,11 @@ class Bathing(Task):
     def rewards(self, role: str) -> Mapping[str, float]:
         terms = {"distance": -self._distance, "force": -FORCE_WEIGHT * self._safety.force}
         if self.options.reward == "shaped":
-            limit = self.options.force_limit
-            comfort = min(COMFORT_FORCE, 0.5 * limit)
-            excess = max(self._safety.force - comfort, 0.0) / (limit - comfort)
+            excess = self.options.discomfort(self._safety.force, COMFORT_FORCE)
             reached = float(self.is_success())
             terms = {"distance": -self._distance, "wiped": self._gained, "reached": reached}
-            terms |= {"comfort": -min(excess, 1.0)}
-            terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
+            terms |= {"comfort": -excess}
+            terms = self.options.weighted(terms)
         # All terms of a step are losses: without this, to hurt would end them and pay.
         left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
         terms["hurt"] = -HURT * left if self.is_failure() else 0.0

@@ -28,10 +28,10 @@ from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..safety import SafetyMeter
 from ..task import Role, Task
+from ..task_options import TaskOptions
 
 MOUTH_RADIUS = 0.03  # [m] food within this of the mouth is eaten: Assistive Gym, feeding.py
 LOST_DISTANCE = 0.10  # [m] food farther than this from the spoon is spilled: Assistive Gym
-FORCE_LIMIT = 20.0  # [N] on the person; comfort ended there for the user of the RCareWorld paper
 COMFORT_FORCE = 10.0  # [N] free of penalty below: Assistive Gym, config.ini
 OPEN_MOUTH = math.radians(10)  # of the jaw, before anything can be eaten; our own choice
 MOUTH_IN_FRONT = 0.01  # [m] the target lies this far in front of the lips; our own choice
@@ -44,11 +44,10 @@ SETTLE_STEPS = 240  # physics steps that the food gets to come to rest in the sp
 APART = (0.0, 0.0, -50.0)  # [m] where eaten food is parked: bodies can never be removed
 
 MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw_opening")
-SHAPED_WEIGHTS = {"food": 0.1, "approach": 0.9, "comfort": 0.5, "level": 0.1}  # our own choice
 
 
 @dataclass(frozen=True)
-class FeedingOptions:
+class FeedingOptions(TaskOptions):
     """Settings of the feeding task.
 
     Attributes:
@@ -57,13 +56,9 @@ class FeedingOptions:
         force_limit: Force on the person that ends the episode as a failure [N].
     """
 
-    reward: Literal["paper", "shaped"] = "paper"
-    mount: Literal["left", "right"] = "right"
-    force_limit: float = FORCE_LIMIT
+    SHAPED_WEIGHTS = {"food": 0.1, "approach": 0.9, "comfort": 0.5, "level": 0.1}  # our own choice
 
-    def __post_init__(self) -> None:
-        if not self.force_limit > 0:
-            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
+    mount: Literal["left", "right"] = "right"
 
 
 @register_task("feeding")
@@ -253,12 +248,10 @@ class Feeding(Task):
         # front of the mouth would pay more than to feed.
         best = 2.0
         if self.options.reward == "shaped":
-            limit = self.options.force_limit
-            comfort = min(COMFORT_FORCE, 0.5 * limit)
-            excess = max(self._safety.force - comfort, 0.0) / (limit - comfort)
-            terms |= {"comfort": -min(excess, 1.0), "level": float(self._up[2]) - 1.0}
-            terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
-            best = SHAPED_WEIGHTS["food"] + SHAPED_WEIGHTS["approach"]
+            excess = self.options.discomfort(self._safety.force, COMFORT_FORCE)
+            terms |= {"comfort": -excess, "level": float(self._up[2]) - 1.0}
+            terms = self.options.weighted(terms)
+            best = self.options.weight("food") + self.options.weight("approach")
         left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
         terms["eaten"] = best * left if self.is_success() else 0.0
         return terms

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -30,6 +29,7 @@ from ..rewards import tolerance
 from ..safety import SafetyMeter
 from ..start_posture import start_best
 from ..task import Role, Task
+from ..task_options import TaskOptions
 
 # [N]: a man's arm weighs some 35. Own choice, a quarter of ISO/TS 15066 for a forearm (160, from memory).
 FORCE_LIMIT = 40.0
@@ -58,11 +58,10 @@ SETTLE_STEPS = 1440  # physics steps that the arm gets to come to rest, once
 # The wrist is held straight, as by a resting splint; name it in `movable` to let the hand droop.
 MOVABLE = ("left_shoulder", "left_elbow_flexion", "left_elbow_pronation")
 NEEDED = (*SWING, "left_shoulder_external_rotation")
-SHAPED_WEIGHTS = {"distance": 1.0, "reach": 0.3, "comfort": 0.3, "rest": 0.5}  # our own choice
 
 
 @dataclass(frozen=True)
-class LimbRepositioningOptions:
+class LimbRepositioningOptions(TaskOptions):
     """Settings of the task.
 
     Attributes:
@@ -70,12 +69,9 @@ class LimbRepositioningOptions:
         force_limit: Force on the person that ends the episode as a failure [N].
     """
 
-    reward: Literal["paper", "shaped"] = "paper"
-    force_limit: float = FORCE_LIMIT
+    SHAPED_WEIGHTS = {"distance": 1.0, "reach": 0.3, "comfort": 0.3, "rest": 0.5}  # our own choice
 
-    def __post_init__(self) -> None:
-        if not self.force_limit > 0:
-            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
+    force_limit: float = FORCE_LIMIT
 
 
 @register_task("limb_repositioning")
@@ -227,7 +223,7 @@ class LimbRepositioning(Task):
         speed = math.dist(before, self._middle) / self.control_dt
         self._gap = self.target - self._middle
         self._distance = math.sqrt(float(self._gap @ self._gap))
-        seat = self.seat_pose()
+        self._hook, seat = self.hook()[0], self.seat_pose()
         self._seat, self._seat_turn = np.array(seat.position), np.array(seat.quaternion)
         self._pad_force = self._force_on_pad()
         lies = self._pad_force >= PAD_FORCE and self._distance <= TARGET_RADIUS
@@ -255,7 +251,7 @@ class LimbRepositioning(Task):
     def observables(self, role: str) -> Sequence[Observable]:
         return [
             Observable("seat_position", "m", 3, lambda: self._seat),
-            Observable("seat_to_hook", "m", 3, lambda: self.hook()[0] - self._seat),
+            Observable("seat_to_hook", "m", 3, lambda: self._hook - self._seat),
             Observable("seat_up", "1", 3, lambda: rotate(self._seat_turn, (1.0, 0.0, 0.0))),
             Observable("seat_inward", "1", 3, lambda: rotate(self._seat_turn, (0.0, 0.0, 1.0))),
             Observable("elbow_position", "m", 3, lambda: self.elbow),
@@ -269,14 +265,12 @@ class LimbRepositioning(Task):
     def rewards(self, role: str) -> Mapping[str, float]:
         terms = {"distance": -self._distance}
         if self.options.reward == "shaped":
-            limit = self.options.force_limit
-            comfort = min(COMFORT_FORCE, 0.5 * limit)
-            excess = max(self._safety.force - comfort, 0.0) / (limit - comfort)
-            reach = math.dist(self.hook()[0], self._seat) if self._pad_force < PAD_FORCE else 0.0
+            excess = self.options.discomfort(self._safety.force, COMFORT_FORCE)
+            reach = math.dist(self._hook, self._seat) if self._pad_force < PAD_FORCE else 0.0
             near = tolerance(self._distance, bounds=(0, TARGET_RADIUS), margin=0.2)
-            terms |= {"reach": -reach, "comfort": -min(excess, 1.0)}
+            terms |= {"reach": -reach, "comfort": -excess}
             terms |= {"rest": near - 1.0 if self._pad_force >= PAD_FORCE else -1.0}
-            terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
+            terms = self.options.weighted(terms)
         # Every term is a cost, so that to end well ends the costs. An episode that ends badly is charged
         # as if it had stayed as it was: else to hurt somebody at once would cost least.
         left = max(self.time_limit - self._world.time, 0.0) / self.control_dt

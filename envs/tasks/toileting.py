@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -27,9 +26,9 @@ from ..registry import register_task
 from ..rewards import tolerance
 from ..safety import NOBODY, SafetyMeter
 from ..task import Role, Task
+from ..task_options import TaskOptions
 
 OPEN_ANGLE_DEG = 60.0  # of the lid: the paper has a threshold and does not tell it; our own choice
-FORCE_LIMIT = 20.0  # [N] on a person; comfort ended there for the user of the RCareWorld paper
 GENTLE_FORCE = 30.0  # [N] on the toilet, free of penalty; its lid weighs 12 N; our own choice
 ROUGH_FORCE = (
     100.0  # [N] on the toilet, full penalty: what a lift of Stretch can do; our own choice
@@ -52,11 +51,10 @@ DISTANCES = (
 ASIDES = (0.0, 0.25, -0.25)  # [m] and beside the middle; our own choice
 STAND = 0.5  # [m] height of the stand of an arm that has no base; our own choice
 CLEAR = 0.003  # [m] between robot and toilet at the start
-SHAPED_WEIGHTS = {"approach": 0.3, "open_angle": 0.7, "gentle": 0.2}  # our own choice
 
 
 @dataclass(frozen=True)
-class ToiletingOptions:
+class ToiletingOptions(TaskOptions):
     """Settings of the toileting task.
 
     Attributes:
@@ -66,15 +64,14 @@ class ToiletingOptions:
         force_limit: Force on a person that ends the episode as a failure [N].
     """
 
-    reward: Literal["paper", "shaped"] = "paper"
+    SHAPED_WEIGHTS = {"approach": 0.3, "open_angle": 0.7, "gentle": 0.2}  # our own choice
+
     open_angle_deg: float = OPEN_ANGLE_DEG
-    force_limit: float = FORCE_LIMIT
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not 0 < self.open_angle_deg <= 95:
             raise ValueError(f"open_angle_deg must be in (0, 95], got {self.open_angle_deg}")
-        if not self.force_limit > 0:
-            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
 
 
 @register_task("toileting")
@@ -256,7 +253,7 @@ class Toileting(Task):
             # A lid that is being lifted has been reached, wherever the hand is by then.
             terms = {"approach": max(near, share), "open_angle": share}
             terms["gentle"] = -min(max(rough, 0.0), 1.0)
-            terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
+            terms = self.options.weighted(terms)
         # An episode that ends well is paid as if it had gone on so: else to hold the lid just below
         # its angle would pay more than to open it.
         left = max(self.time_limit - self._world.time, 0.0) / self.control_dt

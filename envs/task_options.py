@@ -1,0 +1,62 @@
+"""Settings that every task has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
+
+from rcare_marl.errors import UnknownNameError
+
+FORCE_LIMIT = 20.0  # [N] on a person; comfort ended there for the user of the RCareWorld paper
+
+
+@dataclass(frozen=True)
+class TaskOptions:
+    """Settings of a task: which reward, how its terms weigh, and how much force is too much.
+
+    Attributes:
+        reward: `paper` as in the RCareWorld paper; `shaped` as the page of the task says.
+        weights: Of terms of the shaped reward by name; those not named keep the weights of the task.
+        force_limit: Force on the person that ends the episode as a failure [N].
+
+    Raises:
+        ValueError: If a value is impossible, or the paper's reward is given weights.
+        UnknownNameError: If the shaped reward has no such term.
+    """
+
+    SHAPED_WEIGHTS: ClassVar[Mapping[str, float]] = {}
+
+    reward: Literal["paper", "shaped"] = "paper"
+    weights: dict[str, float] = field(default_factory=dict)
+    force_limit: float = FORCE_LIMIT
+
+    def __post_init__(self) -> None:
+        if not self.force_limit > 0:
+            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
+        if self.weights and self.reward == "paper":
+            raise ValueError("the paper's reward has no weights: use them with reward 'shaped'")
+        for name in self.weights:
+            if name not in self.SHAPED_WEIGHTS:
+                raise UnknownNameError("term of the shaped reward", name, self.SHAPED_WEIGHTS)
+
+    def weight(self, name: str) -> float:
+        """Return the weight of a term of the shaped reward."""
+        return self.weights.get(name, self.SHAPED_WEIGHTS[name])
+
+    def weighted(self, terms: Mapping[str, float]) -> dict[str, float]:
+        """Return terms of the shaped reward times their weights."""
+        return {name: self.weight(name) * value for name, value in terms.items()}
+
+    def discomfort(self, force: float, comfort: float) -> float:
+        """Return how far a force is from comfortable to the limit, 0 to 1.
+
+        Args:
+            force: On the person [N].
+            comfort: What is comfortable [N]; half the limit if that is less.
+        """
+        free = min(comfort, 0.5 * self.force_limit)
+        return min(max(force - free, 0.0) / (self.force_limit - free), 1.0)
+
+
+__all__ = ["FORCE_LIMIT", "TaskOptions"]
