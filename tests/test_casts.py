@@ -28,7 +28,7 @@ REACH = {
     "ambulating": ON_CHAIR - {"pr2", "stretch_re1"},
     "bathing": ON_CHAIR | {"hsr", "pepper", "stretch_re1_dex"},
     "feeding": ON_CHAIR | {"stretch_re1_dex"},
-    "limb_repositioning": {"franka_panda", "kinova_gen3"},
+    "limb_repositioning": ON_CHAIR - {"stretch_re1"} | {"hsr", "stretch_re1_dex"},
     "toileting": ON_CHAIR | {"hsr", "stretch_re1_dex"},
 }
 

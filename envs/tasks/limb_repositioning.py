@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from rcare_marl.agents.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.control import ToolDelta
 from rcare_marl.agents.human import Human
+from rcare_marl.agents.kinematics import IkResult
 from rcare_marl.agents.policies.go_along import GoAlong
 from rcare_marl.agents.robot import Robot
 from rcare_marl.errors import ConfigError
@@ -31,8 +33,8 @@ from ..start_posture import start_best
 from ..task import Role, Task
 from ..task_options import TaskOptions
 
-# [N]: a man's arm weighs some 35. Own choice, a quarter of ISO/TS 15066 for a forearm (160, from memory).
-FORCE_LIMIT = 40.0
+# [N]: a man's arm weighs 31 to 38. Own choice, a third of ISO/TS 15066 for a forearm (160, from memory).
+FORCE_LIMIT = 50.0
 COMFORT_FORCE = 20.0  # [N] free of penalty in `shaped`: comfort of the user of the RCareWorld paper
 TARGET_RADIUS = 0.05  # [m] from the target to the middle of the forearm; our own choice
 PAD_FORCE = 2.0  # [N] with which forearm and hand weigh on the pad at least; our own choice
@@ -54,6 +56,7 @@ SWING = {  # of the arm out of where it hangs, forward and outward
     "left_shoulder_flexion": math.radians(15),
     "left_elbow_flexion": math.radians(25),
 }
+BESIDE = "wheelchair_beside"  # where robots stand that do not reach the arm from the chair
 SETTLE_STEPS = 1440  # physics steps that the arm gets to come to rest, once
 # The wrist is held straight, as by a resting splint; name it in `movable` to let the hand droop.
 MOVABLE = ("left_shoulder", "left_elbow_flexion", "left_elbow_pronation")
@@ -101,7 +104,7 @@ class LimbRepositioning(Task):
 
     Options = LimbRepositioningOptions
     room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
-    footprint = Rectangle(-0.8, -1.1, 1.2, 1.2)  # [m] the chair, a robot or helper at its side
+    footprint = Rectangle(-0.8, -1.1, 1.2, 1.4)  # [m] the chair, a robot or helper at its side
     time_limit = TIME_LIMIT
     options: LimbRepositioningOptions
 
@@ -111,14 +114,15 @@ class LimbRepositioning(Task):
             raise ConfigError(f"no arm hangs beside an armrest of who is {posture.description}")
         if missing := set(NEEDED) - set(self.recipient.movable):
             raise ConfigError(f"an arm that is to be lifted moves in {', '.join(sorted(missing))}")
-        mount = self.robot.mount_named("wheelchair_left")
+        where = BESIDE if BESIDE in self.robot.config.mounts else "wheelchair_left"
+        mount = self.robot.mount_named(where)
         self.chair = chair_for(mount, "left")
         self.lay_floor(world)
         soles = self.recipient.soles(self.chair.frame("seat_back"))
         self.chair.fit_footplates(soles["left"], soles["right"])
         self.chair.spawn(world).set_friction([-1], lateral=PAD_FRICTION)
         self.recipient.use_arm_rests(None, self.chair.frame_in_world("armrest_right"))
-        base = self.robot.mount("wheelchair_left", self.chair.pose)
+        base = self.robot.mount(where, self.chair.pose)
         if mount.stand:
             add_stand(world, base)
         return {
@@ -160,13 +164,11 @@ class LimbRepositioning(Task):
     def _let_hang(self) -> None:
         """Find once where the arm comes to rest: laid on the armrest by hand, and hanging beside it."""
         person, start = self.recipient, list(self.recipient.positions)
-        laid = {d: person.angle(d.replace("left", "right", 1)) for d in person.movable}
-        person.set_angles(laid)
+        person.set_angles({d: person.angle(d.replace("left", "right", 1)) for d in person.movable})
         self._settle()
-        middle = self._see_arm()
         pad = self.chair.frame_in_world("armrest_left")
         most = 0.5 * self.chair.armrest_size[0] - TARGET_SPREAD[0]
-        along = min(max(float(middle[0] - pad.position[0]), -most), most)
+        along = min(max(float(self._see_arm()[0] - pad.position[0]), -most), most)
         self._place = np.add(pad.position, (along, 0.0, self.radius))
         person.set_angles(dict(zip(person.movable, start, strict=True)))
         self._settle()
@@ -192,16 +194,19 @@ class LimbRepositioning(Task):
         middle, turn = self.hook()
         return self._tool_at(middle - START_OUT * rotate(turn, (0.0, 0.0, 1.0)) + offset, turn)
 
+    @cached_property
+    def _unshifted(self) -> IkResult:  # the same in every episode
+        return self.robot.solve_ik(self._start_pose(np.zeros(3)), seed=self.robot.arm.rest)
+
     def reset(self, rng: np.random.Generator) -> None:
         swing = {dof: rng.uniform(0.0, most) for dof, most in SWING.items()}
-        offset = rng.uniform(-1, 1, 3) * START_SPREAD
-        shift = rng.uniform(-1, 1, 2) * TARGET_SPREAD
+        offset, shift = rng.uniform(-1, 1, 3) * START_SPREAD, rng.uniform(-1, 1, 2) * TARGET_SPREAD
         self.target = self._place + (shift[0], shift[1], 0.0)
         for part in (1.0, 0.5, 0.0):  # less where the robot cannot reach, or the arm swings into it
             self.recipient.set_angles(self._hanging)
             self._see_arm()
-            tool = self._start_pose(part * offset)
-            found = self.robot.solve_ik(tool, seed=self.robot.arm.rest)
+            tool, seed = self._start_pose(part * offset), self.robot.arm.rest
+            found = self.robot.solve_ik(tool, seed=seed) if part else self._unshifted
             self.recipient.set_angles({d: self._hanging[d] + part * a for d, a in swing.items()})
             self.robot.set_posture(found.posture)
             self._cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
@@ -220,14 +225,14 @@ class LimbRepositioning(Task):
         angles, (low, high) = np.array(person.positions), person.passive.T
         self._beyond = max(self._beyond, float((angles - high).max()), float((low - angles).max()))
         before, self._middle = self._middle, self._see_arm()
-        speed = math.dist(before, self._middle) / self.control_dt
         self._gap = self.target - self._middle
         self._distance = math.sqrt(float(self._gap @ self._gap))
         self._hook, seat = self.hook()[0], self.seat_pose()
         self._seat, self._seat_turn = np.array(seat.position), np.array(seat.quaternion)
         self._pad_force = self._force_on_pad()
         lies = self._pad_force >= PAD_FORCE and self._distance <= TARGET_RADIUS
-        rests = lies and speed <= STILL and min(self._gaps()) >= LET_GO
+        is_still = math.dist(before, self._middle) <= STILL * self.control_dt
+        rests = lies and is_still and min(self._gaps()) >= LET_GO
         self._rested = self._rested + self.control_dt if rests else 0.0
 
     def _see_arm(self) -> Array:
@@ -238,15 +243,16 @@ class LimbRepositioning(Task):
 
     def _gaps(self) -> list[float]:
         """Return how far all that robots move is from the person [m], no farther than it matters."""
-        body, world = self.recipient.body, self._world
-        return [world.separation(mover, body, within=2 * LET_GO) for mover in self._movers]
+        gap, body = self._world.separation, self.recipient.body
+        return [gap(mover, body, within=2 * LET_GO) for mover in self._movers]
 
     def _force_on_pad(self) -> float:
         """Return how forearm and hand weigh on the pad [N], not at all unless the forearm touches it."""
         person, chair = self.recipient.body, self.chair.body
         force = self.chair.load_on_armrest("left", self._world, person, self._lower_arm)
-        gap = self._world.separation(person, chair, within=2 * TOUCH, links=(self._forearm, -1))
-        return force if gap <= TOUCH else 0.0
+        gap, links = self._world.separation, (self._forearm, -1)
+        is_near = force > 0 and gap(person, chair, within=2 * TOUCH, links=links) <= TOUCH
+        return force if is_near else 0.0
 
     def observables(self, role: str) -> Sequence[Observable]:
         return [
