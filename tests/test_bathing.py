@@ -65,20 +65,6 @@ def test_the_scripted_robot_bathes_natalia_gently(scripted: CareEnv, seed: int) 
 
 
 @pytest.mark.slow
-def test_the_scripted_robot_succeeds_in_ninety_five_of_a_hundred_episodes(
-    scripted: CareEnv,
-) -> None:
-    assert sum(run(scripted, seed).is_success() for seed in range(100)) >= 95
-
-
-@pytest.mark.slow
-def test_a_random_robot_hardly_ever_bathes_anybody() -> None:
-    env = rcare_marl.make("bathing", policies={"robot": "random", "recipient": "random"})
-    assert sum(run(env, seed).is_success() for seed in range(50)) == 0
-    env.close()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("avatar", assets.names("avatars"))
 def test_every_avatar_can_be_bathed(avatar: str) -> None:
     env = rcare_marl.make("bathing", recipient=avatar, policies=BOTH)

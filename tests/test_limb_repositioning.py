@@ -48,19 +48,6 @@ def test_the_scripted_robot_lays_the_arm_of_jose_on_the_armrest(scripted: CareEn
     assert sum(run(scripted, seed).is_success() for seed in range(5)) >= 4
 
 
-@pytest.mark.slow
-def test_the_scripted_robot_succeeds_in_ninety_of_a_hundred_episodes(scripted: CareEnv) -> None:
-    assert sum(run(scripted, seed).is_success() for seed in range(100)) >= 90
-
-
-@pytest.mark.slow
-def test_acting_at_random_fails() -> None:
-    policies = {"robot": "random", "recipient": "random"}
-    env = rcare_marl.make("limb_repositioning", policies=policies)
-    assert sum(run(env, seed).is_success() for seed in range(50)) == 0
-    env.close()
-
-
 def test_an_arm_that_was_laid_there_lies_by_its_weight_within_its_passive_range(
     scripted: CareEnv,
 ) -> None:

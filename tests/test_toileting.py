@@ -60,13 +60,6 @@ def test_the_scripted_robot_succeeds_in_ninety_five_of_a_hundred_episodes(level:
     env.close()
 
 
-@pytest.mark.slow
-def test_a_random_robot_opens_next_to_nothing() -> None:
-    env = rcare_marl.make("toileting", policies={"robot": "random"})
-    assert sum(run(env, seed).is_success() for seed in range(100)) < 2
-    env.close()
-
-
 @pytest.mark.parametrize("level", LEVELS)
 def test_on_a_bare_floor_the_toilet_is_as_high_as_its_level_says(level: int) -> None:
     env = rcare_marl.make("toileting", level=level, policies=SCRIPTED)

@@ -1,0 +1,60 @@
+"""How often tasks succeed: by the scripted robot nearly always, by a random one hardly ever."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from episode import play
+
+import rcare_marl
+from rcare_marl.envs.homes.rule import LEVELS
+from rcare_marl.envs.registry import task_class
+
+EPISODES = 100
+LEAST = {  # of a hundred episodes with the default cast
+    "ambulating": 95,
+    "bathing": 95,
+    "dressing": 85,
+    "drinking": 90,
+    "feeding": 95,
+    "limb_repositioning": 85,
+    "toileting": 95,
+}
+
+
+def cases() -> list[tuple[str, dict[str, Any]]]:
+    """Return all tasks, with a door of each level."""
+    return [
+        (task, place)
+        for task in LEAST
+        for place in ([{"level": level} for level in LEVELS] if task == "ambulating" else [{}])
+    ]
+
+
+NAMES = ["-".join([task, *map(str, place.values())]) for task, place in cases()]
+
+
+def successes(task: str, place: dict[str, Any], robot: str) -> int:
+    """Return in how many episodes a task succeeds, by a robot with that policy and its usual partners."""
+    roles = task_class(task).roles()
+    policies = {n: r.partner for n, r in roles.items() if r.partner and r.default is not None}
+    env = rcare_marl.make(task, policies={**policies, "robot": robot}, **place)
+    count = 0
+    for seed in range(EPISODES):
+        play(env, seed)
+        count += env.task.is_success()
+    env.close()
+    return count
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("task", "place"), cases(), ids=NAMES)
+def test_the_scripted_robot_succeeds_as_often_as_promised(task: str, place: dict[str, Any]) -> None:
+    assert successes(task, place, "scripted") >= LEAST[task]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("task", "place"), cases(), ids=NAMES)
+def test_a_random_robot_hardly_ever_succeeds(task: str, place: dict[str, Any]) -> None:
+    assert successes(task, place, "random") < 0.02 * EPISODES
