@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import partial
+from typing import Any
 
 
 class RcareError(Exception):
@@ -34,6 +36,11 @@ class MissingPackageError(RcareError, ImportError):
     def __init__(self, what: str, extra: str = "", *, package: str = "") -> None:
         wanted = package or f"'rcare-marl[{extra}]'"
         super().__init__(f"{what} needs a package that is not installed: pip install {wanted}")
+        self._given = (what, extra, package)
+
+    def __reduce__(self) -> tuple[Any, ...]:  # so that it comes back from another process
+        what, extra, package = self._given
+        return partial(type(self), package=package), (what, extra)
 
 
 class UnknownNameError(RcareError, KeyError):
@@ -44,6 +51,10 @@ class UnknownNameError(RcareError, KeyError):
         near = get_close_matches(name, known, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
         super().__init__(f"no {kind} named {name!r}.{hint} Known: {', '.join(known)}")
+        self._given = (kind, name, known)
+
+    def __reduce__(self) -> tuple[Any, ...]:  # so that it comes back from another process
+        return type(self), self._given
 
     def __str__(self) -> str:
         return str(self.args[0])
