@@ -29,10 +29,13 @@ class Agent(abc.ABC):
         body: Its body, once spawned.
         sensors: What it senses with beyond its own state.
         markers: Fiducial markers on its links.
+        rides: Whether something that moves carries it: its base is free then, to be bonded to that.
+            Set it before `spawn`.
     """
 
     name: str
     body: Body
+    rides: bool = False
     sensors: SensorSuite | None = None
     markers: tuple[MarkerConfig, ...] = ()
 

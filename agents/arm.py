@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numba
 import numpy as np
 
 from rcare_marl.body import Body
@@ -60,8 +61,8 @@ class Arm(JointGroup):
 
     @property
     def is_carried(self) -> bool:
-        """Whether a torso or base moves the arm."""
-        return self._root >= 0
+        """Whether a torso or base moves the arm, or what the robot rides on."""
+        return self._root >= 0 or self.body.is_movable
 
     def room(self, weight: Array) -> Array:
         """Return what the motors have left beside carrying `weight` [N·m or N], shape [n].
@@ -71,15 +72,14 @@ class Arm(JointGroup):
         """
         if self.counterbalanced:
             return self.effort
-        out: Array = np.maximum(self.effort - np.abs(weight), LEAST_ROOM * self.effort)
+        out: Array = _room(self.effort, weight)
         return out
 
     def carry(self, weight: Array, motors: Array) -> Array:
         """Return as much of `weight` as the effort allows beside `motors` [N·m or N], shape [n]."""
         if self.counterbalanced:
             return weight
-        room = np.maximum(self.effort - motors, 0.0)
-        out: Array = np.clip(weight, -room, room)
+        out: Array = _carried(self.effort, weight, motors)
         return out
 
     def solve(self, goal: Pose, seed: Array, *, position_only: bool = False) -> IkResult:
@@ -114,3 +114,20 @@ class Arm(JointGroup):
         upper = np.where(np.isinf(self.upper), np.pi, self.upper)
         anywhere = [rng.uniform(lower, upper) for _ in range(_FAR_SEEDS)]
         return [seed, self.rest, *spread, *anywhere]
+
+
+@numba.njit(cache=True)
+def _room(effort, weight):  # type: ignore[no-untyped-def]
+    out = np.empty(len(effort))
+    for i in range(len(effort)):
+        out[i] = max(effort[i] - abs(weight[i]), LEAST_ROOM * effort[i])
+    return out
+
+
+@numba.njit(cache=True)
+def _carried(effort, weight, motors):  # type: ignore[no-untyped-def]
+    out = np.empty(len(effort))
+    for i in range(len(effort)):
+        room = max(effort[i] - motors[i], 0.0)
+        out[i] = min(max(weight[i], -room), room)
+    return out

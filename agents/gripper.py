@@ -130,6 +130,8 @@ class Gripper:
         names = [name for name in self.joints if name in body.joints]
         self._body, self._indices = body, body.indices(names)
         self._rules = [self.joints[name] for name in names]
+        self._lead, self._followers = self._indices[:1], self._indices[1:]
+        self._follow = self._rules[1:]
         efforts = [body.joint(name).effort for name in names[1:]]
         self._linkage = [max(effort, 2 * self.config.force) for effort in efforts]
         if names:
@@ -167,13 +169,13 @@ class Gripper:
         """
         if len(self._indices) < 2:
             return
-        (position,), (velocity,) = self._body.joint_states(self._indices[:1])
+        (position,), (velocity,) = self._body.joint_states(self._lead)
         self._body.drive_positions(
-            self._indices[1:],
-            [m * position + offset for m, offset in self._rules[1:]],
+            self._followers,
+            [m * position + offset for m, offset in self._follow],
             self._linkage,
             position_gain=LINKAGE_GAIN,
-            velocities=[m * velocity for m, _ in self._rules[1:]],
+            velocities=[m * velocity for m, _ in self._follow],
         )
 
     def advance(self, action: float, duration: float) -> None:

@@ -161,6 +161,7 @@ class Human(Agent):
             avatar, "passive", movable=self.movable, posture=angles, tissue=self._soft
         )
         file = cached(avatar.name.lower().replace(" ", "_"), ".urdf", urdf.text)
+        self._fixed_base = self._fixed_base and not self.rides
         self.body = world.load_urdf(file, self.pelvis, name=self.name, fixed=self._fixed_base)
         self.body.exclude_own_links()
         self.body.set_damping()
@@ -240,15 +241,22 @@ class Human(Agent):
         self._is_tired = True  # perhaps from the last episode
         self._tire()
 
-    def set_angles(self, angles: Mapping[str, float]) -> None:
-        """Teleport movable DoFs to `angles` [rad], by name, kept inside the passive range."""
+    def set_angles(self, angles: Mapping[str, float], *, laid: bool = False) -> None:
+        """Teleport movable DoFs to `angles` [rad], by name, kept inside the passive range.
+
+        With `laid` what holds a weak limb holds it there until the next reset, in place of where the
+        posture has it.
+        """
         for dof, angle in angles.items():
             if dof not in self._index:
                 raise UnknownNameError("movable degree of freedom", dof, self.movable)
             i = self._index[dof]
             value = float(np.clip(angle, *self.passive[i]))
             self.body.set_joints([self._joints[i]], [value])
-            self.drive.target[i] = value
+            if laid:
+                self.drive.lay(i, value)
+            else:
+                self.drive.target[i] = value
 
     def place(self, pelvis: Pose) -> None:
         """Teleport the pelvis to a pose in the world, at rest; a held pelvis is held there."""

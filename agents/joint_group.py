@@ -74,7 +74,13 @@ class JointGroup:
         self.units = tuple("m" if joint.kind == "prismatic" else "rad" for joint in joints)
         self._dofs = [joint.dof for joint in joints]
         self._all = [joint.index for joint in body.joints.values()]
+        self._is_whole = len(self._all) == len(self.indices)
         self._bind_followers(followers or {}, telescope)
+        first = 6 if body.is_movable else 0  # the mass matrix begins with a free base
+        dofs = [first + dof for dof in (*self._dofs, *self._segment_dofs)]
+        self._block = np.ix_(dofs, dofs)  # of the mass matrix
+        self._along = np.eye(len(dofs), len(self))  # joint speeds for each speed of the group
+        self._along[range(len(self), len(dofs)), self._segment_leaders] = self._segment_ways
 
     def _bind_followers(self, followers: Mapping[str, Follow], telescope: Collection[str]) -> None:
         """Find the joints that follow, and share out the effort."""
@@ -145,17 +151,13 @@ class JointGroup:
     def inertial_torques(self, positions: Array, acceleration: Array) -> Array:
         """Return the torques that accelerate the group [N·m or N], shape [n], without speed terms."""
         everything = positions.tolist()
-        if len(self._all) != len(self.indices):
+        if not self._is_whole:
             everything = self.body.joint_states(self._all)[0]
-        matrix = self.body.mass_matrix(everything)
+        matrix = self.body.mass_matrix(everything)[self._block]
         if not self._segments:
-            out: Array = matrix[np.ix_(self._dofs, self._dofs)] @ acceleration
+            out: Array = matrix @ acceleration
             return out
-        dofs = [*self._dofs, *self._segment_dofs]
-        along = np.zeros((len(dofs), len(self)))  # joint speeds for each speed of the group
-        along[range(len(self)), range(len(self))] = 1.0
-        along[range(len(self), len(dofs)), self._segment_leaders] = self._segment_ways
-        coupled: Array = along.T @ matrix[np.ix_(dofs, dofs)] @ along @ acceleration
+        coupled: Array = self._along.T @ matrix @ self._along @ acceleration
         return coupled
 
     def drive_to(

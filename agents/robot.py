@@ -283,19 +283,20 @@ class Robot(Agent):
         self._world = world
         assembly = self.assembly
         self.body = world.load_urdf(
-            assembly.files.urdf, pose, name=self.name, self_collision=self._self_collision
-        )
+            assembly.files.urdf, pose, name=self.name, fixed=not self.rides,
+            self_collision=self._self_collision,
+        )  # fmt: skip
         if self._self_collision:
             self.body.exclude_pairs(touching_links(assembly.files.model, self.body, self.hands))
-        if self.config.contact_stiffness > 0:
-            self.body.set_softness(
-                stiffness=self.config.contact_stiffness, damping=self.config.contact_damping
-            )
+        if (c := self.config).contact_stiffness > 0:
+            self.body.set_softness(stiffness=c.contact_stiffness, damping=c.contact_damping)
         for gripper in assembly.grippers.values():
             gripper.bind(self.body)
         self._grippers = [g for g in assembly.grippers.values() if g.is_movable]
         for name in self.moves:
             self.parts[name] = self._make_part(world, assembly, name)
+        controls = [part.control for part in self.parts.values()]
+        self._acting = [control.actuate for control in controls if control.needs_actuation]
         carries = self._control_name in WEIGHT_CARRYING
         self._balanced = [
             arm
@@ -310,13 +311,9 @@ class Robot(Agent):
         if name in config.arms:
             chain = assembly.chains[name]
             arm = Arm(
-                world,
-                self.body,
-                chain,
-                [assembly.start[j] for j in chain.joints],
-                _following(assembly, chain.joints),
-                assembly.roots[name],
-            )
+                world, self.body, chain, [assembly.start[j] for j in chain.joints],
+                _following(assembly, chain.joints), assembly.roots[name],
+            )  # fmt: skip
             arm.counterbalanced = config.arms[name].counterbalanced
             self.arms[name] = arm
             control = make_control(self._control_name, arm)
@@ -383,13 +380,16 @@ class Robot(Agent):
 
     @property
     def needs_actuation(self) -> bool:
-        return bool(self._grippers or self._balanced) or any(
-            part.control.needs_actuation for part in self.parts.values()
-        )
+        return bool(self._grippers or self._balanced or self._acting)
+
+    def add_part(self, part: Part) -> None:
+        """Let actions move `part` too, such as what the robot rides on; after `spawn`."""
+        self.parts[part.name] = part
+        self._acting.append(part.control.actuate)
 
     def actuate(self) -> None:
-        for part in self.parts.values():
-            part.control.actuate()
+        for act in self._acting:
+            act()
         for arm in self._balanced:
             arm.drive_torques(arm.chain.gravity_torques(arm.positions()).tolist())
         for gripper in self._grippers:

@@ -47,14 +47,14 @@ class Part:
         """
         self.name, self.control, self.joints = name, control, joints
         self._base, self._tool, self._prefix = base, tool, prefix
+        if joints is not None:  # a continuous joint is at the same place every turn
+            self._period = np.where(np.isinf(joints.upper), 2 * np.pi, 1e9)
 
     def sense(self) -> None:
         """Read the state once, for all observables."""
         if self.joints is not None:
             positions, self._velocities, _ = self.joints.read()
-            # A continuous joint is at the same place every turn.
-            period = np.where(np.isinf(self.joints.upper), 2 * np.pi, 1e9)
-            self._positions = positions - period * np.rint(positions / period)
+            self._positions = positions - self._period * np.rint(positions / self._period)
         if self._tool is not None:
             pose = self._tool()
             self._tool_position = pose.position
@@ -66,8 +66,8 @@ class Part:
             return [closing(self.name, self.control.gripper)]
         if self._base is not None:
             return [
-                Observable("base_place", "m or rad", 3, self._base.place),
-                Observable("base_velocity", "m/s or rad/s", 3, self._base.velocity),
+                Observable(f"{self.name}_place", "m or rad", 3, self._base.place),
+                Observable(f"{self.name}_velocity", "m/s or rad/s", 3, self._base.velocity),
             ]
         assert self.joints is not None  # or it is a gripper or a base
         unit = "rad" if set(self.joints.units) == {"rad"} else "rad or m"

@@ -11,11 +11,12 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import platform
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit  # type: ignore[import-untyped]
 
 import rcare_marl
 from rcare_marl.agents.policy import Policy
@@ -45,6 +46,7 @@ class Episode:
         duration: Simulated time [s].
         returns: Summed reward of each role.
         metrics: What the task reports at the end, see `Task.metrics`.
+        costs: Summed `cost` of each role, see `envs.safety`; none where the task measures none.
     """
 
     seed: int
@@ -53,6 +55,7 @@ class Episode:
     duration: float
     returns: Mapping[str, float]
     metrics: Mapping[str, float]
+    costs: Mapping[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; an event that never came is None."""
@@ -62,6 +65,7 @@ class Episode:
             "steps": self.steps,
             "duration_s": round(self.duration, 6),
             "returns": dict(self.returns),
+            "costs": dict(self.costs),
             "metrics": {name: _came(name, value) for name, value in self.metrics.items()},
         }
 
@@ -114,8 +118,10 @@ class Evaluation:
     def to_dict(self, *, each: bool = False) -> dict[str, Any]:
         """Return plain values for JSON, the same on every run of the same seeds.
 
-        For each metric of the task there are its `_mean` and `_max` over episodes. `peak_force_n`
-        is the maximum over episodes and `spilled` the sum, since these are what harms.
+        For each metric of the task there are its `_mean` over episodes, the 95 % interval of that as
+        `_interval_95` (None of fewer than two episodes), and its `_max`. `peak_force_n` is the maximum
+        over episodes and `spilled` the sum, since these are what harms. `mean_return` and `mean_cost`
+        are of each role's sums over an episode.
 
         Args:
             each: Whether to list every episode too.
@@ -139,14 +145,13 @@ class Evaluation:
         for name in first.metrics:
             values = self.values(name)
             out[f"{name}_mean"] = float(np.mean(values)) if values else None
+            out[f"{name}_interval_95"] = mean_interval(values)
             out[f"{name}_max"] = max(values) if values else None
         out |= {
             "steps": sum(e.steps for e in self.episodes),
             "steps_mean": float(np.mean([e.steps for e in self.episodes])),
-            "mean_return": {
-                role: float(np.mean([e.returns[role] for e in self.episodes]))
-                for role in first.returns
-            },
+            **_by_role("return", [e.returns for e in self.episodes]),
+            **_by_role("cost", [e.costs for e in self.episodes]),
             "versions": dict(self.versions),
         }
         if each:
@@ -236,19 +241,23 @@ def run_episode(
     for role in env.possible_agents:
         policies[role].reset(np.random.default_rng([seed, order.index(role)]))
     returns = dict.fromkeys(env.possible_agents, 0.0)
+    costs: dict[str, float] = {}
     steps = 0
     if on_step is not None:
         on_step(env)
     while not env.is_over:
         actions = {role: policies[role].act() for role in env.agents}
-        _, rewards, *_ = env.step(actions)  # type: ignore[arg-type]  # float64 will do
+        _, rewards, *_, infos = env.step(actions)  # type: ignore[arg-type]  # float64 will do
         steps += 1
         for role, reward in rewards.items():
             returns[role] += reward
+            if "cost" in infos[role]:
+                costs[role] = costs.get(role, 0.0) + infos[role]["cost"]
         if on_step is not None:
             on_step(env)
+    task = env.task
     return Episode(
-        seed, env.task.is_success(), steps, env.world.time, returns, dict(env.task.metrics())
+        seed, task.is_success(), steps, env.world.time, returns, dict(task.metrics()), costs
     )
 
 
@@ -321,6 +330,29 @@ def model_names(env: CareEnv) -> dict[str, str]:
         facts = agent.describe()
         out[role] = facts.get("avatar") or facts.get("model") or type(agent).__name__
     return out
+
+
+def _by_role(what: str, sums: Sequence[Mapping[str, float]]) -> dict[str, dict[str, Any]]:
+    """Return the mean over episodes of what each role summed up, and its 95 % interval."""
+    values = {role: [each[role] for each in sums] for role in sums[0]}
+    return {
+        f"mean_{what}": {role: float(np.mean(of)) for role, of in values.items()},
+        f"mean_{what}_interval_95": {role: mean_interval(of) for role, of in values.items()},
+    }
+
+
+def mean_interval(values: Sequence[float]) -> list[float] | None:
+    """Return Student's 95 % interval of a mean, [low, high]; None of fewer than two values.
+
+    Source: Student (1908), Biometrika 6, 1-25. Of measures that are never negative, and zero in most
+    episodes, it may begin below zero.
+    """
+    count = len(values)
+    if count < 2:
+        return None
+    mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
+    half = float(stdtrit(count - 1, 0.975)) * spread / math.sqrt(count)
+    return [mean - half, mean + half]
 
 
 def wilson_interval(successes: int, count: int, quantile: float = NORMAL_95) -> tuple[float, float]:

@@ -248,7 +248,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             self.render()
         return (
             {role: self._vectors[role].read() for role in self.agents},
-            {role: self._info(self.task.rewards(role)) for role in self.agents},
+            self._infos({role: self.task.rewards(role) for role in self.agents}),
         )
 
     def step(
@@ -287,7 +287,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         done = task.is_success() or task.is_failure()
         late = world.time >= task.time_limit - 1e-9
         observations = {role: self._vectors[role].read() for role in roles}
-        infos = {role: self._info(terms[role]) for role in roles}
+        infos = self._infos(terms)
         if done or late:
             self.agents, self.is_over = [], True
         if self.render_mode == "human":
@@ -307,8 +307,9 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             suite.sense()
         self.task.after_step()
 
-    def _info(self, terms: Mapping[str, float]) -> dict[str, Any]:
-        return {"success": float(self.task.is_success()), **self.task.metrics(), **terms}
+    def _infos(self, terms: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Any]]:
+        shared = {"success": float(self.task.is_success()), **self.task.metrics()}
+        return {role: {**shared, **own} for role, own in terms.items()}
 
     def _checked(self, actions: Mapping[str, Action]) -> dict[str, Array]:
         if self.is_over:

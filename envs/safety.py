@@ -49,13 +49,15 @@ class SafetyMeter:
             movers: Robots and tools whose speed near the person counts.
             force_limit: Force at which the cost is full [N].
         """
-        self._person, self._world, self._movers = person, world, tuple(movers)
+        self._person, self._world = person, world
+        self._movers = [(body, link) for body in movers for link in _moving_links(body)]
         self._limit = force_limit
         self._spared = {body.uid for body in person.supports} | {person.body.uid}
-        self._spared |= {b.uid for b in world.bodies if not (b.joints or b.is_movable)}
+        if not person.rides:  # who rides can be driven against what stands still
+            self._spared |= {b.uid for b in world.bodies if not (b.joints or b.is_movable)}
         model = physiology_model()
         self._region = {joint: model.region(joint) for joint in person.segments}
-        self._low, self._high = np.reshape(person.passive, (-1, 2)).T
+        self._range = person.passive.tolist()
         self.reset()
 
     def reset(self) -> None:
@@ -69,17 +71,15 @@ class SafetyMeter:
 
     def after_substep(self) -> None:
         """Look at the contacts of a physics step."""
-        if self._world.contact_force(self._person.body) == 0.0:
+        found = self._world.pressing(self._person.body, self._spared)
+        if not found:
             return
         forces: dict[str, float] = {}
         points: dict[str, list[tuple[float, ...]]] = {}
-        for touch in self._world.touches(self._person.body):
-            if touch.other not in self._spared:
-                joint = self._person.segment_at(touch.link, np.array(touch.position))
-                forces[joint] = forces.get(joint, 0.0) + touch.force
-                points.setdefault(joint, []).append(touch.position)
-        if not forces:
-            return
+        for link, position, force in found:
+            joint = self._person.segment_at(link, np.array(position))
+            forces[joint] = forces.get(joint, 0.0) + force
+            points.setdefault(joint, []).append(position)
         regions = dict.fromkeys(REGIONS, 0.0)
         for joint, force in forces.items():
             regions[self._region[joint]] += force
@@ -95,20 +95,25 @@ class SafetyMeter:
         """Look at posture, speed and pain at the end of a control step of `duration` [s]."""
         self.force, self._step_force = self._step_force, 0.0
         self.peak_force = max(self.peak_force, self.force)
-        angles = np.array(self._person.positions)
-        over = np.maximum(angles - self._high, self._low - angles)
-        self._beyond = math.degrees(float(np.maximum(over, 0.0).sum())) if len(over) else 0.0
+        over = 0.0
+        for angle, (low, high) in zip(self._person.positions, self._range, strict=True):
+            if not low <= angle <= high:
+                over += max(low - angle, angle - high)
+        self._beyond = math.degrees(over)
         self._prom += self._beyond * duration
         self._speed = self._approach(duration)
         self._top_speed = max(self._top_speed, self._speed)
         self._pain = max(self._pain, self._person.physiology.pain)
 
     def _approach(self, duration: float) -> float:
-        """Return how fast the nearest mover came closer [m/s], if it is near."""
-        body, before = self._person.body, self._gaps
-        self._gaps = [self._world.separation(m, body, within=NEAR) for m in self._movers]
+        """Return how fast the link of a mover that is near came closer, of the fastest [m/s].
+
+        Link by link: else the foot of an arm beside the person would hide its hand.
+        """
+        person, before, near = self._person.body, self._gaps, self._world.separation
+        self._gaps = [near(m, person, within=NEAR, links=(link, None)) for m, link in self._movers]
         pairs = zip(before, self._gaps, strict=False)
-        return max([0.0, *((a - b) / duration for a, b in pairs if b < NEAR)])
+        return max([0.0, *[(a - b) / duration for a, b in pairs if b < NEAR]])
 
     @property
     def cost(self) -> float:
@@ -144,6 +149,14 @@ def patch_area(points: Sequence[Sequence[float]]) -> float:
     """
     _, middle, longest = np.sort(np.ptp(np.array(points), axis=0)).tolist()
     return max(middle * longest, LEAST_PATCH)
+
+
+def _moving_links(body: Body) -> list[int]:
+    """Return the links with a collision shape that can move, the base among them if it is free."""
+    if body.is_movable:
+        return body.solid_links()
+    carried = {link for joint in body.joints.values() for link in body.carried_by(joint.index)}
+    return [link for link in body.solid_links() if link in carried]
 
 
 # What is reported of a scene without people: the keys of `SafetyMeter.metrics`.

@@ -105,20 +105,21 @@ def matrix_from_quaternion(q: Vector) -> Array:
 
 def quaternion_from_matrix(matrix: Array) -> Array:
     """Return the quaternion of a rotation matrix, shape [4], with w >= 0 (Shepperd's method)."""
-    m = np.asarray(matrix, np.float64)
-    trace = m[0, 0] + m[1, 1] + m[2, 2]
-    choices = (m[0, 0], m[1, 1], m[2, 2], trace)
-    i = int(np.argmax(choices))
-    q = np.empty(4)
+    m = np.asarray(matrix, np.float64).tolist()  # plain numbers: see `_product`
+    trace = m[0][0] + m[1][1] + m[2][2]
+    choices = (m[0][0], m[1][1], m[2][2], trace)
+    i = choices.index(max(choices))
     if i == 3:
-        q[:] = (m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1 + trace)
+        values = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1], 1 + trace]
     else:
         j, k = (i + 1) % 3, (i + 2) % 3
-        q[i] = 1 - trace + 2 * m[i, i]
-        q[j] = m[j, i] + m[i, j]
-        q[k] = m[k, i] + m[i, k]
-        q[3] = m[k, j] - m[j, k]
-    q /= np.linalg.norm(q)
+        values = [0.0] * 4
+        values[i] = 1 - trace + 2 * m[i][i]
+        values[j] = m[j][i] + m[i][j]
+        values[k] = m[k][i] + m[i][k]
+        values[3] = m[k][j] - m[j][k]
+    q = np.array(values)
+    q /= math.sqrt(q.dot(q))
     return q if q[3] >= 0 else -q
 
 

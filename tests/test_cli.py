@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import imageio.v3 as iio
+import pybullet as bullet
 import pytest
 from typer.testing import CliRunner
 
 import rcare_marl
 from rcare_marl.baselines import evaluate as baseline
-from rcare_marl.cli import app
+from rcare_marl.cli import app, benchmark, task_suite
 from rcare_marl.cli.folder import draft, write_whole
+from rcare_marl.envs import task_names
 
 COMMANDS = ("list", "describe", "evaluate", "demo", "play", "bench")
 FILES = {"feeding.json", "feeding.mp4", "feeding.png"}
@@ -78,14 +80,14 @@ def test_describe_tells_actions_observations_and_constants() -> None:
         assert [0, *stops] == [*starts, *(env.observation_space(role).shape or ())]
     env.close()
     assert all(option["about"] for option in facts["options"])
-    limit = next(row for row in facts["constants"] if row["name"] == "FORCE_LIMIT")
-    assert limit["about"].startswith("[N]")
+    radius = next(row for row in facts["constants"] if row["name"] == "MOUTH_RADIUS")
+    assert radius["about"].startswith("[m]")
     assert facts["unplayed_roles"] == ["caregiver"]
 
 
 def test_describe_prints_tables() -> None:
     text = call("describe", "feeding").stdout
-    for word in ("tool_position", "jaw_opening", "FORCE_LIMIT", "force_limit", "eaten"):
+    for word in ("tool_position", "jaw_opening", "MOUTH_RADIUS", "force_limit", "eaten"):
         assert word in text
 
 
@@ -122,7 +124,7 @@ def test_evaluate_takes_a_place_and_records_it() -> None:
 
 def test_evaluate_prints_a_table() -> None:
     text = call("evaluate", "feeding", "--episodes", "1").stdout
-    assert "95 % interval" in text and "1 of 1, 100.0 %" in text
+    assert "95 % interval" in text and "(1 of 1)" in text and "100.0 %" in text
 
 
 @pytest.mark.parametrize(
@@ -254,6 +256,92 @@ def test_bench_prints_one_json_object_with_all_keys() -> None:
     )  # fmt: skip
     assert all(result[key] > 0 for key in keys)
     assert result["steps"] == 4 and result["physics_steps_per_control_step"] == 24
+
+
+def test_bench_tells_what_is_wanted_and_what_is_met() -> None:
+    result = answer("bench", "toileting", "--level", "2", "--steps", "4")
+    assert result["task"] == "toileting" and result["level"] == 2
+    for key, bound in result["wanted"].items():
+        more_is_better = key == "real_time_factor"
+        assert result["met"][key] is (
+            result[key] >= bound if more_is_better else result[key] <= bound
+        )
+
+
+def test_bare_physics_of_a_bench_repeats_what_the_environment_did() -> None:
+    env = rcare_marl.make("feeding")
+    env.reset(seed=3)
+    client, tape = env.world.client, list[benchmark.Entry]()
+    moving = [(body, [j.index for j in body.joints.values()]) for body in env.world.bodies]
+
+    def state() -> list[Any]:
+        return [(b.base_pose(), b.joint_states(indices)) for b, indices in moving]
+
+    before = bullet.saveState(physicsClientId=client)
+    with benchmark.recorded(tape):
+        for _ in range(3):
+            env.step({r: 0.3 * env.action_space(r).high for r in env.agents})
+    after = state()
+    bullet.restoreState(before, physicsClientId=client)
+    assert state() != after
+    assert benchmark.play(tape, client) > 0
+    assert state() == after
+    assert tape.count(None) == 72
+    env.close()
+
+
+def test_bench_all_measures_each_task_at_each_level_of_its_own() -> None:
+    scenes = task_suite.scenes()
+    assert {name for name, _ in scenes} == set(task_names())
+    assert [level for name, level in scenes if name == "ambulating"] == [1, 2, 3]
+    assert [level for name, level in scenes if name == "feeding"] == [None]
+
+
+def fewer_scenes(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+    monkeypatch.setattr(task_suite, "scenes", lambda: [(name, None) for name in names])
+    monkeypatch.setattr(benchmark, "STARTS", 1)
+
+
+def test_bench_all_prints_one_json_object_with_all_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
+    fewer_scenes(monkeypatch, "toileting", "feeding")
+    result = answer("bench", "all", "--steps", "2")
+    assert [row["task"] for row in result["tasks"]] == ["toileting", "feeding"]
+    for row in result["tasks"]:
+        assert min(row[k] for k in ("real_time_factor", "overhead_ratio", "reset_ms")) > 0
+    assert result["complete"] is True and result["import_s"] > 0
+
+
+def test_bench_all_prints_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    fewer_scenes(monkeypatch, "toileting")
+    text = call("bench", "all", "--steps", "2").stdout
+    assert "toileting" in text and "≥ 30" in text and "≤ 1.25" in text
+
+
+def test_bench_all_goes_on_after_a_task_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    fewer_scenes(monkeypatch, "no_such_task", "toileting")
+    result = json.loads(call("bench", "all", "--steps", "2", "--json", code=1).stdout)
+    assert "no_such_task" in result["tasks"][0]["error"]
+    assert result["tasks"][1]["real_time_factor"] > 0 and result["complete"] is False
+
+
+def test_bench_all_that_is_interrupted_keeps_what_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    fewer_scenes(monkeypatch, "toileting", "feeding")
+    measured = benchmark.bench
+
+    def stop_at_second(task: str, *rest: Any) -> Any:
+        if task == "feeding":
+            raise KeyboardInterrupt
+        return measured(task, *rest)
+
+    monkeypatch.setattr(benchmark, "bench", stop_at_second)
+    result = json.loads(call("bench", "all", "--steps", "2", "--json", code=130).stdout)
+    assert [row["task"] for row in result["tasks"]] == ["toileting"] and result["interrupted"]
+
+
+def test_bench_refuses_what_does_not_belong_to_it() -> None:
+    assert "--robot" in call("bench", "all", "--robot", "ur5", code=2).stderr
+    assert "--seconds" in call("bench", "feeding", "--seconds", "2", code=2).stderr
+    assert "Did you mean 'feeding'" in call("bench", "feding", code=2).stderr
 
 
 def test_bench_of_avatars_prints_one_json_object_with_all_keys() -> None:

@@ -12,11 +12,13 @@ from rcare_marl.baselines.evaluate import (
     evaluate,
     lead_policies,
     make_players,
+    mean_interval,
     run_episode,
     wilson_interval,
 )
 from rcare_marl.baselines.recording import Recorder
 from rcare_marl.envs import CareEnv
+from rcare_marl.envs.safety import NOBODY
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.rendering import make_renderer
 
@@ -146,3 +148,32 @@ def test_wilson_interval_matches_published_values() -> None:
         (1, 29, 0.0061, 0.1718),
     ):
         assert wilson_interval(successes, count) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_interval_of_a_mean_is_that_of_student() -> None:
+    # Two-sided 95 % quantile of Student's t with 4 degrees of freedom: 2.776, as in any table.
+    low, high = mean_interval([1.0, 2.0, 3.0, 4.0, 5.0]) or (0.0, 0.0)
+    assert (low, high) == pytest.approx((3 - 2.776 / 2**0.5, 3 + 2.776 / 2**0.5), abs=1e-3)
+    assert mean_interval([7.0]) is None and mean_interval([]) is None
+    assert mean_interval([2.0, 2.0]) == [2.0, 2.0]
+
+
+def test_all_measures_have_an_interval_about_their_mean(scripted: Evaluation) -> None:
+    numbers = scripted.to_dict()
+    for name in (*NOBODY, "distance_m"):
+        low, high = numbers[f"{name}_interval_95"]
+        assert low <= numbers[f"{name}_mean"] <= high
+    for what in ("mean_return", "mean_cost"):
+        for role in ("robot", "recipient"):
+            low, high = numbers[f"{what}_interval_95"][role]
+            assert low <= numbers[what][role] <= high
+
+
+def test_cost_of_an_episode_is_the_sum_of_its_steps() -> None:
+    env = rcare_marl.make("feeding", policies={"recipient": "still"})
+    _, players = make_players(env, "feeding", {"robot": "random"})
+    seen: list[float] = []
+    episode = run_episode(env, players, 3, on_step=lambda e: seen.append(e.task.metrics()["cost"]))
+    assert episode.costs == {"robot": pytest.approx(sum(seen[1:]))}
+    assert episode.to_dict()["costs"] == episode.costs
+    env.close()

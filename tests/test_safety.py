@@ -2,14 +2,17 @@
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
+from urdf_files import BODY, LIMIT, joint, link, urdf
 
+import rcare_marl
 from rcare_marl.agents.avatar import load_avatar, load_posture
 from rcare_marl.agents.human import Human
 from rcare_marl.agents.physiology_model import REGIONS
-from rcare_marl.envs.safety import SLOW, WEIGHTS, SafetyMeter, patch_area
+from rcare_marl.envs.safety import NOBODY, SLOW, WEIGHTS, SafetyMeter, patch_area
 from rcare_marl.pose import Pose
 from rcare_marl.world import GRAVITY, World
 
@@ -91,6 +94,33 @@ def test_only_a_fast_approach_costs(world: World) -> None:
             meter.after_step(STEP)
         assert meter.metrics()["approach_speed_m_s"] == pytest.approx(speed, rel=0.1)
         assert (meter.cost > 0) == (speed > SLOW)
+
+
+def test_a_hand_that_comes_closer_counts_beside_a_foot_that_is_near(
+    world: World, tmp_path: Path
+) -> None:
+    person = lying(world)
+    x, y, z = person.joint_pose("spine2").position
+    solid = '<collision><geometry><box size="0.04 0.04 0.04"/></geometry></collision>'
+    hand = joint("out", "foot", "hand", f'<axis xyz="0 0 1"/>{LIMIT}', kind="prismatic")
+    file = urdf(tmp_path, link("foot", BODY + solid) + link("hand", BODY + solid) + hand)
+    robot = world.load_urdf(file, Pose((x, y, z + 0.2)))
+    meter = SafetyMeter(person, world, [robot], force_limit=40.0)
+    for way in (0.1, 0.1 - 2.0 * SLOW * STEP):  # above the foot, downwards
+        robot.set_joints(robot.indices(["out"]), [way])
+        meter.after_step(STEP)
+    assert meter.metrics()["approach_speed_m_s"] == pytest.approx(2.0 * SLOW, rel=0.1)
+
+
+@pytest.mark.parametrize("task", ["feeding", "toileting"])
+def test_every_agent_is_told_the_cost_of_every_step(task: str) -> None:
+    env = rcare_marl.make(task)
+    env.reset(seed=0)
+    for _ in range(3):
+        *_, infos = env.step({r: 0.1 * env.action_space(r).high for r in env.agents})
+        assert all(infos[role]["cost"] >= 0 for role in env.possible_agents)
+        assert all(infos[role].keys() >= NOBODY.keys() for role in env.possible_agents)
+    env.close()
 
 
 def test_a_point_is_as_large_as_a_fingertip() -> None:

@@ -40,6 +40,9 @@ class Actuation(Protocol):
             gravity: Gravity in the frame of the pelvis [m/s²], shape [3].
         """
 
+    def lay(self, index: int, angle: float) -> None:
+        """Let a DoF pursue `angle` [rad], and furniture hold it there, until the next `reset`."""
+
     def command(self, action: Array, duration: float) -> None:
         """Accept an action for the coming control step of `duration` [s]."""
 

@@ -198,6 +198,9 @@ class MuscleDrive:
         self._bears = np.where(self._is_axial & (borne <= 0.0), 0.0, self._carried)
         self._table[:, loop.CARRIED] = self._bears
 
+    def lay(self, index: int, angle: float) -> None:
+        self.target[index] = self._table[index, loop.POSTURE] = angle
+
     def command(self, action: Array, duration: float) -> None:
         """Excite the muscles, each value in [0, 1].
 

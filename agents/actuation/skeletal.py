@@ -117,6 +117,7 @@ class SkeletalDrive:
         self._shaking = shaking
         # Angles, rates, targets, start; torques: involuntary, of muscles in the last step.
         self._state = np.zeros((6, count))
+        self._posture = posture.copy()
         self._state[3] = posture
         self.target = self._state[2]
         self.target[:] = posture
@@ -133,10 +134,13 @@ class SkeletalDrive:
         return self._rested
 
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
-        self.target[:] = self._state[3]
+        self.target[:] = self._state[3] = self._posture
         if self._shaking is not None:
             self._shaking.reset(rng)
         self._state[4:] = 0.0
+
+    def lay(self, index: int, angle: float) -> None:
+        self.target[index] = self._state[3, index] = angle
 
     def command(self, action: Array, duration: float) -> None:
         """Move each target by `action` times `MAX_SPEED`; active movement ends at the active range."""

@@ -18,12 +18,12 @@ class BaseVelocity:
 
     RAMP = 0.2  # [s]; our own choice
 
-    def __init__(self, base: MobileBase) -> None:
+    def __init__(self, base: MobileBase, name: str = "base") -> None:
         self._base = base
         config = base.config
         slides = ("forward", "left") if config.kind == "omnidirectional" else ("forward",)
         self.size = len(slides) + 1
-        self.names = (*(f"base {way} [m/s]" for way in slides), "base turning [rad/s]")
+        self.names = (*(f"{name} {way} [m/s]" for way in slides), f"{name} turning [rad/s]")
         self.max = np.array([config.speed] * len(slides) + [config.turn])
         self._velocity = np.zeros(3)
 

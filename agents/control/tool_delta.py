@@ -60,6 +60,7 @@ class ToolDelta:
         self._arm = arm
         own = [name for name in arm.names if name not in BASE_JOINTS]
         self._is_base = np.array([name in BASE_JOINTS for name in arm.names])
+        self._has_base = bool(self._is_base.any())
         self._turn_weight = 1.0 if len(own) >= 6 else FEW_JOINTS_TURN
         self._goal = np.zeros((3, 4))
         self._target = np.zeros(len(arm))
@@ -80,7 +81,10 @@ class ToolDelta:
     def _drive(self, speeds: Array, forces: Array, weight: Array) -> None:
         """Drive to the target, within the effort beside the weight of the arm."""
         arm = self._arm
-        forces = np.minimum(forces, np.where(self._is_base, arm.effort, arm.room(weight)))
+        room = arm.room(weight)
+        if self._has_base:
+            room = np.where(self._is_base, arm.effort, room)
+        forces = np.minimum(forces, room)
         self._hold = arm.carry(weight, forces)
         self._hold_list = self._hold.tolist()
         arm.drive_to(self._target, speeds, forces)
@@ -117,7 +121,7 @@ class ToolDelta:
             self.contact_force,
             self._turn_weight,
         )
-        if self._is_base.any():  # it has the whole robot to speed up
+        if self._has_base:  # it has the whole robot to speed up
             forces = np.where(self._is_base, arm.effort, forces)
         self._drive(speeds, forces, weight)
 

@@ -123,7 +123,7 @@ class ArmCradle(Device):
         inward = np.array((0.0, -1.0, 0.0))
         up = math.cos(tilt) * out - math.sin(tilt) * inward
         tip = math.cos(tilt) * inward + math.sin(tilt) * out
-        turned = np.column_stack((up, np.cross(tip, up), tip))
+        turned = np.column_stack((up, _cross(tip, up), tip))
         # A forearm that lies askew needs more of the plate before it meets the wall.
         _, across, skew = (turned.T @ forearm).tolist()
         slope = abs(skew / across) if across else 0.0
@@ -198,6 +198,11 @@ class ArmCradle(Device):
             "handle": (0.2, 0.2, 0.22, 1.0),
         }
         return Model(name="arm_cradle", source=c.source, links={"cradle": link}, materials=colours)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
 
 
 __all__ = ["HOOK_SHARE", "HOOK_SHARE_HANGING", "ArmCradle", "ArmCradleConfig"]

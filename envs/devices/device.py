@@ -68,6 +68,7 @@ class Device(abc.ABC):
     _fixed = True
     _body: Body | None = None
     _client: int
+    _frame_poses: dict[str, Pose]  # of those that were asked for, once it is in a world
 
     @property
     def body(self) -> Body:
@@ -100,9 +101,14 @@ class Device(abc.ABC):
 
     def frame(self, name: str) -> Pose:
         """Return the pose of a named frame in the device; UnknownNameError if there is none."""
-        if name not in self.frames:
-            raise UnknownNameError("frame", name, self.frames)
-        return self.frames[name].pose
+        if self._body is not None and name in self._frame_poses:
+            return self._frame_poses[name]
+        frames = self.frames
+        if name not in frames:
+            raise UnknownNameError("frame", name, frames)
+        if self._body is not None:  # its sizes do not change any more
+            self._frame_poses[name] = frames[name].pose
+        return frames[name].pose
 
     def frame_in_world(self, name: str) -> Pose:
         """Return the present pose of a named frame in the world."""
@@ -117,6 +123,7 @@ class Device(abc.ABC):
         path = write(model, melt_except=self._kept_links())
         body = world.load_urdf(path, pose, name=name or model.name, fixed=self._fixed)
         self._body, self._client = body, world.client
+        self._frame_poses = {}
         for joint, moving in body.joints.items():
             body.release_motors([moving.index], model.joints[joint].friction)
         self.reset()

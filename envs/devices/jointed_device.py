@@ -30,14 +30,14 @@ class JointedDevice(Device):
 
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         # All joints stand at zero until `reset`, which the last line of `Device.spawn` calls.
-        self._world, self._rest = world, dict[str, Pose]()
+        self._world, self._to_base = world, dict[str, Pose]()
         return super().spawn(world, pose, name=name)
 
     def reset(self) -> None:
-        if not self._rest:
+        if not self._to_base:
             base = self.body.base_pose().inverse()
-            self._rest = {
-                link: base @ self.body.link_pose(self.body.link_index(link))
+            self._to_base = {
+                link: (base @ self.body.link_pose(self.body.link_index(link))).inverse()
                 for link in set(self._on.values())
             }
         super().reset()
@@ -47,7 +47,7 @@ class JointedDevice(Device):
         if link is None:
             return super().frame_in_world(name)
         there = self.body.link_pose(self.body.link_index(link))
-        return there @ self._rest[link].inverse() @ self.frame(name)
+        return there @ self._to_base[link] @ self.frame(name)
 
     def carry(self, person: Human, frame: str = "") -> Attachment:
         """Bond a person to what bears them, as by a belt, and return the bond.

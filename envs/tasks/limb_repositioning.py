@@ -49,8 +49,8 @@ PAD_FRICTION = 0.7  # times that of clothes, 0.6; our own choice
 
 # Where an episode starts, uniform; our own choices.
 TARGET_SPREAD = (0.03, 0.008)  # [m] of the target along and across the pad, each way
-START_SPREAD = (0.04, 0.04, 0.05)  # [m] of the cradle along, across and up, each way
-START_OUT = 0.16  # [m] that it starts outside the forearm
+START_SPREAD = (0.03, 0.03, 0.04)  # [m] of the cradle along, across and up, each way
+START_OUT = 0.13  # [m] that it starts outside the forearm
 SWING = {  # of the arm out of where it hangs, forward and outward
     "left_shoulder_abduction": math.radians(10),
     "left_shoulder_flexion": math.radians(15),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 import rcare_marl
-from rcare_marl.errors import RcareError, UnknownNameError
+from rcare_marl.errors import RcareError
 
 from .console import print_error, print_line
 
@@ -352,8 +352,9 @@ def bench(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="TASK|avatars|homes",
-            help="A task, [bold]avatars[/bold] for people or [bold]homes[/bold] for houses.",
+            metavar="TASK|all|avatars|homes",
+            help="A task, [bold]all[/bold] tasks, [bold]avatars[/bold] for people or "
+            "[bold]homes[/bold] for houses.",
         ),
     ],
     steps: Annotated[
@@ -378,10 +379,12 @@ def bench(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Measure speed: of a task, of people with and without muscles and soft tissue, or of houses.
+    """Measure speed: of a task or all of them, of people with and without muscles, or of houses.
 
     A task: steps, resets, import, and what the environment costs on top of the physics;
     overhead_ratio is the time of a control step over that of its physics steps alone.
+
+    all: every task, at every level where it has levels of its own.
 
     avatars: frames of 1/60 s per second of one whole person nodding, the muscle kernel, 1,024 people.
 
@@ -389,51 +392,30 @@ def bench(
 
     Example: rcare-marl bench feeding --json
 
+    Example: rcare-marl bench all
+
     Example: rcare-marl bench homes --home house_07
     """
-    cast = _cast(robot, recipient, caregiver)
-    place = _place(home, level, room)
-    of_people = {"avatar": avatar, "seconds": seconds}
-    if what == "homes":
-        from . import home_benchmark
+    from . import speed
 
-        _refuse({"seed": seed, "room": room, **cast, **of_people}, "bench homes")
-        costs = home_benchmark.bench(home or "house_07", level or 1, steps or 300)
-        if as_json:
-            _print_json(costs)
-        else:
-            home_benchmark.show(costs)
-        return
-    of_task = {"steps": steps, "seed": seed, **cast, **place}
-    if what == "avatars":
-        from . import avatar_benchmark
-
-        _refuse(of_task, "bench avatars")
-        speeds = avatar_benchmark.bench(avatar or "karan", 5.0 if seconds is None else seconds)
-        if as_json:
-            _print_json(speeds)
-        else:
-            avatar_benchmark.show(speeds)
-        return
-    from rcare_marl.envs import task_names
-
-    from . import benchmark
-
-    if what not in task_names():
-        raise UnknownNameError("task", what, (*task_names(), "avatars", "homes"))
-    _refuse(of_people, f"bench {what}")
-    result = benchmark.bench(what, 300 if steps is None else steps, seed or 0, cast | place)
+    options: dict[str, Any] = {
+        "steps": steps,
+        "seed": seed,
+        "home": home,
+        "level": level,
+        "room": room,
+    }
+    options |= {"avatar": avatar, "seconds": seconds, **_cast(robot, recipient, caregiver)}
+    given = {name: value for name, value in options.items() if value is not None}
+    for name in speed.unwanted(what, given):
+        raise typer.BadParameter(f"bench {what} does not take it", param_hint=f"--{name}")
+    result = speed.measure(what, given)
     if as_json:
         _print_json(result)
     else:
-        benchmark.show(result)
-
-
-def _refuse(options: Mapping[str, Any], command: str) -> None:
-    """Say which option does not belong to a command."""
-    for name, value in options.items():
-        if value is not None:
-            raise typer.BadParameter(f"{command} does not take it", param_hint=f"--{name}")
+        speed.show(what, result)
+    if not result.get("complete", True):
+        raise typer.Exit(INTERRUPTED if result["interrupted"] else 1)
 
 
 def _cast(robot: str | None, recipient: str | None, caregiver: str | None) -> dict[str, Any]:

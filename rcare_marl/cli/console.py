@@ -49,12 +49,18 @@ def progress(label: str) -> Progress:
 def table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], **right: bool
 ) -> Table:
-    """Return a table of texts; a column is aligned right where `right` names it so."""
+    """Return a table of texts; a column is aligned right where `right` names it so.
+
+    A row without cells begins a group.
+    """
     out = Table(
         title=Text(title, style="bold"), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
     )
     for column in columns:
         out.add_column(Text(column), justify="right" if right.get(column) else "left")
     for row in rows:
-        out.add_row(*(Text(cell) for cell in row))
+        if row:
+            out.add_row(*(Text(cell) for cell in row))
+        else:
+            out.add_section()
     return out

@@ -13,7 +13,8 @@ from rcare_marl.baselines import evaluate as baseline
 from rcare_marl.baselines.recording import Recorder
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.tasks.feeding import FORCE_LIMIT, MOUTH_RADIUS
+from rcare_marl.envs.task_options import FORCE_LIMIT
+from rcare_marl.envs.tasks.feeding import MOUTH_RADIUS
 
 from .console import console, progress, table
 from .evaluation import successes

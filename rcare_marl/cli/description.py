@@ -68,12 +68,14 @@ def _role(env: CareEnv, task: str, role: str) -> dict[str, Any]:
 
 
 def _options(cls: type[Task], chosen: Any) -> list[dict[str, Any]]:
-    hints, about = typing.get_type_hints(cls.Options), _attributes(cls.Options)
+    hints, about = typing.get_type_hints(cls.Options), dict[str, str]()
+    for base in reversed(cls.Options.__mro__[:-1]):  # without `object`
+        about |= _attributes(base)
     return [
         {
             "name": field.name,
             "type": _shown(hints[field.name]),
-            "default": field.default,
+            "default": _default(field),
             "value": getattr(chosen, field.name),
             "about": about.get(field.name, ""),
         }
@@ -89,9 +91,10 @@ def _shown(hint: Any) -> str:
 
 def _attributes(cls: type) -> dict[str, str]:
     """Return what a class's docstring says of each attribute."""
-    parts = SECTION.split(inspect.getdoc(cls) or "")
-    found = re.findall(r"^\s{4}(\w+): (.*(?:\n\s{5,}.*)*)", parts[-1], re.MULTILINE)
-    return {name: " ".join(text.split()).rstrip(".") for name, text in found}
+    _, _, rest = (inspect.getdoc(cls) or "").partition("Attributes:\n")
+    text = SECTION.split(rest)[0]
+    found = re.findall(r"^\s{4}(\w+): (.*(?:\n\s{5,}.*)*)", text, re.MULTILINE)
+    return {name: " ".join(words.split()).rstrip(".") for name, words in found}
 
 
 def _constants(cls: type[Task]) -> Iterator[dict[str, Any]]:
@@ -168,6 +171,12 @@ def _show_role(role: str, part: Mapping[str, Any]) -> None:
 
 def _slice(start: int, stop: int) -> str:
     return str(start) if stop == start + 1 else f"{start}:{stop}"
+
+
+def _default(field: dataclasses.Field[Any]) -> Any:
+    if field.default_factory is not dataclasses.MISSING:
+        return field.default_factory()
+    return field.default
 
 
 def _value(value: Any) -> str:
