@@ -1,0 +1,346 @@
+"""A fluid: particles that keep their density, run, splash and lie in vessels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..body import Body
+from ..errors import ConfigError
+from ..pose import rotate
+from . import cloth_contact as contact
+from . import fluid_kernel as kernel
+from . import vessel_kernel
+from .collider import Colliders
+from .contact import MEETING
+from .liquid import WATER, Liquid
+from .vessel import Vessel
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int64]
+
+SUBSTEPS, ITERATIONS = 1, 2  # in a physics step of 1/240 s; fewer boil, more cost in proportion
+REACH = 2.0  # of the kernel, in spacings: about 30 neighbours
+REST_SUM = 0.58  # sum of the kernel over neighbours at rest, times spacing³; measured
+SOFTNESS = 1.0  # of the density constraint; quiet from 0.5 on
+FASTEST = 8.0  # [m/s] of a particle
+CONTACT = 0.5  # distance of a particle from a wall, in spacings
+MARGIN = 1.2  # how far pairs are looked for, in reaches
+HURRY = 1.0  # [m/s], speed that a particle may have before it is looked for again
+SHAPE_REACH = 0.004  # [m] beyond what particle and shape move until the next look
+SHAPE_SPEED = 2.0  # [m/s] of a shape: nothing in care moves faster for long
+PARKED = (0.0, 0.0, -50.0)  # [m] where particles are that were taken away
+_PAIRS = 60  # neighbours that one particle can have, on average
+_TOUCHES = 8  # shapes that one particle can be near, on average
+
+
+@dataclass(frozen=True, eq=False)
+class FluidContact:
+    """What a fluid pressed on a link with, in the last physics step.
+
+    Attributes:
+        body: The rigid body.
+        link: Its link.
+        force: On that link, in the world [N], shape [3].
+        point: A point on its line of action in the world [m], shape [3].
+    """
+
+    body: Body
+    link: int
+    force: Array
+    point: Array
+
+
+class Fluid:
+    """Particles of one liquid in the frame of the world. Its `Pool` steps it.
+
+    Attributes:
+        name: Name.
+        spacing: Edge of the cube of liquid that a particle stands for [m].
+        liquid: What it is made of.
+        particle_mass: Mass of a particle [kg].
+        contacts: What it pressed on in the last physics step.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        positions: Array,
+        *,
+        spacing: float,
+        liquid: Liquid = WATER,
+        substeps: int = SUBSTEPS,
+        iterations: int = ITERATIONS,
+    ) -> None:
+        """Prepare a fluid that does not move.
+
+        Args:
+            name: Name.
+            positions: Where its particles are in the world [m], shape [n, 3].
+            spacing: Edge of the cube of liquid that a particle stands for [m].
+            liquid: What it is made of.
+            substeps: Small steps in a physics step.
+            iterations: How often each particle asks for its density in a small step.
+
+        Raises:
+            ConfigError: If there are no particles, or spacing, substeps or iterations are not positive.
+        """
+        given = np.asarray(positions, np.float64)
+        if given.ndim != 2 or given.shape[1] != 3 or not len(given):
+            raise ConfigError(f"positions must have the shape (n, 3), got {given.shape}")
+        if not spacing > 0 or substeps < 1 or iterations < 1:
+            raise ConfigError(
+                f"spacing, substeps and iterations must be above 0, got {spacing}, {substeps}, {iterations}"
+            )
+        self.name, self.spacing, self.liquid = name, spacing, liquid
+        self.substeps, self.iterations = substeps, iterations
+        self.particle_mass = liquid.density_kg_m3 * spacing**3
+        self.contacts: list[FluidContact] = []
+        self._allocate(len(given))
+        self.place(given)
+
+    def _allocate(self, count: int) -> None:
+        self._x = np.empty((count, 4))
+        self._x[:, 3] = 1 / self.particle_mass
+        self._v, self._previous, self._paired = (np.zeros((count, 3)) for _ in range(3))
+        self._is_active = np.ones(count, np.bool_)
+        self._active = np.arange(count)
+        self._near = np.zeros(count, np.int64)
+        # Without a sign an index needs no check whether it counts from the end.
+        self._pairs, self._met = (np.zeros((_PAIRS * count, 2), np.uint32) for _ in range(2))
+        self._weights = np.zeros((_PAIRS * count, 4), np.float32)
+        self._feel = np.zeros((count, vessel_kernel.FEELING), np.float32)
+        self._starts = np.zeros(2 + 2 ** math.ceil(math.log2(2 * count + 1)), np.int64)
+        self._members, self._outside = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        self._cells = np.zeros((count, 4), np.int64)
+        self._touching = np.zeros((_TOUCHES * count, 2), np.uint32)
+        self._pair_count, self._touch_count = -1, 0
+        self._neighbours: tuple[Rows, tuple[int, ...], npt.NDArray[np.intp]] = (
+            np.zeros(0, np.int64),
+            (),
+            np.zeros(0, np.intp),
+        )
+
+    @property
+    def count(self) -> int:
+        """How many particles there are, without those taken away."""
+        return len(self._active)
+
+    @property
+    def size(self) -> int:
+        """How many particles there were at first."""
+        return len(self._x)
+
+    @property
+    def mass(self) -> float:
+        """Mass of the particles that there are [kg]."""
+        return self.count * self.particle_mass
+
+    @property
+    def positions(self) -> Array:
+        """Present positions of all particles in the world [m], shape [n, 3]; see `is_active`."""
+        return self._x[:, :3]
+
+    @property
+    def velocities(self) -> Array:
+        """Present velocities [m/s], shape [n, 3]."""
+        return self._v
+
+    @property
+    def is_active(self) -> npt.NDArray[np.bool_]:
+        """Which particles there are, without those taken away, shape [n]."""
+        return self._is_active
+
+    @property
+    def densities(self) -> npt.NDArray[np.float32]:
+        """Density at each particle in the last step, 1 at rest, shape [n]; of active ones only."""
+        return self._feel[:, kernel.DENSITY]
+
+    def place(self, positions: Array) -> None:
+        """Teleport all particles [m], shape [n, 3]; all are there again and stand still.
+
+        Raises:
+            ConfigError: If the shape is wrong or a value is not finite.
+        """
+        given = np.asarray(positions, np.float64)
+        if given.shape != self._v.shape or not np.isfinite(given).all():
+            raise ConfigError(f"positions must be finite and of the shape {self._v.shape}")
+        self._x[:, :3] = given
+        self._v[:] = 0
+        self._is_active[:] = True
+        self._active = np.arange(len(given))
+        self._forget()
+
+    def take(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.integer]) -> None:
+        """Take particles out of the world: a mask or their numbers."""
+        self._is_active[chosen] = False
+        self._x[chosen, :3], self._v[chosen] = PARKED, 0
+        # Pairs with them are too far apart from now on: no need to find all pairs anew.
+        self._active = np.flatnonzero(self._is_active)
+
+    def _forget(self) -> None:
+        self._pair_count, self._touch_count = -1, 0
+
+    def force_on(self, body: Body, link: int | None = None) -> Array:
+        """Return the force on a body, or on one of its links, in the world [N], shape [3]."""
+        chosen = [
+            c.force for c in self.contacts if c.body is body and (link is None or c.link == link)
+        ]
+        return np.sum(chosen, axis=0) if chosen else np.zeros(3)
+
+    def find_outside(self, vessels: Array) -> Rows:
+        """Return the particles that are in no vessel, or near its rim."""
+        count = vessel_kernel.find_outside(
+            self._x, self._active, vessels, REACH * self.spacing, self._outside
+        )
+        return self._outside[:count].copy()
+
+    def look(
+        self, colliders: Colliders, rows: Rows, meetings: Array, wait: float, outside: Rows
+    ) -> tuple[int, ...]:
+        """Find what particles outside of vessels can meet within `wait` [s].
+
+        Args:
+            colliders: The rigid shapes.
+            rows: Those whose poses are fresh.
+            meetings: Their table as seen from the world.
+            wait: Until the next look [s].
+            outside: Those particles.
+
+        Returns:
+            Rows of the links that it can touch.
+        """
+        x, v = self._x[outside], self._v[outside]
+        tables = (colliders.kinds[rows], colliders.planes, colliders.runs[rows])
+        reach = CONTACT * self.spacing + SHAPE_REACH + SHAPE_SPEED * wait
+        found = np.zeros((_TOUCHES * max(len(outside), 1), 2), np.uint32)
+        count = contact.find_near(
+            x, v, x[:, :3].min(axis=0), x[:, :3].max(axis=0), meetings, *tables,
+            colliders.radii[rows], reach, HURRY, wait, found,
+        )  # fmt: skip
+        met = np.zeros(len(rows), np.bool_)
+        met[found[:count, 1]] = True
+        self._touching[:count, 0] = outside[found[:count, 0]]
+        self._touching[:count, 1] = (np.cumsum(met) - 1)[found[:count, 1]]
+        self._touch_count = count
+        links, owners = np.unique(colliders.shape_links[rows[met]], return_inverse=True)
+        self._neighbours = (rows[met], tuple(links.tolist()), owners.ravel())
+        return self._neighbours[1]
+
+    def ignore_shapes(self) -> None:
+        """Meet no rigid shape until the next `look`."""
+        self._touch_count = 0
+
+    def advance(
+        self,
+        colliders: Colliders,
+        vessels: list[Vessel],
+        table: Array,
+        gravity: Array,
+        period: float,
+    ) -> None:
+        """Simulate one physics step of `period` [s] and push what it met; links must be fresh."""
+        reach = REACH * self.spacing
+        ahead = (self._x, self._v, self._paired, self._active, period)
+        if self._pair_count < 0 or 2 * kernel.drift(*ahead) > (MARGIN - 1) * reach:
+            self._pair_count = kernel.find_pairs(
+                self._x, self._active, MARGIN * reach, self._starts, self._members, self._cells,
+                self._pairs,
+            )  # fmt: skip
+            self._paired[:] = self._x[:, :3]
+        touches, constants = self._touch_count, self._constants(gravity, period)
+        shapes, meetings = _NO_ROWS, _NO_MEETINGS
+        if touches:
+            shapes = self._neighbours[0]
+            meetings = colliders.relate(_WORLD, shapes, self.liquid.friction).astype(np.float64)
+        met_by_shapes = np.zeros((len(shapes), contact.OUTCOME))
+        vessels_now, outcome = table.copy(), np.zeros((len(table), vessel_kernel.OUTCOME))
+        kernel.simulate(
+            self._x, self._v, self._previous, self._active, self._near, self._pairs,
+            self._pair_count, self._met, self._weights, self._feel, constants, self.substeps,
+            self.iterations, vessels_now, table.copy(), outcome, self._touching, touches, meetings,
+            colliders.kinds[shapes], colliders.planes, colliders.runs[shapes], met_by_shapes,
+        )  # fmt: skip
+        self.contacts = []
+        self._push_vessels(vessels, table, outcome, period)
+        if touches:
+            self._push_links(colliders, met_by_shapes, period)
+
+    def _constants(self, gravity: Array, period: float) -> Array:
+        liquid, d, dt = self.liquid, self.spacing, period / self.substeps
+        out = np.empty(kernel.CONSTANTS)
+        out[: kernel.FIELD] = (
+            dt, REACH * d, d**3 / REST_SUM, SOFTNESS, liquid.cohesion,
+            1 - math.exp(-liquid.viscosity_per_s * dt),
+            1 - math.exp(-liquid.wall_drag_per_s * dt), CONTACT * d, FASTEST, self.particle_mass,
+        )  # fmt: skip
+        out[kernel.FIELD :] = gravity
+        return out
+
+    def _push_vessels(
+        self, vessels: list[Vessel], table: Array, outcome: Array, period: float
+    ) -> None:
+        for vessel, row, got in zip(vessels, table, outcome, strict=True):
+            if got.any():
+                sums = np.empty(6)
+                vessel_kernel.sum_up(got, row, period, sums)
+                self._push(vessel.body, vessel.link, sums[:3], sums[3:])
+
+    def _push_links(self, colliders: Colliders, outcome: Array, period: float) -> None:
+        _, links, owners = self._neighbours
+        sums = np.empty((len(links), 7))
+        contact.sum_by_link(outcome, owners, period, _FAR, sums)
+        for place, got in enumerate(sums):
+            if got[6] > 0:
+                body, link = colliders.links[links[place]]
+                self._push(body, link, got[:3].copy(), got[3:6].copy())
+
+    def _push(self, body: Body, link: int, force: Array, point: Array) -> None:
+        self.contacts.append(FluidContact(body, link, force, point))
+        if body.is_movable or body.joints:
+            body.apply_force(link, force.tolist(), point.tolist())
+
+    def save(self) -> tuple[Any, ...]:
+        """Return a snapshot of everything that changes."""
+        return (self._x.copy(), self._v.copy(), self._is_active.copy(), list(self.contacts))
+
+    def restore(self, snapshot: tuple[Any, ...]) -> None:
+        """Return to a snapshot, bit for bit."""
+        self._x[:], self._v[:], self._is_active[:], contacts = snapshot
+        self.contacts = list(contacts)
+        self._active = np.flatnonzero(self._is_active)
+        self._forget()
+
+
+def fill(vessel: Vessel, volume: float, spacing: float) -> Array:
+    """Return places in the world for the particles of a volume [m³] in an upright vessel [m], shape [n, 3].
+
+    Raises:
+        ConfigError: If the vessel holds less.
+    """
+    vessel.level(volume)
+    frame, count = vessel.frame(), max(1, round(volume / spacing**3))
+    slope = (vessel.rim_radius - vessel.bottom_radius) / vessel.depth
+    layers: list[Array] = []
+    up = 0.5 * spacing
+    while sum(map(len, layers)) < count:
+        wide = vessel.bottom_radius + slope * up - 0.5 * spacing
+        ticks = np.arange(-math.floor(wide / spacing), math.floor(wide / spacing) + 1) * spacing
+        x, y = (a.ravel() for a in np.meshgrid(ticks, ticks))
+        kept = x * x + y * y <= wide * wide
+        layers.append(np.column_stack((x, y, np.full(len(x), up)))[kept])
+        up += spacing
+    local = np.concatenate(layers)[:count]
+    return np.array([rotate(frame.quaternion, p) for p in local]) + frame.position
+
+
+_FAR = 0.5  # [m]
+_NO_ROWS, _NO_MEETINGS = np.zeros(0, np.int64), np.zeros((0, MEETING))
+_WORLD = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+__all__ = ["Fluid", "FluidContact", "fill"]
