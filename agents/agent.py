@@ -29,8 +29,8 @@ class Agent(abc.ABC):
         body: Its body, once spawned.
         sensors: What it senses with beyond its own state.
         markers: Fiducial markers on its links.
-        rides: Whether something that moves carries it: its base is free then, to be bonded to that.
-            Set it before `spawn`.
+        rides: Whether something that moves on a level floor carries it: its base is free then, to be
+            bonded to that. Set it before `spawn`.
     """
 
     name: str

@@ -291,7 +291,7 @@ class Human(Agent):
             return
         if not self._joints:
             return
-        if not self._fixed_base:
+        if not (self._fixed_base or self.rides):  # who rides stays level
             self._find_gravity()
         body, joints = self.body, self._joints
         positions, velocities = body.joint_states(joints)

@@ -88,9 +88,8 @@ def make(
     if home is not None:
         house = CareHome.load(home, level=1 if level is None else level)
         scene.level = house.level
-        scene.stage = find_stage(
-            house, scene.room_kinds, scene.free_floor(), room=room, site=scene.site
-        )
+        floor = scene.floor_before if scene.site == "door" else scene.free_floor()
+        scene.stage = find_stage(house, scene.room_kinds, floor, room=room, site=scene.site)
     elif level is not None and room is None and scene.site:
         scene.level = Rules(level).level
     elif level is not None or room is not None:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from rcare_marl.rendering import Camera
 
     from .homes.built import BuiltHome
+    from .homes.care_home import CareHome
+    from .homes.plan import Opening
     from .homes.stage import Stage
 
 FLOOR_FRICTION = 0.8  # [1]; own choice
@@ -136,6 +138,10 @@ class Task(abc.ABC):
     def free_floor(self) -> Rectangle:
         """Return the free floor that this cast needs, about the origin [m]; `cast` is set by then."""
         return self.footprint
+
+    def floor_before(self, home: CareHome, opening: Opening, is_turned: bool) -> Rectangle | None:
+        """Return the free floor that this cast needs before a door, see `homes.stage.FloorBefore`."""
+        return None if is_turned else self.free_floor()
 
     def lay_floor(self, world: World) -> Body:
         """Add the floor, once: that of the home, with all that stands on it, or a bare one."""

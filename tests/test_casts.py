@@ -25,7 +25,7 @@ PEOPLE = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
 # The robots that reach: the table of docs/tasks.md.
 ON_CHAIR = {"fetch", "franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stretch_re1", "ur5"}
 REACH = {
-    "ambulating": ON_CHAIR - {"pr2", "stretch_re1"},
+    "ambulating": ON_CHAIR | {"hsr", "stretch_re1_dex"},
     "bathing": ON_CHAIR | {"hsr", "pepper", "stretch_re1_dex"},
     "feeding": ON_CHAIR | {"stretch_re1_dex"},
     "limb_repositioning": ON_CHAIR - {"stretch_re1"} | {"hsr", "stretch_re1_dex"},

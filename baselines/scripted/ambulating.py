@@ -1,4 +1,4 @@
-"""A scripted robot that works doors: turns a knob, presses a lever, pushes a panel by its bar."""
+"""A scripted robot that works doors, turning, pressing or pushing, and drives the chair through."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ import numpy.typing as npt
 
 from rcare_marl.agents.control import ToolDelta
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.homes.door import DoorSize
+from rcare_marl.envs.homes.rule import Rules
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.tasks.ambulating import AHEAD, Ambulating
+from rcare_marl.envs.tasks.ambulating import Ambulating
+from rcare_marl.envs.way_through import WayThrough
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, multiply, rotation_vector
 
@@ -22,6 +25,8 @@ OUT = 0.10  # [m] before it, where it lines up
 LEAD = 0.05  # [m] that the hand is ahead of what it pushes
 DEEP = 0.005  # [m] that the tool goes past the middle of a knob
 SHY = 0.024  # [m] that the tool stays out from a bar at first, while the wall is beside it
+MISSED, BOLDER = 0.008, 0.012  # [m] that a panel is open if the hand passed the bar; nearer then
+PATIENCE = 3.0  # [s] of pushing a panel in vain
 DEEPER = 0.10  # [m] that a panel is open where there is room for the whole finger beside its bar
 PAST = 0.02  # [m] beyond the handle: the hand slipped off it
 NEAR = 0.012  # [m] from a place that counts as there
@@ -29,6 +34,19 @@ CLOSING = 1.5  # [s] that the gripper closes before it turns
 GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
 FAST, SLOW = 0.20, 0.10  # [m/s] on the way, and in contact
 TURNING = 0.5  # [rad/s] of a knob
+# On the way through:
+LETTING_GO, BACKING = 0.7, 0.8  # [s]
+BEHIND = 0.046  # [m] from the axis of the hinges to the near face of a leaf
+AJAR = {"lever": 0.06, "knob": 0.2}  # [rad] that a leaf is open when the hand lets go of its handle
+PRESS = 0.09  # [m] that the hand is ahead of a leaf that it pushes
+OPENED = 1.48  # [rad] that a leaf is open when the hand leaves it
+ALONG, ABOVE = 0.60, 0.14  # [m] from the hinges to where it is pushed, and above the handle
+ARM_LENGTH = 0.62  # [m] from the robot's base to the hand while it pushes
+PANEL = 0.84  # [m] that a panel is open for the chair
+TUCKED = (0.55, -0.1, 0.45)  # [m] of the hand from the base: along the chair, to its left, up
+WITHIN = 0.2  # [m] aside from there that the hand may be while the chair goes on
+CRUISE = 0.6  # share of the speed of the chair, so that the hand can go along
+STEER, HEADING_GAIN, STEEPEST = 1.5, 2.5, 0.3  # [rad/m], [1/s], [rad]
 
 
 class ScriptedAmbulating:
@@ -53,54 +71,162 @@ class ScriptedAmbulating:
             )
         self._task, self._robot = task, task.robot
         self._max = task.robot.control.max
-        self._has_gripper = task.robot.action_size == 7
+        self._has_gripper = any("gripper" in name for name in task.robot.action_names)
         if task.hardware == "knob" and not self._has_gripper:
             raise ConfigError("the scripted opener of doors needs a gripper to turn a knob")
+        self._is_knob, self._is_hinged = task.hardware == "knob", task.hardware != "slider"
+        self._size = DoorSize.of(task.door.opening, Rules(task.level))
+        self._way = task.way
+        self._turn_speed = task.way.chair.powered.drive.turn if task.way is not None else 1.0
+        self._begin()
+
+    _lane: float | None
+
+    def _begin(self) -> None:
         self._stage, self._wait, self._is_deep = 0, 0.0, False
+        self._phase = (
+            0  # 1 once it lets go of the handle, 2 as it swings the leaf, 3 as it drives on
+        )
+        self._shy, self._lane = SHY, None
+        self._farthest = self._idle = 0.0
 
     def reset(self, rng: np.random.Generator) -> None:
-        self._stage, self._wait, self._is_deep = 0, 0.0, False
+        self._begin()
 
     def act(self) -> Array:
         pose = self._robot.tool_pose()
         tool = np.array(pose.position)
-        is_knob = self._task.hardware == "knob"
-        goal, most = self._knob(tool) if is_knob else self._push(tool)
+        if self._way is not None and self._is_past_handle():
+            goal, most = self._lead(tool, self._way)
+        else:
+            goal, most = self._at_handle(tool)
         wished = GAIN * (goal - tool)
+        if self._way is not None and self._phase == 3:  # where it goes comes along with the chair
+            wished += self._chair_velocity(self._way)
         speed = float(np.linalg.norm(wished))
         if speed > most:
             wished *= most / speed
-        if is_knob and self._stage == 3:
+        if self._turns():
             turn = np.array((0.0, TURNING, 0.0))
         else:
             turn = TURN_GAIN * rotation_vector(
-                multiply(np.array(AHEAD), conjugate(pose.quaternion))
+                multiply(np.array(self._task.facing), conjugate(pose.quaternion))
             )
         action = np.concatenate((wished, turn)) / self._max
         action = np.clip(action / max(1.0, float(np.abs(action).max())), -1.0, 1.0)
-        if not self._has_gripper:
-            return action
-        closing = 1.0 if not is_knob or self._stage >= 2 else -1.0
-        return np.append(action, closing)
+        if self._has_gripper:
+            is_open = self._is_knob and (self._stage < 2 or self._phase > 0)
+            action = np.append(action, -1.0 if is_open else 1.0)
+        return action if self._way is None else np.append(action, self._steer(self._way))
+
+    def _turns(self) -> bool:
+        """Return whether the hand turns a knob now."""
+        if self._phase > 0 or not self._is_knob or self._stage < 3:
+            return False
+        return self._way is None or self._task.door.is_latched
+
+    def _at_handle(self, tool: Array) -> tuple[Array, float]:
+        """Return where the tool goes to free the door."""
+        goal, most = self._knob(tool) if self._is_knob else self._push(tool)
+        if self._way is not None and self._is_hinged and not self._task.door.is_latched:
+            goal = goal + (0.0, PRESS, 0.0)
+        return goal, most
+
+    def _is_past_handle(self) -> bool:
+        """Return whether the handle is done with and the chair is on its way through."""
+        opening = self._task.opening()
+        if self._phase == 0 and opening > AJAR.get(self._task.hardware, PANEL):
+            self._phase, self._wait = (1, 0.0) if self._is_hinged else (3, 0.0)
+        if self._phase > 0 and self._task.door.is_latched:  # it fell shut: once more
+            self._stage, self._wait, self._phase = 0, 0.0, 0
+        return self._phase > 0
+
+    def _lead(self, tool: Array, way: WayThrough) -> tuple[Array, float]:
+        """Return where the tool goes to swing the leaf ahead of the chair, and then before it."""
+        angle, size = self._task.opening(), self._size
+        if self._phase == 1:  # let go
+            self._wait += self._task.control_dt
+            if self._wait < (LETTING_GO if self._is_knob else 0.0):
+                return tool, SLOW
+            if self._wait < LETTING_GO + BACKING:
+                out = (0.0, -OUT, 0.0) if self._is_knob else (0.0, -0.03, OUT)
+                return tool + out, SLOW
+            self._phase = 2
+        if self._phase == 2 and angle > OPENED:
+            self._phase = 3
+        if self._phase == 2:
+            along = np.array((-size.side * math.cos(angle), math.sin(angle), 0.0))
+            ahead = np.array((size.side * math.sin(angle), math.cos(angle), 0.0))
+            height = size.handle[1] + ABOVE
+            at = np.array((*size.pivot, height)) + ALONG * along
+            return at + (PRESS - BEHIND) * ahead, FAST
+        return self._tucked(way), ToolDelta.SPEED
+
+    def _tucked(self, way: WayThrough) -> Array:
+        """Return where the hand is on the way through [m], shape [3]: before the chair."""
+        base, heading = self._robot.body.base_pose().position, way.place[2]
+        forward, left, up = TUCKED
+        x = base[0] - forward * math.sin(heading) - left * math.cos(heading)
+        y = base[1] + forward * math.cos(heading) - left * math.sin(heading)
+        return np.array((x, y, base[2] + up))
+
+    def _chair_velocity(self, way: WayThrough) -> Array:
+        """Return how fast the chair goes [m/s], shape [3]."""
+        heading, forward = way.place[2], way.chair.base.velocity()[0]
+        return forward * np.array((-math.sin(heading), math.cos(heading), 0.0))
+
+    def _steer(self, way: WayThrough) -> Array:
+        """Return forward and turning speed of the chair, as shares of the greatest."""
+        x, _, heading = way.place
+        if self._lane is None:
+            self._lane = float(x)
+        wished = min(max(STEER * (x - self._lane), -STEEPEST), STEEPEST)
+        turn = HEADING_GAIN * (wished - heading) / self._turn_speed
+        return np.clip((self._forward(way), turn), -1.0, 1.0)
+
+    def _forward(self, way: WayThrough) -> float:
+        """Return how fast to go on, as a share of the greatest speed."""
+        tool, base = self._robot.tool_pose().position, self._robot.body.base_pose().position
+        if self._phase == 3:
+            return CRUISE if abs(tool[0] - self._tucked(way)[0]) < WITHIN else 0.0
+        if self._phase == 2:  # as far behind the leaf as the arm is long
+            return max(3.0 * (math.dist(tool[:2], base[:2]) - ARM_LENGTH) / 0.3, -0.2)
+        if not self._is_hinged and self._phase == 0 and self._task.opening() > 0.4:
+            return 0.3
+        return 0.0
 
     def _push(self, tool: Array) -> tuple[Array, float]:
         """Return where the tool goes to push a lever down, or a panel aside by its bar."""
         at = self._task.handle_position()
         beside = np.array((0.0, 0.0, 1.0))
         if self._task.hardware == "slider":
-            beside = np.array((-self._task.slides_along, 0.0, 0.0))
+            beside = np.array((-self._task.approach.slides_along, 0.0, 0.0))
             if self._task.opening() > DEEPER and not self._is_deep:
                 self._is_deep, self._stage = True, 0
-            at = at - (0.0, 0.0 if self._is_deep else SHY, 0.0)
+            at = at - (0.0, 0.0 if self._is_deep else self._shy, 0.0)
         if self._stage == 2 and float((tool - at) @ beside) < -PAST:
             self._stage = 0
+            if self._task.opening() < MISSED:  # its fingers end before the bar
+                self._shy -= BOLDER
         places = (at + OFF * beside - (0.0, OUT, 0.0), at + OFF * beside)
         if self._stage < 2:
             if math.dist(tool, places[self._stage]) < NEAR:
                 self._stage += 1
             else:
                 return places[self._stage], FAST
+        elif self._is_stuck():
+            self._stage = 0
+            return tool, SLOW
         return at - LEAD * beside, SLOW
+
+    def _is_stuck(self) -> bool:
+        """Return whether a panel did not move for long; the hand then pauses, and comes anew."""
+        if self._task.hardware != "slider":
+            return False
+        self._idle += self._task.control_dt
+        if self._task.opening() > self._farthest + MISSED:
+            self._farthest, self._idle = self._task.opening(), 0.0
+        return self._idle > PATIENCE
 
     def _knob(self, tool: Array) -> tuple[Array, float]:
         """Return where the tool goes to hold a knob."""

@@ -2,11 +2,13 @@
 
 from .catalogue import device_kinds, make_device
 from .ceiling_lift import CeilingLift, CeilingLiftConfig
+from .cup import Cup, CupConfig
 from .cushion import Cushion
 from .device import Device, DeviceControl, Frame
 from .floor_lift import FloorLift, FloorLiftConfig
 from .hospital_bed import HospitalBed, HospitalBedConfig
 from .platform_lift import PlatformLift, PlatformLiftConfig
+from .powered_wheelchair import PoweredWheelchair, PoweredWheelchairConfig
 from .rolling_wheelchair import ManualWheelchair, ManualWheelchairConfig
 from .slide_board import SlideBoard, SlideBoardConfig
 from .sponge import Sponge, SpongeConfig
@@ -17,6 +19,8 @@ from .wheelchair import Wheelchair, WheelchairConfig
 __all__ = [
     "CeilingLift",
     "CeilingLiftConfig",
+    "Cup",
+    "CupConfig",
     "Cushion",
     "Device",
     "DeviceControl",
@@ -29,6 +33,8 @@ __all__ = [
     "ManualWheelchairConfig",
     "PlatformLift",
     "PlatformLiftConfig",
+    "PoweredWheelchair",
+    "PoweredWheelchairConfig",
     "SlideBoard",
     "SlideBoardConfig",
     "Sponge",

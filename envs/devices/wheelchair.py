@@ -72,20 +72,19 @@ class Wheelchair(Device):
         self, side: Literal["left", "right"], world: World, body: Body, links: Collection[int]
     ) -> float:
         """Return how some links of a body weigh on the top of an armrest's pad in `world` [N]."""
-        top, (length, width, _) = (
-            self.frame_in_world(f"armrest_{side}").inverse(),
-            self.armrest_size,
-        )
+        touches = [
+            touch
+            for touch in world.contacts(body, self.body)
+            if touch.link_a in links and touch.normal[2] > 0.5
+        ]
         load = 0.0
-        for touch in world.contacts(body, self.body):
-            if touch.link_a in links and touch.normal[2] > 0.5:
-                x, y, z = (top @ Pose(touch.position)).position
-                if (
-                    abs(x) < 0.5 * length + EDGE
-                    and abs(y) < 0.5 * width + EDGE
-                    and abs(z) < 5 * EDGE
-                ):
-                    load += touch.force * touch.normal[2]
+        if touches:
+            top = self.frame_in_world(f"armrest_{side}").inverse()
+            length, width, _ = self.armrest_size
+        for touch in touches:
+            x, y, z = (top @ Pose(touch.position)).position
+            if abs(x) < 0.5 * length + EDGE and abs(y) < 0.5 * width + EDGE and abs(z) < 5 * EDGE:
+                load += touch.force * touch.normal[2]
         return load
 
     def model(self) -> Model:

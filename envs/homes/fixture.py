@@ -88,20 +88,27 @@ def add_corner(world: World, fixture: Fixture, *, left: float) -> None:
         world.set_collision(wall, fixture.body, False)
 
 
-def set_up_door(world: World, *, level: int, hinge: Literal["low", "high"] = "low") -> Door:
+def set_up_door(
+    world: World,
+    *,
+    level: int,
+    hinge: Literal["low", "high"] = "low",
+    clear_width: float | None = None,
+) -> Door:
     """Put a door of a level into a wall across the origin, and return it; its frame is the origin's.
 
     Args:
         world: The world.
         level: Level of accessibility.
         hinge: The end of the gap along x where its hinges or its pocket are.
+        clear_width: Of the door [m]; that of the level if None.
     """
     rules = Rules(level)
     hardware = rules.choice("door_hardware")
     loss = SLIDING_LOSS if hardware == "slider" else HINGED_LOSS
     opening = Opening(
         "door", "door", ("beyond", "here"), "x", (0.0, 0.0),
-        rules.figure("door_clear_width") + loss, INNER_WALL, hardware=hardware, hinge=hinge,
+        (clear_width or rules.figure("door_clear_width")) + loss, INNER_WALL, hardware=hardware, hinge=hinge,
     )  # fmt: skip
     half = 0.5 * opening.width
     pieces = (

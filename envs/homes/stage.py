@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 
 from .care_home import CareHome
 from .furnishing import Placed
-from .plan import Room
+from .plan import Opening, Room
 from .rectangle import Rectangle
 
 if TYPE_CHECKING:
@@ -33,6 +33,10 @@ LIGHT = (
 STEP = 0.1  # [m] between the places that are tried; own choice
 EYE_GAP = 0.12  # [m] that a camera stays away from walls; own choice
 QUARTERS = (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)
+TURN = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))  # half round
+# The free floor before a door [m], seen from one side of it: in the frame of the door or, for True, in
+# that turned half round. None if it cannot be worked from there.
+FloorBefore = Callable[[CareHome, Opening, bool], Rectangle | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +93,7 @@ class Stage:
 def find_stage(
     home: CareHome,
     kinds: Sequence[str],
-    footprint: Rectangle,
+    footprint: Rectangle | FloorBefore,
     *,
     room: str | None = None,
     site: str = "",
@@ -99,10 +103,11 @@ def find_stage(
     Args:
         home: The home.
         kinds: Kinds of rooms that suit the task, the best first.
-        footprint: The free floor that it needs, about its origin [m].
+        footprint: The free floor that it needs, about its origin [m]; at a door as `FloorBefore`.
         room: The room to take; the first that suits if None.
         site: What the origin is at: `door`, one inside the house, or a kind of furniture, whose frame
-            it then is; anywhere if empty. That of a door points into its first room, see `Opening`.
+            it then is; anywhere if empty. That of a door points into its first room, see `Opening`;
+            it is turned half round if no door has room on the other side.
 
     Raises:
         UnknownNameError: If there is no such room.
@@ -115,20 +120,32 @@ def find_stage(
             f"{room!r} does not suit this task; rooms of {home.name} that do: "
             f"{', '.join(r.name for r in suitable)}"
         )
-    for each in rooms:
-        found = _in_room(home, each, footprint, site)
-        if found is not None:
-            return found
+    for is_turned in (False, True) if site == "door" else (False,):
+        for each in rooms:
+            found = _in_room(home, each, footprint, site, is_turned)
+            if found is not None:
+                return found
     tried = ", ".join(r.name for r in rooms) or "none of these kinds: " + ", ".join(kinds)
     large = [r.name for r in suitable if room is not None and _in_room(home, r, footprint, site)]
+    size = "enough"
+    if isinstance(footprint, Rectangle):
+        size = f"{footprint.width:.1f} x {footprint.depth:.1f} m of"
     raise ConfigError(
-        f"no room in {home.name} at level {home.level} has {footprint.width:.1f} x "
-        f"{footprint.depth:.1f} m of free floor {f'at a {site} ' if site else ''}for this task; "
-        f"tried {tried}" + (f"; large enough: {', '.join(large)}" if large else "")
+        f"no room in {home.name} at level {home.level} has {size} free floor "
+        f"{f'at a {site} ' if site else ''}for this task; tried {tried}"
+        + (f"; large enough: {', '.join(large)}" if large else "")
     )
 
 
-def _in_room(home: CareHome, room: Room, footprint: Rectangle, site: str) -> Stage | None:
+def _in_room(
+    home: CareHome,
+    room: Room,
+    footprint: Rectangle | FloorBefore,
+    site: str,
+    is_turned: bool = False,
+) -> Stage | None:
+    if not isinstance(footprint, Rectangle):
+        return _at_door(home, room, footprint, is_turned)
     if site:
         return _at_fixture(home, room, footprint, site)
     inside = room.inside.grown(-0.02)
@@ -170,17 +187,30 @@ def _standing(home: CareHome, room: Room) -> tuple[list[Placed], Array]:
     return standing, np.array(cost)
 
 
+def _at_door(home: CareHome, room: Room, before: FloorBefore, is_turned: bool) -> Stage | None:
+    """Return the place at the door of a room before which least furniture is in the way."""
+    places = []
+    for opening in home.plan.openings_of(room.name):
+        footprint = before(home, opening, is_turned) if opening.kind == "door" else None
+        if footprint is not None:
+            pose = opening.pose @ TURN if is_turned else opening.pose
+            places.append((opening.name, pose, footprint))
+    return _least_in_the_way(home, room, places)
+
+
 def _at_fixture(home: CareHome, room: Room, footprint: Rectangle, site: str) -> Stage | None:
-    """Return the place at the fixture of a room before which least furniture is in the way."""
+    """Return the place at the furniture of a room before which least other furniture is in the way."""
+    standing = home.furniture(room.name)
+    places = [(p.name, p.pose, footprint) for p in standing if p.piece.kind == site]
+    return _least_in_the_way(home, room, places)
+
+
+def _least_in_the_way(
+    home: CareHome, room: Room, places: Sequence[tuple[str, Pose, Rectangle]]
+) -> Stage | None:
     standing, cost = _standing(home, room)
-    places: list[tuple[str, Pose]]
-    if site == "door":
-        doors = [o for o in home.plan.openings_of(room.name) if o.kind == "door"]
-        places = [(o.name, o.pose) for o in doors]
-    else:
-        places = [(p.name, p.pose) for p in standing if p.piece.kind == site]
     best: tuple[float, Stage] | None = None
-    for name, pose in places:
+    for name, pose, footprint in places:
         area = footprint.moved(pose)
         if not room.inside.contains(area):
             continue
@@ -206,4 +236,4 @@ def _row(area: Rectangle) -> Array:
     return np.array((area.x0, area.y0, area.x1, area.y1))
 
 
-__all__ = ["LIGHT", "Stage", "find_stage"]
+__all__ = ["LIGHT", "FloorBefore", "Stage", "find_stage"]
