@@ -151,6 +151,20 @@ def threaded(
     return np.asarray(moved + (rest[:, 2:] - middle[2]) * front)
 
 
+def band_over_leg(garment: Garment, leg: str, count: int) -> npt.NDArray[np.int32]:
+    """Return neighbours on the waistband of trousers, in front above the middle of a leg.
+
+    Args:
+        garment: Trousers.
+        leg: `left` or `right`.
+        count: How many; rounded up to an odd number.
+    """
+    waist = garment.rings["waist"]
+    rest, hem = garment.rest[waist], garment.rest[garment.rings[f"{leg}_hem"]].mean(axis=0)
+    over = int(np.argmin(np.abs(rest[:, 0] - hem[0]) + rest[:, 2].max() - rest[:, 2]))
+    return np.asarray(waist[np.arange(over - count // 2, over + count // 2 + 1) % len(waist)])
+
+
 def _outside(points: Array, model: BodyModel) -> Array:
     """Return points moved out of the skin of the T-pose where they lie in it [m], shape [n, 3]."""
     skin = model.vertices.astype(np.float64)
@@ -165,4 +179,4 @@ def _outside(points: Array, model: BodyModel) -> Array:
     return out
 
 
-__all__ = ["dress", "load_garment", "tailor", "threaded", "worn"]
+__all__ = ["band_over_leg", "dress", "load_garment", "tailor", "threaded", "worn"]

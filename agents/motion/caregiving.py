@@ -28,10 +28,12 @@ from ..human import Human
 from .deed import (
     GRIP_FORCE,
     HAND_SPEED,
+    NEAR_LADEN,
     SLIPPED,
     STEERED,
     Deed,
     Grasping,
+    Kneeling,
     Lowering,
     Reaching,
     Releasing,
@@ -40,6 +42,10 @@ from .deed import (
 from .walk import STEP_TIME
 
 Array = npt.NDArray[np.float64]
+
+# Our own choices.
+STRIVING = 0.15  # of what a joint sags, learned in a control step
+LARGEST_SAG = 0.5  # [rad] that is wished beside a joint's angle at most
 
 
 class Caregiving:
@@ -50,6 +56,8 @@ class Caregiving:
     Attributes:
         trouble: Why a deed could not be done; empty while all goes well. What was still to do is
             dropped then.
+        strives: Whether joints that a load in the hand makes sag try harder, one by one: for heavy limbs.
+            Else the hand as a whole aims beside its way.
         greatest_grip: Greatest force that the hand's grasp has borne at the end of a control step
             since the episode began [N].
     """
@@ -94,6 +102,8 @@ class Caregiving:
         self._held: Attachment | None = None
         self.angles = self._rest.copy()  # wished, of every DoF
         self.aside = np.zeros(3)  # how far beside its way the hand aims, against a load [m]
+        self.strives = False
+        self._sag: dict[str, float] = {}  # of joints under a load [rad]
         self.trouble, self.greatest_grip = "", 0.0
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -102,6 +112,7 @@ class Caregiving:
         self._current = None
         self.angles = present_angles(self.person)
         self.aside = np.zeros(3)
+        self._sag.clear()
         self.trouble, self.greatest_grip = "", 0.0
         if self._script is not None:
             self._script(self)
@@ -155,6 +166,14 @@ class Caregiving:
     ) -> None:
         """Ask for a walk to (x, y) [m], facing `heading` [rad] from the x axis; see `Walk`."""
         self._deeds.append(Walking(self, [*via, (x, y)], heading, step_time))
+
+    def kneel(self, knee: str = "left") -> None:
+        """Ask for going down on one knee, of the side `knee`; see `Kneel`.
+
+        Raises:
+            UnknownNameError: If there is no such side.
+        """
+        self._deeds.append(Kneeling(self, knee))
 
     def reach(
         self,
@@ -248,9 +267,14 @@ class Caregiving:
         base = self.person.body.base_pose()
         self.angles = self._ik.solve(goals, self.angles, base, rest=rest, fallback=False).angles
 
-    def wished(self) -> dict[str, float]:
-        """Return the wished angles of the arm and trunk [rad], and of a neck that looks at the hand."""
+    def wished(self, *, is_near: bool = False) -> dict[str, float]:
+        """Return the wished angles of the arm and trunk [rad], and of a neck that looks at the hand.
+
+        Args:
+            is_near: Whether the hand is near enough to where it is wished to be to try no harder.
+        """
         out = {dof: float(self.angles[DOF_INDEX[dof]]) for dof in self._ik.dofs}
+        self._strive(out, 0.0 if is_near else STRIVING)
         if self._looking is not None:
             gaze = Gaze(self.hand(), tolerance=STEERED)
             base = self.person.body.base_pose()
@@ -258,6 +282,27 @@ class Caregiving:
                 [gaze], self.angles, base, rest=self._rest, fallback=False
             ).wish
         return out
+
+    def _strive(self, wish: dict[str, float], share: float) -> None:
+        """Wish more of joints that a load in the hand keeps from where they are wished to be."""
+        if not self.is_holding or not self.strives:
+            self._sag.clear()
+            return
+        person = self.person
+        for dof in wish:
+            i = person.movable.index(dof)
+            sag, now = self._sag.get(dof, 0.0), person.drive.target[i] - person.angle(dof)
+            sag += share * (float(now) - sag)
+            self._sag[dof] = min(max(sag, -LARGEST_SAG), LARGEST_SAG)
+            wish[dof] += self._sag[dof]
+
+    def keep(self) -> dict[str, float]:
+        """Return wished angles [rad] that keep the hand, and what it holds, where it is wished to be."""
+        if self._held is not None:
+            self.greatest_grip = max(self.greatest_grip, self._held.load())
+            self._check_grasp(self._held)
+        left = float(np.linalg.norm(self.wished_hand()[0] - self.hand()))
+        return self.wished(is_near=left < NEAR_LADEN)
 
     def rest_wish(self) -> dict[str, float]:
         """Return the angles of arm, trunk and neck at the start [rad]."""

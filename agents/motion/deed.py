@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rcare_marl.body import Body
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, UnknownNameError
 
 from ..body.goal import Direction, Goal, Point, Position
 from ..body.ik import present_angles
-from ..body.skeleton import DOF_INDEX, JOINT_INDEX
+from ..body.skeleton import DOF_INDEX, JOINT_INDEX, SIDES
+from .kneel import Kneel
 from .playback import Puppet
 from .trajectory import PEAK, Trajectory, minimum_jerk
 from .walk import Walk
@@ -79,6 +80,26 @@ class Walking(Deed):
         return True
 
 
+class Kneeling(Deed):
+    """Going down on one knee."""
+
+    def __init__(self, owner: Caregiving, knee: str) -> None:
+        if knee not in SIDES:
+            raise UnknownNameError("side", knee, SIDES)
+        self._owner, self._knee = owner, knee
+
+    def begin(self) -> None:
+        person, world = self._owner.person, self._owner.world
+        motion = Kneel(person, knee=self._knee).motion
+        person.course = Puppet(person, motion, lambda: world.time)
+
+    def is_over(self) -> bool:
+        if self._owner.person.course is not None:
+            return False
+        self._owner.angles, self._owner.aside = present_angles(self._owner.person), np.zeros(3)
+        return True
+
+
 class Reaching(Deed):
     """A straight way of the hand, with or without something in it."""
 
@@ -130,7 +151,9 @@ class Reaching(Deed):
         # A load draws the hand down: aim beside the way by as much as it takes.
         here = minimum_jerk(self._passed() / self._duration)
         gap = self._start + here * (self._goal - self._start) - owner.hand()
-        aside = owner.aside + CORRECTION * owner.control_dt * gap
+        aside = owner.aside
+        if not (owner.is_holding and owner.strives):  # else joints try harder themselves
+            aside = aside + CORRECTION * owner.control_dt * gap
         aside *= min(1.0, LARGEST_CORRECTION / max(float(np.linalg.norm(aside)), 1e-9))
         owner.aside = aside
         share = minimum_jerk((self._passed() + owner.control_dt) / self._duration)

@@ -1,0 +1,88 @@
+"""A hand-written robot that pulls shorts up a leg.
+
+It keeps the waistband over the shank while the caregiver lifts the leg, pulls it along the leg to the hip
+until the hem is past the target, and lets go. It sees what a robot with perfect perception would see, and
+it needs the control mode `tool_delta`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcare_marl.agents.control import ToolDelta
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.hanging_shorts import HOLD_START, tip
+from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.tasks.dressing import REACH, Dressing
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array, conjugate, multiply, rotation_vector
+
+# All our own choices.
+GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
+FAST = 0.2  # [m/s] of the tool
+PULL = 0.08  # [m/s] along the leg
+LAG = 0.05  # [m] that the tool may be behind before the pull goes on
+LIFTED = 0.06  # [m] of the ankle from where it is when the leg is up
+SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
+AWAY = (0.05, 0.0, 0.06)  # [m] that the open hand goes
+
+
+class ScriptedDressing:
+    """Follows the leg, pulls once it is up, and lets go when the hem is past its target."""
+
+    def __init__(self, env: CareEnv, role: str) -> None:
+        """Take the environment and the robot's role.
+
+        Raises:
+            ConfigError: If the task is not dressing, or the robot has another control mode.
+        """
+        task = env.task
+        if not isinstance(task, Dressing):
+            raise ConfigError(f"the scripted dresser cannot play {type(task).__name__}")
+        if env.cast[role] is not task.robot:
+            raise ConfigError(
+                f"{role!r} holds no shorts: the scripted dresser plays the first robot"
+            )
+        if not isinstance(task.robot.control, ToolDelta):
+            raise ConfigError(
+                "the scripted dresser needs the control mode 'tool_delta': "
+                "make('dressing', robot={'control': 'tool_delta'})"
+            )
+        self._task, self._robot = task, task.robot
+        self._max = task.robot.control.max
+        self._others = task.robot.action_size - len(self._max)  # the gripper, if it is commanded
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self._along, self._left = HOLD_START, False
+        self._turn = np.array(self._robot.tool_pose().quaternion)
+        self._out = np.zeros(3)
+
+    def act(self) -> Array:
+        tool = self._robot.tool_pose()
+        here = np.array(tool.position)
+        goal = self._goal(here)
+        wished = GAIN * (goal - here)
+        speed = float(np.linalg.norm(wished))
+        if speed > FAST:
+            wished *= FAST / speed
+        spin = TURN_GAIN * rotation_vector(multiply(self._turn, conjugate(tool.quaternion)))
+        action = np.concatenate((wished, spin)) / self._max
+        action = action / max(1.0, float(np.abs(action).max()))
+        return np.concatenate((action, np.full(self._others, -1.0 if self._left else 0.0)))
+
+    def _goal(self, here: Array) -> Array:
+        """Return where the tool goes [m], shape [3]."""
+        task = self._task
+        if task.is_past and not self._left:
+            self._left, self._out = True, here + AWAY
+        if self._left:
+            return self._out
+        goal = tip(task.leg, self._along)
+        is_up = float(np.linalg.norm(task.leg.to_lifted())) < LIFTED
+        if is_up and float(np.linalg.norm(goal - here)) < LAG:
+            step = PULL * task.control_dt
+            self._along = min(self._along + step, task.leg.shank + REACH + SPARE)
+        return goal
+
+
+register_policy("dressing", "robot", "scripted")(ScriptedDressing)

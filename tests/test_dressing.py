@@ -1,0 +1,240 @@
+"""Dressing: shorts of cloth are pulled over the knee of a leg that a caregiver lifts, and go round it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import cast
+
+import numpy as np
+import pytest
+from episode import assert_same, play, rollout
+from standing_person import CONTROL_DT, CONTROL_STEPS, person_in
+
+import rcare_marl
+from rcare_marl.agents.motion.caregiving import Caregiving
+from rcare_marl.agents.motion.kneel import Kneel
+from rcare_marl.agents.motion.walk import LEGS
+from rcare_marl.agents.policies.leg_lifting import LegLifting
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.leg_path import LegPath
+from rcare_marl.envs.tasks.dressing import Dressing, DressingOptions
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.pose import Array, Pose
+from rcare_marl.soft.cloth import FASTEST
+from rcare_marl.world import World
+
+ALL = {"robot": "scripted", "recipient": "cooperative", "caregiver": "lifts"}
+
+
+def task_of(env: CareEnv) -> Dressing:
+    return cast(Dressing, env.task)
+
+
+@pytest.fixture(scope="module")
+def scripted() -> Iterator[CareEnv]:
+    env = rcare_marl.make("dressing", policies=ALL)
+    yield env
+    env.close()
+
+
+@pytest.fixture(scope="module")
+def free() -> Iterator[CareEnv]:
+    env = rcare_marl.make("dressing", policies={"recipient": "cooperative", "caregiver": "still"})
+    yield env
+    env.close()
+
+
+def ring(middle: Array, radius: float, count: int = 24) -> Array:
+    """A level ring of points about a point."""
+    angle = np.linspace(0, 2 * math.pi, count, endpoint=False)
+    return middle + radius * np.column_stack((np.cos(angle), np.sin(angle), np.zeros(count)))
+
+
+def test_a_ring_goes_round_a_leg_once_or_not_at_all() -> None:
+    world = World()
+    person = person_in(world, Pose(), ())
+    leg = LegPath(person, "left")
+    place = leg.at(0.2)
+    winding, along = leg.crossings(ring(place, 0.15))
+    assert abs(winding) == 1 and along == pytest.approx(0.2, abs=0.01)
+    winding_back, _ = leg.crossings(ring(place, 0.15)[::-1])
+    assert winding_back == -winding
+    beside, _ = leg.crossings(ring(place + (0.4, 0.0, 0.0), 0.15))
+    assert beside == 0
+    above, along = leg.crossings(ring(leg.at(leg.shank + 0.1), 0.15))
+    assert abs(above) == 1 and along == pytest.approx(leg.shank + 0.1, abs=0.01)
+    assert leg.place(leg.at(0.3)) == pytest.approx(0.3, abs=1e-6)
+
+
+def test_who_kneels_down_has_a_knee_on_the_floor_and_the_other_foot_where_it_stood() -> None:
+    world = World()
+    person = person_in(world, Pose(), LEGS)
+    caregiving = Caregiving(
+        person_in(world, Pose((2, 0, 0)), (*LEGS, "left_elbow")), world, CONTROL_DT, side="left"
+    )
+    with pytest.raises(UnknownNameError, match="side"):
+        caregiving.kneel("middle")
+    with pytest.raises(UnknownNameError, match="side"):
+        Kneel(person, knee="middle")
+    with pytest.raises(ConfigError, match="positive"):
+        Kneel(person, duration=0.0)
+    stiff = person_in(world, Pose((4, 0, 0)), ("left_elbow",))
+    with pytest.raises(ConfigError, match="to kneel"):
+        Kneel(stiff)
+    foot = np.array(caregiving.person.joint_pose("right_ankle").position)
+    caregiving.reset(np.random.default_rng(0))
+    caregiving.kneel("left")
+    for _ in range(25):
+        caregiving.person.command(caregiving.act(), CONTROL_DT)
+        for _ in range(CONTROL_STEPS):
+            caregiving.person.actuate()
+            world.step()
+    assert caregiving.is_idle
+    radius = caregiving.person.segments["left_knee"].shapes[0].size[1]
+    knee = caregiving.person.joint_pose("left_knee").position
+    assert knee[2] == pytest.approx(radius, abs=0.03)
+    assert caregiving.person.joint_pose("right_ankle").position == pytest.approx(foot, abs=0.02)
+    assert caregiving.person.joint_pose("right_knee").position[2] > 0.3
+
+
+def test_shorts_hang_round_the_foot_in_the_fingers_and_press_on_nobody(free: CareEnv) -> None:
+    free.reset(seed=0)
+    task = task_of(free)
+    infos = free.step({"robot": np.zeros(free.action_space("robot").shape, np.float32)})[4]
+    info = infos["robot"]
+    assert info["around_leg"] == 1 and info["waistband_held"] == 1
+    assert info["hem_past_knee_m"] < -0.15  # about the shank, or lower
+    assert info["force_n"] < 3
+    held = task.cloth.grips[0]
+    at = task.cloth.positions[held.particles].mean(axis=0)
+    assert math.dist(at, task.robot.tool_pose().position) < 0.03
+
+
+def test_the_caregiver_lifts_the_leg_and_the_robot_pulls_the_shorts_over_the_knee(
+    scripted: CareEnv,
+) -> None:
+    scripted.reset(seed=1)
+    task = task_of(scripted)
+    helper = cast(LegLifting, scripted.policies["caregiver"]).caregiving
+    start, low = task.hem_along, float(task.leg.points[1, 2])
+    high, held = low, False
+    while not scripted.is_over:
+        scripted.step({})
+        high = max(high, float(task.leg.points[1, 2]))
+        held = held or helper.is_holding
+    assert task.is_success() and helper.trouble == ""
+    assert held and high > low + 0.25  # by the foot
+    assert 20 < helper.greatest_grip < 200  # [N]: a leg weighs
+    assert task.hem_along - start > 0.25
+    metrics = task.metrics()
+    assert metrics["around_leg"] == 1 and metrics["peak_force_n"] < task.options.force_limit
+    assert metrics["peak_cloth_load_n"] > 3 and metrics["peak_force_right_leg_n"] > 1
+
+
+@pytest.mark.slow
+def test_the_scripted_robot_succeeds_in_eighty_five_of_a_hundred_episodes(
+    scripted: CareEnv,
+) -> None:
+    won = 0
+    for seed in range(100):
+        play(scripted, seed)
+        won += task_of(scripted).is_success()
+    assert won >= 85
+
+
+@pytest.mark.slow
+def test_the_leg_is_put_down_again_with_the_shorts_past_the_knee() -> None:
+    env = rcare_marl.make("dressing", policies=ALL, options={"until": "lowered"})
+    won = 0
+    for seed in range(3):
+        play(env, seed)
+        won += task_of(env).is_success()
+        assert not task_of(env).is_held  # let go
+    assert won >= 2
+
+
+def test_an_open_gripper_lets_the_waistband_go_and_a_reset_takes_it_again(free: CareEnv) -> None:
+    free.reset(seed=0)
+    task, action = task_of(free), np.zeros(free.action_space("robot").shape, np.float32)
+    before = task.cloth.positions.copy()
+    action[6] = -1.0
+    for _ in range(8):
+        free.step({"robot": action})
+    assert not task.is_held and not task.cloth.grips
+    free.reset(seed=0)
+    assert task.is_held and len(task.cloth.grips) == 1
+    np.testing.assert_array_equal(task.cloth.positions, before)
+
+
+def test_an_episode_is_the_same_bit_for_bit_and_finite(free: CareEnv) -> None:
+    first = list(rollout(free, 3, 20))
+    cloth = task_of(free).cloth.positions.copy()
+    assert_same(first, list(rollout(free, 3, 20)))
+    np.testing.assert_array_equal(task_of(free).cloth.positions, cloth)
+    assert all(np.isfinite(array).all() for row in first for array in row)
+
+
+def test_rewards_are_named_and_a_failure_costs_what_is_left(free: CareEnv) -> None:
+    with pytest.raises(ValueError, match="positive"):
+        DressingOptions(force_limit=0.0)
+    task, usual = task_of(free), task_of(free).options
+    task.options = DressingOptions(reward="shaped", force_limit=0.01)  # cloth alone weighs more
+    try:
+        free.reset(seed=0)
+        action = np.zeros(free.action_space("robot").shape, np.float32)
+        while not free.is_over:
+            _, rewards, _, _, infos = free.step({"robot": action})
+        info = infos["robot"]
+        names = ("distance", "comfort", "around", "held", "failed")
+        assert rewards["robot"] == pytest.approx(sum(info[name] for name in names))
+        assert info["distance"] < 0 and info["held"] == 0
+        assert info["failed"] < -50 and info["success"] == 0
+    finally:
+        task.options = usual
+
+
+def test_who_cannot_be_dressed_is_refused_by_name() -> None:
+    with pytest.raises(ConfigError, match="moves nothing"):
+        rcare_marl.make("dressing", recipient={"model": "daniel", "movable": []})
+    with pytest.raises(ConfigError, match="one leg that nothing holds"):
+        rcare_marl.make("dressing", recipient={"model": "daniel", "posture": "wheelchair"})
+    with pytest.raises(ConfigError, match="tool_delta"):
+        rcare_marl.make("dressing", robot={"control": "joint_delta"}, policies=ALL)
+
+
+def depth(task: Dressing) -> float:
+    """How deep a particle is in thigh or shank at most [m]."""
+    person, deepest = task.recipient, 0.0
+    for joint in ("hip", "knee"):
+        shape = person.segments[f"{task.side}_{joint}"].shapes[0]
+        frame = np.linalg.inv(person.joint_pose(f"{task.side}_{joint}").matrix())
+        local = task.cloth.positions @ frame[:3, :3].T + frame[:3, 3]
+        deepest = max(deepest, -min(shape.distance(point) for point in local))
+    return deepest
+
+
+@pytest.mark.slow
+def test_cloth_never_goes_through_the_leg_in_ten_minutes_of_random_actions() -> None:
+    """Checked each second: the hem goes round the leg, or came off over the foot."""
+    env = rcare_marl.make(
+        "dressing",
+        options={"force_limit": 1e9},
+        policies={"robot": "random", "recipient": "random", "caregiver": "lifts"},
+    )
+    task = task_of(env)
+    for seed in range(15):  # of 40 s each
+        env.reset(seed=seed)
+        on, along = True, task.hem_along
+        while not env.is_over:
+            env.step({})
+            assert np.isfinite(task.cloth.positions).all()
+            assert np.abs(task.cloth.velocities).max() <= 2 * FASTEST
+            if round(env.world.time / CONTROL_DT) % 10 == 0:
+                assert depth(task) < 0.010
+                if on and not task.is_around:
+                    assert along < 0.05  # over the heel
+                    on = False
+                assert on == task.is_around  # what is off stays off
+                along = task.hem_along
+    env.close()
