@@ -43,20 +43,33 @@ class WipedSkin:
         length: From joint to joint [m].
     """
 
-    def __init__(self, person: Human, world: World, joint: str, end: str) -> None:
+    def __init__(
+        self,
+        person: Human,
+        world: World,
+        joint: str,
+        end: str,
+        *,
+        bare: float = BARE,
+        like: str | None = None,
+    ) -> None:
         """Take the upper side of a limb as a person has it now, and bare the limb.
+
+        Limbs of one person may be washed one beside the other.
 
         Args:
             person: Who is washed; spawned.
             world: Where.
             joint: SMPL-X joint that the limb moves with.
             end: The joint at its far end.
+            bare: From where on it is bared, as a share of the way to the far end.
+            like: The joint whose part of the body has the colour of its skin; `end` if None.
 
         Raises:
             UnknownNameError: If there is no such joint.
             ConfigError: If the limb is not one rigid capsule.
         """
-        for name in (joint, end):
+        for name in (joint, end, like or end):
             if name not in JOINT_INDEX:
                 raise UnknownNameError("joint", name, JOINT_INDEX)
         if person.tissue is not None and joint in person.tissue.bodies:
@@ -81,7 +94,7 @@ class WipedSkin:
         self._paint = next(
             s for s in world.skins if isinstance(s, PersonSkin) and s.body is person.body
         )
-        self._dry = self._bared(number, JOINT_INDEX[end])
+        self._dry = self._bared(number, JOINT_INDEX[end], JOINT_INDEX[like or end], bare)
         self._wetness = np.zeros(len(model.vertices), np.float32)
         self.follow()
         self.reset()
@@ -100,14 +113,17 @@ class WipedSkin:
         self.vertices = self._near[self._is_upper]
         self._areas = vertex_areas(model.vertices.astype(np.float64), model.faces)[self.vertices]
 
-    def _bared(self, number: int, end: int) -> Colours:
+    def _bared(self, number: int, end: int, like: int, bare: float) -> Colours:
         """Return the colours of the person with a bare limb: a sleeve is not washed."""
         model = self._person.model
-        skin = np.median(model.colors[model.owner == end], axis=0)
-        own = np.flatnonzero(model.owner == number)
+        skin = np.median(model.colors[model.owner == like], axis=0)
+        own = np.flatnonzero(np.isin(model.owner, (number, end)))
         along, _, _ = self._polar(model.vertices[own] - model.joints[number])
         out = self._paint.colors.copy()
-        out[own[along > BARE * self.length], :3] = skin
+        is_own = (model.owner[own] == number) | (along < self.length)
+        bared = own[(along > bare * self.length) & is_own]
+        out[bared, :3] = skin
+        self._shown = np.union1d(bared, self._near)
         return out
 
     def _polar(self, local: Array | Floats) -> tuple[Array, Array, Array]:
@@ -132,12 +148,19 @@ class WipedSkin:
         """Let all of it be dry and unwiped."""
         self.is_wiped = np.zeros(len(self.vertices), np.bool_)
         self._wetness[:] = 0.0
-        self._paint.colors = self._dry
+        colours = self._paint.colors.copy()
+        colours[self._shown] = self._dry[self._shown]
+        self._paint.colors = colours
 
     @property
     def wetness(self) -> Floats:
         """How wet each vertex of the whole skin is, 0 dry to 1 wet through, shape [v]."""
         return self._wetness
+
+    @property
+    def area(self) -> float:
+        """Area to be wiped [m²]."""
+        return float(self._areas.sum())
 
     @property
     def coverage(self) -> float:
@@ -164,9 +187,10 @@ class WipedSkin:
         wet = self._near[touched]
         if (self._wetness[wet] < 1.0).any():
             self._wetness[wet] = np.minimum(self._wetness[wet] + duration / SOAK, 1.0)
-            mixed = self._dry.copy()
+            mixed = self._paint.colors.copy()
             share = WET_SHARE * self._wetness[self._near, None]
-            mixed[self._near, :3] = (1 - share) * mixed[self._near, :3] + share * np.array(WET_RGB)
+            dry = self._dry[self._near, :3]
+            mixed[self._near, :3] = (1 - share) * dry + share * np.array(WET_RGB)
             self._paint.colors = mixed
 
     def place(self, share: float, angle: float = 0.0) -> tuple[Array, Array]:

@@ -27,8 +27,12 @@ ON_CHAIR = {"fetch", "franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stret
 REACH = {
     "ambulating": ON_CHAIR | {"hsr", "stretch_re1_dex"},
     "bathing": ON_CHAIR | {"hsr", "pepper", "stretch_re1_dex"},
+    "dressing": ON_CHAIR - {"stretch_re1"} | {"stretch_re1_dex"},
+    "drinking": {"franka_panda", "kinova_gen2", "kinova_gen3", "pr2"},
     "feeding": ON_CHAIR | {"stretch_re1_dex"},
     "limb_repositioning": ON_CHAIR - {"stretch_re1"} | {"hsr", "stretch_re1_dex"},
+    "phyrc_bathing": ON_CHAIR - {"pr2"} | {"hsr", "stretch_re1_dex"},
+    "phyrc_dressing": ON_CHAIR - {"stretch_re1"} | {"hsr"},
     "toileting": ON_CHAIR | {"hsr", "stretch_re1_dex"},
 }
 

@@ -2,6 +2,10 @@
 
 from . import ambulating as ambulating
 from . import bathing as bathing  # registers its policy
+from . import dressing as dressing
+from . import drinking as drinking
 from . import feeding as feeding
 from . import limb_repositioning as limb_repositioning
+from . import phyrc_bathing as phyrc_bathing
+from . import phyrc_dressing as phyrc_dressing
 from . import toileting as toileting

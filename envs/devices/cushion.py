@@ -89,14 +89,8 @@ def lay_under(world: World, person: Human, side: str, *, base: float, under: flo
     """
     if under - base < LEAST:
         return None
-    start, end = (
-        np.array(person.joint_pose(f"{side}_{j}").position) for j in ("shoulder", "wrist")
-    )
-    way = end - start
-    size = (LENGTH * math.hypot(way[0], way[1]), WIDTH, under - base)
-    x, y = (start + MIDDLE * way)[:2].tolist()
-    turn = quaternion_from_rpy(0, 0, math.atan2(way[1], way[0]))
-    cushion = Cushion(size).spawn(world, Pose((x, y, base), tuple(turn.tolist())))
+    pose, length = _beneath(person, side, base)
+    cushion = Cushion((length, WIDTH, under - base)).spawn(world, pose)
     person.ignore(cushion)
     joints = [JOINT_INDEX[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist")]
     arm = {person.frames[joint].link for joint in joints}
@@ -104,4 +98,20 @@ def lay_under(world: World, person: Human, side: str, *, base: float, under: flo
     return cushion
 
 
-__all__ = ["LEAST", "Cushion", "lay_under"]
+def move_under(cushion: Body, person: Human, side: str) -> None:
+    """Move a cushion to under an arm that lies elsewhere now; it keeps its height and length."""
+    cushion.set_base(_beneath(person, side, cushion.base_pose().position[2])[0])
+
+
+def _beneath(person: Human, side: str, base: float) -> tuple[Pose, float]:
+    """Return where a cushion goes under an arm, and how long it is [m]."""
+    start, end = (
+        np.array(person.joint_pose(f"{side}_{j}").position) for j in ("shoulder", "wrist")
+    )
+    way = end - start
+    x, y = (start + MIDDLE * way)[:2].tolist()
+    turn = quaternion_from_rpy(0, 0, math.atan2(way[1], way[0]))
+    return Pose((x, y, base), tuple(turn.tolist())), LENGTH * math.hypot(way[0], way[1])
+
+
+__all__ = ["LEAST", "Cushion", "lay_under", "move_under"]

@@ -125,6 +125,11 @@ class Sponge(Device):
         soft, count = self.soft, (self.config.cells[0] + 1) * (self.config.cells[1] + 1)
         return np.asarray(soft.in_world(soft.frame(self._client))[-count:], np.float64)
 
+    def points(self) -> Array:
+        """Return all particles of the block, as they are now in the world [m], shape [n, 3]."""
+        soft = self.soft
+        return np.asarray(soft.in_world(soft.frame(self._client)), np.float64)
+
     def model(self) -> Model:
         c = self.config
         size = (c.handle_height, c.handle_width, c.handle_length)

@@ -1,0 +1,101 @@
+"""A hand-written robot for the dressing challenge: take the gown by its seam, and pull the sleeve up the arm.
+
+It dresses the left arm: one gripper has no way to lead the gown behind the back and into the other
+sleeve. It sees the true state, and needs the control mode `tool_delta` and a gripper that moves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.agents.control import GripperClosing, ToolDelta
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.tasks.phyrc_dressing import PhyrcDressing
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import conjugate, multiply, rotation_vector
+
+Array = npt.NDArray[np.float64]
+
+# All our own choices.
+GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
+FAST, SLOW, PULL = 0.20, 0.06, 0.08  # [m/s] through the air, at the seam, with the sleeve
+NEAR, NEARER = 0.03, 0.012  # [m] that count as there: on the way, and at the seam
+OVER_SEAM = 0.08  # [m] where the hand lines up
+BEFORE_WRIST = 0.10  # [m] out from the wrist, where the sleeve begins to go over the fist
+BESIDE_NECK = 0.04  # [m] before the shoulder, where the fingers stop
+
+
+class ScriptedPhyrcDressing:
+    """Lines up over the seam, closes on it, waits, and pulls the sleeve to the shoulder."""
+
+    def __init__(self, env: CareEnv, role: str) -> None:
+        """Take the environment and the robot's role.
+
+        Raises:
+            ConfigError: If the task is another, or the robot has another control mode or no gripper.
+        """
+        task = env.task
+        if not isinstance(task, PhyrcDressing):
+            raise ConfigError(f"the scripted dresser cannot play {type(task).__name__}")
+        if env.cast[role] is not task.robot:
+            raise ConfigError(f"{role!r} takes no gown: the scripted dresser plays the first robot")
+        controls = [part.control for part in task.robot.parts.values()]
+        if [type(control) for control in controls] != [ToolDelta, GripperClosing]:
+            raise ConfigError(
+                "the scripted dresser needs the control mode 'tool_delta' and moves arm and gripper only"
+            )
+        self._task, self._robot = task, task.robot
+        self._max = controls[0].max
+        self._phase, self._leg = "line up", 0
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self._phase, self._leg = "line up", 0
+
+    def act(self) -> Array:
+        task, pose = self._task, self._robot.tool_pose()
+        tool = np.array(pose.position)
+        linear = self._velocity(tool)
+        turn = TURN_GAIN * rotation_vector(
+            multiply(np.array(task.turn), conjugate(np.array(pose.quaternion)))
+        )
+        arm = np.concatenate((linear, turn)) / self._max
+        arm = arm / max(1.0, float(np.abs(arm).max()))
+        return np.append(arm, -1.0 if self._phase in ("line up", "reach") else 1.0)
+
+    def _velocity(self, tool: Array) -> Array:
+        """Return the velocity of the tool [m/s], shape [3]."""
+        task = self._task
+        if self._phase == "line up":
+            goal = task.gown.seam + (0.0, 0.0, OVER_SEAM)
+            if np.linalg.norm(goal - tool) < NEAR:
+                self._phase = "reach"
+            return _towards(goal - tool, FAST)
+        if self._phase == "reach":
+            if np.linalg.norm(task.gown.seam - tool) < NEARER:
+                self._phase = "close"
+            return _towards(task.gown.seam - tool, SLOW)
+        if self._phase == "close":
+            if task.score.sheet.stage >= 1:
+                self._phase = "pull"
+            return np.zeros(3)
+        way = self._way()
+        if np.linalg.norm(way[self._leg] - tool) < NEAR and self._leg < len(way) - 1:
+            self._leg += 1
+        return _towards(way[self._leg] - tool, PULL)
+
+    def _way(self) -> list[Array]:
+        """Return where the fingers go: before the fist, over wrist and elbow, to the shoulder [m]."""
+        wrist, elbow, shoulder = self._task.way()
+        along = (elbow - shoulder) / np.linalg.norm(elbow - shoulder)
+        first = wrist + BEFORE_WRIST * self._task.out
+        return [first, wrist, elbow, shoulder + BESIDE_NECK * along]
+
+
+def _towards(way: Array, most: float) -> Array:
+    speed = GAIN * float(np.linalg.norm(way))
+    return GAIN * way * min(1.0, most / max(speed, 1e-9))
+
+
+register_policy("phyrc_dressing", "robot", "scripted")(ScriptedPhyrcDressing)

@@ -1,0 +1,116 @@
+"""The bathing challenge's scene: a bed, and over it a table with a sponge and a basin of water."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from rcare_marl.agents.body.skeleton import SIDES
+from rcare_marl.agents.human import Human
+from rcare_marl.body import Body
+from rcare_marl.pose import Array, Pose, quaternion_from_matrix, quaternion_from_rpy
+from rcare_marl.world import World
+
+from .devices.cushion import lay_under, move_under
+from .devices.hospital_bed import HospitalBed
+from .devices.overbed_table import DEPTH, OverbedTable
+from .devices.sponge import Sponge
+from .devices.wash_basin import WashBasin
+from .washed_limbs import WashedLimbs
+
+# Of the challenge's scene, as read from its player of October 2024 (docs/phyrc.md):
+PERSON_SPREAD = 0.10  # [m] along and across, uniform each way
+JOINT_SPREAD = math.radians(15)  # of shoulder, hip and elbow, uniform each way
+# Our own choices.
+BED_RAISE = 0.17  # [m] of the platform over its lowest
+TABLE_AT, TABLE_OVER = (
+    (-0.38, 0.08),
+    0.31,
+)  # [m] middle of the top, and its height over the mattress
+SPONGE_Y, BASIN_Y = -0.34, -0.08  # [m] from the middle of the table
+DEPTH_SHARE = 0.8  # of the sponge that a hand over the rim puts under water
+# How far a limb is laid towards the body at most: it is not laid into trunk or other leg.
+INWARD = {"shoulder_abduction": math.radians(8), "hip_abduction": math.radians(5)}
+# Long side across the bed, face down, so that a hand from the side or from above takes the sponge.
+FACE_DOWN = quaternion_from_matrix(np.array(((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))))
+
+
+class BathScene:
+    """What stands and lies about a person who is bathed in bed; the bed has its head at +x.
+
+    Attributes:
+        bed: The bed.
+        table: The table over the legs.
+        sponge: What is washed with.
+        basin: Where the water is.
+        sponge_at: Pose of the sponge as it lies at the start.
+        basin_at: Pose of the basin at the start.
+    """
+
+    def __init__(self, world: World) -> None:
+        """Put everything into the world."""
+        self.bed = HospitalBed()
+        half = 0.5 * self.bed.config.mattress_length + self.bed.config.end
+        turn = quaternion_from_rpy(0, 0, math.pi)  # mounts beside a bed have its head at +x
+        self.bed.spawn(world, Pose((half, 0.0, 0.0), tuple(turn.tolist())))
+        self.bed.set_position("height", BED_RAISE)
+        height, (x, y) = self.bed.mattress_height() + TABLE_OVER, TABLE_AT
+        self.table = OverbedTable(height)
+        self.table.spawn(world, Pose((x, y, 0.0)))
+        self.basin, self.basin_at = WashBasin(), Pose((x, y + BASIN_Y, height))
+        self.basin.spawn(world, self.basin_at)
+        self.sponge = Sponge()
+        self._face = self.sponge.frame("face").position[2]
+        self.sponge_at = self.over((x, y + SPONGE_Y, height))
+        self.sponge.spawn(world, self.sponge_at)
+        for body in (self.bed.body, self.basin.body):
+            world.slumber.add(body)
+        self._cushions: dict[str, Body] = {}
+
+    def lay_cushions(self, person: Human, limbs: WashedLimbs, world: World) -> None:
+        """Lay a cushion under each arm of a person."""
+        for side in SIDES:
+            skin = limbs.limbs[f"{side}_shoulder"]
+            under = float(min(skin.place(share, math.pi)[0][2] for share in (0.5, 0.9)))
+            base = self.bed.mattress_height()
+            made = lay_under(world, person, side, base=base, under=under)
+            if made is not None:
+                self._cushions[side] = made
+
+    def lay_person(self, person: Human, rng: np.random.Generator) -> None:
+        """Lay a person, who lies in the posture of the start, somewhere else, and cushions under them."""
+        shift = rng.uniform(-PERSON_SPREAD, PERSON_SPREAD, 2)
+        turns = rng.uniform(-JOINT_SPREAD, JOINT_SPREAD, (3, 2))
+        x, y, z = person.pelvis.position
+        person.place(Pose((x + shift[0], y + shift[1], z), person.pelvis.quaternion))
+        dofs = ("shoulder_abduction", "hip_abduction", "elbow_flexion")
+        for (i, dof), (k, side) in itertools.product(enumerate(dofs), enumerate(SIDES)):
+            name = f"{side}_{dof}"
+            if name in person.movable:
+                turn = max(float(turns[i, k]), -INWARD.get(dof, math.inf))
+                person.set_angles({name: person.angle(name) + turn}, laid=True)
+        for side, cushion in self._cushions.items():
+            move_under(cushion, person, side)
+
+    def over(self, face: Array | tuple[float, float, float]) -> Pose:
+        """Return the pose of a sponge that faces down, with its face at a place [m], shape [3]."""
+        x, y, z = (float(value) for value in face)
+        return Pose((x, y, z + self._face), tuple(FACE_DOWN.tolist()))
+
+    def dipped(self) -> Pose:
+        """Return a pose of the sponge with most of it in the water, and its handle over the rim."""
+        depth = DEPTH_SHARE * self.sponge.config.size[2]
+        return self.over(np.subtract(self.water(), (0.0, 0.0, depth)))
+
+    def water(self) -> tuple[float, ...]:
+        """Return the middle of the surface of the water in the world [m], shape [3]."""
+        return self.basin.frame_in_world("water").position
+
+    def edge(self) -> float:
+        """Return where the table ends towards the head of the bed, along x [m]."""
+        return TABLE_AT[0] + 0.5 * DEPTH
+
+
+__all__ = ["BathScene"]
