@@ -75,6 +75,10 @@ class Arm(JointGroup):
         out: Array = _room(self.effort, weight)
         return out
 
+    def balance(self) -> None:
+        """Carry its weight for a physics step, as springs do."""
+        self.drive_torques(self.chain.gravity_torques(self.positions()).tolist())
+
     def carry(self, weight: Array, motors: Array) -> Array:
         """Return as much of `weight` as the effort allows beside `motors` [N·m or N], shape [n]."""
         if self.counterbalanced:

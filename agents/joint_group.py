@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -62,7 +63,7 @@ class JointGroup:
             telescope: Those of them that lie on the way to the tip.
         """
         self.body, self.names = body, tuple(names)
-        self._client, self._uid = world.client, body.uid
+        self._world, self._client, self._uid = world, world.client, body.uid
         self.physics_dt = world.physics_dt
         joints = [body.joint(name) for name in self.names]
         self.indices = [joint.index for joint in joints]
@@ -74,11 +75,17 @@ class JointGroup:
         self.units = tuple("m" if joint.kind == "prismatic" else "rad" for joint in joints)
         self._dofs = [joint.dof for joint in joints]
         self._all = [joint.index for joint in body.joints.values()]
-        self._is_whole = len(self._all) == len(self.indices)
+        self._is_whole = self._all == self.indices
+        self._asked, self._places = self.indices, list(range(len(joints)))  # what `read` asks for
+        self._read_at = (-1, -1)
         self._bind_followers(followers or {}, telescope)
         first = 6 if body.is_movable else 0  # the mass matrix begins with a free base
         dofs = [first + dof for dof in (*self._dofs, *self._segment_dofs)]
-        self._block = np.ix_(dofs, dofs)  # of the mass matrix
+        # Of the mass matrix; None where that is all of it.
+        is_all = dofs == list(range(first + len(self._all)))
+        self._block = None if is_all else np.ix_(dofs, dofs)
+        self._told: tuple[float, ...] | None = None  # torques that `_push` applies
+        self._push: Callable[[], object] = tuple
         self._along = np.eye(len(dofs), len(self))  # joint speeds for each speed of the group
         self._along[range(len(self), len(dofs)), self._segment_leaders] = self._segment_ways
 
@@ -98,10 +105,14 @@ class JointGroup:
         ):
             force = 10 * float(self.effort[i])  # a gear that gives nothing
             self.body.gear(self.indices[i], index, way, force)
-        self._telescopes = {self.indices[i] for i in self._segment_leaders}
+        telescopes = {self.indices[i] for i in self._segment_leaders}
         others = {name: rule for name, rule in followers.items() if name not in telescope}
         joints = [self.body.joint(name) for name in others]
         self._follower_indices = [joint.index for joint in joints]
+        self._gains = {
+            index: TELESCOPE_GAIN if index in telescopes else POSITION_GAIN
+            for index in (*self.indices, *self._follower_indices)
+        }
         self._leaders = [self.names.index(rule.joint) for rule in others.values()]
         self._multipliers = np.array([rule.multiplier for rule in others.values()])
         self._offsets = np.array([rule.offset for rule in others.values()])
@@ -116,10 +127,19 @@ class JointGroup:
         return bool(self._leaders)
 
     def read(self) -> tuple[Array, Array, Array]:
-        """Return positions, velocities and motor torques of the last step, each of shape [n]."""
-        states = bullet.getJointStates(self._uid, self.indices, physicsClientId=self._client)
-        positions, velocities, _, torques = zip(*states, strict=True)
-        return np.array(positions), np.array(velocities), np.array(torques)
+        """Return positions, velocities and motor torques of the last step, each of shape [n].
+
+        What was read since the world last moved is returned again: do not write into it.
+        """
+        now = (self._world.step_count, self._world.teleports)
+        if now != self._read_at:
+            self._read_at = now
+            states = bullet.getJointStates(self._uid, self._asked, self._client)
+            self._everything = [state[0] for state in states]
+            own = [states[place] for place in self._places]
+            positions, velocities, _, torques = zip(*own, strict=True)
+            self._read = np.array(positions), np.array(velocities), np.array(torques)
+        return self._read
 
     def positions(self) -> Array:
         """Return the joint positions [rad or m], shape [n]."""
@@ -152,8 +172,14 @@ class JointGroup:
         """Return the torques that accelerate the group [N·m or N], shape [n], without speed terms."""
         everything = positions.tolist()
         if not self._is_whole:
-            everything = self.body.joint_states(self._all)[0]
-        matrix = self.body.mass_matrix(everything)[self._block]
+            if self._asked is not self._all:  # from now on `read` asks for all at once
+                self._asked, self._read_at = self._all, (-1, -1)
+                self._places = [self._all.index(index) for index in self.indices]
+            self.read()
+            everything = self._everything
+        matrix = self.body.mass_matrix(everything)
+        if self._block is not None:
+            matrix = matrix[self._block]
         if not self._segments:
             out: Array = matrix @ acceleration
             return out
@@ -185,21 +211,14 @@ class JointGroup:
     def _drive_each(
         self, indices: Sequence[int], targets: Array, speeds: Array, forces: Array
     ) -> None:
-        # One call a joint: the call for many joints has no speed limit.
+        # One call a joint: the call for many joints has no speed limit. Arguments in their order, since
+        # names cost as much as the call: target, its speed, force, two gains, greatest speed.
+        tell, mode, gains = bullet.setJointMotorControl2, bullet.POSITION_CONTROL, self._gains
+        uid, client = self._uid, self._client
         for index, target, speed, force in zip(
             indices, targets.tolist(), speeds.tolist(), forces.tolist(), strict=True
         ):
-            bullet.setJointMotorControl2(
-                self._uid,
-                index,
-                bullet.POSITION_CONTROL,
-                targetPosition=target,
-                force=force,
-                maxVelocity=speed,
-                positionGain=TELESCOPE_GAIN if index in self._telescopes else POSITION_GAIN,
-                velocityGain=1.0,
-                physicsClientId=self._client,
-            )
+            tell(uid, index, mode, target, 0.0, force, gains[index], 1.0, speed, client)
 
     def drive_towards(self, targets: Array, duration: float, forces: Array) -> None:
         """Drive joints so that they reach `targets` [rad or m] in `duration` [s]."""
@@ -223,9 +242,32 @@ class JointGroup:
         if self._leaders:
             self._drive_followers(self.positions(), self.velocity)
 
-    def drive_torques(self, torques: list[float]) -> None:
-        """Apply `torques` [N·m or N], shape [n], for one physics step."""
-        self.body.drive_torques(self.indices, torques)
+    def drive_torques(self, torques: Sequence[float]) -> None:
+        """Apply `torques` [N·m or N], shape [n], for one physics step.
+
+        A list is faster than an array, and a tuple that is given step after step than both.
+        """
+        if torques is self._told:
+            self._push()
+        elif isinstance(torques, tuple) and not self.body.may_sleep:
+            self._told, self._push = torques, self._pushing(torques)
+            self._push()
+        else:
+            self.body.drive_torques(self.indices, torques)
+
+    def _pushing(self, torques: tuple[float, ...]) -> Callable[[], object]:
+        """Return what applies torques for a physics step: one call to Bullet, or none."""
+        loaded = [(i, t) for i, t in zip(self.indices, torques, strict=True) if t != 0.0]
+        mode, client = bullet.TORQUE_CONTROL, self._client
+        if not loaded:
+            return tuple  # nothing to do
+        if len(loaded) == 1:  # in half the time of the call for many joints
+            ((i, t),) = loaded
+            tell = bullet.setJointMotorControl2
+            return partial(tell, self._uid, i, mode, 0.0, 0.0, t, 0.0, 0.0, 0.0, client)
+        indices, forces = zip(*loaded, strict=True)
+        tell = bullet.setJointMotorControlArray
+        return partial(tell, self._uid, indices, mode, forces=forces, physicsClientId=client)
 
     def limit_speed(self) -> None:
         """Let the physics cut all joint speeds a fifth above the greatest that any joint may have.

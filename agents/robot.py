@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -59,6 +59,7 @@ class Robot(Agent):
         groups: Its head, torso and so on that move, by name, once spawned.
         base: Its base, if it is driven by itself, once spawned.
         parts: The parts that move by name, once spawned.
+        acting: What `actuate` calls, once spawned.
     """
 
     body: Body
@@ -66,6 +67,7 @@ class Robot(Agent):
     groups: dict[str, JointGroup]
     base: MobileBase | None
     parts: dict[str, Part]
+    acting: list[Callable[[], None]]
 
     def __init__(
         self,
@@ -292,17 +294,15 @@ class Robot(Agent):
             self.body.set_softness(stiffness=c.contact_stiffness, damping=c.contact_damping)
         for gripper in assembly.grippers.values():
             gripper.bind(self.body)
-        self._grippers = [g for g in assembly.grippers.values() if g.is_movable]
         for name in self.moves:
             self.parts[name] = self._make_part(world, assembly, name)
         controls = [part.control for part in self.parts.values()]
-        self._acting = [control.actuate for control in controls if control.needs_actuation]
-        carries = self._control_name in WEIGHT_CARRYING
-        self._balanced = [
-            arm
-            for name, arm in self.arms.items()
-            if self.config.arms[name].counterbalanced and not carries
-        ]
+        self.acting = [control.actuate for control in controls if control.needs_actuation]
+        if self._control_name not in WEIGHT_CARRYING:
+            springs = [arm for arm in self.arms.values() if arm.counterbalanced]
+            self.acting += [arm.balance for arm in springs]
+        grippers = [g for g in assembly.grippers.values() if g.is_movable]
+        self.acting += [gripper.align for gripper in grippers]
         self.set_start()
         self.sense()
 
@@ -380,20 +380,16 @@ class Robot(Agent):
 
     @property
     def needs_actuation(self) -> bool:
-        return bool(self._grippers or self._balanced or self._acting)
+        return bool(self.acting)
 
     def add_part(self, part: Part) -> None:
         """Let actions move `part` too, such as what the robot rides on; after `spawn`."""
         self.parts[part.name] = part
-        self._acting.append(part.control.actuate)
+        self.acting.append(part.control.actuate)
 
     def actuate(self) -> None:
-        for act in self._acting:
+        for act in self.acting:
             act()
-        for arm in self._balanced:
-            arm.drive_torques(arm.chain.gravity_torques(arm.positions()).tolist())
-        for gripper in self._grippers:
-            gripper.align()
 
     def place(self, base: Pose) -> None:
         """Move the root to `base` in the world; all parts keep their posture, at rest."""

@@ -48,13 +48,16 @@ class Part:
         self.name, self.control, self.joints = name, control, joints
         self._base, self._tool, self._prefix = base, tool, prefix
         if joints is not None:  # a continuous joint is at the same place every turn
+            self._turns = bool(np.isinf(joints.upper).any())
             self._period = np.where(np.isinf(joints.upper), 2 * np.pi, 1e9)
 
     def sense(self) -> None:
         """Read the state once, for all observables."""
         if self.joints is not None:
-            positions, self._velocities, _ = self.joints.read()
-            self._positions = positions - self._period * np.rint(positions / self._period)
+            self._positions, self._velocities, _ = self.joints.read()
+            if self._turns:
+                turns = np.rint(self._positions / self._period)
+                self._positions = self._positions - self._period * turns
         if self._tool is not None:
             pose = self._tool()
             self._tool_position = pose.position

@@ -110,8 +110,9 @@ class SafetyMeter:
 
         Link by link: else the foot of an arm beside the person would hide its hand.
         """
-        person, before, near = self._person.body, self._gaps, self._world.separation
-        self._gaps = [near(m, person, within=NEAR, links=(link, None)) for m, link in self._movers]
+        before = self._gaps
+        person = self._person.body
+        self._gaps = self._world.gaps(self._movers, person, within=NEAR, before=before)
         pairs = zip(before, self._gaps, strict=False)
         return max([0.0, *[(a - b) / duration for a, b in pairs if b < NEAR]])
 

@@ -93,7 +93,7 @@ def draw(tasks: Sequence[str], out: Path, seed: int) -> None:
     sheet = np.full((rows * (height + GAP), COLUMNS * (width + 3 * GAP), 3), 255, np.uint8)
     for i, picture in enumerate(pairs):
         y, x = (i // COLUMNS) * (height + GAP), (i % COLUMNS) * (width + 3 * GAP)
-        sheet[y : y + height, x : x + width] = picture
+        sheet[y : y + height, x : x + width] = np.asarray(picture)
     Image.fromarray(sheet).save(out, quality=QUALITY)
 
 

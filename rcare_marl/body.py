@@ -112,7 +112,7 @@ class Body:
     def joint_states(self, indices: Sequence[int]) -> tuple[list[float], list[float]]:
         """Return positions [rad or m] and velocities [rad/s or m/s] of joints, each of length n."""
         # Bullet answers None where it is asked for no joint.
-        states = bullet.getJointStates(self.uid, indices, physicsClientId=self._client) or ()
+        states = bullet.getJointStates(self.uid, indices, self._client) or ()
         return [s[0] for s in states], [s[1] for s in states]
 
     def joint_torques(self, indices: Sequence[int]) -> list[float]:
@@ -310,7 +310,8 @@ class Body:
 
     def drive_torques(self, indices: Sequence[int], torques: Sequence[float]) -> None:
         """Apply joint `torques` [N·m or N] for one physics step. A list is faster than an array."""
-        self.wake()
+        if self.may_sleep:
+            self.wake()
         bullet.setJointMotorControlArray(
             self.uid,
             indices,

@@ -12,13 +12,13 @@ from episode import play
 import rcare_marl
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.devices.powered_wheelchair import PoweredWheelchair
-from rcare_marl.envs.door_approach import WIDE_ENOUGH
 from rcare_marl.envs.homes.care_home import CareHome, home_names
 from rcare_marl.envs.homes.door import HINGE_DAMPING
 from rcare_marl.envs.homes.fixture import set_up_door
 from rcare_marl.envs.homes.stage import find_stage
+from rcare_marl.envs.scenes.door_approach import WIDE_ENOUGH
+from rcare_marl.envs.scenes.way_through import WayThrough
 from rcare_marl.envs.tasks.ambulating import TURNED, Ambulating
-from rcare_marl.envs.way_through import WayThrough
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
 from rcare_marl.world import World

@@ -12,8 +12,8 @@ from episode import play
 import rcare_marl
 from rcare_marl import assets
 from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.envs import wiped_skin
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.scenes import wiped_skin
 from rcare_marl.envs.tasks import bathing
 from rcare_marl.envs.tasks.bathing import Bathing
 from rcare_marl.errors import ConfigError, UnknownNameError

@@ -77,11 +77,12 @@ def test_another_cast_keeps_the_promises_or_is_told_that_it_does_not_reach(
 ) -> None:
     part = task_class(task).roles()[role]
     assert part.kind in (Robot, Human)
+    chosen: dict[str, Any] = {role: other}
     if is_refused(task, part, other):
         with pytest.raises(ConfigError, match="has no arm that reaches"):
-            rcare_marl.make(task, **{role: other})
+            rcare_marl.make(task, **chosen)
     else:
-        check(task, **{role: other})
+        check(task, **chosen)
 
 
 @pytest.mark.parametrize("level", LEVELS)

@@ -17,7 +17,7 @@ from rcare_marl.agents.motion.kneel import Kneel
 from rcare_marl.agents.motion.walk import LEGS
 from rcare_marl.agents.policies.leg_lifting import LegLifting
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.leg_path import LegPath
+from rcare_marl.envs.scenes.leg_path import LegPath
 from rcare_marl.envs.tasks.dressing import Dressing, DressingOptions
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Array, Pose

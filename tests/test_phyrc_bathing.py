@@ -12,9 +12,9 @@ from episode import play
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.envs.bath_score import BathScore
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.phyrc_score import ScoreSheet
+from rcare_marl.envs.phyrc.bath_score import BathScore
+from rcare_marl.envs.phyrc.phyrc_score import ScoreSheet
 from rcare_marl.envs.tasks.phyrc_bathing import PhyrcBathing
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose, quaternion_from_rpy

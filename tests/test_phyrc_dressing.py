@@ -11,9 +11,9 @@ import pytest
 from episode import play
 
 import rcare_marl
-from rcare_marl.envs.arm_cover import ArmCover, crossings, widest_gap
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.phyrc_score import ScoreSheet
+from rcare_marl.envs.phyrc.arm_cover import ArmCover, crossings, widest_gap
+from rcare_marl.envs.phyrc.phyrc_score import ScoreSheet
 from rcare_marl.envs.tasks.phyrc_dressing import PhyrcDressing
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array

@@ -65,7 +65,7 @@ class ToolDelta:
         self._goal = np.zeros((3, 4))
         self._target = np.zeros(len(arm))
         self._hold = np.zeros(len(arm))
-        self._hold_list = self._hold.tolist()
+        self._push = tuple(self._hold.tolist())
         self._steps_left = -1  # physics steps to the end of the control step
         self._velocities = np.zeros(len(arm))
 
@@ -86,7 +86,7 @@ class ToolDelta:
             room = np.where(self._is_base, arm.effort, room)
         forces = np.minimum(forces, room)
         self._hold = arm.carry(weight, forces)
-        self._hold_list = self._hold.tolist()
+        self._push = tuple(self._hold.tolist())
         arm.drive_to(self._target, speeds, forces)
 
     def command(self, action: Array, duration: float) -> None:
@@ -134,7 +134,7 @@ class ToolDelta:
         self._steps_left -= 1
         if self._steps_left == 0:
             self._velocities = self._arm.velocities()
-        self._arm.drive_torques(self._hold_list)
+        self._arm.drive_torques(self._push)
 
 
 @numba.njit(cache=True)

@@ -12,8 +12,8 @@ from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.homes.door import DoorSize
 from rcare_marl.envs.homes.rule import Rules
 from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.scenes.way_through import WayThrough
 from rcare_marl.envs.tasks.ambulating import Ambulating
-from rcare_marl.envs.way_through import WayThrough
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, multiply, rotation_vector
 

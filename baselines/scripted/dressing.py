@@ -11,8 +11,8 @@ import numpy as np
 
 from rcare_marl.agents.control import ToolDelta
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.hanging_shorts import HOLD_START, tip
 from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.scenes.hanging_shorts import HOLD_START, tip
 from rcare_marl.envs.tasks.dressing import REACH, Dressing
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, conjugate, multiply, rotation_vector

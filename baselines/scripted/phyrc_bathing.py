@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.control import GripperClosing, ToolDelta
-from rcare_marl.envs.bath_scene import FACE_DOWN
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.phyrc.bath_scene import FACE_DOWN
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.phyrc_bathing import PhyrcBathing
 from rcare_marl.errors import ConfigError

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -24,7 +25,6 @@ from ..devices.dry_friction import grip
 from ..devices.powered_wheelchair import PoweredWheelchair
 from ..devices.stand import add_stand
 from ..devices.wheelchair import Wheelchair, chair_for
-from ..door_approach import STANDING, WIDE_ENOUGH, DoorApproach, is_free_beyond
 from ..homes.care_home import CareHome
 from ..homes.door import KNOB_TURN, LEVER_TURN, RELEASE
 from ..homes.fixture import set_up_door
@@ -34,9 +34,10 @@ from ..homes.rule import Rules
 from ..registry import register_task
 from ..rewards import tolerance
 from ..safety import SafetyMeter
+from ..scenes.door_approach import STANDING, WIDE_ENOUGH, DoorApproach, is_free_beyond
+from ..scenes.way_through import WayThrough
 from ..task import Role, Task
 from ..task_options import TaskOptions
-from ..way_through import WayThrough
 
 # [rad] that a handle is turned when the latch is free: that of our doors. The paper has a threshold.
 TURNED = {"knob": RELEASE * KNOB_TURN, "lever": RELEASE * LEVER_TURN}
@@ -169,6 +170,7 @@ class Ambulating(Task):
             self._joint = [body.joint(self._kind).index]
             grip(world, body, [body.link_index("handle")], friction=KNOB_FRICTION)
         self._tool, self.facing = self.robot.tool_index, AHEAD
+        self._touching = partial(world.contact_force, self.robot.body, body)
         if isinstance(control := self.robot.control, ToolDelta):
             control.contact_force = CONTACT_FORCE
         movers = [a.body for a in self.cast.values() if isinstance(a, Robot)]
@@ -207,7 +209,7 @@ class Ambulating(Task):
             self.way.reset()
 
     def after_substep(self) -> None:
-        push = self._world.contact_force(self.robot.body, self.door.body)
+        push = self._touching()
         if push > self._step_push:
             self._step_push = push
         if self.way is not None:

@@ -25,9 +25,9 @@ from ..devices.stand import add_stand
 from ..homes.rectangle import Rectangle
 from ..registry import register_task
 from ..safety import SafetyMeter
+from ..scenes.wiped_skin import WipedSkin, pad
 from ..task import Role, Task
 from ..task_options import FORCE_LIMIT, TaskOptions
-from ..wiped_skin import WipedSkin, pad
 
 COMFORT_FORCE = 12.0  # [N] above it PhyRC's bathing takes points; used by the shaped reward
 REACHED = 0.025  # [m] from target to the middle of the sponge's face: Assistive Gym, bed_bathing.py

@@ -27,14 +27,15 @@ from rcare_marl.world import World
 from ..care_env import CareEnv
 from ..devices.stand import add_stand
 from ..devices.wheelchair import chair_for
-from ..hanging_shorts import HOLD_START, hang, tip
 from ..homes.rectangle import Rectangle
-from ..liftable_leg import LIFT_SPREAD, LiftableLeg, let_leg_stand
-from ..pulling_posture import pulling_posture
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..safety import SafetyMeter
+from ..scenes.hanging_shorts import HOLD_START, hang, tip
+from ..scenes.liftable_leg import LIFT_SPREAD, LiftableLeg, let_leg_stand
+from ..scenes.pulling_posture import pulling_posture
 from ..task import Role, Task
+from ..task_options import TaskOptions
 
 # [N] on the person; own choice, a third of ISO/TS 15066 for a lower leg (130, from memory).
 FORCE_LIMIT = 40.0
@@ -53,11 +54,10 @@ REACH = 0.26  # [m] past the knee, as far as a hand has room before the belly
 
 MOVABLE = ("right_hip_flexion", "right_knee_flexion")
 ARM = ("shoulder_flexion", "shoulder_abduction", "elbow_flexion")
-SHAPED_WEIGHTS = {"distance": 1.0, "comfort": 0.3, "around": 0.5, "held": 0.3}  # our own choice
 
 
 @dataclass(frozen=True)
-class DressingOptions:
+class DressingOptions(TaskOptions):
     """Settings of the dressing task.
 
     Attributes:
@@ -67,14 +67,11 @@ class DressingOptions:
         force_limit: Force on the person that ends the episode as a failure [N].
     """
 
-    reward: Literal["paper", "shaped"] = "paper"
+    SHAPED_WEIGHTS = {"distance": 1.0, "comfort": 0.3, "around": 0.5, "held": 0.3}  # our own choice
+
     until: Literal["target", "lowered"] = "target"
     garment: str = "running_shorts"
     force_limit: float = FORCE_LIMIT
-
-    def __post_init__(self) -> None:
-        if not self.force_limit > 0:
-            raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
 
 
 @register_task("dressing")
@@ -246,13 +243,11 @@ class Dressing(Task):
     def rewards(self, role: str) -> Mapping[str, float]:
         terms = {"distance": -self._distance}
         if self.options.reward == "shaped":
-            limit = self.options.force_limit
-            comfort = min(COMFORT_FORCE, 0.5 * limit)
-            excess = max(self._safety.force - comfort, 0.0) / (limit - comfort)
+            excess = self.options.discomfort(self._safety.force, COMFORT_FORCE)
             near = tolerance(self.hem_along, (self.target_along, math.inf), margin=0.4)
-            terms |= {"comfort": -min(excess, 1.0), "held": float(self.is_held) - 1.0}
+            terms |= {"comfort": -excess, "held": float(self.is_held) - 1.0}
             terms |= {"around": (near if self.is_around else 0.0) - 1.0}
-            terms = {name: SHAPED_WEIGHTS[name] * value for name, value in terms.items()}
+            terms = self.options.weighted(terms)
         # Every term is a cost, so that to end well ends the costs. An episode that ends badly is charged
         # as if it had stayed as it was: else to hurt somebody at once would cost least.
         left = max(self.time_limit - self._world.time, 0.0) / self.control_dt

@@ -27,15 +27,15 @@ from rcare_marl.soft.pool import Pool
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
-from ..cup_hold import CupHold
 from ..devices.cup import Cup
 from ..devices.stand import add_stand
 from ..devices.wheelchair import chair_for
 from ..homes.rectangle import Rectangle
-from ..mouth import RADIUS, Mouth
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..safety import SafetyMeter
+from ..scenes.cup_hold import CupHold
+from ..scenes.mouth import RADIUS, Mouth
 from ..task import Role, Task
 from ..task_options import TaskOptions
 

@@ -29,7 +29,7 @@ from ..homes.rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..safety import SafetyMeter
-from ..start_posture import start_best
+from ..scenes.start_posture import start_best
 from ..task import Role, Task
 from ..task_options import TaskOptions
 

@@ -19,16 +19,16 @@ from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..bath_scene import BathScene
-from ..bath_score import EXCEEDED, BathScore
 from ..devices.stand import add_stand
 from ..homes.rectangle import Rectangle
-from ..phyrc_score import FULL_SCORE
+from ..phyrc.bath_scene import BathScene
+from ..phyrc.bath_score import EXCEEDED, BathScore
+from ..phyrc.phyrc_score import FULL_SCORE
+from ..phyrc.washed_limbs import WashedLimbs
 from ..registry import register_task
 from ..safety import SafetyMeter
 from ..task import Role, Task
 from ..task_options import TaskOptions
-from ..washed_limbs import WashedLimbs
 
 # All our own choices; what the challenge says is in `bath_score` and `bath_scene`.
 SUCCESS = 35  # points of 50

@@ -23,13 +23,13 @@ from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..arm_cover import ArmCover
 from ..devices.stand import add_stand
 from ..devices.wheelchair import Wheelchair
-from ..dressing_score import DressingScore
-from ..gown_stand import GownStand
 from ..homes.rectangle import Rectangle
-from ..phyrc_score import FULL_SCORE
+from ..phyrc.arm_cover import ArmCover
+from ..phyrc.dressing_score import DressingScore
+from ..phyrc.gown_stand import GownStand
+from ..phyrc.phyrc_score import FULL_SCORE
 from ..registry import register_task
 from ..safety import SafetyMeter
 from ..task import Role, Task

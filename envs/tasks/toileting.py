@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -156,6 +157,7 @@ class Toileting(Task):
         lid = self._fixture.piece.model.joints["lid"]
         self._lid = [self._body.joint("lid").index]
         self._tool = self.robot.tool_index
+        self._touching = partial(world.contact_force, self.robot.body, self._body)
         self._hinge = np.array(lid.at) * (1, 0, 1)
         self._lip = np.array(self._fixture.piece.frames["handle_lid"].position) - self._hinge
         movers = [a.body for a in self.cast.values() if isinstance(a, Robot)]
@@ -209,7 +211,7 @@ class Toileting(Task):
         self._time_to_open = -1.0
 
     def after_substep(self) -> None:
-        push = self._world.contact_force(self.robot.body, self._body)
+        push = self._touching()
         if push > self._step_push:
             self._step_push = push
         for meter in self._meters:

@@ -12,7 +12,7 @@ from rcare_marl.agents.human import Human
 from rcare_marl.pose import Array, Pose
 from rcare_marl.world import World
 
-from .devices.wheelchair import Wheelchair
+from ..devices.wheelchair import Wheelchair
 from .leg_path import LegPath
 
 # How it is lifted, all our own choices. Hip flexion beside that at rest, and knee flexion: straight enough

@@ -15,7 +15,7 @@ from rcare_marl.soft.grip import Grip
 from rcare_marl.soft.wardrobe import Wardrobe
 from rcare_marl.world import World
 
-from .devices.dressing_stand import TRAVEL, DressingStand
+from ..devices.dressing_stand import TRAVEL, DressingStand
 from .hung_gown import hang
 
 # All our own choices.

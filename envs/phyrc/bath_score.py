@@ -11,9 +11,9 @@ from rcare_marl.agents.robot import Robot
 from rcare_marl.pose import Array
 from rcare_marl.world import World
 
+from ..safety import SafetyMeter
 from .bath_scene import BathScene
 from .phyrc_score import PICK_UP_TIME, ScoreSheet, Stopwatch
-from .safety import SafetyMeter
 from .washed_limbs import WashedLimbs
 
 # Of the challenge's scene, as read from its player of October 2024 (docs/phyrc.md):

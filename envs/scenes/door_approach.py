@@ -9,11 +9,11 @@ from typing import Literal
 from rcare_marl.agents.robot import Mount, Robot
 from rcare_marl.pose import Pose
 
-from .homes.care_home import CareHome
-from .homes.door import LEVER_REACH, Door, DoorSize, hinge_side
-from .homes.plan import INNER_WALL, Opening
-from .homes.rectangle import Rectangle
-from .homes.rule import Rules
+from ..homes.care_home import CareHome
+from ..homes.door import LEVER_REACH, Door, DoorSize, hinge_side
+from ..homes.plan import INNER_WALL, Opening
+from ..homes.rectangle import Rectangle
+from ..homes.rule import Rules
 
 Choice = Literal["handle", "left", "right"]
 Side = Literal["left", "right"]

@@ -13,11 +13,11 @@ from rcare_marl.body import Body
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix, quaternion_from_rpy
 from rcare_marl.world import World
 
-from .devices.cushion import lay_under, move_under
-from .devices.hospital_bed import HospitalBed
-from .devices.overbed_table import DEPTH, OverbedTable
-from .devices.sponge import Sponge
-from .devices.wash_basin import WashBasin
+from ..devices.cushion import lay_under, move_under
+from ..devices.hospital_bed import HospitalBed
+from ..devices.overbed_table import DEPTH, OverbedTable
+from ..devices.sponge import Sponge
+from ..devices.wash_basin import WashBasin
 from .washed_limbs import WashedLimbs
 
 # Of the challenge's scene, as read from its player of October 2024 (docs/phyrc.md):

@@ -9,7 +9,7 @@ from rcare_marl.agents.human import Human
 from rcare_marl.pose import Array
 from rcare_marl.world import World
 
-from .wiped_skin import WipedSkin, pad
+from ..scenes.wiped_skin import WipedSkin, pad
 
 # Joint a limb moves with, joint at its far end, from where on it is bare. Sleeves and trousers are short.
 LIMBS = (

@@ -13,7 +13,7 @@ from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, Vector
 from rcare_marl.world import World
 
-from .devices.cup import Cup
+from ..devices.cup import Cup
 
 # All our own choices. Angles between the way from the handle to the cup and the way to the face that are
 # tried, the best first: from the side one turn of the wrist tilts the cup.

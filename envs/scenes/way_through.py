@@ -13,8 +13,8 @@ from rcare_marl.observable import Observable
 from rcare_marl.pose import Array
 from rcare_marl.world import World
 
-from .devices.powered_wheelchair import PoweredWheelchair
-from .homes.door import Door
+from ..devices.powered_wheelchair import PoweredWheelchair
+from ..homes.door import Door
 
 SPARE = 0.02  # [m] that a door must be wider than what passes, each side; our own choice
 ARM = 0.06  # [m] from the middle of the base of an arm to its side; our own choice

@@ -1,0 +1,1 @@
+"""What the PhyRC challenge tasks are made of: their scenes, and the published scoring."""
