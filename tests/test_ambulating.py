@@ -70,23 +70,6 @@ def test_an_episode_starts_shut_and_is_a_function_of_its_seed(scripted: CareEnv)
     assert not np.array_equal(tracks[0][0], tracks[1][0])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("level", HARDWARE)
-def test_the_scripted_robot_works_ninety_five_of_a_hundred_doors(level: int) -> None:
-    env = rcare_marl.make("ambulating", level=level, policies=BOTH)
-    assert sum(run(env, seed).is_success() for seed in range(100)) >= 95
-    env.close()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("level", HARDWARE)
-def test_a_random_robot_opens_next_to_nothing(level: int) -> None:
-    policies = {"robot": "random", "recipient": "still"}
-    env = rcare_marl.make("ambulating", level=level, policies=policies)
-    assert sum(run(env, seed).is_success() for seed in range(100)) < 2
-    env.close()
-
-
 @pytest.mark.parametrize(("level", "kind"), [(1, "knob"), (2, "lever")])
 def test_what_counts_is_that_the_latch_is_free(level: int, kind: str) -> None:
     env = rcare_marl.make("ambulating", level=level, policies=BOTH)

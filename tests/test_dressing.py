@@ -133,17 +133,6 @@ def test_the_caregiver_lifts_the_leg_and_the_robot_pulls_the_shorts_over_the_kne
 
 
 @pytest.mark.slow
-def test_the_scripted_robot_succeeds_in_eighty_five_of_a_hundred_episodes(
-    scripted: CareEnv,
-) -> None:
-    won = 0
-    for seed in range(100):
-        play(scripted, seed)
-        won += task_of(scripted).is_success()
-    assert won >= 85
-
-
-@pytest.mark.slow
 def test_the_leg_is_put_down_again_with_the_shorts_past_the_knee() -> None:
     env = rcare_marl.make("dressing", policies=ALL, options={"until": "lowered"})
     won = 0

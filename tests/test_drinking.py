@@ -56,19 +56,6 @@ def test_the_scripted_robot_gives_karan_to_drink(scripted: CareEnv, seed: int) -
 
 
 @pytest.mark.slow
-def test_the_scripted_robot_succeeds_in_ninety_of_a_hundred_episodes(scripted: CareEnv) -> None:
-    assert sum(run(scripted, seed).is_success() for seed in range(100)) >= 90
-
-
-@pytest.mark.slow
-def test_a_random_robot_spills_the_water() -> None:
-    env = rcare_marl.make("drinking", policies={"robot": "random", "recipient": "random"})
-    tasks = [run(env, seed) for seed in range(50)]
-    assert not any(task.is_success() for task in tasks)
-    env.close()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("avatar", assets.names("avatars"))
 def test_every_avatar_can_be_given_to_drink(avatar: str) -> None:
     env = rcare_marl.make("drinking", recipient=avatar, policies=BOTH)

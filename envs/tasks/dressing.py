@@ -281,7 +281,7 @@ class Dressing(Task):
         return self._safety.peak_force > self.options.force_limit
 
     def camera(self) -> Camera:
-        return Camera(eye=(1.15, -1.6 * self.outward, 1.4), target=(0.5, -0.1, 0.62), fov_deg=46)
+        return Camera(eye=(1.15, -1.6 * self.outward, 1.4), target=(0.55, -0.1, 0.68), fov_deg=54)
 
 
 @register_policy("dressing", "recipient", "cooperative")
