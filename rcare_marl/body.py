@@ -312,13 +312,8 @@ class Body:
         """Apply joint `torques` [N·m or N] for one physics step. A list is faster than an array."""
         if self.may_sleep:
             self.wake()
-        bullet.setJointMotorControlArray(
-            self.uid,
-            indices,
-            bullet.TORQUE_CONTROL,
-            forces=torques,
-            physicsClientId=self._client,
-        )
+        tell, mode = bullet.setJointMotorControlArray, bullet.TORQUE_CONTROL
+        tell(self.uid, indices, mode, forces=torques, physicsClientId=self._client)
 
     def release_motors(self, indices: Sequence[int], friction: float = 0.0) -> None:
         """Turn off the default velocity motors, leaving `friction` [N·m or N]."""

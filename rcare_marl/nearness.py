@@ -1,7 +1,6 @@
 """How near bodies are to each other: boxes first, and Bullet's search only where they are near.
 
-Bullet searches every pair of links that it is asked about, however far apart. A robot of twelve links and
-a person of fifty are 600 pairs, of which a handful are near, if any.
+Bullet looks at every pair of links that it is asked about, however far apart they are.
 """
 
 from __future__ import annotations
@@ -13,57 +12,75 @@ import numba
 import numpy as np
 import pybullet as bullet
 
-from .pose import Array
+from .pose import Array, Pose, matrix_from_quaternion
 
 if TYPE_CHECKING:
-    from .body import Body
+    from .body import Body, VisualShape
 
 ALL_LINKS = -2  # where Bullet asks for one
-SLACK = 1e-3  # [m] by which we think boxes nearer than they are: shapes have margins; our own choice
-WAY = 0.02  # [m] that something comes nearer or goes in a control step, mostly
-FEW = 8  # pairs of links up to which it is faster to ask for each of them; measured
+SLACK = (
+    1e-3  # [m] by which we think boxes nearer than they are: shapes have margins; our own choice
+)
+FEW = 8  # links, and half of all, up to which it is faster to ask for each; our own choice
+ROUND = ("box", "capsule", "sphere")  # shapes whose boxes we know
 
 
 class LinkBoxes:
-    """The boxes round the collision shapes of a body's links, along the axes of the world.
+    """The boxes round the collision shapes of a body, along the axes of the world.
+
+    A link that moves has one box. One that stays has one for each shape: a person's trunk and legs may
+    be a single link, and its box is mostly air.
 
     Attributes:
         links: The links that have a shape.
-        places: Where each of them is in that list.
+        owners: Place in `links` for each box.
     """
 
     def __init__(self, body: Body, client: int) -> None:
-        """Take a body of a physics client."""
+        """Take a body of a physics client; it keeps its shapes from now on."""
+        self._body, self._uid, self._client = body, body.uid, client
         self.links = body.solid_links()
-        self.places = {link: i for i, link in enumerate(self.links)}
-        self._uid, self._client = body.uid, client
         moved = set(self.links)
         if not body.is_movable:
             moved = {link for j in body.joints.values() for link in body.carried_by(j.index)}
-        self._moving = [i for i, link in enumerate(self.links) if link in moved]
-        self._boxes = np.zeros((len(self.links), 6))
+        self._moving = [link for link in self.links if link in moved]
+        self._shapes = {
+            link: body.collision_shapes(link) for link in self.links if link not in moved
+        }
+        owners = [self.links.index(link) for link in self._moving]
+        for link, shapes in self._shapes.items():
+            count = len(shapes) if _are_round(shapes) else 1
+            owners += [self.links.index(link)] * count
+        self.owners = np.array(owners, np.int64)
+        self._boxes = np.zeros((len(owners), 6))
         self._seen = self._placed = -1
 
     def read(self, steps: int, teleports: int) -> Array:
-        """Return lower and upper corner of each box [m], shape [links, 6]; do not write into it.
+        """Return lower and upper corner of each box [m], shape [boxes, 6]; do not write into it.
 
         Args:
             steps: Physics steps of the world so far: without one more, nothing has moved by itself.
             teleports: How often a body was put elsewhere: without one more, what no joint carries is
                 still in place, and there was no `rewind`.
         """
-        if teleports != self._placed:
-            self._take(range(len(self.links)))
-        elif steps != self._seen:
-            self._take(self._moving)
+        is_elsewhere = teleports != self._placed
+        if self._moving and (is_elsewhere or steps != self._seen):
+            self._boxes[: len(self._moving)] = [self._box(link) for link in self._moving]
+        if is_elsewhere and self._shapes:
+            rows: list[Sequence[float]] = []
+            for link, shapes in self._shapes.items():
+                if _are_round(shapes):
+                    pose = self._body.link_pose(link)
+                    rows += [_box_of(shape, pose @ shape.pose) for shape in shapes]
+                else:
+                    rows.append(self._box(link))
+            self._boxes[len(self._moving) :] = rows
         self._seen, self._placed = steps, teleports
         return self._boxes
 
-    def _take(self, places: Sequence[int]) -> None:
-        if places:
-            box, uid, client = bullet.getAABB, self._uid, self._client
-            found = [box(uid, self.links[i], client) for i in places]
-            self._boxes[places] = [(*low, *high) for low, high in found]
+    def _box(self, link: int) -> tuple[float, ...]:
+        low, high = bullet.getAABB(self._uid, link, self._client)
+        return (*low, *high)
 
 
 class Nearness:
@@ -74,7 +91,7 @@ class Nearness:
         self._bodies: dict[int, LinkBoxes] = {}
 
     def boxes(self, body: Body) -> LinkBoxes:
-        """Return the boxes of a body; it keeps its shapes as long as the client lasts."""
+        """Return the boxes of a body."""
         if body.uid not in self._bodies:
             self._bodies[body.uid] = LinkBoxes(body, self._client)
         return self._bodies[body.uid]
@@ -85,39 +102,28 @@ class Nearness:
         other: Body,
         *,
         within: float,
-        before: Sequence[float],
         steps: int,
         teleports: int,
     ) -> list[float]:
         """Return the distance of single links from a body [m], each `within` at most.
 
         Args:
-            movers: The links, each with its body.
+            movers: The links, each with its body; they have collision shapes.
             other: The body.
             within: How far to look [m].
-            before: What the distances were a short while ago [m], as a hint; or nothing.
             steps: See `LinkBoxes.read`; likewise `teleports`.
         """
         out = [within] * len(movers)
-        if not movers:
-            return out
         theirs = self.boxes(other)
+        if not movers or not theirs.links:
+            return out
+        box, client = bullet.getAABB, self._client
+        own = np.array([box(body.uid, link, client) for body, link in movers])
         seen = theirs.read(steps, teleports)
-        own = np.empty((len(movers), 6))
-        for i, (body, link) in enumerate(movers):
-            boxes = self.boxes(body)
-            own[i] = boxes.read(steps, teleports)[boxes.places[link]]
-        between = _box_gaps(own, seen)
-        for i in np.flatnonzero(between.min(axis=1, initial=np.inf) < within + SLACK).tolist():
+        for i, k in _near(own, seen, theirs.owners, len(theirs.links), within + SLACK).tolist():
             body, link = movers[i]
-            near = np.flatnonzero(between[i] < within + SLACK).tolist()
-            links = [theirs.links[k] for k in near] if len(near) <= FEW else [ALL_LINKS]
-            found = hint = before[i] + WAY if i < len(before) else within
-            if hint < within:  # the farther Bullet looks, the longer it takes
-                found = min([self.exact(body, other, hint, link, each) for each in links])
-            if found >= hint:
-                found = min([self.exact(body, other, within, link, each) for each in links])
-            out[i] = found
+            other_link = ALL_LINKS if k < 0 else theirs.links[k]
+            out[i] = min(out[i], self.exact(body, other, within, link, other_link))
         return out
 
     def exact(self, a: Body, b: Body, within: float, link_a: int, link_b: int) -> float:
@@ -128,18 +134,49 @@ class Nearness:
         return min([within, *[point[8] for point in points]]) if points else within
 
 
+def _are_round(shapes: Sequence[VisualShape]) -> bool:
+    return all(shape.kind in ROUND for shape in shapes)
+
+
+def _box_of(shape: VisualShape, pose: Pose) -> tuple[float, ...]:
+    """Return lower and upper corner of the box round a shape that is at `pose` in the world [m]."""
+    turn, size = matrix_from_quaternion(pose.quaternion), shape.size
+    if shape.kind == "box":
+        half = np.abs(turn) @ np.multiply(0.5, size)
+    elif shape.kind == "capsule":
+        half = np.abs(turn[:, 2]) * 0.5 * size[0] + size[1]
+    else:
+        half = np.full(3, size[0])
+    return (*(pose.position - half).tolist(), *(pose.position + half).tolist())
+
+
 @numba.njit(cache=True)
-def _box_gaps(a, b):  # type: ignore[no-untyped-def]
-    """Return the distance of each box of `a` [n, 6] from each of `b` [m, 6], shape [n, m]."""
-    out = np.empty((len(a), len(b)))
+def _near(a, b, owners, count, reach):  # type: ignore[no-untyped-def]
+    """Return pairs (place in `a`, link of `b`) that are nearer than `reach`, shape [n, 2].
+
+    Boxes are `a` of shape [n, 2, 3] and `b` of shape [m, 6]. A link of -1 stands for all of them, where
+    more than `FEW`, or half of the `count`, are near.
+    """
+    pairs = np.empty((len(a) * count, 2), np.int64)
+    found = 0
     for i in range(len(a)):
+        first = found
         for k in range(len(b)):
             total = 0.0
             for axis in range(3):
-                gap = max(a[i, axis] - b[k, axis + 3], b[k, axis] - a[i, axis + 3], 0.0)
+                gap = max(a[i, 0, axis] - b[k, axis + 3], b[k, axis] - a[i, 1, axis], 0.0)
                 total += gap * gap
-            out[i, k] = np.sqrt(total)
-    return out
+            if total >= reach * reach:
+                continue
+            is_known = False
+            for pair in range(first, found):
+                is_known |= pairs[pair, 1] == owners[k]
+            if not is_known:
+                pairs[found, 0], pairs[found, 1] = i, owners[k]
+                found += 1
+        if found - first > min(FEW, max(count // 2, 1)):
+            pairs[first, 1], found = -1, first + 1
+    return pairs[:found]
 
 
-__all__ = ["LinkBoxes", "Nearness"]
+__all__ = ["ALL_LINKS", "LinkBoxes", "Nearness"]

@@ -459,27 +459,19 @@ class World:
             within: How far to look [m].
             links: A link of each that alone counts, or of `a` and None; all if None.
         """
-        if links is not None and links[1] is not None:
-            return self._nearness.exact(a, b, within, links[0], links[1])
-        own = self._nearness.boxes(a).links if links is None else [links[0]]
-        return min(self.gaps([(a, link) for link in own], b, within=within), default=within)
+        if links is not None:
+            other = ALL_LINKS if links[1] is None else links[1]
+            return self._nearness.exact(a, b, within, links[0], other)
+        own = [(a, link) for link in self._nearness.boxes(a).links]
+        return min(self.gaps(own, b, within=within), default=within)
 
-    def gaps(
-        self,
-        links: Sequence[tuple[Body, int]],
-        other: Body,
-        *,
-        within: float,
-        before: Sequence[float] = (),
-    ) -> list[float]:
-        """Return how far each of some links is from a body [m], as `separation`, in one go.
+    def gaps(self, links: Sequence[tuple[Body, int]], other: Body, *, within: float) -> list[float]:
+        """Return how far each of some links is from a body [m]; as `separation`, in one go.
 
-        It is faster with a hint how far they were `before`, a short while ago [m].
+        The links must have collision shapes.
         """
         steps, teleports = self.step_count, self.teleports
-        return self._nearness.gaps(
-            links, other, within=within, before=before, steps=steps, teleports=teleports
-        )
+        return self._nearness.gaps(links, other, within=within, steps=steps, teleports=teleports)
 
     def close(self) -> None:
         """Disconnect the client; safe to call twice."""

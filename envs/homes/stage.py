@@ -103,7 +103,7 @@ def find_stage(
     Args:
         home: The home.
         kinds: Kinds of rooms that suit the task, the best first.
-        footprint: The free floor that it needs, about its origin [m]; at a door as `FloorBefore`.
+        footprint: The free floor that it needs, about its origin [m]; for the site `door` a `FloorBefore`.
         room: The room to take; the first that suits if None.
         site: What the origin is at: `door`, one inside the house, or a kind of furniture, whose frame
             it then is; anywhere if empty. That of a door points into its first room, see `Opening`;
