@@ -111,7 +111,8 @@ class SafetyMeter:
         Link by link: else the foot of an arm beside the person would hide its hand.
         """
         before = self._gaps
-        self._gaps = self._world.gaps(self._movers, self._person.body, within=NEAR)
+        person = self._person.body
+        self._gaps = self._world.gaps(self._movers, person, within=NEAR, before=before)
         pairs = zip(before, self._gaps, strict=False)
         return max([0.0, *[(a - b) / duration for a, b in pairs if b < NEAR]])
 

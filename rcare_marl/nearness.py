@@ -21,6 +21,7 @@ ALL_LINKS = -2  # where Bullet asks for one
 SLACK = (
     1e-3  # [m] by which we think boxes nearer than they are: shapes have margins; our own choice
 )
+WAY = 0.02  # [m] that things go in a control step, mostly; our own choice
 FEW = 8  # links, and half of all, up to which it is faster to ask for each; our own choice
 ROUND = ("box", "capsule", "sphere")  # shapes whose boxes we know
 
@@ -100,10 +101,9 @@ class Nearness:
         self,
         movers: Sequence[tuple[Body, int]],
         other: Body,
-        *,
         within: float,
-        steps: int,
-        teleports: int,
+        before: Sequence[float],
+        moment: tuple[int, int],
     ) -> list[float]:
         """Return the distance of single links from a body [m], each `within` at most.
 
@@ -111,7 +111,8 @@ class Nearness:
             movers: The links, each with its body; they have collision shapes.
             other: The body.
             within: How far to look [m].
-            steps: See `LinkBoxes.read`; likewise `teleports`.
+            before: What the distances were a short while ago [m], as a hint; or nothing.
+            moment: Physics steps and teleports so far, see `LinkBoxes.read`.
         """
         out = [within] * len(movers)
         theirs = self.boxes(other)
@@ -119,11 +120,16 @@ class Nearness:
             return out
         box, client = bullet.getAABB, self._client
         own = np.array([box(body.uid, link, client) for body, link in movers])
-        seen = theirs.read(steps, teleports)
+        seen = theirs.read(*moment)
         for i, k in _near(own, seen, theirs.owners, len(theirs.links), within + SLACK).tolist():
             body, link = movers[i]
             other_link = ALL_LINKS if k < 0 else theirs.links[k]
-            out[i] = min(out[i], self.exact(body, other, within, link, other_link))
+            # The farther Bullet looks, the longer it takes: look no farther than it can be by now.
+            hint = before[i] + WAY if before else within
+            found = self.exact(body, other, hint, link, other_link) if hint < within else hint
+            if found >= hint:
+                found = self.exact(body, other, within, link, other_link)
+            out[i] = min(out[i], found)
         return out
 
     def exact(self, a: Body, b: Body, within: float, link_a: int, link_b: int) -> float:

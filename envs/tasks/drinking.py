@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from rcare_marl.agents.human import Human
 from rcare_marl.agents.policies.behaviour_tree import BehaviourTree, eat_when_fed
 from rcare_marl.agents.robot import Robot
 from rcare_marl.errors import ConfigError
@@ -19,25 +17,19 @@ from rcare_marl.pose import (
     Pose,
     Vector,
     matrix_from_quaternion,
-    quaternion_from_rpy,
 )
-from rcare_marl.rendering.camera import Camera
 from rcare_marl.soft.fluid import Fluid, fill
 from rcare_marl.soft.pool import Pool
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
 from ..devices.cup import Cup
-from ..devices.stand import add_stand
-from ..devices.wheelchair import chair_for
-from ..homes.rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..safety import SafetyMeter
 from ..scenes.cup_hold import CupHold
+from ..scenes.meal import Meal, MealOptions
 from ..scenes.mouth import RADIUS, Mouth
-from ..task import Role, Task
-from ..task_options import TaskOptions
 
 LEAST_DRUNK = 0.75  # share of the water: Assistive Gym, drinking
 MOST_SPILLED = 0.10  # share of the water; our own choice
@@ -52,11 +44,9 @@ START_BELOW = 0.06  # [m] the rim starts below the mouth; our own choice
 HEAD_TURN, HEAD_TILT = math.radians(15), math.radians(8)  # uniform, each way; our own choice
 SETTLE_STEPS = 480  # physics steps that the water gets to come to rest, once
 
-MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw_opening")
-
 
 @dataclass(frozen=True)
-class DrinkingOptions(TaskOptions):
+class DrinkingOptions(MealOptions):
     """Settings of the drinking task.
 
     Attributes:
@@ -68,11 +58,9 @@ class DrinkingOptions(TaskOptions):
 
     SHAPED_WEIGHTS = {"water": 0.1, "approach": 0.4, "drunk": 0.5, "comfort": 0.5, "upright": 0.1}
 
-    mount: Literal["left", "right"] = "right"
-
 
 @register_task("drinking")
-class Drinking(Task):
+class Drinking(Meal):
     """A robot on the wheelchair gives the person who sits in it to drink from a cup of water.
 
     Goal: three quarters of the water drunk. A particle is drunk when it comes near the mouth while the
@@ -80,61 +68,17 @@ class Drinking(Task):
     Success and failure: enough is drunk; too much is spilled, or a force above the limit on the person.
     """
 
-    robot = Role(Robot, default="kinova_gen3", partner="scripted")
-    recipient = Role(
-        Human, default="karan", posture="wheelchair", movable=MOVABLE, partner="cooperative"
-    )
-    caregiver = Role(
-        Human,
-        default=None,
-        optional=True,
-        posture="standing",
-        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
-        partner="still",
-    )
-
     Options = DrinkingOptions
-    room_kinds = ("dining", "kitchen", "living", "lounge", "bedroom")
-    footprint = Rectangle(-0.8, -1.0, 1.2, 1.1)  # [m] the chair, a robot or helper at its side
     time_limit = TIME_LIMIT
     options: DrinkingOptions
 
-    def furnish(self, world: World) -> dict[str, Pose]:
-        if (posture := self.recipient.posture).arms != "armrests":
-            raise ConfigError(f"one drinks who sits in the wheelchair, not {posture.description}")
-        mount = f"wheelchair_{self.options.mount}"
-        self._chair = chair_for(self.robot.mount_named(mount), self.options.mount)
-        self.lay_floor(world)
-        soles = self.recipient.soles(self._chair.frame("seat_back"))
-        self._chair.fit_footplates(soles["left"], soles["right"])
-        self._chair.spawn(world)
-        rests = [self._chair.frame_in_world(f"armrest_{side}") for side in ("left", "right")]
-        self.recipient.use_arm_rests(*rests)
-        away = quaternion_from_rpy(0, 0, -math.pi / 2)  # beside the chair, facing it
-        start = self.robot.mount(mount, self._chair.pose)
-        if self.robot.mount_named(mount).stand:
-            add_stand(world, start)
-        return {
-            "robot": start,
-            "recipient": self._chair.frame_in_world("seat_back"),
-            "caregiver": Pose((0.15, 0.85, 0.0), tuple(away.tolist())),
-        }
-
-    def frame_of(self, mount: str) -> Pose:
-        return self._chair.pose if mount.startswith("wheelchair") else Pose()
-
     def build(self, world: World) -> None:
-        self._world = world
-        for person in (a for a in self.cast.values() if isinstance(a, Human)):
-            person.ignore(self._chair.body)  # the posture already keeps them apart
-        if self._chair.carries_robot:
-            world.set_collision(self.robot.body, self._chair.body, False)
+        super().build(world)
         self.mouth = Mouth(self.recipient)
         self._mouth_at_rest = self.mouth.position
         self.cup = Cup()
         body = self.cup.spawn(world)
         world.set_collision(body, self._chair.body, False)
-        self._head_dofs = [d for d in self.recipient.movable if d.startswith(("neck", "head"))]
         self._hold = CupHold(
             world, self.robot, self.cup, self.recipient,
             start=self._start_rim(np.zeros(4)), lips=self._mouth_at_rest,
@@ -268,11 +212,6 @@ class Drinking(Task):
     def distance(self) -> float:
         """Return the distance from that edge to the mouth [m]."""
         return self._distance
-
-    def camera(self) -> Camera:
-        far = 1.0 if self._chair.carries_robot else 1.25  # others stand beside, and are larger
-        side = 1.0 if self.robot.body.base_pose().position[1] < -0.5 else -1.0
-        return Camera(eye=(1.75 * far, 1.45 * far * side, 1.6), target=(0.17, 0, 0.78), fov_deg=42)
 
 
 @register_policy("drinking", "recipient", "cooperative")

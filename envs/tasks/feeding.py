@@ -5,30 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from rcare_marl.agents.human import Human
 from rcare_marl.agents.policies.behaviour_tree import BehaviourTree, eat_when_fed
 from rcare_marl.agents.robot import Robot
 from rcare_marl.agents.robot_config import no_reach
 from rcare_marl.errors import ConfigError
 from rcare_marl.observable import Observable
-from rcare_marl.pose import Array, Pose, Vector, quaternion_from_rpy, rotate
-from rcare_marl.rendering.camera import Camera
+from rcare_marl.pose import Array, Pose, Vector, rotate
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
 from ..devices.spoon import Spoon
-from ..devices.stand import add_stand
-from ..devices.wheelchair import chair_for
-from ..homes.rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..safety import SafetyMeter
-from ..task import Role, Task
-from ..task_options import TaskOptions
+from ..scenes.meal import Meal, MealOptions
 
 MOUTH_RADIUS = 0.03  # [m] food within this of the mouth is eaten: Assistive Gym, feeding.py
 LOST_DISTANCE = 0.10  # [m] food farther than this from the spoon is spilled: Assistive Gym
@@ -43,11 +36,9 @@ HEAD_TURN, HEAD_TILT = math.radians(20), math.radians(8)  # uniform, each way; o
 SETTLE_STEPS = 240  # physics steps that the food gets to come to rest in the spoon, once
 APART = (0.0, 0.0, -50.0)  # [m] where eaten food is parked: bodies can never be removed
 
-MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw_opening")
-
 
 @dataclass(frozen=True)
-class FeedingOptions(TaskOptions):
+class FeedingOptions(MealOptions):
     """Settings of the feeding task.
 
     Attributes:
@@ -58,11 +49,9 @@ class FeedingOptions(TaskOptions):
 
     SHAPED_WEIGHTS = {"food": 0.1, "approach": 0.9, "comfort": 0.5, "level": 0.1}  # our own choice
 
-    mount: Literal["left", "right"] = "right"
-
 
 @register_task("feeding")
-class Feeding(Task):
+class Feeding(Meal):
     """A robot on the wheelchair feeds the person who sits in it.
 
     Goal: all food eaten. A piece is eaten when it comes near the mouth while the mouth is open.
@@ -70,54 +59,12 @@ class Feeding(Task):
     Success and failure: all pieces eaten; one spilled, or a force above the limit on the person.
     """
 
-    robot = Role(Robot, default="kinova_gen3", partner="scripted")
-    recipient = Role(
-        Human, default="karan", posture="wheelchair", movable=MOVABLE, partner="cooperative"
-    )
-    caregiver = Role(
-        Human,
-        default=None,
-        optional=True,
-        posture="standing",
-        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
-        partner="still",
-    )
-
     Options = FeedingOptions
-    room_kinds = ("dining", "kitchen", "living", "lounge", "bedroom")
-    footprint = Rectangle(-0.8, -1.0, 1.2, 1.1)  # [m] the chair, a robot or helper at its side
     time_limit = TIME_LIMIT
     options: FeedingOptions
 
-    def furnish(self, world: World) -> dict[str, Pose]:
-        if (posture := self.recipient.posture).arms != "armrests":
-            raise ConfigError(f"one eats who sits in the wheelchair, not {posture.description}")
-        mount = f"wheelchair_{self.options.mount}"
-        self._chair = chair_for(self.robot.mount_named(mount), self.options.mount)
-        self.lay_floor(world)
-        soles = self.recipient.soles(self._chair.frame("seat_back"))
-        self._chair.fit_footplates(soles["left"], soles["right"])
-        self._chair.spawn(world)
-        rests = [self._chair.frame_in_world(f"armrest_{side}") for side in ("left", "right")]
-        self.recipient.use_arm_rests(*rests)
-        away = quaternion_from_rpy(0, 0, -math.pi / 2)  # beside the chair, facing it
-        if self.robot.mount_named(mount).stand:
-            add_stand(world, self.robot.mount(mount, self._chair.pose))
-        return {
-            "robot": self.robot.mount(mount, self._chair.pose),
-            "recipient": self._chair.frame_in_world("seat_back"),
-            "caregiver": Pose((0.15, 0.85, 0.0), tuple(away.tolist())),
-        }
-
-    def frame_of(self, mount: str) -> Pose:
-        return self._chair.pose if mount.startswith("wheelchair") else Pose()
-
     def build(self, world: World) -> None:
-        self._world = world
-        for person in (a for a in self.cast.values() if isinstance(a, Human)):
-            person.ignore(self._chair.body)  # the posture already keeps them apart
-        if self._chair.carries_robot:
-            world.set_collision(self.robot.body, self._chair.body, False)
+        super().build(world)
         self._spoon = Spoon()
         self._spoon_body = self._spoon.spawn(world)
         world.set_collision(self._spoon_body, self._chair.body, False)
@@ -125,7 +72,6 @@ class Feeding(Task):
         self._bowl_in_spoon, turn = in_spoon.position, in_spoon.quaternion
         self._up_in_spoon = rotate(turn, self._spoon.up)
         self._mouth_at_rest = self.recipient.mouth_position()
-        self._head_dofs = [d for d in self.recipient.movable if d.startswith(("neck", "head"))]
         self._is_built = False
         self._set_spoon(self._start_pose(np.zeros(4)))
         self._is_built = True
@@ -298,11 +244,6 @@ class Feeding(Task):
     def spoon_facing(self, direction: Vector) -> Array:
         """Return how a level spoon is turned whose tip points along `direction`, shape [4]."""
         return self._spoon.facing(direction)
-
-    def camera(self) -> Camera:
-        far = 1.0 if self._chair.carries_robot else 1.25  # others stand beside, and are larger
-        side = 1.0 if self.robot.body.base_pose().position[1] < -0.5 else -1.0
-        return Camera(eye=(1.75 * far, 1.45 * far * side, 1.6), target=(0.17, 0, 0.78), fov_deg=42)
 
 
 @register_policy("feeding", "recipient", "cooperative")

@@ -1,0 +1,98 @@
+"""A person in the wheelchair to whose mouth a robot brings something."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from rcare_marl.agents.human import Human
+from rcare_marl.agents.robot import Robot
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Pose, quaternion_from_rpy
+from rcare_marl.rendering.camera import Camera
+from rcare_marl.world import World
+
+from ..devices.stand import add_stand
+from ..devices.wheelchair import chair_for
+from ..homes.rectangle import Rectangle
+from ..task import Role, Task
+from ..task_options import TaskOptions
+
+MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw_opening")
+HELPER_AT = (0.15, 0.85)  # [m] beside the chair, where a caregiver stands; our own choice
+
+
+@dataclass(frozen=True)
+class MealOptions(TaskOptions):
+    """Settings of a meal.
+
+    Attributes:
+        mount: Side of the wheelchair that the robot is mounted on.
+    """
+
+    mount: Literal["left", "right"] = "right"
+
+
+class Meal(Task):
+    """Brings something to the mouth of a person in the wheelchair; a task says what, and what counts."""
+
+    robot = Role(Robot, default="kinova_gen3", partner="scripted")
+    recipient = Role(
+        Human, default="karan", posture="wheelchair", movable=MOVABLE, partner="cooperative"
+    )
+    caregiver = Role(
+        Human,
+        default=None,
+        optional=True,
+        posture="standing",
+        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
+        partner="still",
+    )
+
+    room_kinds = ("dining", "kitchen", "living", "lounge", "bedroom")
+    footprint = Rectangle(-0.8, -1.0, 1.2, 1.1)  # [m] the chair, a robot or helper at its side
+    options: MealOptions
+
+    def furnish(self, world: World) -> dict[str, Pose]:
+        if (posture := self.recipient.posture).arms != "armrests":
+            raise ConfigError(
+                f"one eats and drinks who sits in the wheelchair, not {posture.description}"
+            )
+        mount = f"wheelchair_{self.options.mount}"
+        self._chair = chair_for(self.robot.mount_named(mount), self.options.mount)
+        self.lay_floor(world)
+        soles = self.recipient.soles(self._chair.frame("seat_back"))
+        self._chair.fit_footplates(soles["left"], soles["right"])
+        self._chair.spawn(world)
+        rests = [self._chair.frame_in_world(f"armrest_{side}") for side in ("left", "right")]
+        self.recipient.use_arm_rests(*rests)
+        away = quaternion_from_rpy(0, 0, -math.pi / 2)  # facing the chair
+        start = self.robot.mount(mount, self._chair.pose)
+        if self.robot.mount_named(mount).stand:
+            add_stand(world, start)
+        return {
+            "robot": start,
+            "recipient": self._chair.frame_in_world("seat_back"),
+            "caregiver": Pose((*HELPER_AT, 0.0), tuple(away.tolist())),
+        }
+
+    def build(self, world: World) -> None:
+        """Let people and a robot on the chair be where they are in it."""
+        self._world = world
+        for person in (a for a in self.cast.values() if isinstance(a, Human)):
+            person.ignore(self._chair.body)  # the posture already keeps them apart
+        if self._chair.carries_robot:
+            world.set_collision(self.robot.body, self._chair.body, False)
+        self._head_dofs = [d for d in self.recipient.movable if d.startswith(("neck", "head"))]
+
+    def frame_of(self, mount: str) -> Pose:
+        return self._chair.pose if mount.startswith("wheelchair") else Pose()
+
+    def camera(self) -> Camera:
+        far = 1.0 if self._chair.carries_robot else 1.25  # others stand beside, and are larger
+        side = 1.0 if self.robot.body.base_pose().position[1] < -0.5 else -1.0
+        return Camera(eye=(1.75 * far, 1.45 * far * side, 1.6), target=(0.17, 0, 0.78), fov_deg=42)
+
+
+__all__ = ["MOVABLE", "Meal", "MealOptions"]
