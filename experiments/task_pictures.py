@@ -12,6 +12,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -31,9 +32,9 @@ BAND, GAP, COLUMNS, QUALITY = 34, 6, 2, 86  # pairs in a row
 OUT = Path(__file__).resolve().parents[1] / "docs" / "images" / "tasks.jpg"
 
 
-def scenes(tasks: Sequence[str]) -> list[tuple[str, dict[str, int]]]:
+def scenes(tasks: Sequence[str]) -> list[tuple[str, dict[str, Any]]]:
     """Return name and arguments of each pair of pictures."""
-    found: list[tuple[str, dict[str, int]]] = []
+    found: list[tuple[str, dict[str, Any]]] = []
     for task in tasks:
         levels = LEVELS if task_class(task).site == "door" else ()
         found += [(task, {"level": level}) for level in levels] or [(task, {})]
@@ -62,7 +63,7 @@ def model(agent: Agent) -> str:
     return agent.files.model.name
 
 
-def pair(task: str, place: dict[str, int], seed: int) -> Image.Image:
+def pair(task: str, place: dict[str, Any], seed: int) -> Image.Image:
     """Play an episode and return the pictures of its start and end side by side, with a title."""
     env = rcare_marl.make(task, policies=partners(task), **place)
     env.reset(seed=seed)

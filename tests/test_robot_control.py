@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,7 +91,7 @@ def _listen(arm: Arm, applied: Array) -> None:
     """Write the torques that `arm` is given besides its motors into `applied`."""
     drive = arm.drive_torques
 
-    def listening(torques: list[float]) -> None:
+    def listening(torques: Sequence[float]) -> None:
         applied[:] = torques
         drive(torques)
 
