@@ -239,7 +239,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         self.world.rewind()
         for agent in self._order:
             agent.reset(self._rng)
-        self.task.reset(self._rng)
+        self.task.reset(self.task.enter_stage(self._rng))
         for suite in self._suites:
             suite.reset(self._rng)
         self._sense()

@@ -203,17 +203,17 @@ def _played(
 
 
 def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
-    """Return a policy's factory from its name, or the factory itself.
+    """Return a policy's factory from its name or file, or the factory itself.
 
     Raises:
         UnknownNameError: If there is no policy of that name.
-        ConfigError: If it is neither a name nor callable.
+        ConfigError: If it is neither a name nor callable, or its file cannot be read.
     """
-    if isinstance(policy, str):
+    if isinstance(policy, str | Path):
         return policy_factory(task, part_name(role), policy)
     if not callable(policy):
         raise ConfigError(
-            f"policy of {role!r} must be a name or a function of environment and role, got {policy!r}"
+            f"policy of {role!r} must be a name, a file or a function of environment and role, got {policy!r}"
         )
     factory: PolicyFactory = policy
     return factory

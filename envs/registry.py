@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 
 import gymnasium
@@ -34,9 +35,12 @@ class OffersFood(Protocol):
 TaskClass = TypeVar("TaskClass", bound=type[Task])
 PolicyFactory = Callable[["CareEnv", str], Policy]
 FactoryT = TypeVar("FactoryT", bound=PolicyFactory)
+PolicyLoader = Callable[[Path], PolicyFactory]
+LoaderT = TypeVar("LoaderT", bound=PolicyLoader)
 
 _TASKS: dict[str, type[Task]] = {}
 _POLICIES: dict[tuple[str, str, str], PolicyFactory] = {}
+_POLICY_FILES: dict[str, PolicyLoader] = {}
 
 
 def _random(env: CareEnv, role: str) -> Policy:
@@ -133,9 +137,39 @@ def register_policy(task: str, role: str, name: str) -> Callable[[FactoryT], Fac
     return register
 
 
-def policy_factory(task: str, role: str, name: str) -> PolicyFactory:
-    """Return the factory of a policy; UnknownNameError lists those of the role."""
+def register_policy_file(suffix: str) -> Callable[[LoaderT], LoaderT]:
+    """Return a decorator that makes files of an ending, such as `.npz`, known as policies.
+
+    The decorated function takes the path and returns the policy's factory. The path then stands
+    wherever the name of a policy does.
+
+    Raises:
+        ConfigError: If the ending is taken, or has no dot.
+    """
+    if not suffix.startswith("."):
+        raise ConfigError(f"the ending of a file begins with a dot, got {suffix!r}")
+
+    def register(loader: LoaderT) -> LoaderT:
+        if suffix in _POLICY_FILES:
+            raise ConfigError(f"files {suffix!r} are policies already")
+        _POLICY_FILES[suffix] = loader
+        return loader
+
+    return register
+
+
+def policy_factory(task: str, role: str, name: str | Path) -> PolicyFactory:
+    """Return the factory of a policy from its name or its file.
+
+    Raises:
+        UnknownNameError: If the role has no policy of that name; it lists those that it has.
+        ConfigError: If the file is missing or is no policy.
+    """
     known = policy_names(task, role)
+    load = _POLICY_FILES.get(Path(name).suffix)
+    if load is not None:
+        return load(Path(name))
+    name = str(name)
     if name not in known:
         raise UnknownNameError(f"policy of {role!r} in task {task!r}", name, known)
     return _POLICIES.get((task, role, name)) or _COMMON[name]

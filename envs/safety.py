@@ -36,6 +36,7 @@ class SafetyMeter:
     Attributes:
         force: Greatest summed force of any physics step in the last control step [N].
         peak_force: Greatest force of the episode [N].
+        force_limit: Force at which the cost is full [N].
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class SafetyMeter:
         """
         self._person, self._world = person, world
         self._movers = [(body, link) for body in movers for link in _moving_links(body)]
-        self._limit = force_limit
+        self.force_limit = force_limit
         self._spared = {body.uid for body in person.supports} | {person.body.uid}
         if not person.rides:  # who rides can be driven against what stands still
             self._spared |= {b.uid for b in world.bodies if not (b.joints or b.is_movable)}
@@ -119,9 +120,9 @@ class SafetyMeter:
     @property
     def cost(self) -> float:
         """What the last control step cost, 0 to the sum of `WEIGHTS`."""
-        comfort = COMFORT_SHARE * self._limit
+        comfort = COMFORT_SHARE * self.force_limit
         shares = {
-            "force": (self.force - comfort) / (self._limit - comfort),
+            "force": (self.force - comfort) / (self.force_limit - comfort),
             "prom": self._beyond / PROM_LIMIT_DEG,
             "speed": (self._speed - SLOW) / (FAST - SLOW),
         }

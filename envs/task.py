@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import dataclasses
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -12,12 +13,17 @@ import numpy as np
 from typing_extensions import Self
 
 from rcare_marl.agents.agent import Agent
+from rcare_marl.agents.human import Human
 from rcare_marl.body import Body
+from rcare_marl.errors import ConfigError
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.world import World
 
 from .homes.rectangle import Rectangle
+from .narrowed_rng import NarrowedRng
+from .safety import SafetyMeter
+from .task_options import TaskOptions
 
 if TYPE_CHECKING:
     from rcare_marl.agents.robot import GripperUse, Robot
@@ -94,6 +100,7 @@ class Task(abc.ABC):
 
     Attributes:
         Options: The frozen dataclass of a task's settings.
+        options: The settings of the running episode; see `set_stage`.
         cast: The agents by role; set by the environment before `furnish`.
         control_dt: Length of a control step [s].
         time_limit: Length of an episode [s].
@@ -119,7 +126,9 @@ class Task(abc.ABC):
 
     def __init__(self, options: Any) -> None:
         """Take settings, an instance of `Options`."""
-        self.options = options
+        self.options = self._given = options
+        self._next: Any = None  # settings from the next reset on, if they change
+        self._meters: list[SafetyMeter] = []
 
     @classmethod
     def roles(cls) -> dict[str, Role[Any]]:
@@ -179,6 +188,55 @@ class Task(abc.ABC):
         facing = math.atan2(-place[1], -place[0])
         stand = Pose(place, tuple(quaternion_from_rpy(0, 0, facing).tolist()))
         return robot.mount("floor", stand, with_posture=False)
+
+    def set_stage(self, *, spread: float = 1.0, tolerance: float = 1.0, force: float = 1.0) -> None:
+        """Make the task easier from the next reset on, or as hard as it was made; for a curriculum.
+
+        Args:
+            spread: Times the share of the randomisation at reset, 0 to 1.
+            tolerance: Times the tolerance of success, from 1 on.
+            force: Times the force limit, from 1 on.
+
+        Raises:
+            ConfigError: If a value is out of its range, or the settings of this task are no
+                `TaskOptions`.
+        """
+        given = self._given
+        if not isinstance(given, TaskOptions):
+            raise ConfigError(
+                f"a curriculum needs settings derived from TaskOptions, {type(self).__name__} has "
+                f"{type(given).__name__}"
+            )
+        if not force >= 1:
+            raise ConfigError(f"force must be at least 1, got {force}")
+        try:
+            self._next = dataclasses.replace(
+                given,
+                spread=given.spread * spread,
+                tolerance=given.tolerance * tolerance,
+                force_limit=given.force_limit * force,
+            )
+        except ValueError as error:
+            raise ConfigError(f"no stage of a curriculum: {error}") from error
+
+    def enter_stage(self, rng: np.random.Generator) -> np.random.Generator:
+        """Take over the settings of a new episode, and return where its chance comes from.
+
+        Args:
+            rng: The generator of the environment; itself where all of the randomisation is wanted.
+        """
+        if self._next is not None:
+            self.options, self._next = self._next, None
+            for meter in self._meters:
+                meter.force_limit = self.options.force_limit
+        spread = self.options.spread if isinstance(self.options, TaskOptions) else 1.0
+        return rng if spread == 1.0 else NarrowedRng(rng, spread)
+
+    def measure(self, person: Human, world: World, movers: Sequence[Body]) -> SafetyMeter:
+        """Return a meter of what a person goes through, with the force limit of the stage."""
+        meter = SafetyMeter(person, world, movers, force_limit=self.options.force_limit)
+        self._meters.append(meter)
+        return meter
 
     @abc.abstractmethod
     def build(self, world: World) -> None:

@@ -19,6 +19,10 @@ class TaskOptions:
         reward: `paper` as in the RCareWorld paper; `shaped` as the page of the task says.
         weights: Of terms of the shaped reward by name; those not named keep the weights of the task.
         force_limit: Force on the person that ends the episode as a failure [N].
+        spread: Share of what the task randomises at reset, 0 to 1; about its middle. The whole of it,
+            1, is the task as it is evaluated; less is for the beginning of a curriculum.
+        tolerance: Times the tolerance of success, from 1 on; the page of the task says what that is.
+            Rewards and observations stay as they are.
 
     Raises:
         ValueError: If a value is impossible, or the paper's reward is given weights.
@@ -30,10 +34,16 @@ class TaskOptions:
     reward: Literal["paper", "shaped"] = "paper"
     weights: dict[str, float] = field(default_factory=dict)
     force_limit: float = FORCE_LIMIT
+    spread: float = 1.0
+    tolerance: float = 1.0
 
     def __post_init__(self) -> None:
         if not self.force_limit > 0:
             raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
+        if not 0 <= self.spread <= 1:
+            raise ValueError(f"spread must lie in [0, 1], got {self.spread}")
+        if not self.tolerance >= 1:
+            raise ValueError(f"tolerance must be at least 1, got {self.tolerance}")
         if self.weights and self.reward == "paper":
             raise ValueError("the paper's reward has no weights: use them with reward 'shaped'")
         for name in self.weights:

@@ -30,6 +30,14 @@ class RenderingError(RcareError, RuntimeError):
     """No picture can be drawn with the backend that was asked for."""
 
 
+class ClusterError(RcareError, RuntimeError):
+    """A cluster of machines cannot be reached, or has nothing free."""
+
+
+class WorkerError(RcareError, RuntimeError):
+    """A process that runs environments failed; the message holds its traceback."""
+
+
 class MissingPackageError(RcareError, ImportError):
     """An optional package is needed and is not installed."""
 

@@ -33,7 +33,6 @@ from ..homes.rectangle import Rectangle
 from ..homes.rule import Rules
 from ..registry import register_task
 from ..rewards import tolerance
-from ..safety import SafetyMeter
 from ..scenes.door_approach import STANDING, WIDE_ENOUGH, DoorApproach, is_free_beyond
 from ..scenes.way_through import WayThrough
 from ..task import Role, Task
@@ -86,6 +85,7 @@ class Ambulating(Task):
     Randomised at reset: where the hand starts before the handle.
     Success and failure: the handle turned until the latch is free, or the panel open as wide as a
     wheelchair, or all of the chair driven through; force above the limit on the person.
+    Tolerance: how far the handle, the panel or the chair has to go is divided by it.
 
     Attributes:
         door: The door.
@@ -174,8 +174,7 @@ class Ambulating(Task):
         if isinstance(control := self.robot.control, ToolDelta):
             control.contact_force = CONTACT_FORCE
         movers = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        limit = self.options.force_limit
-        self._safety = SafetyMeter(self.recipient, world, movers, force_limit=limit)
+        self._safety = self.measure(self.recipient, world, movers)
         home = self.robot.config.postures["home"]
         self._seed = None  # or from `home`, elbow up, where furniture or a jamb is beside it
         if self.stage is not None or self._drives:
@@ -283,8 +282,8 @@ class Ambulating(Task):
         }
 
     def is_success(self) -> bool:
-        is_done = self._best >= 1 if self.way is None else self.way.left <= 0
-        return is_done and not self.is_failure()
+        share = self._best if self.way is None else self.way.share
+        return share * self.options.tolerance >= 1 and not self.is_failure()
 
     def is_failure(self) -> bool:
         return self._safety.peak_force > self.options.force_limit

@@ -24,7 +24,6 @@ from ..devices.sponge import Sponge
 from ..devices.stand import add_stand
 from ..homes.rectangle import Rectangle
 from ..registry import register_task
-from ..safety import SafetyMeter
 from ..scenes.wiped_skin import WipedSkin, pad
 from ..task import Role, Task
 from ..task_options import FORCE_LIMIT, TaskOptions
@@ -81,6 +80,7 @@ class Bathing(Task):
     Success: the sponge comes to a target on the elbow in one stroke from the shoulder's half of the upper
     arm, and enough of its upper side was wiped. Failure: a force above the limit on the person.
     Randomised at reset: target, start of the sponge, how the arm lies.
+    Tolerance: how close to the target is close enough; the share to be wiped is divided by it.
     """
 
     robot = Role(Robot, default="kinova_gen2", partner="scripted")
@@ -142,8 +142,7 @@ class Bathing(Task):
         self._set_sponge(self._over(START_SHARE, START_GAP[1]))
         self.robot.grasp(sponge, self._grip)
         movers = [sponge, *(a.body for a in self.cast.values() if isinstance(a, Robot))]
-        limit = self.options.force_limit
-        self._safety = SafetyMeter(self.recipient, world, movers, force_limit=limit)
+        self._safety = self.measure(self.recipient, world, movers)
         if world.contact_force(self.recipient.body, self.robot.body) > 0:
             raise ConfigError("the robot touches the person before the episode begins")
 
@@ -216,8 +215,9 @@ class Bathing(Task):
         self._gained, self._covered = self.skin.coverage - self._covered, self.skin.coverage
         here = self.skin.progress(self._face)
         self._stroke_from = min(self._stroke_from, here) if presses else math.inf
-        is_there = self._stroke_from < STROKE_FROM and self._distance < REACHED
-        self._is_reached |= is_there and self._covered >= self.options.least_coverage
+        ease = self.options.tolerance
+        is_there = self._stroke_from < STROKE_FROM and self._distance < REACHED * ease
+        self._is_reached |= is_there and self._covered * ease >= self.options.least_coverage
         self._shoulder, self._elbow = (
             np.array(self.recipient.joint_pose(f"{SIDE}_{j}").position)
             for j in ("shoulder", "elbow")

@@ -30,7 +30,6 @@ from ..devices.wheelchair import chair_for
 from ..homes.rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
-from ..safety import SafetyMeter
 from ..scenes.hanging_shorts import HOLD_START, hang, tip
 from ..scenes.liftable_leg import LIFT_SPREAD, LiftableLeg, let_leg_stand
 from ..scenes.pulling_posture import pulling_posture
@@ -81,6 +80,7 @@ class Dressing(Task):
     Goal: the hem past the knee, at the target, and round the leg.
     Randomised at reset: the target, and how high the leg is lifted.
     Success and failure: see `is_success` and `is_failure`.
+    Tolerance: how far from the ankle the hem has to come is divided by it; where the foot stands again.
 
     Attributes:
         side: Of the leg: the one that moves.
@@ -166,7 +166,7 @@ class Dressing(Task):
         self.robot.set_posture(posture)
         self._hang(turn)
         robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        self._safety = SafetyMeter(person, world, robots, force_limit=self.options.force_limit)
+        self._safety = self.measure(person, world, robots)
         if world.contact_force(person.body, self.robot.body) > 0:
             raise ConfigError("the robot touches the person before the episode begins")
 
@@ -220,7 +220,11 @@ class Dressing(Task):
         self._gap = self.target - self.hem
         self._distance = math.sqrt(float(self._gap @ self._gap))
         self._strain = max(self._strain, float(self.cloth.strain.max()))
-        self.is_past = self.is_past or (self.is_around and self.hem_along >= self.target_along)
+        self.is_past = self.is_past or (self.is_around and self._comes_to(self.target_along))
+
+    def _comes_to(self, along: float) -> bool:
+        """Return whether the hem is as far up the leg, as nearly as the tolerance allows."""
+        return self.hem_along * self.options.tolerance >= along
 
     def observables(self, role: str) -> Sequence[Observable]:
         leg = self.leg.points
@@ -272,9 +276,9 @@ class Dressing(Task):
         if self.is_failure() or not self.is_around:
             return False
         if self.options.until == "target":
-            return self.hem_along >= self.target_along
-        is_down = math.dist(self.leg.foot_hold(), self.leg.stood) < LOWERED
-        return self.is_past and is_down and self.hem_along >= self.leg.shank
+            return self._comes_to(self.target_along)
+        is_down = math.dist(self.leg.foot_hold(), self.leg.stood) < LOWERED * self.options.tolerance
+        return self.is_past and is_down and self._comes_to(self.leg.shank)
 
     def is_failure(self) -> bool:
         """Return whether the force on the person was above the limit."""

@@ -26,7 +26,6 @@ from ..care_env import CareEnv
 from ..devices.cup import Cup
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
-from ..safety import SafetyMeter
 from ..scenes.cup_hold import CupHold
 from ..scenes.meal import Meal, MealOptions
 from ..scenes.mouth import RADIUS, Mouth
@@ -66,6 +65,7 @@ class Drinking(Meal):
     Goal: three quarters of the water drunk. A particle is drunk when it comes near the mouth while the
     mouth is open. Randomised at reset: where the cup starts, how the head is turned and tilted.
     Success and failure: enough is drunk; too much is spilled, or a force above the limit on the person.
+    Tolerance: the share that may be spilled; that to be drunk is divided by it.
     """
 
     Options = DrinkingOptions
@@ -88,8 +88,7 @@ class Drinking(Meal):
         self.water = Fluid("water", fill(self.cup.vessel, WATER, SPACING), spacing=SPACING)
         Pool.of(world).add(self.water)
         movers = [body, *(a.body for a in self.cast.values() if isinstance(a, Robot))]
-        limit = self.options.force_limit
-        self._safety = SafetyMeter(self.recipient, world, movers, force_limit=limit)
+        self._safety = self.measure(self.recipient, world, movers)
         for _ in range(SETTLE_STEPS):
             for agent in self.cast.values():
                 agent.actuate()
@@ -152,7 +151,8 @@ class Drinking(Meal):
         self.rim = vessel.rim_point(-self.mouth.ahead)
         self._gap = self.mouth.position - self.rim
         self._distance = float(np.linalg.norm(self._gap))
-        if self._time_to_drink < 0 and self.drunk_share >= LEAST_DRUNK:
+        self._is_enough = self.drunk_share * self.options.tolerance >= LEAST_DRUNK
+        if self._time_to_drink < 0 and self._is_enough:
             self._time_to_drink = self._world.time
 
     def observables(self, role: str) -> Sequence[Observable]:
@@ -198,10 +198,10 @@ class Drinking(Meal):
         }
 
     def is_success(self) -> bool:
-        return self.drunk_share >= LEAST_DRUNK and not self.is_failure()
+        return self._is_enough and not self.is_failure()
 
     def is_failure(self) -> bool:
-        if self.spilled_share > MOST_SPILLED:
+        if self.spilled_share > MOST_SPILLED * self.options.tolerance:
             return True
         return self._safety.peak_force > self.options.force_limit
 

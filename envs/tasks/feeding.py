@@ -20,7 +20,6 @@ from ..care_env import CareEnv
 from ..devices.spoon import Spoon
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
-from ..safety import SafetyMeter
 from ..scenes.meal import Meal, MealOptions
 
 MOUTH_RADIUS = 0.03  # [m] food within this of the mouth is eaten: Assistive Gym, feeding.py
@@ -57,6 +56,7 @@ class Feeding(Meal):
     Goal: all food eaten. A piece is eaten when it comes near the mouth while the mouth is open.
     Randomised at reset: where the spoon starts, how the head is turned and tilted.
     Success and failure: all pieces eaten; one spilled, or a force above the limit on the person.
+    Tolerance: the radius about the mouth within which food is eaten.
     """
 
     Options = FeedingOptions
@@ -84,8 +84,7 @@ class Feeding(Meal):
             for i in range(FOOD_COUNT)
         ]  # fmt: skip
         movers = [self._spoon_body, *(a.body for a in self.cast.values() if isinstance(a, Robot))]
-        limit = self.options.force_limit
-        self._safety = SafetyMeter(self.recipient, world, movers, force_limit=limit)
+        self._safety = self.measure(self.recipient, world, movers)
         self._settle()
         if world.contact_force(self.recipient.body) > 0:
             raise ConfigError("the robot or the spoon touches the person before the episode begins")
@@ -156,12 +155,12 @@ class Feeding(Meal):
         self._update_food()
 
     def _update_food(self) -> None:
-        is_open = self._jaw >= OPEN_MOUTH
+        is_open, radius = self._jaw >= OPEN_MOUTH, MOUTH_RADIUS * self.options.tolerance
         for i, piece in enumerate(self._food):
             if self._fate[i] != "carried":
                 continue
             place = piece.centre_pose()[0]
-            if is_open and math.dist(place, self._mouth) < MOUTH_RADIUS:
+            if is_open and math.dist(place, self._mouth) < radius:
                 piece.set_base(Pose(APART))
                 self._fate[i] = "eaten"
             elif math.dist(place, self._bowl) > LOST_DISTANCE:

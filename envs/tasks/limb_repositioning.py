@@ -28,7 +28,6 @@ from ..devices.wheelchair import chair_for
 from ..homes.rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
-from ..safety import SafetyMeter
 from ..scenes.start_posture import start_best
 from ..task import Role, Task
 from ..task_options import TaskOptions
@@ -83,7 +82,7 @@ class LimbRepositioning(Task):
 
     Goal: the forearm rests on the armrest, and the robot has let go of it.
     Randomised at reset: how the arm swings, where the cradle starts, where on the pad the arm belongs.
-    Success and failure: see `is_success` and `is_failure`.
+    Success and failure: see `is_success` and `is_failure`. Tolerance: how far off the arm may rest, how fast.
 
     Attributes:
         chair: The wheelchair.
@@ -156,8 +155,8 @@ class LimbRepositioning(Task):
         if isinstance(self.robot.control, ToolDelta):
             self.robot.control.contact_force = CARRYING_FORCE
         robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        self._movers, limit = [self._cradle_body, *robots], self.options.force_limit
-        self._safety = SafetyMeter(person, world, self._movers, force_limit=limit)
+        self._movers = [self._cradle_body, *robots]
+        self._safety = self.measure(person, world, self._movers)
         if min(self._gaps()) < LET_GO:
             raise ConfigError("robot or cradle touch the person before the episode begins")
 
@@ -230,8 +229,9 @@ class LimbRepositioning(Task):
         self._hook, seat = self.hook()[0], self.seat_pose()
         self._seat, self._seat_turn = np.array(seat.position), np.array(seat.quaternion)
         self._pad_force = self._force_on_pad()
-        lies = self._pad_force >= PAD_FORCE and self._distance <= TARGET_RADIUS
-        is_still = math.dist(before, self._middle) <= STILL * self.control_dt
+        ease = self.options.tolerance
+        lies = self._pad_force >= PAD_FORCE and self._distance <= TARGET_RADIUS * ease
+        is_still = math.dist(before, self._middle) <= STILL * ease * self.control_dt
         rests = lies and is_still and min(self._gaps()) >= LET_GO
         self._rested = self._rested + self.control_dt if rests else 0.0
 

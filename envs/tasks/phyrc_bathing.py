@@ -26,7 +26,6 @@ from ..phyrc.bath_score import EXCEEDED, BathScore
 from ..phyrc.phyrc_score import FULL_SCORE
 from ..phyrc.washed_limbs import WashedLimbs
 from ..registry import register_task
-from ..safety import SafetyMeter
 from ..task import Role, Task
 from ..task_options import TaskOptions
 
@@ -74,6 +73,7 @@ class PhyrcBathing(Task):
 
     Scored out of 50 as in the challenge, item by item. An episode lasts until its time is over.
     Success: the score is high enough then. Failure: a force above the limit on the person.
+    Tolerance: the score that is high enough is divided by it.
     Randomised at reset: where the person lies, shoulders, hips, elbows, and where the hand starts.
 
     Attributes:
@@ -127,10 +127,7 @@ class PhyrcBathing(Task):
         self.scene.lay_cushions(person, self.limbs, world)
         self.scene.sponge.spare(robot.body)
         robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        limit = self.options.force_limit
-        self._safety = SafetyMeter(
-            person, world, [self.scene.sponge.body, *robots], force_limit=limit
-        )
+        self._safety = self.measure(person, world, [self.scene.sponge.body, *robots])
         self.score = BathScore(world, self.scene, person, robot, self._safety, self.limbs)
         self._find_place(world)
         if world.contact_force(person.body, robot.body) > 0:
@@ -249,7 +246,7 @@ class PhyrcBathing(Task):
     def is_success(self) -> bool:
         """Return whether the time is over and the score is high enough."""
         is_over = self._world.time >= self.time_limit - 1e-9
-        is_enough = self.score.sheet.total >= self.options.success_score
+        is_enough = self.score.sheet.total * self.options.tolerance >= self.options.success_score
         return is_over and is_enough and not self.is_failure()
 
     def is_failure(self) -> bool:

@@ -31,7 +31,6 @@ from ..phyrc.dressing_score import DressingScore
 from ..phyrc.gown_stand import GownStand
 from ..phyrc.phyrc_score import FULL_SCORE
 from ..registry import register_task
-from ..safety import SafetyMeter
 from ..task import Role, Task
 from ..task_options import TaskOptions
 
@@ -84,6 +83,7 @@ class PhyrcDressing(Task):
 
     Scored out of 50 as in the challenge, item by item. An episode lasts until its time is over.
     Success: the score is high enough then. Failure: a force above the limit on the person.
+    Tolerance: the score that is high enough is divided by it.
     Randomised at reset: where the robot stands, and where its hand starts.
 
     Attributes:
@@ -148,8 +148,7 @@ class PhyrcDressing(Task):
         self._pinch = ClothPinch(self.robot, cloth)
         self.score = DressingScore(world, cloth, self.gown.gown, self._covers, self._pinch)
         robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        limit = self.options.force_limit
-        self._safety = SafetyMeter(person, world, robots, force_limit=limit)
+        self._safety = self.measure(person, world, robots)
         self._settle()
 
     def _before_hand(self, wrist: Array) -> Array:
@@ -286,7 +285,7 @@ class PhyrcDressing(Task):
     def is_success(self) -> bool:
         """Return whether the time is over and the score is high enough."""
         is_over = self._world.time >= self.time_limit - 1e-9
-        is_enough = self.score.sheet.total >= self.options.success_score
+        is_enough = self.score.sheet.total * self.options.tolerance >= self.options.success_score
         return is_over and is_enough and not self.is_failure()
 
     def is_failure(self) -> bool:

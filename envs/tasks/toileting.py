@@ -25,7 +25,7 @@ from ..homes.fixture import Fixture, add_corner, set_up
 from ..homes.rectangle import Rectangle
 from ..registry import register_task
 from ..rewards import tolerance
-from ..safety import NOBODY, SafetyMeter
+from ..safety import NOBODY
 from ..task import Role, Task
 from ..task_options import TaskOptions
 
@@ -83,6 +83,7 @@ class Toileting(Task):
     floor at the wall behind it, x out of the wall.
     Randomised at reset: where the hand starts in front of the lip.
     Success and failure: the lid over its angle; force above the limit on a person, if one is there.
+    Tolerance: that angle is divided by it.
     """
 
     robot = Role(Robot, default="stretch_re1", partner="scripted")
@@ -161,8 +162,8 @@ class Toileting(Task):
         self._hinge = np.array(lid.at) * (1, 0, 1)
         self._lip = np.array(self._fixture.piece.frames["handle_lid"].position) - self._hinge
         movers = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        limit = self.options.force_limit
-        self._meters = [SafetyMeter(p, world, movers, force_limit=limit) for p in self._people]
+        for person in self._people:
+            self.measure(person, world, movers)
         self._stand_robot(world)
         if isinstance(control := self.robot.control, ToolDelta):
             control.contact_force = CONTACT_FORCE
@@ -232,7 +233,7 @@ class Toileting(Task):
     @property
     def is_open(self) -> bool:
         """Whether the lid is over the angle that counts."""
-        return self._angle > math.radians(self.options.open_angle_deg)
+        return self._angle * self.options.tolerance > math.radians(self.options.open_angle_deg)
 
     def observables(self, role: str) -> Sequence[Observable]:
         return [

@@ -1,0 +1,21 @@
+"""Environments for learners: arrays by group, many at once; see docs/learning_environments.md."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .learner_env import LearnerEnv
+from .recipe import EnvRecipe
+
+if TYPE_CHECKING:
+    from .batched import BatchedEnv
+
+__all__ = ["BatchedEnv", "EnvRecipe", "LearnerEnv"]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "BatchedEnv":  # loaded when asked for: workers do without torch
+        from .batched import BatchedEnv
+
+        return BatchedEnv
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

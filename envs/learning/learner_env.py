@@ -1,0 +1,236 @@
+"""One environment as its learners see it: arrays by group."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from rcare_marl.agents.policies.behaviour_tree import StayStill
+from rcare_marl.agents.policy import Policy
+from rcare_marl.agents.robot import Robot
+from rcare_marl.errors import ConfigError, UnknownNameError
+
+from ..cast import find_policy
+from ..group import group_map
+from .recipe import EnvRecipe
+
+Floats = npt.NDArray[np.float32]
+STAGE = ("spread", "tolerance", "force")  # what a curriculum sets; 1 is the task as it is
+BASE = "scripted_action"  # name of what a residual adds to the observation
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the arrays of an environment hold.
+
+    Attributes:
+        groups: The learned roles by group.
+        observed: For each group (name, size) of what is observed, in order.
+        action_sizes: For each group the length of one role's action.
+        action_lows: For each group the least value of an action, -1 or 0.
+        state_size: Length of the state.
+    """
+
+    groups: dict[str, tuple[str, ...]]
+    observed: dict[str, tuple[tuple[str, int], ...]]
+    action_sizes: dict[str, int]
+    action_lows: dict[str, float]
+    state_size: int
+
+    @property
+    def observation_sizes(self) -> dict[str, int]:
+        """For each group the length of one role's observation."""
+        return {group: sum(size for _, size in parts) for group, parts in self.observed.items()}
+
+
+class LearnerEnv:
+    """A `CareEnv` by group; after `reset` and `step` its attributes tell what came of it.
+
+    Attributes:
+        care_env: The environment behind.
+        recipe: What it was made of.
+        layout: What its arrays hold.
+        groups: The learned roles by group.
+        observation_sizes: For each group the length of one role's observation.
+        action_sizes: For each group the length of one role's action.
+        action_lows: For each group the least value of an action.
+        state_size: Length of the state.
+        observed: For each group (name, size) of what is observed, in order.
+        observation: For each group, shape [roles, observation size].
+        state: What all roles observe, learned or not, shape [state size]; without scripted actions.
+        reward: For each group, shape [roles].
+        cost: For each group, how much safety was lacking, shape [roles]; see docs/safety.md.
+        terminated: Whether the episode ended by success or failure.
+        truncated: Whether its time was up.
+        success: Whether the goal is reached.
+    """
+
+    def __init__(self, recipe: EnvRecipe, variant: int = 0) -> None:
+        """Build the scene.
+
+        Args:
+            recipe: What it is made of.
+            variant: Which of the recipe's variants.
+
+        Raises:
+            ConfigError: If a learner observes pictures or other arrays, or a value is impossible.
+            UnknownNameError: If a name does not exist.
+        """
+        self.recipe, self.care_env = recipe, recipe.make(variant)
+        env = self.care_env
+        try:
+            self._refuse_arrays()
+            self.layout = self._lay_out()
+            self._bases: dict[str, tuple[float, Policy]] = {
+                role: (scale, find_policy(recipe.task, role, "scripted")(env, role))
+                for role, scale in recipe.residual.items()
+            }
+        except BaseException:
+            env.close()
+            raise
+        self.groups, self.observed = self.layout.groups, dict(self.layout.observed)
+        self.action_sizes, self.action_lows = self.layout.action_sizes, self.layout.action_lows
+        self.observation_sizes = self.layout.observation_sizes
+        self.state_size = self.layout.state_size
+        self._order = list(env.cast)
+        self._base_actions: dict[str, npt.NDArray[np.float64]] = {}
+        self._is_staged = False
+        self.state = np.zeros(self.state_size, np.float32)
+        self.observation = {
+            group: np.zeros((len(roles), self.observation_sizes[group]), np.float32)
+            for group, roles in self.groups.items()
+        }
+        self.reward = {g: np.zeros(len(roles), np.float32) for g, roles in self.groups.items()}
+        self.cost = {g: np.zeros(len(roles), np.float32) for g, roles in self.groups.items()}
+        self.terminated = self.truncated = self.success = False
+
+    def _refuse_arrays(self) -> None:
+        for role in self.care_env.possible_agents:
+            if isinstance(self.care_env.observation_space(role), spaces.Dict):
+                names = ", ".join(name for _, name, _ in self.care_env.describe_arrays(role))
+                raise ConfigError(
+                    f"{role!r} observes arrays: {names}. Learners here take numbers only; for pictures "
+                    "use rcare_marl.envs.torchrl.make_env"
+                )
+
+    def _lay_out(self) -> Layout:
+        env, residual = self.care_env, self.recipe.residual
+        groups = {g: tuple(r) for g, r in group_map(env, extended=residual.keys()).items()}
+        first = {group: roles[0] for group, roles in groups.items()}
+        observed = {}
+        for group, role in first.items():
+            parts = [(name, part.stop - part.start) for part, name, _ in env.describe(role)]
+            if role in residual:
+                parts.append((BASE, env.cast[role].action_size))
+            observed[group] = tuple(parts)
+        return Layout(
+            groups,
+            observed,
+            {group: env.cast[role].action_size for group, role in first.items()},
+            {group: env.cast[role].action_low for group, role in first.items()},
+            env.state_space.shape[0],
+        )
+
+    def reset(self, seed: int, stage: Mapping[str, float] | None = None) -> None:
+        """Begin an episode, which is a function of its seed, its stage and the actions.
+
+        Args:
+            seed: Of the episode.
+            stage: What a curriculum sets: `spread`, `tolerance` and `force`; the task as it is where
+                nothing is given.
+
+        Raises:
+            UnknownNameError: If the stage has another key.
+            ConfigError: If one of its values is out of range, or the task has no stages.
+        """
+        self.prepare(stage or {})
+        observations, infos = self.care_env.reset(seed=seed)
+        for role, (_, base) in self._bases.items():
+            base.reset(np.random.default_rng([seed, self._order.index(role)]))
+        for values in (*self.reward.values(), *self.cost.values()):
+            values[:] = 0.0
+        self.terminated = self.truncated = False
+        self._take(observations, infos)
+
+    def prepare(self, stage: Mapping[str, float]) -> None:
+        """Set the stage of the next episode, 1 for each key that is left out.
+
+        Raises:
+            UnknownNameError: If the stage has an unknown key.
+            ConfigError: If a value is out of its range, or the task has no stages.
+        """
+        for key in stage:
+            if key not in STAGE:
+                raise UnknownNameError("key of a stage", str(key), STAGE)
+        if stage or self._is_staged:
+            spread, tolerance, force = (float(stage.get(key, 1.0)) for key in STAGE)
+            self.care_env.task.set_stage(spread=spread, tolerance=tolerance, force=force)
+            self._is_staged = True
+
+    def step(self, actions: Mapping[str, Floats]) -> None:
+        """Let everybody act for one control step.
+
+        Args:
+            actions: For each group, shape [roles, action size].
+        """
+        commands: dict[str, npt.NDArray[Any]] = {}
+        for group, roles in self.groups.items():
+            for role, action in zip(roles, actions[group], strict=True):
+                commands[role] = self._applied(role, action, self.action_lows[group])
+        observations, rewards, ended, late, infos = self.care_env.step(commands)
+        for group, roles in self.groups.items():
+            self.reward[group][:] = [rewards[role] for role in roles]
+            self.cost[group][:] = [infos[role].get("cost", 0.0) for role in roles]
+        self.terminated, self.truncated = any(ended.values()), any(late.values())
+        self._take(observations, infos)
+
+    def _applied(self, role: str, action: Floats, low: float) -> npt.NDArray[Any]:
+        if role not in self._bases:
+            return action
+        return np.clip(self._base_actions[role] + self._bases[role][0] * action, low, 1.0)
+
+    def _take(
+        self, observations: Mapping[str, Floats], infos: Mapping[str, Mapping[str, float]]
+    ) -> None:
+        for role, (_, base) in self._bases.items():
+            self._base_actions[role] = np.array(base.act())  # a copy: scripts may reuse theirs
+        for group, roles in self.groups.items():
+            for row, role in zip(self.observation[group], roles, strict=True):
+                seen = observations[role]
+                row[: len(seen)] = seen
+                if role in self._bases:
+                    row[len(seen) :] = self._base_actions[role]
+        self.state[:] = self.care_env.state()
+        self.success = bool(next(iter(infos.values()))["success"])
+
+    def demonstrators(self) -> dict[str, Policy]:
+        """Return who shows each learner what to do: robots their script, people their default partner.
+
+        A residual's best start is to change nothing: those roles are shown zeros.
+
+        Raises:
+            ConfigError: If a role has no default partner.
+            UnknownNameError: If a robot has no script.
+        """
+        env, task = self.care_env, self.recipe.task
+        shown: dict[str, Policy] = {}
+        for role in env.possible_agents:
+            if role in self.recipe.residual:
+                shown[role] = StayStill(env.cast[role].action_size)
+                continue
+            name = (
+                "scripted"
+                if isinstance(env.cast[role], Robot)
+                else self.recipe.partner_names(role)[0]
+            )
+            shown[role] = find_policy(task, role, name)(env, role)
+        return shown
+
+    def close(self) -> None:
+        """Free the scene; safe to call twice."""
+        self.care_env.close()

@@ -1,0 +1,208 @@
+"""What an environment for learners is made of, as data that travels to other processes and files."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rcare_marl.errors import ConfigError, UnknownNameError
+
+from .. import make
+from ..care_env import CareEnv
+from ..cast import find_policy
+from ..group import lead_roles
+from ..registry import PolicyFactory, task_class
+from ..task import part_name
+from .population import Population
+
+PLACE = ("home", "level", "room")  # keys of a cast that are no roles
+MAX_SCALE = 2.0  # of a residual: it then reaches every action from every other one
+
+
+@dataclass(frozen=True)
+class EnvRecipe:
+    """A task, who plays, who learns, and who plays along.
+
+    Attributes:
+        task: Name of the task.
+        options: Its settings.
+        cast: Who plays, by role, and perhaps `home`, `level` and `room`: as for `rcare_marl.make`.
+        variants: Further cast entries. Environment i of a batch uses the i-th of them, in turn, over
+            `cast`, so that a policy meets several people.
+        learners: Roles that learn; the robots if empty.
+        partners: Policy of a role that does not learn: its name or the path of a policy file. Of
+            several one is drawn for each episode. The task's default where none is given.
+        residual: For roles that learn, the scale of their action on top of the scripted policy's.
+
+    Raises:
+        UnknownNameError: If the task, a role or a policy does not exist.
+        ConfigError: If a value is impossible, or a role learns and has a policy too.
+    """
+
+    task: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    cast: Mapping[str, Any] = field(default_factory=dict)
+    variants: tuple[Mapping[str, Any], ...] = ()
+    learners: tuple[str, ...] = ()
+    partners: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
+    residual: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        task_class(self.task)
+        for name in ("options", "cast", "partners", "residual"):
+            _check_mapping(name, getattr(self, name))
+        for name in ("variants", "learners"):
+            if isinstance(getattr(self, name), str):
+                raise ConfigError(f"{name} must be a list, got {getattr(self, name)!r}")
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        for variant in self.variants:
+            _check_mapping("a variant", variant)
+        several = {k: v if isinstance(v, str) else tuple(v) for k, v in self.partners.items()}
+        object.__setattr__(self, "partners", several)
+        for number in range(max(1, len(self.variants))):
+            self._check_roles(number)
+
+    def _check_roles(self, variant: int) -> None:
+        roles, learning = self.roles(variant), self.learning_roles(variant)
+        for role in (*learning, *self.partners, *self.residual):
+            if role not in roles:
+                raise UnknownNameError(f"role in the cast of {self.task!r}", role, roles)
+        for role in (*self.partners, *(r for r in roles if self._own_policy(role=r, at=variant))):
+            if role in learning:
+                raise ConfigError(f"role {role!r} learns, and has a policy too")
+        for role, scale in self.residual.items():
+            if role not in learning:
+                raise ConfigError(f"residual is for roles that learn, {learning}, got {role!r}")
+            if not isinstance(scale, int | float) or not 0 < scale <= MAX_SCALE:
+                raise ConfigError(
+                    f"residual of {role!r} must be above 0 and at most {MAX_SCALE}, got {scale!r}"
+                )
+            find_policy(self.task, role, "scripted")
+        for role in roles:
+            if role not in learning:
+                for name in self._partner_names(role, variant):
+                    if not Path(name).suffix:  # a file is looked for where it is used
+                        find_policy(self.task, role, name)
+
+    def entries(self, variant: int = 0) -> dict[str, Any]:
+        """Return the cast of a variant, with its place."""
+        own = self.variants[variant % len(self.variants)] if self.variants else {}
+        return {**self.cast, **own}
+
+    def roles(self, variant: int = 0) -> tuple[str, ...]:
+        """Return the roles that are played."""
+        cast = {k: v for k, v in self.entries(variant).items() if k not in PLACE}
+        parts = task_class(self.task).roles()
+        for role in cast:
+            if part_name(role) not in parts:
+                raise UnknownNameError(f"role in task {self.task!r}", role, parts)
+        out: list[str] = []
+        for name, part in parts.items():
+            numbers = [int(r.rsplit("_", 1)[1]) for r in cast if part_name(r) == name != r]
+            played = [f"{name}_{k}" for k in range(max(numbers) + 1)] if numbers else [name]
+            unnamed = part.default is not None  # then the default plays
+            out += [r for r in played if (cast[r] is not None if r in cast else unnamed)]
+        return tuple(out)
+
+    def learning_roles(self, variant: int = 0) -> tuple[str, ...]:
+        """Return the roles that learn: `learners`, or the robots."""
+        leads = lead_roles(self.task)
+        return self.learners or tuple(r for r in self.roles(variant) if part_name(r) in leads)
+
+    def make(self, variant: int = 0) -> CareEnv:
+        """Return a new environment in which only the learners are left to act.
+
+        Raises:
+            ConfigError: If a value is impossible, or a role has no policy.
+            UnknownNameError: If a name does not exist.
+        """
+        learning = self.learning_roles(variant)
+        policies = {
+            role: self._partner(role, variant)
+            for role in self.roles(variant)
+            if role not in learning and self._own_policy(role=role, at=variant) is None
+        }
+        return make(self.task, options=self.options, policies=policies, **self.entries(variant))
+
+    def partner_names(self, role: str) -> tuple[str, ...]:
+        """Return the policies that may play a role, whether it learns or not."""
+        return self._partner_names(role, 0)
+
+    def _partner_names(self, role: str, variant: int) -> tuple[str, ...]:
+        part = task_class(self.task).roles()[part_name(role)]
+        own = self._own_policy(role=role, at=variant)
+        if own is not None and role in self.partners:
+            raise ConfigError(f"two policies for {role!r}: one in the cast, one in partners")
+        if callable(own):
+            return ()
+        chosen = self.partners.get(role, own or part.partner)
+        if chosen is None:
+            raise ConfigError(
+                f"role {role!r} of task {self.task!r} has no default policy: name one in `partners`"
+            )
+        names = (chosen,) if isinstance(chosen, str) else chosen
+        if not names or not all(isinstance(name, str) for name in names):
+            raise ConfigError(f"partners of {role!r} must be names of policies, got {chosen!r}")
+        return names
+
+    def _own_policy(self, *, role: str, at: int) -> Any:
+        """Return the policy that the cast itself gives to a role, None if there is none."""
+        entry = self.entries(at).get(role)
+        return entry.get("policy") if isinstance(entry, Mapping) else None
+
+    def _partner(self, role: str, variant: int) -> PolicyFactory:
+        made = [find_policy(self.task, role, n) for n in self._partner_names(role, variant)]
+        if len(made) == 1:
+            return made[0]
+        return lambda env, name: Population([factory(env, name) for factory in made])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the recipe as data that JSON and YAML can hold.
+
+        Raises:
+            ConfigError: If it holds objects, such as a `RobotConfig`, that they cannot.
+        """
+        return {f.name: _plain(getattr(self, f.name), f.name) for f in dataclasses.fields(self)}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> EnvRecipe:
+        """Return the recipe that `to_dict` gave.
+
+        Raises:
+            UnknownNameError: If a key is no field of a recipe.
+            ConfigError: If there is no task, or a value is impossible.
+        """
+        names = [f.name for f in dataclasses.fields(cls)]
+        for key in data:
+            if key not in names:
+                raise UnknownNameError("field of EnvRecipe", str(key), names)
+        if "task" not in data:
+            raise ConfigError("a recipe needs a task")
+        return cls(**data)
+
+
+def _check_mapping(name: str, value: object) -> None:
+    if not isinstance(value, Mapping):
+        raise ConfigError(f"{name} must be a mapping, got {type(value).__name__} {value!r}")
+
+
+def _plain(value: Any, where: str) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v, f"{where}.{k}") for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v, f"{where}[{i}]") for i, v in enumerate(value)]
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    if isinstance(value, float) and math.isfinite(value):
+        return value
+    raise ConfigError(f"{where} cannot be written to a file: {type(value).__name__} {value!r}")
