@@ -1,0 +1,13 @@
+"""Learning algorithms on TorchRL's losses, a file each, with one config dataclass each."""
+
+from .algorithm import Algorithm, algorithm_names, config_class, make_algorithm
+from .network import ActorArrays, GroupShape
+
+__all__ = [
+    "ActorArrays",
+    "Algorithm",
+    "GroupShape",
+    "algorithm_names",
+    "config_class",
+    "make_algorithm",
+]
