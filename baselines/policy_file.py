@@ -1,0 +1,370 @@
+"""A trained network as a file: what it was learned in, and its weights, without pickle.
+
+Example:
+    >>> env = rcare_marl.make("feeding", policies={"robot": "runs/feeding/policy.npz"})
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.agents.policy import Policy
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.registry import policy_factory, register_policy_file, task_class
+from rcare_marl.envs.task import part_name
+from rcare_marl.errors import ConfigError
+from rcare_marl.observable import VECTOR
+
+SUFFIX = ".npz"
+VERSION = 1  # of the format
+CLIP = 10.0  # of a normalised observation
+BASE = "scripted"  # the policy that a residual is added to
+BASE_ACTION = "scripted_action"  # its action, at the end of what a residual observes
+
+Weights = npt.NDArray[np.float32]
+
+
+class ActorNumbers(Protocol):
+    """What an algorithm tells of an actor; see the attributes of `PolicyFile`."""
+
+    @property
+    def layers(self) -> Sequence[tuple[npt.NDArray[Any], npt.NDArray[Any]]]:
+        """Weights and biases."""
+
+    @property
+    def mean(self) -> npt.NDArray[Any]:
+        """Mean of the observations."""
+
+    @property
+    def scale(self) -> npt.NDArray[Any]:
+        """Scale of the observations."""
+
+    @property
+    def low(self) -> float:
+        """Least value of an action."""
+
+
+@dataclass(frozen=True)
+class PolicyFile:
+    """A deterministic actor: normalisation, layers of ReLU, and the tanh of the last one's means.
+
+    Attributes:
+        task: Name of the task that it was learned in.
+        group: Group of learners, such as `robots`; they share these weights.
+        roles: The roles of the group.
+        observed: Name and number of values of each part of the observation, in order. That of a
+            residual ends with `scripted_action`.
+        action_size: Number of action values.
+        action_low: Least value of an action: -1, or 0 for what only pulls.
+        layers: Weights, shape [out, in], and biases, shape [out], of each layer. The last has a row for
+            each action value, and may have as many more for spreads, which are not used.
+        mean: Taken from an observation first, shape [observation].
+        scale: Divides it then, shape [observation].
+        residual: How much of the action is added to that of the scripted policy [1]; None where the
+            action is the network's own.
+        actions: What each action value moves; not checked if empty.
+        recipe: How its environments were made, see `envs.learning.EnvRecipe`.
+        training: How it was trained: algorithm, reward, steps, minutes, machine, versions, seed.
+
+    Raises:
+        ConfigError: If the numbers do not fit each other.
+    """
+
+    task: str
+    group: str
+    roles: tuple[str, ...]
+    observed: tuple[tuple[str, int], ...]
+    action_size: int
+    action_low: float
+    layers: tuple[tuple[Weights, Weights], ...]
+    mean: Weights
+    scale: Weights
+    residual: float | None = None
+    actions: tuple[str, ...] = ()
+    recipe: Mapping[str, Any] = field(default_factory=dict)
+    training: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        size = sum(count for _, count in self.observed)
+        if not self.layers:
+            raise ConfigError("a policy needs at least one layer")
+        for name, values in (("mean", self.mean), ("scale", self.scale)):
+            if values.shape != (size,):
+                raise ConfigError(f"{name} of shape {values.shape} for {size} observed values")
+        for number, (weights, biases) in enumerate(self.layers):
+            if weights.ndim != 2 or weights.shape[1] != size or biases.shape != weights.shape[:1]:
+                raise ConfigError(
+                    f"layer {number}: weights {weights.shape} and biases {biases.shape} after "
+                    f"{size} values"
+                )
+            size = weights.shape[0]
+        if size not in (self.action_size, 2 * self.action_size):
+            raise ConfigError(f"the last layer gives {size} values for {self.action_size} actions")
+        numbers = (self.mean, self.scale, *(part for layer in self.layers for part in layer))
+        if not all(np.isfinite(part).all() for part in numbers):
+            raise ConfigError("a policy's numbers must be finite")
+        if not (self.scale > 0).all():
+            raise ConfigError("a policy's scales must be positive")
+        if self.actions and len(self.actions) != self.action_size:
+            raise ConfigError(f"{len(self.actions)} names for {self.action_size} action values")
+
+    @classmethod
+    def of(
+        cls,
+        arrays: ActorNumbers,
+        *,
+        task: str,
+        group: str,
+        roles: Iterable[str],
+        observed: Iterable[tuple[str, int]],
+        residual: float | None = None,
+        actions: Iterable[str] = (),
+        recipe: Mapping[str, Any] | None = None,
+        training: Mapping[str, Any] | None = None,
+    ) -> PolicyFile:
+        """Return the policy of an algorithm's actor, whose last layer gives the means alone.
+
+        Arguments are as the attributes of the class.
+
+        Raises:
+            ConfigError: If the numbers do not fit each other.
+        """
+        layers = tuple(
+            (np.asarray(w, np.float32), np.asarray(b, np.float32)) for w, b in arrays.layers
+        )
+        return cls(
+            task=task,
+            group=group,
+            roles=tuple(roles),
+            observed=tuple((name, int(size)) for name, size in observed),
+            action_size=len(layers[-1][1]) if layers else 0,
+            action_low=float(arrays.low),
+            layers=layers,
+            mean=np.asarray(arrays.mean, np.float32),
+            scale=np.asarray(arrays.scale, np.float32),
+            residual=residual,
+            actions=tuple(actions),
+            recipe=dict(recipe or {}),
+            training=dict(training or {}),
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the file, whole or not at all; the same policy gives the same bytes.
+
+        Raises:
+            ConfigError: If it cannot be written.
+        """
+        file = Path(path)
+        about = {name: getattr(self, name) for name in _ABOUT} | {"version": VERSION}
+        text = json.dumps(about, allow_nan=False, sort_keys=True).encode()
+        arrays = {"about": np.frombuffer(text, np.uint8), "mean": self.mean, "scale": self.scale}
+        for number, (weights, biases) in enumerate(self.layers):
+            arrays |= {f"weights_{number}": weights, f"biases_{number}": biases}
+        stream = io.BytesIO()
+        plain: Any = {name: np.ascontiguousarray(part) for name, part in arrays.items()}
+        np.savez_compressed(stream, **plain)
+        temporary: Path | None = None
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(prefix=f".{file.name}-", dir=file.parent)
+            temporary = Path(name)
+            with os.fdopen(handle, "wb") as out:
+                out.write(stream.getvalue())
+            temporary.chmod(0o644)
+            os.replace(temporary, file)
+        except OSError as error:
+            raise ConfigError(f"cannot write {file}: {error.strerror}") from error
+        finally:
+            if temporary is not None:
+                temporary.unlink(missing_ok=True)
+
+    @classmethod
+    def read(cls, path: str | Path) -> PolicyFile:
+        """Return the policy in a file.
+
+        Raises:
+            ConfigError: If there is no such file, or it is damaged, of another kind or a later version.
+        """
+        file = Path(path)
+        if not file.is_file():
+            raise ConfigError(_missing(file))
+        try:
+            with np.load(file, allow_pickle=False) as data:
+                arrays = {name: data[name] for name in data.files}
+            about = json.loads(arrays.pop("about").tobytes())
+            version = about.pop("version")
+        except _DAMAGES as error:
+            raise ConfigError(f"{file} is damaged, or no file of a policy: {error}") from error
+        if version != VERSION:
+            raise ConfigError(
+                f"{file} has version {version!r} of the format; this package reads {VERSION}"
+            )
+        try:
+            mean, scale = (np.asarray(arrays.pop(name), np.float32) for name in ("mean", "scale"))
+            layers = tuple(
+                (
+                    np.asarray(arrays[f"weights_{k}"], np.float32),
+                    np.asarray(arrays[f"biases_{k}"], np.float32),
+                )
+                for k in range(len(arrays) // 2)
+            )
+            about["observed"] = tuple((name, size) for name, size in about["observed"])
+            about |= {name: tuple(about[name]) for name in ("roles", "actions")}
+            return cls(**about, layers=layers, mean=mean, scale=scale)
+        except ConfigError as error:
+            raise ConfigError(f"{file}: {error}") from error
+        except _DAMAGES as error:
+            raise ConfigError(f"{file} is damaged, or no file of a policy: {error}") from error
+
+    @property
+    def observation_size(self) -> int:
+        """Number of values that the network sees."""
+        return sum(size for _, size in self.observed)
+
+    def check(self, env: CareEnv, role: str) -> None:
+        """Refuse an environment or a role that the policy was not made for.
+
+        Raises:
+            ConfigError: If the task, the part, what is observed, or the actions differ; it lists which.
+        """
+        who = f"the policy of {self.group!r} in {self.task!r}"
+        if not isinstance(env.task, task_class(self.task)):
+            raise ConfigError(f"{who} cannot play {type(env.task).__name__}: another task")
+        if part_name(role) not in {part_name(known) for known in self.roles}:
+            raise ConfigError(f"{who} plays {', '.join(self.roles)}, not {role!r}")
+        agent = env.cast[role]
+        actions = [] if self.residual is None else [(BASE_ACTION, self.action_size)]
+        seen = [(name, part.stop - part.start) for part, name, _ in env.describe(role)]
+        faults = _differences(self.observed, [*seen, *actions])
+        if (agent.action_size, agent.action_low) != (self.action_size, self.action_low):
+            faults.append(
+                f"{agent.action_size} actions from {agent.action_low:g} on, learned were "
+                f"{self.action_size} from {self.action_low:g} on"
+            )
+        elif self.actions and tuple(agent.action_names) != self.actions:
+            now, then = next(
+                pair
+                for pair in zip(agent.action_names, self.actions, strict=True)
+                if pair[0] != pair[1]
+            )
+            faults.append(f"the action {now!r}, learned was {then!r}")
+        if faults:
+            raise ConfigError(f"{who} does not fit {role!r} here: {'; '.join(faults)}")
+
+
+class LearnedPolicy:
+    """Plays a role with a trained network, in NumPy; the same observations give the same actions."""
+
+    def __init__(self, env: CareEnv, role: str, file: PolicyFile) -> None:
+        """Take the environment, the role and the network.
+
+        Raises:
+            ConfigError: If the network was not made for them, see `PolicyFile.check`.
+        """
+        file.check(env, role)
+        self._env, self._role, self._residual = env, role, file.residual
+        self._low, self._mean, self._scale = file.action_low, file.mean, file.scale
+        self._hidden = [(np.ascontiguousarray(w), b) for w, b in file.layers[:-1]]
+        weights, biases = file.layers[-1]
+        count = file.action_size  # what comes behind are spreads
+        self._last = np.ascontiguousarray(weights[:count]), biases[:count]
+        self._base: Policy | None = None
+        if file.residual is not None:
+            self._base = policy_factory(file.task, part_name(role), BASE)(env, role)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        if self._base is not None:
+            self._base.reset(rng)
+
+    def act(self) -> npt.NDArray[np.float64]:
+        seen = self._env.observe(self._role)
+        values: Weights = seen[VECTOR] if isinstance(seen, dict) else seen
+        if self._base is None or self._residual is None:
+            return self.decide(values).astype(np.float64)
+        base = np.array(self._base.act())  # as in `envs.learning.LearnerEnv`, to the last bit
+        own = self.decide(np.concatenate([values, base.astype(np.float32)]))
+        return np.clip(base + self._residual * own, self._low, 1.0)
+
+    def decide(self, observation: Weights) -> Weights:
+        """Return the network's own action, shape [actions], for an observation, shape [observation]."""
+        values = (observation - self._mean) / self._scale
+        np.minimum(np.maximum(values, -CLIP, out=values), CLIP, out=values)
+        # Not BLAS: it spreads such products over threads, and their number changes the last bit.
+        for weights, biases in self._hidden:
+            values = np.einsum("ij,j->i", weights, values)
+            values += biases
+            np.maximum(values, 0, out=values)
+        weights, biases = self._last
+        share = (np.tanh(np.einsum("ij,j->i", weights, values) + biases) + 1) / 2
+        return np.asarray(self._low + share * (1 - self._low), np.float32)
+
+
+@register_policy_file(SUFFIX)
+def load_policy(path: Path) -> Callable[[CareEnv, str], Policy]:
+    """Return what makes a policy from a file; ConfigError if it is missing or damaged."""
+    file = PolicyFile.read(path)
+
+    def make(env: CareEnv, role: str) -> Policy:
+        try:
+            return LearnedPolicy(env, role, file)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from error
+
+    make.__name__ = str(path)
+    make.__doc__ = f"Return a network trained in {file.task}."
+    return make
+
+
+_ABOUT = (
+    "task", "group", "roles", "observed", "action_size", "action_low", "residual", "actions", "recipe",
+    "training",
+)  # fmt: skip
+_DAMAGES = (
+    OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip  # of which NumPy raises one or the other, as the damage lies
+
+
+def _missing(file: Path) -> str:
+    """Return that a file is not there, and which of that folder or of its parent it could be."""
+    if not file.parent.is_dir():
+        return f"no policy at {file}: there is no folder {file.parent}"
+    found = sorted(each.name for each in file.parent.glob(f"*{SUFFIX}"))
+    near = get_close_matches(file.name, found, n=3)
+    if near:
+        return f"no policy at {file}. Did you mean {' or '.join(near)}?"
+    return f"no policy at {file}. There {_are(found)}"
+
+
+def _are(found: Iterable[str]) -> str:
+    names = ", ".join(found)
+    return f"are: {names}" if names else f"is no {SUFFIX} file in that folder"
+
+
+def _differences(learned: Iterable[tuple[str, int]], here: Iterable[tuple[str, int]]) -> list[str]:
+    """Return what is observed otherwise than it was learned, as texts; empty if all is the same."""
+    then, now = dict(learned), dict(here)
+    out = [f"{name} is not observed" for name in then if name not in now]
+    out += [f"{name} was not observed then" for name in now if name not in then]
+    out += [
+        f"{name} has {now[name]} values, learned were {size}"
+        for name, size in then.items()
+        if name in now and now[name] != size
+    ]
+    if not out and list(then) != list(now):
+        out.append(
+            f"the order of what is observed: {', '.join(now)}, learned was {', '.join(then)}"
+        )
+    return out

@@ -1,0 +1,390 @@
+"""How policies of several training runs are judged: the same seeds for each, and a record to repeat.
+
+Example:
+    >>> plan = Plan("feeding", ("runs/a/policy.npz", "runs/b/policy.npz"), episodes=100)
+    >>> record = assess(plan, processes=2)
+    >>> record.summary()["success"]["mean"], record.summary()["success"]["interval_95"]
+"""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import json
+import multiprocessing
+import os
+import platform
+import re
+import signal
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rcare_marl.envs.registry import task_class
+from rcare_marl.errors import ConfigError
+
+from . import trained
+from .evaluate import Episode, Evaluation, evaluate, lead_policies
+from .policy_file import SUFFIX, PolicyFile
+from .statistic import hierarchical_interval, interquartile_mean, stratified_interval
+
+FORMAT = 1  # of a record
+CHUNK = 25  # episodes that share a scene, however many processes there are; our own choice
+RESAMPLES = 10_000  # of the success rate
+FEWER = 2_000  # of each other measure, of which there are many
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be evaluated.
+
+    Attributes:
+        task: Name of the task.
+        policies: Of the robots, one after the other: names or files. Those of one training with
+            several seeds belong together.
+        others: Policy of single other roles; their default partner where none is given.
+        episodes: How many each policy plays.
+        seed: Episode i of each has the seed `seed + i`, so that all meet the same.
+        options: Settings of the task.
+        cast: Who plays, by role, and where: `home`, `level`, `room`; see `rcare_marl.make`.
+
+    Raises:
+        ConfigError: If there is no policy, one stands there twice, or a number is impossible.
+    """
+
+    task: str
+    policies: tuple[str, ...]
+    others: dict[str, str] = field(default_factory=dict)
+    episodes: int = 100
+    seed: int = 0
+    options: dict[str, Any] = field(default_factory=dict)
+    cast: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        task_class(self.task)
+        if not self.policies:
+            raise ConfigError("an evaluation needs a policy")
+        twice = sorted({name for name in self.policies if self.policies.count(name) > 1})
+        if twice:
+            raise ConfigError(f"policies stand there twice: {', '.join(twice)}")
+        if self.episodes < 1 or self.seed < 0:
+            raise ConfigError(
+                f"episodes are at least 1 and a seed at least 0, got {self.episodes} and {self.seed}"
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return {
+            "task": self.task,
+            "policies": list(self.policies),
+            "others": dict(self.others),
+            "episodes": self.episodes,
+            "seed": self.seed,
+            "options": dict(self.options),
+            "cast": dict(self.cast),
+        }
+
+
+@dataclass(frozen=True)
+class Record:
+    """What came of a plan, with all that it takes to repeat it.
+
+    Attributes:
+        plan: What was to be evaluated.
+        runs: What came of each policy, in the order of the plan.
+        files: Of each policy that is a file its SHA-256, as `sha256`, and how it was trained, as
+            `training`.
+        machine: Where it was run.
+    """
+
+    plan: Plan
+    runs: tuple[Evaluation, ...]
+    files: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    machine: Mapping[str, Any] = field(default_factory=lambda: machine())
+
+    def summary(self) -> dict[str, Any]:
+        """Return success, returns and all measures over the policies.
+
+        Each has `runs`, the mean of each policy; `mean`, their mean, with its `interval_95` from
+        resampling policies and then episodes; `iqm`, their interquartile mean, with its
+        `iqm_interval_95` from resampling policies (None of a single one); and `max` over all episodes.
+        An event that never came is in none of them.
+        """
+        episodes = [run.episodes for run in self.runs]
+        first = episodes[0][0]
+        out = {"success": _summed([[e.success for e in run] for run in episodes], RESAMPLES)}
+        for role in first.returns:
+            out[f"return_{role}"] = _summed([[e.returns[role] for e in run] for run in episodes])
+        for role in first.costs:
+            out[f"cost_{role}"] = _summed([[e.costs[role] for e in run] for run in episodes])
+        for name in first.metrics:
+            out[name] = _summed([run.values(name) for run in self.runs])
+        out["steps"] = _summed([[e.steps for e in run] for run in episodes])
+        return {name: numbers for name, numbers in out.items() if numbers}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON: the summary, and every episode in columns."""
+        return {
+            "format": FORMAT,
+            "plan": self.plan.to_dict(),
+            "summary": self.summary(),
+            "policies": [
+                {
+                    "policy": name,
+                    "roles": dict(run.policies),
+                    "models": dict(run.cast),
+                    "success_rate": run.success_rate,
+                    "success_interval_95": list(run.success_interval),
+                    "file": dict(self.files[name]) if name in self.files else None,
+                    "episodes": columns(run.episodes),
+                }
+                for name, run in zip(self.plan.policies, self.runs, strict=True)
+            ],
+            "place": dict(self.runs[0].place),
+            "versions": dict(self.runs[0].versions),
+            "machine": dict(self.machine),
+        }
+
+
+def assess(plan: Plan, *, processes: int = 1, on_progress: Progress | None = None) -> Record:
+    """Run a plan and return what came of it, the same however many processes there are.
+
+    Args:
+        plan: What to run.
+        processes: How many at once. More than one are started afresh (`spawn`), so a script that asks
+            for them needs `if __name__ == "__main__":`.
+        on_progress: Called with the number of episodes that were done since.
+
+    Raises:
+        UnknownNameError: If a task, role, model, option or policy does not exist.
+        ConfigError: If a value is impossible, or a file is no policy for this task.
+    """
+    if processes < 1:
+        raise ConfigError(f"processes must be at least 1, got {processes}")
+    files = {name: facts for name in plan.policies if (facts := _file_facts(plan, name))}
+    runs = run(plan, plan.policies, processes=processes, on_progress=on_progress)
+    return Record(plan, runs, files)
+
+
+def read_record(path: str | Path) -> dict[str, Any]:
+    """Return a record from its file.
+
+    Raises:
+        ConfigError: If there is no such file, or it holds no record of this format.
+    """
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"cannot read a record from {path}: {error}") from error
+    if not isinstance(data, dict) or not {"plan", "policies", "summary"} <= data.keys():
+        raise ConfigError(f"{path} holds no record of an evaluation of several policies")
+    if data.get("format") != FORMAT:
+        raise ConfigError(
+            f"{path} has format {data.get('format')!r} of a record; this package reads {FORMAT}"
+        )
+    return data
+
+
+def record_text(record: Mapping[str, Any]) -> str:
+    """Return a record as JSON in which a list of numbers takes one line."""
+    return _text(record, 0) + "\n"
+
+
+def _text(value: Any, depth: int) -> str:
+    space = " " * (depth + 1)
+    if isinstance(value, Mapping) and value:
+        rows = [f"{json.dumps(name)}: {_text(each, depth + 1)}" for name, each in value.items()]
+    elif isinstance(value, list) and any(isinstance(each, list | Mapping) for each in value):
+        rows = [_text(each, depth + 1) for each in value]
+    else:
+        return json.dumps(value, allow_nan=False)
+    left, right = ("{", "}") if isinstance(value, Mapping) else ("[", "]")
+    body = f",\n{space}".join(rows)
+    return f"{left}\n{space}{body}\n{' ' * depth}{right}"
+
+
+def find_policies(patterns: Iterable[str]) -> tuple[str, ...]:
+    """Return names and files of policies; a pattern such as `runs/seed*/policy.npz` stands for files.
+
+    Files of a pattern come in the order of the numbers in their paths.
+
+    Raises:
+        ConfigError: If there is no file for a pattern.
+    """
+    out: list[str] = []
+    for pattern in patterns:
+        if not glob.has_magic(pattern):
+            out.append(pattern)
+            continue
+        files = sorted(glob.glob(pattern, recursive=True), key=_in_order)
+        if not files:
+            raise ConfigError(f"no file of a policy matches {pattern!r}")
+        out += files
+    return tuple(out)
+
+
+def columns(episodes: Sequence[Episode]) -> dict[str, Any]:
+    """Return episodes as lists by name, for JSON; an event that never came is None."""
+    rows = [episode.to_dict() for episode in episodes]
+    out: dict[str, Any] = {}
+    for name, value in rows[0].items():
+        if isinstance(value, Mapping):
+            out[name] = {key: [row[name][key] for row in rows] for key in value}
+        else:
+            out[name] = [row[name] for row in rows]
+    return out
+
+
+def machine() -> dict[str, Any]:
+    """Return what a machine is, without its name."""
+    return {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()}
+
+
+def _processor() -> str:
+    """Return the model of the processor; what Python knows of it where Linux does not tell."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return platform.processor() or platform.machine()
+    found = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
+    return found[1].strip() if found is not None else platform.machine()
+
+
+def run(
+    plan: Plan,
+    policies: Sequence[str],
+    *,
+    processes: int = 1,
+    on_progress: Progress | None = None,
+) -> tuple[Evaluation, ...]:
+    """Return what came of each policy of a plan; `policies` are those, or where their files are now."""
+    tell = on_progress or (lambda _: None)
+    pieces = [
+        (which, start, min(CHUNK, plan.episodes - start))
+        for which in range(len(policies))
+        for start in range(0, plan.episodes, CHUNK)
+    ]
+    work = [_Piece(plan, policies[which], start, count) for which, start, count in pieces]
+    if processes == 1:
+        done = []
+        for piece in work:
+            done.append(piece.run())
+            tell(piece.count)
+    else:
+        done = _run_apart(work, processes, tell)
+    out = []
+    for number, name in enumerate(plan.policies):
+        parts = [part for (which, *_), part in zip(pieces, done, strict=True) if which == number]
+        shown = {
+            role: name if used == policies[number] else used
+            for role, used in parts[0].policies.items()
+        }
+        episodes = tuple(episode for part in parts for episode in part.episodes)
+        out.append(replace(parts[0], policies=shown, episodes=episodes))
+    return tuple(out)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Some episodes of one policy in a scene of their own."""
+
+    plan: Plan
+    policy: str
+    start: int
+    count: int
+
+    def run(self) -> Evaluation:
+        plan = self.plan
+        return evaluate(
+            plan.task,
+            lead_policies(plan.task, self.policy, plan.others),
+            episodes=self.count,
+            seed=plan.seed + self.start,
+            options=plan.options,
+            cast=plan.cast,
+        )
+
+
+def _run_apart(work: Sequence[_Piece], processes: int, on_progress: Progress) -> list[Evaluation]:
+    with _workers(min(processes, len(work))) as pool:
+        jobs: dict[Future[Evaluation], _Piece] = {pool.submit(p.run): p for p in work}
+        for job in as_completed(jobs):
+            job.result()  # so that the first error ends it
+            on_progress(jobs[job].count)
+        return [job.result() for job in jobs]
+
+
+@contextmanager
+def _workers(count: int) -> Iterator[ProcessPoolExecutor]:
+    """Give processes, and leave none behind: not after an error, nor after Ctrl-C."""
+    before = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(
+        count,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_DFL),  # Ctrl-C ends them without a traceback each
+    )
+    try:
+        yield pool
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - before:
+            process.terminate()
+        pool.shutdown(wait=True, cancel_futures=True)
+        raise
+    pool.shutdown()
+
+
+def _summed(runs: Sequence[Sequence[float]], resamples: int = FEWER) -> dict[str, Any]:
+    """Return the numbers of one measure, see `Record.summary`; none where it never had a value."""
+    runs = [run for run in runs if len(run)]
+    if not runs:
+        return {}
+    means = [float(np.mean(run)) for run in runs]
+    return {
+        "mean": float(np.mean(means)),
+        "interval_95": _ends(hierarchical_interval(runs, resamples=resamples)),
+        "iqm": float(interquartile_mean(means)),
+        "iqm_interval_95": _ends(stratified_interval([means], resamples=resamples)),
+        "max": float(max(max(run) for run in runs)),
+        "runs": means,
+    }
+
+
+def _ends(interval: tuple[float, float] | None) -> list[float] | None:
+    return None if interval is None else list(interval)
+
+
+def _file_facts(plan: Plan, policy: str) -> dict[str, Any] | None:
+    """Return what to keep of a policy's file; None of a policy that is none."""
+    path: Path | None = None
+    if Path(policy).suffix == SUFFIX:
+        path = Path(policy)
+    elif policy == trained.NAME:
+        path = trained.file_for(plan.task, int(plan.cast.get("level") or 1))
+    if path is None:
+        return None
+    file = PolicyFile.read(path)
+    return {
+        "sha256": digest(path),
+        "bytes": path.stat().st_size,
+        "residual": file.residual,
+        "training": dict(file.training),
+        "recipe": dict(file.recipe),
+    }
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _in_order(path: str) -> list[tuple[int, str]]:
+    """Return a key by which seed2 comes before seed10."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", path)]

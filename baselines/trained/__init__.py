@@ -1,0 +1,95 @@
+"""Trained policies that ship, known to `make(..., policies=...)` as `learned`.
+
+Each is a file `<task>.npz`, or `<task>_level<k>.npz` where the levels of a home have one each. Beside it
+are its card (`.yaml`), its training curve (`.csv`) and the record of its evaluation (`.json`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from rcare_marl.agents.policy import Policy
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.registry import register_policy, task_names
+from rcare_marl.errors import ConfigError
+
+from ..policy_file import BASE, SUFFIX, LearnedPolicy, PolicyFile
+
+FOLDER = Path(__file__).parent
+NAME = "learned"
+ROLE = "robot"
+LEVEL = re.compile(r"(?P<task>\w+?)_level(?P<level>\d+)")
+
+
+def shipped(task: str, folder: Path | None = None) -> dict[int | None, Path]:
+    """Return the files of a task's trained policies by level; None is the key of all levels.
+
+    Args:
+        task: Name of the task.
+        folder: Where they are; those of the package if None.
+    """
+    out: dict[int | None, Path] = {}
+    for file in sorted((folder or FOLDER).glob(f"{task}*{SUFFIX}")):
+        leveled = LEVEL.fullmatch(file.stem)
+        if file.stem == task:
+            out[None] = file
+        elif leveled is not None and leveled["task"] == task:
+            out[int(leveled["level"])] = file
+    return out
+
+
+def file_for(task: str, level: int, folder: Path | None = None) -> Path:
+    """Return the file of the policy for a task at a level.
+
+    Raises:
+        ConfigError: If none ships for it.
+    """
+    files = shipped(task, folder)
+    if level not in files and None not in files:
+        levels = ", ".join(str(known) for known in files) or "none"
+        raise ConfigError(
+            f"no trained policy of {task!r} ships for level {level}; there are: {levels}"
+        )
+    return files.get(level) or files[None]
+
+
+def fits(env: CareEnv, task: str, role: str = ROLE, folder: Path | None = None) -> bool:
+    """Return whether a trained policy ships that can play a role of this very environment."""
+    if role not in env.cast:
+        return False
+    try:
+        PolicyFile.read(file_for(task, env.task.level, folder)).check(env, role)
+    except ConfigError:
+        return False
+    return True
+
+
+def best_policy(env: CareEnv, task: str, role: str = ROLE) -> str:
+    """Return the name of the policy that a robot is shown with.
+
+    That is `learned` where one ships that fits its task, level and robot, and `scripted` elsewhere.
+    """
+    return NAME if fits(env, task, role) else BASE
+
+
+def _maker(task: str) -> Callable[[CareEnv, str], Policy]:
+    def make(env: CareEnv, role: str) -> Policy:
+        file = file_for(task, env.task.level)
+        try:
+            return LearnedPolicy(env, role, PolicyFile.read(file))
+        except ConfigError as error:
+            raise ConfigError(f"{file.name}: {error}") from error
+
+    make.__doc__ = f"Return a network that was trained in {task}; see docs/models.md."
+    return make
+
+
+def _register() -> None:
+    for task in task_names():
+        if shipped(task):
+            register_policy(task, ROLE, NAME)(_maker(task))
+
+
+_register()

@@ -1,0 +1,217 @@
+"""Print the paper's table of trained policies beside ours, from the records of our evaluations.
+
+python experiments/paper_table.py [--markdown] [--scripted] [--processes N] [--folder FOLDER]
+
+Each row reads `<name>.json`, the record that `rcare-marl evaluate <task> --policies ... --out` left of the
+policies of five training seeds, and `<name>_scripted.json`, that of the scripted policy on the same
+episodes. --scripted runs those of the second kind that are missing, and leaves them there.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from rcare_marl.baselines import trained
+from rcare_marl.baselines.protocol import Plan, assess, read_record, record_text
+from rcare_marl.errors import ConfigError
+
+SEEDS, EPISODES = 5, 100  # of the paper: policies a task, and trials of each
+SCRIPTED = "scripted"
+HEADS = (
+    "task",
+    "paper",
+    "ours",
+    "reward",
+    "learned",
+    "demonstrations",
+    "steps",
+    "trained in",
+    "success (95 % interval)",
+    "scripted",
+    "remark",
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the paper's table "Reinforcement Learning Simulation Results".
+
+    Attributes:
+        task: Name of our task.
+        level: Level of accessibility, where the paper's task has three; None elsewhere.
+        algorithm: The paper's.
+        success: The paper's success [%]; None where it is left blank.
+    """
+
+    task: str
+    level: int | None
+    algorithm: str
+    success: int | None
+
+    @property
+    def name(self) -> str:
+        """Name of the files of the row."""
+        return self.task if self.level is None else f"{self.task}_level{self.level}"
+
+    @property
+    def title(self) -> str:
+        """What to call it."""
+        text = self.task.replace("_", " ")
+        return text if self.level is None else f"{text}, level {self.level}"
+
+
+# Ye et al., "RCareWorld: A Human-centric Simulation World for Caregiving Robots", table
+# "Reinforcement Learning Simulation Results".
+PAPER = (
+    Row("feeding", None, "SAC", 92),
+    Row("bathing", None, "SAC", 99),
+    Row("dressing", None, "TQC", 93),
+    Row("limb_repositioning", None, "SAC", 65),
+    Row("ambulating", 1, "SAC", None),
+    Row("ambulating", 2, "SAC", None),
+    Row("ambulating", 3, "SAC", None),
+    Row("toileting", None, "SAC", 83),
+)
+
+
+def cells(row: Row, folder: Path) -> tuple[str, ...]:
+    """Return the texts of a row of the table."""
+    paper = row.algorithm + (", left blank" if row.success is None else f", {row.success} %")
+    file = folder / f"{row.name}.json"
+    if not file.is_file():
+        return (row.title, paper, *["-"] * 8, "no record yet")
+    record = read_record(file)
+    facts = [entry["file"] for entry in record["policies"]]
+    if any(each is None for each in facts):
+        named = ", ".join(e["policy"] for e in record["policies"] if e["file"] is None)
+        raise ConfigError(f"{file}: not learned, but of that name: {named}")
+    training = [each["training"] for each in facts]
+    success = record["summary"]["success"]
+    low, high = success["interval_95"]
+    script = scripted_success(row, record, folder)
+    return (
+        row.title,
+        paper,
+        _all(str(each.get("algorithm", "?")).upper() for each in training),
+        _all(str(each.get("reward", "?")) for each in training),
+        _all("from scratch" if each["residual"] is None else "residual" for each in facts),
+        _range([each.get("demonstrations") for each in training], "{:.0f} episodes", none="none"),
+        _range([each.get("steps") for each in training], "{:,.0f}"),
+        f"{_range([each.get('minutes') for each in training], '{:.0f}')} min, "
+        + _all(str(each.get("machine", "machine not recorded")) for each in training),
+        f"{100 * success['mean']:.1f} % ({100 * low:.1f} to {100 * high:.1f})",
+        "no record" if script is None else f"{100 * script:.1f} %",
+        "; ".join(remarks(row, record, script)) or "-",
+    )
+
+
+def remarks(row: Row, record: Mapping[str, Any], script: float | None) -> list[str]:
+    """Return what a reader of the row must know, or nothing."""
+    out = []
+    mean, count = record["summary"]["success"]["mean"], len(record["policies"])
+    if row.success is not None and mean < row.success / 100:
+        out.append("below the paper")
+    if script is not None and script > mean:
+        out.append("the scripted policy is better")
+    if (count, record["plan"]["episodes"]) != (SEEDS, EPISODES):
+        out.append(f"{count} policies x {record['plan']['episodes']} episodes")
+    given = {**record["plan"]["options"], **record["plan"]["cast"]}
+    given.pop("reward", None)
+    if row.level is not None and given.pop("level", 1) != row.level:
+        out.append(f"evaluated at level {record['plan']['cast'].get('level', 1)}")
+    if given:
+        out.append("with " + ", ".join(f"{name} {value}" for name, value in given.items()))
+    return out
+
+
+def scripted_success(row: Row, record: Mapping[str, Any], folder: Path) -> float | None:
+    """Return the success of the scripted policy on the same episodes; None without a record of it.
+
+    Raises:
+        ConfigError: If its record is of other episodes.
+    """
+    file = folder / f"{row.name}_{SCRIPTED}.json"
+    if not file.is_file():
+        return None
+    script = read_record(file)
+    for key in ("task", "episodes", "seed", "options", "cast", "others"):
+        if script["plan"][key] != record["plan"][key]:
+            raise ConfigError(
+                f"{file.name} and {row.name}.json are of other episodes: {key} is "
+                f"{script['plan'][key]!r} and {record['plan'][key]!r}"
+            )
+    return float(script["summary"]["success"]["mean"])
+
+
+def run_scripted(row: Row, folder: Path, processes: int) -> None:
+    """Play the scripted policy on the episodes of a row's record, unless that was done."""
+    file, other = folder / f"{row.name}.json", folder / f"{row.name}_{SCRIPTED}.json"
+    if not file.is_file() or other.is_file():
+        return
+    plan = {**read_record(file)["plan"], "policies": (SCRIPTED,)}
+    other.write_text(record_text(assess(Plan(**plan), processes=processes).to_dict()), "utf-8")
+
+
+def _all(values: Iterable[str]) -> str:
+    """Return the one text of all, or the different ones."""
+    return ", ".join(dict.fromkeys(values))
+
+
+def _range(values: Sequence[float | None], form: str, none: str = "") -> str:
+    """Return the least and greatest of numbers as a text."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return "?"
+    low, high = form.format(min(known)), form.format(max(known))
+    text = low if low == high else f"{low} to {high}"
+    return none if none and max(known) == 0 else text
+
+
+def markdown(rows: Iterable[Sequence[str]]) -> str:
+    """Return the table in Markdown."""
+    lines = [HEADS, ["---"] * len(HEADS), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def table(rows: Iterable[Sequence[str]]) -> Table:
+    """Return the table for a terminal."""
+    out = Table(title="Trained policies, the paper's and ours", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in HEADS:
+        out.add_column(head)
+    for row in rows:
+        out.add_row(*(Text(cell) for cell in row))
+    return out
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--markdown", action="store_true")
+    parser.add_argument("--scripted", action="store_true", help="run the scripted ones that miss")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--folder", type=Path, default=trained.FOLDER)
+    chosen = parser.parse_args()
+    if chosen.scripted:
+        for row in PAPER:
+            run_scripted(row, chosen.folder, chosen.processes)
+    rows = [cells(row, chosen.folder) for row in PAPER]
+    if chosen.markdown:
+        print(markdown(rows))
+    else:
+        screen = Console()
+        Console(width=max(screen.width, 170)).print(table(rows))
+
+
+if __name__ == "__main__":
+    main()
