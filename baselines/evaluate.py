@@ -13,6 +13,7 @@ import math
 import platform
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,10 @@ from scipy.special import stdtrit  # type: ignore[import-untyped]
 
 import rcare_marl
 from rcare_marl.agents.policy import Policy
-from rcare_marl.agents.robot import Robot
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.cast import CastEntry, find_policy
+from rcare_marl.envs.group import lead_roles as lead_roles
 from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError, UnknownNameError
 
@@ -261,12 +262,6 @@ def run_episode(
     )
 
 
-def lead_roles(task: str) -> tuple[str, ...]:
-    """Return the roles whose policy is in question: the robots of the task, or all its roles."""
-    roles = task_class(task).roles()
-    return tuple(name for name, role in roles.items() if role.kind is Robot) or tuple(roles)
-
-
 def lead_policies(
     task: str, policy: str, others: Mapping[str, str] | None = None
 ) -> dict[str, str]:
@@ -318,7 +313,7 @@ def make_players(
         chosen = policies.get(role, roles[role].partner)
         if chosen is None:
             raise ConfigError(f"role {role!r} of task {task!r} has no default policy: name one")
-        names[role] = chosen if isinstance(chosen, str) else _name_of(chosen)
+        names[role] = str(chosen) if isinstance(chosen, str | Path) else _name_of(chosen)
         players[role] = find_policy(task, role, chosen)(env, role)
     return names, players
 

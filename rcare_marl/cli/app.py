@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import signal
-from collections.abc import Sequence
+from dataclasses import asdict
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +15,34 @@ import rcare_marl
 from rcare_marl.errors import RcareError
 
 from .console import print_error, print_line
+from .parameter import (
+    BestPolicyName,
+    CaregiverModel,
+    HomeLevel,
+    HomeName,
+    HomeRoom,
+    Json,
+    OutputFile,
+    PlotFile,
+    PolicyName,
+    PolicyPatterns,
+    Processes,
+    RecipientModel,
+    RecordFile,
+    RobotModel,
+    RolePolicies,
+    Seed,
+    Task,
+    TaskOptions,
+    TaskUnlessRepeated,
+    cast_of,
+    json_text,
+    pairs,
+    place_of,
+    print_json,
+    settings,
+)
+from .training import train
 
 INTERRUPTED = 130  # exit status of a program that Ctrl-C ended, as shells have it
 TERMINATED = 143  # the same for SIGTERM
@@ -57,70 +84,6 @@ class Kind(str, Enum):
     policies = "policies"
 
 
-Task = Annotated[str, typer.Argument(metavar="TASK", help="A task, see: rcare-marl list tasks")]
-RobotModel = Annotated[
-    str | None,
-    typer.Option(
-        "--robot", metavar="MODEL", help="Robot, by name or YAML file; else the task's own choice."
-    ),
-]
-RecipientModel = Annotated[
-    str | None,
-    typer.Option(
-        "--recipient",
-        metavar="MODEL",
-        help="Avatar who is cared for, by name or YAML file, or options in braces such as "
-        "'{model: karan, actuation: muscle}'; else the task's own choice.",
-    ),
-]
-CaregiverModel = Annotated[
-    str | None,
-    typer.Option("--caregiver", metavar="MODEL", help="Avatar who helps; nobody if left out."),
-]
-TaskOptions = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--option",
-        metavar="NAME=VALUE",
-        help="Setting of the task, such as reward=shaped; may be given several times. "
-        "See: rcare-marl describe TASK",
-    ),
-]
-HomeName = Annotated[
-    str | None,
-    typer.Option(
-        "--home", metavar="HOUSE", help="House in which it takes place, such as house_07."
-    ),
-]
-HomeLevel = Annotated[
-    int | None,
-    typer.Option("--level", min=1, max=3, help="Its level of accessibility; 1 if left out."),
-]
-HomeRoom = Annotated[
-    str | None, typer.Option("--room", help="The room; the first that suits if left out.")
-]
-PolicyName = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME",
-        help="Policy of the robot, see: rcare-marl list policies. Beside it the other roles are "
-        "played by their default partner. Only with [bold]random[/bold] all roles act at random.",
-    ),
-]
-RolePolicies = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--role-policy",
-        metavar="ROLE=NAME",
-        help="Policy of one role, such as recipient=still; may be given several times.",
-    ),
-]
-Seed = Annotated[
-    int, typer.Option(min=0, help="Seed of the first episode; episode i has the seed SEED + i.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON value and nothing else.")]
-
-
 @app.callback(invoke_without_command=True)
 def root(
     version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
@@ -151,7 +114,7 @@ def list_(
     kinds = [kind.value] if kind is not None else [each.value for each in Kind]
     rows = {name: listing.rows(name) for name in kinds}
     if as_json:
-        _print_json(rows[kinds[0]] if kind is not None else rows)
+        print_json(rows[kinds[0]] if kind is not None else rows)
     else:
         listing.show(rows)
 
@@ -171,19 +134,23 @@ def describe(
     """
     from . import description
 
-    facts = description.describe(task, _cast(robot, recipient, caregiver), _settings(option))
+    facts = description.describe(task, cast_of(robot, recipient, caregiver), settings(option))
     if as_json:
-        _print_json(facts)
+        print_json(facts)
     else:
         description.show(facts)
 
 
 @app.command()
 def evaluate(
-    task: Task,
+    task: TaskUnlessRepeated = None,
     policy: PolicyName = "scripted",
-    episodes: Annotated[int, typer.Option(min=1, help="How many episodes to run.")] = 100,
+    policies: PolicyPatterns = None,
+    episodes: Annotated[
+        int, typer.Option(min=1, help="How many episodes to run with each policy.")
+    ] = 100,
     seed: Seed = 0,
+    processes: Processes = 1,
     role_policy: RolePolicies = None,
     robot: RobotModel = None,
     recipient: RecipientModel = None,
@@ -193,10 +160,9 @@ def evaluate(
     room: HomeRoom = None,
     option: TaskOptions = None,
     as_json: Json = False,
-    output: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Also write the JSON, with every episode, to this file."),
-    ] = None,
+    output: OutputFile = None,
+    plot: PlotFile = None,
+    repeat: RecordFile = None,
 ) -> None:
     """Run seeded episodes and report success, forces, spilling and returns.
 
@@ -204,29 +170,61 @@ def evaluate(
 
     Every metric of the task also has its _mean and _max over episodes.
 
+    With --policies, --processes or --plot the JSON is a record over all policies; see
+    docs/evaluation.md.
+
     Example: rcare-marl evaluate feeding --policy scripted --episodes 20 --json
+
+    Example: rcare-marl evaluate feeding --policies 'runs/seed*/policy.npz' --out record.json
+
+    Example: rcare-marl evaluate --repeat record.json
     """
     from . import evaluation
 
-    result = evaluation.run(
-        task,
-        policy,
-        _pairs(role_policy, "--role-policy"),
-        episodes=episodes,
-        seed=seed,
-        options=_settings(option),
-        cast=_cast(robot, recipient, caregiver) | _place(home, level, room),
-    )
+    if repeat is not None:
+        raise typer.Exit(_repeat(repeat, processes, as_json))
+    if task is None:
+        raise typer.BadParameter("name a task, or a record with --repeat", param_hint="TASK")
+    given: dict[str, Any] = {
+        "episodes": episodes,
+        "seed": seed,
+        "options": settings(option),
+        "cast": cast_of(robot, recipient, caregiver) | place_of(home, level, room),
+    }
+    others = pairs(role_policy, "--role-policy")
+    if policies or plot is not None or processes > 1:
+        from . import assessment
+
+        assessment.report(
+            assessment.run(task, policies or [policy], others, processes=processes, **given),
+            output=output,
+            plot=plot,
+            as_json=as_json,
+        )
+        return
+    result = evaluation.run(task, policy, others, **given)
     if output is not None:
         from .folder import write_whole
 
-        write_whole(output, _json(result.to_dict(each=True)).encode())
+        write_whole(output, json_text(result.to_dict(each=True)).encode())
     if as_json:
-        _print_json(result.to_dict())
+        print_json(result.to_dict())
     else:
         evaluation.show(result)
         if output is not None:
             print_line(f"wrote {output}")
+
+
+def _repeat(record: Path, processes: int, as_json: bool) -> int:
+    """Run a record once more; return 1 where a number differs."""
+    from . import assessment
+
+    result = assessment.run_again(record, processes=processes)
+    if as_json:
+        print_json(asdict(result))
+    else:
+        assessment.show_again(result)
+    return 1 if result.differences else 0
 
 
 @app.command()
@@ -240,6 +238,7 @@ def demo(
         ),
     ] = None,
     video: Annotated[bool, typer.Option(help="Whether to film the first episodes.")] = True,
+    policy: BestPolicyName = None,
     robot: RobotModel = None,
     recipient: RecipientModel = None,
 ) -> None:
@@ -256,7 +255,8 @@ def demo(
         seed=seed,
         output=output,
         video=video,
-        cast=_cast(robot, recipient, None),
+        policy=policy,
+        cast=cast_of(robot, recipient, None),
     )
 
 
@@ -316,7 +316,7 @@ def home(
 @app.command()
 def play(
     task: Task,
-    policy: PolicyName = "scripted",
+    policy: BestPolicyName = None,
     seed: Seed = 0,
     episodes: Annotated[
         int, typer.Option(min=0, help="How many episodes to show; 0 goes on until Ctrl-C.")
@@ -332,19 +332,22 @@ def play(
 ) -> None:
     """Show episodes live in your browser, in real time, until Ctrl-C.
 
-    Example: rcare-marl play feeding --policy scripted
+    Example: rcare-marl play feeding
     """
     from . import live
 
     live.play(
         task,
         policy,
-        _pairs(role_policy, "--role-policy"),
+        pairs(role_policy, "--role-policy"),
         episodes=episodes,
         seed=seed,
-        options=_settings(option),
-        cast=_cast(robot, recipient, caregiver) | _place(home, level, room),
+        options=settings(option),
+        cast=cast_of(robot, recipient, caregiver) | place_of(home, level, room),
     )
+
+
+app.command()(train)
 
 
 @app.command()
@@ -352,9 +355,9 @@ def bench(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="TASK|all|avatars|homes",
-            help="A task, [bold]all[/bold] tasks, [bold]avatars[/bold] for people or "
-            "[bold]homes[/bold] for houses.",
+            metavar="TASK|all|avatars|homes|learning",
+            help="A task, [bold]all[/bold] tasks, [bold]avatars[/bold] for people, "
+            "[bold]homes[/bold] for houses or [bold]learning[/bold].",
         ),
     ],
     steps: Annotated[
@@ -375,11 +378,21 @@ def bench(
     ] = None,
     seconds: Annotated[
         float | None,
-        typer.Option(min=0.1, help="Simulated time for `avatars`; 5 if left out."),
+        typer.Option(
+            min=0.1,
+            help="Simulated time for `avatars`, 5 if left out; time of each part of `learning`, 10.",
+        ),
+    ] = None,
+    task: Annotated[
+        str | None, typer.Option(help="What `learning` measures; feeding if left out.")
+    ] = None,
+    processes: Annotated[
+        str | None,
+        typer.Option(metavar="COUNTS", help="Of workers, for `learning`; 1,2 if left out."),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Measure speed: of a task or all of them, of people with and without muscles, or of houses.
+    """Measure speed: of a task or all of them, of people with and without muscles, of houses, of learning.
 
     A task: steps, resets, import, and what the environment costs on top of the physics;
     overhead_ratio is the time of a control step over that of its physics steps alone.
@@ -390,6 +403,8 @@ def bench(
 
     homes: how long a house takes to load, and what it adds to a step of feeding.
 
+    learning: steps per second with a policy, on one core and over processes, and updates per second.
+
     Example: rcare-marl bench feeding --json
 
     Example: rcare-marl bench all
@@ -398,76 +413,19 @@ def bench(
     """
     from . import speed
 
-    options: dict[str, Any] = {
-        "steps": steps,
-        "seed": seed,
-        "home": home,
-        "level": level,
-        "room": room,
-    }
-    options |= {"avatar": avatar, "seconds": seconds, **_cast(robot, recipient, caregiver)}
+    options: dict[str, Any] = {"steps": steps, "seed": seed, "avatar": avatar, "seconds": seconds}
+    options |= {"task": task, "processes": processes, **place_of(home, level, room)}
+    options |= cast_of(robot, recipient, caregiver)
     given = {name: value for name, value in options.items() if value is not None}
     for name in speed.unwanted(what, given):
         raise typer.BadParameter(f"bench {what} does not take it", param_hint=f"--{name}")
     result = speed.measure(what, given)
     if as_json:
-        _print_json(result)
+        print_json(result)
     else:
         speed.show(what, result)
     if not result.get("complete", True):
         raise typer.Exit(INTERRUPTED if result["interrupted"] else 1)
-
-
-def _cast(robot: str | None, recipient: str | None, caregiver: str | None) -> dict[str, Any]:
-    entries = {"robot": robot, "recipient": recipient, "caregiver": caregiver}
-    return {role: _entry(role, text) for role, text in entries.items() if text is not None}
-
-
-def _place(home: str | None, level: int | None, room: str | None) -> dict[str, Any]:
-    place = {"home": home, "level": level, "room": room}
-    return {name: value for name, value in place.items() if value is not None}
-
-
-def _entry(role: str, text: str) -> Any:
-    """Return a model's name, or what stands in braces as a mapping of options."""
-    import yaml
-
-    if not text.lstrip().startswith("{"):
-        return text
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise typer.BadParameter(f"not a mapping in YAML: {text!r}", param_hint=role) from error
-
-
-def _pairs(values: Sequence[str] | None, flag: str) -> dict[str, str]:
-    out = {}
-    for value in values or ():
-        name, sign, rest = value.partition("=")
-        if not (name and sign and rest):
-            raise typer.BadParameter(f"expected NAME=VALUE, got {value!r}", param_hint=flag)
-        out[name.strip()] = rest.strip()
-    return out
-
-
-def _settings(values: Sequence[str] | None) -> dict[str, Any]:
-    import yaml
-
-    out: dict[str, Any] = {}
-    for name, text in _pairs(values, "--option").items():
-        try:
-            out[name] = yaml.safe_load(text)  # so that 20 is a number and true is true
-        except yaml.YAMLError:
-            raise typer.BadParameter(f"cannot read {text!r}", param_hint="--option") from None
-    return out
-
-
-def _json(value: Any) -> str:
-    return json.dumps(value, indent=2, allow_nan=False) + "\n"
-
-
-def _print_json(value: Any) -> None:
-    typer.echo(_json(value), nl=False)
 
 
 def _terminate(*_: object) -> None:

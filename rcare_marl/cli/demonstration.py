@@ -11,6 +11,7 @@ from rich.text import Text
 
 from rcare_marl.baselines import evaluate as baseline
 from rcare_marl.baselines.recording import Recorder
+from rcare_marl.baselines.trained import best_policy
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.task_options import FORCE_LIMIT
@@ -22,20 +23,27 @@ from .figure import draw
 from .film import Film
 from .folder import draft
 
-TASK, POLICY = "feeding", "scripted"
+TASK = "feeding"
 FILMED = 3  # episodes
 FOLDER = Path("runs") / "demo"
 VIDEO, PLOT, RECORD = "feeding.mp4", "feeding.png", "feeding.json"
 
 
 def run(
-    *, episodes: int, seed: int, output: Path | None, video: bool, cast: Mapping[str, Any]
+    *,
+    episodes: int,
+    seed: int,
+    output: Path | None,
+    video: bool,
+    policy: str | None,
+    cast: Mapping[str, Any],
 ) -> None:
     """Run the demo and leave its files, or none if it ends early; arguments as for the command."""
     with draft(output or FOLDER, numbered=output is None) as folder:
         env = make(TASK, **cast)
         try:
-            names, players = baseline.make_players(env, TASK, baseline.lead_policies(TASK, POLICY))
+            chosen = policy or best_policy(env, TASK)
+            names, players = baseline.make_players(env, TASK, baseline.lead_policies(TASK, chosen))
             film = None
             try:
                 if video:
@@ -63,7 +71,8 @@ def run(
             ],
         }
         (folder.path / RECORD).write_text(json.dumps(record, allow_nan=False) + "\n", "utf-8")
-        title = f"Feeding: {models['robot']} feeds {models['recipient']}, {len(done)} episodes"
+        who = f"{models['robot']} ({chosen}) feeds {models['recipient']}"
+        title = f"Feeding: {who}, {len(done)} episodes"
         draw(
             folder.path / PLOT,
             done,

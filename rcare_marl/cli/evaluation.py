@@ -83,7 +83,7 @@ def _safety(numbers: Mapping[str, Any]) -> list[tuple[str, ...]]:
 def _of_roles(what: str, numbers: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Return a row for each role, or one for all where they are alike."""
     means, intervals = numbers[f"mean_{what}"], numbers[f"mean_{what}_interval_95"]
-    rows = [(_figure(means[role]), _interval(intervals[role]), "") for role in means]
+    rows = [(figure(means[role]), interval(intervals[role]), "") for role in means]
     if len(rows) > 1 and len(set(rows)) == 1:
         return [(f"{what} of each", *rows[0])]
     return [(f"{what} of {role}", *row) for role, row in zip(means, rows, strict=True)]
@@ -93,16 +93,17 @@ def _row(name: str, numbers: Mapping[str, Any]) -> tuple[str, ...]:
     mean, most = numbers[f"{name}_mean"], numbers[f"{name}_max"]
     if mean is None:
         return (name, "never", "", "")
-    return (name, _figure(mean), _interval(numbers[f"{name}_interval_95"]), _figure(most))
+    return (name, figure(mean), interval(numbers[f"{name}_interval_95"]), figure(most))
 
 
-def _figure(value: float) -> str:
+def figure(value: float) -> str:
     """Return a number as a text of three digits, never as a power of ten where it is large."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def _interval(bounds: Iterable[float] | None) -> str:
-    return "" if bounds is None else " to ".join(_figure(bound) for bound in bounds)
+def interval(bounds: Iterable[float] | None) -> str:
+    """Return the ends of an interval as a text, empty where there is none."""
+    return "" if bounds is None else " to ".join(figure(bound) for bound in bounds)
 
 
 def successes(result: baseline.Evaluation) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rcare_marl.baselines import evaluate as baseline
+from rcare_marl.baselines.trained import best_policy
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 
@@ -15,7 +16,7 @@ from .console import print_line
 
 def play(
     task: str,
-    policy: str,
+    policy: str | None,
     role_policies: Mapping[str, str],
     *,
     episodes: int,
@@ -23,8 +24,11 @@ def play(
     options: Mapping[str, Any],
     cast: Mapping[str, Any],
 ) -> None:
-    """Show episodes until Ctrl-C, or `episodes` of them if not 0; the page keeps real time."""
-    policies = baseline.lead_policies(task, policy, role_policies)
+    """Show episodes until Ctrl-C, or `episodes` of them if not 0; the page keeps real time.
+
+    Without a `policy` the robot plays what it was trained, where that ships, and its script elsewhere.
+    """
+    baseline.lead_policies(task, policy or "", role_policies)  # unknown names before all else
     env = make(task, options=options, render_mode="human", **cast)
     told: list[str] = []
 
@@ -34,6 +38,9 @@ def play(
             print_line(f"watch at {env.viewer_url}  (Ctrl-C ends)")
 
     try:
+        chosen = policy or best_policy(env, task)
+        policies = baseline.lead_policies(task, chosen, role_policies)
+        print_line(f"{task}, {chosen}")
         _, players = baseline.make_players(env, task, policies)
         for number in range(episodes) if episodes else itertools.count():
             episode = baseline.run_episode(env, players, seed + number, on_step=tell)

@@ -13,8 +13,9 @@ TAKES = {
     "all": ("steps", "seed"),
     "avatars": ("avatar", "seconds"),
     "homes": ("home", "level", "steps"),
+    "learning": ("task", "processes", "seconds"),
 }
-OF_PEOPLE = ("avatar", "seconds")
+NOT_OF_TASKS = ("avatar", "seconds", "task", "processes")
 STEPS = 300  # control steps
 
 
@@ -28,14 +29,14 @@ def unwanted(what: str, options: Iterable[str]) -> list[str]:
         return [name for name in options if name not in TAKES[what]]
     if what not in task_names():
         raise UnknownNameError("task", what, (*task_names(), *TAKES))
-    return [name for name in options if name in OF_PEOPLE]
+    return [name for name in options if name in NOT_OF_TASKS]
 
 
 def measure(what: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a benchmark measured, as plain values for JSON.
 
     Args:
-        what: `all`, `avatars`, `homes` or a task.
+        what: `all`, `avatars`, `homes`, `learning` or a task.
         options: Those of the command that were given.
     """
     rest = dict(options)
@@ -43,6 +44,10 @@ def measure(what: str, options: Mapping[str, Any]) -> dict[str, Any]:
         from . import avatar_benchmark
 
         return avatar_benchmark.bench(rest.get("avatar", "karan"), rest.get("seconds", 5.0))
+    if what == "learning":
+        from . import learning_benchmark
+
+        return learning_benchmark.bench(**rest)
     steps = rest.pop("steps", STEPS)
     if what == "homes":
         from . import home_benchmark
@@ -58,11 +63,12 @@ def measure(what: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 def show(what: str, result: Mapping[str, Any]) -> None:
     """Print what `measure` returned as a table."""
-    from . import avatar_benchmark, benchmark, home_benchmark, task_suite
+    from . import avatar_benchmark, benchmark, home_benchmark, learning_benchmark, task_suite
 
     shows = {
         "all": task_suite.show,
         "avatars": avatar_benchmark.show,
         "homes": home_benchmark.show,
+        "learning": learning_benchmark.show,
     }
     shows.get(what, benchmark.show)(result)

@@ -1,0 +1,1 @@
+"""Configs of trainings that ship, one for each task and level."""

@@ -1,0 +1,184 @@
+"""What a training is: the scene, who learns, by which algorithm, and for how long."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from rcare_marl.config import load, read_yaml
+from rcare_marl.envs.learning import EnvRecipe
+from rcare_marl.envs.registry import task_class
+from rcare_marl.errors import ConfigError
+
+from .cluster import Cluster
+from .curriculum import CurriculumConfig
+
+CONFIGS = "rcare_marl.baselines.configs"
+VALIDATION_SEED = 1_000_000  # of the first episode that compares checkpoints; far from 0 to 99
+
+
+@dataclass(frozen=True)
+class Demonstrations:
+    """Episodes of scripted policies that learning begins with.
+
+    Attributes:
+        episodes: How many to keep; none if 0.
+        noise: Standard deviation of what is added to each action that is carried out and kept.
+        only_successful: Whether episodes without success are thrown away.
+        attempts: Episodes to try at most, as a multiple of `episodes`.
+    """
+
+    episodes: int = 0
+    noise: float = 0.0
+    only_successful: bool = True
+    attempts: int = 5
+
+    def __post_init__(self) -> None:
+        if self.episodes < 0 or self.noise < 0 or self.attempts < 1:
+            raise ConfigError(
+                "demonstrations: episodes and noise must not be negative and attempts be at least 1, "
+                f"got {self.episodes}, {self.noise}, {self.attempts}"
+            )
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """A training.
+
+    Attributes:
+        task: Name of the task.
+        algo: Name of the algorithm, see `algorithms.algorithm_names`.
+        algorithm: Settings of the algorithm by name; see the config class in its file.
+        options: Settings of the task.
+        cast: Who plays, and `home`, `level`, `room`; see `rcare_marl.make`.
+        variants: Further cast entries; environment i of the batch takes the i-th, in turn.
+        learners: Roles that learn; the robots if empty.
+        partners: Policies of the other roles; several are drawn from, episode by episode.
+        residual: For learners that correct the scripted policy: how much they may, 0 to 1.
+        seed: Of everything random.
+        steps: Control steps of all environments together.
+        envs: Environments in the batch.
+        workers: Processes that step them; 0 is this one; `ray://...` is a cluster.
+        demonstrations: What learning begins with.
+        curriculum: Easier stages to begin with.
+        interval: Steps between two checkpoints, each with an evaluation.
+        evaluation_episodes: Episodes of each such evaluation.
+        stop_success: Success in two evaluations in a row that ends the training early, 0 to 1.
+        minutes: Wall time after which it stops at the end of an interval; it can be resumed.
+
+    Raises:
+        ConfigError: If a value is impossible.
+        UnknownNameError: If there is no such task, algorithm or field.
+    """
+
+    task: str
+    algo: str = "sac"
+    algorithm: dict[str, Any] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)
+    cast: dict[str, Any] = field(default_factory=dict)
+    variants: tuple[dict[str, Any], ...] = ()
+    learners: tuple[str, ...] = ()
+    partners: dict[str, Any] = field(default_factory=dict)
+    residual: dict[str, float] = field(default_factory=dict)
+    seed: int = 0
+    steps: int = 50_000
+    envs: int = 8
+    workers: int | str = 0
+    demonstrations: Demonstrations = Demonstrations()
+    curriculum: CurriculumConfig = CurriculumConfig()
+    interval: int = 5_000
+    evaluation_episodes: int = 20
+    stop_success: float | None = None
+    minutes: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "envs", "interval", "evaluation_episodes"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if self.seed < 0:
+            raise ConfigError(f"seed must not be negative, got {self.seed}")
+        if self.stop_success is not None and not 0 < self.stop_success <= 1:
+            raise ConfigError(f"stop_success must lie in (0, 1], got {self.stop_success}")
+        if self.minutes is not None and not self.minutes > 0:
+            raise ConfigError(f"minutes must be positive, got {self.minutes}")
+        if isinstance(self.workers, int) and self.workers < 0:
+            raise ConfigError(f"workers must not be negative, got {self.workers}")
+        if isinstance(self.workers, str):
+            Cluster.parse(self.workers)
+        self.recipe()  # refuses what is wrong with the scene
+        self.algorithm_config()
+
+    def recipe(self) -> EnvRecipe:
+        """Return how the environments are made."""
+        return EnvRecipe(
+            task=self.task,
+            options=self.options,
+            cast=self.cast,
+            variants=self.variants,
+            learners=self.learners,
+            partners=self.partners,
+            residual=self.residual,
+        )
+
+    def algorithm_config(self) -> Any:
+        """Return the settings of the algorithm, checked."""
+        from rcare_marl.baselines.algorithms import config_class  # it needs torch
+
+        return load(config_class(self.algo), self.algorithm, f"algorithm {self.algo!r}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, from which `load_config` builds it again."""
+        return _plain(dataclasses.asdict(self))
+
+
+def load_config(source: str | Path | Mapping[str, Any]) -> TrainConfig:
+    """Return a training from a YAML file or a mapping.
+
+    Raises:
+        ConfigError: If a value is impossible, or the file cannot be read.
+        UnknownNameError: If a field, task or algorithm does not exist.
+    """
+    return load(TrainConfig, source)
+
+
+def default_config(task: str, level: int | None = None) -> dict[str, Any]:
+    """Return the fields of the config that ships for a task, as a mapping to change and to load.
+
+    Args:
+        task: Name of the task.
+        level: Level of accessibility; a config of its own if there is one for it.
+
+    Raises:
+        UnknownNameError: If there is no such task.
+    """
+    task_class(task)
+    names = [f"{task}_level{level}"] if level is not None else []
+    for name in (*names, task):
+        file = Path(str(files(CONFIGS).joinpath(f"{name}.yaml")))
+        if file.is_file():
+            found = read_yaml(file)
+            if level is not None:
+                found["cast"] = {**found.get("cast", {}), "level": level}
+            return found
+    return {"task": task, **({"cast": {"level": level}} if level is not None else {})}
+
+
+def config_names() -> list[str]:
+    """Return the names of the configs that ship."""
+    folder = Path(str(files(CONFIGS)))
+    return sorted(path.stem for path in folder.glob("*.yaml"))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return value
+
+
+__all__ = ["Demonstrations", "TrainConfig", "config_names", "default_config", "load_config"]

@@ -1,0 +1,171 @@
+"""What is written of a training while it runs: a CSV file and events for TensorBoard."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from rcare_marl.errors import ConfigError
+
+if TYPE_CHECKING:
+    from torch.utils.tensorboard import SummaryWriter
+
+    from .config import TrainConfig
+
+CURVE = "progress.csv"  # in the folder of a run
+STEP = "step"  # the first column of it
+# Where TensorBoard shows a metric; all others are under `train`.
+SECTIONS = {
+    "speed": ("steps_per_second", "updates_per_second", "learner_share", "minutes"),
+    "evaluation": ("eval_success", "eval_return"),
+}
+
+
+class Reporter(Protocol):
+    """Who is told how a training goes, such as a progress bar.
+
+    Metrics may be `return` and `success` of the latest episodes, `steps_per_second`,
+    `updates_per_second`, `learner_share`, `eval_success`, `eval_return` and losses; any may be missing.
+    """
+
+    def start(self, config: TrainConfig, total_steps: int, at_step: int) -> None:
+        """Hear what begins, how long it is, and at which step, if it goes on from a checkpoint."""
+
+    def report(self, step: int, metrics: Mapping[str, float]) -> None:
+        """Hear how far it is."""
+
+    def close(self) -> None:
+        """Hear that it is over, in whatever way."""
+
+
+class CsvLog:
+    """A CSV file with a row for each time that something was written, the step first.
+
+    A metric that comes later gets a column of its own; it is empty in the rows before.
+    """
+
+    def __init__(self, folder: str | Path, *, at_step: int = 0) -> None:
+        """Open the file in a folder, and cut off what was written after a step.
+
+        A run that was killed has written past its checkpoint, and will do so again.
+
+        Args:
+            folder: Of the run; made if need be.
+            at_step: Step of the checkpoint from which it goes on; 0 begins anew.
+
+        Raises:
+            ConfigError: If the file cannot be written, or is no such file.
+        """
+        self._path = Path(folder) / CURVE
+        self._columns: list[str] = [STEP]
+        self._rows: list[dict[str, str]] = []
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            if at_step > 0 and self._path.is_file():
+                self._read(at_step)
+            self._write_all()
+        except OSError as error:
+            raise ConfigError(f"cannot write {self._path}: {error.strerror or error}") from error
+
+    def _read(self, at_step: int) -> None:
+        with self._path.open(encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            columns = list(reader.fieldnames or ())
+            if columns[:1] != [STEP]:
+                raise ConfigError(
+                    f"{self._path} is no log of a training: its first column is no step"
+                )
+            self._columns = columns
+            for row in reader:
+                # A row that was being written when the run was killed has a cell missing.
+                if None in row.values() or not row[STEP].isdigit() or int(row[STEP]) > at_step:
+                    break
+                self._rows.append(row)
+
+    def write(self, step: int, metrics: Mapping[str, float]) -> None:
+        """Add a row.
+
+        Raises:
+            ConfigError: If the file cannot be written.
+        """
+        row = {STEP: str(step), **{name: f"{value:.6g}" for name, value in metrics.items()}}
+        new = [name for name in row if name not in self._columns]
+        self._rows.append(row)
+        self._columns += new
+        try:
+            if new:
+                self._write_all()
+                return
+            with self._path.open("a", encoding="utf-8", newline="") as file:
+                file.write(self._text([row]))
+        except OSError as error:
+            raise ConfigError(f"cannot write {self._path}: {error.strerror or error}") from error
+
+    def _write_all(self) -> None:
+        """Write header and rows at once, so that a kill leaves the old file or the new one."""
+        temporary = self._path.with_name(f".{self._path.name}.tmp")
+        header = dict(zip(self._columns, self._columns, strict=True))
+        temporary.write_text(self._text([header, *self._rows]), encoding="utf-8")
+        os.replace(temporary, self._path)
+
+    def _text(self, rows: list[dict[str, str]]) -> str:
+        out = io.StringIO()
+        csv.DictWriter(out, self._columns, restval="", lineterminator="\n").writerows(rows)
+        return out.getvalue()
+
+    def close(self) -> None:
+        """Nothing is left to write; safe to call twice."""
+
+
+class TensorBoardLog:
+    """Events in the folder of a run: `tensorboard --logdir runs` shows them."""
+
+    def __init__(self, folder: str | Path, *, at_step: int = 0) -> None:
+        """Open a new file of events; those of earlier ones after `at_step` are not shown."""
+        from torch.utils.tensorboard import SummaryWriter  # a second to import
+
+        purge = at_step + 1 if at_step > 0 else None
+        self._writer: SummaryWriter | None = SummaryWriter(str(folder), purge_step=purge)
+
+    def write(self, step: int, metrics: Mapping[str, float]) -> None:
+        """Add a point to the curve of each metric."""
+        if self._writer is None:
+            raise ConfigError("the log is closed")
+        for name, value in metrics.items():
+            section = next((s for s, names in SECTIONS.items() if name in names), "train")
+            self._writer.add_scalar(f"{section}/{name}", value, step)
+        self._writer.flush()
+
+    def close(self) -> None:
+        """Close the file; safe to call twice."""
+        if self._writer is not None:
+            self._writer.close()
+        self._writer = None
+
+
+class TrainingLog:
+    """Both: the CSV file and the events."""
+
+    def __init__(self, folder: str | Path, *, at_step: int = 0) -> None:
+        """Open both; see `CsvLog`."""
+        self._parts = (
+            CsvLog(folder, at_step=at_step),
+            TensorBoardLog(folder, at_step=at_step),
+        )
+
+    def write(self, step: int, metrics: Mapping[str, float]) -> None:
+        """Write to both."""
+        for part in self._parts:
+            part.write(step, metrics)
+
+    def close(self) -> None:
+        """Close both; safe to call twice."""
+        for part in self._parts:
+            part.close()
+
+
+__all__ = ["CURVE", "CsvLog", "Reporter", "TensorBoardLog", "TrainingLog"]

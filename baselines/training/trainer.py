@@ -1,0 +1,405 @@
+"""The training loop: collect, learn, watch, save."""
+
+from __future__ import annotations
+
+import json
+import random
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from tensordict import TensorDictBase
+
+from rcare_marl.baselines.algorithms import make_algorithm
+from rcare_marl.baselines.evaluate import Episode, run_episode, versions
+from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
+from rcare_marl.baselines.protocol import machine
+from rcare_marl.config import load
+from rcare_marl.envs.learning import BatchedEnv, LearnerEnv
+from rcare_marl.errors import ConfigError
+
+from .checkpoint import Checkpoint
+from .collector import make_collector, set_stage, shut_down
+from .config import VALIDATION_SEED, TrainConfig
+from .curriculum import Curriculum
+from .demonstration import demonstrate
+from .log import Reporter, TrainingLog
+
+RECENT = 100  # finished episodes over which return and success are averaged
+TRAINED_WITH = ("pybullet", "numpy", "torch", "torchrl", "tensordict")
+POLICY, LAST_POLICY = "policy", "policy_last"
+
+
+@dataclass(frozen=True)
+class TrainResult:
+    """What came of a training.
+
+    Attributes:
+        steps: Control steps of all environments together.
+        minutes: Wall time, of all sittings together.
+        success: Share of the evaluation episodes that succeeded, of the policy that was kept.
+        reached: Whether `stop_success` was reached.
+        finished: Whether it is at its end; else it can be resumed.
+        policies: The policy file of each group.
+    """
+
+    steps: int
+    minutes: float
+    success: float
+    reached: bool
+    finished: bool
+    policies: dict[str, Path]
+
+
+@dataclass
+class _Progress:
+    """What a training has come to; all of it is in the checkpoint."""
+
+    steps: int = 0
+    seconds: float = 0.0
+    best: tuple[float, float] = (-1.0, -np.inf)  # success and return of the kept policy
+    passes: int = 0  # evaluations in a row that reached `stop_success`
+    returns: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
+    successes: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
+
+    def to_dict(self) -> dict[str, Any]:
+        return {**self.__dict__, "returns": list(self.returns), "successes": list(self.successes)}
+
+    @classmethod
+    def from_dict(cls, state: dict[str, Any]) -> _Progress:
+        recent = {k: deque(state[k], maxlen=RECENT) for k in ("returns", "successes")}
+        return cls(**{**state, **recent, "best": tuple(state["best"])})
+
+
+class Trainer:
+    """Trains one config in one folder, and goes on where an earlier sitting ended.
+
+    Attributes:
+        stop_requested: Set it, from a signal say, to save and to end at the next interval.
+    """
+
+    def __init__(
+        self,
+        config: TrainConfig,
+        folder: str | Path,
+        *,
+        resume: str = "auto",
+        reporter: Reporter | None = None,
+    ) -> None:
+        """Open the folder, and look for a checkpoint there.
+
+        Args:
+            config: What is trained.
+            folder: Where checkpoint, logs and policies go; made if need be.
+            resume: `auto` goes on from a checkpoint in the folder if there is one, `never` refuses a
+                folder that holds one.
+            reporter: Who is told of the progress.
+
+        Raises:
+            ConfigError: If the checkpoint is of another config, or is not wanted.
+        """
+        if resume not in ("auto", "never"):
+            raise ConfigError(f"resume is 'auto' or 'never', got {resume!r}")
+        self.config, self.folder = config, Path(folder)
+        self._reporter = reporter
+        self.stop_requested = False
+        self._checkpoint = Checkpoint(self.folder, config.to_dict())
+        if resume == "never" and self._checkpoint.exists():
+            raise ConfigError(
+                f"{self.folder} holds a training already: resume it, or choose another folder"
+            )
+
+    def run(self) -> TrainResult:
+        """Train to the end, or until a limit of time or a request to stop.
+
+        Raises:
+            ConfigError: If the scene cannot be built or the demonstrations fail.
+        """
+        config = self.config
+        torch.set_num_threads(1)  # small networks are slower on several, and rounding would differ
+        random.seed(config.seed)
+        np.random.seed(config.seed)
+        torch.manual_seed(config.seed)
+        is_local = isinstance(config.workers, int)
+        env = BatchedEnv(  # of a cluster, one that only tells what the learner has to do with
+            config.recipe(),
+            count=config.envs if is_local else 1,
+            workers=config.workers if isinstance(config.workers, int) else 0,
+            seed=config.seed,
+        )
+        try:
+            return self._run(env)
+        finally:
+            env.close()
+
+    def _run(self, env: BatchedEnv) -> TrainResult:
+        config = self.config
+        settings = config.algorithm_config()
+        algorithm = make_algorithm(config.algo, settings, env, seed=config.seed)
+        curriculum = Curriculum(config.curriculum)
+        saved = self._checkpoint.load()
+        self._evaluator = _Evaluator(config)
+        if saved is None:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._write_beginnings()
+            progress = _Progress()
+            env.set_stage(curriculum.stage)
+            if config.demonstrations.episodes:
+                shown = LearnerEnv(config.recipe())
+                try:
+                    demos = demonstrate(shown, config.demonstrations, config.seed)
+                finally:
+                    shown.close()
+                algorithm.add_demonstrations(demos)
+        else:
+            algorithm.load_state_dict(saved["algorithm"])
+            curriculum.load_state_dict(saved["curriculum"])
+            env.set_stage(curriculum.stage)
+            if isinstance(config.workers, int):  # on a cluster new episodes begin
+                env.load_state_dict(saved["env"])
+            progress = _Progress.from_dict(saved["progress"])
+            self._checkpoint.restore_rng(saved)
+        log = TrainingLog(self.folder, at_step=progress.steps)
+        if self._reporter is not None:
+            self._reporter.start(config, config.steps, progress.steps)
+        try:
+            return self._loop(env, algorithm, curriculum, progress, log)
+        finally:
+            log.close()
+            self._evaluator.close()
+            if self._reporter is not None:
+                self._reporter.close()
+
+    def _loop(
+        self,
+        env: BatchedEnv,
+        algorithm: Any,
+        curriculum: Curriculum,
+        progress: _Progress,
+        log: TrainingLog,
+    ) -> TrainResult:
+        config = self.config
+        begun = time.monotonic()
+        before = progress.seconds
+        reached = progress.passes >= 2
+        if progress.steps >= config.steps or reached:
+            return self._result(algorithm, progress, reached)
+        frames = config.algorithm_config().rollout * config.envs
+        is_local = isinstance(config.workers, int)
+        collector = make_collector(
+            config.recipe(),
+            algorithm.policy(),
+            envs=config.envs,
+            workers=config.workers,
+            seed=config.seed,
+            frames_per_batch=frames,
+            total_frames=config.steps - progress.steps + frames,  # it closes them after its last
+            begun=progress.steps,
+            stage=curriculum.stage,
+            env=env if is_local else None,
+        )
+        tally = _Tally(env)
+        next_save = (progress.steps // config.interval + 1) * config.interval
+        learned = 0.0
+        metrics: dict[str, float] = {}
+        since, since_steps, updates = time.monotonic(), progress.steps, algorithm.updates
+        try:
+            for batch in collector:
+                progress.steps += batch.numel()
+                tally.count(batch, progress)
+                start = time.monotonic()
+                figures = algorithm.learn(batch)
+                figures.pop("updates", None)  # told as a rate
+                metrics |= figures
+                learned += time.monotonic() - start
+                if curriculum.observe(tally.finished):
+                    set_stage(collector, curriculum.stage)
+                last = progress.steps >= config.steps
+                if progress.steps < next_save and not last:
+                    if self._reporter is not None:
+                        self._reporter.report(progress.steps, tally.means(progress))
+                    continue
+                next_save += config.interval
+                now = time.monotonic()
+                spent = max(now - since, 1e-9)
+                metrics |= {
+                    **tally.means(progress),
+                    "steps_per_second": (progress.steps - since_steps) / spent,
+                    "updates_per_second": (algorithm.updates - updates) / spent,
+                    "learner_share": learned / spent,
+                    "stage": float(curriculum.level),
+                }
+                metrics |= self._assess(algorithm, progress)
+                progress.seconds = before + time.monotonic() - begun
+                reached = progress.passes >= 2
+                metrics["minutes"] = progress.seconds / 60
+                log.write(progress.steps, metrics)
+                if self._reporter is not None:
+                    self._reporter.report(progress.steps, metrics)
+                self._save(env, algorithm, curriculum, progress)
+                late = config.minutes is not None and time.monotonic() - begun > 60 * config.minutes
+                if last or reached or late or self.stop_requested:
+                    break
+                learned = 0.0
+                since, since_steps, updates = time.monotonic(), progress.steps, algorithm.updates
+        finally:
+            shut_down(collector, close_envs=False)
+        return self._result(algorithm, progress, reached)
+
+    def _assess(self, algorithm: Any, progress: _Progress) -> dict[str, float]:
+        """Evaluate the policy as it is now, and keep it if it is the best so far."""
+        files = self._policy_files(algorithm, progress)
+        episodes = self._evaluator.evaluate(files)
+        success = float(np.mean([e.success for e in episodes]))
+        returned = float(np.mean([float(np.mean(list(e.returns.values()))) for e in episodes]))
+        if (success, returned) >= progress.best:
+            progress.best = (success, returned)
+            self._write(files, POLICY)
+        self._write(files, LAST_POLICY)
+        wanted = self.config.stop_success
+        progress.passes = progress.passes + 1 if wanted is not None and success >= wanted else 0
+        return {"eval_success": success, "eval_return": returned}
+
+    def _policy_files(self, algorithm: Any, progress: _Progress) -> dict[str, PolicyFile]:
+        config = self.config
+        training = {
+            "algorithm": config.algo,
+            "reward": config.options.get("reward", "paper"),
+            "residual": bool(config.residual),
+            "demonstrations": config.demonstrations.episodes,
+            "seed": config.seed,
+            "steps": progress.steps,
+            "minutes": round(progress.seconds / 60, 3),
+            "versions": versions(TRAINED_WITH),
+            "machine": machine()["processor"],
+        }
+        return {
+            group: self._evaluator.policy_file(group, arrays, training)
+            for group, arrays in algorithm.actor_arrays().items()
+        }
+
+    def _write(self, files: dict[str, PolicyFile], name: str) -> None:
+        for group, file in files.items():
+            file.save(self._path(name, group, len(files)))
+
+    def _path(self, name: str, group: str, groups: int) -> Path:
+        return self.folder / (f"{name}.npz" if groups == 1 else f"{name}_{group}.npz")
+
+    def _save(
+        self, env: BatchedEnv, algorithm: Any, curriculum: Curriculum, progress: _Progress
+    ) -> None:
+        self._checkpoint.save(
+            {
+                "algorithm": algorithm.state_dict(),
+                "env": env.state_dict(),
+                "curriculum": curriculum.state_dict(),
+                "progress": progress.to_dict(),
+            }
+        )
+
+    def _write_beginnings(self) -> None:
+        import yaml
+
+        text = yaml.safe_dump(self.config.to_dict(), sort_keys=False)
+        (self.folder / "config.yaml").write_text(text, encoding="utf-8")
+        found = json.dumps(versions(TRAINED_WITH), indent=2)
+        (self.folder / "versions.json").write_text(found + "\n", encoding="utf-8")
+
+    def _result(self, algorithm: Any, progress: _Progress, reached: bool) -> TrainResult:
+        groups = list(algorithm.actor_arrays())
+        return TrainResult(
+            steps=progress.steps,
+            minutes=progress.seconds / 60,
+            success=progress.best[0],
+            reached=reached,
+            finished=reached or progress.steps >= self.config.steps,
+            policies={group: self._path(POLICY, group, len(groups)) for group in groups},
+        )
+
+
+class _Tally:
+    """Sums up the episodes that end in the batches."""
+
+    def __init__(self, env: BatchedEnv) -> None:
+        self._groups = list(env.group_map)
+        self._sums = np.zeros(env.batch_size[0])
+        self.finished: list[bool] = []
+
+    def count(self, batch: TensorDictBase, progress: _Progress) -> None:
+        """Take a batch, shape [N, T]."""
+        rewards = [
+            batch["next", group, "reward"].mean(dim=(-2, -1)).numpy() for group in self._groups
+        ]
+        reward = np.mean(rewards, axis=0)
+        done = batch["next", "done"][..., 0].numpy()
+        success = batch["next", "success"][..., 0].numpy()
+        if len(reward) != len(self._sums):
+            self._sums = np.zeros(len(reward))  # batches of a cluster come from several machines
+        self.finished = []
+        for step in range(reward.shape[1]):
+            self._sums += reward[:, step]
+            for i in np.flatnonzero(done[:, step]):
+                progress.returns.append(float(self._sums[i]))
+                progress.successes.append(float(success[i, step]))
+                self.finished.append(bool(success[i, step]))
+                self._sums[i] = 0.0
+
+    def means(self, progress: _Progress) -> dict[str, float]:
+        """Return mean return and success of the latest episodes; nothing before the first ended."""
+        if not progress.returns:
+            return {}
+        return {
+            "return": float(np.mean(progress.returns)),
+            "success": float(np.mean(progress.successes)),
+        }
+
+
+class _Evaluator:
+    """Plays the policies as they are, on seeds that neither train nor count in the end."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        self._config = config
+        self._learner = LearnerEnv(config.recipe())
+
+    def policy_file(self, group: str, arrays: Any, training: dict[str, Any]) -> PolicyFile:
+        """Return the policy file of a group."""
+        env, config = self._learner, self._config
+        return PolicyFile.of(
+            arrays,
+            task=config.task,
+            group=group,
+            roles=env.groups[group],
+            observed=env.observed[group],
+            residual=config.residual.get(env.groups[group][0]),
+            actions=env.care_env.cast[env.groups[group][0]].action_names,
+            recipe=config.recipe().to_dict(),
+            training=training,
+        )
+
+    def evaluate(self, files: dict[str, PolicyFile]) -> list[Episode]:
+        """Return what came of the episodes."""
+        env = self._learner.care_env
+        players = {
+            role: LearnedPolicy(env, role, files[group])
+            for group, roles in self._learner.groups.items()
+            for role in roles
+        }
+        count = self._config.evaluation_episodes
+        return [run_episode(env, players, VALIDATION_SEED + i) for i in range(count)]
+
+    def close(self) -> None:
+        self._learner.close()
+
+
+def train(source: Any, folder: str | Path, *, reporter: Reporter | None = None) -> TrainResult:
+    """Train a config, or a mapping of its fields, in a folder; see `Trainer`.
+
+    Example:
+        >>> train({"task": "toileting", "algo": "sac", "steps": 20_000}, "runs/toileting")
+    """
+    config = source if isinstance(source, TrainConfig) else load(TrainConfig, source)
+    return Trainer(config, folder, reporter=reporter).run()

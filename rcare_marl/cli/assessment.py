@@ -1,0 +1,172 @@
+"""The command `evaluate` with several policies: a record, tables of it, and running it once more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.text import Text
+
+from rcare_marl.baselines.protocol import (
+    Plan,
+    Record,
+    assess,
+    find_policies,
+    read_record,
+    record_text,
+)
+from rcare_marl.baselines.repetition import Repetition, repeat
+from rcare_marl.envs.safety import NOBODY
+
+from .console import console, print_line, progress, table
+from .evaluation import BY_REGION, LAST_STEP, figure, interval, percent
+from .folder import write_whole
+from .parameter import print_json
+
+RUN_COLUMNS = ("policy", "success", "95 % interval", "return", "peak force")
+COLUMNS = ("measure", "mean", "95 % interval", "IQM", "95 % interval of it", "most")
+SHOWN = 12  # differences of a repetition
+
+
+def run(
+    task: str,
+    policies: Sequence[str],
+    others: Mapping[str, str],
+    *,
+    episodes: int,
+    seed: int,
+    processes: int,
+    options: Mapping[str, Any],
+    cast: Mapping[str, Any],
+) -> Record:
+    """Return the record of an evaluation; `policies` are names, files or patterns of files."""
+    plan = Plan(
+        task,
+        find_policies(policies),
+        others=dict(others),
+        episodes=episodes,
+        seed=seed,
+        options=dict(options),
+        cast=dict(cast),
+    )
+    count = len(plan.policies)
+    with progress(f"{task}, {count} {'policy' if count == 1 else 'policies'}") as bar:
+        job = bar.add_task("", total=count * episodes)
+        return assess(plan, processes=processes, on_progress=lambda n: bar.advance(job, n))
+
+
+def report(record: Record, *, output: Path | None, plot: Path | None, as_json: bool) -> None:
+    """Print a record, and write it and its figure to files where they are named."""
+    from . import run_figure
+
+    if output is not None:
+        write_whole(output, record_text(record.to_dict()).encode())
+    if plot is not None:
+        write_whole(plot, run_figure.draw(record))
+    if as_json:
+        brief = record.to_dict()
+        for entry in brief["policies"]:
+            del entry["episodes"]
+        print_json(brief)
+        return
+    show(record)
+    for file in (output, plot):
+        if file is not None:
+            print_line(f"wrote {file}")
+
+
+def show(record: Record) -> None:
+    """Print a record: a row a policy, then what holds over all of them."""
+    plan, models = record.plan, record.runs[0].cast
+    who = ", ".join(f"{role} {model}" for role, model in models.items())
+    last = plan.seed + plan.episodes - 1
+    title = f"{plan.task}: {who}; seeds {plan.seed} to {last} each"
+    right = dict.fromkeys(RUN_COLUMNS[1:], True)
+    screen = console()
+    screen.print(table(title, RUN_COLUMNS, _run_rows(record), **right))
+    numbers = record.summary()
+    names = [name for name in numbers if name != "success"]
+    lead = [name for name in names if name.startswith("return_")]
+    safety = [name for name in names if name in NOBODY or name.startswith("cost_")]
+    own = [name for name in names if name not in (*lead, *safety)]
+    rows = [_success_row(numbers["success"]), *(_row(name, numbers[name]) for name in lead)]
+    rows += [(), *(_row(name, numbers[name]) for name in own)]
+    kept = [name for name in safety if name not in LAST_STEP]
+    kept = [name for name in kept if name not in BY_REGION or numbers[name]["max"]]
+    rows += [(), *(_row(name, numbers[name]) for name in kept)]
+    count = len(record.runs)
+    note = f"over {count} policies" if count > 1 else "of one policy"
+    screen.print(table(note, COLUMNS, rows, **dict.fromkeys(COLUMNS[1:], True)))
+
+
+def _run_rows(record: Record) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
+    for name, result in zip(record.plan.policies, record.runs, strict=True):
+        numbers = result.to_dict()
+        low, high = result.success_interval
+        returned = next(iter(numbers["mean_return"].values()))
+        peak = result.peak_force
+        rows.append(
+            (
+                name,
+                percent(result.success_rate),
+                f"{percent(low)} to {percent(high)}",
+                figure(returned),
+                "-" if peak is None else f"{peak:.1f} N",
+            )
+        )
+    return rows
+
+
+def _success_row(numbers: Mapping[str, Any]) -> tuple[str, ...]:
+    def share(ends: Sequence[float] | None) -> str:
+        return "" if ends is None else " to ".join(percent(end) for end in ends)
+
+    return (
+        "success",
+        percent(numbers["mean"]),
+        share(numbers["interval_95"]),
+        percent(numbers["iqm"]),
+        share(numbers["iqm_interval_95"]),
+        "",
+    )
+
+
+def _row(name: str, numbers: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        name.replace("_", " of ", 1) if name.startswith(("return_", "cost_")) else name,
+        figure(numbers["mean"]),
+        interval(numbers["interval_95"]),
+        figure(numbers["iqm"]),
+        interval(numbers["iqm_interval_95"]),
+        figure(numbers["max"]),
+    )
+
+
+def run_again(path: Path, *, processes: int) -> Repetition:
+    """Return what came of running a record once more."""
+    record = read_record(path)
+    plan = record["plan"]
+    with progress(f"{plan['task']}, once more") as bar:
+        job = bar.add_task("", total=len(plan["policies"]) * plan["episodes"])
+        return repeat(record, processes=processes, on_progress=lambda n: bar.advance(job, n))
+
+
+def show_again(result: Repetition) -> None:
+    """Print whether a record came out the same, and where not."""
+    screen = console()
+    for name in result.missing:
+        screen.print(Text(f"not repeated: {name}", style="yellow"), soft_wrap=True)
+    if not result.differences:
+        text = f"the same numbers in {result.episodes} episodes of {', '.join(result.repeated)}"
+        screen.print(Text(text, style="green"), soft_wrap=True)
+        return
+    count = len(result.differences)
+    screen.print(Text(f"{count} columns of numbers came out otherwise", style="red"))
+    for text in result.differences[:SHOWN]:
+        screen.print(Text(f"  {text}"), soft_wrap=True)
+    if count > SHOWN:
+        screen.print(Text(f"  and {count - SHOWN} more"))
+    for text in result.elsewhere:
+        screen.print(Text(f"{text}", style="dim"), soft_wrap=True)

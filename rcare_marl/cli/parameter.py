@@ -1,0 +1,178 @@
+"""What several commands take on their command line, and how it is read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+Task = Annotated[str, typer.Argument(metavar="TASK", help="A task, see: rcare-marl list tasks")]
+TaskUnlessRepeated = Annotated[
+    str | None,
+    typer.Argument(metavar="TASK", help="A task; left out with --repeat, whose record has it."),
+]
+RobotModel = Annotated[
+    str | None,
+    typer.Option(
+        "--robot", metavar="MODEL", help="Robot, by name or YAML file; else the task's own choice."
+    ),
+]
+RecipientModel = Annotated[
+    str | None,
+    typer.Option(
+        "--recipient",
+        metavar="MODEL",
+        help="Avatar who is cared for, by name or YAML file, or options in braces such as "
+        "'{model: karan, actuation: muscle}'; else the task's own choice.",
+    ),
+]
+CaregiverModel = Annotated[
+    str | None,
+    typer.Option("--caregiver", metavar="MODEL", help="Avatar who helps; nobody if left out."),
+]
+TaskOptions = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--option",
+        metavar="NAME=VALUE",
+        help="Setting of the task, such as reward=shaped; may be given several times. "
+        "See: rcare-marl describe TASK",
+    ),
+]
+HomeName = Annotated[
+    str | None,
+    typer.Option(
+        "--home", metavar="HOUSE", help="House in which it takes place, such as house_07."
+    ),
+]
+HomeLevel = Annotated[
+    int | None,
+    typer.Option("--level", min=1, max=3, help="Its level of accessibility; 1 if left out."),
+]
+HomeRoom = Annotated[
+    str | None, typer.Option("--room", help="The room; the first that suits if left out.")
+]
+PolicyName = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="Policy of the robot, see: rcare-marl list policies; or its file (.npz). Beside it the "
+        "other roles are played by their default partner. Only with [bold]random[/bold] all roles act "
+        "at random.",
+    ),
+]
+BestPolicyName = Annotated[
+    str | None,
+    typer.Option(
+        "--policy",
+        metavar="NAME",
+        help="Policy of the robot; if left out, [bold]learned[/bold] where a trained one ships for "
+        "this task and robot, else [bold]scripted[/bold].",
+    ),
+]
+PolicyPatterns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--policies",
+        metavar="PATTERN",
+        help="In place of --policy: several, by name, file or pattern of files such as "
+        "'runs/seed*/policy.npz'. Each plays the same seeds.",
+    ),
+]
+RolePolicies = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--role-policy",
+        metavar="ROLE=NAME",
+        help="Policy of one role, such as recipient=still; may be given several times.",
+    ),
+]
+Seed = Annotated[
+    int, typer.Option(min=0, help="Seed of the first episode; episode i has the seed SEED + i.")
+]
+Processes = Annotated[
+    int, typer.Option(min=1, help="How many processes run them; the numbers are the same.")
+]
+OutputFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "--out",
+        metavar="FILE",
+        help="Also write the JSON, with every episode, to this file.",
+    ),
+]
+PlotFile = Annotated[
+    Path | None,
+    typer.Option("--plot", metavar="FILE", help="Draw success, returns and forces as a PNG."),
+]
+RecordFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--repeat",
+        metavar="FILE",
+        help="Run a record of --policies once more and say whether the numbers are the same.",
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON value and nothing else.")]
+
+
+def cast_of(robot: str | None, recipient: str | None, caregiver: str | None) -> dict[str, Any]:
+    """Return who plays, by role, as `rcare_marl.make` takes it."""
+    entries = {"robot": robot, "recipient": recipient, "caregiver": caregiver}
+    return {role: _entry(role, text) for role, text in entries.items() if text is not None}
+
+
+def place_of(home: str | None, level: int | None, room: str | None) -> dict[str, Any]:
+    """Return where it takes place, as `rcare_marl.make` takes it."""
+    place = {"home": home, "level": level, "room": room}
+    return {name: value for name, value in place.items() if value is not None}
+
+
+def _entry(role: str, text: str) -> Any:
+    """Return a model's name, or what stands in braces as a mapping of options."""
+    import yaml
+
+    if not text.lstrip().startswith("{"):
+        return text
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise typer.BadParameter(f"not a mapping in YAML: {text!r}", param_hint=role) from error
+
+
+def pairs(values: Sequence[str] | None, flag: str) -> dict[str, str]:
+    """Return texts NAME=VALUE as a mapping; BadParameter names the `flag` they came with."""
+    out = {}
+    for value in values or ():
+        name, sign, rest = value.partition("=")
+        if not (name and sign and rest):
+            raise typer.BadParameter(f"expected NAME=VALUE, got {value!r}", param_hint=flag)
+        out[name.strip()] = rest.strip()
+    return out
+
+
+def settings(values: Sequence[str] | None) -> dict[str, Any]:
+    """Return settings of a task from texts NAME=VALUE, whose values are read as YAML."""
+    import yaml
+
+    out: dict[str, Any] = {}
+    for name, text in pairs(values, "--option").items():
+        try:
+            out[name] = yaml.safe_load(text)  # so that 20 is a number and true is true
+        except yaml.YAMLError:
+            raise typer.BadParameter(f"cannot read {text!r}", param_hint="--option") from None
+    return out
+
+
+def json_text(value: Any) -> str:
+    """Return a value as JSON that a person can read, with a line end."""
+    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+
+
+def print_json(value: Any) -> None:
+    """Print a value as JSON on standard output."""
+    typer.echo(json_text(value), nl=False)
