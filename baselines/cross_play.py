@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from rcare_marl.envs.group import lead_roles
 from rcare_marl.errors import ConfigError, UnknownNameError
@@ -32,6 +33,7 @@ from .partners import Partner
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+Flags = npt.NDArray[np.bool_]
 MEASURES = ("success", "return", "peak_force", "cost", "steps")
 GREATEST = (
     "peak_force",
@@ -111,7 +113,7 @@ class CrossPlay:
         values = self.values[measure]
         return values.max(axis=2) if measure in GREATEST else values.mean(axis=2)
 
-    def is_own(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    def is_own(self) -> Flags:
         """Return whether policy and partner trained together, shape [P, Q]."""
         return np.array([[q in self.own.get(p, ()) for q in self.partners] for p in self.policies])
 
@@ -214,7 +216,14 @@ class CrossPlay:
     def _shown(self, measure: str) -> Array:
         return self.matrix(measure) * (100.0 if measure == "success" else 1.0)
 
-    def draw(self, path: str | Path, measure: str = "success", *, title: str = "") -> None:
+    def draw(
+        self,
+        path: str | Path,
+        measure: str = "success",
+        *,
+        title: str = "",
+        partners_down: bool = False,
+    ) -> None:
         """Write a picture of the matrix, PNG or SVG, with the numbers in its cells.
 
         Pairs that trained together have a frame.
@@ -223,16 +232,20 @@ class CrossPlay:
             path: The file.
             measure: One of `MEASURES`.
             title: What to write above; the measure if empty.
+            partners_down: Whether each partner has a row and each policy a column, for many partners.
         """
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        rows, columns = len(self.policies), len(self.partners)
+        down, across = self.policies, self.partners
+        shown, own = self._shown(measure), self.is_own()
+        if partners_down:
+            down, across, shown, own = across, down, shown.T, own.T
+        rows, columns = shown.shape
         size = (MARGIN[0] + CELL[0] * columns, MARGIN[1] + CELL[1] * rows)
         figure = Figure(figsize=size, dpi=DPI, layout="constrained")
         FigureCanvasAgg(figure)
         axis = figure.subplots()
-        shown = self._shown(measure)
         scale = (
             (0.0, 100.0)
             if measure == "success"
@@ -240,25 +253,12 @@ class CrossPlay:
         )
         colours = "cividis" if measure in ("success", "return") else "cividis_r"
         drawn = axis.imshow(shown, cmap=colours, vmin=scale[0], vmax=scale[1], aspect="auto")
-        axis.set_xticks(range(columns), self.partners, rotation=40, ha="right", fontsize=8)
-        axis.set_yticks(range(rows), self.policies, fontsize=8)
-        axis.set_title(title or f"{self.task}: {TITLES[measure]}", fontsize=10, loc="left")
-        self._write_numbers(axis, shown, drawn)
+        axis.set_xticks(range(columns), across, rotation=40, ha="right", fontsize=8)
+        axis.set_yticks(range(rows), down, fontsize=8)
+        named = title or f"{self.task}: {TITLES[measure]}"
+        figure.suptitle(named, fontsize=10, x=0.01, ha="left", wrap=True)
+        _write_numbers(axis, shown, own, drawn)
         figure.savefig(path)
-
-    def _write_numbers(self, axis: Axes, shown: Array, drawn: Any) -> None:
-        from matplotlib.patches import Rectangle
-
-        own = self.is_own()
-        for i, j in np.ndindex(shown.shape):
-            red, green, blue, _ = drawn.cmap(drawn.norm(shown[i, j]))
-            is_dark = 0.299 * red + 0.587 * green + 0.114 * blue < 0.5
-            colour = "white" if is_dark else "black"
-            text = _text(float(shown[i, j]))
-            axis.text(j, i, text, ha="center", va="center", color=colour, fontsize=8)
-            if own[i, j]:
-                corner = (j - 0.46, i - 0.44)
-                axis.add_patch(Rectangle(corner, 0.92, 0.88, fill=False, edgecolor="#D55E00", lw=2))
 
 
 def cross_play(
@@ -352,6 +352,20 @@ def _play(pair: _Pair) -> dict[str, list[float]]:
         out["cost"].append(float(np.mean(costs)) if costs else float("nan"))
         out["steps"].append(float(episode.steps))
     return out
+
+
+def _write_numbers(axis: Axes, shown: Array, own: Flags, drawn: Any) -> None:
+    from matplotlib.patches import Rectangle
+
+    for i, j in np.ndindex(shown.shape):
+        red, green, blue, _ = drawn.cmap(drawn.norm(shown[i, j]))
+        is_dark = 0.299 * red + 0.587 * green + 0.114 * blue < 0.5
+        colour = "white" if is_dark else "black"
+        text = _text(float(shown[i, j]))
+        axis.text(j, i, text, ha="center", va="center", color=colour, fontsize=8)
+        if own[i, j]:
+            corner = (j - 0.46, i - 0.44)
+            axis.add_patch(Rectangle(corner, 0.92, 0.88, fill=False, edgecolor="#D55E00", lw=2))
 
 
 def _numbers(kind: str, wanted: Iterable[str] | None, known: Sequence[str]) -> list[int]:

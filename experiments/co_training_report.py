@@ -51,8 +51,8 @@ def report(out: Path, docs: Path | None) -> str:
     if (records / "cross_play.json").is_file():
         found = CrossPlay.read(records / "cross_play.json")
         parts |= _pairs(found)
-        title = "Feeding: success [%] of each robot (rows) with each recipient; framed: trained together"
-        found.draw(out / f"{BIG_PICTURE[0]}.png", title=title)
+        title = "Feeding: success [%] of robots with recipients; framed: trained together"
+        found.draw(out / f"{BIG_PICTURE[0]}.png", title=title, partners_down=True)
     if (records / "leave_one_out.json").is_file():
         found = CrossPlay.read(records / "leave_one_out.json")
         parts["leave_one_out"] = _held_out(found)
@@ -293,7 +293,9 @@ def _draw_curves(out: Path) -> None:
         labelled.add(letter)
         steps = [float(row["step"]) / 1000 for row in rows]
         success = [100 * float(row["eval_success"]) for row in rows]
-        axis.plot(steps, success, color=COLOURS[letter], linewidth=1.2, alpha=0.8, label=label)
+        axis.plot(
+            steps, success, marker=".", color=COLOURS[letter], linewidth=1.2, alpha=0.8, label=label
+        )
     axis.set_xlabel("control steps of all environments together [thousand]")
     axis.set_ylabel("success with its partner [%]")
     axis.set_ylim(-3, 103)

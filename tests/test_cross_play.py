@@ -118,6 +118,14 @@ def test_picture_shows_each_pair_in_the_colour_of_its_number(tmp_path: Path) -> 
     assert orange.sum() > 100  # the frame of the pair that trained together
 
 
+def test_picture_of_many_partners_can_stand_upright(tmp_path: Path) -> None:
+    found = made([[1.0] * 12], {})
+    for down in (False, True):
+        found.draw(tmp_path / f"{down}.png", partners_down=down)
+    lying, standing = (imread(tmp_path / f"{down}.png").shape for down in (False, True))
+    assert lying[1] > 2 * lying[0] and standing[0] > standing[1]
+
+
 def test_bad_matches_are_refused() -> None:
     one = zoo()[0]
     with pytest.raises(ConfigError, match="at least"):

@@ -203,6 +203,8 @@ class Trainer:
             env=env if is_local else None,
         )
         tally = _Tally(env)
+        if progress.steps == 0 and config.demonstrations.episodes:
+            self._assess(algorithm, progress)  # what copying alone has come to
         next_save = (progress.steps // config.interval + 1) * config.interval
         learned = 0.0
         metrics: dict[str, float] = {}
