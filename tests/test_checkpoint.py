@@ -74,7 +74,7 @@ def test_what_was_saved_comes_back_as_it_was(tmp_path: Path) -> None:
     save(tmp_path / LAST, state)
     found = load(tmp_path / LAST)
     assert found["own"] == state["own"] and found["pair"] == (1, None)
-    for old, new in zip(state["arrays"], found["arrays"], strict=True):  # type: ignore[call-overload]
+    for old, new in zip(state["arrays"], found["arrays"], strict=True):
         assert old.dtype == new.dtype and np.array_equal(old, new) and old.shape == new.shape
         new += 1  # not a view of something that cannot be changed
     assert found["by_number"] == state["by_number"] and (found["text"], found["count"]) == (

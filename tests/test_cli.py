@@ -392,4 +392,5 @@ def test_play_tells_where_to_watch_and_stops_calmly(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(baseline, "run_episode", stop_after_reset)
     lines = call("play", "feeding").stderr.splitlines()
-    assert lines[0].startswith("watch at http://") and lines[1] == "stopped"
+    assert lines[0].startswith("feeding, ")
+    assert lines[1].startswith("watch at http://") and lines[2] == "stopped"

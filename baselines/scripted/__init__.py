@@ -1,6 +1,7 @@
 """Hand-written robot policies, one module a task, known to `make(..., policies=...)` as `scripted`."""
 
-from .. import trained as trained  # so that one entry point loads all policies of the package
+from .. import partners as partners  # so that one entry point loads all policies of the package
+from .. import trained as trained
 from . import ambulating as ambulating
 from . import bathing as bathing  # registers its policy
 from . import dressing as dressing

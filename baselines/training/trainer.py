@@ -65,6 +65,7 @@ class _Progress:
     passes: int = 0  # evaluations in a row that reached `stop_success`
     returns: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
     successes: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
+    sums: list[float] = field(default_factory=list)  # rewards so far of each running episode
 
     def to_dict(self) -> dict[str, Any]:
         return {**self.__dict__, "returns": list(self.returns), "successes": list(self.successes)}
@@ -159,9 +160,11 @@ class Trainer:
             algorithm.load_state_dict(saved["algorithm"])
             curriculum.load_state_dict(saved["curriculum"])
             env.set_stage(curriculum.stage)
-            if isinstance(config.workers, int):  # on a cluster new episodes begin
-                env.load_state_dict(saved["env"])
             progress = _Progress.from_dict(saved["progress"])
+            if isinstance(config.workers, int):
+                env.load_state_dict(saved["env"])
+            else:
+                progress.sums = []  # on a cluster new episodes begin
             self._checkpoint.restore_rng(saved)
         log = TrainingLog(self.folder, at_step=progress.steps)
         if self._reporter is not None:
@@ -170,7 +173,6 @@ class Trainer:
             return self._loop(env, algorithm, curriculum, progress, log)
         finally:
             log.close()
-            self._evaluator.close()
             if self._reporter is not None:
                 self._reporter.close()
 
@@ -235,6 +237,7 @@ class Trainer:
                     "learner_share": learned / spent,
                     "stage": float(curriculum.level),
                 }
+                former = progress.best
                 metrics |= self._assess(algorithm, progress)
                 progress.seconds = before + time.monotonic() - begun
                 reached = progress.passes >= 2
@@ -242,7 +245,8 @@ class Trainer:
                 log.write(progress.steps, metrics)
                 if self._reporter is not None:
                     self._reporter.report(progress.steps, metrics)
-                self._save(env, algorithm, curriculum, progress)
+                is_best = (metrics["eval_success"], metrics["eval_return"]) >= former
+                self._save(env, algorithm, curriculum, progress, is_best=is_best)
                 late = config.minutes is not None and time.monotonic() - begun > 60 * config.minutes
                 if last or reached or late or self.stop_requested:
                     break
@@ -292,7 +296,13 @@ class Trainer:
         return self.folder / (f"{name}.npz" if groups == 1 else f"{name}_{group}.npz")
 
     def _save(
-        self, env: BatchedEnv, algorithm: Any, curriculum: Curriculum, progress: _Progress
+        self,
+        env: BatchedEnv,
+        algorithm: Any,
+        curriculum: Curriculum,
+        progress: _Progress,
+        *,
+        is_best: bool,
     ) -> None:
         self._checkpoint.save(
             {
@@ -300,7 +310,8 @@ class Trainer:
                 "env": env.state_dict(),
                 "curriculum": curriculum.state_dict(),
                 "progress": progress.to_dict(),
-            }
+            },
+            is_best=is_best,
         )
 
     def _write_beginnings(self) -> None:
@@ -328,7 +339,6 @@ class _Tally:
 
     def __init__(self, env: BatchedEnv) -> None:
         self._groups = list(env.group_map)
-        self._sums = np.zeros(env.batch_size[0])
         self.finished: list[bool] = []
 
     def count(self, batch: TensorDictBase, progress: _Progress) -> None:
@@ -339,16 +349,18 @@ class _Tally:
         reward = np.mean(rewards, axis=0)
         done = batch["next", "done"][..., 0].numpy()
         success = batch["next", "success"][..., 0].numpy()
-        if len(reward) != len(self._sums):
-            self._sums = np.zeros(len(reward))  # batches of a cluster come from several machines
+        sums = np.array(progress.sums)
+        if len(reward) != len(sums):
+            sums = np.zeros(len(reward))  # the first; batches of a cluster are of several machines
         self.finished = []
         for step in range(reward.shape[1]):
-            self._sums += reward[:, step]
+            sums += reward[:, step]
             for i in np.flatnonzero(done[:, step]):
-                progress.returns.append(float(self._sums[i]))
+                progress.returns.append(float(sums[i]))
                 progress.successes.append(float(success[i, step]))
                 self.finished.append(bool(success[i, step]))
-                self._sums[i] = 0.0
+                sums[i] = 0.0
+        progress.sums = sums.tolist()
 
     def means(self, progress: _Progress) -> dict[str, float]:
         """Return mean return and success of the latest episodes; nothing before the first ended."""
@@ -361,40 +373,49 @@ class _Tally:
 
 
 class _Evaluator:
-    """Plays the policies as they are, on seeds that neither train nor count in the end."""
+    """Plays the policies as they are, on seeds that neither train nor count in the end.
+
+    Each evaluation has a new scene, which keeps no trace of the one before.
+    """
 
     def __init__(self, config: TrainConfig) -> None:
         self._config = config
-        self._learner = LearnerEnv(config.recipe())
+        env = LearnerEnv(config.recipe())
+        self._groups, self._observed = env.groups, env.observed
+        self._actions = {
+            group: env.care_env.cast[roles[0]].action_names for group, roles in env.groups.items()
+        }
+        env.close()
 
     def policy_file(self, group: str, arrays: Any, training: dict[str, Any]) -> PolicyFile:
         """Return the policy file of a group."""
-        env, config = self._learner, self._config
+        config = self._config
         return PolicyFile.of(
             arrays,
             task=config.task,
             group=group,
-            roles=env.groups[group],
-            observed=env.observed[group],
-            residual=config.residual.get(env.groups[group][0]),
-            actions=env.care_env.cast[env.groups[group][0]].action_names,
+            roles=self._groups[group],
+            observed=self._observed[group],
+            residual=config.residual.get(self._groups[group][0]),
+            actions=self._actions[group],
             recipe=config.recipe().to_dict(),
             training=training,
         )
 
     def evaluate(self, files: dict[str, PolicyFile]) -> list[Episode]:
         """Return what came of the episodes."""
-        env = self._learner.care_env
-        players = {
-            role: LearnedPolicy(env, role, files[group])
-            for group, roles in self._learner.groups.items()
-            for role in roles
-        }
-        count = self._config.evaluation_episodes
-        return [run_episode(env, players, VALIDATION_SEED + i) for i in range(count)]
-
-    def close(self) -> None:
-        self._learner.close()
+        learner = LearnerEnv(self._config.recipe())
+        try:
+            env = learner.care_env
+            players = {
+                role: LearnedPolicy(env, role, files[group])
+                for group, roles in learner.groups.items()
+                for role in roles
+            }
+            count = self._config.evaluation_episodes
+            return [run_episode(env, players, VALIDATION_SEED + i) for i in range(count)]
+        finally:
+            learner.close()
 
 
 def train(source: Any, folder: str | Path, *, reporter: Reporter | None = None) -> TrainResult:

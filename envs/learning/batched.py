@@ -17,6 +17,7 @@ from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNam
 from .board import Face
 from .learner_env import STAGE
 from .recipe import EnvRecipe
+from .station import episode_seed
 from .worker import Crew
 
 DONE = ("done", "terminated", "truncated")
@@ -176,16 +177,21 @@ class BatchedEnv(EnvBase):
     def state_dict(self) -> dict[str, Any]:  # type: ignore[override]  # it has no parameters
         """Return where every environment is: numbers, and tensors for what is long.
 
-        An episode is a function of its seed, its stage and the actions, so these are enough.
+        What a scene shows is a function of the seed, the stage and the actions of each episode that it
+        has seen since it was made, so these are enough; see `station.RENEWAL`.
         """
         self._check_open()
         rows = [row for each in self._crew.call("records") for row in each]
         for row in rows:
-            row |= {key: torch.from_numpy(row[key]) for key in ("actions", "state")}
+            for each in (row, *row["past"]):
+                each["actions"] = torch.from_numpy(each["actions"])
+            row["state"] = torch.from_numpy(row["state"])
         return {"seed": self._seed, "stage": dict(self._stage), "environments": rows}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:  # type: ignore[override]
         """Bring every environment to where it was; the next full `reset` hands that over.
+
+        It takes the time of as many steps as the scenes have seen, some 1500 of each at most.
 
         Args:
             state: What `state_dict` gave, of a batch of the same recipe and count.
@@ -197,14 +203,14 @@ class BatchedEnv(EnvBase):
             RuntimeWarning: If a replay leads elsewhere, as on another processor.
         """
         self._check_open()
-        rows = [dict(row) for row in state["environments"]]
+        rows = [self._row(state, place) for place in range(len(state["environments"]))]
         if len(rows) != self.count:
             raise ConfigError(f"the state is of {len(rows)} environments, here are {self.count}")
         lay = self.layout
         width = sum(len(roles) * lay.action_sizes[g] for g, roles in lay.groups.items())
         for row in rows:
-            row |= {key: row[key].numpy() for key in ("actions", "state")}
-            found = row["actions"].shape[1] if len(row["actions"]) else width
+            shapes = (each["actions"].shape for each in (row, *row["past"]))
+            found = next((size for steps, size in shapes if steps), width)
             if (found, len(row["state"])) != (width, lay.state_size):
                 raise ConfigError(
                     f"the state is of environments with {found} action values and {len(row['state'])} "
@@ -221,6 +227,16 @@ class BatchedEnv(EnvBase):
                 RuntimeWarning,
                 stacklevel=2,
             )
+
+    @staticmethod
+    def _row(state: Mapping[str, Any], place: int) -> dict[str, Any]:
+        """Return what `Station.restore` takes, of one environment in what `state_dict` gave."""
+        row = dict(state["environments"][place])
+        if "past" not in row:  # version 0.1.0 before 2026-11-22 kept the running episode alone
+            row |= {"past": (), "seed": episode_seed(state["seed"], place, max(row["episode"], 0))}
+        past = [{**each, "actions": each["actions"].numpy()} for each in row["past"]]
+        now = {"actions": row["actions"].numpy(), "state": row["state"].numpy(), "past": past}
+        return {**row, **now}
 
     def _check_open(self) -> None:
         if self.is_closed:

@@ -7,13 +7,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from .board import Board, Bools
 from .learner_env import Floats, Layout, LearnerEnv
 from .recipe import EnvRecipe
 
 FIRST_SEED = 2**31  # evaluation has the seeds below
+# Steps after which a scene is made anew when its episode is over. A scene keeps a trace of what was
+# played in it: Bullet may sort contacts otherwise, which shows from the 11th digit on. So where an
+# environment is follows from all that its scene has seen, and that must not be long to be played again.
+# Making a scene costs as much as 12 (PhyRC bathing) to 220 steps (limb repositioning). Our own choice.
+RENEWAL = 1_500
 
 
 def episode_seed(seed: int, place: int, episode: int) -> int:
@@ -30,17 +34,30 @@ def episode_seed(seed: int, place: int, episode: int) -> int:
 
 @dataclass
 class Record:
-    """What brings an environment back to where it is: its episode is replayed from it.
+    """From which an episode can be played again.
 
     Attributes:
-        episode: Number of the running episode, -1 before the first.
+        episode: Its number in the environment, -1 before the first.
+        seed: Its seed.
         stage: The curriculum's stage that it was reset with.
         actions: Of each step so far, shape [all action values].
     """
 
     episode: int = -1
+    seed: int = 0
     stage: dict[str, float] = field(default_factory=dict)
     actions: list[Floats] = field(default_factory=list)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it with actions of shape [steps, all action values]."""
+        actions = np.stack(self.actions) if self.actions else np.zeros((0, 0), np.float32)
+        return {**vars(self), "stage": dict(self.stage), "actions": actions}
+
+    @classmethod
+    def from_dict(cls, row: Mapping[str, Any]) -> Record:
+        """Return the record that `to_dict` gave."""
+        actions = list(np.asarray(row["actions"], np.float32))
+        return cls(row["episode"], row["seed"], dict(row["stage"]), actions)
 
 
 class Station:
@@ -54,7 +71,7 @@ class Station:
             seed: Of the batch.
             places: Their numbers in the batch.
         """
-        self._seed, self._places = seed, tuple(places)
+        self._recipe, self._seed, self._places = recipe, seed, tuple(places)
         self._stage: dict[str, float] = {}
         self._board: Board | None = None
         self._envs: list[LearnerEnv] = []
@@ -65,6 +82,7 @@ class Station:
             self.close()
             raise
         self._records = [Record() for _ in places]
+        self._past: list[list[Record]] = [[] for _ in places]  # what each scene has seen before
         # Whose `first` is what they show now: they have not been stepped since it was written.
         self._is_fresh = [False for _ in places]
 
@@ -79,6 +97,8 @@ class Station:
     def seed(self, seed: int) -> None:
         """Begin again with the episodes of another seed, at the next `begin`."""
         self._seed = seed
+        for k in range(len(self._envs)):
+            self._remember(k)
         self._records = [Record() for _ in self._envs]
         self._is_fresh = [False for _ in self._envs]
 
@@ -101,15 +121,25 @@ class Station:
                 self._begin_next(k)
 
     def _begin_next(self, k: int) -> None:
-        record = Record(self._records[k].episode + 1, dict(self._stage))
-        self._records[k] = record
-        self._reset(k)
+        self._remember(k)
+        if sum(len(record.actions) for record in self._past[k]) >= RENEWAL:
+            self._renew(k)
+        number = self._records[k].episode + 1
+        seed = episode_seed(self._seed, self._places[k], number)
+        self._records[k] = Record(number, seed, dict(self._stage))
+        self._envs[k].reset(seed, self._records[k].stage)
         self._show_first(k)
 
-    def _reset(self, k: int) -> None:
-        record = self._records[k]
-        seed = episode_seed(self._seed, self._places[k], record.episode)
-        self._envs[k].reset(seed, record.stage)
+    def _remember(self, k: int) -> None:
+        """Put the running episode, if there is one, among what the scene has seen."""
+        if self._records[k].episode >= 0:
+            self._past[k].append(self._records[k])
+
+    def _renew(self, k: int) -> None:
+        """Make the scene of an environment anew, which has then seen nothing."""
+        self._envs[k].close()
+        self._envs[k] = LearnerEnv(self._recipe, self._places[k])
+        self._past[k] = []
 
     def _show_first(self, k: int) -> None:
         assert self._board is not None  # attached before the first episode
@@ -134,19 +164,21 @@ class Station:
                 self._begin_next(k)
 
     def records(self, _: None = None) -> list[dict[str, Any]]:
-        """Return for each environment what `restore` needs, actions of shape [steps, all values]."""
+        """Return for each environment what `restore` needs, actions of shape [steps, all values].
+
+        `past` holds the episodes that its scene has seen before the running one.
+        """
         return [
             {
-                "episode": record.episode,
-                "stage": dict(record.stage),
-                "actions": np.stack(record.actions) if record.actions else np.zeros((0, 0)),
+                **record.to_dict(),
+                "past": [each.to_dict() for each in past],
                 "state": env.state.copy(),
             }
-            for record, env in zip(self._records, self._envs, strict=True)
+            for record, past, env in zip(self._records, self._past, self._envs, strict=True)
         ]
 
     def restore(self, saved: tuple[int, Sequence[Mapping[str, Any]]]) -> list[int]:
-        """Bring every environment to where it was, by replaying its episode.
+        """Bring every environment to where it was, by replaying in a new scene what its scene has seen.
 
         Return the places of those whose replay leads elsewhere: numbers differ in the last place
         between processors and versions, and contacts magnify that.
@@ -158,29 +190,37 @@ class Station:
         astray = []
         for k, place in enumerate(self._places):
             row = rows[place]
-            actions = np.asarray(row["actions"], np.float32)
-            self._records[k] = Record(row["episode"], dict(row["stage"]), list(actions))
+            if self._records[k].episode >= 0 or self._past[k]:
+                self._renew(k)
+            self._past[k] = [Record.from_dict(each) for each in row["past"]]
+            self._records[k] = Record.from_dict(row)
             self._is_fresh[k] = False
+            for record in self._past[k]:
+                self._replay(k, record)
             if row["episode"] < 0:
                 continue
-            self._reset(k)
-            if not self._replay(k, actions) or not np.array_equal(
-                self._envs[k].state, row["state"]
-            ):
+            is_running = self._replay(k, self._records[k])
+            if not is_running or not np.array_equal(self._envs[k].state, row["state"]):
                 astray.append(place)
-            if not self._is_fresh[k]:
+            if is_running:
                 self._show_first(k)
+            else:
+                self._begin_next(k)
         return astray
 
-    def _replay(self, k: int, actions: npt.NDArray[np.float32]) -> bool:
-        """Step an environment through recorded actions; return False if its episode ends on the way."""
+    def _replay(self, k: int, record: Record) -> bool:
+        """Play an episode again; return whether it still runs after its recorded actions.
+
+        If it ends before, what is left of them is dropped.
+        """
         env = self._envs[k]
-        for row in actions:
+        env.reset(record.seed, record.stage)
+        for number, row in enumerate(record.actions):
             ends = np.cumsum([len(r) * env.action_sizes[g] for g, r in env.groups.items()])
             pieces = zip(env.groups.items(), np.split(row, ends[:-1]), strict=True)
             env.step({group: piece.reshape(len(roles), -1) for (group, roles), piece in pieces})
             if env.terminated or env.truncated:
-                self._begin_next(k)
+                del record.actions[number + 1 :]
                 return False
         return True
 

@@ -1,0 +1,140 @@
+"""The trainer: it teaches, it stops when asked, and it goes on as if it had not stopped."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_training_kills import assert_alike
+
+from rcare_marl.baselines.training.checkpoint import BEST, LAST, load
+from rcare_marl.baselines.training.config import load_config
+from rcare_marl.baselines.training.log import CURVE
+from rcare_marl.baselines.training.trainer import Trainer, TrainResult
+from rcare_marl.envs.learning import station
+from rcare_marl.errors import ConfigError
+
+LEARNING_RATE = 1e-3
+TINY: dict[str, Any] = {
+    "task": "toileting",
+    "algo": "sac",
+    "algorithm": {
+        "hidden": [64, 64],
+        "batch_size": 64,
+        "actor_lr": LEARNING_RATE,
+        "behaviour_cloning": {"updates": 400, "weight": 1.0},
+    },
+    "options": {"reward": "shaped"},
+    "demonstrations": {"episodes": 3, "noise": 0.05},
+    "steps": 200,
+    "interval": 200,
+    "envs": 2,
+    "evaluation_episodes": 10,
+}
+SHORT = TINY | {
+    "algorithm": {"hidden": [16], "batch_size": 16, "warm_up": 20},
+    "demonstrations": {"episodes": 0},
+    "steps": 120,
+    "interval": 40,
+    "evaluation_episodes": 1,
+}
+
+
+def changed(settings: dict[str, Any], **values: Any) -> dict[str, Any]:
+    """Return settings with other values of the algorithm."""
+    return settings | {"algorithm": settings["algorithm"] | values}
+
+
+def trained(settings: dict[str, Any], folder: Path, *, is_stopped: bool = False) -> TrainResult:
+    """Train until the end, or until the next interval."""
+    trainer = Trainer(load_config(settings), folder)
+    trainer.stop_requested = is_stopped
+    return trainer.run()
+
+
+def curve(folder: Path) -> list[dict[str, str]]:
+    with (folder / CURVE).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def assert_same_training(one: Path, other: Path) -> None:
+    """Check all that is learned, and what of the progress is not wall time."""
+    first, second = load(one / LAST), load(other / LAST)
+    for saved in (first, second):
+        del saved["progress"]["seconds"]
+    assert_alike(first, second)
+    for name in ("step", "eval_success", "eval_return", "stage"):
+        assert [row[name] for row in curve(one)] == [row[name] for row in curve(other)]
+
+
+def test_a_learner_comes_far_and_one_that_cannot_move_does_not(tmp_path: Path) -> None:
+    """Over seeds 0 and 1 the first has success 0.6 and 0.8 and a return of 112 and 122; the other, whose
+    actor is as good as random for ever, 0 and 0, and 11 and 9."""
+    trained(TINY, tmp_path / "learner")
+    trained(changed(TINY, actor_lr=1e-12), tmp_path / "stuck")
+    (learner,), (stuck,) = curve(tmp_path / "learner"), curve(tmp_path / "stuck")
+    assert float(learner["eval_success"]) >= 0.4 > 0.1 >= float(stuck["eval_success"])
+    assert float(learner["eval_return"]) > 60 > 30 > float(stuck["eval_return"])
+
+
+def test_a_training_of_another_config_is_refused_by_the_names_that_differ(tmp_path: Path) -> None:
+    trained(SHORT, tmp_path, is_stopped=True)
+    for other, said in (
+        (changed(SHORT, gamma=0.5), r"algorithm\.gamma is not set .* and 0\.5 in the config"),
+        (SHORT | {"envs": 4}, r"envs is 2 in the checkpoint and 4 in the config"),
+        (SHORT | {"seed": 1}, r"seed is 0 in the checkpoint and 1 in the config"),
+    ):
+        with pytest.raises(ConfigError, match=said):
+            trained(other, tmp_path)
+    with pytest.raises(ConfigError, match="holds a training already"):
+        Trainer(load_config(SHORT), tmp_path, resume="never")
+
+
+def test_a_training_stops_when_asked_and_goes_on_as_if_it_had_not(tmp_path: Path) -> None:
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    assert trained(SHORT, whole).finished
+    sittings = [trained(SHORT, parts, is_stopped=True) for _ in range(3)]
+    assert [sitting.steps for sitting in sittings] == [40, 80, 120]
+    assert [sitting.finished for sitting in sittings] == [False, False, True]
+    assert_same_training(whole, parts)
+    assert any(load(parts / LAST)["progress"]["sums"])  # returns of episodes that still run
+
+
+def test_the_best_checkpoint_is_that_of_the_kept_policy(tmp_path: Path) -> None:
+    trained(SHORT, tmp_path)
+    rows = [(float(r["eval_success"]), float(r["eval_return"])) for r in curve(tmp_path)]
+    at = max(range(len(rows)), key=lambda i: (rows[i], i))  # of equals the last
+    assert load(tmp_path / BEST)["progress"]["steps"] == (at + 1) * SHORT["interval"]
+    with np.load(tmp_path / "policy.npz") as kept, np.load(tmp_path / "policy_last.npz") as last:
+        alike = [np.array_equal(kept[n], last[n]) for n in kept.files if kept[n].dtype.kind == "f"]
+    assert all(alike) == (at == len(rows) - 1)
+
+
+@pytest.mark.slow
+def test_a_feeding_that_is_stopped_at_each_interval_learns_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Food that is eaten leaves a trace in the scene, which the episodes after it show in the 11th digit."""
+    monkeypatch.setattr(station, "RENEWAL", 150)  # so that scenes are made anew a few times, too
+    settings = TINY | {
+        "task": "feeding",
+        "options": {},
+        "demonstrations": {"episodes": 4, "noise": 0.05},
+        "steps": 900,
+        "interval": 150,
+        "evaluation_episodes": 2,
+    }
+    settings = changed(
+        settings, hidden=[128, 128], alpha_init=0.01, initial_log_std=-3.0, reward_scale=0.05
+    )
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    assert trained(settings, whole).finished
+    progress = load(whole / LAST)["progress"]
+    assert sum(progress["successes"]) >= 4, "nothing was eaten, so nothing is shown"
+    while not trained(settings, parts, is_stopped=True).finished:
+        pass
+    assert len(curve(parts)) == 6
+    assert_same_training(whole, parts)
