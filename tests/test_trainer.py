@@ -8,31 +8,31 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from test_training_kills import assert_alike
 
 from rcare_marl.baselines.training.checkpoint import BEST, LAST, load
 from rcare_marl.baselines.training.config import load_config
 from rcare_marl.baselines.training.log import CURVE
 from rcare_marl.baselines.training.trainer import Trainer, TrainResult
-from rcare_marl.envs.learning import station
+from rcare_marl.envs.learning import BatchedEnv, EnvRecipe, station
 from rcare_marl.errors import ConfigError
 
-LEARNING_RATE = 1e-3
 TINY: dict[str, Any] = {
     "task": "toileting",
     "algo": "sac",
     "algorithm": {
         "hidden": [64, 64],
         "batch_size": 64,
-        "actor_lr": LEARNING_RATE,
-        "behaviour_cloning": {"updates": 400, "weight": 1.0},
+        "actor_lr": 1e-3,
+        "behaviour_cloning": {"updates": 800, "weight": 4.0},
     },
     "options": {"reward": "shaped"},
-    "demonstrations": {"episodes": 3, "noise": 0.05},
-    "steps": 200,
-    "interval": 200,
+    "demonstrations": {"episodes": 8, "noise": 0.05},
+    "steps": 100,
+    "interval": 100,
     "envs": 2,
-    "evaluation_episodes": 10,
+    "evaluation_episodes": 6,
 }
 SHORT = TINY | {
     "algorithm": {"hidden": [16], "batch_size": 16, "warm_up": 20},
@@ -71,13 +71,13 @@ def assert_same_training(one: Path, other: Path) -> None:
 
 
 def test_a_learner_comes_far_and_one_that_cannot_move_does_not(tmp_path: Path) -> None:
-    """Over seeds 0 and 1 the first has success 0.6 and 0.8 and a return of 112 and 122; the other, whose
-    actor is as good as random for ever, 0 and 0, and 11 and 9."""
+    """Over seeds 0 to 5 the first has success 0.5 to 0.83 and a return of 84 to 143; the other, whose
+    actor stays as random as it began, 0 and 9 to 14."""
     trained(TINY, tmp_path / "learner")
     trained(changed(TINY, actor_lr=1e-12), tmp_path / "stuck")
     (learner,), (stuck,) = curve(tmp_path / "learner"), curve(tmp_path / "stuck")
-    assert float(learner["eval_success"]) >= 0.4 > 0.1 >= float(stuck["eval_success"])
-    assert float(learner["eval_return"]) > 60 > 30 > float(stuck["eval_return"])
+    assert float(learner["eval_success"]) >= 0.3 > 0.1 >= float(stuck["eval_success"])
+    assert float(learner["eval_return"]) > 50 > 30 > float(stuck["eval_return"])
 
 
 def test_a_training_of_another_config_is_refused_by_the_names_that_differ(tmp_path: Path) -> None:
@@ -103,6 +103,18 @@ def test_a_training_stops_when_asked_and_goes_on_as_if_it_had_not(tmp_path: Path
     assert any(load(parts / LAST)["progress"]["sums"])  # returns of episodes that still run
 
 
+def test_a_checkpoint_that_kept_the_running_episode_alone_is_still_read() -> None:
+    env, other = (BatchedEnv(EnvRecipe("toileting"), count=1, seed=3) for _ in range(2))
+    env.rollout(3)
+    state = env.state_dict()
+    for row in state["environments"]:  # as version 0.1.0 wrote it at first
+        del row["past"], row["seed"]
+    other.load_state_dict(state)
+    assert torch.equal(other.reset()["state"][0], state["environments"][0]["state"])
+    env.close()
+    other.close()
+
+
 def test_the_best_checkpoint_is_that_of_the_kept_policy(tmp_path: Path) -> None:
     trained(SHORT, tmp_path)
     rows = [(float(r["eval_success"]), float(r["eval_return"])) for r in curve(tmp_path)]
@@ -117,23 +129,20 @@ def test_the_best_checkpoint_is_that_of_the_kept_policy(tmp_path: Path) -> None:
 def test_a_feeding_that_is_stopped_at_each_interval_learns_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Food that is eaten leaves a trace in the scene, which the episodes after it show in the 11th digit."""
+    """Food that is eaten leaves a trace in the scene: of the episodes after it one in eight or so differs
+    from the same episode in a new scene, by 1e-8 and less."""
     monkeypatch.setattr(station, "RENEWAL", 150)  # so that scenes are made anew a few times, too
-    settings = TINY | {
+    settings = changed(SHORT, update_to_data=0.25, warm_up_scale=0.5, last_layer_scale=0.01)
+    settings |= {
         "task": "feeding",
         "options": {},
-        "demonstrations": {"episodes": 4, "noise": 0.05},
+        "residual": {"robot": 0.2},  # on top of the scripted robot: it feeds from the start
         "steps": 900,
         "interval": 150,
-        "evaluation_episodes": 2,
     }
-    settings = changed(
-        settings, hidden=[128, 128], alpha_init=0.01, initial_log_std=-3.0, reward_scale=0.05
-    )
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     assert trained(settings, whole).finished
-    progress = load(whole / LAST)["progress"]
-    assert sum(progress["successes"]) >= 4, "nothing was eaten, so nothing is shown"
+    assert sum(load(whole / LAST)["progress"]["successes"]) >= 10, "hardly anything was eaten"
     while not trained(settings, parts, is_stopped=True).finished:
         pass
     assert len(curve(parts)) == 6

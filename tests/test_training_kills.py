@@ -103,6 +103,8 @@ def test_a_training_that_is_killed_ten_times_learns_the_same(tmp_path: Path) -> 
             assert run.poll() is None, log.read_text()
             time.sleep(0.01)
         before, end = steps_of(killed), time.monotonic() + rng.uniform(0.0, 1.5 * interval)
+        if number % 2:  # every other one gets as far as a checkpoint, however busy the machine is
+            end = time.monotonic() + 600.0
         while time.monotonic() < end and steps_of(killed) == before:
             time.sleep(0.01)
         time.sleep(rng.uniform(0.0, 0.2 * interval))
