@@ -29,7 +29,7 @@ from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError
 
 from . import trained
-from .evaluate import Episode, Evaluation, evaluate, lead_policies
+from .evaluate import Episode, Evaluation, evaluate, lead_policies, wilson_interval
 from .policy_file import SUFFIX, PolicyFile
 from .statistic import hierarchical_interval, interquartile_mean, stratified_interval
 
@@ -119,7 +119,7 @@ class Record:
         """
         episodes = [run.episodes for run in self.runs]
         first = episodes[0][0]
-        out = {"success": _summed([[e.success for e in run] for run in episodes], RESAMPLES)}
+        out = {"success": _successes([[e.success for e in run] for run in episodes])}
         for role in first.returns:
             out[f"return_{role}"] = _summed([[e.returns[role] for e in run] for run in episodes])
         for role in first.costs:
@@ -355,6 +355,19 @@ def _summed(runs: Sequence[Sequence[float]], resamples: int = FEWER) -> dict[str
         "max": float(max(max(run) for run in runs)),
         "runs": means,
     }
+
+
+def _successes(runs: Sequence[Sequence[bool]]) -> dict[str, Any]:
+    """Return the numbers of success.
+
+    Where all episodes or none succeeded there is nothing to resample, but that is no certainty: the
+    interval is Wilson's, of all episodes together.
+    """
+    out = _summed(runs, RESAMPLES)
+    count, total = sum(map(sum, runs)), sum(map(len, runs))
+    if count in (0, total):
+        out["interval_95"] = list(wilson_interval(count, total))
+    return out
 
 
 def _ends(interval: tuple[float, float] | None) -> list[float] | None:

@@ -76,8 +76,8 @@ def transition(*, terminated: bool, done: bool, agents: int = 1) -> TensorDict:
     ("name", "groups", "batches"),
     [
         ("sac", {"robots": 1}, 12),
-        ("tqc", {"robots": 1}, 12),
-        ("masac", {"robots": 1, "recipients": 1}, 20),
+        pytest.param("tqc", {"robots": 1}, 12, marks=pytest.mark.slow),
+        pytest.param("masac", {"robots": 1, "recipients": 1}, 20, marks=pytest.mark.slow),
     ],
 )
 def test_learning_brings_points_far_nearer_than_chance(

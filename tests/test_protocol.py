@@ -109,6 +109,13 @@ def made_up(successes: list[list[bool]]) -> Record:
     return Record(Plan("feeding", names, episodes=len(successes[0])), runs)
 
 
+def test_success_without_exception_is_no_certainty() -> None:
+    low, high = made_up([[True] * 10, [True] * 10]).summary()["success"]["interval_95"]
+    assert low == pytest.approx(0.8389, abs=1e-4) and high == 1.0  # Wilson's, 20 of 20
+    low, high = made_up([[False] * 10]).summary()["success"]["interval_95"]
+    assert low == 0.0 and high == pytest.approx(0.2775, abs=1e-4)
+
+
 def test_every_policy_meets_the_same_seeds(record: Record) -> None:
     for run in record.runs:
         assert [episode.seed for episode in run.episodes] == [SEED, SEED + 1]

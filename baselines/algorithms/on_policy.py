@@ -366,8 +366,9 @@ class OnPolicy:
         """
         if not self._config.cloning_updates:
             raise ConfigError(
-                f"{type(self).__name__} learns from its own episodes only: leave demonstrations out, or "
-                "imitate them first by cloning_updates > 0"
+                f"{type(self).__name__} learns from its own episodes only: leave demonstrations out "
+                "(--set demonstrations.episodes=0), or imitate them first "
+                "(--set algorithm.cloning_updates=2000)"
             )
         errors: dict[str, float] = {}
         for name, learner in self.learners.items():

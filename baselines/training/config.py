@@ -110,7 +110,13 @@ class TrainConfig:
         if isinstance(self.workers, str):
             Cluster.parse(self.workers)
         self.recipe()  # refuses what is wrong with the scene
-        self.algorithm_config()
+        settings = self.algorithm_config()
+        if self.demonstrations.episodes and getattr(settings, "cloning_updates", None) == 0:
+            raise ConfigError(
+                f"{self.algo} learns from its own episodes only: leave demonstrations out "
+                "(--set demonstrations.episodes=0), or imitate them first "
+                "(--set algorithm.cloning_updates=2000)"
+            )
 
     def recipe(self) -> EnvRecipe:
         """Return how the environments are made."""

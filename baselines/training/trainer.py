@@ -145,8 +145,6 @@ class Trainer:
         saved = self._checkpoint.load()
         self._evaluator = _Evaluator(config)
         if saved is None:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._write_beginnings()
             progress = _Progress()
             env.set_stage(curriculum.stage)
             if config.demonstrations.episodes:
@@ -156,6 +154,8 @@ class Trainer:
                 finally:
                     shown.close()
                 algorithm.add_demonstrations(demos)
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._write_beginnings()  # what cannot begin leaves no trace
         else:
             algorithm.load_state_dict(saved["algorithm"])
             curriculum.load_state_dict(saved["curriculum"])
@@ -190,23 +190,10 @@ class Trainer:
         reached = progress.passes >= 2
         if progress.steps >= config.steps or reached:
             return self._result(algorithm, progress, reached)
-        frames = config.algorithm_config().rollout * config.envs
-        is_local = isinstance(config.workers, int)
-        collector = make_collector(
-            config.recipe(),
-            algorithm.policy(),
-            envs=config.envs,
-            workers=config.workers,
-            seed=config.seed,
-            frames_per_batch=frames,
-            total_frames=config.steps - progress.steps + frames,  # it closes them after its last
-            begun=progress.steps,
-            stage=curriculum.stage,
-            env=env if is_local else None,
-        )
+        collector = self._collector(env, algorithm, curriculum, progress)
         tally = _Tally(env)
         if progress.steps == 0 and config.demonstrations.episodes:
-            self._assess(algorithm, progress)  # what copying alone has come to
+            self._tell(log, 0, self._assess(algorithm, progress))  # what copying alone came to
         next_save = (progress.steps // config.interval + 1) * config.interval
         learned = 0.0
         metrics: dict[str, float] = {}
@@ -238,13 +225,12 @@ class Trainer:
                     "stage": float(curriculum.level),
                 }
                 former = progress.best
+                progress.seconds = before + now - begun
                 metrics |= self._assess(algorithm, progress)
                 progress.seconds = before + time.monotonic() - begun
                 reached = progress.passes >= 2
                 metrics["minutes"] = progress.seconds / 60
-                log.write(progress.steps, metrics)
-                if self._reporter is not None:
-                    self._reporter.report(progress.steps, metrics)
+                self._tell(log, progress.steps, metrics)
                 is_best = (metrics["eval_success"], metrics["eval_return"]) >= former
                 self._save(env, algorithm, curriculum, progress, is_best=is_best)
                 late = config.minutes is not None and time.monotonic() - begun > 60 * config.minutes
@@ -255,6 +241,30 @@ class Trainer:
         finally:
             shut_down(collector, close_envs=False)
         return self._result(algorithm, progress, reached)
+
+    def _collector(
+        self, env: BatchedEnv, algorithm: Any, curriculum: Curriculum, progress: _Progress
+    ) -> Any:
+        """Return what collects the steps that are left."""
+        config = self.config
+        frames = config.algorithm_config().rollout * config.envs
+        return make_collector(
+            config.recipe(),
+            algorithm.policy(),
+            envs=config.envs,
+            workers=config.workers,
+            seed=config.seed,
+            frames_per_batch=frames,
+            total_frames=config.steps - progress.steps + frames,  # it closes them after its last
+            begun=progress.steps,
+            stage=curriculum.stage,
+            env=env if isinstance(config.workers, int) else None,
+        )
+
+    def _tell(self, log: TrainingLog, step: int, metrics: dict[str, float]) -> None:
+        log.write(step, metrics)
+        if self._reporter is not None:
+            self._reporter.report(step, metrics)
 
     def _assess(self, algorithm: Any, progress: _Progress) -> dict[str, float]:
         """Evaluate the policy as it is now, and keep it if it is the best so far."""

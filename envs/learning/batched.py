@@ -17,7 +17,6 @@ from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNam
 from .board import Face
 from .learner_env import STAGE
 from .recipe import EnvRecipe
-from .station import episode_seed
 from .worker import Crew
 
 DONE = ("done", "terminated", "truncated")
@@ -232,8 +231,6 @@ class BatchedEnv(EnvBase):
     def _row(state: Mapping[str, Any], place: int) -> dict[str, Any]:
         """Return what `Station.restore` takes, of one environment in what `state_dict` gave."""
         row = dict(state["environments"][place])
-        if "past" not in row:  # version 0.1.0 before 2026-11-22 kept the running episode alone
-            row |= {"past": (), "seed": episode_seed(state["seed"], place, max(row["episode"], 0))}
         past = [{**each, "actions": each["actions"].numpy()} for each in row["past"]]
         now = {"actions": row["actions"].numpy(), "state": row["state"].numpy(), "past": past}
         return {**row, **now}
