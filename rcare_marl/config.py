@@ -98,7 +98,9 @@ def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") 
 
 @cache
 def _hints(cls: Any) -> dict[str, Any]:
-    return typing.get_type_hints(cls)
+    """Return the type of each field; what belongs to the class alone cannot be set."""
+    hints = typing.get_type_hints(cls)
+    return {f.name: hints[f.name] for f in dataclasses.fields(cls)}
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:

@@ -14,6 +14,7 @@ from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
 from rcare_marl.agents.profile import SideProfile, Vitals
 from rcare_marl.agents.robot import load_robot
 from rcare_marl.config import load, read_yaml
+from rcare_marl.envs.tasks.feeding import FeedingOptions
 from rcare_marl.errors import ConfigError, RcareError, UnknownNameError
 
 KARAN = read_yaml(assets.find("avatars", "karan"))
@@ -154,6 +155,12 @@ def test_a_misspelt_name_gets_the_nearest_one() -> None:
         load_posture("wheelchiar")
     with pytest.raises(UnknownNameError, match="Did you mean 'kinova_gen3'"):
         load_robot("kinova_gen33")
+
+
+def test_what_belongs_to_the_class_alone_is_no_field() -> None:
+    with pytest.raises(UnknownNameError, match="SHAPED_WEIGHTS") as caught:
+        load(FeedingOptions, {"SHAPED_WEIGHTS": {}})
+    assert "SHAPED_WEIGHTS" not in str(caught.value).split("Known:")[1]
 
 
 def test_a_posture_with_an_unknown_angle_or_joint_is_refused(tmp_path: Path) -> None:

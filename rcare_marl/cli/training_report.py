@@ -29,8 +29,10 @@ class Pace:
         self._seen: deque[tuple[float, int]] = deque()
 
     def note(self, step: int) -> None:
-        """Take note of how far it is now."""
+        """Take note of how far it is now; that it is still there tells nothing of its pace."""
         now = self._clock()
+        if self._seen and self._seen[-1][1] == step:
+            self._seen.pop()
         self._seen.append((now, step))
         while len(self._seen) > 2 and self._seen[1][0] <= now - WINDOW:
             self._seen.popleft()
