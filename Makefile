@@ -11,10 +11,10 @@ ARGS ?=
 JOBS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all lint types clean
+.PHONY: help setup demo test test-all test-browser lint types clean
 
 help:  ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: $(STAMP)  ## install everything into .venv
 
@@ -26,6 +26,10 @@ test: $(STAMP)  ## the quick tests
 
 test-all: $(STAMP)  ## all tests, the slow ones too
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "" $(ARGS)
+
+test-browser: $(STAMP)  ## the coach's page in Chromium, with an emulated headset (needs Chromium and Node)
+	@cd rcare_marl/cli/coaching/web && npm ci --ignore-scripts --no-audit --no-fund --silent
+	@$(BIN)/python -m pytest -q -m "" -rs tests/test_coach_browser.py $(ARGS)
 
 lint: $(STAMP)  ## ruff
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check -q .

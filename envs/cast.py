@@ -222,11 +222,13 @@ def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
 def _agent(name: str, role: Role[Any], fields: Mapping[str, Any]) -> Agent:
     if role.kind is Robot:
         robot = load(RobotCast, fields, f"cast of {name!r}")
+        config = robot.config(name, role.default)
+        has_all = role.moves is not None and set(role.moves) <= set(config.parts)
         agent = Robot(
             name,
-            robot.config(name, role.default),
+            config,
             control=robot.control or role.control,
-            moves=robot.moves,
+            moves=role.moves if robot.moves is None and has_all else robot.moves,
             posture=None if robot.urdf is not None else robot.posture,
             posture_noise=robot.posture_noise,
             mount=robot.mount,

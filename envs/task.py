@@ -58,6 +58,8 @@ class Role(Generic[AgentT]):
         control: Control mode of a robot where the cast names none.
         partner: Policy that plays the role where another one is the only learner.
         gripper: What a robot's gripper does where the cast names no parts to move; see `Robot`.
+        moves: Parts of a robot that move where the cast names none and it has them all; its main arm if
+            None.
     """
 
     def __init__(
@@ -71,10 +73,11 @@ class Role(Generic[AgentT]):
         control: str = "tool_delta",
         partner: str | None = None,
         gripper: GripperUse = "held",
+        moves: Sequence[str] | None = None,
     ) -> None:
         self.kind, self.default, self.optional = kind, default, optional
         self.posture, self.movable, self.gripper = posture, movable, gripper
-        self.control, self.partner = control, partner
+        self.control, self.partner, self.moves = control, partner, moves
 
     def __set_name__(self, owner: type[Task], name: str) -> None:
         self._name = name

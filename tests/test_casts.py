@@ -33,6 +33,7 @@ REACH = {
     "limb_repositioning": ON_CHAIR - {"stretch_re1"} | {"hsr", "stretch_re1_dex"},
     "phyrc_bathing": ON_CHAIR - {"pr2"} | {"hsr", "stretch_re1_dex"},
     "phyrc_dressing": ON_CHAIR - {"stretch_re1"} | {"hsr"},
+    "social_coaching": {"nao", "pepper"},
     "toileting": ON_CHAIR | {"hsr", "stretch_re1_dex"},
 }
 

@@ -174,6 +174,11 @@ def wiped(env: Any) -> None:
     task.after_step()
 
 
+def exercised(env: Any) -> None:
+    session = env.task.session
+    session.right = [2] * len(session.exercises)  # of three
+
+
 NEARLY: dict[str, Callable[[Any], None]] = {
     "feeding": fed,
     "drinking": drunk,
@@ -181,6 +186,7 @@ NEARLY: dict[str, Callable[[Any], None]] = {
     "dressing": dressed,
     "ambulating": opened,
     "toileting": lifted,
+    "social_coaching": exercised,
     "phyrc_bathing": scored,
     "phyrc_dressing": scored,
 }

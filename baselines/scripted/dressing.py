@@ -1,11 +1,14 @@
 """A hand-written robot that pulls shorts up a leg.
 
 It keeps the waistband over the shank while the caregiver lifts the leg, pulls it along the leg to the hip
-until the hem is past the target, and lets go. It sees what a robot with perfect perception would see, and
-it needs the control mode `tool_delta`.
+until the hem is past the target, and lets go. It pulls towards the other leg, where the rest of the shorts
+hangs, and sways when the hem catches: a pull in one line draws a caught ring only tighter. It sees what a
+robot with perfect perception would see, and it needs the control mode `tool_delta`.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -19,9 +22,12 @@ from rcare_marl.pose import Array, conjugate, multiply, rotation_vector
 
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
-FAST = 0.2  # [m/s] of the tool
-PULL = 0.08  # [m/s] along the leg
-LAG = 0.05  # [m] that the tool may be behind before the pull goes on
+FAST = 0.25  # [m/s] of the tool
+PULL = 0.12  # [m/s] along the leg
+LAG = 0.07  # [m] that the tool may be behind before the pull goes on
+CAUGHT = 0.05  # [m] that the tool is behind when the hem has caught
+INWARD = (0.0, 0.04)  # [m] to the other leg, from the knee on: it sways between the two
+SWAY = 1.5  # [s] there and back
 LIFTED = 0.06  # [m] of the ankle from where it is when the leg is up
 SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
 AWAY = (0.05, 0.0, 0.06)  # [m] that the open hand goes
@@ -54,6 +60,7 @@ class ScriptedDressing:
 
     def reset(self, rng: np.random.Generator) -> None:
         self._along, self._left = HOLD_START, False
+        self._caught = 0.0  # [s] in all
         self._turn = np.array(self._robot.tool_pose().quaternion)
         self._out = np.zeros(3)
 
@@ -78,11 +85,21 @@ class ScriptedDressing:
         if self._left:
             return self._out
         goal = tip(task.leg, self._along)
+        lag = float(np.linalg.norm(goal - here))
         is_up = float(np.linalg.norm(task.leg.to_lifted())) < LIFTED
-        if is_up and float(np.linalg.norm(goal - here)) < LAG:
+        if is_up and lag < LAG:
             step = PULL * task.control_dt
             self._along = min(self._along + step, task.leg.shank + REACH + SPARE)
-        return goal
+        if is_up and lag > CAUGHT:
+            self._caught += task.control_dt
+        return goal + (0.0, -task.outward * self._inward(), 0.0)
+
+    def _inward(self) -> float:
+        """Return how far to the other leg it pulls [m]: all the way until the hem catches."""
+        share = (self._along - HOLD_START) / (self._task.leg.shank - HOLD_START)
+        near, far = INWARD
+        swayed = near + 0.5 * (far - near) * (1.0 + math.cos(2.0 * math.pi * self._caught / SWAY))
+        return min(max(share, 0.0), 1.0) * swayed
 
 
 register_policy("dressing", "robot", "scripted")(ScriptedDressing)

@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 import rcare_marl
 from rcare_marl.errors import RcareError
 
+from .coach import coach
 from .console import print_error, print_line
 from .parameter import (
     BestPolicyName,
@@ -82,6 +83,7 @@ class Kind(str, Enum):
     avatars = "avatars"
     postures = "postures"
     policies = "policies"
+    algorithms = "algorithms"
 
 
 @app.callback(invoke_without_command=True)
@@ -105,7 +107,7 @@ def list_(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List what there is: tasks, robots, avatars, postures, policies.
+    """List what there is: tasks, robots, avatars, postures, policies, learning algorithms.
 
     Example: rcare-marl list avatars
     """
@@ -348,6 +350,7 @@ def play(
 
 
 app.command()(train)
+app.add_typer(coach, name="coach")
 
 
 @app.command()

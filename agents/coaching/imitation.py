@@ -1,0 +1,175 @@
+"""Angles of an upper body as degrees of freedom of a person, within their active range.
+
+The way back of `JointsSource`: what somebody sees a coach do becomes what their own shoulders, elbows, neck
+and trunk have to do. A shoulder of our people abducts first, then flexes, then rotates, and has two ways to
+point the arm anywhere: the one is taken that stays within the range and near to where the shoulder is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.errors import ConfigError
+
+from ..body.skeleton import DOF_INDEX, DOFS, SIDES
+from .upper_body import ARM, MOTION_INDEX, MOTIONS, swing, turn_z
+
+Array = npt.NDArray[np.float64]
+
+Limits = Mapping[str, tuple[float, float]]
+
+AXIAL = {  # motion of the trunk or of the neck: the joints that share it
+    motion: [f"{joint}_{name}" for joint in joints]
+    for region, joints in (("trunk", ("spine1", "spine2", "spine3")), ("neck", ("neck", "head")))
+    for motion, name in (
+        (f"{region}_{name}", name) for name in ("flexion", "lateral_flexion_left", "rotation_left")
+    )
+}
+SHOULDER = ("shoulder_abduction", "shoulder_flexion", "shoulder_external_rotation")
+# Axes of a person's body (x left, y up, z forward) in those of the upper body (x forward, y left, z up).
+IN_UPPER_BODY = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+HANGING = math.radians(-90.0)  # abduction of the hanging arm, from the T-pose
+# What a shoulder weighs when it chooses: how the arm is turned about itself against where it points, and
+# each radian that it has to move from where it is; our own choice.
+TURN_WEIGHT, WAY_WEIGHT = 0.1, 0.03
+# An arm in front of the body or above it that points less than this to the side is flexed from hanging,
+# without abduction: past the front the other way would turn the shoulder over. Our own choice.
+SIDEWAYS, AHEAD = math.sin(math.radians(12.0)), 0.7
+
+
+class Imitation:
+    """Makes degrees of freedom of a person of angles of an upper body.
+
+    Attributes:
+        dofs: Those that it sets.
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        """Take the range [rad] of each degree of freedom that the person can use."""
+        self._limits = dict(limits)
+        known = [*(dof for dofs in AXIAL.values() for dof in dofs), *_arm_dofs()]
+        self.dofs = tuple(dof for dof in known if dof in self._limits)
+        self._shoulders = {side: (HANGING, 0.0, 0.0) for side in SIDES}
+
+    def reset(self) -> None:
+        """Begin with hanging arms."""
+        self._shoulders = {side: (HANGING, 0.0, 0.0) for side in SIDES}
+
+    def __call__(self, angles: Array) -> dict[str, float]:
+        """Return the angle of each degree of freedom [rad] that does a pose, as well as the range allows.
+
+        Args:
+            angles: Angles of `MOTIONS` [rad], shape [16]; those that are not known are left alone.
+
+        Raises:
+            ConfigError: If they have another shape.
+        """
+        angles = np.asarray(angles, np.float64)
+        if angles.shape != (len(MOTIONS),):
+            raise ConfigError(f"angles must have shape [{len(MOTIONS)}], got {angles.shape}")
+        out: dict[str, float] = {}
+        for motion, dofs in AXIAL.items():
+            self._share(float(angles[MOTION_INDEX[motion]]), dofs, out)
+        for side in SIDES:
+            elevation, plane, rotation, elbow, pronation = angles[ARM[side]].tolist()
+            if math.isfinite(elevation + plane):
+                self._shoulder(side, elevation, plane, rotation, out)
+            for dof, angle in (("elbow_flexion", elbow), ("elbow_pronation", pronation)):
+                self._share(angle, [f"{side}_{dof}"], out)
+        return out
+
+    def _share(self, angle: float, dofs: list[str], out: dict[str, float]) -> None:
+        """Spread an angle over the joints that have it, as their shares of the clinical range are."""
+        found = [dof for dof in dofs if dof in self._limits]
+        whole = sum(DOFS[DOF_INDEX[dof]].share for dof in found)
+        if math.isfinite(angle):
+            for dof in found:
+                part = angle * DOFS[DOF_INDEX[dof]].share / whole
+                out[dof] = min(max(part, self._limits[dof][0]), self._limits[dof][1])
+
+    def _shoulder(
+        self, side: str, elevation: float, plane: float, rotation: float, out: dict[str, float]
+    ) -> None:
+        names = [f"{side}_{dof}" for dof in SHOULDER]
+        if any(name not in self._limits for name in names):
+            return
+        low, high = np.array([self._limits[name] for name in names]).T
+        wanted = shoulder_turn(elevation, plane, 0.0 if math.isnan(rotation) else rotation)
+        before = np.array(self._shoulders[side])
+        best, least = before, math.inf
+        for choice in _shoulder_angles(wanted):
+            angles = np.clip(_near(choice, before), low, high)
+            found = turned_by(*angles.tolist())
+            away = float(np.linalg.norm(found[:, 0] - wanted[:, 0]))
+            turn = float(np.linalg.norm(found[:, 1] - wanted[:, 1]))
+            cost = away + TURN_WEIGHT * turn + WAY_WEIGHT * float(np.abs(angles - before).sum())
+            if cost < least:
+                best, least = angles, cost
+        self._shoulders[side] = tuple(best.tolist())
+        out.update(zip(names, best.tolist(), strict=True))
+
+
+def shoulder_turn(elevation: float, plane: float, rotation: float) -> Array:
+    """Return how a left upper arm is turned in a person's axes, from the T-pose, shape [3, 3].
+
+    A right arm is its mirror image, with the same angles.
+    """
+    upper = swing("left", np.float64(elevation), np.float64(plane)) @ turn_z(np.float64(-rotation))
+    found: Array = IN_UPPER_BODY.T @ upper @ IN_UPPER_BODY @ turned_by(HANGING, 0.0, 0.0)
+    return found
+
+
+def turned_by(abduction: float, flexion: float, rotation: float) -> Array:
+    """Return how a left upper arm is turned by its three degrees of freedom [rad], shape [3, 3]."""
+    ca, sa = math.cos(abduction), math.sin(abduction)
+    cf, sf = math.cos(flexion), -math.sin(flexion)
+    cr, sr = math.cos(rotation), -math.sin(rotation)
+    return np.array(
+        (
+            (ca * cf, ca * sf * sr - sa * cr, ca * sf * cr + sa * sr),
+            (sa * cf, sa * sf * sr + ca * cr, sa * sf * cr - ca * sr),
+            (-sf, cf * sr, cf * cr),
+        )
+    )
+
+
+def _shoulder_angles(turn: Array) -> list[Array]:
+    """Return the ways to turn a left upper arm: abduction, flexion, external rotation [rad].
+
+    Args:
+        turn: How it is to be turned, shape [3, 3].
+    """
+    aside, up, ahead = turn[:, 0].tolist()
+    if abs(aside) < SIDEWAYS and (ahead > AHEAD or up > 0):
+        flexion = math.atan2(ahead, -up)
+        left = turned_by(HANGING, flexion, 0.0).T @ turn
+        return [
+            np.array(
+                (HANGING, flexion, math.atan2(left[1, 2] - left[2, 1], left[1, 1] + left[2, 2]))
+            )
+        ]
+    flexion = math.asin(min(max(ahead, -1.0), 1.0))
+    out = math.atan2(up, aside)
+    rotation = -math.atan2(turn[2, 1], turn[2, 2])
+    return [
+        np.array((out, flexion, rotation)),
+        np.array((out + math.pi, math.pi - flexion, rotation + math.pi)),
+    ]
+
+
+def _near(angles: Array, before: Array) -> Array:
+    """Return the same angles by whole turns nearest to others."""
+    near: Array = angles - 2 * math.pi * np.rint((angles - before) / (2 * math.pi))
+    return near
+
+
+def _arm_dofs() -> list[str]:
+    names = (*SHOULDER, "elbow_flexion", "elbow_pronation")
+    return [f"{side}_{name}" for side in SIDES for name in names]
+
+
+__all__ = ["AXIAL", "SHOULDER", "Imitation", "shoulder_turn", "turned_by"]

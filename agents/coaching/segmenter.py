@@ -1,0 +1,267 @@
+"""Finds repetitions in a stream of frames, on line: where one begins and where it ends."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from .feature import VECTORS, feature
+from .recogniser import Frame
+from .template import Template
+
+Array = npt.NDArray[np.float64]
+
+# All our own choice.
+QUICK, SLOW = 0.06, 0.2  # time constants of two running means [s]
+BACK = 0.15  # the speed is what the quick one has changed since then [s]
+STILL = math.radians(28)  # slower than this nothing moves [rad/s]
+DWELL = 0.1  # how long rest must last at the end [s]
+DWELL_AMID = 0.2  # and before the last key pose [s]
+STUCK = 3.5  # who stays so much longer than shown away from rest is done [s]
+KEPT = 2.0  # frames kept from before a beginning [s]
+LOST = 0.7  # a part that is not seen for so long is unknown [s]
+SAME = math.radians(8)  # so near to rest is rest [rad]
+SETTLING = 1.0  # after a repetition arms may settle for so long [s]
+LOOKED = 0.6  # after `begin` it is looked so long how the person rests [s]
+ARMS = np.array([name.endswith(("arm", "wrist")) for name in VECTORS])
+GREATEST_STEP = 0.5  # a clock that jumps further counts as a break [s]
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """What a repetition was made of.
+
+    Attributes:
+        times: Of its frames [s], shape [n].
+        rows: Features, shape [n, 24], NaN where unknown.
+        rest: Features at rest before it, shape [24].
+        start: When it began [s].
+        end: When it ended [s].
+        returned: Whether it ended at rest; else the person stayed away from it too long.
+    """
+
+    times: Array
+    rows: Array
+    rest: Array
+    start: float
+    end: float
+    returned: bool
+
+
+class Segmenter:
+    """Finds where repetitions begin and end.
+
+    Attributes:
+        moving: Whether a repetition is under way.
+        rest: Features at rest, shape [24].
+        now: Smoothed features of the last frame, shape [24]; NaN where a part is lost.
+        moved_at: When something last moved, or `begin` was [s]; None before the first frame.
+    """
+
+    def __init__(self) -> None:
+        self._clear()
+        self.rest = np.full(0, np.nan)
+
+    def begin(self, template: Template) -> None:
+        """Look for repetitions of an exercise from now on."""
+        exercise = template.exercise
+        nominal = feature(exercise.keys[0])
+        is_known = len(self.rest) > 0
+        self._nominal = nominal
+        self.rest = self.rest if is_known else nominal.copy()
+        asked = {part: way.excursion for part, way in template.ways.items()}
+        smallest = min(asked.values(), default=1.0)
+        self._begins = min(max(0.35 * smallest, math.radians(6)), math.radians(15))
+        self._weights, self._near = _limits(asked)
+        hold = max((pose.hold_s for pose in exercise.poses), default=0.0)
+        self._stuck = STUCK + exercise.judged.tempo[1] * hold
+        self._patience = exercise.judged.tempo[1] * exercise.duration + 3.0
+        self._clear()
+
+    def _clear(self) -> None:
+        self.moving = False
+        self._away = False  # done, but not back at rest yet
+        self._times: list[float] = []
+        self._rows: list[Array] = []
+        self._quick = self._slow = self.now = np.full(0, np.nan)
+        self._seen = np.full(0, -np.inf)
+        self._recent: deque[tuple[float, Array]] = deque()
+        self._calm_since: float | None = None
+        self._still_since: float | None = None
+        self._began = 0.0
+        self._fast_frames = 0
+        self._finished = -math.inf
+        self._learnt = False
+        self.moved_at: float | None = None
+
+    def update(self, frame: Frame, *, complete: bool) -> Segment | None:
+        """Take a frame; return a repetition when it has ended.
+
+        Args:
+            frame: The next frame.
+            complete: Whether the last key pose has been reached.
+        """
+        row, time = feature(frame.angles), float(frame.time)
+        if self._times and not 0 < time - self._times[-1] <= GREATEST_STEP:
+            if time <= self._times[-1]:
+                return None  # twice the same, or late: nothing to learn from it
+            if time - self._times[-1] > KEPT:
+                self._clear()  # a break
+        dt = time - self._times[-1] if self._times else 0.0
+        self._times.append(time)
+        self._rows.append(row)
+        self._smooth(row, time, dt)
+        if self.moved_at is None:
+            self.moved_at = time
+        distance = self._distances(self.rest)
+        speed = self._speed()
+        self._note_still(speed, time)
+        near = bool((distance <= self._near).all())
+        self._calm_since = (
+            (time if self._calm_since is None else self._calm_since)
+            if near and self._fast_frames < (1 if self._calm_since is None else 3)
+            else None
+        )
+        if self._away:
+            self._wait_for_rest(distance, time)
+            return None
+        if not self.moving:
+            self._look_for_start(distance, speed, time)
+            return None
+        return self._look_for_end(time, complete=complete)
+
+    def _smooth(self, row: Array, time: float, dt: float) -> None:
+        if not len(self._quick):
+            self._quick, self._slow = row.copy(), row.copy()
+            self._seen = np.where(np.isfinite(row), time, -np.inf)
+        known = np.isfinite(row)
+        fresh = known & ((time - self._seen > LOST) | ~np.isfinite(self._quick))
+        self._seen[known] = time
+        for mean, constant in ((self._quick, QUICK), (self._slow, SLOW)):
+            mean[known] += (1 - math.exp(-dt / constant)) * (row[known] - mean[known])
+            mean[fresh] = row[fresh]
+        self._recent.append((time, self._quick.copy()))
+        self.now = np.where(time - self._seen <= LOST, self._quick, np.nan)
+
+    def _distances(self, reference: Array) -> Array:
+        """Return how far each vector is from a reference [rad], nearly; 0 where it is unknown."""
+        gap = (self.now - reference)[: 3 * len(VECTORS)].reshape(-1, 3)
+        far = np.sqrt((gap * gap).sum(axis=1))
+        far[far != far] = 0.0
+        return np.asarray(far)
+
+    def _speed(self) -> float:
+        """Return how fast the fastest part moves [rad/s]."""
+        while len(self._recent) > 2 and self._recent[-1][0] - self._recent[1][0] >= BACK:
+            self._recent.popleft()
+        (past, before), (time, now) = self._recent[0], self._recent[-1]
+        gap = (now - before)[: 3 * len(VECTORS)].reshape(-1, 3)
+        return float(np.sqrt(np.nanmax((gap * gap).sum(axis=1), initial=0.0))) / max(
+            time - past, 0.02
+        )
+
+    def _note_still(self, speed: float, time: float) -> None:
+        self._fast_frames = self._fast_frames + 1 if speed >= STILL else 0
+        if self._fast_frames > 1:  # one alone is noise
+            self._still_since = None
+        elif self._still_since is None:
+            self._still_since = time
+
+    def _still_for(self, time: float) -> float:
+        return 0.0 if self._still_since is None else time - self._still_since
+
+    def _wait_for_rest(self, distance: Array, time: float) -> None:
+        if self._calm_since is not None and time - self._calm_since >= DWELL:
+            self._away = False
+            self._forget(time)
+
+    def _look_for_start(self, distance: Array, speed: float, time: float) -> None:
+        if not self._learnt:
+            if time - self._times[0] < LOOKED:
+                return
+            self._learnt = True
+            self._learn_rest(at_once=True)
+            distance = self._distances(self.rest)
+        if float((distance * self._weights).max()) > self._begins and (
+            speed >= STILL or self._still_for(time) < 0.5
+        ):
+            self.moving, self._began, self._calm_since = True, time, None
+            return
+        if self._still_for(time) > 0.3:
+            self._learn_rest(after_return=time - self._finished < SETTLING)
+        self._forget(time)
+
+    def _learn_rest(self, *, at_once: bool = False, after_return: bool = False) -> None:
+        """Take how the person is now for rest, if it is near enough to what is shown.
+
+        Only little by little, else a slow movement would become rest itself; arms that just came back may lie
+        elsewhere than before.
+        """
+        is_same = self._distances(self.rest) <= SAME
+        allowed = np.full(len(VECTORS), True) if at_once else is_same
+        if after_return:
+            allowed |= ARMS
+        close = allowed & (self._distances(self._nominal) <= self._near + math.radians(10))
+        known = np.repeat(close, 3) & np.isfinite(self._slow[: 3 * len(VECTORS)])
+        gap = np.abs(self._slow - self.rest)[3 * len(VECTORS) :]
+        angles = np.isfinite(gap) if at_once else gap <= SAME
+        columns = np.flatnonzero(np.concatenate((known, angles)))
+        rate = 1.0 if at_once else 0.1
+        self.rest[columns] += rate * (self._slow[columns] - self.rest[columns])
+
+    def _forget(self, time: float) -> None:
+        old = 0
+        while old < len(self._times) and time - self._times[old] > KEPT:
+            old += 1
+        if old > 15:  # not in every frame
+            del self._times[:old], self._rows[:old]
+
+    def _look_for_end(self, time: float, *, complete: bool) -> Segment | None:
+        dwell = DWELL if complete else DWELL_AMID
+        if self._calm_since is not None and time - self._calm_since >= dwell:
+            return self._finish(self._calm_since, time)
+        if self._still_for(time) > self._stuck or time - self._began > self._patience:
+            self._away = True
+            return self._finish(time, time)
+        return None
+
+    def _finish(self, end: float, time: float) -> Segment:
+        self.moving, self.moved_at, self._finished = False, time, time
+        times, rows = np.array(self._times), np.array(self._rows)
+        start = self._start(times, rows)
+        chosen = times >= start
+        segment = Segment(
+            times[chosen], rows[chosen], self.rest.copy(), start, end, returned=not self._away
+        )
+        self._calm_since = None
+        del self._times[:-1], self._rows[:-1]
+        return segment
+
+    def _start(self, times: Array, rows: Array) -> float:
+        """Return when the movement left rest [s]."""
+        before = np.flatnonzero(times <= self._began)
+        gap = (rows[before] - self.rest)[:, : 3 * len(VECTORS)].reshape(len(before), -1, 3)
+        far = np.nan_to_num(np.sqrt((gap * gap).sum(axis=2))) * self._weights
+        quiet = np.flatnonzero(far.max(axis=1) < 0.4 * self._begins)
+        return float(times[quiet[-1]] if len(quiet) else times[0])
+
+
+def _limits(asked: dict[str, float]) -> tuple[Array, Array]:
+    """Return how much each vector counts at a beginning, and how near to rest it must come back [rad]."""
+    weights, near = np.empty(len(VECTORS)), np.empty(len(VECTORS))
+    for i, name in enumerate(VECTORS):
+        part = name.replace("wrist", "arm").replace("crown", "head")
+        if name == "trunk":
+            weights[i], near[i] = 0.9, math.radians(10)
+        elif part in asked:
+            far = min(max(0.35 * asked[part], math.radians(6)), math.radians(28))
+            weights[i], near[i] = 1.0, far if name == part else max(far, math.radians(25))
+        else:
+            weights[i], near[i] = 0.5, math.radians(25)
+        if name.endswith("wrist"):
+            weights[i], near[i] = 0.6, math.radians(42)
+    return weights, near

@@ -1,0 +1,294 @@
+"""A session of exercises: what is asked, what has been done, and what the coach does next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.errors import ConfigError
+
+from .body import CoachBody
+from .exercise import Exercise, Reach
+from .recogniser import Frame, Judgement, Recogniser, Repetition
+from .upper_body import directions
+
+Array = npt.NDArray[np.float64]
+
+Act = Literal["stand", "show", "next", "rest"]
+Word = Literal["nothing", "explain", "encourage", "praise", "hint"]
+ACTS: tuple[Act, ...] = get_args(Act)
+WORDS: tuple[Word, ...] = get_args(Word)
+
+SPEECH = 0.35  # [s] a word, 170 words a minute: slow, clear speech; our own choice
+SILENCE = 0.6  # [s] after a sentence; our own choice
+PAUSE = 1.2  # [s] at rest after a repetition is shown, for the person to come to rest, too; our own choice
+TEMPO = (0.5, 2.0)  # a demonstration's, against that of the exercise; our own choice
+LEAVING = (
+    1.0  # [s] that an order to go on must last where an exercise is not done yet; our own choice
+)
+SAME_TEMPO = 1.2  # factor up to which another tempo is judged as the same; our own choice
+CHEERS = ("Well done.", "Very good.", "That was right.")
+CALLS = ("Come on, together with me.", "You can do it. Watch me.", "Let us try once more, slowly.")
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the coach does in the coming step.
+
+    Attributes:
+        act: Stands and watches, shows the exercise over and over, goes on to the next one, or rests. To
+            leave an exercise that is not done takes `LEAVING` seconds of this order.
+        word: What is said with it; nothing while something is still being said.
+        tempo: Of what is shown, against the tempo of the exercise.
+    """
+
+    act: Act = "stand"
+    word: Word = "nothing"
+    tempo: float = 1.0
+
+
+def programme(exercises: Sequence[Exercise], reach: Reach, *, speed: float) -> tuple[Exercise, ...]:
+    """Return what exercises are for one person: within reach, and no faster than they can follow.
+
+    Exercises of which nothing is left are left out.
+
+    Args:
+        exercises: What everybody is asked.
+        reach: What the person can do.
+        speed: How fast an arm or the head goes at most [rad/s].
+
+    Raises:
+        ConfigError: If nothing is left at all.
+    """
+    out = []
+    for exercise in (e.adapted(reach) for e in exercises):
+        if exercise.can_do:
+            out.append(exercise.faster(min(1.0, speed / top_speed(exercise))))
+    if not out:
+        names = ", ".join(e.name for e in exercises)
+        raise ConfigError(f"this person can do none of the exercises {names}: choose others")
+    return tuple(out)
+
+
+def top_speed(exercise: Exercise, rate: float = 60.0) -> float:
+    """Return how fast the fastest arm or the head turns when it is shown [rad/s]."""
+    found = directions(exercise.path(rate))
+    most = 0.0
+    for part in exercise.parts:
+        if part != "trunk":
+            most = max(most, float(np.linalg.norm(np.diff(found[part], axis=0), axis=-1).max()))
+    return most * rate
+
+
+class Session:
+    """State that the coach's tree, the recogniser and the coach's body share.
+
+    Attributes:
+        exercises: The programme of this person.
+        wanted: How many right repetitions of each are asked for.
+        index: Which exercise is on; their number once the session is over.
+        right: Right repetitions of each so far.
+        wrong: Wrong ones of each so far.
+        skipped: Exercises that were left before they were done.
+        repetitions: All repetitions so far.
+        is_explained: Whether the present exercise has been explained.
+        judgement: What the recogniser said last: `following` is the green window.
+        time: Since the beginning [s].
+        hint: What the recogniser last had to say; empty after a right repetition.
+        must_stop: Set it to end the session at once.
+        must_pause: Set it to pause as long as it is set.
+        must_skip: Set it to leave the present exercise; cleared then.
+        must_rest: Set it to rest as long as it is set.
+        fatigue: How tired the person says that they are, 0 to 1.
+    """
+
+    def __init__(
+        self,
+        exercises: Sequence[Exercise],
+        recogniser: Recogniser,
+        *,
+        repetitions: int | None = None,
+    ) -> None:
+        """Begin a session.
+
+        Args:
+            exercises: Those that this person can do, see `programme`.
+            recogniser: Judges what the person does.
+            repetitions: Right repetitions asked of each; as each exercise says if None.
+
+        Raises:
+            ConfigError: If there are no exercises, or no repetitions are asked for.
+        """
+        if not exercises:
+            raise ConfigError("a session needs at least one exercise")
+        if repetitions is not None and repetitions < 1:
+            raise ConfigError(f"repetitions must be at least 1, got {repetitions}")
+        self.exercises, self._recogniser = tuple(exercises), recogniser
+        self.wanted = [repetitions or exercise.repetitions for exercise in exercises]
+        self.reset()
+
+    def reset(self, recogniser: Recogniser | None = None) -> None:
+        """Begin anew, with a fresh recogniser where one is given: they may know the person of before."""
+        self._recogniser = recogniser or self._recogniser
+        count = len(self.exercises)
+        self.index, self.time = 0, 0.0
+        self.right, self.wrong, self.skipped = [0] * count, [0] * count, [False] * count
+        self.repetitions: list[Repetition] = []
+        self.judgement = Judgement()
+        self.must_stop = self.must_pause = self.must_skip = self.must_rest = False
+        self.fatigue = 0.0
+        self._begin()
+
+    def _begin(self) -> None:
+        self.hint, self.begun_at, self.right_at = "", self.time, self.time
+        self._tempo, self.is_explained = 1.0, False
+        if not self.is_over:
+            self._recogniser.begin(self.exercise)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all exercises are done or left, or the session was stopped."""
+        return self.index >= len(self.exercises) or self.must_stop
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every exercise was done as often as it was asked for."""
+        return all(r >= w for r, w in zip(self.right, self.wanted, strict=True))
+
+    @property
+    def exercise(self) -> Exercise:
+        """The exercise that is on; the last one once the session is over."""
+        return self.exercises[min(self.index, len(self.exercises) - 1)]
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the present exercise has been done as often as it was asked for."""
+        return self.index < len(self.right) and self.right[self.index] >= self.wanted[self.index]
+
+    @property
+    def since_right(self) -> float:
+        """Time since the last right repetition, or since the exercise began [s]."""
+        return self.time - self.right_at
+
+    def see(self, frame: Frame | None, time: float) -> None:
+        """Take what a source saw of the person at a time [s], None where it saw nothing."""
+        self.time = time
+        if frame is None or self.index >= len(self.exercises):
+            return
+        self.judgement = judgement = self._recogniser.update(frame)
+        if judgement.hint:
+            self.hint = judgement.hint
+        found = judgement.finished
+        if found is not None:
+            self.repetitions.append(found)
+            if found.right:
+                self.right[self.index] += 1
+                self.hint, self.right_at = "", time
+            else:
+                self.wrong[self.index] += 1
+
+    def go_on(self) -> None:
+        """Go on to the next exercise; the present one counts as skipped if it is not done."""
+        if self.index < len(self.exercises):
+            self.skipped[self.index] = not self.is_done
+            self.index += 1
+            self.must_skip = False
+            self.judgement = Judgement()
+            self._begin()
+
+    def keep_tempo(self, tempo: float) -> None:
+        """Judge the person by another tempo from now on, where it differs enough to matter."""
+        if max(tempo / self._tempo, self._tempo / tempo) > SAME_TEMPO and not self.is_over:
+            self._tempo = tempo
+            self._recogniser.begin(self.exercise.faster(tempo))
+
+    def sentence(self, word: Word) -> str:
+        """Return what is said for a word: an explanation, a hint of the recogniser, and so on."""
+        if word == "explain":
+            return self.exercise.say
+        if word == "hint":
+            return self.hint or CALLS[0]
+        sentences = {"nothing": ("",), "praise": CHEERS, "encourage": CALLS}[word]
+        return sentences[len(self.repetitions) % len(sentences)]
+
+
+class Demonstration:
+    """Carries out orders with a body: shows, speaks, rests.
+
+    Attributes:
+        angles: What is shown now [rad], shape [16].
+        phase: How far the repetition is that is being shown, 0 to 1; 0 where none is.
+        is_showing: Whether one is being shown.
+        is_resting: Whether the coach invites to rest.
+        word: What is being said; `nothing` if nothing is.
+        count: Repetitions that have been shown to their end, of the present exercise.
+    """
+
+    def __init__(self, session: Session, body: CoachBody) -> None:
+        self._session, self._body = session, body
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew, with nothing shown or said."""
+        self.is_showing = self.is_resting = False
+        self.word: Word = "nothing"
+        self._of = 0
+        self._stop()
+        self.count, self._silent_at, self._leaving = 0, 0.0, 0.0
+
+    def _stop(self) -> None:
+        self.is_showing, self._shown_for, self.phase = False, 0.0, 0.0
+        self.angles = self._session.exercise.angles(0.0)
+
+    @property
+    def is_speaking(self) -> bool:
+        """Whether something is being said."""
+        return self._session.time < self._silent_at
+
+    def perform(self, order: Order, duration: float) -> None:
+        """Carry out an order for the coming step of `duration` [s]."""
+        session = self._session
+        if session.is_over:
+            order = Order()
+        self._speak(order.word)
+        self._leaving = self._leaving + duration if order.act == "next" else 0.0
+        if order.act == "next" and (session.is_done or self._leaving > LEAVING - 1e-9):
+            session.go_on()
+            self._leaving = 0.0
+        self.is_resting = order.act == "rest"
+        if session.index != self._of:  # another exercise
+            self._of, self.count = session.index, 0
+            self._stop()
+        if order.act != "show" or session.is_over:
+            self._stop()
+            self._body.stand_still()
+            return
+        tempo = min(max(order.tempo, TEMPO[0]), TEMPO[1])
+        if not self.is_showing:
+            session.keep_tempo(tempo)
+            self.is_showing = True
+        exercise = session.exercise
+        self._shown_for += tempo * duration
+        if self._shown_for >= exercise.duration + PAUSE:
+            self.count += 1
+            self._stop()
+        self.phase = min(self._shown_for / exercise.duration, 1.0)
+        self.angles = exercise.angles(self._shown_for)
+        self._body.show(self.angles)
+
+    def _speak(self, word: Word) -> None:
+        if self.is_speaking:
+            return
+        self.word = word
+        if word != "nothing":
+            text = self._session.sentence(word)
+            self._session.is_explained |= word == "explain"
+            self._body.say(text)
+            self._silent_at = self._session.time + SPEECH * len(text.split()) + SILENCE
+
+
+__all__ = ["ACTS", "WORDS", "Demonstration", "Order", "Session", "programme", "top_speed"]

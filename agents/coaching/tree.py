@@ -1,0 +1,254 @@
+"""The coach's behaviour tree, after the RCareWorld paper.
+
+One exercise after the other; in each of them the coach demonstrates and observes side by side, until the
+person has followed often enough.
+
+    ? coach                       the first branch that does not fail, asked anew at every tick
+    ├── → stop                    asked to stop: stands still, whatever was going on
+    ├── → pause                   asked to pause: stands still
+    ├── → rest                    the person is tired: invites to rest
+    └── → programme               for each exercise
+        └── ? <exercise>
+            ├── done              was followed often enough, or left
+            ├── → skip            asked to skip it
+            └── → do it
+                ├── explain       says once what comes
+                └── ⇉ coach it
+                    ├── demonstrate   shows it, over and over
+                    ├── observe       until enough repetitions were right; praises each
+                    └── ? encourage   if none has been right for long: slower, with a hint
+
+What the leaves find is written into one `Order`, which a `Demonstration` carries out. What has been done
+stands in the `Session`, so a branch that interrupts loses nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from py_trees.behaviour import Behaviour
+from py_trees.common import ParallelPolicy, Status
+from py_trees.composites import Parallel, Selector
+from py_trees.composites import Sequence as OneAfterOther
+
+from ..policies.leaves import Condition
+from .body import CoachBody
+from .recogniser import Frame
+from .session import Demonstration, Order, Session, Word
+
+Array = npt.NDArray[np.float64]
+
+# All our own choices.
+PATIENCE = 2.5  # repetitions as shown, without a right one, after which the coach encourages
+TIRED, RESTED = 0.6, 0.4  # fatigue from which the coach rests, and until which
+AGAIN = 8.0  # [s] between two encouragements
+SLOWER = 0.75  # tempo while it encourages
+
+
+class Intent:
+    """What the leaves of a tick want done, and what they remember.
+
+    Attributes:
+        order: What it comes to.
+        slow_for: Index of the exercise that is shown more slowly; -1 for none.
+        called_at: When it last encouraged [s].
+        calls: How often it did.
+        rests: Whether it lets the person rest.
+    """
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.order = Order()
+        self.slow_for, self.called_at, self.calls = -1, -np.inf, 0
+        self.rests = False
+
+    def stand(self) -> None:
+        """Stand still."""
+        self.order = replace(self.order, act="stand")
+
+    def say(self, word: Word) -> None:
+        """Say a word, unless a branch before had something to say."""
+        if self.order.word == "nothing":
+            self.order = replace(self.order, word=word)
+
+
+class Do(Behaviour):
+    """Does something at each tick, and reports what it says."""
+
+    def __init__(self, name: str, act: Callable[[], Status]) -> None:
+        super().__init__(name)
+        self._act = act
+
+    def update(self) -> Status:
+        return self._act()
+
+
+class Encourage(Behaviour):
+    """Speaks after so long without a right repetition, in turn with the hint of the recogniser, and shows
+    the exercise more slowly from then on until one is right."""
+
+    def __init__(self, session: Session, intent: Intent) -> None:
+        super().__init__("long without: slower, with the hint")
+        self._session, self._intent = session, intent
+
+    def update(self) -> Status:
+        session, intent = self._session, self._intent
+        patience = PATIENCE * session.exercise.duration
+        if session.since_right < patience:
+            if intent.slow_for == session.index and session.right_at > session.begun_at:
+                intent.slow_for = -1
+            return Status.FAILURE
+        intent.slow_for = session.index
+        if session.time - intent.called_at >= AGAIN:
+            intent.called_at, intent.calls = session.time, intent.calls + 1
+            intent.say("hint" if session.hint and intent.calls % 2 else "encourage")
+        return Status.RUNNING
+
+
+class CoachTree:
+    """The tree of a session, and what it orders.
+
+    Attributes:
+        root: The tree.
+        session: What it coaches.
+    """
+
+    def __init__(self, session: Session) -> None:
+        """Build the tree for a session."""
+        self.session = session
+        self._intent = Intent()
+        self.root = coach_tree(session, self._intent)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.root.stop(Status.INVALID)
+        self._intent.clear()
+
+    def tick(self) -> Order:
+        """Return what the coach does in the coming step."""
+        session, intent = self.session, self._intent
+        slow = intent.slow_for == session.index
+        intent.order = Order(tempo=SLOWER if slow else 1.0)
+        self.root.tick_once()
+        return intent.order
+
+
+class Coach:
+    """A coach: the tree, and a body that carries out what it orders. For a robot of your own.
+
+    Attributes:
+        tree: The tree.
+        demonstration: What is being shown and said.
+    """
+
+    def __init__(self, session: Session, body: CoachBody) -> None:
+        """Join a session and a body."""
+        self.tree, self.demonstration = CoachTree(session), Demonstration(session, body)
+
+    def step(self, frame: Frame | None, time: float, duration: float) -> Order:
+        """Take what is seen of the person, and act for the coming step.
+
+        Args:
+            frame: What a source saw; None where it saw nothing.
+            time: Since the session began [s].
+            duration: Length of the step [s].
+        """
+        self.tree.session.see(frame, time)
+        order = self.tree.tick()
+        self.demonstration.perform(order, duration)
+        return order
+
+
+def coach_tree(session: Session, intent: Intent) -> Behaviour:
+    """Return the tree of a session, whose leaves write into `intent`."""
+
+    def still() -> Status:
+        intent.stand()
+        return Status.RUNNING
+
+    def is_tired() -> bool:
+        intent.rests = session.fatigue > (RESTED if intent.rests else TIRED)
+        return intent.rests or session.must_rest
+
+    def rest() -> Status:
+        intent.order = replace(intent.order, act="rest")
+        return Status.RUNNING
+
+    return _first(
+        "coach",
+        _then(
+            "stop", Condition("asked to stop", lambda: session.must_stop), Do("stand still", still)
+        ),
+        _then("pause", Condition("asked to pause", lambda: session.must_pause), Do("wait", still)),
+        _then("rest", Condition("is tired", is_tired), Do("lower the arms", rest)),
+        _then("programme", *(_exercise(session, intent, k) for k in range(len(session.exercises)))),
+    )
+
+
+def _exercise(session: Session, intent: Intent, k: int) -> Behaviour:
+    exercise = session.exercises[k]
+
+    def leave() -> Status:
+        intent.order = replace(intent.order, act="next")
+        return Status.RUNNING
+
+    def explain() -> Status:
+        if session.is_explained:
+            return Status.SUCCESS
+        intent.stand()  # until what was said before is over
+        intent.say("explain")
+        return Status.RUNNING
+
+    return _first(
+        exercise.name.replace("_", " "),
+        Condition("done", lambda: session.index > k),
+        _then("skip", Condition("asked to skip", lambda: session.must_skip), Do("go on", leave)),
+        _then(
+            "do it",
+            Do("explain", explain),
+            _beside(
+                "coach it",
+                Do("demonstrate", lambda: _demonstrate(intent)),
+                Do("observe", lambda: _observe(session, intent)),
+                _first("encourage", Condition("follows: green window", lambda: session.judgement.following),
+                       Encourage(session, intent), Do("give time", lambda: Status.SUCCESS)),
+            ),
+        ),
+    )  # fmt: skip
+
+
+def _demonstrate(intent: Intent) -> Status:
+    intent.order = replace(intent.order, act="show")
+    return Status.RUNNING
+
+
+def _observe(session: Session, intent: Intent) -> Status:
+    found = session.judgement.finished
+    if found is not None and found.right:
+        intent.say("praise")
+    if session.is_done:  # the present one: go on to the next in the coming step
+        intent.order = replace(intent.order, act="next")
+        return Status.SUCCESS
+    return Status.RUNNING
+
+
+def _first(name: str, *children: Behaviour) -> Selector:
+    return Selector(name, memory=False, children=list(children))
+
+
+def _then(name: str, *children: Behaviour) -> OneAfterOther:
+    return OneAfterOther(name, memory=False, children=list(children))
+
+
+def _beside(name: str, *children: Behaviour) -> Parallel:
+    policy = ParallelPolicy.SuccessOnSelected(children=[children[1]], synchronise=False)
+    return Parallel(name, policy=policy, children=list(children))
+
+
+__all__ = ["Coach", "CoachTree", "coach_tree"]

@@ -1,0 +1,337 @@
+"""How well a recogniser tells right from wrong over synthetic people: shares, confusions, latency."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rcare_marl.agents.coaching.exercise import Exercise, exercise_names, load_exercises
+from rcare_marl.agents.coaching.recogniser import Recogniser, Repetition
+from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
+from rcare_marl.errors import ConfigError
+
+from ..evaluate import wilson_interval
+from .noise import NoiseModel, Sensor, make_sensor
+from .performance import WRONG, Performance, idle, perform
+from .synthetic_user import SPLITS, SyntheticUser, draw_users
+
+RIGHT_REPETITIONS = 3  # of each exercise by each person
+IDLE_TIME = 20.0  # of each person with each exercise [s]
+LATE = 0.75  # a verdict later than this after the end of a repetition is none [s]
+UNSEEN = "nothing"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One performance and what was made of it.
+
+    Attributes:
+        user: Number of the person.
+        exercise: What was asked.
+        kind: How it was done.
+        recognised: Right repetitions that were recognised; of a wrong performance, whether it was detected.
+        count: Right repetitions there were; 1 of a wrong performance.
+        verdicts: What was said, in its order: `right` or the error named first.
+        latencies: From the end of each repetition to its verdict [s].
+        false_alarms: Wrong verdicts on somebody who does right; `right` on somebody who does nothing.
+        seconds: How long it went on [s].
+    """
+
+    user: int
+    exercise: str
+    kind: str
+    recognised: int
+    count: int
+    verdicts: tuple[str, ...]
+    latencies: tuple[float, ...]
+    false_alarms: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class CoachEvaluation:
+    """What came of all trials.
+
+    Attributes:
+        source: Where poses came from.
+        recogniser: Who judged.
+        seed: Of the people.
+        split: Of the people.
+        users: How many.
+        noise: Of the sensors.
+        trials: Each trial.
+        frame_ms: Mean and 99th percentile of the time that a frame took [ms]; differs from run to run.
+    """
+
+    source: str
+    recogniser: str
+    seed: int
+    split: str
+    users: int
+    noise: NoiseModel
+    trials: tuple[Trial, ...]
+    frame_ms: tuple[float, float] = field(default=(0.0, 0.0), compare=False)
+
+    @property
+    def right_recognised(self) -> float:
+        """Share of right repetitions that were recognised."""
+        return _share(self._of("right"))[0]
+
+    @property
+    def wrong_detected(self) -> float:
+        """Share of wrong performances that were detected."""
+        return _share(self._of(*WRONG))[0]
+
+    def _of(self, *kinds: str) -> list[Trial]:
+        return [trial for trial in self.trials if trial.kind in kinds]
+
+    def confusion(self) -> dict[str, dict[str, int]]:
+        """Return how often each kind of performance got each verdict first, by kind."""
+        out: dict[str, Counter[str]] = {}
+        for trial in self.trials:
+            if trial.kind == "idle":
+                continue
+            counts = out.setdefault(trial.kind, Counter())
+            if trial.kind == "right":
+                counts.update(trial.verdicts or (UNSEEN,))
+            else:
+                counts[trial.verdicts[0] if trial.verdicts else UNSEEN] += 1
+        return {kind: dict(counts.most_common()) for kind, counts in out.items()}
+
+    def latency(self) -> dict[str, float]:
+        """Return median, 95th percentile and greatest time from an end to its verdict [s]."""
+        found = [value for trial in self.trials for value in trial.latencies]
+        if not found:
+            return {}
+        low, high = np.percentile(found, (50, 95))
+        return {
+            "median_s": round(float(low), 3),
+            "p95_s": round(float(high), 3),
+            "greatest_s": round(max(found), 3),
+            "within_half_a_second": round(float(np.mean(np.array(found) <= 0.5)), 5),
+        }
+
+    def false_alarms(self) -> dict[str, float]:
+        """Return wrong verdicts a minute of right exercise, and right verdicts a minute of idling."""
+        out = {}
+        for name, kind in (("while_right", "right"), ("while_idle", "idle")):
+            trials = self._of(kind)
+            minutes = sum(trial.seconds for trial in trials) / 60
+            alarms = sum(trial.false_alarms for trial in trials)
+            out[f"{name}_per_minute"] = round(alarms / minutes, 4) if minutes else 0.0
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        exercises = sorted({trial.exercise for trial in self.trials})
+        by_exercise = {
+            name: {
+                "right_recognised": _summary(t for t in self._of("right") if t.exercise == name),
+                "wrong_detected": _summary(t for t in self._of(*WRONG) if t.exercise == name),
+            }
+            for name in exercises
+        }
+        return {
+            "source": self.source,
+            "recogniser": self.recogniser,
+            "seed": self.seed,
+            "split": self.split,
+            "users": self.users,
+            "noise": dict(vars(self.noise)),
+            "right_recognised": self.right_recognised,
+            "right": _summary(self._of("right")),
+            "wrong_detected": self.wrong_detected,
+            "wrong": _summary(self._of(*WRONG)),
+            "exercises": by_exercise,
+            "kinds": {kind: _summary(self._of(kind)) for kind in WRONG if self._of(kind)},
+            "confusion": self.confusion(),
+            "latency": self.latency(),
+            "false_alarms": self.false_alarms(),
+            "frame_ms": {"mean": round(self.frame_ms[0], 3), "p99": round(self.frame_ms[1], 3)},
+        }
+
+
+def _share(trials: Iterable[Trial]) -> tuple[float, int, int]:
+    found = list(trials)
+    recognised, count = sum(t.recognised for t in found), sum(t.count for t in found)
+    return (recognised / count if count else 0.0), recognised, count
+
+
+def _summary(trials: Iterable[Trial]) -> dict[str, Any]:
+    """Return a share with its 95 % interval of Wilson."""
+    share, recognised, count = _share(trials)
+    low, high = wilson_interval(recognised, count) if count else (0.0, 1.0)
+    return {
+        "share": round(share, 5),
+        "of": count,
+        "interval": [round(low, 5), round(high, 5)],
+    }
+
+
+def judge_performance(
+    performance: Performance,
+    user: SyntheticUser,
+    sensor: Sensor,
+    recogniser: Recogniser,
+    rng: np.random.Generator,
+    *,
+    frame_times: list[float] | None = None,
+) -> list[tuple[float, Repetition]]:
+    """Return when each verdict fell [s, when its frame was taken], and the verdict.
+
+    Args:
+        performance: What is done.
+        user: By whom.
+        sensor: What sees it.
+        recogniser: Who judges.
+        rng: Of the sensors.
+        frame_times: Where to add what each frame took [s].
+    """
+    source = sensor.source(user, rng)
+    recogniser.begin(performance.asked)
+    verdicts = []
+    for taken, told, raw in sensor.readings(user, performance, rng):
+        begun = time.perf_counter()
+        frame = source.update(raw, float(told))
+        judgement = recogniser.update(frame) if frame is not None else None
+        if frame_times is not None:
+            frame_times.append(time.perf_counter() - begun)
+        if judgement is not None and judgement.finished is not None:
+            verdicts.append((float(taken), judgement.finished))
+    return verdicts
+
+
+def score_trial(
+    number: int, performance: Performance, verdicts: Sequence[tuple[float, Repetition]]
+) -> Trial:
+    """Return what the verdicts on a performance are worth."""
+    said = tuple("right" if r.right else r.errors[0] for _, r in verdicts)
+    latencies, recognised, false_alarms = [], 0, 0
+    for start, end in performance.spans:
+        own = [
+            (at, r) for at, r in verdicts if r.start < end and r.end > start and at <= end + LATE
+        ]
+        if own:
+            latencies.append(own[-1][0] - end)
+        recognised += bool(own) and all(r.right for _, r in own)
+    count = len(performance.spans)
+    if performance.kind == "right":
+        false_alarms = sum(verdict != "right" for verdict in said)
+    else:
+        false_alarms = sum(verdict == "right" for verdict in said)
+        recognised, count = int(bool(said) and "right" not in said), 1
+    return Trial(
+        user=number,
+        exercise=performance.asked.name,
+        kind=performance.kind,
+        recognised=recognised,
+        count=count,
+        verdicts=said,
+        latencies=tuple(latencies),
+        false_alarms=false_alarms,
+        seconds=float(performance.times[-1]),
+    )
+
+
+def performances(
+    user: SyntheticUser, exercises: Sequence[Exercise], rng: np.random.Generator
+) -> Iterator[Performance]:
+    """Yield all that one person does: each exercise right, wrong in every way, and not at all."""
+    names = exercise_names()
+    for exercise in exercises:
+        for kind in ("right", *WRONG):
+            count = RIGHT_REPETITIONS if kind == "right" else 1
+            done = perform(user, exercise, kind, rng, others=names, repetitions=count)
+            if done is not None:
+                yield done
+        yield idle(user, exercise, rng, seconds=IDLE_TIME)
+
+
+def evaluate_coach(
+    *,
+    source: str = "hands",
+    users: int = 40,
+    seed: int = 0,
+    split: str = "test",
+    noise: NoiseModel | None = None,
+    recogniser: Callable[[], Recogniser] = RuleRecogniser,
+    name: str = "rules",
+    exercises: Sequence[Exercise] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> CoachEvaluation:
+    """Evaluate a recogniser over synthetic people; the same arguments give the same trials.
+
+    Args:
+        source: Where poses come from, of `noise.SENSORS`.
+        users: How many people.
+        seed: Of the people and all they do.
+        split: `development` or `test`: nobody is in both.
+        noise: Of the sensors; 1 cm, 2 degrees, 30 Hz, 5 % drop-outs if None.
+        recogniser: Makes the recogniser.
+        name: What it is called in the result.
+        exercises: What is done; all there are if None.
+        progress: Told how many people are done.
+
+    Raises:
+        UnknownNameError: If there is no such source.
+        ConfigError: If nobody is to be evaluated, or there is no such split.
+    """
+    if users < 1:
+        raise ConfigError(f"an evaluation needs at least one person, got {users}")
+    if split not in SPLITS:
+        raise ConfigError(f"split is one of {', '.join(SPLITS)}, got {split!r}")
+    noise = NoiseModel() if noise is None else noise
+    chosen = load_exercises() if exercises is None else exercises
+    sensor = make_sensor(source, noise)
+    trials, frame_times = [], list[float]()
+    for i, user in enumerate(draw_users(users, seed=seed, split=split)):
+        rng = np.random.default_rng((SPLITS.index(split), seed, i, 1))
+        judge = recogniser()  # a session is one person's
+        for performance in performances(user, chosen, rng):
+            verdicts = judge_performance(
+                performance, user, sensor, judge, rng, frame_times=frame_times
+            )
+            trials.append(score_trial(i, performance, verdicts))
+        if progress is not None:
+            progress(i + 1)
+    taken = 1e3 * np.array(frame_times)
+    return CoachEvaluation(
+        source=source,
+        recogniser=name,
+        seed=seed,
+        split=split,
+        users=users,
+        noise=noise,
+        trials=tuple(trials),
+        frame_ms=(float(taken.mean()), float(np.percentile(taken, 99))),
+    )
+
+
+def sweep_noise(
+    levels: Sequence[float], *, evaluate: Callable[[NoiseModel], CoachEvaluation]
+) -> Mapping[float, CoachEvaluation]:
+    """Return evaluations as noise grows: every figure of the noise times each level.
+
+    Args:
+        levels: Factors of 1 cm, 2 degrees, 4 ms and 3 ms of clocks, and 5 % drop-outs.
+        evaluate: Evaluates at some noise.
+    """
+    usual = NoiseModel()
+    return {
+        level: evaluate(
+            NoiseModel(
+                position=usual.position * level,
+                angle_deg=usual.angle_deg * level,
+                rate=usual.rate,
+                jitter=usual.jitter * level,
+                clock=usual.clock * level,
+                dropout=min(usual.dropout * level, 0.9),
+            )
+        )
+        for level in levels
+    }

@@ -1,0 +1,224 @@
+"""What sensors make of a synthetic person: noise, drop-outs, and clocks that are not exact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
+
+from rcare_marl.agents.coaching.hands_source import HandsReading, HandsSource
+from rcare_marl.agents.coaching.joints_source import JointsSource
+from rcare_marl.agents.coaching.recogniser import PoseSource
+from rcare_marl.agents.coaching.upper_body import ARM, MOTIONS, SIDES, trunk_turn
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.pose import Pose
+
+from .performance import Performance
+from .synthetic_user import SyntheticUser
+
+Array = npt.NDArray[np.float64]
+
+DEVICES = ("head", "left_hand", "right_hand")
+CALIBRATION = 1.0  # how long the calibration pose is held [s]
+LOST_FRAMES = 3.0  # mean length of a drop-out; our own choice
+MOUNT, MOUNT_TURN = 0.01, 3.0  # how a device sits on head or hand [m], [deg]; our own choice
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """How good the sensors are.
+
+    Attributes:
+        position: Standard deviation of a position along each axis [m].
+        angle_deg: Of a rotation about each axis, or of a joint angle [deg].
+        rate: Frames a second.
+        jitter: Standard deviation of when a frame is taken [s].
+        clock: Standard deviation of what its clock says of it [s].
+        dropout: Share of the frames that a device misses.
+    """
+
+    position: float = 0.01
+    angle_deg: float = 2.0
+    rate: float = 30.0
+    jitter: float = 0.004
+    clock: float = 0.003
+    dropout: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value >= 0):
+                raise ConfigError(f"{name} of a noise model must not be negative, got {value}")
+        if not self.rate > 0 or self.dropout >= 1:
+            raise ConfigError("a noise model needs a positive rate and a drop-out below 1")
+
+    def times(self, end: float, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Return when frames are taken and what the clock says [s], up to `end`; both only grow."""
+        even = np.arange(int(end * self.rate)) / self.rate
+        taken = np.sort(np.clip(even + rng.normal(0, self.jitter, size=len(even)), 0.0, end))
+        told = taken + rng.normal(0, self.clock, size=len(even))
+        return taken, np.maximum.accumulate(told) + 1e-6 * np.arange(len(even))
+
+    def lost(self, count: int, devices: int, rng: np.random.Generator) -> npt.NDArray[np.bool_]:
+        """Return which frames each device misses, a few in a row, shape [count, devices]."""
+        out = np.zeros((count, devices), bool)
+        if self.dropout == 0:
+            return out
+        leave = 1 / LOST_FRAMES
+        enter = min(leave * self.dropout / (1 - self.dropout), 1.0)
+        is_lost = rng.random(devices) < self.dropout
+        for i, chance in enumerate(rng.random((count, devices))):
+            is_lost = np.where(is_lost, chance > leave, chance < enter)
+            out[i] = is_lost
+        return out
+
+
+class Sensor(Protocol):
+    """Watches performances."""
+
+    def source(self, user: SyntheticUser, rng: np.random.Generator) -> PoseSource:
+        """Return a source that is ready for a person, calibrated as a person would."""
+
+    def readings(
+        self, user: SyntheticUser, performance: Performance, rng: np.random.Generator
+    ) -> Iterator[tuple[float, float, Any]]:
+        """Yield of each frame when it was taken, what its clock says [s], and what was read."""
+
+
+class HandsSensor:
+    """A headset and two gloves or controllers."""
+
+    def __init__(self, noise: NoiseModel) -> None:
+        self._noise = noise
+        self._placing: dict[int, tuple[Array, Rotation, Array, Rotation]] = {}
+
+    def source(self, user: SyntheticUser, rng: np.random.Generator) -> HandsSource:
+        """Return a source that was told a stature to the centimetre, and saw a calibration pose."""
+        self._place(user, rng)
+        source = HandsSource(round(user.height + float(rng.normal(0, 0.01)), 2))
+        angles = np.zeros((int(CALIBRATION * self._noise.rate), len(MOTIONS)))
+        for i, side in enumerate(SIDES):
+            angles[:, ARM[side]] = user.rest[i]
+            if user.span_known:
+                spread = rng.uniform((80, -5, -10, 0, -20), (92, 8, 10, 8, 20))
+                angles[:, ARM[side]] = np.radians(spread)
+        angles[:, 3:6] = np.radians(rng.normal(0, 2, size=3))
+        source.calibrate([reading for reading in self._read(user, angles, rng)])
+        return source
+
+    def readings(
+        self, user: SyntheticUser, performance: Performance, rng: np.random.Generator
+    ) -> Iterator[tuple[float, float, HandsReading]]:
+        """Yield what headset and hands report."""
+        taken, told = self._noise.times(float(performance.times[-1]), rng)
+        angles = _sampled(performance, taken)
+        yield from zip(taken, told, self._read(user, angles, rng), strict=True)
+
+    def _place(self, user: SyntheticUser, rng: np.random.Generator) -> None:
+        """Put the person somewhere, and the devices on them not quite as they should be."""
+        seat = np.array((*rng.uniform(-1, 1, size=2), rng.uniform(0.4, 0.6)))
+        facing = Rotation.from_rotvec((0, 0, rng.uniform(-np.pi, np.pi)))
+        mounts = rng.normal(0, MOUNT, size=(3, 3))
+        turned = Rotation.from_rotvec(np.radians(rng.normal(0, MOUNT_TURN, size=(3, 3))))
+        self._placing[id(user)] = (seat, facing, mounts, turned)
+
+    def _read(
+        self, user: SyntheticUser, angles: Array, rng: np.random.Generator
+    ) -> Iterator[HandsReading]:
+        noise, count = self._noise, len(angles)
+        seat, facing, mounts, turned = self._placing[id(user)]
+        held = bent_poses(user, angles)
+        lost = noise.lost(count, 3, rng)
+        poses: list[list[Pose | None]] = []
+        for i, device in enumerate(DEVICES):
+            position, turn = held[device]
+            position = position + turn.apply(mounts[i])
+            position = (
+                facing.apply(position) + seat + rng.normal(0, noise.position, size=(count, 3))
+            )
+            shake = Rotation.from_rotvec(
+                np.radians(rng.normal(0, noise.angle_deg, size=(count, 3)))
+            )
+            quaternions = (facing * turn * turned[i] * shake).as_quat()
+            poses.append(
+                [
+                    None if gone else Pose(tuple(p), tuple(q))
+                    for p, q, gone in zip(
+                        position.tolist(), quaternions.tolist(), lost[:, i], strict=True
+                    )
+                ]
+            )
+        for head, left, right in zip(*poses, strict=True):
+            yield HandsReading(head, left, right)
+
+
+def bent_poses(user: SyntheticUser, angles: Array) -> dict[str, tuple[Array, Rotation]]:
+    """Return positions [n, 3] and rotations of head and hands of a body that has wrists and shoulder blades.
+
+    Args:
+        user: Whose body.
+        angles: [rad], shape [n, 16].
+    """
+    poses, points = user.body.poses(angles), user.body.points(angles)
+    up = trunk_turn(angles[:, 0], angles[:, 1], angles[:, 2])[..., 2]
+    out = {"head": (poses["head"][0], Rotation.from_quat(poses["head"][1]))}
+    for i, side in enumerate(SIDES):
+        palm, thumb = user.wrist[i]
+        sign = 1.0 if side == "left" else -1.0
+        bend = Rotation.from_euler("yz", (palm, -sign * thumb))
+        turn = Rotation.from_quat(poses[f"{side}_hand"][1]) * bend
+        # The shoulder rises as the arm goes from horizontal to upright.
+        rise = np.clip(angles[:, ARM[side].start] / np.pi, 0.0, 1.0) * user.lift
+        wrist = points[f"{side}_wrist"] + rise[:, None] * up
+        out[f"{side}_hand"] = (wrist + user.body.palm * turn.apply((1.0, 0.0, 0.0)), turn)
+    return out
+
+
+class JointsSensor:
+    """Joint angles, as a simulator or a suit of markers gives them."""
+
+    def __init__(self, noise: NoiseModel) -> None:
+        self._noise = noise
+
+    def source(self, user: SyntheticUser, rng: np.random.Generator) -> JointsSource:
+        """Return a source of angles."""
+        return JointsSource()
+
+    def readings(
+        self, user: SyntheticUser, performance: Performance, rng: np.random.Generator
+    ) -> Iterator[tuple[float, float, Array]]:
+        """Yield angles [16] with noise; trunk and head, left arm and right arm drop out each by itself."""
+        noise = self._noise
+        taken, told = noise.times(float(performance.times[-1]), rng)
+        angles = _sampled(performance, taken)
+        angles += np.radians(rng.normal(0, noise.angle_deg, size=angles.shape))
+        lost = noise.lost(len(taken), 3, rng)
+        for i, columns in enumerate((slice(0, 6), ARM["left"], ARM["right"])):
+            angles[lost[:, i], columns] = np.nan
+        yield from zip(taken, told, angles, strict=True)
+
+
+def _sampled(performance: Performance, taken: Array) -> Array:
+    """Return the angles of a performance when frames were taken [rad], shape [n, 16]."""
+    columns = [np.interp(taken, performance.times, column) for column in performance.angles.T]
+    return np.column_stack(columns)
+
+
+SENSORS: Mapping[str, Callable[[NoiseModel], Sensor]] = {
+    "hands": HandsSensor,
+    "joints": JointsSensor,
+}
+
+
+def make_sensor(source: str, noise: NoiseModel) -> Sensor:
+    """Return the sensors of a source of poses.
+
+    Raises:
+        UnknownNameError: If there is no such source.
+    """
+    if source not in SENSORS:
+        raise UnknownNameError("source of poses", source, SENSORS)
+    return SENSORS[source](noise)

@@ -1,0 +1,111 @@
+"""Synthetic people who exercise: bodies of their own, and ways of their own to move.
+
+Nobody here knows what a recogniser demands. All ranges are our own choice, of what a therapist would call
+right: at least 87 % of the range shown, at 0.6 to 1.6 of its duration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.agents.coaching.upper_body import SIDES, UpperBody
+
+Array = npt.NDArray[np.float64]
+
+RANGE = (0.87, 1.10)  # share of the range shown that is right
+PACE = (0.62, 1.58)  # duration against the one shown that is right
+SPLITS = ("development", "test")  # thresholds and weights are chosen on the first alone
+# Rest of the arms [deg]: elevation, plane, rotation, elbow flexion, pronation.
+RESTS = {
+    "hanging": (8.0, 40.0, 0.0, 12.0, 10.0),
+    "lap": (24.0, 65.0, 25.0, 62.0, 60.0),
+    "armrest": (22.0, 40.0, 0.0, 75.0, 70.0),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SyntheticUser:
+    """Somebody who exercises.
+
+    Attributes:
+        height: Stature [m].
+        body: Their body.
+        handed: Side of the hand they use most.
+        span_known: Whether they can spread their arms to be measured.
+        pace: Duration of their movements against those shown.
+        range: Share of the range shown that they use.
+        weaker: How much less of it the other arm does.
+        lag: How much later the other arm is [s].
+        hold: How long they hold against what was shown.
+        plane: How far out of the plane shown each arm is [rad], shape [2], + to the front.
+        elbow: How much more than shown each elbow is bent [rad], shape [2].
+        wrist: How each hand is bent at the wrist [rad], shape [2, 2]: towards the palm, towards the thumb.
+        lift: How far the shoulders rise with the arms overhead [m].
+        rest: Angles of both arms at rest [rad], shape [2, 5].
+        tremor: Amplitude of the tremor of each arm and of the head [rad], shape [3].
+        tremor_rate: Its frequency [Hz].
+        sway: How far the trunk moves with the arms [rad], shape [3].
+        gaze: How far the head wanders [rad], shape [3].
+    """
+
+    height: float
+    body: UpperBody
+    handed: str
+    span_known: bool
+    pace: float
+    range: float
+    weaker: float
+    lag: float
+    hold: float
+    plane: Array
+    elbow: Array
+    wrist: Array
+    lift: float
+    rest: Array
+    tremor: Array
+    tremor_rate: float
+    sway: Array
+    gaze: Array
+
+
+def draw_user(rng: np.random.Generator) -> SyntheticUser:
+    """Return somebody drawn at random."""
+    height = float(rng.uniform(1.45, 1.95))
+    arm, trunk = np.clip(rng.normal(1.0, 0.03, size=2), 0.92, 1.08)
+    degree = np.pi / 180
+    style = RESTS[str(rng.choice(list(RESTS)))]
+    spread = (4.0, 10.0, 6.0, 8.0, 10.0)
+    trembles = (
+        rng.random() < 0.4
+    )  # 4 to 6 Hz as in Parkinson's disease; the amplitude is our own choice
+    amplitude = rng.uniform(0.5, 2.0) if trembles else rng.uniform(0.0, 0.3)
+    return SyntheticUser(
+        height=height,
+        body=UpperBody.of_height(height, arm_share=float(arm), trunk_share=float(trunk)),
+        handed=SIDES[int(rng.random() < 0.9)],
+        span_known=bool(rng.random() < 0.75),
+        pace=float(rng.uniform(0.7, 1.45)),
+        range=float(rng.uniform(0.92, 1.05)),
+        weaker=float(rng.uniform(0.0, 0.05)),
+        lag=float(rng.uniform(0.0, 0.15)),
+        hold=float(rng.uniform(0.4, 1.6)),
+        plane=rng.uniform(-8, 8, size=2) * degree,
+        elbow=rng.uniform(0, 15, size=2) * degree,
+        wrist=rng.uniform((-15, -8), (15, 8), size=(2, 2)) * degree,
+        lift=float(rng.uniform(0.0, 0.04)),
+        rest=np.clip(rng.normal(style, spread, size=(2, 5)), -20, 95) * degree,
+        tremor=amplitude * degree * rng.uniform((0.5, 0.5, 0.1), (1.0, 1.0, 0.4)),
+        tremor_rate=float(rng.uniform(4.0, 6.0)),
+        sway=rng.uniform(0.0, 4.0, size=3) * degree,
+        gaze=rng.uniform(1.0, 6.0, size=3) * degree,
+    )
+
+
+def draw_users(count: int, *, seed: int, split: str = "test") -> tuple[SyntheticUser, ...]:
+    """Return people drawn at random; the same seed gives other people in another split."""
+    return tuple(
+        draw_user(np.random.default_rng((SPLITS.index(split), seed, i, 0))) for i in range(count)
+    )

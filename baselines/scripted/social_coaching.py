@@ -1,0 +1,45 @@
+"""The robot that coaches by its behaviour tree; see docs/coaching.md."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.agents.coaching.tree import CoachTree
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.coaching.action import encode
+from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.tasks.social_coaching import SocialCoaching
+from rcare_marl.errors import ConfigError
+
+Array = npt.NDArray[np.float64]
+
+
+class ScriptedCoaching:
+    """Ticks the coach's tree once a control step, and gives what it orders as an action.
+
+    Attributes:
+        tree: The tree; its `session` takes requests such as `must_pause`.
+    """
+
+    def __init__(self, env: CareEnv, role: str) -> None:
+        """Take the environment and the robot's role.
+
+        Raises:
+            ConfigError: If the task is not social coaching, or the robot is not the one that coaches.
+        """
+        task = env.task
+        if not isinstance(task, SocialCoaching):
+            raise ConfigError(f"the scripted coach cannot play {type(task).__name__}")
+        if env.cast[role] is not task.robot:
+            raise ConfigError(f"{role!r} only watches: the scripted coach plays the first robot")
+        self.tree = CoachTree(task.session)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self.tree.reset()
+
+    def act(self) -> Array:
+        return encode(self.tree.tick())
+
+
+register_policy("social_coaching", "robot", "scripted")(ScriptedCoaching)

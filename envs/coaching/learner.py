@@ -1,0 +1,175 @@
+"""A person who learns exercises from a coach: watches, imitates after a while, errs, tires and drifts off.
+
+Everything that makes a learner a particular one comes from the generator of the episode. All figures are
+our own choice; none is measured on people.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from typing import Literal, Protocol
+
+import numpy as np
+
+from rcare_marl.agents.actuation.skeletal import MAX_SPEED, SkeletalDrive
+from rcare_marl.agents.coaching.imitation import SHOULDER, Imitation
+from rcare_marl.agents.coaching.session import Demonstration, Session, Word
+from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, SIDES
+from rcare_marl.agents.human import Human
+from rcare_marl.pose import Array
+
+Mistake = Literal["none", "half", "one arm", "other plane"]
+
+DELAY = (0.3, 0.8)  # [s] between what is shown and what is done
+SIZE = (0.92, 1.05)  # share of the way that a learner goes
+SLIPS = 0.3  # chance to misunderstand an exercise at first
+DRIFTS_AFTER = (40.0, 120.0)  # [s] of attention, on average
+RETURNS_AFTER = 15.0  # [s] until a learner who is not called comes back, on average
+HALF, ANOTHER_PLANE = 0.5, math.radians(55.0)
+BEGINS = math.radians(3.0)  # from rest, up to which a demonstration counts as just begun
+LOOKS_AWAY = math.radians(25.0)
+# Chance that a word sets a misunderstanding right, and that it brings attention back.
+MENDS: Mapping[Word, float] = {
+    "nothing": 0.0, "explain": 0.3, "encourage": 0.15, "praise": 0.0, "hint": 0.7
+}  # fmt: skip
+CALLS: Mapping[Word, float] = {
+    "nothing": 0.0, "explain": 0.9, "encourage": 0.9, "praise": 0.6, "hint": 0.9
+}  # fmt: skip
+SEEN_AGAIN = 0.2  # chance that one more demonstration does it
+WEARY_FROM, WEARY_SIZE = (
+    0.5,
+    0.7,
+)  # fatigue from which movements shrink, and to what share at the worst
+
+
+class Lesson(Protocol):
+    """What a learner sees and hears of a lesson.
+
+    Attributes:
+        session: Which exercise is on, and the clock.
+        demonstration: What the coach shows and says.
+    """
+
+    session: Session
+    demonstration: Demonstration
+
+
+class Learner:
+    """A policy that imitates a coach.
+
+    Attributes:
+        mistake: How the present exercise is misunderstood.
+        is_attentive: Whether the coach is being watched.
+        waits: Whether the learner waits for the next demonstration to begin, to join in there.
+    """
+
+    def __init__(self, person: Human, lesson: Lesson, control_dt: float) -> None:
+        """Prepare the policy.
+
+        Args:
+            person: Who learns.
+            lesson: What they see and hear.
+            control_dt: Length of a control step [s].
+        """
+        self._person, self._lesson, self._control_dt = person, lesson, control_dt
+        limits = dict(zip(person.movable, map(tuple, person.active.tolist()), strict=True))
+        self._imitation = Imitation(limits)
+        self._index = {dof: i for i, dof in enumerate(person.movable)}
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._delay = float(rng.uniform(*DELAY))
+        self._size = float(rng.uniform(*SIZE))
+        self._drifts_after = float(rng.uniform(*DRIFTS_AFTER))
+        self._away = LOOKS_AWAY * (1.0 if rng.random() < 0.5 else -1.0)
+        self.is_attentive, self.waits = True, True
+        self.mistake: Mistake = "none"
+        self._exercise, self._seen_count, self._was_speaking = -1, 0, False
+        self._memory: deque[tuple[float, Array]] = deque()
+        self._imitation.reset()
+
+    def act(self) -> Array:
+        session, shown = self._lesson.session, self._lesson.demonstration
+        self._begin_exercise(session)
+        self._listen(shown)
+        self._drift()
+        self._memory.append((session.time, shown.angles))
+        while len(self._memory) > 1 and self._memory[1][0] <= session.time - self._delay:
+            self._memory.popleft()
+        rest = session.exercise.angles(0.0)
+        shown_then = self._memory[0][1]
+        at_rest = float(np.abs(shown_then - rest).max()) < BEGINS
+        self.waits = not self.is_attentive or (self.waits and not at_rest)
+        wished = rest.copy() if self.waits else self._understood(shown_then, rest)
+        if not self.is_attentive and "head" not in session.exercise.parts:
+            wished[MOTION_INDEX["neck_rotation_left"]] += self._away
+        dofs = self._imitation(wished)
+        self._keep_together(dofs)
+        return self._person.action_towards(dofs, self._control_dt)
+
+    def _begin_exercise(self, session: Session) -> None:
+        if session.index == self._exercise:
+            return
+        self._exercise, self._seen_count, self.waits = session.index, 0, True
+        self.mistake = "none"
+        if self._rng.random() < SLIPS:
+            arms = [part for part in session.exercise.parts if part.endswith("arm")]
+            kinds: list[Mistake] = ["half"]
+            kinds += ["one arm"] if len(arms) == 2 else []
+            kinds += ["other plane"] if arms else []
+            self.mistake = kinds[int(self._rng.integers(len(kinds)))]
+
+    def _listen(self, shown: Demonstration) -> None:
+        """Hear a word when it begins, and see one more demonstration when it ends."""
+        begins = shown.is_speaking and not self._was_speaking
+        self._was_speaking = shown.is_speaking
+        if begins:
+            if self._rng.random() < MENDS[shown.word]:
+                self.mistake = "none"
+            if self._rng.random() < CALLS[shown.word]:
+                self.is_attentive = True
+        if shown.count > self._seen_count:
+            self._seen_count = shown.count
+            if self.is_attentive and self._rng.random() < SEEN_AGAIN:
+                self.mistake = "none"
+
+    def _drift(self) -> None:
+        after = self._drifts_after if self.is_attentive else RETURNS_AFTER
+        if self._rng.random() < self._control_dt / after:
+            self.is_attentive = not self.is_attentive
+
+    def _understood(self, shown: Array, rest: Array) -> Array:
+        """Return what the learner means to do when that is shown [rad], shape [16]."""
+        weary = (self._lesson.session.fatigue - WEARY_FROM) / (1.0 - WEARY_FROM)
+        size = self._size * (1.0 - (1.0 - WEARY_SIZE) * min(max(weary, 0.0), 1.0))
+        if self.mistake == "half":
+            size *= HALF
+        meant: Array = rest + size * (shown - rest)
+        if self.mistake == "one arm":
+            meant[ARM["left"]] = rest[ARM["left"]]
+        elif self.mistake == "other plane":
+            for side in SIDES:
+                plane = ARM[side].start + 1
+                turn = -ANOTHER_PLANE if rest[plane] + shown[plane] > math.pi / 2 else ANOTHER_PLANE
+                meant[plane] += turn
+        return meant
+
+    def _keep_together(self, dofs: dict[str, float]) -> None:
+        """Let abduction and flexion of a shoulder arrive together, or the arm would swing about."""
+        drive = self._person.drive
+        if not isinstance(drive, SkeletalDrive):
+            return
+        most = MAX_SPEED * self._control_dt
+        for side in SIDES:
+            pair = [f"{side}_{name}" for name in SHOULDER[:2]]
+            if pair[0] not in dofs:
+                continue
+            ways = {dof: dofs[dof] - float(drive.target[self._index[dof]]) for dof in pair}
+            share = min(1.0, most / max(*map(abs, ways.values()), 1e-9))
+            for dof, way in ways.items():
+                dofs[dof] -= (1.0 - share) * way
+
+
+__all__ = ["Learner", "Lesson"]

@@ -1,0 +1,302 @@
+// The page: form, session, end; keyboard, speech, screen readers; one websocket to this computer.
+
+import { FlatView } from '/web/canvas.js';
+import { Headset, isSupported } from '/web/headset.js';
+
+const $ = (id) => document.getElementById(id);
+const MISTAKES = {
+  none: 'does all right', half_range: 'goes half the way', one_side: 'moves one side only',
+  wrong_plane: 'moves in another direction', trunk_lean: 'leans with the trunk', still: 'keeps still',
+};
+const KEYS = { ' ': 'pause', s: 'skip', r: 'rest', c: 'recentre', Escape: 'stop' };
+const PHASES = { settling: 'Sit upright and look ahead', paused: 'Paused', resting: 'Rest' };
+
+let socket;
+let view;
+let headset;
+let state = { phase: 'waiting' };
+let isOn = false; // a session has been asked for and is not over
+let heard = { count: 0, number: 0, told: '' };
+
+function send(message) {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+function set(id, text) {
+  const element = $(id);
+  if (element.textContent !== text) element.textContent = text;
+}
+
+function alarm(text) {
+  set('trouble', text);
+  $('trouble').hidden = !text;
+}
+
+function show(part) {
+  for (const id of ['setup', 'session', 'over']) $(id).hidden = id !== part;
+}
+
+// The server.
+
+function connect() {
+  socket = new WebSocket(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/session`);
+  socket.addEventListener('open', () => alarm(''));
+  socket.addEventListener('message', ({ data }) => take(JSON.parse(data)));
+  socket.addEventListener('close', () => {
+    alarm('The coach cannot be reached. Is it still running? I keep trying.');
+    if (isOn) finish();
+    setTimeout(connect, 2000);
+  });
+}
+
+function take(message) {
+  if (message.type === 'refused') {
+    if (state.phase === 'waiting' || state.phase === 'over') alarm(`The coach says: ${message.why}`);
+    console.warn('refused:', message.why);
+    return;
+  }
+  state = message;
+  if (isOn && state.phase !== 'waiting') tell();
+  keepRecord();
+}
+
+// What a session shows.
+
+function verdict() {
+  if (state.phase in PHASES) return PHASES[state.phase];
+  if (state.following) return 'That is it – go on';
+  if (!state.seen) return 'I cannot see you';
+  return state.phase === 'explaining' ? 'Listen to the coach' : 'Watch me and do it with me';
+}
+
+function tell() {
+  const { last } = state;
+  if (state.over) {
+    end();
+    return;
+  }
+  const words = verdict();
+  $('window').dataset.state = state.following ? 'green' : 'neutral';
+  set('sign', state.following ? '✓' : '○');
+  set('verdict-words', words);
+  set('number', `Exercise ${state.exercise.number} of ${state.exercise.of}`);
+  set('title', state.exercise.title);
+  set('right', String(state.right));
+  set('wanted', String(state.wanted));
+  const score = $('score');
+  if (last) set('score', String(last.score));
+  else if (score.firstElementChild === null) score.innerHTML = '<small>none yet</small>';
+  $('progress').value = state.progress;
+  set('hint', state.hint);
+  if (state.count !== heard.count) {
+    heard.count = state.count;
+    set('said', state.said);
+    if ($('speech').checked && 'speechSynthesis' in window) {
+      const speech = new SpeechSynthesisUtterance(state.said);
+      speech.lang = 'en';
+      window.speechSynthesis.speak(speech);
+    }
+  }
+  if (last && last.number !== heard.number) {
+    heard.number = last.number;
+    set('told', last.right ? `${state.right} of ${state.wanted} right, score ${last.score}` : `Not right: ${last.why}`);
+  }
+  const paused = state.phase === 'paused';
+  set('pause-word', paused ? 'Go on' : 'Pause');
+  set('rest-word', state.phase === 'resting' ? 'Go on' : 'Rest');
+  view?.show(state, {
+    green: state.following, verdict: `${state.following ? '✓ ' : '○ '}${words}`,
+    title: `${state.exercise.number}/${state.exercise.of}  ${state.exercise.title}`,
+    count: `${state.right} of ${state.wanted}`, score: last ? `score ${last.score}` : '', hint: state.hint,
+  });
+}
+
+function keepRecord() {
+  const { recording } = state;
+  $('recording-now').hidden = !(recording?.consent && isOn);
+  $('kept').hidden = !recording?.report;
+  if (recording?.report) set('report', recording.report);
+}
+
+function wish(name) {
+  if (name === 'pause' && state.phase === 'paused') name = 'resume';
+  if (name === 'rest' && state.phase === 'resting') name = 'resume';
+  if (name === 'recentre') headset?.recentre();
+  if (name === 'stop' || name === 'pause') window.speechSynthesis?.cancel();
+  send({ type: 'command', wish: name });
+}
+
+// Begin and end.
+
+async function begin(event) {
+  event.preventDefault();
+  alarm('');
+  const source = document.querySelector('input[name="source"]:checked').value;
+  const exercises = [...document.querySelectorAll('#exercises input:checked')].map((box) => box.value);
+  if (!exercises.length) {
+    alarm('Please choose at least one exercise.');
+    return;
+  }
+  if (source === 'hands') {
+    if (view?.kind !== 'solid') {
+      alarm('A headset needs WebGL, which this browser does not offer.');
+      return;
+    }
+    headset = new Headset(view, send, () => {
+      headset = undefined;
+      if (isOn) wish('stop');
+    });
+    try {
+      await headset.enter();
+    } catch (error) {
+      headset = undefined;
+      alarm(`The headset cannot be entered: ${error.message}`);
+      return;
+    }
+  }
+  heard = { count: 0, number: 0, told: '' };
+  for (const id of ['said', 'told', 'hint', 'deleted']) set(id, '');
+  if (state.recording) send({ type: 'consent', given: $('consent').checked });
+  send({
+    type: 'begin', source, exercises, height_m: $('height').valueAsNumber / 100,
+    repetitions: $('repetitions').valueAsNumber, tempo: Number($('tempo').value),
+    lift_left_deg: $('lift-left').valueAsNumber, lift_right_deg: $('lift-right').valueAsNumber,
+    turn_deg: $('turn').valueAsNumber, mistake: $('mistake').value,
+  });
+  $('live-mistake').hidden = source !== 'simulated';
+  $('mistake-now').value = $('mistake').value;
+  state = { ...state, phase: 'waiting' };
+  isOn = true;
+  show('session');
+  $('session').focus();
+}
+
+function finish() {
+  isOn = false;
+  headset?.leave();
+}
+
+function end() {
+  finish();
+  const { complete, exercises } = state.over;
+  set('over-title', complete ? '✓ Well done, that was everything.' : 'The session is over.');
+  $('summary').replaceChildren(...exercises.map(({ title, right, wanted, wrong }) => {
+    const row = document.createElement('tr');
+    const head = document.createElement('th');
+    head.scope = 'row';
+    head.textContent = title;
+    row.append(head, ...[`${right} of ${wanted}`, String(wrong)].map((text) => {
+      const cell = document.createElement('td');
+      cell.textContent = text;
+      return cell;
+    }));
+    return row;
+  }));
+  show('over');
+  $('over').focus();
+}
+
+function withdraw() {
+  send({ type: 'consent', given: false });
+  $('consent').checked = false;
+  set('deleted', 'The recording has been deleted.');
+  set('told', 'The recording has been deleted.');
+}
+
+// Preparation.
+
+function dress(contrast) {
+  document.documentElement.dataset.contrast = contrast;
+  $('contrast').setAttribute('aria-pressed', String(contrast === 'high'));
+  view?.dress?.();
+}
+
+function choices(select, names) {
+  select.replaceChildren(...names.map((name) => new Option(MISTAKES[name] ?? name, name)));
+}
+
+async function offer() {
+  const setting = await (await fetch('/setting')).json();
+  $('exercises').replaceChildren(...setting.exercises.map(({ name, title, about }) => {
+    const label = document.createElement('label');
+    const box = Object.assign(document.createElement('input'), { type: 'checkbox', value: name, checked: true });
+    const words = document.createElement('span');
+    const more = document.createElement('small');
+    more.textContent = about;
+    words.append(title, more);
+    label.append(box, words);
+    return label;
+  }));
+  for (const id of ['mistake', 'mistake-now']) choices($(id), setting.mistakes);
+  if (setting.webcam) {
+    $('source-webcam').disabled = false;
+    set('webcam-note', 'pictures are looked at on this computer and not kept');
+  }
+  if (setting.record) {
+    $('recording-off').hidden = true;
+    $('recording-on').hidden = false;
+    document.querySelectorAll('.folder').forEach((element) => { element.textContent = setting.record; });
+  }
+}
+
+async function lookForHeadset() {
+  const found = await isSupported();
+  $('source-hands').disabled = !found;
+  set('headset-note', found ? 'Begin enters VR; hands or controllers' : 'none found: open this page in the headset, or plug it in');
+}
+
+async function makeView() {
+  try {
+    const { SolidView } = await import('/web/scene.js');
+    view = new SolidView($('scene'));
+    view.renderer.setAnimationLoop((time, frame) => {
+      if (frame && headset) headset.stream(time, frame);
+      if (!$('session').hidden) view.draw();
+    });
+  } catch (error) {
+    console.warn(`no WebGL, so lines: ${error.message}`);
+    const plain = $('scene').cloneNode(); // a canvas keeps the kind of drawing that was tried on it
+    $('scene').replaceWith(plain);
+    view = new FlatView(plain);
+    const loop = () => {
+      if (!$('session').hidden) view.draw();
+      requestAnimationFrame(loop);
+    };
+    requestAnimationFrame(loop);
+  }
+}
+
+document.addEventListener('keydown', (event) => {
+  if ($('session').hidden || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  const wanted = KEYS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+  if (!wanted) return;
+  const at = event.target.closest('button, select, input, summary, a');
+  if (at && (event.key === ' ' || at.tagName === 'SELECT')) return; // these have keys of their own
+  event.preventDefault();
+  wish(wanted);
+});
+document.querySelectorAll('[data-wish]').forEach((button) => {
+  button.addEventListener('click', () => wish(button.dataset.wish));
+});
+$('setup').addEventListener('submit', begin);
+$('setup').addEventListener('change', () => {
+  $('mistake-field').hidden = !$('source-simulated').checked;
+});
+$('mistake-now').addEventListener('change', (event) => send({ type: 'simulate', mistake: event.target.value }));
+$('withdraw').addEventListener('click', withdraw);
+$('delete').addEventListener('click', withdraw);
+$('again').addEventListener('click', () => {
+  show('setup');
+  $('main').focus();
+  window.scrollTo(0, 0);
+});
+$('contrast').addEventListener('click', () => {
+  dress($('contrast').getAttribute('aria-pressed') === 'true' ? 'usual' : 'high');
+});
+
+await offer();
+await makeView();
+dress(matchMedia('(prefers-contrast: more)').matches ? 'high' : 'usual');
+await lookForHeadset();
+navigator.xr?.addEventListener?.('devicechange', lookForHeadset);
+connect();

@@ -1,0 +1,148 @@
+"""Body landmarks become the angles of an upper body; the detector says what it needs."""
+
+from __future__ import annotations
+
+import builtins
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from rcare_marl.agents.coaching.exercise import exercise_names, load_exercise
+from rcare_marl.agents.coaching.landmark_source import LandmarkReading, LandmarkSource
+from rcare_marl.agents.coaching.pose_detector import PoseDetector
+from rcare_marl.agents.coaching.recogniser import Frame
+from rcare_marl.agents.coaching.upper_body import (
+    ARM,
+    MOTION_INDEX,
+    MOTIONS,
+    SIDES,
+    UpperBody,
+    directions,
+)
+from rcare_marl.errors import ConfigError, MissingPackageError
+from rcare_marl.pose import matrix_from_quaternion
+
+Array = npt.NDArray[np.float64]
+BODY = UpperBody.of_height(1.7)
+
+
+def landmarks(angles: Array, *, facing: float = 0.0, tilt: float = 0.0) -> LandmarkReading:
+    """Return what a camera with a tilt [rad] before somebody would give, who looks past it by `facing`."""
+    points, poses = BODY.points(angles), BODY.poses(angles)
+    out = np.zeros((33, 3))
+    eyes, turn = points["eyes"], matrix_from_quaternion(poses["head"][1])
+    out[:11] = eyes
+    out[0] = eyes + turn @ (0.02, 0.0, -0.04)
+    for i, side in enumerate(SIDES):
+        sign = 1 - 2 * i
+        hand = matrix_from_quaternion(poses[f"{side}_hand"][1])
+        out[7 + i] = eyes + turn @ (-0.09, sign * 0.07, -0.02)
+        out[11 + i], out[13 + i] = points[f"{side}_shoulder"], points[f"{side}_elbow"]
+        out[15 + i] = points[f"{side}_wrist"]
+        out[17 + i] = out[15 + i] + hand @ (0.08, sign * 0.04, 0.0)
+        out[19 + i] = out[15 + i] + hand @ (0.09, -sign * 0.03, 0.0)
+        out[23 + i] = (0.0, sign * 0.09, 0.0)
+    cosine, sine = math.cos(facing), math.sin(facing)
+    out = out @ np.array(((cosine, -sine, 0), (sine, cosine, 0), (0, 0, 1))).T
+    # x right in the picture is the person's left, y down, z away from the camera.
+    seen = out @ np.array(((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0))).T
+    lean = np.array(
+        ((1, 0, 0), (0, math.cos(tilt), math.sin(tilt)), (0, -math.sin(tilt), math.cos(tilt)))
+    )
+    return LandmarkReading(seen @ lean.T, np.ones(33))
+
+
+def settled(**where: float) -> LandmarkSource:
+    source = LandmarkSource(tilt=where.get("tilt", 0.0))
+    for k in range(16):
+        frame = source.update(landmarks(np.zeros(16), **where), k / 15)
+    assert frame is not None  # the second is over
+    return source
+
+
+def held(source: LandmarkSource, reading: LandmarkReading) -> Frame:
+    """Return the last frame of a second of holding still: what smoothing lags behind is over."""
+    for k in range(30):
+        frame = source.update(reading, 2.0 + k / 15)
+    assert frame is not None
+    return frame
+
+
+@pytest.mark.parametrize("name", exercise_names())
+def test_landmarks_of_every_key_pose_give_its_angles(name: str) -> None:
+    for key in load_exercise(name).keys[1:-1]:
+        frame = held(settled(), landmarks(key))
+        found, wanted = directions(frame.angles), directions(key)
+        for part, direction in wanted.items():
+            assert np.allclose(found[part], direction, atol=0.01), part
+        for side in SIDES:
+            elbow = MOTION_INDEX[f"{side}_elbow_flexion"]
+            assert frame.angles[elbow] == pytest.approx(key[elbow], abs=0.01)
+
+
+def test_bent_arms_show_rotation_and_pronation() -> None:
+    angles = np.zeros(16)
+    for side in SIDES:
+        angles[ARM[side]] = np.radians((40, 30, 25, 80, 35))
+    angles[3:6] = np.radians((10, -8, 30))
+    angles[:3] = np.radians((12, 7, -15))
+    frame = held(settled(), landmarks(angles))
+    assert np.degrees(frame.angles) == pytest.approx(np.degrees(angles), abs=0.5)
+
+
+def test_neither_where_somebody_faces_nor_a_known_tilt_of_the_camera_matters() -> None:
+    key = load_exercise("chest_expansion").keys[1]
+    straight = held(settled(), landmarks(key)).angles
+    where = {"facing": 0.4, "tilt": -0.2}
+    assert held(settled(**where), landmarks(key, **where)).angles == pytest.approx(
+        straight, abs=1e-6
+    )
+
+
+def test_what_is_not_seen_is_not_known() -> None:
+    source, reading = settled(), landmarks(load_exercise("lateral_raise").keys[1])
+    hidden = reading.visibility.copy()
+    hidden[[15, 23]] = 0.1  # left wrist, left hip
+    angles = held(source, LandmarkReading(reading.points, hidden)).angles
+    unknown = {motion for motion, angle in zip(MOTIONS, angles, strict=True) if np.isnan(angle)}
+    assert unknown == {
+        "trunk_flexion", "trunk_lateral_flexion_left", "left_shoulder_rotation",
+        "left_elbow_flexion", "left_forearm_pronation",
+    }  # fmt: skip
+
+
+def test_nothing_is_told_before_somebody_sat_still_or_when_nobody_is_there() -> None:
+    source = LandmarkSource()
+    assert source.update(landmarks(np.zeros(16)), 0.0) is None
+    assert source.update(landmarks(np.zeros(16)), 0.5) is None
+    assert settled().update(None, 3.0) is None
+
+
+def test_landmarks_of_another_shape_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"\[33, 3\]"):
+        LandmarkReading(np.zeros((17, 3)), np.zeros(17))
+    with pytest.raises(ConfigError, match="tilt"):
+        LandmarkSource(tilt=1.5)
+
+
+def test_a_missing_model_and_a_missing_mediapipe_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ConfigError, match="pose_landmarker_full.task"):
+        PoseDetector(tmp_path / "none.task")
+    model = tmp_path / "model.task"
+    model.write_bytes(b"")
+    importing = builtins.__import__
+
+    def without_mediapipe(name: str, *rest: Any, **options: Any) -> Any:
+        if name.startswith("mediapipe"):
+            raise ImportError(name)
+        return importing(name, *rest, **options)
+
+    monkeypatch.setattr(builtins, "__import__", without_mediapipe)
+    with pytest.raises(MissingPackageError, match="pip install --no-deps mediapipe"):
+        PoseDetector(model)

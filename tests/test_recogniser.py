@@ -1,0 +1,379 @@
+"""Promises of recognition: what is right is known for right, what is wrong is named, all on line."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS
+from rcare_marl.agents.coaching.exercise import Exercise, Reach, exercise_names, load_exercise
+from rcare_marl.agents.coaching.feature import COLUMN, features
+from rcare_marl.agents.coaching.hands_source import HandsReading, HandsSource
+from rcare_marl.agents.coaching.joints_source import JointsSource
+from rcare_marl.agents.coaching.one_euro import OneEuro
+from rcare_marl.agents.coaching.recogniser import ERRORS, Frame, Judgement, Repetition
+from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, UpperBody, directions
+from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.pose import Pose
+
+RATE = 30.0
+
+
+def watch(
+    exercise: Exercise,
+    path: np.ndarray,
+    *,
+    recogniser: RuleRecogniser | None = None,
+    before: float = 1.0,
+    after: float = 1.0,
+    start: float = 0.0,
+) -> list[tuple[float, Judgement]]:
+    """Return the judgements on a path [frames, 16] with rest before and after, with their times."""
+    if recogniser is None:
+        recogniser = RuleRecogniser()
+        recogniser.begin(exercise)
+    still = (np.repeat(path[:1], int(before * RATE), 0), np.repeat(path[-1:], int(after * RATE), 0))
+    rows = np.concatenate((still[0], path, still[1]))
+    times = start + np.arange(len(rows)) / RATE
+    return [(t, recogniser.update(Frame(t, row))) for t, row in zip(times, rows, strict=True)]
+
+
+def verdicts(judgements: list[tuple[float, Judgement]]) -> list[Repetition]:
+    return [judgement.finished for _, judgement in judgements if judgement.finished is not None]
+
+
+def changed(exercise: Exercise, **degrees: float) -> np.ndarray:
+    """Return the path of an exercise with angles added as far as it has gone."""
+    path = exercise.path()
+    gone = np.abs(path - path[0]).sum(axis=1)
+    for motion, value in degrees.items():
+        path[:, MOTION_INDEX[motion]] += math.radians(value) * gone / gone.max()
+    return path
+
+
+@pytest.mark.parametrize("name", exercise_names())
+def test_what_was_shown_is_right_and_decided_within_half_a_second(name: str) -> None:
+    exercise = load_exercise(name)
+    judgements = watch(exercise, exercise.path())
+    (repetition,) = verdicts(judgements)
+    assert repetition.right and repetition.errors == () and repetition.score > 0.9
+    decided = next(t for t, judgement in judgements if judgement.finished)
+    assert abs(decided - (1.0 + exercise.duration)) < 0.5
+    green = [
+        judgement.following for t, judgement in judgements if 2.0 < t < 1.0 + exercise.duration
+    ]
+    assert np.mean(green) > 0.9
+    assert not any(judgement.following for t, judgement in judgements if t < 1.0)
+
+
+@pytest.mark.parametrize("asked", exercise_names())
+@pytest.mark.parametrize("done", exercise_names())
+def test_another_exercise_is_never_right(asked: str, done: str) -> None:
+    if asked == done:
+        return
+    (repetition,) = verdicts(watch(load_exercise(asked), load_exercise(done).path()))
+    assert not repetition.right
+    # The front raise is the first part of two others.
+    part = {"range", "part_missing"} if done == "front_raise" else set()
+    assert set(repetition.errors) & ({"other_exercise"} | part)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "error"),
+    [
+        ("lateral_raise", {"left_shoulder_plane": 42, "right_shoulder_plane": 42}, "direction"),
+        (
+            "lateral_raise",
+            {"left_shoulder_elevation": -40, "right_shoulder_elevation": -40},
+            "range",
+        ),
+        ("front_raise", {"left_shoulder_elevation": -38}, "asymmetric"),
+        ("upper_lift", {"trunk_lateral_flexion_left": 25}, "trunk_lean"),
+        ("chest_expansion", {"trunk_flexion": 25}, "trunk_lean"),
+        ("front_raise", {"trunk_rotation_left": 35}, "trunk_turn"),
+        ("lateral_raise", {"left_elbow_flexion": 90, "right_elbow_flexion": 90}, "bent_elbows"),
+        ("lateral_raise", {"neck_flexion": 60}, "head_moved"),
+    ],
+)
+def test_a_mistake_is_named(name: str, change: dict[str, float], error: str) -> None:
+    exercise = load_exercise(name)
+    judgements = watch(exercise, changed(exercise, **change))
+    (repetition,) = verdicts(judgements)
+    assert not repetition.right and error in repetition.errors
+    assert judgements[-1][1].following is False
+    hint = next(judgement.hint for _, judgement in judgements if judgement.finished)
+    assert hint == ERRORS[repetition.errors[0]]
+
+
+def test_one_arm_alone_the_wrong_side_and_the_head_alone_are_told_apart() -> None:
+    exercise = load_exercise("front_raise")
+    left = exercise.one_sided("left")
+    assert verdicts(watch(exercise, left.path()))[0].errors[0] == "one_side"
+    assert verdicts(watch(exercise.one_sided("right"), left.path()))[0].errors[0] == "wrong_side"
+    assert verdicts(watch(left, left.path()))[0].right
+    nod = np.repeat(exercise.keys[:1], 60, axis=0)
+    nod[:, MOTION_INDEX["neck_flexion"]] = 0.6 * np.sin(np.linspace(0, np.pi, 60))
+    assert verdicts(watch(exercise, nod))[0].errors == ("head_only",)
+    head = load_exercise("head_rotation")
+    assert verdicts(watch(head.one_sided("left"), head.one_sided("right").path()))[0].errors[0] == (
+        "wrong_side"
+    )
+
+
+def test_a_movement_that_is_no_exercise_is_unknown() -> None:
+    exercise = load_exercise("lateral_raise")
+    path = np.repeat(exercise.keys[:1], 75, axis=0)
+    up = np.sin(np.linspace(0, np.pi, 75)) ** 0.5
+    side = ARM["right"].start
+    goal = np.radians((60, 70, 10, 135, 30))  # a hand to the mouth
+    path[:, side : side + 5] += up[:, None] * (goal - path[0, side : side + 5])
+    (repetition,) = verdicts(watch(exercise, path))
+    assert repetition.errors == ("unknown_movement",)
+
+
+def test_tempo_is_judged_against_what_was_shown() -> None:
+    exercise = load_exercise("upper_lift")
+    for factor, error in ((4.0, "too_fast"), (0.38, "too_slow")):
+        (repetition,) = verdicts(watch(exercise, exercise.faster(factor).path()))
+        assert error in repetition.errors
+    for factor in (0.65, 1.5):
+        (repetition,) = verdicts(watch(exercise, exercise.faster(factor).path()))
+        assert repetition.right
+
+
+def test_standing_still_is_told_once_in_a_while() -> None:
+    exercise = load_exercise("lateral_raise")
+    still = np.repeat(exercise.keys[:1], int(14 * RATE), axis=0)
+    found = verdicts(watch(exercise, still))
+    assert [repetition.errors for repetition in found] == [("no_movement",)] * 2
+    assert found[0].end == pytest.approx(exercise.duration + exercise.judged.patience_s, abs=0.1)
+
+
+def test_nobody_to_be_seen_is_not_standing_still() -> None:
+    exercise = load_exercise("lateral_raise")
+    nothing = np.full((int(8 * RATE), len(MOTIONS)), np.nan)
+    assert verdicts(watch(exercise, nothing))[0].errors == ("not_seen",)
+
+
+def test_repetitions_are_counted_one_by_one() -> None:
+    exercise = load_exercise("chest_expansion")
+    pause = np.repeat(exercise.keys[:1], 20, axis=0)
+    path = np.concatenate([part for _ in range(4) for part in (exercise.path(), pause)])
+    found = verdicts(watch(exercise, path))
+    assert [repetition.right for repetition in found] == [True] * 4
+    assert all(a.end <= b.start for a, b in zip(found, found[1:], strict=False))
+
+
+def test_a_slow_start_and_another_rest_do_no_harm() -> None:
+    exercise = load_exercise("lateral_raise")
+    path = exercise.path()
+    slow = path[np.round(np.linspace(0, 1, 140) ** 1.6 * (len(path) - 1)).astype(int)]
+    assert verdicts(watch(exercise, slow))[0].right
+    lap = np.radians((25, 65, 25, 70, 60))
+    for side in ("left", "right"):
+        share = (path[:, ARM[side].start] - path[0, ARM[side].start]) / math.radians(78)
+        path[:, ARM[side]] += (1 - np.clip(share, 0, 1))[:, None] * (lap - path[0, ARM[side]])
+    assert verdicts(watch(exercise, path))[0].right
+
+
+def test_noise_drop_outs_and_a_rough_clock_do_no_harm() -> None:
+    rng = np.random.default_rng(0)
+    exercise = load_exercise("front_raise")
+    recogniser = RuleRecogniser()
+    recogniser.begin(exercise)
+    rest = np.repeat(exercise.keys[:1], 40, axis=0)
+    path = np.concatenate((rest, exercise.path(), rest))
+    path += np.radians(rng.normal(0, 2, size=path.shape))
+    path[rng.random(len(path)) < 0.05] = np.nan
+    path[70:78, ARM["left"]] = np.nan
+    times = np.arange(len(path)) / RATE + rng.normal(0, 0.004, size=len(path))
+    found = [recogniser.update(Frame(t, row)).finished for t, row in zip(times, path, strict=True)]
+    assert [repetition.right for repetition in found if repetition] == [True]
+
+
+def test_angles_that_no_source_knows_are_not_needed() -> None:
+    exercise = load_exercise("lateral_raise")
+    path = exercise.path()
+    for side in ("left", "right"):
+        path[:, ARM[side].start + 2 : ARM[side].stop] = np.nan
+    path[:, :6] = np.nan
+    assert verdicts(watch(exercise, path))[0].right
+
+
+def test_an_arm_that_is_not_seen_is_not_called_wrong() -> None:
+    exercise = load_exercise("lateral_raise")
+    path = exercise.path()
+    path[:, ARM["left"]] = np.nan
+    (repetition,) = verdicts(watch(exercise, path))
+    assert repetition.errors == ("not_seen",)
+
+
+def test_goals_of_a_person_are_judged_as_theirs() -> None:
+    exercise = load_exercise("lateral_raise")
+    high = np.full(len(MOTIONS), 4.0)
+    high[[ARM[side].start for side in ("left", "right")]] = math.radians(45)
+    adapted = exercise.adapted(Reach(-high, high))
+    path = adapted.path()
+    assert verdicts(watch(adapted, path))[0].right
+    assert not verdicts(watch(exercise, path))[0].right
+
+
+def test_frames_that_come_twice_or_late_are_passed_over() -> None:
+    exercise = load_exercise("front_raise")
+    recogniser = RuleRecogniser()
+    recogniser.begin(exercise)
+    path = np.concatenate((np.repeat(exercise.keys[:1], 30, 0), exercise.path()))
+    path = np.concatenate((path, np.repeat(exercise.keys[:1], 30, 0)))
+    found = []
+    for i, row in enumerate(path):
+        for time in (i / RATE, i / RATE, (i - 3) / RATE):
+            found.append(recogniser.update(Frame(time, row)).finished)
+    assert [repetition.right for repetition in found if repetition] == [True]
+
+
+def test_a_recogniser_begins_before_it_judges() -> None:
+    with pytest.raises(RuntimeError, match="before begin"):
+        RuleRecogniser().update(Frame(0.0, np.zeros(16)))
+    with pytest.raises(ConfigError, match="16 angles"):
+        Frame(0.0, np.zeros(5))
+    with pytest.raises(UnknownNameError, match="error of a repetition"):
+        Repetition(0.0, 1.0, False, ("sloppy",), 0.0)
+
+
+def test_features_are_the_directions_of_the_body() -> None:
+    rng = np.random.default_rng(1)
+    angles = rng.uniform(-1.5, 1.5, size=(20, 16))
+    for side in ("left", "right"):
+        angles[::2, ARM[side].start + 3] = 0.0  # a straight arm and a clearly bent one
+        angles[1::2, ARM[side].start + 3] = 1.6
+    rows, body = features(angles), UpperBody.of_height(1.6)
+    for name, wanted in directions(angles).items():
+        assert rows[:, COLUMN[name]] == pytest.approx(wanted)
+    angles[:, :3] = 0.0
+    points, rows = body.points(angles), features(angles)
+    for side in ("left", "right"):
+        wrist = points[f"{side}_wrist"] - points[f"{side}_shoulder"]
+        assert rows[:, COLUMN[f"{side}_wrist"]] == pytest.approx(
+            wrist / (body.upper_arm + body.forearm)
+        )
+
+
+def readings(body: UpperBody, path: np.ndarray, seat: Pose) -> list[HandsReading]:
+    poses = body.poses(path)
+    return [
+        HandsReading(
+            *(
+                seat @ Pose(tuple(p[i].tolist()), tuple(q[i].tolist()))
+                for p, q in (poses["head"], poses["left_hand"], poses["right_hand"])
+            )
+        )
+        for i in range(len(path))
+    ]
+
+
+@pytest.mark.parametrize("name", exercise_names())
+def test_headset_and_hands_show_the_directions_of_the_arms(name: str) -> None:
+    body, exercise = UpperBody.of_height(1.72), load_exercise(name)
+    path = np.concatenate((np.repeat(exercise.keys[:1], 40, 0), exercise.faster(0.5).path()))
+    seat = Pose((2.0, -1.0, 0.5), (0.0, 0.0, math.sin(1.1), math.cos(1.1)))
+    source = HandsSource(1.72)
+    frames = [source.update(r, i / RATE) for i, r in enumerate(readings(body, path, seat))]
+    assert frames[10] is None  # not calibrated yet
+    seen = directions(np.array([frame.angles for frame in frames if frame is not None]))
+    true = directions(path[[frame is not None for frame in frames]])
+    for part, wanted in true.items():
+        off = np.degrees(np.arccos(np.clip((seen[part] * wanted).sum(axis=1), -1, 1)))
+        assert off.max() < 12, part
+
+
+def test_a_lean_and_a_turn_show_in_headset_and_hands() -> None:
+    body = UpperBody.of_height(1.6)
+    source = HandsSource(1.6)
+    rest = load_exercise("lateral_raise").keys[1]
+    upright = np.repeat(rest[None], 40, axis=0)
+    moved = upright.copy()
+    moved[:, MOTION_INDEX["trunk_flexion"]] = 0.35
+    moved[:, MOTION_INDEX["trunk_rotation_left"]] = 0.5
+    every = readings(body, np.concatenate((upright, moved)), Pose())
+    frame = [source.update(reading, i / RATE) for i, reading in enumerate(every)][-1]
+    assert frame is not None
+    assert frame.angles[0] == pytest.approx(0.35, abs=0.03)
+    assert frame.angles[2] == pytest.approx(0.5, abs=0.12)
+
+
+def test_a_lost_hand_is_unknown_and_a_broken_reading_is_none() -> None:
+    body = UpperBody.of_height(1.6)
+    source = HandsSource(1.6)
+    (whole,) = readings(body, np.zeros((1, 16)), Pose())
+    source.calibrate([whole])
+    broken = Pose((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    for right in (None, broken, Pose((0, 0, 0), (0, 0, 0, 0))):
+        frame = source.update(HandsReading(whole.head, whole.left, right), 0.0)
+        assert frame is not None and np.isfinite(frame.angles[ARM["left"]]).all()
+        assert np.isnan(frame.angles[ARM["right"]]).all()
+    assert source.update(HandsReading(None, whole.left, whole.right), 0.1) is None
+    with pytest.raises(ConfigError, match="head is seen"):
+        source.calibrate([HandsReading(None, None, None)])
+
+
+def test_spread_arms_at_calibration_set_their_length() -> None:
+    body = UpperBody.of_height(1.7, arm_share=1.06)
+    spread = np.zeros((5, 16))
+    spread[:, [ARM["left"].start, ARM["right"].start]] = math.pi / 2
+    source = HandsSource(1.7)
+    source.calibrate(readings(body, spread, Pose()))
+    assert source.body.reach == pytest.approx(body.reach)
+
+
+def test_joint_angles_of_a_simulated_person_show_the_same_arms() -> None:
+    joints = np.zeros((len(JOINTS), 3))  # body axes: x left, y up, z forward
+    for name, place in {
+        "spine1": (0, 0.1, 0),
+        "spine2": (0, 0.2, 0),
+        "spine3": (0, 0.3, 0),
+        "neck": (0, 0.5, 0),
+        "head": (0, 0.6, 0),
+    }.items():
+        joints[JOINT_INDEX[name]] = place
+    for side, sign in (("left", 1), ("right", -1)):
+        for joint, x in (("collar", 0.05), ("shoulder", 0.18), ("elbow", 0.45), ("wrist", 0.7)):
+            joints[JOINT_INDEX[f"{side}_{joint}"]] = (sign * x, 0.45, 0.0)
+    source = JointsSource(joints)
+    spread = source.update(np.zeros(len(DOFS)), 0.0)
+    assert spread is not None
+    for side in ("left", "right"):
+        elevation, plane, _, elbow, _ = spread.angles[ARM[side]]
+        assert (elevation, plane, elbow) == pytest.approx((math.pi / 2, 0.0, 0.0), abs=1e-6)
+    assert spread.angles[:6] == pytest.approx(np.zeros(6), abs=1e-9)
+    bent = np.zeros(len(DOFS))
+    bent[DOF_INDEX["left_elbow_flexion"]] = 1.0
+    frame = source.update(bent, 0.1)
+    assert frame is not None and frame.angles[MOTION_INDEX["left_elbow_flexion"]] == pytest.approx(
+        1.0
+    )
+
+
+def test_sixteen_angles_pass_a_joints_source_as_they_are() -> None:
+    angles = np.arange(16.0)
+    frame = JointsSource().update(angles, 0.5)
+    assert frame is not None and (frame.angles == angles).all()
+    assert JointsSource().update(np.full(16, np.nan), 0.5) is None
+    with pytest.raises(ConfigError, match="16 or 112"):
+        JointsSource().update(np.zeros(3), 0.0)
+    with pytest.raises(ConfigError, match="joint centres"):
+        JointsSource().update(np.zeros(len(DOFS)), 0.0)
+
+
+def test_the_filter_is_smooth_at_rest_quick_in_motion_and_knows_gaps() -> None:
+    rng = np.random.default_rng(0)
+    smooth = OneEuro(cutoff=2.0, beta=5.0)
+    noisy = [smooth.update(rng.normal(0, 0.01, size=1), i / 30)[0] for i in range(300)]
+    assert np.std(noisy[30:]) < 0.006
+    ramp = OneEuro(cutoff=2.0, beta=5.0)
+    lag = [i / 30 - ramp.update(np.array((i / 30,)), i / 30)[0] for i in range(60)]
+    assert lag[-1] < 0.05  # [s] at 1 m/s
+    assert np.isnan(ramp.update(np.array((np.nan,)), 2.0)).all()
+    assert np.isfinite(ramp.update(np.array((2.1,)), 2.1)).all()

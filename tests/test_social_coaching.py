@@ -1,0 +1,278 @@
+"""Promises of social coaching: a robot leads a seated person through exercises."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from episode import assert_same, play
+
+import rcare_marl
+from rcare_marl.agents.coaching.recogniser import Judgement, Repetition
+from rcare_marl.agents.coaching.session import Order
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.coaching.action import SIZE, encode
+from rcare_marl.envs.coaching.chair import ExerciseChair
+from rcare_marl.envs.coaching.learner import Learner
+from rcare_marl.envs.tasks.social_coaching import SocialCoaching
+from rcare_marl.errors import ConfigError, UnknownNameError
+
+PARTNERS = {"robot": "scripted", "recipient": "learner"}
+EXERCISES = {"daniel": 5, "jose": 1, "karan": 5, "kim": 5, "morgan": 1, "natalia": 5}
+
+
+def make(**settings: Any) -> CareEnv:
+    return rcare_marl.make("social_coaching", **{"policies": PARTNERS, **settings})
+
+
+def task_of(env: CareEnv) -> SocialCoaching:
+    assert isinstance(env.task, SocialCoaching)
+    return env.task
+
+
+def learner_of(env: CareEnv) -> Learner:
+    found = env.policies["recipient"]
+    assert isinstance(found, Learner)
+    return found
+
+
+@pytest.fixture(scope="module")
+def led() -> Iterator[CareEnv]:
+    """An environment whose robot is led by the test."""
+    env = make(policies={"recipient": "still"}, options={"reward": "shaped"})
+    yield env
+    env.close()
+
+
+def held(env: CareEnv) -> None:
+    """Run a session and hold it to what every session keeps."""
+    task, shown = task_of(env), []
+    env.reset(seed=2)
+    while not env.is_over:
+        env.step({})
+        shown.append(task.session.index)
+    metrics = task.metrics()
+    assert task.is_success() and shown == sorted(shown)
+    assert metrics["right_repetitions"] == metrics["wanted_repetitions"]
+    assert metrics["exercises_done"] == len(task.session.exercises)
+    assert metrics["pain"] == 0 and metrics["peak_force_n"] == 0
+    for exercise in task.session.exercises:
+        assert exercise.say in task.body.said
+
+
+def test_a_person_is_led_through_all_five_exercises() -> None:
+    env = make(recipient="karan", options={"repetitions": 1})
+    held(env)
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXERCISES)
+def test_each_of_the_six_is_led_through_their_own_programme(name: str) -> None:
+    env = make(recipient=name)
+    assert len(task_of(env).session.exercises) == EXERCISES[name]
+    held(env)
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_the_scripted_coach_copes_with_learners_of_many_kinds(seed: int) -> None:
+    env = make(recipient="kim", options={"repetitions": 2})
+    play(env, seed)
+    assert env.task.is_success()
+    env.close()
+
+
+def test_a_session_is_a_function_of_the_seed() -> None:
+    def states(env: CareEnv, seed: int) -> list[list[np.ndarray]]:
+        env.reset(seed=seed)
+        out = []
+        for _ in range(60):
+            env.step({})
+            out.append([env.state()])
+        return out
+
+    env = make(recipient="morgan")
+    first = states(env, 4)
+    states(env, 5)
+    assert_same(first, states(env, 4))
+    env.close()
+
+
+def test_learners_differ_by_seed_and_err_and_are_set_right_by_words() -> None:
+    env = make()
+    learner, shown = learner_of(env), task_of(env).demonstration
+    mistakes, mended = set(), 0
+    for seed in range(40):
+        env.reset(seed=seed)
+        learner.act()
+        kind = learner.mistake
+        mistakes.add(kind)
+        if kind != "none":
+            shown.word, shown._silent_at = "hint", 10.0
+            learner.act()
+            mended += learner.mistake == "none"
+    assert mistakes == {"none", "half", "one arm", "other plane"}
+    assert mended >= 3
+    env.close()
+
+
+def test_a_learner_who_looks_away_keeps_still_until_called() -> None:
+    env = make()
+    learner, shown = learner_of(env), task_of(env).demonstration
+    env.reset(seed=0)
+    learner.is_attentive = False
+    learner._drifts_after = 1e9
+    for _ in range(12):
+        env.step({})
+        learner.is_attentive = False
+    task = task_of(env)
+    assert task._gaze < np.cos(np.radians(15)) and task.session.judgement.progress == 0
+    for _ in range(60):  # a call does not always help
+        shown.word, shown._silent_at, learner._was_speaking = "encourage", 1e9, False
+        learner.act()
+        if learner.is_attentive:
+            break
+    assert learner.is_attentive
+    env.close()
+
+
+def arm(env: CareEnv) -> float:
+    """Return how far the robot's left shoulder has turned [rad]."""
+    joints = task_of(env).robot.parts["left_arm"].joints
+    assert joints is not None
+    return float(joints.positions()[0])
+
+
+def test_an_order_moves_arms_and_head_and_another_lowers_them(led: CareEnv) -> None:
+    led.reset(seed=0)
+    task = task_of(led)
+    assert led.action_space("robot").shape == (SIZE,)
+    rest = arm(led)
+    highest = 0.0
+    for _ in range(45):
+        led.step({"robot": encode(Order("show")).astype(np.float32)})
+        highest = max(highest, abs(arm(led) - rest))
+    assert highest > 0.5
+    for _ in range(15):
+        led.step({"robot": encode(Order("stand")).astype(np.float32)})
+    assert abs(arm(led) - rest) < 0.1 and not task.demonstration.is_showing
+
+
+def test_what_is_said_is_observed_while_it_is_said(led: CareEnv) -> None:
+    led.reset(seed=0)
+    task = task_of(led)
+    before = led.observe("recipient")
+    led.step({"robot": encode(Order("stand", "encourage")).astype(np.float32)})
+    assert task.body.said == ["Come on, together with me."]
+    assert not np.array_equal(led.observe("recipient"), before)
+    names = {name for _, name, _ in led.describe("robot")}
+    assert {"shown_angles", "seen_angles", "following", "said", "last_error"} <= names
+    for _ in range(40):
+        led.step({"robot": encode(Order("stand")).astype(np.float32)})
+    assert not task.demonstration.is_speaking
+
+
+def judged(task: SocialCoaching, *errors: str) -> None:
+    """Let the recogniser find a repetition in the coming step."""
+    found = Repetition(0.0, 1.0, not errors, errors, 1.0)
+    recogniser = task.session._recogniser
+    recogniser.update = lambda frame: Judgement(not errors, 1.0, found, "")  # type: ignore[method-assign]
+
+
+def test_a_right_repetition_pays_and_a_surplus_does_not(led: CareEnv) -> None:
+    led.reset(seed=0)
+    task = task_of(led)
+    still = {"robot": encode(Order("stand")).astype(np.float32)}
+    paid = []
+    judged(task)
+    for _ in range(5):
+        _, rewards, _, _, infos = led.step(still)
+        paid.append(infos["robot"]["repetition"])
+        assert rewards["robot"] == pytest.approx(sum(task.rewards("robot").values()))
+    assert paid == [1, 1, 1, 0, 0] and task.right_count == 3
+    judged(task, "range")
+    _, _, _, _, infos = led.step(still)
+    assert infos["robot"]["wrong"] == -task.options.weight("wrong")
+    assert infos["robot"]["wrong_repetitions"] == 1
+
+
+def test_leaving_exercises_undone_is_a_failure(led: CareEnv) -> None:
+    led.reset(seed=0)
+    for _ in range(50):
+        assert not led.is_over
+        _, _, ended, _, infos = led.step({"robot": encode(Order("next")).astype(np.float32)})
+    assert led.is_over and ended["robot"] and infos["robot"]["success"] == 0
+    assert led.task.is_failure()
+
+
+def test_a_random_coach_does_not_get_a_repetition_in_half_a_minute() -> None:
+    env = make(policies={**PARTNERS, "robot": "random"})
+    env.reset(seed=0)
+    for _ in range(300):
+        if env.is_over:
+            break
+        env.step({})
+    assert task_of(env).right_count == 0 and not env.task.is_success()
+    env.close()
+
+
+@pytest.mark.parametrize("name", ["jose", "karan"])
+def test_an_arm_that_cannot_be_raised_lies_on_its_armrest_and_takes_no_part(name: str) -> None:
+    env = make(recipient=name)
+    task = task_of(env)
+    env.reset(seed=1)
+    height = task._chair.config.armrest_height
+    before = {s: task.recipient.joint_pose(f"{s}_wrist").position for s in ("left", "right")}
+    assert height < before["left"][2] < height + 0.12
+    assert (before["right"][2] < height - 0.1) == (name == "karan")
+    for _ in range(60):
+        env.step({})
+    after = task.recipient.joint_pose("left_wrist").position
+    assert np.allclose(before["left"], after, atol=0.03)
+    assert all("left_arm" not in exercise.parts for exercise in task.session.exercises)
+    env.close()
+
+
+def test_armrests_are_off_only_where_arms_exercise() -> None:
+    boxes = {}
+    for bare in ((), ("right",), ("left", "right")):
+        link = ExerciseChair(bare).model().links["wheelchair"]
+        boxes[len(bare)] = len(link.collision), len(link.visual)
+    assert boxes[0][0] - boxes[1][0] == boxes[1][0] - boxes[2][0] == 1
+    assert boxes[0][1] - boxes[1][1] == boxes[1][1] - boxes[2][1] == 2
+    with pytest.raises(UnknownNameError, match="Did you mean 'left'"):
+        ExerciseChair(["lefft"])
+
+
+def test_pepper_coaches_from_the_floor() -> None:
+    env = make(recipient="morgan", robot="pepper")
+    env.reset(seed=3)
+    for _ in range(25):
+        env.step({})
+    task = task_of(env)
+    yaw = task.robot.parts["head"].joints
+    assert yaw is not None and abs(float(yaw.positions()[0])) > 0.2
+    assert task.robot.body.base_pose().position[2] < 0.2
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"robot": "ur5"}, "no arm that reaches out as a person's does"),
+        ({"robot": {"model": "nao", "moves": ["left_arm"]}}, "right_arm, head among its `moves`"),
+        ({"robot": {"model": "nao", "control": "joint_delta"}}, "needs the control mode"),
+        ({"recipient": {"model": "kim", "posture": "standing"}}, "sits in the wheelchair"),
+        ({"options": {"exercises": ["front_rise"]}}, "Did you mean 'front_raise'"),
+        ({"options": {"exercises": ["front_raise"] * 2}}, "each once"),
+        ({"options": {"repetitions": 0}}, "repetitions must be at least 1"),
+        ({"recipient": "jose", "options": {"exercises": ["front_raise"]}}, "choose others"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_plain_words(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        make(**{"policies": {}, **settings})
