@@ -71,9 +71,7 @@ class ModelCard:
         """
         file, place = PolicyFile.read(path), Path(path)
         sizes = [file.observation_size, *(len(biases) for _, biases in file.layers)]
-        learned = (
-            "from scratch" if file.residual is None else f"residual of scale {file.residual:g}"
-        )
+        learned = beginning(file.residual, file.training)
         given = {
             key: value
             for key, value in file.recipe.items()
@@ -118,6 +116,18 @@ class ModelCard:
         lines = [f"## {self.name}", "", "| | |", "| --- | --- |"]
         lines += [f"| {name} | {text} |" for name, text in rows]
         return "\n".join([*lines, ""])
+
+
+def beginning(residual: float | None, training: Mapping[str, Any]) -> str:
+    """Return what the learning of a policy began with.
+
+    Args:
+        residual: How much it may correct the scripted policy; None if it does not.
+        training: How it was trained, see `PolicyFile.training`.
+    """
+    if residual is not None:
+        return f"residual of scale {residual:g}"
+    return "from demonstrations" if training.get("demonstrations") else "from scratch"
 
 
 def default_cast(task: str) -> dict[str, str]:

@@ -37,6 +37,8 @@ FORMAT = 1  # of a record
 CHUNK = 25  # episodes that share a scene, however many processes there are; our own choice
 RESAMPLES = 10_000  # of the success rate
 FEWER = 2_000  # of each other measure, of which there are many
+# What policies of one training share that differ in seed.
+SAME_TRAINING = ("algorithm", "reward", "residual", "demonstrations")
 
 Progress = Callable[[int], None]
 
@@ -128,6 +130,25 @@ class Record:
             out[name] = _summed([run.values(name) for run in self.runs])
         out["steps"] = _summed([[e.steps for e in run] for run in episodes])
         return {name: numbers for name, numbers in out.items() if numbers}
+
+    @property
+    def is_one_training(self) -> bool:
+        """Whether its policies are seeds of one training, so that a mean over them says something."""
+        if len(self.runs) == 1:
+            return True
+        kinds = [
+            tuple(self.files[name]["training"].get(key) for key in SAME_TRAINING)
+            if name in self.files
+            else None
+            for name in self.plan.policies
+        ]
+        return None not in kinds and len(set(kinds)) == 1
+
+    def other_rewards(self) -> dict[str, str]:
+        """Return the policies that were trained on another reward than this evaluation's, with theirs."""
+        here = self.plan.options.get("reward", task_class(self.plan.task).Options().reward)
+        trained_on = {name: each["training"].get("reward") for name, each in self.files.items()}
+        return {name: str(r) for name, r in trained_on.items() if r not in (None, here)}
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON: the summary, and every episode in columns."""

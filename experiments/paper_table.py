@@ -21,6 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rcare_marl.baselines import trained
+from rcare_marl.baselines.model_card import beginning
 from rcare_marl.baselines.protocol import Plan, assess, read_record, record_text
 from rcare_marl.errors import ConfigError
 
@@ -103,7 +104,7 @@ def cells(row: Row, folder: Path) -> tuple[str, ...]:
         paper,
         _all(str(each.get("algorithm", "?")).upper() for each in training),
         _all(str(each.get("reward", "?")) for each in training),
-        _all("from scratch" if each["residual"] is None else "residual" for each in facts),
+        _all(beginning(each["residual"], each["training"]) for each in facts),
         _range([each.get("demonstrations") for each in training], "{:.0f} episodes", none="none"),
         _range([each.get("steps") for each in training], "{:,.0f}"),
         f"{_range([each.get('minutes') for each in training], '{:.0f}')} min, "
@@ -122,6 +123,9 @@ def remarks(row: Row, record: Mapping[str, Any], script: float | None) -> list[s
         out.append("below the paper")
     if script is not None and script > mean:
         out.append("the scripted policy is better")
+    copies = sum(entry["file"]["training"].get("steps") == 0 for entry in record["policies"])
+    if copies:
+        out.append(f"{copies} of {count} copy the demonstrations: no later one was better")
     if (count, record["plan"]["episodes"]) != (SEEDS, EPISODES):
         out.append(f"{count} policies x {record['plan']['episodes']} episodes")
     given = {**record["plan"]["options"], **record["plan"]["cast"]}

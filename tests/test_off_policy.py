@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import io
+import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +17,13 @@ from tensordict import TensorDict
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 from torchrl.modules import TanhNormal
 
-from rcare_marl.baselines.algorithms import algorithm_names, config_class, make_algorithm
+from rcare_marl.baselines.algorithms import algorithm as registry
+from rcare_marl.baselines.algorithms import (
+    algorithm_names,
+    config_class,
+    make_algorithm,
+    register_algorithm,
+)
 from rcare_marl.baselines.algorithms.masac import Masac, MasacConfig
 from rcare_marl.baselines.algorithms.network import GroupShape, Normaliser
 from rcare_marl.baselines.algorithms.off_policy import BehaviourCloning, OffPolicy
@@ -192,6 +201,20 @@ def test_copying_the_demonstrations_gives_their_actions() -> None:
     assert mean_reward(trial, algorithm.policy()) > -0.5
 
 
+@pytest.mark.parametrize("name", ["sac", "masac"])
+def test_what_is_copied_is_what_was_meant_not_its_noise(name: str) -> None:
+    env = PointReach({"robots": 1})
+    shown = demonstrations(env)
+    shown["robots", "meant"] = shown["robots", "action"].clone()
+    shown["robots", "action"] = -shown["robots", "action"]
+    cloning = BehaviourCloning(updates=300)
+    algorithm = made(name, env, behaviour_cloning=cloning, actor_lr=3e-3, hidden=(64, 64))
+    assert algorithm.add_demonstrations(shown)["copied_robots"] < 0.05
+    actor = algorithm.learners["robots"].actor
+    location, _ = actor(shown["robots", "observation"])
+    assert (actor.squash(location) * shown["robots", "action"]).mean() < 0
+
+
 def test_the_pull_towards_demonstrations_decays_to_nothing() -> None:
     cloning = BehaviourCloning(weight=2.0, decay=10)
     assert [cloning.weight_at(update) for update in (0, 5, 10, 50)] == [2.0, 1.0, 0.0, 0.0]
@@ -359,6 +382,24 @@ def test_a_normaliser_is_taken_once() -> None:
     normaliser.fit(rows * 100)
     assert torch.equal(normaliser(rows), torch.tensor([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]]))
     assert torch.equal(normaliser(torch.tensor([0.0, 1e9, 7.0])), torch.tensor([-1.0, 10.0, 0.0]))
+
+
+def test_the_algorithm_of_the_docs_is_known_by_name_once_its_module_is_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry, "_ALGORITHMS", dict(registry._ALGORITHMS))
+    text = (Path(__file__).parents[1] / "docs" / "learning.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n((?:(?!```).)*register_algorithm.*?)```", text, re.DOTALL)
+    (tmp_path / "robust_sac.py").write_text(code, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    importlib.import_module("robust_sac")
+    assert "robust_sac" in algorithm_names()
+    env = PointReach({"robots": 1})
+    algorithm = made("robust_sac", env)
+    figures = algorithm.learn(env.rollout(algorithm.policy(), 60))
+    assert figures["updates"] > 0 and np.isfinite(figures["loss_qvalue"])
+    with pytest.raises(ConfigError, match="'sac' already"):
+        register_algorithm("sac", "robust_sac:RobustSac", "robust_sac:RobustSacConfig")
 
 
 def test_the_entropy_to_keep_fits_the_range_of_actions() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import json
 import multiprocessing
@@ -204,6 +205,21 @@ def test_one_policy_has_no_interval_over_runs(data: dict[str, Any]) -> None:
     assert low < success["mean"] < high
 
 
+def test_only_seeds_of_one_training_are_pooled() -> None:
+    bare = made_up([[True], [False]])
+    assert not bare.is_one_training and made_up([[True]]).is_one_training
+    facts = {"algorithm": "sac", "reward": "shaped", "residual": False, "demonstrations": 3}
+    files = {name: {"training": facts | {"seed": k}} for k, name in enumerate(bare.plan.policies)}
+    assert dataclasses.replace(bare, files=files).is_one_training
+    files["seed1"] = {"training": facts | {"algorithm": "tqc"}}
+    mixed = dataclasses.replace(bare, files=files)
+    assert not mixed.is_one_training and mixed.other_rewards() == dict.fromkeys(
+        ("seed0", "seed1"), "shaped"
+    )
+    plan = dataclasses.replace(bare.plan, options={"reward": "shaped"})
+    assert dataclasses.replace(mixed, plan=plan).other_rewards() == {}
+
+
 def test_the_text_of_a_record_is_short_and_true(record: Record) -> None:
     text = record_text(record.to_dict())
     assert json.loads(text) == record.to_dict()
@@ -383,7 +399,7 @@ def test_the_paper_s_table_reads_records_and_says_where_there_is_none(
     (tmp_path / "feeding_scripted.json").write_text(json.dumps(learned(data, script=True)))
     cells = dict(zip(paper.HEADS, paper.cells(row, tmp_path), strict=True))
     assert cells["paper"] == "SAC, 92 %" and cells["ours"] == "NONE"
-    assert cells["learned"] == "residual"
+    assert cells["learned"] == "residual of scale 0.1"
     assert cells["success (95 % interval)"] == "50.0 % (40.0 to 60.0)"
     assert cells["scripted"] == "100.0 %"
     for remark in ("below the paper", "the scripted policy is better", "1 policies x 2 episodes"):

@@ -169,6 +169,10 @@ def test_what_cannot_be_gone_on_from_is_said(
     assert "is for task 'toileting', not 'feeding'" in refusal(
         "feeding", "--resume", tmp_path / "run"
     )
+    policy = tmp_path / "run" / "policy.npz"
+    assert "is a policy, which a training cannot go on from" in refusal(
+        "toileting", "--resume", policy
+    )
     call("toileting", "--resume", tmp_path / "run", "--config", config, code=2)
     other = ("toileting", "--resume", tmp_path / "run", "--set", "options.reward=shaped")
     assert "does not fit: options.reward is not set in the checkpoint" in refusal(*other)
@@ -222,6 +226,8 @@ def test_a_second_signal_stops_at_once(
     recorder.signals = (signal.SIGTERM, signal.SIGINT)
     said = call("toileting", "--config", config, "--out", tmp_path / "run", code=130).stderr
     assert "interrupted" in said
+    command = f"rcare-marl train toileting --resume {tmp_path / 'run'}"
+    assert f"from the last checkpoint: {command}" in " ".join(said.split())
 
 
 def test_two_trainings_do_not_run_in_one_folder(

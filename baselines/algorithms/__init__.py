@@ -1,13 +1,22 @@
 """Learning algorithms on TorchRL's losses, a file each, with one config dataclass each."""
 
-from .algorithm import Algorithm, algorithm_names, config_class, make_algorithm
+from .algorithm import (
+    Algorithm,
+    algorithm_class,
+    algorithm_names,
+    config_class,
+    make_algorithm,
+    register_algorithm,
+)
 from .network import ActorArrays, GroupShape
 
 __all__ = [
     "ActorArrays",
     "Algorithm",
     "GroupShape",
+    "algorithm_class",
     "algorithm_names",
     "config_class",
     "make_algorithm",
+    "register_algorithm",
 ]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping
+from functools import lru_cache
+from importlib.metadata import entry_points
 from typing import Any, Protocol
 
 from tensordict import TensorDictBase
@@ -13,14 +15,15 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 
 from .network import ActorArrays
 
-# Name -> module, class, config class. Loaded when asked for: TorchRL takes seconds to import.
+# Name -> algorithm, its settings. Loaded when asked for: TorchRL takes seconds to import.
+_HERE = __package__
 _ALGORITHMS = {
-    "sac": ("sac", "Sac", "SacConfig"),
-    "tqc": ("tqc", "Tqc", "TqcConfig"),
-    "masac": ("masac", "Masac", "MasacConfig"),
-    "ppo": ("ppo", "Ppo", "PpoConfig"),
-    "ippo": ("ippo", "Ippo", "IppoConfig"),
-    "mappo": ("mappo", "Mappo", "MappoConfig"),
+    "sac": (f"{_HERE}.sac:Sac", f"{_HERE}.sac:SacConfig"),
+    "tqc": (f"{_HERE}.tqc:Tqc", f"{_HERE}.tqc:TqcConfig"),
+    "masac": (f"{_HERE}.masac:Masac", f"{_HERE}.masac:MasacConfig"),
+    "ppo": (f"{_HERE}.ppo:Ppo", f"{_HERE}.ppo:PpoConfig"),
+    "ippo": (f"{_HERE}.ippo:Ippo", f"{_HERE}.ippo:IppoConfig"),
+    "mappo": (f"{_HERE}.mappo:Mappo", f"{_HERE}.mappo:MappoConfig"),
 }
 
 
@@ -61,9 +64,38 @@ class Algorithm(Protocol):
         ...
 
 
+def register_algorithm(name: str, algorithm: str, config: str) -> None:
+    """Make an algorithm known by a name, for `--algo` and `TrainConfig`.
+
+    A package that is installed makes its own known through the entry point group `rcare_marl.algorithms`:
+    a module of it that calls this function.
+
+    Args:
+        name: What to call it.
+        algorithm: Where its class is, an `Algorithm`: `module:Class`.
+        config: Where the dataclass of its settings is, likewise.
+
+    Raises:
+        ConfigError: If the name is taken by another one.
+    """
+    given = (algorithm, config)
+    if _ALGORITHMS.setdefault(name, given) != given:
+        raise ConfigError(f"there is an algorithm {name!r} already: {_ALGORITHMS[name][0]}")
+
+
 def algorithm_names() -> tuple[str, ...]:
     """Return the names of all algorithms."""
+    _load_plugins()
     return tuple(_ALGORITHMS)
+
+
+def algorithm_class(name: str) -> type[Any]:
+    """Return the class of an algorithm.
+
+    Raises:
+        UnknownNameError: If there is no such algorithm.
+    """
+    return _load(_find(name)[0])
 
 
 def config_class(name: str) -> type[Any]:
@@ -72,9 +104,7 @@ def config_class(name: str) -> type[Any]:
     Raises:
         UnknownNameError: If there is no such algorithm.
     """
-    module, _, config = _find(name)
-    found: type[Any] = getattr(importlib.import_module(f"{__package__}.{module}"), config)
-    return found
+    return _load(_find(name)[1])
 
 
 def make_algorithm(name: str, config: Any, env: Any, *, seed: int) -> Algorithm:
@@ -90,19 +120,29 @@ def make_algorithm(name: str, config: Any, env: Any, *, seed: int) -> Algorithm:
         UnknownNameError: If there is no such algorithm.
         ConfigError: If `config` is of another algorithm, or the environment does not suit.
     """
-    module, cls, _ = _find(name)
     wanted = config_class(name)
     if not isinstance(config, wanted):
         raise ConfigError(
             f"algorithm {name!r} takes {wanted.__name__}, got {type(config).__name__}"
         )
-    made: Algorithm = getattr(importlib.import_module(f"{__package__}.{module}"), cls)(
-        config, env, seed=seed
-    )
+    made: Algorithm = algorithm_class(name)(config, env, seed=seed)
     return made
 
 
-def _find(name: str) -> tuple[str, str, str]:
+def _find(name: str) -> tuple[str, str]:
+    _load_plugins()
     if name not in _ALGORITHMS:
         raise UnknownNameError("algorithm", name, _ALGORITHMS)
     return _ALGORITHMS[name]
+
+
+def _load(where: str) -> type[Any]:
+    module, _, name = where.partition(":")
+    found: type[Any] = getattr(importlib.import_module(module), name)
+    return found
+
+
+@lru_cache(maxsize=1)
+def _load_plugins() -> None:
+    for plugin in entry_points(group="rcare_marl.algorithms"):
+        plugin.load()

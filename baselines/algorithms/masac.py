@@ -16,7 +16,7 @@ from torchrl.objectives import SACLoss
 
 from rcare_marl.errors import ConfigError
 
-from .network import Actor, Critic, GroupShape, actor_module, group_shapes
+from .network import Actor, Critic, GroupShape, actor_module, group_shapes, meant
 from .off_policy import Learner, OffPolicy, OffPolicyConfig, target_entropy
 from .shortcut import shorten
 
@@ -99,6 +99,7 @@ class Masac(OffPolicy):
         for group in self._groups:
             for key in ("observation", "action"):
                 found[group, key] = batch[group, key]
+            found[group, "meant"] = meant(batch, group)
             for key in ("observation", "reward", "terminated", "done"):
                 found["next", group, key] = batch["next", group, key]
             found["next", group, "reward"] = (

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import torch
+from tensordict import TensorDictBase
 from tensordict.nn import ProbabilisticTensorDictSequential, TensorDictModule
 from torch import Tensor, nn
 from torchrl.modules import ProbabilisticActor, TanhNormal
@@ -200,6 +201,17 @@ class Actor(nn.Module):
             scale=_array(self.normaliser.scale),
             low=self.shape.low,
         )
+
+
+def meant(batch: TensorDictBase, group: str) -> Tensor:
+    """Return the actions of a group that a batch means: a demonstration's without its noise.
+
+    Args:
+        batch: Transitions; (group, "meant") holds those actions, where they differ from (group, "action").
+        group: Whose.
+    """
+    found = batch.get((group, "meant"), None)
+    return batch[group, "action"] if found is None else found
 
 
 def actor_module(

@@ -192,10 +192,10 @@ class Learner:
         return distance.detach()
 
     def distance(self, batch: TensorDictBase) -> Tensor:
-        """Return the mean squared distance of the actor's actions to those of a batch."""
-        seen, done = (batch.get((*self.prefix, key)) for key in ("observation", "action"))
+        """Return the mean squared distance of the actor's actions to those that a batch means."""
+        seen, meant = (batch.get((*self.prefix, key)) for key in ("observation", "meant"))
         location, _ = self.actor(seen)
-        return (self.actor.squash(location) - done).square().mean()
+        return (self.actor.squash(location) - meant).square().mean()
 
     def state_dict(self) -> dict[str, Any]:
         """Return all that changes."""

@@ -22,7 +22,7 @@ from torchrl.objectives.value import MultiAgentGAE
 from rcare_marl.errors import ConfigError
 
 from .exploration import ExploringPolicy
-from .network import Actor, ActorArrays, Critic, GroupShape, actor_module, group_shapes
+from .network import Actor, ActorArrays, Critic, GroupShape, actor_module, group_shapes, meant
 
 LEAST_SPREAD = 1e-6  # returns that spread less are not rescaled
 AGENTS = -2  # axis of the agents in values [..., agents, 1]
@@ -261,7 +261,7 @@ class GroupLearner(nn.Module):
         for _ in range(self._config.cloning_updates):
             chosen = rows[torch.randint(rows.shape[0], (self._config.minibatch,))]
             location, _ = self.actor(chosen["observation"])
-            error = (self.actor.squash(location) - chosen["action"]).square().mean()
+            error = (self.actor.squash(location) - chosen["meant"]).square().mean()
             self._step(error)
         return float(error.detach())
 
@@ -386,6 +386,7 @@ class OnPolicy:
         own, after = batch[group], batch["next", group]
         later = {key: after[key] for key in ("observation", "reward", "done", "terminated")}
         flat = {"observation": own["observation"], "action": own["action"]}
+        flat["meant"] = meant(batch, group)
         if self.CENTRAL:
             flat["state"], later["state"] = batch["state"], batch["next", "state"]
         size = batch.batch_size

@@ -9,7 +9,7 @@ from tensordict.nn import TensorDictModule
 from torch import Tensor
 from torchrl.objectives import SACLoss
 
-from .network import Actor, Critic, GroupShape, actor_module
+from .network import Actor, Critic, GroupShape, actor_module, meant
 from .off_policy import Learner, OffPolicy, OffPolicyConfig, target_entropy
 from .shortcut import shorten
 
@@ -69,6 +69,7 @@ class Sac(OffPolicy):
             parts: dict[str, Tensor | dict[str, Tensor]] = {
                 "observation": batch[group, "observation"].flatten(0, 1),
                 "action": batch[group, "action"].flatten(0, 1),
+                "meant": meant(batch, group).flatten(0, 1),
                 "next": {
                     "observation": after["observation"].flatten(0, 1),
                     "reward": after["reward"].flatten(0, 1) * self.config.reward_scale,

@@ -17,6 +17,9 @@ SEED = 2**30  # of the first demonstration: neither a training's nor an evaluati
 def demonstrate(env: LearnerEnv, wanted: Demonstrations, seed: int = 0) -> TensorDict:
     """Return the transitions of demonstrated episodes in the layout of a collected batch, shape [M].
 
+    (group, "action") is what was done, noise and all, and (group, "meant") what would have been done without
+    it: what a copy is to copy.
+
     Roles that correct the scripted policy demonstrate a correction of zero.
 
     Args:
@@ -54,17 +57,20 @@ def _episode(
     rows: list[TensorDict] = []
     while True:
         root = _seen(env)
-        actions = {}
+        actions, meant = {}, {}
         for group, roles in env.groups.items():
+            low = env.action_lows[group]
             each = np.stack([players[role].act() for role in roles])
+            meant[group] = np.clip(each, low, 1.0).astype(np.float32)
             each = each + noise * rng.standard_normal(each.shape)
-            actions[group] = np.clip(each, env.action_lows[group], 1.0).astype(np.float32)
+            actions[group] = np.clip(each, low, 1.0).astype(np.float32)
         env.step(actions)
         after = _seen(env)
         done = env.terminated or env.truncated
         for group, roles in env.groups.items():
             size = (len(roles), 1)
             root[group, "action"] = torch.from_numpy(actions[group])
+            root[group, "meant"] = torch.from_numpy(meant[group])
             after[group, "reward"] = torch.from_numpy(env.reward[group].reshape(size).copy())
             for name, value in (("terminated", env.terminated), ("done", done)):
                 after[group, name] = torch.full(size, bool(value))

@@ -140,6 +140,7 @@ class Trainer:
     def _run(self, env: BatchedEnv) -> TrainResult:
         config = self.config
         settings = config.algorithm_config()
+        self._begun = time.monotonic()
         algorithm = make_algorithm(config.algo, settings, env, seed=config.seed)
         curriculum = Curriculum(config.curriculum)
         saved = self._checkpoint.load()
@@ -185,13 +186,13 @@ class Trainer:
         log: TrainingLog,
     ) -> TrainResult:
         config = self.config
-        begun = time.monotonic()
-        before = progress.seconds
+        begun, before = self._begun, progress.seconds
         reached = progress.passes >= 2
         if progress.steps >= config.steps or reached:
             return self._result(algorithm, progress, reached)
         collector = self._collector(env, algorithm, curriculum, progress)
         tally = _Tally(env)
+        progress.seconds = before + time.monotonic() - begun
         if progress.steps == 0 and config.demonstrations.episodes:
             self._tell(log, 0, self._assess(algorithm, progress))  # what copying alone came to
         next_save = (progress.steps // config.interval + 1) * config.interval

@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.table import Table
 from rich.text import Text
 
+from rcare_marl.baselines.policy_file import SUFFIX
 from rcare_marl.baselines.protocol import (
     Plan,
     Record,
@@ -90,14 +92,38 @@ def show(record: Record) -> None:
     lead = [name for name in names if name.startswith("return_")]
     safety = [name for name in names if name in NOBODY or name.startswith("cost_")]
     own = [name for name in names if name not in (*lead, *safety)]
-    rows = [_success_row(numbers["success"]), *(_row(name, numbers[name]) for name in lead)]
-    rows += [(), *(_row(name, numbers[name]) for name in own)]
     kept = [name for name in safety if name not in LAST_STEP]
     kept = [name for name in kept if name not in BY_REGION or numbers[name]["max"]]
-    rows += [(), *(_row(name, numbers[name]) for name in kept)]
+    sections = (lead, own, kept)
+    screen.print(_pooled(record, numbers, sections) if record.is_one_training
+                 else _side_by_side(record, numbers, sections))  # fmt: skip
+    for name, reward in record.other_rewards().items():
+        note = f"{name} was trained on the reward {reward!r}: for those returns add --option reward={reward}"
+        screen.print(Text(note, style="yellow"), soft_wrap=True)
+
+
+def _pooled(record: Record, numbers: Mapping[str, Any], sections: Sequence[Sequence[str]]) -> Table:
+    """Return the table of what holds over the seeds of one training."""
+    lead, *rest = sections
+    rows = [_success_row(numbers["success"]), *(_row(name, numbers[name]) for name in lead)]
+    for names in rest:
+        rows += [(), *(_row(name, numbers[name]) for name in names)]
     count = len(record.runs)
     note = f"over {count} policies" if count > 1 else "of one policy"
-    screen.print(table(note, COLUMNS, rows, **dict.fromkeys(COLUMNS[1:], True)))
+    return table(note, COLUMNS, rows, **dict.fromkeys(COLUMNS[1:], True))
+
+
+def _side_by_side(
+    record: Record, numbers: Mapping[str, Any], sections: Sequence[Sequence[str]]
+) -> Table:
+    """Return the table of each policy's means, where a mean over them would say nothing."""
+    policies = record.plan.policies
+    short = [Path(name).parent.name if Path(name).suffix == SUFFIX else name for name in policies]
+    columns = short if len(set(short)) == len(short) and "" not in short else list(policies)
+    rows: list[tuple[str, ...]] = []
+    for names in sections:
+        rows += [(), *((_title(n), *(figure(one) for one in numbers[n]["runs"])) for n in names)]
+    return table("mean of each", ("measure", *columns), rows[1:], **dict.fromkeys(columns, True))
 
 
 def _run_rows(record: Record) -> list[tuple[str, ...]]:
@@ -133,9 +159,13 @@ def _success_row(numbers: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
+def _title(name: str) -> str:
+    return name.replace("_", " of ", 1) if name.startswith(("return_", "cost_")) else name
+
+
 def _row(name: str, numbers: Mapping[str, Any]) -> tuple[str, ...]:
     return (
-        name.replace("_", " of ", 1) if name.startswith(("return_", "cost_")) else name,
+        _title(name),
         figure(numbers["mean"]),
         interval(numbers["interval_95"]),
         figure(numbers["iqm"]),

@@ -16,13 +16,14 @@ Row = dict[str, str]
 
 
 def rows(kind: str) -> list[Row]:
-    """Return one row for each task, robot, avatar, posture or policy; all have the same keys."""
+    """Return one row for each task, robot, avatar, posture, policy or algorithm; all have the same keys."""
     return {
         "tasks": _tasks,
         "robots": _robots,
         "avatars": _avatars,
         "postures": _postures,
         "policies": _policies,
+        "algorithms": _algorithms,
     }[kind]()
 
 
@@ -99,6 +100,14 @@ def _policies() -> list[Row]:
                     }
                 )
     return out
+
+
+def _algorithms() -> list[Row]:
+    from rcare_marl.baselines.algorithms import algorithm_class, algorithm_names  # it needs torch
+
+    return [
+        {"name": name, "about": first_line(algorithm_class(name))} for name in algorithm_names()
+    ]
 
 
 def first_line(thing: object) -> str:

@@ -222,9 +222,15 @@ def _resumed(
     changes: Mapping[str, Any],
 ) -> tuple[TrainConfig, Path]:
     """Return the config and the folder of a training that goes on from a folder or a checkpoint."""
+    from rcare_marl.baselines.policy_file import SUFFIX
     from rcare_marl.baselines.training.checkpoint import LAST, load
     from rcare_marl.config import read_yaml
 
+    if path.suffix == SUFFIX:
+        raise ConfigError(
+            f"{path} is a policy, which a training cannot go on from: give its folder, {path.parent}, or "
+            f"its {LAST}"
+        )
     checkpoint = path / LAST if path.is_dir() or not path.suffix else path
     if not checkpoint.is_file():
         load(checkpoint)  # says what is there instead
@@ -249,6 +255,7 @@ def _resumed(
 
 
 def _run(config: TrainConfig, folder: Path, resume: str) -> None:
+    from rcare_marl.baselines.training.checkpoint import LAST
     from rcare_marl.baselines.training.trainer import Trainer
 
     from .training_report import TrainingReport
@@ -256,8 +263,18 @@ def _run(config: TrainConfig, folder: Path, resume: str) -> None:
     logging.getLogger("torchrl").setLevel(logging.WARNING)  # it tells of every buffer it makes
     with _alone(folder):
         trainer = Trainer(config, folder, resume=resume, reporter=TrainingReport())
-        with _stopping(trainer) as signals:
-            result = trainer.run()
+        try:
+            with _stopping(trainer) as signals:
+                result = trainer.run()
+        except KeyboardInterrupt:
+            saved = (folder / LAST).is_file()
+            command = _resume_command(config.task, folder)
+            print_line(
+                f"stopped at once; to go on from the last checkpoint: {command}"
+                if saved
+                else "stopped before the first checkpoint: the same command begins anew"
+            )
+            raise
     if result.finished:
         _tell(result)
         return

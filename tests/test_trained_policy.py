@@ -1,0 +1,61 @@
+"""What every trained policy that ships promises: a card, a curve, a record of it, and to do as that says."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+import yaml
+
+from rcare_marl.baselines import trained
+from rcare_marl.baselines.evaluate import evaluate, lead_policies
+from rcare_marl.baselines.policy_file import PolicyFile
+from rcare_marl.baselines.protocol import digest, read_record
+
+FILES = sorted(trained.FOLDER.glob("*.npz"))
+SLOW = {"dressing"}
+EPISODES = 3
+
+
+def ids(file: Path) -> str:
+    return file.stem
+
+
+def test_policies_ship_for_every_row_of_the_papers_table() -> None:
+    rows = {"feeding", "bathing", "dressing", "limb_repositioning", "toileting"}
+    rows |= {f"ambulating_level{level}" for level in (1, 2, 3)}
+    assert rows <= {file.stem for file in FILES}
+
+
+@pytest.mark.parametrize("file", FILES, ids=ids)
+def test_a_shipped_policy_is_small_and_its_card_record_and_curve_are_of_it(file: Path) -> None:
+    assert file.stat().st_size < 2e6
+    record = read_record(file.with_suffix(".json"))
+    of_it = [entry for entry in record["policies"] if entry["file"]["sha256"] == digest(file)]
+    assert len(of_it) == 1 and len(record["policies"]) == 5 and record["plan"]["episodes"] >= 20
+    card = yaml.safe_load(file.with_suffix(".yaml").read_text(encoding="utf-8"))
+    assert card["sha256"] == digest(file)
+    with file.with_suffix(".csv").open(encoding="utf-8") as lines:
+        steps = [int(row["step"]) for row in csv.DictReader(lines)]
+    assert PolicyFile.read(file).training["steps"] in steps
+
+
+@pytest.mark.parametrize(
+    "file",
+    [pytest.param(f, marks=pytest.mark.slow if f.stem in SLOW else (), id=f.stem) for f in FILES],
+)
+def test_a_shipped_policy_does_on_these_episodes_as_its_record_says(file: Path) -> None:
+    record = read_record(file.with_suffix(".json"))
+    plan = record["plan"]
+    entry = next(e for e in record["policies"] if e["file"]["sha256"] == digest(file))
+    then = entry["episodes"]["success"][:EPISODES]
+    found = evaluate(
+        plan["task"],
+        lead_policies(plan["task"], str(file)),
+        episodes=EPISODES,
+        seed=plan["seed"],
+        options=plan["options"],
+        cast=plan["cast"],
+    )
+    assert [episode.success for episode in found.episodes] == [bool(one) for one in then]
