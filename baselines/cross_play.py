@@ -14,9 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -29,6 +27,7 @@ from rcare_marl.pose import Array
 
 from .evaluate import evaluate, versions, wilson_interval
 from .partners import Partner
+from .workers import workers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -309,8 +308,8 @@ def cross_play(
     ]
     if processes == 1:
         cells = [_play(job) for job in jobs]
-    else:  # fresh processes, as physics clients must not be shared by a fork
-        with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+    else:
+        with workers(processes) as pool:
             cells = list(pool.map(_play, jobs))
     shape = (len(policies), len(partners), episodes)
     values = {m: np.array([cell[m] for cell in cells]).reshape(shape) for m in MEASURES}

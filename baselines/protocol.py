@@ -11,14 +11,11 @@ from __future__ import annotations
 import glob
 import hashlib
 import json
-import multiprocessing
 import os
 import platform
 import re
-import signal
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future, as_completed
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +29,7 @@ from . import trained
 from .evaluate import Episode, Evaluation, evaluate, lead_policies, wilson_interval
 from .policy_file import SUFFIX, PolicyFile
 from .statistic import hierarchical_interval, interquartile_mean, stratified_interval
+from .workers import workers
 
 FORMAT = 1  # of a record
 CHUNK = 25  # episodes that share a scene, however many processes there are; our own choice
@@ -334,32 +332,12 @@ class _Piece:
 
 
 def _run_apart(work: Sequence[_Piece], processes: int, on_progress: Progress) -> list[Evaluation]:
-    with _workers(min(processes, len(work))) as pool:
+    with workers(min(processes, len(work))) as pool:
         jobs: dict[Future[Evaluation], _Piece] = {pool.submit(p.run): p for p in work}
         for job in as_completed(jobs):
             job.result()  # so that the first error ends it
             on_progress(jobs[job].count)
         return [job.result() for job in jobs]
-
-
-@contextmanager
-def _workers(count: int) -> Iterator[ProcessPoolExecutor]:
-    """Give processes, and leave none behind: not after an error, nor after Ctrl-C."""
-    before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(
-        count,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_DFL),  # Ctrl-C ends them without a traceback each
-    )
-    try:
-        yield pool
-    except BaseException:
-        for process in set(multiprocessing.active_children()) - before:
-            process.terminate()
-        pool.shutdown(wait=True, cancel_futures=True)
-        raise
-    pool.shutdown()
 
 
 def _summed(runs: Sequence[Sequence[float]], resamples: int = FEWER) -> dict[str, Any]:

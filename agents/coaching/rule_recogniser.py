@@ -12,7 +12,7 @@ from .assessment import judge
 from .exercise import Exercise, load_exercises
 from .feature import COLUMN
 from .recogniser import ERRORS, Frame, Judgement, Repetition
-from .segmenter import Segmenter
+from .segmenter import Segment, Segmenter
 from .template import Template, off_path
 
 Array = npt.NDArray[np.float64]
@@ -68,7 +68,7 @@ class RuleRecogniser:
         moved_at = self._segmenter.moved_at
         segment = self._segmenter.update(frame, complete=self._is_complete())
         if segment is not None:
-            repetition = judge(self._template, self._others, segment)
+            repetition = self._judged(self._template, segment)
             self._restart()
             if repetition is None:  # the time without a movement goes on
                 self._segmenter.moved_at = moved_at
@@ -82,6 +82,10 @@ class RuleRecogniser:
         progress = self._progress()
         follows = not self._is_wrong and (progress > BEGUN or time < self._praised_until)
         return Judgement(follows, progress, None, ERRORS[self._fault] if self._is_wrong else "")
+
+    def _judged(self, template: Template, segment: Segment) -> Repetition | None:
+        """Return what is made of a repetition; None if hardly anything moved."""
+        return judge(template, self._others, segment)
 
     def _watch(self, time: float) -> None:
         """Close the window on what is wrong for a while, open it on what is right for longer."""

@@ -160,6 +160,17 @@ class UpperBody:
         ends = {"head": "eyes", "left_hand": "left_hand", "right_hand": "right_hand"}
         return {name: (points[end], quaternions(turns[name])) for name, end in ends.items()}
 
+    def turns(self, angles: Array) -> dict[str, Array]:
+        """Return rotation matrices, each of shape [..., 3, 3], in the frame of the hips.
+
+        Names: `trunk`, `head`, and of each side `<side>_upper_arm`, `_forearm` (z up along the bone of the
+        hanging arm, not turned by pronation) and `_hand`.
+
+        Args:
+            angles: Angles of `MOTIONS` [rad], shape [..., 16]; what depends on an unknown one is NaN.
+        """
+        return self._place(np.asarray(angles, dtype=np.float64))[1]
+
     def _place(self, angles: Array) -> tuple[dict[str, Array], dict[str, Array]]:
         if angles.shape[-1:] != (len(MOTIONS),):
             raise ConfigError(f"angles must have shape [..., {len(MOTIONS)}], got {angles.shape}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,13 +13,15 @@ import numpy as np
 
 from rcare_marl.agents.coaching.exercise import Exercise, exercise_names, load_exercises
 from rcare_marl.agents.coaching.recogniser import Recogniser, Repetition
-from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
 from rcare_marl.errors import ConfigError
 
 from ..evaluate import wilson_interval
-from .noise import NoiseModel, Sensor, make_sensor
+from ..workers import workers
+from .noise import NoiseModel, Sensor
 from .performance import WRONG, Performance, idle, perform
-from .synthetic_user import SPLITS, SyntheticUser, draw_users
+from .recognisers import DEFAULT, recogniser_maker
+from .sensors import make_sensor
+from .synthetic_user import SPLITS, SyntheticUser, draw_person
 
 RIGHT_REPETITIONS = 3  # of each exercise by each person
 IDLE_TIME = 20.0  # of each person with each exercise [s]
@@ -252,6 +255,32 @@ def performances(
         yield idle(user, exercise, rng, seconds=IDLE_TIME)
 
 
+@dataclass(frozen=True)
+class _Lesson:
+    """All that one synthetic person does before one source and one recogniser."""
+
+    source: str
+    number: int
+    seed: int
+    split: str
+    noise: NoiseModel
+    recogniser: Callable[[], Recogniser]
+    exercises: tuple[Exercise, ...]
+
+    def run(self) -> tuple[list[Trial], list[float]]:
+        """Return the trials, and what each frame took [s]."""
+        user = draw_person(self.number, seed=self.seed, split=self.split)
+        rng = np.random.default_rng((SPLITS.index(self.split), self.seed, self.number, 1))
+        sensor, judge = make_sensor(self.source, self.noise), self.recogniser()
+        trials, frame_times = [], list[float]()
+        for performance in performances(user, self.exercises, rng):
+            verdicts = judge_performance(
+                performance, user, sensor, judge, rng, frame_times=frame_times
+            )
+            trials.append(score_trial(self.number, performance, verdicts))
+        return trials, frame_times
+
+
 def evaluate_coach(
     *,
     source: str = "hands",
@@ -259,79 +288,87 @@ def evaluate_coach(
     seed: int = 0,
     split: str = "test",
     noise: NoiseModel | None = None,
-    recogniser: Callable[[], Recogniser] = RuleRecogniser,
-    name: str = "rules",
+    recogniser: str = DEFAULT,
     exercises: Sequence[Exercise] | None = None,
+    processes: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> CoachEvaluation:
     """Evaluate a recogniser over synthetic people; the same arguments give the same trials.
 
     Args:
-        source: Where poses come from, of `noise.SENSORS`.
+        source: Where poses come from, of `sensors.SENSORS`.
         users: How many people.
         seed: Of the people and all they do.
         split: `development` or `test`: nobody is in both.
         noise: Of the sensors; 1 cm, 2 degrees, 30 Hz, 5 % drop-outs if None.
-        recogniser: Makes the recogniser.
-        name: What it is called in the result.
+        recogniser: Who judges, of `recognisers.RECOGNISERS`.
         exercises: What is done; all there are if None.
+        processes: How many people at once; the trials are the same whatever it is.
         progress: Told how many people are done.
 
     Raises:
-        UnknownNameError: If there is no such source.
+        UnknownNameError: If there is no such source or recogniser.
         ConfigError: If nobody is to be evaluated, or there is no such split.
     """
     if users < 1:
         raise ConfigError(f"an evaluation needs at least one person, got {users}")
+    if processes < 1:
+        raise ConfigError(f"processes must be at least 1, got {processes}")
     if split not in SPLITS:
         raise ConfigError(f"split is one of {', '.join(SPLITS)}, got {split!r}")
     noise = NoiseModel() if noise is None else noise
-    chosen = load_exercises() if exercises is None else exercises
-    sensor = make_sensor(source, noise)
-    trials, frame_times = [], list[float]()
-    for i, user in enumerate(draw_users(users, seed=seed, split=split)):
-        rng = np.random.default_rng((SPLITS.index(split), seed, i, 1))
-        judge = recogniser()  # a session is one person's
-        for performance in performances(user, chosen, rng):
-            verdicts = judge_performance(
-                performance, user, sensor, judge, rng, frame_times=frame_times
-            )
-            trials.append(score_trial(i, performance, verdicts))
-        if progress is not None:
-            progress(i + 1)
-    taken = 1e3 * np.array(frame_times)
+    chosen = tuple(load_exercises() if exercises is None else exercises)
+    make_sensor(source, noise)  # refuses what is unknown before anything is begun
+    maker = recogniser_maker(recogniser)
+    lessons = [_Lesson(source, i, seed, split, noise, maker, chosen) for i in range(users)]
+    tell = progress or (lambda _: None)
+    done: list[tuple[list[Trial], list[float]]] = []
+    if processes == 1:
+        for i, lesson in enumerate(lessons):
+            done.append(lesson.run())
+            tell(i + 1)
+    else:
+        with workers(min(processes, users)) as pool:
+            jobs = [pool.submit(lesson.run) for lesson in lessons]
+            for i, job in enumerate(as_completed(jobs)):
+                job.result()  # so that the first error ends it
+                tell(i + 1)
+            done = [job.result() for job in jobs]
+    taken = 1e3 * np.array([value for _, times in done for value in times])
     return CoachEvaluation(
         source=source,
-        recogniser=name,
+        recogniser=recogniser,
         seed=seed,
         split=split,
         users=users,
         noise=noise,
-        trials=tuple(trials),
+        trials=tuple(trial for trials, _ in done for trial in trials),
         frame_ms=(float(taken.mean()), float(np.percentile(taken, 99))),
     )
 
 
-def sweep_noise(
-    levels: Sequence[float], *, evaluate: Callable[[NoiseModel], CoachEvaluation]
-) -> Mapping[float, CoachEvaluation]:
-    """Return evaluations as noise grows: every figure of the noise times each level.
+def noise_levels(levels: Sequence[float]) -> Mapping[float, NoiseModel]:
+    """Return noise that grows: every figure of the usual noise times each level.
 
     Args:
-        levels: Factors of 1 cm, 2 degrees, 4 ms and 3 ms of clocks, and 5 % drop-outs.
-        evaluate: Evaluates at some noise.
+        levels: Factors of 1 cm, 2 degrees, 0.6 pixels, 4 ms and 3 ms of clocks, and 5 % drop-outs.
+
+    Raises:
+        ConfigError: If a level is not positive.
     """
     usual = NoiseModel()
+    for level in levels:
+        if not (np.isfinite(level) and level > 0):
+            raise ConfigError(f"a level of noise must be positive, got {level}")
     return {
-        level: evaluate(
-            NoiseModel(
-                position=usual.position * level,
-                angle_deg=usual.angle_deg * level,
-                rate=usual.rate,
-                jitter=usual.jitter * level,
-                clock=usual.clock * level,
-                dropout=min(usual.dropout * level, 0.9),
-            )
+        level: NoiseModel(
+            position=usual.position * level,
+            angle_deg=usual.angle_deg * level,
+            rate=usual.rate,
+            jitter=usual.jitter * level,
+            clock=usual.clock * level,
+            dropout=min(usual.dropout * level, 0.9),
+            pixel=usual.pixel * level,
         )
         for level in levels
     }

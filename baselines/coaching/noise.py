@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -14,7 +14,7 @@ from rcare_marl.agents.coaching.hands_source import HandsReading, HandsSource
 from rcare_marl.agents.coaching.joints_source import JointsSource
 from rcare_marl.agents.coaching.recogniser import PoseSource
 from rcare_marl.agents.coaching.upper_body import ARM, MOTIONS, SIDES, trunk_turn
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
 
 from .performance import Performance
@@ -38,7 +38,9 @@ class NoiseModel:
         rate: Frames a second.
         jitter: Standard deviation of when a frame is taken [s].
         clock: Standard deviation of what its clock says of it [s].
-        dropout: Share of the frames that a device misses.
+        dropout: Share of the frames that a device misses; of a camera, that a marker is missed which is
+            to be seen.
+        pixel: Standard deviation of a marker's corner in a picture, along each axis [pixel].
     """
 
     position: float = 0.01
@@ -47,6 +49,7 @@ class NoiseModel:
     jitter: float = 0.004
     clock: float = 0.003
     dropout: float = 0.05
+    pixel: float = 0.6
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -114,7 +117,7 @@ class HandsSensor:
     ) -> Iterator[tuple[float, float, HandsReading]]:
         """Yield what headset and hands report."""
         taken, told = self._noise.times(float(performance.times[-1]), rng)
-        angles = _sampled(performance, taken)
+        angles = sampled(performance, taken)
         yield from zip(taken, told, self._read(user, angles, rng), strict=True)
 
     def _place(self, user: SyntheticUser, rng: np.random.Generator) -> None:
@@ -193,7 +196,7 @@ class JointsSensor:
         """Yield angles [16] with noise; trunk and head, left arm and right arm drop out each by itself."""
         noise = self._noise
         taken, told = noise.times(float(performance.times[-1]), rng)
-        angles = _sampled(performance, taken)
+        angles = sampled(performance, taken)
         angles += np.radians(rng.normal(0, noise.angle_deg, size=angles.shape))
         lost = noise.lost(len(taken), 3, rng)
         for i, columns in enumerate((slice(0, 6), ARM["left"], ARM["right"])):
@@ -201,24 +204,7 @@ class JointsSensor:
         yield from zip(taken, told, angles, strict=True)
 
 
-def _sampled(performance: Performance, taken: Array) -> Array:
+def sampled(performance: Performance, taken: Array) -> Array:
     """Return the angles of a performance when frames were taken [rad], shape [n, 16]."""
     columns = [np.interp(taken, performance.times, column) for column in performance.angles.T]
     return np.column_stack(columns)
-
-
-SENSORS: Mapping[str, Callable[[NoiseModel], Sensor]] = {
-    "hands": HandsSensor,
-    "joints": JointsSensor,
-}
-
-
-def make_sensor(source: str, noise: NoiseModel) -> Sensor:
-    """Return the sensors of a source of poses.
-
-    Raises:
-        UnknownNameError: If there is no such source.
-    """
-    if source not in SENSORS:
-        raise UnknownNameError("source of poses", source, SENSORS)
-    return SENSORS[source](noise)

@@ -104,8 +104,11 @@ def draw_user(rng: np.random.Generator) -> SyntheticUser:
     )
 
 
+def draw_person(number: int, *, seed: int, split: str = "test") -> SyntheticUser:
+    """Return one of the people of a seed; the same seed gives other people in another split."""
+    return draw_user(np.random.default_rng((SPLITS.index(split), seed, number, 0)))
+
+
 def draw_users(count: int, *, seed: int, split: str = "test") -> tuple[SyntheticUser, ...]:
-    """Return people drawn at random; the same seed gives other people in another split."""
-    return tuple(
-        draw_user(np.random.default_rng((SPLITS.index(split), seed, i, 0))) for i in range(count)
-    )
+    """Return the first people of a seed."""
+    return tuple(draw_person(i, seed=seed, split=split) for i in range(count))

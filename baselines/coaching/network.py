@@ -1,0 +1,86 @@
+"""The network that tells what a repetition was: convolutions over time, and its file."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from rcare_marl.errors import ConfigError
+
+from .encoding import CHANNELS, FACTS
+
+# What a repetition may be; all but the first are names of `recogniser.ERRORS`.
+CLASSES = (
+    "right", "one_side", "range", "direction", "too_fast", "asymmetric", "head_only", "arms_only",
+    "trunk_lean", "trunk_turn", "bent_elbows", "unknown_movement", "wrong_side", "other_exercise",
+)  # fmt: skip
+WIDTH = 64  # our own choice
+ABOUT = "about"
+
+
+class RepetitionNetwork(nn.Module):
+    """Sees a repetition beside what was asked; says what it was."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.over_time = nn.Sequential(
+            nn.Conv1d(CHANNELS, WIDTH, 5, stride=2, padding=2),
+            nn.GELU(),
+            nn.Conv1d(WIDTH, WIDTH, 5, stride=2, padding=2),
+            nn.GELU(),
+            nn.Conv1d(WIDTH, WIDTH, 3, padding=1),
+            nn.GELU(),
+        )
+        self.told = nn.Sequential(
+            nn.Dropout(0.1),
+            nn.Linear(2 * WIDTH + FACTS, WIDTH),
+            nn.GELU(),
+            nn.Linear(WIDTH, len(CLASSES)),
+        )
+
+    def forward(self, sequences: torch.Tensor, facts: torch.Tensor) -> torch.Tensor:
+        """Return the logits of `CLASSES`, shape [n, classes].
+
+        Args:
+            sequences: Of `encoding.encode`, shape [n, 96, 48].
+            facts: Likewise, shape [n, 13].
+        """
+        found = self.over_time(sequences)
+        pooled = torch.cat((found.mean(dim=2), found.amax(dim=2), facts), dim=1)
+        return torch.as_tensor(self.told(pooled))
+
+
+def save_network(network: RepetitionNetwork, about: Mapping[str, Any], file: Path) -> None:
+    """Write a network and what there is to say of it as NPZ, without pickle."""
+    arrays = {name: value.numpy() for name, value in network.state_dict().items()}
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **{ABOUT: np.array(json.dumps(dict(about)))}, **arrays)
+    file.write_bytes(stream.getvalue())
+
+
+def load_network(file: Path) -> tuple[RepetitionNetwork, dict[str, Any]]:
+    """Return a network and what its file says of it.
+
+    Raises:
+        ConfigError: If the file cannot be read or holds no such network.
+    """
+    network = RepetitionNetwork()
+    try:
+        with np.load(file, allow_pickle=False) as found:
+            about = json.loads(str(found[ABOUT]))
+            state = {n: torch.from_numpy(found[n]) for n in found.files if n != ABOUT}
+        network.load_state_dict(state)
+    except OSError as error:
+        raise ConfigError(f"cannot read {file}: {error.strerror or error}") from error
+    except (zipfile.BadZipFile, ValueError, KeyError, RuntimeError) as error:
+        raise ConfigError(f"{file} is no network that judges repetitions: {error}") from error
+    network.eval()
+    return network, about
