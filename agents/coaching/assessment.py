@@ -26,6 +26,7 @@ ATTEMPTED = 0.3  # share of the way below which a key pose was not tried
 ALIKE, MUCH_MORE_ALIKE = 0.6, 0.25  # when a movement is another exercise
 UNLIKE = 0.3  # below this it is no attempt at an exercise
 SEEN = 0.5  # share of frames in which a part has to be seen
+ALL = 1.05  # share of the way from which it was gone
 FURTHEST = 1.3  # share of the way beyond which it went too far, if it left the path, too
 OUT = 0.6  # share of the greatest excursion from which a movement is out
 WIDTH = math.radians(50)  # of the path in a likeness
@@ -177,7 +178,9 @@ def measure_way(way: Way, motion: Motion, demand: Demand) -> WayMeasure:
             continue
         share, first = _attained(stage.share(directions[since:], stage.scale_from(rest)))
         if k == 0:
-            half = np.flatnonzero(stage.share(directions) >= 0.5)
+            # Who rests with an arm forward is on the way already.
+            begun = float(np.clip(stage.share(rest), 0.0, 0.8))
+            half = np.flatnonzero(stage.share(directions) >= 0.5 * (begun + 1.0))
             reached = int(half[0]) if len(half) else -1
             against = most(-stage.share(directions))
         shares.append(share)
@@ -394,7 +397,7 @@ def _unevenness(left: tuple[float, ...], right: tuple[float, ...]) -> float:
     """Return by which share one arm fell behind the other on the way to some key pose."""
     worst = 0.0
     for a, b in zip(left, right, strict=False):
-        more, less = max(a, b), min(a, b)
+        more, less = min(max(a, b), ALL), min(a, b)  # who goes too far leaves nobody behind
         if more > ATTEMPTED:
             worst = max(worst, 1.0 - max(less, 0.0) / more)
     return worst

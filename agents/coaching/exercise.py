@@ -76,7 +76,7 @@ class Demand:
     lag_s: float = 0.8
     elbow_deg: float = 55.0
     lean_deg: float = 13.0
-    turn_deg: float = 17.0
+    turn_deg: float = 15.0
     head_deg: float = 40.0
     still_deg: float = 40.0
     patience_s: float = 2.0

@@ -27,6 +27,7 @@ LOST = 0.7  # a part that is not seen for so long is unknown [s]
 SAME = math.radians(8)  # so near to rest is rest [rad]
 SETTLING = 1.0  # after a repetition arms may settle for so long [s]
 LOOKED = 0.6  # after `begin` it is looked so long how the person rests [s]
+ANYWHERE = math.radians(100)  # from the rest shown, where an arm may lie that has no part
 ARMS = np.array([name.endswith(("arm", "wrist")) for name in VECTORS])
 GREATEST_STEP = 0.5  # a clock that jumps further counts as a break [s]
 
@@ -76,7 +77,7 @@ class Segmenter:
         asked = {part: way.excursion for part, way in template.ways.items()}
         smallest = min(asked.values(), default=1.0)
         self._begins = min(max(0.35 * smallest, math.radians(6)), math.radians(15))
-        self._weights, self._near = _limits(asked)
+        self._weights, self._near, self._usual = _limits(asked)
         hold = max((pose.hold_s for pose in exercise.poses), default=0.0)
         self._stuck = STUCK + exercise.judged.tempo[1] * hold
         self._patience = exercise.judged.tempo[1] * exercise.duration + 3.0
@@ -205,7 +206,7 @@ class Segmenter:
         allowed = np.full(len(VECTORS), True) if at_once else is_same
         if after_return:
             allowed |= ARMS
-        close = allowed & (self._distances(self._nominal) <= self._near + math.radians(10))
+        close = allowed & (self._distances(self._nominal) <= self._usual)
         known = np.repeat(close, 3) & np.isfinite(self._slow[: 3 * len(VECTORS)])
         gap = np.abs(self._slow - self.rest)[3 * len(VECTORS) :]
         angles = np.isfinite(gap) if at_once else gap <= SAME
@@ -250,9 +251,17 @@ class Segmenter:
         return float(times[quiet[-1]] if len(quiet) else times[0])
 
 
-def _limits(asked: dict[str, float]) -> tuple[Array, Array]:
-    """Return how much each vector counts at a beginning, and how near to rest it must come back [rad]."""
-    weights, near = np.empty(len(VECTORS)), np.empty(len(VECTORS))
+def _limits(asked: dict[str, float]) -> tuple[Array, Array, Array]:
+    """Return limits of each vector.
+
+    Args:
+        asked: How far each part goes that an exercise asks for [rad].
+
+    Returns:
+        How much it counts at a beginning, how near to rest it must come back [rad], and how far from the rest
+        shown it may be at rest [rad].
+    """
+    weights, near, usual = (np.empty(len(VECTORS)) for _ in range(3))
     for i, name in enumerate(VECTORS):
         part = name.replace("wrist", "arm").replace("crown", "head")
         if name == "trunk":
@@ -264,4 +273,7 @@ def _limits(asked: dict[str, float]) -> tuple[Array, Array]:
             weights[i], near[i] = 0.5, math.radians(25)
         if name.endswith("wrist"):
             weights[i], near[i] = 0.6, math.radians(42)
-    return weights, near
+        usual[i] = near[i] + math.radians(10)
+        if ARMS[i] and part not in asked:  # an arm without a part lies anywhere
+            usual[i] = ANYWHERE
+    return weights, near, usual

@@ -60,11 +60,19 @@ class CameraSight:
     camera: Seen
 
 
-class _Sight(CameraSource):
-    """A camera source that takes corners in place of pictures."""
+class CornerSource:
+    """Makes frames of corners that somebody else has found.
 
-    def update(self, raw: CameraSight, time: float) -> Frame | None:  # type: ignore[override]
-        return self.follow(raw.seen, raw.camera, time)
+    Attributes:
+        source: What does it.
+    """
+
+    def __init__(self) -> None:
+        self.source = CameraSource()
+
+    def update(self, raw: CameraSight, time: float) -> Frame | None:
+        """Return what is known at a time [s]; None during the calibration and while nothing is seen."""
+        return self.source.follow(raw.seen, raw.camera, time)
 
 
 class CameraSensor:
@@ -79,10 +87,10 @@ class CameraSensor:
         self._corners = np.array([face.corners() for _, face in faces])  # [cards, 4, 3]
         self._segment = np.array([SEGMENTS.index(band.segment) for band in self._bands])
 
-    def source(self, user: SyntheticUser, rng: np.random.Generator) -> CameraSource:
+    def source(self, user: SyntheticUser, rng: np.random.Generator) -> CornerSource:
         """Return a source that has seen a person sit still, arms hanging in their own way."""
         self._dress(user, rng)
-        source = _Sight()
+        source = CornerSource()
         count = int(CALIBRATION * self._noise.rate) + 1
         angles = np.zeros((count, len(MOTIONS)))
         for side in SIDES:
@@ -198,4 +206,4 @@ class CameraSensor:
         return out
 
 
-__all__ = ["CameraSensor", "CameraSight"]
+__all__ = ["CameraSensor", "CameraSight", "CornerSource"]

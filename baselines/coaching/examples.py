@@ -130,9 +130,11 @@ def examples_of(number: int, source: str, seed: int) -> Examples:
                 belongs = any(start < b and end > a for a, b in performance.spans)
                 if belongs or label == WRONG_SOMEHOW:
                     found.append((sequence, facts, label))
-    sequences, facts, labels = zip(*found, strict=True)
     return Examples(
-        np.stack(sequences), np.stack(facts), np.array(labels), np.full(len(labels), number)
+        np.stack([sequence for sequence, _, _ in found]),
+        np.stack([facts for _, facts, _ in found]),
+        np.array([label for *_, label in found]),
+        np.full(len(found), number),
     )
 
 

@@ -60,9 +60,10 @@ class RepetitionNetwork(nn.Module):
 
 def save_network(network: RepetitionNetwork, about: Mapping[str, Any], file: Path) -> None:
     """Write a network and what there is to say of it as NPZ, without pickle."""
-    arrays = {name: value.numpy() for name, value in network.state_dict().items()}
+    arrays: dict[str, Any] = {name: value.numpy() for name, value in network.state_dict().items()}
+    arrays[ABOUT] = np.array(json.dumps(dict(about)))
     stream = io.BytesIO()
-    np.savez_compressed(stream, **{ABOUT: np.array(json.dumps(dict(about)))}, **arrays)
+    np.savez_compressed(stream, **arrays)
     file.write_bytes(stream.getvalue())
 
 

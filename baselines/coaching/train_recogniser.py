@@ -56,7 +56,7 @@ def train(
             seen = seen + NOISE * torch.randn(seen.shape)
             loss = loss_of(network(seen, facts[chosen]), labels[chosen])
             optimizer.zero_grad()
-            loss.backward()
+            loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             schedule.step()
     network.eval()
@@ -87,7 +87,8 @@ def _with_mirrored(
 
 def _batches(count: int, rng: np.random.Generator) -> Iterator[torch.Tensor]:
     order = torch.from_numpy(rng.permutation(count))
-    yield from order.split(BATCH)
+    for start in range(0, count, BATCH):
+        yield order[start : start + BATCH]
 
 
 def _measured(

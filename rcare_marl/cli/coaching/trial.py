@@ -21,6 +21,7 @@ from ..console import console, print_line, progress, table
 from ..folder import write_whole
 from ..parameter import print_json
 
+SHARES = ("right recognised", "95 % interval", "of", "wrong detected", "95 %", "of ")
 SHOWN = 3  # verdicts on each kind of performance in the table of confusions
 
 
@@ -112,32 +113,27 @@ def show(found: CoachEvaluation, levels: Mapping[float, CoachEvaluation]) -> Non
     """Print an evaluation: shares, what was said of what, and how soon."""
     told, screen = found.to_dict(), console()
     title = f"{found.recogniser} by {found.source}: {found.users} people of seed {found.seed}, {found.split}"
-    columns = ("", "right recognised", "95 % interval", "of", "wrong detected", "95 %", "of ")
+    columns: tuple[str, ...] = ("", *SHARES)
     rows: list[tuple[str, ...]] = [("all", *_share(told["right"]), *_share(told["wrong"])), ()]
     for name, each in told["exercises"].items():
         shares = (*_share(each["right_recognised"]), *_share(each["wrong_detected"]))
         rows.append((name.replace("_", " "), *shares))
     screen.print(table(title, columns, rows, **dict.fromkeys(columns[1:], True)))
     columns = ("done", "detected", "95 % interval", "of", "said first, how often")
-    rows = [("right", "", "", "", _said(told["confusion"].get("right", {})))]
+    kinds: list[tuple[str, ...]] = [
+        ("right", "", "", "", _said(told["confusion"].get("right", {})))
+    ]
     for kind in (kind for kind in WRONG if kind in told["kinds"]):
         said = _said(told["confusion"].get(kind, {}))
-        rows.append((kind.replace("_", " "), *_share(told["kinds"][kind]), said))
-    screen.print(table("what was made of it", columns, rows, **dict.fromkeys(columns[1:4], True)))
+        kinds.append((kind.replace("_", " "), *_share(told["kinds"][kind]), said))
+    screen.print(table("what was made of it", columns, kinds, **dict.fromkeys(columns[1:4], True)))
     screen.print(table("on line", ("measure", "value"), _line_rows(told), value=True))
     if levels:
-        columns = (
-            "noise",
-            "right recognised",
-            "95 % interval",
-            "of",
-            "wrong detected",
-            "95 %",
-            "of ",
-        )
+        columns = ("noise", *SHARES)
+        grown = ((level, one.to_dict()) for level, one in sorted(levels.items()))
         rows = [
             (f"x {level:g}", *_share(each["right"]), *_share(each["wrong"]))
-            for level, each in ((level, one.to_dict()) for level, one in sorted(levels.items()))
+            for level, each in grown
         ]
         screen.print(table("as noise grows", columns, rows, **dict.fromkeys(columns[1:], True)))
 
