@@ -23,7 +23,7 @@ from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS
 from rcare_marl.baselines.coaching.camera_sensor import CameraSensor
 from rcare_marl.baselines.coaching.encoding import Floats, asked_rows, encode, mirrored
 from rcare_marl.baselines.coaching.evaluation import evaluate_coach, noise_levels
-from rcare_marl.baselines.coaching.examples import WRONG_SOMEHOW, Examples
+from rcare_marl.baselines.coaching.examples import WRONG_SOMEHOW, Examples, examples_of
 from rcare_marl.baselines.coaching.learned_recogniser import SHIPPED, LearnedRecogniser
 from rcare_marl.baselines.coaching.network import (
     CLASSES,
@@ -97,10 +97,10 @@ def test_a_slip_is_named_with_what_is_allowed(wrong: tuple[str, str], words: str
 
 
 def test_levels_of_noise_are_multiples_of_the_usual() -> None:
-    usual, twice = NoiseModel(), noise_levels([2.0])[2.0]
+    usual, twice = NoiseModel(), noise_levels("hands", [2.0])[2.0]
     assert twice.pixel == 2 * usual.pixel and twice.dropout == 2 * usual.dropout
     with pytest.raises(ConfigError, match="positive"):
-        noise_levels([0.0])
+        noise_levels("hands", [0.0])
 
 
 # --- The camera's sensor. ---
@@ -257,6 +257,15 @@ def test_a_network_comes_back_as_it_was_saved(tmp_path: Path) -> None:
     assert about == {"seed": 1} and not found.training
     for name, value in network.state_dict().items():
         assert torch.equal(found.state_dict()[name], value)
+
+
+@pytest.mark.slow
+def test_examples_hold_right_repetitions_and_every_kind_of_error() -> None:
+    examples, again = examples_of(0, "joints", 1), examples_of(0, "joints", 1)
+    assert np.array_equal(examples.sequences, again.sequences)
+    assert set(examples.labels.tolist()) == {WRONG_SOMEHOW, *range(len(CLASSES))}
+    assert (examples.labels == CLASSES.index("right")).sum() >= 30
+    assert np.isfinite(examples.sequences).all() and np.isfinite(examples.facts).all()
 
 
 @pytest.mark.slow

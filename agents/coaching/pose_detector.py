@@ -1,8 +1,8 @@
 """Body landmarks in pictures of a webcam or a video, found by MediaPipe, which is optional.
 
 MediaPipe is imported when a detector is made and not before. It asks for the package opencv-contrib-python,
-which fills the same folder as the opencv-python-headless of this project; so it is installed without
-what it asks for, as the error says.
+which fills the same folder as the opencv-python-headless of this project; so it is installed by itself
+beside the extra `webcam`, which has the rest of what it needs.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from rcare_marl.errors import ConfigError, MissingPackageError
 
 from .landmark_source import LandmarkReading
 
-INSTALL = "--no-deps mediapipe==1.2.2 && pip install absl-py flatbuffers"
+INSTALL = "'rcare-marl[webcam]' && pip install --no-deps mediapipe==1.2.2"
 MODEL = "pose_landmarker_full.task"
 
 
 class PoseDetector:
-    """Finds the landmarks of one person, picture after picture."""
+    """Finds the landmarks of one person, picture after picture. Close it in the end."""
 
     def __init__(self, model: str | Path) -> None:
         """Open a model.

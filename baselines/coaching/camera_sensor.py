@@ -22,12 +22,13 @@ from rcare_marl.agents.coaching.upper_body import ARM, MOTIONS, SIDES, SIGN, tur
 from rcare_marl.rendering.camera import Camera
 
 from .noise import NoiseModel, sampled
-from .performance import Performance
+from .performance import Performance, at_rest
 from .synthetic_user import RESTS, SyntheticUser
 
 Array = npt.NDArray[np.float64]
 
 CALIBRATION = 1.3  # how long a person sits still before the camera [s]
+SETTLING = 1.5  # how long they take to lay their hands where they rest [s]; our own choice
 DISTANCE, EYE_HEIGHT, LOOK_HEIGHT = (
     1.5,
     0.75,
@@ -88,16 +89,18 @@ class CameraSensor:
         self._segment = np.array([SEGMENTS.index(band.segment) for band in self._bands])
 
     def source(self, user: SyntheticUser, rng: np.random.Generator) -> CornerSource:
-        """Return a source that has seen a person sit still, arms hanging in their own way."""
+        """Return a source that has seen a person sit still, arms hanging their own way, and settle."""
         self._dress(user, rng)
         source = CornerSource()
-        count = int(CALIBRATION * self._noise.rate) + 1
-        angles = np.zeros((count, len(MOTIONS)))
+        still, moving = (math.ceil(s * self._noise.rate) for s in (CALIBRATION, SETTLING))
+        angles = np.zeros((still + moving, len(MOTIONS)))
         for side in SIDES:
             hanging = np.array(RESTS["hanging"]) + rng.normal(0, (3.0, 8.0, 4.0, 6.0, 6.0))
             angles[:, ARM[side]] = np.radians(hanging)
         angles[:, 3:6] = np.radians(rng.normal(0, 2, size=3))
-        times = np.arange(count) / self._noise.rate - CALIBRATION - 0.5
+        share = (1 - np.cos(np.linspace(0, np.pi, moving)))[:, None] / 2
+        angles[still:] += share * (at_rest(user) - angles[still:])
+        times = (np.arange(len(angles)) - len(angles)) / self._noise.rate
         for time, sight in zip(times, self._sights(user, angles, rng), strict=True):
             source.update(sight, float(time))
         return source

@@ -20,7 +20,7 @@ from ..workers import workers
 from .noise import NoiseModel, Sensor
 from .performance import WRONG, Performance, idle, perform
 from .recognisers import DEFAULT, recogniser_maker
-from .sensors import make_sensor
+from .sensors import make_sensor, usual_noise
 from .synthetic_user import SPLITS, SyntheticUser, draw_person
 
 RIGHT_REPETITIONS = 3  # of each exercise by each person
@@ -106,9 +106,14 @@ class CoachEvaluation:
                 counts[trial.verdicts[0] if trial.verdicts else UNSEEN] += 1
         return {kind: dict(counts.most_common()) for kind, counts in out.items()}
 
-    def latency(self) -> dict[str, float]:
-        """Return median, 95th percentile and greatest time from an end to its verdict [s]."""
-        found = [value for trial in self.trials for value in trial.latencies]
+    def latency(self, *kinds: str) -> dict[str, float]:
+        """Return median, 95th percentile and greatest time from an end to its verdict [s].
+
+        Args:
+            kinds: Of which performances; of all if none are given.
+        """
+        trials = self._of(*kinds) if kinds else self.trials
+        found = [value for trial in trials for value in trial.latencies]
         if not found:
             return {}
         low, high = np.percentile(found, (50, 95))
@@ -154,6 +159,7 @@ class CoachEvaluation:
             "kinds": {kind: _summary(self._of(kind)) for kind in WRONG if self._of(kind)},
             "confusion": self.confusion(),
             "latency": self.latency(),
+            "latency_of_right": self.latency("right"),
             "false_alarms": self.false_alarms(),
             "frame_ms": {"mean": round(self.frame_ms[0], 3), "p99": round(self.frame_ms[1], 3)},
         }
@@ -300,7 +306,7 @@ def evaluate_coach(
         users: How many people.
         seed: Of the people and all they do.
         split: `development` or `test`: nobody is in both.
-        noise: Of the sensors; 1 cm, 2 degrees, 30 Hz, 5 % drop-outs if None.
+        noise: Of the sensors; `sensors.usual_noise` if None.
         recogniser: Who judges, of `recognisers.RECOGNISERS`.
         exercises: What is done; all there are if None.
         processes: How many people at once; the trials are the same whatever it is.
@@ -316,9 +322,9 @@ def evaluate_coach(
         raise ConfigError(f"processes must be at least 1, got {processes}")
     if split not in SPLITS:
         raise ConfigError(f"split is one of {', '.join(SPLITS)}, got {split!r}")
-    noise = NoiseModel() if noise is None else noise
+    make_sensor(source, NoiseModel())  # refuses what is unknown before anything is begun
+    noise = usual_noise(source) if noise is None else noise
     chosen = tuple(load_exercises() if exercises is None else exercises)
-    make_sensor(source, noise)  # refuses what is unknown before anything is begun
     maker = recogniser_maker(recogniser)
     lessons = [_Lesson(source, i, seed, split, noise, maker, chosen) for i in range(users)]
     tell = progress or (lambda _: None)
@@ -347,16 +353,17 @@ def evaluate_coach(
     )
 
 
-def noise_levels(levels: Sequence[float]) -> Mapping[float, NoiseModel]:
-    """Return noise that grows: every figure of the usual noise times each level.
+def noise_levels(source: str, levels: Sequence[float]) -> Mapping[float, NoiseModel]:
+    """Return noise that grows: every figure of a source's usual noise but the rate, times each level.
 
     Args:
+        source: Where poses come from.
         levels: Factors of 1 cm, 2 degrees, 0.6 pixels, 4 ms and 3 ms of clocks, and 5 % drop-outs.
 
     Raises:
         ConfigError: If a level is not positive.
     """
-    usual = NoiseModel()
+    usual = usual_noise(source)
     for level in levels:
         if not (np.isfinite(level) and level > 0):
             raise ConfigError(f"a level of noise must be positive, got {level}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,9 +21,8 @@ from ..workers import workers
 from .encoding import Floats, asked_rows, encode
 from .evaluation import judge_performance
 from .network import CLASSES
-from .noise import NoiseModel
 from .performance import WRONG, Performance, idle, perform
-from .sensors import make_sensor
+from .sensors import make_sensor, usual_noise
 from .synthetic_user import SPLITS, SyntheticUser, draw_person
 
 ERROR_OF = {
@@ -116,11 +115,14 @@ def examples_of(number: int, source: str, seed: int) -> Examples:
     user = draw_person(number, seed=seed, split="development")
     rng = np.random.default_rng((SPLITS.index("development"), seed, number, 2))
     level = float(rng.uniform(*NOISES))
-    usual = NoiseModel()
-    noise = NoiseModel(
-        position=level * usual.position, angle_deg=level * usual.angle_deg,
-        dropout=level * usual.dropout, pixel=level * usual.pixel,
-    )  # fmt: skip
+    usual = usual_noise(source)
+    noise = replace(
+        usual,
+        position=level * usual.position,
+        angle_deg=level * usual.angle_deg,
+        dropout=level * usual.dropout,
+        pixel=level * usual.pixel,
+    )
     sensor, watcher = make_sensor(source, noise), _Watcher()
     found: list[tuple[Floats, Floats, int]] = []
     for exercise in _exercises(rng):

@@ -329,7 +329,7 @@ def perform(
     if kind != "right":  # a coach waits for a while before they say that nothing happens
         end = max(end, BEFORE + exercise.duration + 4.0)
     grid = np.arange(int(end * RATE)) / RATE
-    whole = np.repeat(_at_rest(user)[None], len(grid), axis=0)
+    whole = np.repeat(at_rest(user)[None], len(grid), axis=0)
     for times, angles in parts:
         first = int(round(times[0] * RATE))
         count = min(len(angles), len(whole) - first)
@@ -351,7 +351,7 @@ def idle(
         seconds: For how long.
     """
     grid = np.arange(int(seconds * RATE)) / RATE
-    whole = np.repeat(_at_rest(user)[None], len(grid), axis=0)
+    whole = np.repeat(at_rest(user)[None], len(grid), axis=0)
     now = float(rng.uniform(0.5, 2.0))
     while now < seconds - 8.0:
         attempt = _attempt(user, exercise, rng)
@@ -372,7 +372,8 @@ def _half_shift(attempt: Attempt, user: SyntheticUser, rng: np.random.Generator)
     return attempt
 
 
-def _at_rest(user: SyntheticUser) -> Array:
+def at_rest(user: SyntheticUser) -> Array:
+    """Return how a person sits who does nothing [rad], shape [16]."""
     angles = np.zeros(len(MOTIONS))
     for i, side in enumerate(SIDES):
         angles[ARM[side]] = user.rest[i]

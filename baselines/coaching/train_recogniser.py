@@ -23,7 +23,7 @@ from .learned_recogniser import SHIPPED
 from .network import CLASSES, RepetitionNetwork, save_network
 
 # All our own choice.
-PEOPLE = {"hands": 160, "joints": 30, "camera": 20}
+PEOPLE = {"hands": 100, "joints": 16, "camera": 4}
 HELD_OUT = 0.15  # share of the people whom nothing is learned from
 EPOCHS, BATCH, RATE, DECAY = 60, 256, 2e-3, 1e-3
 NOISE = 0.03  # added to what was seen in training

@@ -34,7 +34,7 @@ def run(
     split: str,
     exercises: Sequence[str],
     processes: int,
-    noise: NoiseModel,
+    noise: NoiseModel | None,
 ) -> CoachEvaluation:
     """Return the evaluation of a recogniser; arguments as for `evaluate_coach`."""
     chosen = load_exercises(tuple(exercises)) if exercises else None
@@ -60,10 +60,10 @@ def evaluate(
     from . import noise_figure
 
     begun = time.monotonic()
-    usual = run(**given, noise=NoiseModel())
+    usual = run(**given, noise=None)
     found = {
         level: usual if level == 1 else run(**given, noise=noise)
-        for level, noise in noise_levels(levels).items()
+        for level, noise in noise_levels(given["source"], levels).items()
     }
     out = usual.to_dict()
     if found:
@@ -149,6 +149,7 @@ def _said(counts: Mapping[str, int]) -> str:
 
 def _line_rows(told: Mapping[str, Any]) -> list[tuple[str, str]]:
     latency, alarms, frame = told["latency"], told["false_alarms"], told["frame_ms"]
+    right = told["latency_of_right"]
     rows = []
     if latency:
         rows += [
@@ -156,6 +157,7 @@ def _line_rows(told: Mapping[str, Any]) -> list[tuple[str, str]]:
             ("95th percentile", f"{latency['p95_s']:.2f} s"),
             ("longest", f"{latency['greatest_s']:.2f} s"),
             ("within half a second", f"{100 * latency['within_half_a_second']:.1f} %"),
+            ("of right ones", f"{100 * right['within_half_a_second']:.1f} %" if right else ""),
         ]
     return [
         *rows,
