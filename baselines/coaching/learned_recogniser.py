@@ -23,7 +23,7 @@ from rcare_marl.agents.coaching.template import Template
 from .encoding import asked_rows, encode
 from .network import CLASSES, RepetitionNetwork, load_network
 
-SHIPPED = Path(__file__).parents[1] / "trained" / "coaching_recogniser.npz"
+SHIPPED = Path(__file__).with_name("recogniser.npz")
 UNSEEN = "not_seen"
 
 

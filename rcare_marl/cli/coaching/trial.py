@@ -60,10 +60,11 @@ def evaluate(
     from . import noise_figure
 
     begun = time.monotonic()
+    noises = noise_levels(given["source"], levels)
     usual = run(**given, noise=None)
     found = {
         level: usual if level == 1 else run(**given, noise=noise)
-        for level, noise in noise_levels(given["source"], levels).items()
+        for level, noise in noises.items()
     }
     out = usual.to_dict()
     if found:
