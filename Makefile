@@ -11,7 +11,7 @@ ARGS ?=
 JOBS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all test-browser lint types clean
+.PHONY: help setup demo test test-all test-browser browser lint types clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -27,9 +27,30 @@ test: $(STAMP)  ## the quick tests
 test-all: $(STAMP)  ## all tests, the slow ones too
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m "" $(ARGS)
 
-test-browser: $(STAMP)  ## the coach's page in Chromium, with an emulated headset (needs Chromium and Node)
-	@cd rcare_marl/cli/coaching/web && npm ci --ignore-scripts --no-audit --no-fund --silent
-	@$(BIN)/python -m pytest -q -m "" -rs tests/test_coach_browser.py $(ARGS)
+# `make test` runs these, too, where all that they need is installed.
+test-browser: $(STAMP) browser  ## the coach's page in Chromium with an emulated headset; installs what is missing
+	@RCARE_MARL_REQUIRE_BROWSER=1 $(BIN)/python -m pytest -q -rs tests/test_coach_browser.py $(ARGS)
+
+browser:  ## what test-browser needs: Chromium (by apt-get, as root) and the page's npm packages
+	@set -e; \
+	if ! command -v npm >/dev/null; then \
+	  echo "error: the page's packages come from npm; install Node (on Debian: apt-get install nodejs npm)" >&2; \
+	  exit 1; \
+	fi; \
+	chromium=; \
+	for name in chromium chromium-browser google-chrome google-chrome-stable; do \
+	  if command -v $$name >/dev/null; then chromium=$$name; fi; \
+	done; \
+	if [ -z "$$chromium" ]; then \
+	  if [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null; then \
+	    echo "error: Chromium is not installed; install it (on Debian: apt-get install chromium)" >&2; \
+	    exit 1; \
+	  fi; \
+	  echo "installing Chromium (about 25 s, once)"; \
+	  apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; \
+	fi; \
+	cd rcare_marl/cli/coaching/web; \
+	npm ci --ignore-scripts --no-audit --no-fund --silent
 
 lint: $(STAMP)  ## ruff
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check -q .

@@ -1,78 +1,155 @@
-"""Draw the coach: each exercise of a session at its height, and the behaviour tree at work.
+"""Draw the coach: each exercise of a session at its height, and the behaviour tree at work; or film sessions.
 
-python experiments/coaching_pictures.py --recipient natalia --video runs/coaching.mp4
+python experiments/coaching_pictures.py --recipient natalia
+python experiments/coaching_pictures.py --video runs/coaching --all
 """
 
 from __future__ import annotations
 
 import argparse
+import textwrap
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
 
 import rcare_marl
+from rcare_marl.agents.coaching.session import SPEECH
 from rcare_marl.agents.policies.tree_picture import TreePicture
 from rcare_marl.baselines.scripted.social_coaching import ScriptedCoaching
 from rcare_marl.cli.film import Film
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.coaching.coaching_task import CoachingTask
+from rcare_marl.envs.tasks.group_coaching import RECIPIENTS
 from rcare_marl.envs.tasks.social_coaching import SocialCoaching
-from rcare_marl.rendering import make_renderer
+from rcare_marl.rendering import Camera, make_renderer
 
 SIZE = (480, 360)  # [pixel] of a picture
 QUALITY, ENOUGH = 86, 0.9  # of the way through a repetition, when its picture is taken
 OUT = Path(__file__).resolve().parents[1] / "docs" / "images"
+PEOPLE = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
+LINE = 58  # letters of what is said that the caption has room for
+GROUP = ("daniel", "kim", "karan", "natalia")
 
 
-def draw(recipient: str, robot: str, out: Path, video: Path | None, seed: int) -> None:
+def session(robot: str, repetitions: int, *recipients: str) -> CareEnv:
+    """Return a session of one person, or of a group."""
+    cast: dict[str, Any] = dict(zip(RECIPIENTS, recipients, strict=False))
+    policies = {"robot": "scripted", **dict.fromkeys(cast, "learner")}
+    task = "group_coaching" if len(cast) > 1 else "social_coaching"
+    return rcare_marl.make(
+        task, options={"repetitions": repetitions}, policies=policies, robot=robot, **cast
+    )
+
+
+def draw(recipient: str, robot: str, out: Path, seed: int) -> None:
     """Play a session and write its pictures into the folder `out`."""
-    env = rcare_marl.make(
-        "social_coaching", recipient=recipient, robot=robot, options={"repetitions": 1},
-        policies={"robot": "scripted", "recipient": "learner"},
-    )  # fmt: skip
+    env = session(robot, 1, recipient)
     task, coach = env.task, env.policies["robot"]
     assert isinstance(task, SocialCoaching) and isinstance(coach, ScriptedCoaching)
     env.reset(seed=seed)
     renderer = make_renderer(env.world)
-    sharp = replace(task.view(), width=2 * SIZE[0], height=2 * SIZE[1])
+    sharp = sharpened(task)
     shots: dict[int, Image.Image] = {}
-    film = None
-    if video is not None:
-        video.parent.mkdir(parents=True, exist_ok=True)
-        film = Film(video, env.world, fps=1 / task.control_dt)
     while not env.is_over:
         env.step({})
-        session = task.session
-        judged = session.judgement
-        if film is not None:
-            said = task.body.said[-1] if task.demonstration.is_speaking else ""
-            state = "follows" if judged.following else "watches"
-            count = f"{task.right_count} of {sum(session.wanted)} right, {state}"
-            film.add(task.view(), said, count, good=judged.following or None)
-        if judged.following and judged.progress > ENOUGH and session.index not in shots:
+        lesson = task.session
+        judged = lesson.judgement
+        if judged.following and judged.progress > ENOUGH and lesson.index not in shots:
             picture = Image.fromarray(renderer.render(sharp))
-            shots[session.index] = picture.resize(SIZE, Image.Resampling.LANCZOS)
+            shots[lesson.index] = picture.resize(SIZE, Image.Resampling.LANCZOS)
             if len(shots) == 1:
                 tree = TreePicture(coach.tree.root, title=f"The coach of {recipient}")
                 tree.save(out / "coaching_tree.png")
     sheet = np.hstack([np.asarray(shots[k]) for k in sorted(shots)])
     Image.fromarray(sheet).save(out / "coaching.jpg", quality=QUALITY)
-    if film is not None:
-        film.hold()
-        film.close()
     env.close()
 
 
+def draw_group(robot: str, out: Path, seed: int) -> None:
+    """Write a picture of a group class in its first exercise."""
+    env = session(robot, 1, *GROUP)
+    task = env.task
+    assert isinstance(task, CoachingTask)
+    env.reset(seed=seed)
+    renderer = make_renderer(env.world)
+    while not env.is_over and not (
+        task.session.judgement.following and task.session.judgement.progress > 0.5
+    ):
+        env.step({})
+    picture = Image.fromarray(renderer.render(sharpened(task)))
+    picture.resize((2 * SIZE[0], 2 * SIZE[1]), Image.Resampling.LANCZOS).save(
+        out / "group_coaching.jpg", quality=QUALITY
+    )
+    env.close()
+
+
+def sharpened(task: CoachingTask) -> Camera:
+    """Return the view of a task, larger than it is shown."""
+    return replace(task.view(), width=2 * SIZE[0], height=2 * SIZE[1])
+
+
+def film(path: Path, robot: str, seed: int, repetitions: int, *recipients: str) -> None:
+    """Write a whole session as an MP4, in real time, with what is said and counted."""
+    env = session(robot, repetitions, *recipients)
+    task = env.task
+    assert isinstance(task, CoachingTask)
+    env.reset(seed=seed)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    movie = Film(path, env.world, fps=1 / task.control_dt)
+    sentences, begun = 0, 0.0
+    while not env.is_over:
+        env.step({})
+        if len(task.body.said) > sentences:
+            sentences, begun = len(task.body.said), env.world.time
+        metrics, is_followed = task.metrics(), task.session.judgement.following
+        said = ""
+        if task.demonstration.is_speaking:
+            said = line(task.body.said[-1], int((env.world.time - begun) / SPEECH))
+        state = "follows" if is_followed else "watches"
+        right, wanted = metrics["right_repetitions"], metrics["wanted_repetitions"]
+        count = f"{right:.0f} of {wanted:.0f} right, {state}"
+        movie.add(task.view(), said, count, good=is_followed or None)
+    movie.hold()
+    movie.close()
+    print(f"{path}: {env.world.time:.0f} s, {'done' if task.is_success() else 'not done'}")
+    env.close()
+
+
+def line(text: str, word: int) -> str:
+    """Return the line of a text in which a word stands, counted from 0."""
+    lines = textwrap.wrap(text, LINE)
+    for found in lines:
+        word -= len(found.split())
+        if word < 0:
+            return found
+    return lines[-1]
+
+
 def main() -> None:
-    """Draw them."""
+    """Draw them, or film."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--recipient", default="natalia")
     parser.add_argument("--robot", default="nao")
     parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--video", type=Path)
+    parser.add_argument("--video", type=Path, metavar="FOLDER", help="film, and draw nothing")
+    parser.add_argument("--all", action="store_true", help="film all six people, one after another")
+    parser.add_argument("--group", action="store_true", help="a group of four")
+    parser.add_argument("--repetitions", type=int, default=1, help="of each exercise, in a film")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
-    draw(given.recipient, given.robot, given.out, given.video, given.seed)
+    if given.video is None:
+        if given.group:
+            draw_group(given.robot, given.out, given.seed)
+        else:
+            draw(given.recipient, given.robot, given.out, given.seed)
+        return
+    for name in PEOPLE if given.all else () if given.group else (given.recipient,):
+        film(given.video / f"{name}.mp4", given.robot, given.seed, given.repetitions, name)
+    if given.group:
+        film(given.video / "group.mp4", given.robot, given.seed, given.repetitions, *GROUP)
 
 
 if __name__ == "__main__":

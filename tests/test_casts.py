@@ -30,6 +30,7 @@ REACH = {
     "dressing": ON_CHAIR - {"stretch_re1"} | {"stretch_re1_dex"},
     "drinking": {"franka_panda", "kinova_gen2", "kinova_gen3", "pr2"},
     "feeding": ON_CHAIR | {"stretch_re1_dex"},
+    "group_coaching": {"nao", "pepper"},
     "limb_repositioning": ON_CHAIR - {"stretch_re1"} | {"hsr", "stretch_re1_dex"},
     "phyrc_bathing": ON_CHAIR - {"pr2"} | {"hsr", "stretch_re1_dex"},
     "phyrc_dressing": ON_CHAIR - {"stretch_re1"} | {"hsr"},

@@ -19,7 +19,7 @@ from rcare_marl.agents.coaching.reach import reach_of
 from rcare_marl.agents.coaching.recogniser import Frame, Judgement, Repetition
 from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.session import Demonstration, Order, Session, programme, top_speed
-from rcare_marl.agents.coaching.tree import AGAIN, PATIENCE, Coach
+from rcare_marl.agents.coaching.tree import AGAIN, LONGEST_REST, MORE_TIRED, PATIENCE, Coach
 from rcare_marl.agents.coaching.upper_body import MOTIONS
 from rcare_marl.agents.policies.tree_picture import TreePicture
 from rcare_marl.envs.coaching.action import SIZE, decode, encode
@@ -202,6 +202,17 @@ def test_the_tired_rest_until_they_are_rested() -> None:
     lesson.session.fatigue = 0.3
     assert lesson.go().act == "show"
     lesson.session.must_rest = True
+    assert lesson.go().act == "rest"
+
+
+def test_who_does_not_recover_by_resting_is_led_on_and_rests_again_when_more_tired() -> None:
+    lesson = Lesson()
+    lesson.go(8.0)
+    lesson.session.fatigue = 0.7
+    assert lesson.go().act == "rest"
+    assert lesson.go(LONGEST_REST - 1.0).act == "rest"
+    assert lesson.go(2.0).act == "show" and lesson.go(20.0).act == "show"
+    lesson.session.fatigue = 0.7 + 1.5 * MORE_TIRED
     assert lesson.go().act == "rest"
 
 

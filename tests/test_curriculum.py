@@ -179,6 +179,11 @@ def exercised(env: Any) -> None:
     session.right = [2] * len(session.exercises)  # of three
 
 
+def exercised_together(env: Any) -> None:
+    for session in env.task.session.members.values():
+        session.right = [2] * len(session.exercises)
+
+
 NEARLY: dict[str, Callable[[Any], None]] = {
     "feeding": fed,
     "drinking": drunk,
@@ -187,6 +192,7 @@ NEARLY: dict[str, Callable[[Any], None]] = {
     "ambulating": opened,
     "toileting": lifted,
     "social_coaching": exercised,
+    "group_coaching": exercised_together,
     "phyrc_bathing": scored,
     "phyrc_dressing": scored,
 }

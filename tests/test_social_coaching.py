@@ -10,8 +10,10 @@ import pytest
 from episode import assert_same, play
 
 import rcare_marl
+from rcare_marl.agents.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.coaching.recogniser import Judgement, Repetition
 from rcare_marl.agents.coaching.session import Order
+from rcare_marl.agents.coaching.upper_body import ARM
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.coaching.action import SIZE, encode
 from rcare_marl.envs.coaching.chair import ExerciseChair
@@ -130,7 +132,7 @@ def test_a_learner_who_looks_away_keeps_still_until_called() -> None:
         env.step({})
         learner.is_attentive = False
     task = task_of(env)
-    assert task._gaze < np.cos(np.radians(15)) and task.session.judgement.progress == 0
+    assert task.trainee.gaze < np.cos(np.radians(15)) and task.session.judgement.progress == 0
     for _ in range(60):  # a call does not always help
         shown.word, shown._silent_at, learner._was_speaking = "encourage", 1e9, False
         learner.act()
@@ -193,7 +195,7 @@ def test_a_right_repetition_pays_and_a_surplus_does_not(led: CareEnv) -> None:
         _, rewards, _, _, infos = led.step(still)
         paid.append(infos["robot"]["repetition"])
         assert rewards["robot"] == pytest.approx(sum(task.rewards("robot").values()))
-    assert paid == [1, 1, 1, 0, 0] and task.right_count == 3
+    assert paid == [1, 1, 1, 0, 0] and task.session.right_count == 3
     judged(task, "range")
     _, _, _, _, infos = led.step(still)
     assert infos["robot"]["wrong"] == -task.options.weight("wrong")
@@ -216,7 +218,7 @@ def test_a_random_coach_does_not_get_a_repetition_in_half_a_minute() -> None:
         if env.is_over:
             break
         env.step({})
-    assert task_of(env).right_count == 0 and not env.task.is_success()
+    assert task_of(env).session.right_count == 0 and not env.task.is_success()
     env.close()
 
 
@@ -225,7 +227,7 @@ def test_an_arm_that_cannot_be_raised_lies_on_its_armrest_and_takes_no_part(name
     env = make(recipient=name)
     task = task_of(env)
     env.reset(seed=1)
-    height = task._chair.config.armrest_height
+    height = task.seats["recipient"].chair.config.armrest_height
     before = {s: task.recipient.joint_pose(f"{s}_wrist").position for s in ("left", "right")}
     assert height < before["left"][2] < height + 0.12
     assert (before["right"][2] < height - 0.1) == (name == "karan")
@@ -235,6 +237,56 @@ def test_an_arm_that_cannot_be_raised_lies_on_its_armrest_and_takes_no_part(name
     assert np.allclose(before["left"], after, atol=0.03)
     assert all("left_arm" not in exercise.parts for exercise in task.session.exercises)
     env.close()
+
+
+@pytest.mark.parametrize("name", ["daniel", "kim", "karan", "natalia"])
+def test_hanging_hands_are_clear_of_wheels_and_cushion(name: str) -> None:
+    env = make(recipient=name)
+    task = task_of(env)
+    env.reset(seed=0)
+    chair, person = task.seats["recipient"].chair.body, task.recipient
+    for _ in range(10):
+        env.step({})
+    sides = [part.split("_")[0] for part in task.session.exercise.parts if part.endswith("arm")]
+    parts = ("wrist", "index1", "middle1", "pinky1", "pinky2", "ring1")
+    joints = [f"{side}_{part}" for side in sides for part in parts]
+    hands = {person.frames[JOINT_INDEX[joint]].link for joint in joints}
+    assert hands and all(
+        env.world.gaps([(person.body, link)], chair, within=0.05)[0] > 0.003 for link in hands
+    )
+    env.close()
+
+
+@pytest.mark.parametrize("name", ["jose", "karan"])
+def test_muscles_do_an_exercise_as_well(name: str) -> None:
+    exercise = {"jose": "head_rotation", "karan": "chest_expansion"}[name]
+    env = make(
+        recipient={"model": name, "actuation": "muscle"},
+        options={"exercises": [exercise], "repetitions": 1},
+    )
+    play(env, 0)
+    assert env.task.is_success() and env.task.metrics()["peak_force_n"] == 0
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["daniel", "karan"])
+def test_muscles_do_all_five(name: str) -> None:
+    env = make(recipient={"model": name, "actuation": "muscle"})
+    play(env, 0)
+    assert env.task.is_success() and task_of(env).metrics()["exercises_done"] == 5
+    env.close()
+
+
+def test_muscles_are_asked_for_less_than_targets_reach() -> None:
+    found = {}
+    for kind in ("skeletal", "muscle"):
+        env = make(recipient={"model": "kim", "actuation": kind})
+        lift, turn = (task_of(env).session.exercises[i].keys for i in (1, 4))
+        found[kind] = np.degrees(lift[:, ARM["left"].start].max()), np.degrees(turn[:, 5].max())
+        env.close()
+    assert found["skeletal"][0] > 100 and found["muscle"][0] == pytest.approx(60, abs=3)
+    assert found["skeletal"][1] - found["muscle"][1] > 5
 
 
 def test_armrests_are_off_only_where_arms_exercise() -> None:

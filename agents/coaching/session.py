@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -84,26 +85,98 @@ def top_speed(exercise: Exercise, rate: float = 60.0) -> float:
     return most * rate
 
 
-class Session:
-    """State that the coach's tree, the recogniser and the coach's body share.
+class Lesson(abc.ABC):
+    """Exercises that a coach leads one after the other, with one person or with several.
+
+    What the coach's tree and its body know of a lesson.
 
     Attributes:
-        exercises: The programme of this person.
+        exercises: What is shown, in this order.
+        index: Which exercise is on; their number once the lesson is over.
+        judgement: What was seen last: `following` is the green window.
+        time: Since the beginning [s].
+        begun_at: When the present exercise began [s].
+        right_at: When the last right repetition was done, or the exercise began [s].
+        hint: What there is to correct; empty if nothing is.
+        is_explained: Whether the present exercise has been explained.
+        must_stop: Set it to end the lesson at once.
+        must_pause: Set it to pause as long as it is set.
+        must_skip: Set it to leave the present exercise; cleared then.
+        must_rest: Set it to rest as long as it is set.
+        fatigue: How tired people say that they are, 0 to 1.
+    """
+
+    def __init__(self, exercises: Sequence[Exercise]) -> None:
+        """Take the exercises.
+
+        Raises:
+            ConfigError: If there are none.
+        """
+        if not exercises:
+            raise ConfigError("a session needs at least one exercise")
+        self.exercises = tuple(exercises)
+
+    def _restart(self) -> None:
+        """Begin anew, with the first exercise."""
+        self.index, self.time, self.fatigue = 0, 0.0, 0.0
+        self.must_stop = self.must_pause = self.must_skip = self.must_rest = False
+        self.begin_exercise()
+
+    def begin_exercise(self) -> None:
+        """Expect the present exercise from now on."""
+        self.hint, self.begun_at, self.right_at = "", self.time, self.time
+        self.judgement, self.is_explained = Judgement(), False
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all exercises are done or left, or the lesson was stopped."""
+        return self.index >= len(self.exercises) or self.must_stop
+
+    @property
+    def exercise(self) -> Exercise:
+        """The exercise that is on; the last one once the lesson is over."""
+        return self.exercises[min(self.index, len(self.exercises) - 1)]
+
+    @property
+    def since_right(self) -> float:
+        """Time since the last right repetition, or since the exercise began [s]."""
+        return self.time - self.right_at
+
+    @property
+    @abc.abstractmethod
+    def is_complete(self) -> bool:
+        """Whether everything was done as often as it was asked for."""
+
+    @property
+    @abc.abstractmethod
+    def is_done(self) -> bool:
+        """Whether the present exercise has been done as often as it was asked for."""
+
+    def go_on(self) -> None:
+        """Go on to the next exercise."""
+        if self.index < len(self.exercises):
+            self.index += 1
+            self.must_skip = False
+            self.begin_exercise()
+
+    @abc.abstractmethod
+    def keep_tempo(self, tempo: float) -> None:
+        """Judge people by another tempo from now on, where it differs enough to matter."""
+
+    @abc.abstractmethod
+    def address(self, word: Word) -> tuple[str | None, str]:
+        """Return to whom a word is said, None for everybody, and the sentence that is said for it."""
+
+
+class Session(Lesson):
+    """The lesson of one person, as the recogniser sees it.
+
+    Attributes:
         wanted: How many right repetitions of each are asked for.
-        index: Which exercise is on; their number once the session is over.
         right: Right repetitions of each so far.
         wrong: Wrong ones of each so far.
         skipped: Exercises that were left before they were done.
         repetitions: All repetitions so far.
-        is_explained: Whether the present exercise has been explained.
-        judgement: What the recogniser said last: `following` is the green window.
-        time: Since the beginning [s].
-        hint: What the recogniser last had to say; empty after a right repetition.
-        must_stop: Set it to end the session at once.
-        must_pause: Set it to pause as long as it is set.
-        must_skip: Set it to leave the present exercise; cleared then.
-        must_rest: Set it to rest as long as it is set.
-        fatigue: How tired the person says that they are, 0 to 1.
     """
 
     def __init__(
@@ -123,11 +196,10 @@ class Session:
         Raises:
             ConfigError: If there are no exercises, or no repetitions are asked for.
         """
-        if not exercises:
-            raise ConfigError("a session needs at least one exercise")
+        super().__init__(exercises)
         if repetitions is not None and repetitions < 1:
             raise ConfigError(f"repetitions must be at least 1, got {repetitions}")
-        self.exercises, self._recogniser = tuple(exercises), recogniser
+        self._recogniser = recogniser
         self.wanted = [repetitions or exercise.repetitions for exercise in exercises]
         self.reset()
 
@@ -135,44 +207,28 @@ class Session:
         """Begin anew, with a fresh recogniser where one is given: they may know the person of before."""
         self._recogniser = recogniser or self._recogniser
         count = len(self.exercises)
-        self.index, self.time = 0, 0.0
         self.right, self.wrong, self.skipped = [0] * count, [0] * count, [False] * count
         self.repetitions: list[Repetition] = []
-        self.judgement = Judgement()
-        self.must_stop = self.must_pause = self.must_skip = self.must_rest = False
-        self.fatigue = 0.0
-        self._begin()
+        self._restart()
 
-    def _begin(self) -> None:
-        self.hint, self.begun_at, self.right_at = "", self.time, self.time
-        self._tempo, self.is_explained = 1.0, False
+    def begin_exercise(self) -> None:
+        super().begin_exercise()
+        self._tempo = 1.0
         if not self.is_over:
             self._recogniser.begin(self.exercise)
 
     @property
-    def is_over(self) -> bool:
-        """Whether all exercises are done or left, or the session was stopped."""
-        return self.index >= len(self.exercises) or self.must_stop
-
-    @property
     def is_complete(self) -> bool:
-        """Whether every exercise was done as often as it was asked for."""
         return all(r >= w for r, w in zip(self.right, self.wanted, strict=True))
 
     @property
-    def exercise(self) -> Exercise:
-        """The exercise that is on; the last one once the session is over."""
-        return self.exercises[min(self.index, len(self.exercises) - 1)]
-
-    @property
     def is_done(self) -> bool:
-        """Whether the present exercise has been done as often as it was asked for."""
         return self.index < len(self.right) and self.right[self.index] >= self.wanted[self.index]
 
     @property
-    def since_right(self) -> float:
-        """Time since the last right repetition, or since the exercise began [s]."""
-        return self.time - self.right_at
+    def right_count(self) -> int:
+        """Right repetitions so far, of each exercise no more than asked for."""
+        return sum(min(r, w) for r, w in zip(self.right, self.wanted, strict=True))
 
     def see(self, frame: Frame | None, time: float) -> None:
         """Take what a source saw of the person at a time [s], None where it saw nothing."""
@@ -195,16 +251,15 @@ class Session:
         """Go on to the next exercise; the present one counts as skipped if it is not done."""
         if self.index < len(self.exercises):
             self.skipped[self.index] = not self.is_done
-            self.index += 1
-            self.must_skip = False
-            self.judgement = Judgement()
-            self._begin()
+        super().go_on()
 
     def keep_tempo(self, tempo: float) -> None:
-        """Judge the person by another tempo from now on, where it differs enough to matter."""
         if max(tempo / self._tempo, self._tempo / tempo) > SAME_TEMPO and not self.is_over:
             self._tempo = tempo
             self._recogniser.begin(self.exercise.faster(tempo))
+
+    def address(self, word: Word) -> tuple[str | None, str]:
+        return None, self.sentence(word)
 
     def sentence(self, word: Word) -> str:
         """Return what is said for a word: an explanation, a hint of the recogniser, and so on."""
@@ -224,11 +279,13 @@ class Demonstration:
         phase: How far the repetition is that is being shown, 0 to 1; 0 where none is.
         is_showing: Whether one is being shown.
         is_resting: Whether the coach invites to rest.
+        shown_for: How far into the repetition, at the tempo of the exercise [s]; 0 where none is shown.
         word: What is being said; `nothing` if nothing is.
+        spoken_to: To whom, by name; None for everybody.
         count: Repetitions that have been shown to their end, of the present exercise.
     """
 
-    def __init__(self, session: Session, body: CoachBody) -> None:
+    def __init__(self, session: Lesson, body: CoachBody) -> None:
         self._session, self._body = session, body
         self.reset()
 
@@ -236,12 +293,13 @@ class Demonstration:
         """Begin anew, with nothing shown or said."""
         self.is_showing = self.is_resting = False
         self.word: Word = "nothing"
+        self.spoken_to: str | None = None
         self._of = 0
         self._stop()
         self.count, self._silent_at, self._leaving = 0, 0.0, 0.0
 
     def _stop(self) -> None:
-        self.is_showing, self._shown_for, self.phase = False, 0.0, 0.0
+        self.is_showing, self.shown_for, self.phase = False, 0.0, 0.0
         self.angles = self._session.exercise.angles(0.0)
 
     @property
@@ -272,12 +330,12 @@ class Demonstration:
             session.keep_tempo(tempo)
             self.is_showing = True
         exercise = session.exercise
-        self._shown_for += tempo * duration
-        if self._shown_for >= exercise.duration + PAUSE:
+        self.shown_for += tempo * duration
+        if self.shown_for >= exercise.duration + PAUSE:
             self.count += 1
             self._stop()
-        self.phase = min(self._shown_for / exercise.duration, 1.0)
-        self.angles = exercise.angles(self._shown_for)
+        self.phase = min(self.shown_for / exercise.duration, 1.0)
+        self.angles = exercise.angles(self.shown_for)
         self._body.show(self.angles)
 
     def _speak(self, word: Word) -> None:
@@ -285,10 +343,19 @@ class Demonstration:
             return
         self.word = word
         if word != "nothing":
-            text = self._session.sentence(word)
+            self.spoken_to, text = self._session.address(word)
             self._session.is_explained |= word == "explain"
             self._body.say(text)
             self._silent_at = self._session.time + SPEECH * len(text.split()) + SILENCE
 
 
-__all__ = ["ACTS", "WORDS", "Demonstration", "Order", "Session", "programme", "top_speed"]
+__all__ = [
+    "ACTS",
+    "WORDS",
+    "Demonstration",
+    "Lesson",
+    "Order",
+    "Session",
+    "programme",
+    "top_speed",
+]

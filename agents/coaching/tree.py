@@ -37,13 +37,15 @@ from py_trees.composites import Sequence as OneAfterOther
 from ..policies.leaves import Condition
 from .body import CoachBody
 from .recogniser import Frame
-from .session import Demonstration, Order, Session, Word
+from .session import Demonstration, Lesson, Order, Session, Word
 
 Array = npt.NDArray[np.float64]
 
 # All our own choices.
 PATIENCE = 2.5  # repetitions as shown, without a right one, after which the coach encourages
 TIRED, RESTED = 0.6, 0.4  # fatigue from which the coach rests, and until which
+LONGEST_REST = 30.0  # [s]: who is still tired then does not recover by resting, and is led on
+MORE_TIRED = 0.1  # and rests again when they are so much more tired
 AGAIN = 8.0  # [s] between two encouragements
 SLOWER = 0.75  # tempo while it encourages
 
@@ -57,6 +59,8 @@ class Intent:
         called_at: When it last encouraged [s].
         calls: How often it did.
         rests: Whether it lets the person rest.
+        rests_at: Fatigue from which it does.
+        rested_from: When it began to [s].
     """
 
     def __init__(self) -> None:
@@ -66,7 +70,7 @@ class Intent:
         """Begin anew."""
         self.order = Order()
         self.slow_for, self.called_at, self.calls = -1, -np.inf, 0
-        self.rests = False
+        self.rests, self.rests_at, self.rested_from = False, TIRED, 0.0
 
     def stand(self) -> None:
         """Stand still."""
@@ -93,7 +97,7 @@ class Encourage(Behaviour):
     """Speaks after so long without a right repetition, in turn with the hint of the recogniser, and shows
     the exercise more slowly from then on until one is right."""
 
-    def __init__(self, session: Session, intent: Intent) -> None:
+    def __init__(self, session: Lesson, intent: Intent) -> None:
         super().__init__("long without: slower, with the hint")
         self._session, self._intent = session, intent
 
@@ -119,8 +123,8 @@ class CoachTree:
         session: What it coaches.
     """
 
-    def __init__(self, session: Session) -> None:
-        """Build the tree for a session."""
+    def __init__(self, session: Lesson) -> None:
+        """Build the tree for a session, of one person or of a group."""
         self.session = session
         self._intent = Intent()
         self.root = coach_tree(session, self._intent)
@@ -149,6 +153,7 @@ class Coach:
 
     def __init__(self, session: Session, body: CoachBody) -> None:
         """Join a session and a body."""
+        self._session = session
         self.tree, self.demonstration = CoachTree(session), Demonstration(session, body)
 
     def step(self, frame: Frame | None, time: float, duration: float) -> Order:
@@ -159,13 +164,13 @@ class Coach:
             time: Since the session began [s].
             duration: Length of the step [s].
         """
-        self.tree.session.see(frame, time)
+        self._session.see(frame, time)
         order = self.tree.tick()
         self.demonstration.perform(order, duration)
         return order
 
 
-def coach_tree(session: Session, intent: Intent) -> Behaviour:
+def coach_tree(session: Lesson, intent: Intent) -> Behaviour:
     """Return the tree of a session, whose leaves write into `intent`."""
 
     def still() -> Status:
@@ -173,7 +178,12 @@ def coach_tree(session: Session, intent: Intent) -> Behaviour:
         return Status.RUNNING
 
     def is_tired() -> bool:
-        intent.rests = session.fatigue > (RESTED if intent.rests else TIRED)
+        if not intent.rests:
+            intent.rests, intent.rested_from = session.fatigue > intent.rests_at, session.time
+        elif session.fatigue <= RESTED:
+            intent.rests, intent.rests_at = False, TIRED
+        elif session.time - intent.rested_from > LONGEST_REST:
+            intent.rests, intent.rests_at = False, session.fatigue + MORE_TIRED
         return intent.rests or session.must_rest
 
     def rest() -> Status:
@@ -191,7 +201,7 @@ def coach_tree(session: Session, intent: Intent) -> Behaviour:
     )
 
 
-def _exercise(session: Session, intent: Intent, k: int) -> Behaviour:
+def _exercise(session: Lesson, intent: Intent, k: int) -> Behaviour:
     exercise = session.exercises[k]
 
     def leave() -> Status:
@@ -228,7 +238,7 @@ def _demonstrate(intent: Intent) -> Status:
     return Status.RUNNING
 
 
-def _observe(session: Session, intent: Intent) -> Status:
+def _observe(session: Lesson, intent: Intent) -> Status:
     found = session.judgement.finished
     if found is not None and found.right:
         intent.say("praise")

@@ -1,4 +1,4 @@
-"""The robot that coaches by its behaviour tree; see docs/coaching.md."""
+"""The robot that coaches one person or a group by its behaviour tree; see docs/coaching.md."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy.typing as npt
 from rcare_marl.agents.coaching.tree import CoachTree
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.coaching.action import encode
+from rcare_marl.envs.coaching.coaching_task import CoachingTask
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.tasks.social_coaching import SocialCoaching
 from rcare_marl.errors import ConfigError
 
 Array = npt.NDArray[np.float64]
@@ -26,10 +26,10 @@ class ScriptedCoaching:
         """Take the environment and the robot's role.
 
         Raises:
-            ConfigError: If the task is not social coaching, or the robot is not the one that coaches.
+            ConfigError: If the task is no coaching, or the robot is not the one that coaches.
         """
         task = env.task
-        if not isinstance(task, SocialCoaching):
+        if not isinstance(task, CoachingTask):
             raise ConfigError(f"the scripted coach cannot play {type(task).__name__}")
         if env.cast[role] is not task.robot:
             raise ConfigError(f"{role!r} only watches: the scripted coach plays the first robot")
@@ -42,4 +42,5 @@ class ScriptedCoaching:
         return encode(self.tree.tick())
 
 
-register_policy("social_coaching", "robot", "scripted")(ScriptedCoaching)
+for _task in ("social_coaching", "group_coaching"):
+    register_policy(_task, "robot", "scripted")(ScriptedCoaching)

@@ -13,9 +13,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from rcare_marl.agents.actuation.skeletal import MAX_SPEED, SkeletalDrive
+from rcare_marl.agents.actuation.muscular import MuscleDrive
+from rcare_marl.agents.actuation.skeletal import MAX_SPEED
 from rcare_marl.agents.coaching.imitation import SHOULDER, Imitation
-from rcare_marl.agents.coaching.session import Demonstration, Session, Word
+from rcare_marl.agents.coaching.session import Session, Word
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, SIDES
 from rcare_marl.agents.human import Human
 from rcare_marl.pose import Array
@@ -42,18 +43,47 @@ WEARY_FROM, WEARY_SIZE = (
     0.5,
     0.7,
 )  # fatigue from which movements shrink, and to what share at the worst
+# With muscles: who feels that a limb hangs back behind what they mean means more, by so much of what is
+# missing each second [1/s], and by so much at most [rad].
+MEANS_MORE, MOST_MORE = 2.0, math.radians(15.0)
+
+# A hanging hand would be in the wheel or the cushion: an elbow is bent so far while the arm is no further
+# from hanging than this, and not at all where it is clear. Found by trying with the people who ship.
+BENT, HANGS, IS_CLEAR = math.radians(35.0), math.radians(25.0), math.radians(50.0)
 
 
-class Lesson(Protocol):
-    """What a learner sees and hears of a lesson.
+class Shown(Protocol):
+    """What a learner sees and hears of a coach."""
+
+    @property
+    def count(self) -> int:
+        """Repetitions that have been shown to their end, of the present exercise."""
+
+    @property
+    def angles(self) -> Array:
+        """What is shown now [rad], shape [16]."""
+
+    @property
+    def word(self) -> Word:
+        """What is being said."""
+
+    @property
+    def is_speaking(self) -> bool:
+        """Whether it is still being said."""
+
+
+class Instruction(Protocol):
+    """What a learner knows of a lesson.
 
     Attributes:
         session: Which exercise is on, and the clock.
-        demonstration: What the coach shows and says.
     """
 
     session: Session
-    demonstration: Demonstration
+
+    @property
+    def demonstration(self) -> Shown:
+        """What the coach shows and says."""
 
 
 class Learner:
@@ -65,7 +95,7 @@ class Learner:
         waits: Whether the learner waits for the next demonstration to begin, to join in there.
     """
 
-    def __init__(self, person: Human, lesson: Lesson, control_dt: float) -> None:
+    def __init__(self, person: Human, lesson: Instruction, control_dt: float) -> None:
         """Prepare the policy.
 
         Args:
@@ -89,6 +119,7 @@ class Learner:
         self._exercise, self._seen_count, self._was_speaking = -1, 0, False
         self._memory: deque[tuple[float, Array]] = deque()
         self._imitation.reset()
+        self._more = np.zeros(len(self._index))
 
     def act(self) -> Array:
         session, shown = self._lesson.session, self._lesson.demonstration
@@ -105,7 +136,10 @@ class Learner:
         wished = rest.copy() if self.waits else self._understood(shown_then, rest)
         if not self.is_attentive and "head" not in session.exercise.parts:
             wished[MOTION_INDEX["neck_rotation_left"]] += self._away
+        _clear_of_wheels(wished)
         dofs = self._imitation(wished)
+        if isinstance(self._person.drive, MuscleDrive):
+            self._mean_more(dofs)
         self._keep_together(dofs)
         return self._person.action_towards(dofs, self._control_dt)
 
@@ -121,7 +155,7 @@ class Learner:
             kinds += ["other plane"] if arms else []
             self.mistake = kinds[int(self._rng.integers(len(kinds)))]
 
-    def _listen(self, shown: Demonstration) -> None:
+    def _listen(self, shown: Shown) -> None:
         """Hear a word when it begins, and see one more demonstration when it ends."""
         begins = shown.is_speaking and not self._was_speaking
         self._was_speaking = shown.is_speaking
@@ -156,20 +190,36 @@ class Learner:
                 meant[plane] += turn
         return meant
 
+    def _mean_more(self, dofs: dict[str, float]) -> None:
+        """Aim beyond what is meant where muscles have long stayed behind it."""
+        gain = MEANS_MORE * self._control_dt
+        for dof, angle in dofs.items():
+            i = self._index[dof]
+            more = self._more[i] + gain * (angle - self._person.positions[i])
+            self._more[i] = min(max(more, -MOST_MORE), MOST_MORE)
+            dofs[dof] += float(self._more[i])
+
     def _keep_together(self, dofs: dict[str, float]) -> None:
         """Let abduction and flexion of a shoulder arrive together, or the arm would swing about."""
-        drive = self._person.drive
-        if not isinstance(drive, SkeletalDrive):
-            return
+        target = self._person.drive.target
         most = MAX_SPEED * self._control_dt
         for side in SIDES:
             pair = [f"{side}_{name}" for name in SHOULDER[:2]]
             if pair[0] not in dofs:
                 continue
-            ways = {dof: dofs[dof] - float(drive.target[self._index[dof]]) for dof in pair}
+            ways = {dof: dofs[dof] - float(target[self._index[dof]]) for dof in pair}
             share = min(1.0, most / max(*map(abs, ways.values()), 1e-9))
             for dof, way in ways.items():
                 dofs[dof] -= (1.0 - share) * way
 
 
-__all__ = ["Learner", "Lesson"]
+def _clear_of_wheels(angles: Array) -> None:
+    """Bend the elbows of arms that hang, in place; angles [rad] have shape [16]."""
+    for side in SIDES:
+        arm = ARM[side]
+        far = (angles[arm.start] - HANGS) / (IS_CLEAR - HANGS)
+        bent = BENT * (1.0 - min(max(float(far), 0.0), 1.0))
+        angles[arm.start + 3] = max(float(angles[arm.start + 3]), bent)
+
+
+__all__ = ["Instruction", "Learner", "Shown"]

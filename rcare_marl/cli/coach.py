@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import socket
+import tempfile
 import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 PORT = 8765
+LEVELS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # times the usual noise
 PROPOSED = Path("runs") / "coaching"
 
 coach = typer.Typer(add_completion=False, context_settings={"help_option_names": ["-h", "--help"]})
@@ -63,7 +66,7 @@ def serve(
 ) -> None:
     """Exercise with the coach, on a page in your browser or in a VR headset, until Ctrl-C.
 
-    It is reached from this computer only. Press Enter VR on the page if you have a headset.
+    It is reached from this computer only. Choose the headset on the page if you have one.
 
     Example: rcare-marl coach
 
@@ -89,7 +92,7 @@ def serve(
                 "so say --certificate FILE --key FILE"
             )
         print_line(
-            f"warning: whoever reaches {host} can open the page and begin sessions of their own"
+            f"warning: whoever reaches {host} and gets to know the address with its token can begin sessions"
         )
     _check_recording(record)
     service = Service(
@@ -105,6 +108,72 @@ def serve(
         print_line("stopped")
 
 
+@coach.command("evaluate")
+def evaluate(
+    source: Annotated[
+        str, typer.Option(help="Where poses come from: hands, joints or camera.")
+    ] = "hands",
+    recogniser: Annotated[
+        str | None, typer.Option(help="Who judges: rules or learned; rules if left out.")
+    ] = None,
+    users: Annotated[int, typer.Option(min=1, help="How many synthetic people.")] = 40,
+    seed: Annotated[int, typer.Option(min=0, help="Of the people and all they do.")] = 0,
+    exercise: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="One of those to do; may be given several times."),
+    ] = None,
+    split: Annotated[
+        str, typer.Option(help="test, or development, on whom limits and weights were chosen.")
+    ] = "test",
+    processes: Annotated[
+        int | None,
+        typer.Option(min=1, help="How many people at once; one a core if left out."),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Repeat it at every --level and draw that, as a PNG."),
+    ] = None,
+    level: Annotated[
+        list[float] | None,
+        typer.Option(
+            metavar="FACTOR",
+            help="Repeat it with so many times the noise; may be given several times. "
+            f"With --plot and without it: {', '.join(f'{each:g}' for each in LEVELS)}.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Where the numbers go as JSON.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Measure how well right exercise is told from wrong, over synthetic people.
+
+    Each of them does every exercise rightly three times, wrongly in fourteen ways, and something else.
+
+    Example: rcare-marl coach evaluate --source hands --seed 7
+
+    Example: rcare-marl coach evaluate --source joints --plot noise.png
+    """
+    from rcare_marl.baselines.coaching.recognisers import DEFAULT
+
+    from .coaching import trial
+
+    levels = tuple(level or (LEVELS if plot is not None else ()))
+    trial.evaluate(
+        source=source,
+        recogniser=recogniser or DEFAULT,
+        users=users,
+        seed=seed,
+        split=split,
+        exercises=tuple(exercise or ()),
+        processes=processes or os.cpu_count() or 1,
+        levels=levels,
+        plot=plot,
+        output=output,
+        as_json=as_json,
+    )
+
+
 def _check_recording(record: Path | None) -> None:
     """Say before anybody has exercised that a recording cannot be written."""
     if record is None:
@@ -115,6 +184,7 @@ def _check_recording(record: Path | None) -> None:
         raise MissingPackageError("recording a session", "coach") from error
     try:
         record.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=record).close()  # it may be there and not be writable
     except OSError as error:
         raise ConfigError(f"cannot record to {record}: {error.strerror}") from error
 
@@ -128,6 +198,9 @@ async def _serve(
 
     context = None
     if certificate is not None and key is not None:
+        for option, file in (("--certificate", certificate), ("--key", key)):
+            if not file.is_file():
+                raise ConfigError(f"{option}: there is no file {file}")
         try:
             context = secured(certificate, key)
         except OSError as error:
@@ -135,17 +208,20 @@ async def _serve(
                 f"{certificate} and {key} are no certificate and key: {error}"
             ) from error
     listening = bound(service.host, port)
-    runner = web.AppRunner(Server(service).app, access_log=None, handle_signals=False)
+    server = Server(service)
+    runner = web.AppRunner(server.app, access_log=None, handle_signals=False)
     await runner.setup()
     try:
         await web.SockSite(runner, listening, ssl_context=context, shutdown_timeout=2.0).start()
         name = f"[{service.host}]" if ":" in service.host else service.host
         url = f"http{'s' if service.is_secure else ''}://{name}:{listening.getsockname()[1]}/"
-        print_line(f"the coach is at {url}  (Ctrl-C ends)")
+        print_line(f"the coach is at {url}?token={service.token}  (Ctrl-C ends)")
         if service.record is None:
             print_line(f"nothing is recorded; --record {PROPOSED} would ask on the page")
-        if opens:
-            webbrowser.open(url)
+        # Others may see what a browser is started with, so not the token itself.
+        address = f"{url}?token={server.ticket()}"
+        if opens and not await asyncio.to_thread(webbrowser.open, address):
+            print_line("no browser could be opened; please open that address yourself")
         await asyncio.Event().wait()
     finally:
         await runner.cleanup()

@@ -32,6 +32,10 @@ LINES = (
 )
 LEAST = np.radians(15)  # a motion that the exercise moves less is not drawn; our own choice
 GREEN = "#cdeccd"
+LEGEND = (
+    "Green: the person followed. Thin lines: from where to where the exercise goes. "
+    "✓ a right repetition, ✗ one that was not."
+)
 STYLE = """
 body{font:18px/1.5 sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#111;background:#fff}
 img{max-width:100%;border:1px solid #bbb}
@@ -98,6 +102,7 @@ def _section(exercise: Exercise, recording: Recording, picture: str) -> str:
     said = "".join(f"<li>{ERRORS[error]} ({n} times)</li>" for error, n in errors.most_common())
     return (
         f"<h2>{title}</h2><p>{html.escape(exercise.about)}</p>"
+        f"<p>{LEGEND}</p>"
         f"<img src='{picture}' alt='Angles of {title} over time; green where the person followed'>"
         f"{f'<p>What the coach had to say:</p><ul>{said}</ul>' if said else ''}"
     )

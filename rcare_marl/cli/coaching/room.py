@@ -30,6 +30,18 @@ FIGURE = UpperBody.of_height(1.6)  # of the coach; the page draws it as a small 
 NOTHING_SEEN = "I cannot see you. Please check the headset, the hands or the camera."
 
 
+class Watcher(RuleRecogniser):
+    """Recognises by rules, and can drop half a repetition."""
+
+    def begin(self, exercise: Exercise) -> None:
+        super().begin(exercise)
+        self._expected = exercise
+
+    def begin_anew(self) -> None:
+        """Expect the same exercise, at the same tempo, from now on; once one has begun."""
+        self.begin(self._expected)
+
+
 class Room:
     """A session: begun, watched, interrupted and ended by messages of one page.
 
@@ -77,10 +89,11 @@ class Room:
             raise MessageError(str(error)) from error
         sight = Sight(begin, self._camera)
         exercises = tuple(exercise.faster(begin.tempo) for exercise in exercises)
-        session = Session(exercises, RuleRecogniser(), repetitions=begin.repetitions)
+        watcher = Watcher()
+        session = Session(exercises, watcher, repetitions=begin.repetitions)
         if self.recorder is not None:
             self.recorder.begin(begin, exercises)
-        self._session, self._sight = session, sight
+        self._session, self._sight, self._watcher = session, sight, watcher
         self._body = PageBody(exercises[0].angles(0.0))
         self._coach = Coach(session, self._body)
         self._began, self._stepped = now, now - STEP
@@ -105,6 +118,7 @@ class Room:
             session.must_pause = session.must_rest = False
         else:
             self._sight.recentre()
+            self._watcher.begin_anew()  # half a repetition as seen from elsewhere would be judged
             self._settled, self._user = False, None
 
     def step(self, now: float) -> dict[str, Any]:
@@ -112,7 +126,7 @@ class Room:
         session = self._session
         if session is None:
             return {"type": "state", "phase": "waiting", **self._recording()}
-        duration = min(max(now - self._stepped, 1e-3), LONGEST_STEP)
+        duration = min(now - self._stepped, LONGEST_STEP)
         self._stepped = now
         if not session.is_over:
             self._go_on(session, now, duration)

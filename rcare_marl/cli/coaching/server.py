@@ -2,19 +2,23 @@
 
 It answers this computer alone unless told otherwise. A page of somebody else in the same browser must not
 talk to it either, so the host that was asked for and the origin of a websocket are checked (a foreign name
-that resolves to this computer is refused), and the page may load nothing from elsewhere.
+that resolves to this computer is refused), and the page may load nothing from elsewhere. Nor must other
+users of this computer: all but the files of the page wants a token that only the address of whoever
+started the coach has.
 """
 
 from __future__ import annotations
 
 import asyncio
+import hmac
 import ipaddress
 import json
 import logging
+import secrets
 import ssl
 import time
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from aiohttp import WSCloseCode, WSMsgType, web
@@ -34,6 +38,7 @@ TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
 ROOMS = 8  # sessions at once; our own choice
 CLOSED_ABOVE = 64 * LARGEST  # a websocket that sends more at once is closed [bytes]
 SILENT = 20.0  # between two signs of life that are asked of the page [s]
+TOKEN = 24  # random bytes of a token: 192 bits, which nobody guesses
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
     "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -61,6 +66,8 @@ class Service:
         camera: The webcam, where there is one.
         host: Address that is bound.
         is_secure: Whether it is served by HTTPS.
+        token: What a page has to know; random if left out.
+        clock: Time of sessions [s], which only grows.
     """
 
     three: Path
@@ -68,6 +75,8 @@ class Service:
     camera: Camera | None = None
     host: str = "127.0.0.1"
     is_secure: bool = False
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(TOKEN), repr=False)
+    clock: Callable[[], float] = time.monotonic
 
 
 class Server:
@@ -80,6 +89,8 @@ class Server:
     def __init__(self, service: Service) -> None:
         self._service, self._rooms = service, 0
         self._sockets: set[web.WebSocketResponse] = set()
+        self._tickets: set[str] = set()
+        self._notes = Limiter(rate=5, burst=20)  # the log is no place for floods
         self.app = web.Application(middlewares=[self._guard], client_max_size=1024)
         self.app.router.add_get("/", self._index)
         self.app.router.add_get("/setting", self._setting)
@@ -88,13 +99,38 @@ class Server:
         self.app.router.add_get("/three/{name}", self._file)
         self.app.on_shutdown.append(self._leave)
 
+    def ticket(self) -> str:
+        """Return a token that opens the page once.
+
+        Other users of the computer can read what programs are started with, so this one is for a browser.
+        """
+        ticket = secrets.token_urlsafe(TOKEN)
+        self._tickets.add(ticket)
+        return ticket
+
+    def _check_token(self, request: web.Request, *, takes_ticket: bool = False) -> None:
+        given = request.query.get("token", "")
+        if _is_same(given, self._service.token):
+            return
+        for ticket in tuple(self._tickets) if takes_ticket else ():
+            if _is_same(given, ticket):
+                self._tickets.discard(ticket)
+                return
+        self._note("refused a request without the token of this start")
+        raise web.HTTPForbidden(text="the token is missing, or not of this start of the coach")
+
+    def _note(self, what: str) -> None:
+        if self._notes.lets(time.monotonic()):
+            logger.warning(what)
+
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if not _is_ours(request.host, self._service.host):
-            logger.warning("refused a request for a host that is not ours")
+            self._note("refused a request for a host that is not ours")
             raise web.HTTPForbidden(text="this host name is not served", headers=HEADERS)
         other = request.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
         if other and request.headers.get("Sec-Fetch-Mode") != "navigate":
+            self._note("refused a request of another page")
             raise web.HTTPForbidden(text="other pages may not ask", headers=HEADERS)
         try:
             response = await handler(request)
@@ -115,8 +151,9 @@ class Server:
             raise web.HTTPNotFound
         return _answer((self._service.three if is_three else WEB) / name)
 
-    async def _setting(self, _: web.Request) -> web.StreamResponse:
-        """What the page offers."""
+    async def _setting(self, request: web.Request) -> web.StreamResponse:
+        """What the page offers, and the token for all that follows."""
+        self._check_token(request, takes_ticket=True)
         record = self._service.record
         return web.json_response(
             {
@@ -127,14 +164,16 @@ class Server:
                 "mistakes": list(MISTAKES),
                 "webcam": self._service.camera is not None,
                 "record": None if record is None else str(record),
+                "token": self._service.token,
             }
         )
 
     async def _session(self, request: web.Request) -> web.StreamResponse:
         origin = f"{'https' if self._service.is_secure else 'http'}://{request.host}"
         if request.headers.get("Origin") != origin:
-            logger.warning("refused a websocket of another origin")
+            self._note("refused a websocket of another origin")
             raise web.HTTPForbidden(text="sessions are for the coach's own page")
+        self._check_token(request)
         if self._rooms >= ROOMS:
             raise web.HTTPServiceUnavailable(text=f"no more than {ROOMS} sessions at once")
         self._rooms += 1
@@ -163,7 +202,7 @@ class Conversation:
         self._socket, self._limiter = socket, Limiter()
         # Neither answers nor log become a flood themselves.
         self._complaints, self._notes = Limiter(rate=1, burst=1), Limiter(rate=5, burst=20)
-        self._room = Room(recorder=recorder, camera=service.camera)
+        self._room, self._clock = Room(recorder=recorder, camera=service.camera), service.clock
 
     async def hold(self) -> None:
         """Listen and tell, side by side."""
@@ -175,17 +214,17 @@ class Conversation:
                     if self._complaints.lets(now):
                         await self._refuse("too many messages; those beyond are dropped")
                     continue
-                await self._take(item.type, item.data, now)
+                await self._take(item.type, item.data)
         finally:
             telling.cancel()
             await asyncio.gather(telling, return_exceptions=True)
             await self._write()
 
-    async def _take(self, kind: WSMsgType, data: object, now: float) -> None:
+    async def _take(self, kind: WSMsgType, data: object) -> None:
         try:
             if kind is not WSMsgType.TEXT or not isinstance(data, str):
                 raise MessageError("messages are text")
-            self._room.receive(parse(data), now)
+            self._room.receive(parse(data), self._clock())
         except RcareError as error:
             await self._refuse(str(error))
 
@@ -206,7 +245,7 @@ class Conversation:
         """Tell 30 times a second while a session is on, else four times."""
         due = time.monotonic()
         while not self._socket.closed:
-            await self._send(self._room.step(time.monotonic()))
+            await self._send(self._room.step(self._clock()))
             if not self._room.is_on:
                 await self._write()
             due = max(due + (STEP if self._room.is_on else 0.25), time.monotonic() + 0.005)
@@ -236,6 +275,11 @@ class Conversation:
 
 def _answer(file: Path) -> web.FileResponse:
     return web.FileResponse(file, headers={"Content-Type": f"{TYPES[file.suffix]}; charset=utf-8"})
+
+
+def _is_same(given: str, wanted: str) -> bool:
+    """Compare two tokens in a time that does not tell how much of them is the same."""
+    return hmac.compare_digest(given.encode("utf-8", "surrogatepass"), wanted.encode())
 
 
 def _is_ours(asked: str, bound: str) -> bool:

@@ -63,8 +63,7 @@ def evaluate(
     noises = noise_levels(given["source"], levels)
     usual = run(**given, noise=None)
     found = {
-        level: usual if level == 1 else run(**given, noise=noise)
-        for level, noise in noises.items()
+        level: usual if level == 1 else run(**given, noise=noise) for level, noise in noises.items()
     }
     out = usual.to_dict()
     if found:

@@ -9,9 +9,16 @@ const MISTAKES = {
   wrong_plane: 'moves in another direction', trunk_lean: 'leans with the trunk', still: 'keeps still',
 };
 const KEYS = { ' ': 'pause', s: 'skip', r: 'rest', c: 'recentre', Escape: 'stop' };
+const UNREACHABLE = 'The coach cannot be reached. Is it still running? I keep trying.';
+const STRANGE = 'This address is not complete, or of an earlier start. Please open the address that the coach '
+  + 'printed when it was started; it has ?token= in it.';
+const CONTRAST = matchMedia('(prefers-contrast: more)');
+const DARK = matchMedia('(prefers-color-scheme: dark)');
+const AGAIN = 2000; // between two tries to reach the coach [ms]
 const PHASES = { settling: 'Sit upright and look ahead', paused: 'Paused', resting: 'Rest' };
 
 let socket;
+let token = new URLSearchParams(location.search).get('token') ?? sessionStorage.getItem('token') ?? '';
 let view;
 let headset;
 let state = { phase: 'waiting' };
@@ -39,14 +46,36 @@ function show(part) {
 // The server.
 
 function connect() {
-  socket = new WebSocket(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/session`);
+  const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
+  socket = new WebSocket(`${scheme}://${location.host}/session?token=${encodeURIComponent(token)}`);
   socket.addEventListener('open', () => alarm(''));
   socket.addEventListener('message', ({ data }) => take(JSON.parse(data)));
   socket.addEventListener('close', () => {
-    alarm('The coach cannot be reached. Is it still running? I keep trying.');
     if (isOn) finish();
-    setTimeout(connect, 2000);
+    alarm(UNREACHABLE);
+    setTimeout(async () => { if (await ask()) connect(); }, AGAIN);
   });
+}
+
+// What the coach offers, asked until it answers; undefined where this page is not of its present start.
+async function ask() {
+  let answer;
+  while (!answer) {
+    try {
+      answer = await fetch(`/setting?token=${encodeURIComponent(token)}`);
+    } catch {
+      alarm(UNREACHABLE);
+      await new Promise((done) => { setTimeout(done, AGAIN); });
+    }
+  }
+  if (!answer.ok) {
+    alarm(answer.status === 403 ? STRANGE : `The coach does not answer as it should (${answer.status}).`);
+    return undefined;
+  }
+  const setting = await answer.json();
+  token = setting.token;
+  sessionStorage.setItem('token', token); // of this tab, so that it can be loaded again
+  return setting;
 }
 
 function take(message) {
@@ -168,7 +197,8 @@ async function begin(event) {
   state = { ...state, phase: 'waiting' };
   isOn = true;
   show('session');
-  $('session').focus();
+  window.scrollTo(0, 0); // the button was at the end of the form
+  $('session').focus({ preventScroll: true });
 }
 
 function finish() {
@@ -193,7 +223,8 @@ function end() {
     return row;
   }));
   show('over');
-  $('over').focus();
+  window.scrollTo(0, 0);
+  $('over').focus({ preventScroll: true });
 }
 
 function withdraw() {
@@ -205,7 +236,8 @@ function withdraw() {
 
 // Preparation.
 
-function dress(contrast) {
+// What the system asks for, unless the button has said otherwise.
+function dress(contrast = CONTRAST.matches ? 'high' : 'usual') {
   document.documentElement.dataset.contrast = contrast;
   $('contrast').setAttribute('aria-pressed', String(contrast === 'high'));
   view?.dress?.();
@@ -215,8 +247,7 @@ function choices(select, names) {
   select.replaceChildren(...names.map((name) => new Option(MISTAKES[name] ?? name, name)));
 }
 
-async function offer() {
-  const setting = await (await fetch('/setting')).json();
+function offer(setting) {
   $('exercises').replaceChildren(...setting.exercises.map(({ name, title, about }) => {
     const label = document.createElement('label');
     const box = Object.assign(document.createElement('input'), { type: 'checkbox', value: name, checked: true });
@@ -293,10 +324,17 @@ $('again').addEventListener('click', () => {
 $('contrast').addEventListener('click', () => {
   dress($('contrast').getAttribute('aria-pressed') === 'true' ? 'usual' : 'high');
 });
+CONTRAST.addEventListener('change', () => dress());
+DARK.addEventListener('change', () => dress(document.documentElement.dataset.contrast));
 
-await offer();
-await makeView();
-dress(matchMedia('(prefers-contrast: more)').matches ? 'high' : 'usual');
-await lookForHeadset();
-navigator.xr?.addEventListener?.('devicechange', lookForHeadset);
-connect();
+const setting = await ask();
+history.replaceState(null, '', '/'); // the token is no business of who looks at the screen
+if (setting) {
+  offer(setting);
+  await makeView();
+  dress();
+  await lookForHeadset();
+  navigator.xr?.addEventListener?.('devicechange', lookForHeadset);
+  connect();
+}
+show(setting ? 'setup' : undefined);

@@ -236,14 +236,13 @@ export class SolidView {
     this.board.write(words);
   }
 
-  // Colours of the page, so that a high contrast reaches the picture.
+  // Colours of the page, so that darkness and a high contrast reach the picture.
   dress() {
     const style = getComputedStyle(document.documentElement);
-    const stage = style.getPropertyValue('--stage').trim();
-    const isDark = stage === '#000';
-    this.scene.background = new THREE.Color(stage);
-    this.user.look.color.set(isDark ? 0xffe45c : 0x0b4f8a);
-    this.floor.material.color.set(isDark ? 0x222222 : 0xb9c7d3);
+    const colour = (name) => new THREE.Color(style.getPropertyValue(`--${name}`).trim());
+    this.scene.background = colour('stage');
+    this.user.look.color = colour('figure');
+    this.floor.material.color = colour('floor');
   }
 
   draw() {
@@ -262,9 +261,9 @@ export class SolidView {
     const aspect = width / height;
     const narrow = aspect < 1.15; // the person behind and smaller, or both get small
     this.coach.position.x = narrow ? -0.3 : COACH_AT;
-    this.user.position.set(narrow ? 0.62 : USER_AT, HIPS, narrow ? -0.6 : 0);
-    const middle = narrow ? 0.1 : 0;
-    const [across, tall] = narrow ? [2.1, 2.1] : [3.15, 1.95]; // what has to fit [m]
+    this.user.position.set(narrow ? 0.56 : USER_AT, HIPS, narrow ? -0.6 : 0);
+    const middle = narrow ? 0.06 : 0;
+    const [across, tall] = narrow ? [2.5, 2.1] : [3.15, 1.95]; // what has to fit [m]
     const half = Math.tan((this.camera.fov / 2) * (Math.PI / 180));
     const distance = Math.max(tall / (2 * half), across / (2 * half * aspect));
     this.camera.aspect = aspect;

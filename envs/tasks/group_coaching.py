@@ -1,0 +1,175 @@
+"""Group coaching: a robot leads two to four seated people through exercises at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from rcare_marl.agents.coaching.exercise import load_exercises
+from rcare_marl.agents.coaching.group_session import GroupSession, group_programme
+from rcare_marl.agents.human import Human
+from rcare_marl.observable import Observable
+from rcare_marl.pose import Pose
+from rcare_marl.rendering.camera import Camera
+from rcare_marl.world import World
+
+from ..care_env import CareEnv
+from ..coaching.coaching_task import CoachingTask, facing
+from ..coaching.group_view import GroupView
+from ..coaching.learner import Learner
+from ..coaching.seat import MOVABLE
+from ..homes.rectangle import Rectangle
+from ..registry import register_policy, register_task
+from ..task import Role
+
+RECIPIENTS = ("recipient", "second_recipient", "third_recipient", "fourth_recipient")
+RADIUS = 2.3  # [m] of the arc on which chairs stand, about the robot; our own choice
+APART = 1.9  # [m] from chair to chair: room for two arms raised to the side; our own choice
+COACH_AT = (1.3, 0.0)  # [m] on the floor, so that the arc lies about the origin
+CHAIR_ROOM, COACH_ROOM = 0.8, 0.4  # [m] about a chair and about the robot; our own choice
+TOGETHER = frozenset(
+    ("right_repetitions", "wanted_repetitions", "wrong_repetitions", "exercises_done", "following")
+)  # metrics that are summed over all people; of the others the greatest is told
+
+
+def place(default: str | None, *, optional: bool = False) -> Role[Human]:
+    """Return the part of one more person in the group."""
+    return Role(
+        Human, default=default, optional=optional, posture="wheelchair_exercise", movable=MOVABLE,
+        partner="learner",
+    )  # fmt: skip
+
+
+@register_task("group_coaching")
+class GroupCoaching(CoachingTask):
+    """A robot leads two to four people in wheelchairs through exercises of arms and head, all at once.
+
+    Goal: everybody's own programme done rightly, as often as asked. Randomised at reset: how each head is
+    turned; partners draw more.
+    Success and failure: all done; an exercise left that somebody had not done, or a force above the limit on
+    anybody. Tolerance: the repetitions asked for are divided by it.
+    """
+
+    recipient = place("daniel")
+    second_recipient = place("kim")
+    third_recipient = place(None, optional=True)
+    fourth_recipient = place(None, optional=True)
+
+    session: GroupSession
+
+    @property
+    def recipients(self) -> Mapping[str, Human]:
+        people = {role: self.cast[role] for role in RECIPIENTS if role in self.cast}
+        return {role: person for role, person in people.items() if isinstance(person, Human)}
+
+    def chairs(self) -> dict[str, Pose]:
+        """Return where the chair of each recipient stands: on an arc before the robot, facing it."""
+        people = list(self.recipients)
+        step = 2 * math.asin(APART / (2 * RADIUS))
+        out = {}
+        for k, role in enumerate(people):
+            yaw = step * (k - 0.5 * (len(people) - 1))
+            x, y = COACH_AT
+            out[role] = facing((x - RADIUS * math.cos(yaw), y - RADIUS * math.sin(yaw)), yaw)
+        return out
+
+    def free_floor(self) -> Rectangle:
+        spots = [(pose.position, CHAIR_ROOM) for pose in self.chairs().values()]
+        spots.append(((*COACH_AT, 0.0), COACH_ROOM))
+        low, high = (
+            [edge(p[i] + sign * room for p, room in spots) for i in (0, 1)]
+            for edge, sign in ((min, -1), (max, 1))
+        )
+        return Rectangle(*low, *high)
+
+    def furnish(self, world: World) -> dict[str, Pose]:
+        return self.seat(world, self.chairs(), facing(COACH_AT, math.pi))
+
+    def plan(self) -> GroupSession:
+        self.names = _call_names(self.recipients)
+        reaches = {self.names[role]: trainee.reach for role, trainee in self.trainees.items()}
+        exercises = load_exercises(self.options.exercises)
+        slowest = min(trainee.speed for trainee in self.trainees.values())
+        shown, own = group_programme(exercises, reaches, speed=slowest)
+        for role, trainee in self.trainees.items():
+            trainee.ask(own[self.names[role]], self.options.repetitions)
+        members = {self.names[role]: trainee.session for role, trainee in self.trainees.items()}
+        return GroupSession(shown, members)
+
+    def begin(self) -> None:
+        self.session.reset()
+
+    def see(self, time: float) -> None:
+        frames = {self.names[role]: trainee.frame for role, trainee in self.trainees.items()}
+        self.session.see(frames, time)
+
+    def observables(self, role: str) -> Sequence[Observable]:
+        """Return what a role sees: a recipient of themselves, the robot of everybody, by role."""
+        if role in self.trainees:
+            seen = [*self._seen_of(role), *self._told(role)]
+        else:
+            seen = [
+                thing
+                for known in self.trainees
+                for thing in (
+                    *self._seen_of(known, f"{known}_"),
+                    *self._told(known, f"{known}_"),
+                )
+            ]
+        return [*self.shown(), *seen, self.time_left()]
+
+    def _seen_of(self, role: str, prefix: str = "") -> list[Observable]:
+        return self.trainees[role].observables(self._is_busy(role), prefix)
+
+    def _is_busy(self, role: str) -> Callable[[], bool]:
+        return lambda: self.session.is_busy(self.names[role])
+
+    def _told(self, role: str, prefix: str = "") -> list[Observable]:
+        """Return whether what is being said is said to a recipient."""
+
+        def is_told() -> bool:
+            shown = self.demonstration
+            return shown.is_speaking and shown.spoken_to in (None, self.names[role])
+
+        return [Observable(f"{prefix}spoken_to", "1", 1, lambda: (float(is_told()),))]
+
+    def rewards(self, role: str) -> Mapping[str, float]:
+        """Return a recipient's own terms; for the robot the mean of everybody's."""
+        if role in self.trainees:
+            return self.rewards_of(role)
+        everybody = [self.rewards_of(known) for known in self.trainees]
+        return {
+            name: sum(terms[name] for terms in everybody) / len(everybody) for name in everybody[0]
+        }
+
+    def metrics(self) -> Mapping[str, float]:
+        found = [trainee.metrics() for trainee in self.trainees.values()]
+        return {
+            name: (sum if name in TOGETHER else max)(metrics[name] for metrics in found)
+            for name in found[0]
+        }
+
+    def camera(self) -> Camera:
+        return Camera(eye=(4.3, -1.0, 2.7), target=(-0.2, 0.0, 0.55), fov_deg=56)
+
+
+def _call_names(people: Mapping[str, Human]) -> dict[str, str]:
+    """Return what each person is called, by role; the second of a name gets a number."""
+    out: dict[str, str] = {}
+    for role, person in people.items():
+        count = sum(known.avatar.name == person.avatar.name for known in people.values())
+        before = sum(people[known].avatar.name == person.avatar.name for known in out)
+        is_alone = count == 1 or before == 0
+        out[role] = person.avatar.name if is_alone else f"{person.avatar.name} {before + 1}"
+    return out
+
+
+def learner(env: CareEnv, role: str) -> Learner:
+    """Return a recipient who imitates what the coach shows, with human shortcomings."""
+    assert isinstance(task := env.task, GroupCoaching)
+    view = GroupView(task.session, task.names[role], task.demonstration)
+    return Learner(task.recipients[role], view, task.control_dt)
+
+
+for _role in RECIPIENTS:
+    register_policy("group_coaching", _role, "learner")(learner)
