@@ -31,6 +31,7 @@ QUALITY, ENOUGH = 86, 0.9  # of the way through a repetition, when its picture i
 OUT = Path(__file__).resolve().parents[1] / "docs" / "images"
 PEOPLE = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
 LINE = 58  # letters of what is said that the caption has room for
+TOGETHER = 0.4  # of the way that everybody of a group has gone, when its picture is taken
 GROUP = ("daniel", "kim", "karan", "natalia")
 
 
@@ -70,14 +71,12 @@ def draw(recipient: str, robot: str, out: Path, seed: int) -> None:
 
 def draw_group(robot: str, out: Path, seed: int) -> None:
     """Write a picture of a group class in its first exercise."""
-    env = session(robot, 1, *GROUP)
+    env = session(robot, 3, *GROUP)
     task = env.task
     assert isinstance(task, CoachingTask)
     env.reset(seed=seed)
     renderer = make_renderer(env.world)
-    while not env.is_over and not (
-        task.session.judgement.following and task.session.judgement.progress > 0.5
-    ):
+    while not env.is_over and task.session.judgement.progress < TOGETHER:
         env.step({})
     picture = Image.fromarray(renderer.render(sharpened(task)))
     picture.resize((2 * SIZE[0], 2 * SIZE[1]), Image.Resampling.LANCZOS).save(

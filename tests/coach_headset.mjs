@@ -142,7 +142,7 @@ export async function headset(page, job, out, { fill }) {
   const hands = await begin('hand');
   out.hands = hands.kinds;
   out.right = await hands.attempt(job.right);
-  await page.screenshot({ path: `${job.pictures}/headset.png` });
+  if (job.keeps) await page.screenshot({ path: `${job.pictures}/headset.png` });
   const controllers = await begin('controller');
   out.controllers = await controllers.attempt(job.right);
   out.wrong = await controllers.attempt(job.wrong);

@@ -125,7 +125,7 @@ def drive(folder: Path, url: str, kind: str, **job: Any) -> dict[str, Any]:
     file.write_text(json.dumps(job))
     driver = Path(__file__).with_name("coach_page.mjs")
     done = subprocess.run(
-        ["node", str(driver), str(file)], capture_output=True, text=True, timeout=4 * PATIENCE
+        ["node", str(driver), str(file)], capture_output=True, text=True, timeout=6 * PATIENCE
     )
     assert done.returncode == 0, done.stderr
     seen: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
@@ -178,9 +178,12 @@ def test_a_right_performance_in_a_headset_turns_green_and_a_wrong_one_does_not(
     assert seen["controllers"]["counted"] == 1
 
 
-def test_a_simulated_person_is_coached_by_keyboard_alone(tmp_path: Path) -> None:
+def test_after_what_cannot_begin_a_simulated_person_is_coached_by_keyboard_alone(
+    tmp_path: Path,
+) -> None:
     with served(clock=hurried) as url:
-        seen = drive(tmp_path, url, "simulated")
+        seen = drive(tmp_path, url, "refused")
+    assert "can do none" in seen["trouble"]
     assert seen["words"].startswith("That is it")
     assert seen["kind"] == "solid"
     assert seen["title"] == "The session is over."

@@ -335,8 +335,8 @@ def test_a_recording_holds_times_angles_and_judgements_and_a_report_and_can_be_d
     h5py = pytest.importorskip("h5py", reason="recordings need the extra 'coach'")
     recorder = Recorder(tmp_path)
     room = Room(recorder=recorder)
-    room.receive(Consent(True), 0.0)
     room.receive(simulated("half_range"), 0.0)
+    room.receive(Consent(True), 0.0)
     run(room, 9)
     room.receive(Simulate("none"), 9.0)
     run(room, 30, start=9.0)
@@ -356,6 +356,37 @@ def test_a_recording_holds_times_angles_and_judgements_and_a_report_and_can_be_d
         assert "range" in json.loads(data["repetition/errors"].asstr()[0])
     room.receive(Consent(False), 60.0)
     assert not report.parent.exists()
+
+
+def test_consent_is_for_one_session_and_the_next_leaves_what_was_kept_alone(tmp_path: Path) -> None:
+    pytest.importorskip("h5py", reason="recordings need the extra 'coach'")
+    recorder = Recorder(tmp_path)
+    room = Room(recorder=recorder)
+    with pytest.raises(MessageError, match="no session"):
+        room.receive(Consent(True), 0.0)
+    room.receive(simulated(), 0.0)
+    room.receive(Consent(True), 0.0)
+    run(room, 5)
+    recording = recorder.take()
+    assert recording is not None
+    report = recording.write(tmp_path)
+    recorder.written(report)
+    room.receive(simulated(), 10.0)
+    run(room, 5, start=10.0)
+    assert recorder.take() is None
+    room.receive(Consent(False), 15.0)
+    assert report.is_file()
+
+
+def test_what_is_told_says_of_which_session_it_is() -> None:
+    room = Room()
+    assert room.step(0.0)["session"] == 0
+    for number in (1, 2):
+        room.receive(simulated(), float(number))
+        assert room.step(number + STEP)["session"] == number
+    with pytest.raises(MessageError):
+        room.receive(simulated(lift_left_deg=10.0, lift_right_deg=10.0), 3.0)
+    assert room.step(3.0 + STEP)["session"] == 2
 
 
 TOKEN = "of-this-start"
@@ -442,7 +473,8 @@ def test_a_message_before_a_session_and_of_another_source_is_refused() -> None:
         await session.send_json({"type": "consent", "given": True})
         assert "--record" in (await answer(session, "refused"))["why"]
         await session.send_json({**BEGIN, "source": "webcam"})
-        assert "no webcam" in (await answer(session, "refused"))["why"]
+        refusal = await answer(session, "refused")
+        assert "no webcam" in refusal["why"] and refusal["what"] == "begin"
         await session.send_json({**BEGIN, "source": "simulated"})
         await session.send_json(HANDS)
         assert "simulated" in (await answer(session, "refused"))["why"]

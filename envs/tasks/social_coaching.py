@@ -80,7 +80,7 @@ class SocialCoaching(CoachingTask):
         return self.trainee.metrics()
 
     def camera(self) -> Camera:
-        return Camera(eye=(1.35, -2.7, 1.6), target=(0.45, 0.0, 0.92), fov_deg=44)
+        return Camera(eye=(1.3, -2.45, 1.6), target=(0.48, 0.0, 0.92), fov_deg=44)
 
 
 @register_policy("social_coaching", "recipient", "learner")

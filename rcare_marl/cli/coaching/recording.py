@@ -81,7 +81,8 @@ class Recorder:
                 raise ConfigError(f"cannot delete {report.parent}: {error}") from error
 
     def begin(self, begin: Begin, exercises: Sequence[Exercise]) -> None:
-        """Begin a session; one that was not written is dropped, one that was stays."""
+        """Begin a session, without consent yet; one that was not written is dropped, one that was stays."""
+        self.has_consent = False
         self._begin, self._exercises, self.report = begin, exercises, None
         self._steps.clear()
 

@@ -52,6 +52,7 @@ class Room:
     def __init__(self, *, recorder: Recorder | None = None, camera: Camera | None = None) -> None:
         self.recorder, self._camera = recorder, camera
         self._session: Session | None = None
+        self._number = 0  # of the session, counted from 1
         self._user: dict[str, Any] | None = None
 
     @property
@@ -70,6 +71,8 @@ class Room:
         elif isinstance(message, Consent):
             if self.recorder is None:
                 raise MessageError("recording is off: start the coach with --record FOLDER")
+            if self._session is None:
+                raise MessageError("no session has begun")
             self.recorder.consent(given=message.given)
         elif self._session is None:
             raise MessageError("no session has begun")
@@ -94,6 +97,7 @@ class Room:
         if self.recorder is not None:
             self.recorder.begin(begin, exercises)
         self._session, self._sight, self._watcher = session, sight, watcher
+        self._number += 1
         self._body = PageBody(exercises[0].angles(0.0))
         self._coach = Coach(session, self._body)
         self._began, self._stepped = now, now - STEP
@@ -125,7 +129,7 @@ class Room:
         """Go on to a time [s] of our clock; return what the page shows, ready for JSON."""
         session = self._session
         if session is None:
-            return {"type": "state", "phase": "waiting", **self._recording()}
+            return {"type": "state", "phase": "waiting", "session": 0, **self._recording()}
         duration = min(now - self._stepped, LONGEST_STEP)
         self._stepped = now
         if not session.is_over:
@@ -198,6 +202,7 @@ class Room:
         sees = self._sight.sees(now) or session.is_over
         return {
             "type": "state",
+            "session": self._number,
             "phase": self._phase(session),
             "time": round(now - self._began, 2),
             "exercise": {"name": session.exercise.name, "title": session.exercise.title,

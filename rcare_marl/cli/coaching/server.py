@@ -27,7 +27,7 @@ from rcare_marl.agents.coaching.exercise import load_exercises
 from rcare_marl.errors import RcareError
 
 from .limiter import Limiter
-from .message import LARGEST, MISTAKES, MessageError, parse
+from .message import LARGEST, MISTAKES, Message, MessageError, parse
 from .recording import Recorder
 from .room import STEP, Room
 from .sight import Camera
@@ -221,17 +221,20 @@ class Conversation:
             await self._write()
 
     async def _take(self, kind: WSMsgType, data: object) -> None:
+        message: Message | None = None
         try:
             if kind is not WSMsgType.TEXT or not isinstance(data, str):
                 raise MessageError("messages are text")
-            self._room.receive(parse(data), self._clock())
+            message = parse(data)
+            self._room.receive(message, self._clock())
         except RcareError as error:
-            await self._refuse(str(error))
+            await self._refuse(str(error), message)
 
-    async def _refuse(self, why: str) -> None:
+    async def _refuse(self, why: str, message: Message | None = None) -> None:
         if self._notes.lets(time.monotonic()):
             logger.warning("refused a message: %s", why)
-        await self._send({"type": "refused", "why": why})
+        what = "" if message is None else type(message).__name__.lower()
+        await self._send({"type": "refused", "what": what, "why": why})
 
     async def _tell(self) -> None:
         """Send what the page shows; a fault of ours ends the conversation, and is not hidden."""

@@ -23,6 +23,7 @@ let view;
 let headset;
 let state = { phase: 'waiting' };
 let isOn = false; // a session has been asked for and is not over
+let begun = 0; // number of the session that was asked for, on this connection
 let heard = { count: 0, number: 0, told: '' };
 
 function send(message) {
@@ -48,10 +49,17 @@ function show(part) {
 function connect() {
   const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
   socket = new WebSocket(`${scheme}://${location.host}/session?token=${encodeURIComponent(token)}`);
-  socket.addEventListener('open', () => alarm(''));
+  socket.addEventListener('open', () => {
+    state = { phase: 'waiting', session: 0 };
+    begun = 0;
+    alarm('');
+  });
   socket.addEventListener('message', ({ data }) => take(JSON.parse(data)));
   socket.addEventListener('close', () => {
-    if (isOn) finish();
+    if (isOn) {
+      finish();
+      show('setup');
+    }
     alarm(UNREACHABLE);
     setTimeout(async () => { if (await ask()) connect(); }, AGAIN);
   });
@@ -80,11 +88,18 @@ async function ask() {
 
 function take(message) {
   if (message.type === 'refused') {
-    if (state.phase === 'waiting' || state.phase === 'over') alarm(`The coach says: ${message.why}`);
     console.warn('refused:', message.why);
+    if (state.phase === 'waiting' || state.phase === 'over') alarm(`The coach says: ${message.why}`);
+    if (isOn && state.session !== begun && ['begin', ''].includes(message.what)) { // what was asked for does not begin
+      begun = state.session;
+      finish();
+      show('setup');
+      $('main').focus();
+    }
     return;
   }
   state = message;
+  if (isOn && state.session !== begun) return; // of the session before, under way when this one was asked for
   if (isOn && state.phase !== 'waiting') tell();
   keepRecord();
 }
@@ -160,6 +175,10 @@ function wish(name) {
 async function begin(event) {
   event.preventDefault();
   alarm('');
+  if (socket?.readyState !== WebSocket.OPEN) {
+    alarm(UNREACHABLE);
+    return;
+  }
   const source = document.querySelector('input[name="source"]:checked').value;
   const exercises = [...document.querySelectorAll('#exercises input:checked')].map((box) => box.value);
   if (!exercises.length) {
@@ -185,16 +204,16 @@ async function begin(event) {
   }
   heard = { count: 0, number: 0, told: '' };
   for (const id of ['said', 'told', 'hint', 'deleted']) set(id, '');
-  if (state.recording) send({ type: 'consent', given: $('consent').checked });
   send({
     type: 'begin', source, exercises, height_m: $('height').valueAsNumber / 100,
     repetitions: $('repetitions').valueAsNumber, tempo: Number($('tempo').value),
     lift_left_deg: $('lift-left').valueAsNumber, lift_right_deg: $('lift-right').valueAsNumber,
     turn_deg: $('turn').valueAsNumber, mistake: $('mistake').value,
   });
+  if (state.recording) send({ type: 'consent', given: $('consent').checked }); // for this session alone
+  begun = (state.session ?? 0) + 1;
   $('live-mistake').hidden = source !== 'simulated';
   $('mistake-now').value = $('mistake').value;
-  state = { ...state, phase: 'waiting' };
   isOn = true;
   show('session');
   window.scrollTo(0, 0); // the button was at the end of the form
@@ -281,7 +300,7 @@ async function makeView() {
     const { SolidView } = await import('/web/scene.js');
     view = new SolidView($('scene'));
     view.renderer.setAnimationLoop((time, frame) => {
-      if (frame && headset) headset.stream(time, frame);
+      if (frame && headset && isOn) headset.stream(time, frame);
       if (!$('session').hidden) view.draw();
     });
   } catch (error) {
