@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -216,6 +217,16 @@ def made_up(seed: int) -> Examples:
     return Examples(np.stack(sequences), np.stack(facts), np.array(labels), np.arange(60) // 6)
 
 
+@pytest.fixture
+def one_thread() -> Iterator[None]:
+    """As other tests run beside this one, more threads would only wait for each other."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.mark.usefixtures("one_thread")
 def test_a_network_learns_to_tell_half_the_range_and_the_same_seed_gives_the_same() -> None:
     examples = made_up(0)
     network, measured = train(examples, seed=3, epochs=80)
