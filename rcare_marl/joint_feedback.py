@@ -130,14 +130,14 @@ class JointFeedback:
         return turns[1:], extra
 
 
-@numba.njit(cache=True, fastmath=False)
+@numba.njit(cache=True)
 def _cross(a, b):  # type: ignore[no-untyped-def]
     return np.array(
         (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     )
 
 
-@numba.njit(cache=True, fastmath=False)
+@numba.njit(cache=True)
 def _inertia(row, turn):  # type: ignore[no-untyped-def]
     """Return the spatial inertia about the centre of mass in the world, shape [6, 6]."""
     out = np.zeros((6, 6))
@@ -149,7 +149,7 @@ def _inertia(row, turn):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, fastmath=False)
+@numba.njit(cache=True)
 def _carry(arm):  # type: ignore[no-untyped-def]
     """Return what takes an acceleration to a point `arm` away, shape [6, 6]."""
     out = np.eye(6)
@@ -159,7 +159,7 @@ def _carry(arm):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, fastmath=False)
+@numba.njit(cache=True)
 def _coriolis_wrenches(  # type: ignore[no-untyped-def]
     parents, axes, inertias, turns, places, rates, arms, speeds
 ):

@@ -68,6 +68,13 @@ def test_modules_stay_readable(file: Path) -> None:
             assert node.end_lineno - node.lineno < 80, f"{node.name} is too long"
 
 
+@pytest.mark.parametrize("file", ALL, ids=lambda f: str(f.relative_to(ROOT)))
+def test_no_kernel_rounds_as_its_compiler_likes(file: Path) -> None:
+    """With fastmath a kernel compiled here and the same from Numba's cache differ in the last bit."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        assert not (isinstance(node, ast.keyword) and node.arg == "fastmath"), "see docs/design.md"
+
+
 def test_every_folder_of_code_is_a_package() -> None:
     for file in ALL:
         if file.parent.name != "experiments":

@@ -26,7 +26,7 @@ HELD = 32  # of the scratch: whether furniture holds the limb in this step
 # torque and the stiffness.
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def observe(  # type: ignore[no-untyped-def]
     table, parents, depths, points, pulleys, carriers, starts, crossings, entries, units, measured,
     excitation, gravity, state, dt, mode, work, frames, spots, arms, torques, matrix,
@@ -50,7 +50,7 @@ def observe(  # type: ignore[no-untyped-def]
     mass_matrix(parents, depths, gravity, work, matrix)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def drive(  # type: ignore[no-untyped-def]
     table, parents, depths, points, pulleys, carriers, starts, crossings, entries, branched, units,
     measured, excitation, gravity, state, dt, mode, work, frames, spots, arms, torques, matrix,
@@ -87,7 +87,7 @@ def drive(  # type: ignore[no-untyped-def]
     _settle(starts, crossings, arms, branched, state, torques[0], out)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _support(table, measured, work, i, dt):  # type: ignore[no-untyped-def]
     """Return whether furniture holds a limb now: 1.0 or 0.0."""
     if table[i, SUPPORT] != 0.0:
@@ -104,7 +104,7 @@ def _support(table, measured, work, i, dt):  # type: ignore[no-untyped-def]
     return 1.0 if sags and push * weight > 0.0 else 0.0
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _fade(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
     """Let active torque end at the active range, and damp the movement that it made."""
     for i in range(table.shape[0]):
@@ -119,7 +119,7 @@ def _fade(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
         torques[3, i] = ACTIVE_END_DAMPING * (1.0 - share) * abs(torque) if is_outward else 0.0
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _tighten(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
     """Find what discs do everywhere, and ligaments near the ends of the passive range."""
     for i in range(table.shape[0]):
@@ -136,7 +136,7 @@ def _tighten(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
         torques[3, i] += 2.0 * np.sqrt(stiffness * table[i, INERTIA])
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _continue(starts, crossings, arms, branched, depths, state, matrix, out) -> None:  # type: ignore[no-untyped-def]
     """Add to the torques what tensions grow by at the present rates, and to the matrix the rest."""
     for m in range(starts.shape[0] - 1):
@@ -156,7 +156,7 @@ def _continue(starts, crossings, arms, branched, depths, state, matrix, out) -> 
                 matrix[i, depths[crossings[d, 0]]] += lever * arms[d]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _settle(starts, crossings, arms, branched, state, acceleration, out) -> None:  # type: ignore[no-untyped-def]
     """Add to the torques what tensions change by over the step."""
     for m in range(starts.shape[0] - 1):

@@ -55,7 +55,7 @@ def packed_matrix(parents: npt.NDArray[np.int64]) -> Array:
     return np.zeros((len(parents), int(tree_depths(parents).max(initial=0)) + 1))
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def place_frames(table, parents, positions, work) -> None:  # type: ignore[no-untyped-def]
     """Find the frame of every part, and its axis, in the frame of the pelvis."""
     for i in range(table.shape[0]):
@@ -89,7 +89,7 @@ def place_frames(table, parents, positions, work) -> None:  # type: ignore[no-un
             mine[AXIS_NOW + a] = mine[3 * a] * x + mine[3 * a + 1] * y + mine[3 * a + 2] * z
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def place_masses(table, work) -> None:  # type: ignore[no-untyped-def]
     """Find every part's own mass, first moment and inertia, after `place_frames`."""
     for i in range(table.shape[0]):
@@ -108,7 +108,7 @@ def place_masses(table, work) -> None:  # type: ignore[no-untyped-def]
         mine[SWEEP + 2] = mine[ORIGIN] * mine[AXIS_NOW + 1] - mine[ORIGIN + 1] * mine[AXIS_NOW]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _tensor(row, mine) -> None:  # type: ignore[no-untyped-def]
     """Write a part's inertia about the origin of the pelvis."""
     squared = 0.0
@@ -132,7 +132,7 @@ def _tensor(row, mine) -> None:  # type: ignore[no-untyped-def]
             mine[INERTIA + 3 * a + b] = value
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def mass_matrix(parents, depths, gravity, work, matrix) -> None:  # type: ignore[no-untyped-def]
     """Write the mass matrix, packed, and the torques that hold the parts against gravity.
 
@@ -185,7 +185,7 @@ def mass_matrix(parents, depths, gravity, work, matrix) -> None:  # type: ignore
         )
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def solve(parents, depths, matrix, x) -> None:  # type: ignore[no-untyped-def]
     """Solve in place with a packed matrix; fill-in stays on the branches of the tree (Lᵀ L)."""
     count = x.shape[0]

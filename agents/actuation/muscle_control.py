@@ -113,7 +113,7 @@ def _columns(dofs: Sequence[str]) -> list[list[int]]:
     return [found for found in motions.values() if len(found) > 1]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _descend(starts, crossings, arms, state, units, weights, left, excitation) -> None:  # type: ignore[no-untyped-def]
     """Coordinate descent over excitations; `left` is the wished torque not yet made."""
     count = starts.shape[0] - 1

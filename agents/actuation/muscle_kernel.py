@@ -54,7 +54,7 @@ _X, _U, _ARM_NOW, _MIDDLE, _LEVER = 0, 3, 6, 9, 12
 SPOT_COLUMNS = 13
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def gather_frames(work, frames) -> None:  # type: ignore[no-untyped-def]
     """Write the frames of all parts close together; the row of the pelvis is never written."""
     for i in range(work.shape[0]):
@@ -64,7 +64,7 @@ def gather_frames(work, frames) -> None:  # type: ignore[no-untyped-def]
             frames[i + 1, _AXIS + a] = work[i, AXIS_NOW + a]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _turned(frames, row, x, y, z):  # type: ignore[no-untyped-def]
     """Return a vector of a part's frame in that of the pelvis."""
     return (
@@ -74,7 +74,7 @@ def _turned(frames, row, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _turn_pulley(pulleys, pulley, frames, row, before, spots, k) -> None:  # type: ignore[no-untyped-def]
     """Move a point from the centre of its pulley to its rim."""
     a0, a1, a2 = _turned(
@@ -96,7 +96,7 @@ def _turn_pulley(pulleys, pulley, frames, row, before, spots, k) -> None:  # typ
     spots[k, _X + 2] += radius * b2
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def find_arms(  # type: ignore[no-untyped-def]
     points, pulleys, carriers, starts, crossings, entries, frames, velocities, spots, state, arms
 ) -> None:
@@ -137,7 +137,7 @@ def find_arms(  # type: ignore[no-untyped-def]
         state[LENGTH, m], state[RATE, m] = length, rate
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _segment_slope(spots, k, frames, row):  # type: ignore[no-untyped-def]
     """Return how fast a segment grows whose end turns with a joint at unit rate."""
     d0 = spots[k, _X] - frames[row, _ORIGIN]
@@ -151,7 +151,7 @@ def _segment_slope(spots, k, frames, row):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _pulley_slope(spots, radius, k, count, frames, row):  # type: ignore[no-untyped-def]
     """Return how fast a path grows whose pulley is turned at one side by a joint at unit rate."""
     a0, a1, a2 = frames[row, _AXIS], frames[row, _AXIS + 1], frames[row, _AXIS + 2]
@@ -174,7 +174,7 @@ def _pulley_slope(spots, radius, k, count, frames, row):  # type: ignore[no-unty
     return slope
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def activate(units, state, excitation, dt) -> None:  # type: ignore[no-untyped-def]
     """Carry the activation of each unit on by `dt` [s], after `find_arms`.
 
@@ -191,7 +191,7 @@ def activate(units, state, excitation, dt) -> None:  # type: ignore[no-untyped-d
         )  # fmt: skip
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def pull(units, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
     """Write the tension of each unit, active and passive part [N], after `find_arms`.
 
@@ -227,7 +227,7 @@ def pull(units, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
         state[GROWTH, m] = dt * stiffness * state[RATE, m]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _stretch(units, state, mode, lengths, cosines, speeds) -> None:  # type: ignore[no-untyped-def]
     """Write fibre length, cosine of the pennation and fibre speed of each unit, normalised."""
     for m in range(units.shape[0]):
@@ -242,19 +242,19 @@ def _stretch(units, state, mode, lengths, cosines, speeds) -> None:  # type: ign
         speeds[m] = min(max(speed, -1.0), 1.0)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _active_curves(lengths, forces, slopes) -> None:  # type: ignore[no-untyped-def]
     for m in range(lengths.shape[0]):
         forces[m], slopes[m] = active_curve(lengths[m])
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _passive_curves(units, lengths, forces, slopes) -> None:  # type: ignore[no-untyped-def]
     for m in range(lengths.shape[0]):
         forces[m], slopes[m] = passive_curve(lengths[m], units[m, STRAIN], units[m, OFFSET])
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _fibre_balance(unit, length, old, reach, activation, dt):  # type: ignore[no-untyped-def]
     """Return fibre less tendon force at a fibre length, its slope, and both fibre forces [F_max]."""
     height = unit[PENNATION_SINE]
@@ -274,14 +274,14 @@ def _fibre_balance(unit, length, old, reach, activation, dt):  # type: ignore[no
     return (contractile + rest) * cosine - tendon, slope, contractile, rest, fibre_slope * cosine
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _fibre_length(unit, reach, tendon):  # type: ignore[no-untyped-def]
     """Return the fibre length beside a tendon of a normalised length."""
     along = max((reach - tendon * unit[SLACK]) / unit[FIBRE], 0.0)
     return math.sqrt(along * along + unit[PENNATION_SINE] ** 2)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _implicit(units, state, m, dt) -> None:  # type: ignore[no-untyped-def]
     """Carry the fibre length on by a backward Euler step: bracketed Newton."""
     unit = units[m]
@@ -319,7 +319,7 @@ def _implicit(units, state, m, dt) -> None:  # type: ignore[no-untyped-def]
     state[GROWTH, m] = dt * in_series * state[RATE, m]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def project(starts, crossings, arms, state, active, passive) -> None:  # type: ignore[no-untyped-def]
     """Write the torque about each DoF by active and by passive tension [N·m]."""
     active[:] = 0.0

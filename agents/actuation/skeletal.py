@@ -182,7 +182,7 @@ class SkeletalDrive:
         return result
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _torques(table, parents, depths, state, gravity, dt, work, matrices, out) -> None:  # type: ignore[no-untyped-def]
     """Write the torque of each DoF into `out`."""
     count = table.shape[0]
@@ -238,13 +238,13 @@ def _torques(table, parents, depths, state, gravity, dt, work, matrices, out) ->
             break
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _spent(row, sign):  # type: ignore[no-untyped-def]
     """Return the torque of a muscle at the end of its strength."""
     return row[_STRENGTH_ALONG] if sign > 0 else -row[_STRENGTH_AGAINST]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _reflex(row, velocity):  # type: ignore[no-untyped-def]
     """Return the damping of the muscles that are stretched faster than the threshold."""
     if velocity < -STRETCH_THRESHOLD:
@@ -254,7 +254,7 @@ def _reflex(row, velocity):  # type: ignore[no-untyped-def]
     return 0.0
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _slack(reflex, velocity):  # type: ignore[no-untyped-def]
     """Return the torque by which the threshold lessens a reflex."""
     return reflex * STRETCH_THRESHOLD if velocity > 0 else -reflex * STRETCH_THRESHOLD

@@ -70,7 +70,7 @@ class BodyModel:
         return out
 
 
-@numba.njit(cache=True, fastmath=False)
+@numba.njit(cache=True)
 def _blend(  # type: ignore[no-untyped-def]
     vertices, weight_joints, weights, rotations, offsets, out
 ) -> None:

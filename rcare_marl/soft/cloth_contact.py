@@ -20,7 +20,7 @@ OUTCOME = 11
 _LEAST = 1e-12
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _box(x, y, z, a, b, c):  # type: ignore[no-untyped-def]
     ox, oy, oz = abs(x) - a, abs(y) - b, abs(z) - c
     sx, sy, sz = np.copysign(1.0, x), np.copysign(1.0, y), np.copysign(1.0, z)
@@ -35,7 +35,7 @@ def _box(x, y, z, a, b, c):  # type: ignore[no-untyped-def]
     return length, sx * ox / length, sy * oy / length, sz * oz / length
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _cylinder(x, y, z, half, radius):  # type: ignore[no-untyped-def]
     across = np.sqrt(x * x + y * y) + _LEAST
     side, cap, sz = across - radius, abs(z) - half, np.copysign(1.0, z)
@@ -48,7 +48,7 @@ def _cylinder(x, y, z, half, radius):  # type: ignore[no-untyped-def]
     return length, side / length * x / across, side / length * y / across, sz * cap / length
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _hull(x, y, z, planes, first, last):  # type: ignore[no-untyped-def]
     best, face = -1e9, first
     for k in range(first, last):
@@ -58,7 +58,7 @@ def _hull(x, y, z, planes, first, last):  # type: ignore[no-untyped-def]
     return best, planes[face, 0], planes[face, 1], planes[face, 2]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _distance(meetings, c, kind, planes, runs, x, y, z):  # type: ignore[no-untyped-def]
     """Return signed distance of a point from shape `c` [m] and the way out, both in the world."""
     x, y, z = x - meetings[c, PLACE], y - meetings[c, PLACE + 1], z - meetings[c, PLACE + 2]
@@ -82,7 +82,7 @@ def _distance(meetings, c, kind, planes, runs, x, y, z):  # type: ignore[no-unty
     return d, r0 * a + r1 * b + r2 * e, r3 * a + r4 * b + r5 * e, r6 * a + r7 * b + r8 * e
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _answer(  # type: ignore[no-untyped-def]
     meetings, c, kind, planes, runs, point, before, mass, dt, thickness, furthest, outcome
 ):
@@ -130,7 +130,7 @@ def _answer(  # type: ignore[no-untyped-def]
     return True, mx, my, mz, quiet * nx, quiet * ny, quiet * nz
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def touch_shapes(  # type: ignore[no-untyped-def]
     x, previous, pairs, count, meetings, kinds, planes, runs, dt, thickness, furthest, outcome
 ) -> None:
@@ -152,7 +152,7 @@ def touch_shapes(  # type: ignore[no-untyped-def]
             previous[i, 2] += oz
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def touch_sharp(  # type: ignore[no-untyped-def]
     x, previous, threads, pairs, count, meetings, kinds, planes, runs, dt, thickness, furthest,
     outcome,
@@ -191,7 +191,7 @@ def touch_sharp(  # type: ignore[no-untyped-def]
             previous[j, 2] += oz
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def find_middles(x, v, threads, middles, speeds) -> None:  # type: ignore[no-untyped-def]
     """Write the middles of threads [m], shape [t, 3], and their velocities [m/s], shape [t, 3]."""
     for t in range(threads.shape[0]):
@@ -201,7 +201,7 @@ def find_middles(x, v, threads, middles, speeds) -> None:  # type: ignore[no-unt
             speeds[t, a] = 0.5 * (v[i, a] + v[j, a])
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def find_near(  # type: ignore[no-untyped-def]
     x, v, low, high, meetings, kinds, planes, runs, radii, reach, least, period, pairs
 ) -> int:
@@ -281,7 +281,7 @@ def find_threads(near, count, sharp, starts, around, stamps, pairs) -> int:  # t
     return found
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def narrow(  # type: ignore[no-untyped-def]
     x, v, near, near_count, meetings, kinds, planes, runs, radii, reach, period, pairs
 ) -> int:

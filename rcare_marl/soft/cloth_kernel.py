@@ -30,7 +30,7 @@ BEND_EVERY, ROOT_EVERY = 5, 5.0**0.5  # an impulse of so many small steps at onc
 _LEAST = 1e-12
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _predict(x, v, previous, air, dt, field) -> None:  # type: ignore[no-untyped-def]
     """Begin a small step: weight and the air change velocities, and particles go on by them.
 
@@ -56,7 +56,7 @@ def _predict(x, v, previous, air, dt, field) -> None:  # type: ignore[no-untyped
         x[i, 2] += dt * vz
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _stretch(x, threads, table, dt, lock, factor) -> None:  # type: ignore[no-untyped-def]
     """Solve every thread once; columns of the table as in `weave`.
 
@@ -85,7 +85,7 @@ def _stretch(x, threads, table, dt, lock, factor) -> None:  # type: ignore[no-un
         x[j, 2] -= wj * dz
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _bend(x, folds, table, dt) -> None:  # type: ignore[no-untyped-def]
     """Solve every fold once; columns of the table as in `weave`."""
     per_square = 1.0 / (dt * dt)
@@ -102,7 +102,7 @@ def _bend(x, folds, table, dt) -> None:  # type: ignore[no-untyped-def]
             x[m, axis] += we * step
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _hold(x, pinned, pins, dt) -> None:  # type: ignore[no-untyped-def]
     """Move the pins on and pull their particles towards them, no harder than they can."""
     for p in range(pinned.shape[0]):
@@ -122,7 +122,7 @@ def _hold(x, pinned, pins, dt) -> None:  # type: ignore[no-untyped-def]
         row[PULL + 2] += share * dz / (w * dt)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _part(x, previous, close, gaps, count, rub) -> None:  # type: ignore[no-untyped-def]
     """Push particles of the cloth apart that are closer than their gap, and let them rub."""
     for p in range(count):
@@ -159,7 +159,7 @@ def _part(x, previous, close, gaps, count, rub) -> None:  # type: ignore[no-unty
             previous[j, a] += wj * o
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _limit(x, previous, furthest) -> None:  # type: ignore[no-untyped-def]
     """Let no particle go further in a small step than `furthest` [m]: it could pass through a limb."""
     for i in range(previous.shape[0]):
@@ -172,7 +172,7 @@ def _limit(x, previous, furthest) -> None:  # type: ignore[no-untyped-def]
             x[i, 2] = previous[i, 2] + scale * dz
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _finish(x, v, previous, keep, dt) -> None:  # type: ignore[no-untyped-def]
     scale = keep / dt
     for i in range(v.shape[0]):
@@ -181,7 +181,7 @@ def _finish(x, v, previous, keep, dt) -> None:  # type: ignore[no-untyped-def]
         v[i, 2] = (x[i, 2] - previous[i, 2]) * scale
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _sort(x, reach, starts, cells, members):  # type: ignore[no-untyped-def]
     """Sort particles into the cells of a grid and return its shape; cells are `reach` wide or more."""
     count, size = members.shape[0], starts.shape[0] - 1
@@ -212,7 +212,7 @@ def _sort(x, reach, starts, cells, members):  # type: ignore[no-untyped-def]
     return ny, nz
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def find_close(x, rest, gap, reach, starts, cells, members, close, gaps) -> int:  # type: ignore[no-untyped-def]
     """Write pairs of particles of the cloth that are closer than `reach` [m].
 
@@ -255,7 +255,7 @@ def find_close(x, rest, gap, reach, starts, cells, members, close, gaps) -> int:
     return found
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def feel_air(x, faces, drag, air) -> None:  # type: ignore[no-untyped-def]
     """Write the unit normal of each particle and its drag per mass and speed squared [1/m].
 

@@ -11,7 +11,7 @@ _ZERO, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.float32(1e-9)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _box_distance(x, y, z, size):  # type: ignore[no-untyped-def]
     ox, oy, oz = abs(x) - size[0], abs(y) - size[1], abs(z) - size[2]
     sx = _ONE if x >= _ZERO else -_ONE
@@ -28,7 +28,7 @@ def _box_distance(x, y, z, size):  # type: ignore[no-untyped-def]
     return length, sx * ox / length, sy * oy / length, sz * oz / length
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _cylinder_distance(x, y, z, half, radius):  # type: ignore[no-untyped-def]
     across = np.sqrt(x * x + y * y) + _LEAST
     side, cap = across - radius, abs(z) - half
@@ -42,7 +42,7 @@ def _cylinder_distance(x, y, z, half, radius):  # type: ignore[no-untyped-def]
     return length, side / length * x / across, side / length * y / across, sz * cap / length
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _hull_distance(x, y, z, planes, first, last):  # type: ignore[no-untyped-def]
     """Exact inside; outside it is the distance from the furthest plane, which is never too long."""
     best, face = planes[first, 0] * x + planes[first, 1] * y + planes[first, 2] * z, first
@@ -54,7 +54,7 @@ def _hull_distance(x, y, z, planes, first, last):  # type: ignore[no-untyped-def
     return best, planes[face, 0], planes[face, 1], planes[face, 2]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def signed_distance(kind, size, planes, run, x, y, z):  # type: ignore[no-untyped-def]
     """Return how far a point is from a shape's surface [m], negative inside, and the way out.
 
@@ -87,7 +87,7 @@ SIZE = 19
 MEETING = 22
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def distance_to(row, kind, planes, run, x, y, z):  # type: ignore[no-untyped-def]
     """Return signed distance [m] and way out, both in the frame of the body."""
     x, y, z = x - row[PLACE], y - row[PLACE + 1], z - row[PLACE + 2]
@@ -108,7 +108,7 @@ def distance_to(row, kind, planes, run, x, y, z):  # type: ignore[no-untyped-def
     )
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def find_pairs(x, skin, meetings, kinds, planes, runs, reach, pairs) -> int:  # type: ignore[no-untyped-def]
     """Write (particle, shape) for each particle of the skin within `reach` [m]; return how many."""
     count = 0
@@ -125,7 +125,7 @@ def find_pairs(x, skin, meetings, kinds, planes, runs, reach, pairs) -> int:  # 
     return count
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def move_meetings(meetings, dt) -> None:  # type: ignore[no-untyped-def]
     """Move the shapes on by `dt` [s]."""
     for c in range(meetings.shape[0]):
@@ -142,7 +142,7 @@ def move_meetings(meetings, dt) -> None:  # type: ignore[no-untyped-def]
             row[TURN + 6 + b] = az + uz + half * (wx * uy - wy * ux)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def solve_contacts(  # type: ignore[no-untyped-def]
     x, previous, pairs, count, meetings, kinds, planes, runs, dt, touch, normals, beds, areas
 ) -> None:
@@ -188,7 +188,7 @@ def solve_contacts(  # type: ignore[no-untyped-def]
         x[i, 2] -= held * sz
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def least_gap(x, skin, row, kind, planes, run):  # type: ignore[no-untyped-def]
     """Return the least distance of the skin's particles from a shape [m]."""
     best = np.float32(1e9)
@@ -198,7 +198,7 @@ def least_gap(x, skin, row, kind, planes, run):  # type: ignore[no-untyped-def]
     return best
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def widen(x, meetings, kinds, planes, runs, inner, outer, active) -> bool:  # type: ignore[no-untyped-def]
     """Make all particles within `outer` [m] of a shape active if one within `inner` is not.
 

@@ -47,7 +47,7 @@ def _same(cells, i, j):  # type: ignore[no-untyped-def]
     return cells[i, 0] == cells[j, 0] and cells[i, 1] == cells[j, 1] and cells[i, 2] == cells[j, 2]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _pair_cell(x, cells, members, starts, start, end, square, runs, pairs, found) -> int:  # type: ignore[no-untyped-def]
     """Pair the particles of one cell, from its first at `start`, with each other and those around.
 
@@ -125,7 +125,7 @@ def find_pairs(x, active, reach, starts, members, cells, pairs) -> int:  # type:
     return found
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _fall(x, v, previous, active, constants) -> None:  # type: ignore[no-untyped-def]
     dt, fastest = constants[DT], constants[FASTEST]
     for i in active:
@@ -140,7 +140,7 @@ def _fall(x, v, previous, active, constants) -> None:  # type: ignore[no-untyped
             x[i, k] += dt * v[i, k]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _gather(feel, i, x, y, z, squares, density) -> None:  # type: ignore[no-untyped-def]
     feel[i, GRADIENT] += x
     feel[i, GRADIENT + 1] += y
@@ -149,7 +149,7 @@ def _gather(feel, i, x, y, z, squares, density) -> None:  # type: ignore[no-unty
     feel[i, DENSITY] += density
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _feel_others(x, pairs, count, constants, feel, met, weights) -> int:  # type: ignore[no-untyped-def]
     """Add up density and gradients over neighbours; note the pairs that are near and their weights."""
     h, found = np.float32(constants[REACH]), 0
@@ -185,7 +185,7 @@ def _feel_others(x, pairs, count, constants, feel, met, weights) -> int:  # type
     return found
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _press(x, active, near, constants, feel, met, weights, count, outcome) -> None:  # type: ignore[no-untyped-def]
     """Move particles until their density is that at rest; what is too thin is pulled together a little."""
     softness = constants[SOFTNESS] / constants[REACH] ** 2
@@ -222,7 +222,7 @@ def _press(x, active, near, constants, feel, met, weights, count, outcome) -> No
                 x[i, k] += factor * feel[i, WALL + k]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _finish(x, v, previous, active, near, vessels, constants, feel, outcome) -> None:  # type: ignore[no-untyped-def]
     """Read velocities off the positions; walls hold back what slides along them."""
     dt, h, mass = constants[DT], constants[REACH], constants[MASS]
@@ -248,7 +248,7 @@ def _finish(x, v, previous, active, near, vessels, constants, feel, outcome) -> 
         note(outcome, c, x[i, 0], x[i, 1], x[i, 2], -mass * ux, -mass * uy, -mass * uz)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _smooth(v, constants, met, weights, count) -> None:  # type: ignore[no-untyped-def]
     """Let neighbours move alike (XSPH); their momentum stays the same."""
     share = constants[VISCOSITY]
@@ -261,7 +261,7 @@ def _smooth(v, constants, met, weights, count) -> None:  # type: ignore[no-untyp
             v[j, k] -= change
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def drift(x, v, built, active, period):  # type: ignore[no-untyped-def]
     """Return how far any particle will be at most from its place among the others when paired [m].
 

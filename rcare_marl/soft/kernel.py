@@ -20,7 +20,7 @@ OUTCOME = 15
 _ZERO = np.float32(0)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def predict(x, v, previous, field, dt, pinned, steps) -> None:  # type: ignore[no-untyped-def]
     """Begin a small step: move particles on by their velocities, and pinned ones by their steps.
 
@@ -43,7 +43,7 @@ def predict(x, v, previous, field, dt, pinned, steps) -> None:  # type: ignore[n
             x[pinned[k], a] += steps[k, a]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def finish(x, v, previous, keep, dt) -> None:  # type: ignore[no-untyped-def]
     """End a small step: find the velocities [m/s] from where particles came to, and damp them."""
     scale = keep / dt

@@ -50,7 +50,7 @@ class Springs:
         self.table = np.column_stack((lengths, 1 / stiffnesses))[order].astype(np.float32)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def solve_springs(x, members, table, dt) -> None:  # type: ignore[no-untyped-def]
     """Solve every distance constraint once; `x` holds positions and inverse masses."""
     per_square = np.float32(1) / (dt * dt)
@@ -71,7 +71,7 @@ def solve_springs(x, members, table, dt) -> None:  # type: ignore[no-untyped-def
         x[j, 2] -= wj * pull * dz
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def add_spring_forces(x, members, table, forces) -> None:  # type: ignore[no-untyped-def]
     """Add the elastic forces on all particles [N] to `forces`."""
     for c in range(members.shape[0]):

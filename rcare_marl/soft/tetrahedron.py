@@ -185,7 +185,7 @@ def _coupling(u, h, w):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _solve_lanes(s, ratio) -> None:  # type: ignore[no-untyped-def]
     """Move the particles in the scratch by both constraints of each lane's tetrahedron."""
     for n in range(LANES):
@@ -221,7 +221,7 @@ def _solve_lanes(s, ratio) -> None:  # type: ignore[no-untyped-def]
         s[11 * LANES + n] += w[3] * (p * u[8] + q * h[8])
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _force_lanes(s, ratio) -> None:  # type: ignore[no-untyped-def]
     """Replace the positions in the scratch by the elastic forces on the particles."""
     for n in range(LANES):

@@ -67,7 +67,7 @@ def sum_up(got, row, period, out) -> None:  # type: ignore[no-untyped-def]
         out[3:] = middle
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def carry_vessels(vessels, dt) -> None:  # type: ignore[no-untyped-def]
     """Move the vessels on by `dt` [s]."""
     for c in range(vessels.shape[0]):
@@ -83,7 +83,7 @@ def carry_vessels(vessels, dt) -> None:  # type: ignore[no-untyped-def]
             row[TURN + 6 + b] = az + uz + 0.5 * (wx * uy - wy * ux)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _local(table, c, x, y, z):  # type: ignore[no-untyped-def]
     """Return a point in the frame of a vessel: its place across x, y, and up its axis."""
     x, y, z = x - table[c, PLACE], y - table[c, PLACE + 1], z - table[c, PLACE + 2]
@@ -94,7 +94,7 @@ def _local(table, c, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _global(table, c, x, y, z):  # type: ignore[no-untyped-def]
     """Return a direction of the frame of a vessel in the world."""
     return (
@@ -104,7 +104,7 @@ def _global(table, c, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def speed_at(table, c, x, y, z):  # type: ignore[no-untyped-def]
     """Return the velocity of a vessel at a point of the world [m/s]."""
     x, y, z = x - table[c, PLACE], y - table[c, PLACE + 1], z - table[c, PLACE + 2]
@@ -116,7 +116,7 @@ def speed_at(table, c, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _wall(table, c, across, up):  # type: ignore[no-untyped-def]
     """Return distance from the middle of the wall [m], the way from it, side, and how far over the rim."""
     slope, tall = table[c, HIGH] - table[c, LOW], table[c, TALL]
@@ -132,7 +132,7 @@ def _wall(table, c, across, up):  # type: ignore[no-untyped-def]
     return d, dr / d, dz / d, side, over, along
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def find_outside(x, active, vessels, margin, out) -> int:  # type: ignore[no-untyped-def]
     """Write the particles that are in no vessel, or within `margin` [m] of a rim; return how many."""
     count = 0
@@ -148,7 +148,7 @@ def find_outside(x, active, vessels, margin, out) -> int:  # type: ignore[no-unt
     return count
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def hidden(s):  # type: ignore[no-untyped-def]
     """Return the share of the kernel beyond a flat wall at `s` of its reach, and what it falls by."""
     w = max(1.0 - max(s, 0.0), 0.0)
@@ -156,7 +156,7 @@ def hidden(s):  # type: ignore[no-untyped-def]
     return w4 * w * (1.5 - w), w4 * (7.5 - 6.0 * w)
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def feel_walls(x, active, near, vessels, h, feel) -> None:  # type: ignore[no-untyped-def]
     """Begin the density of each particle with what walls keep free of fluid."""
     for i in active:
@@ -185,7 +185,7 @@ def feel_walls(x, active, near, vessels, h, feel) -> None:  # type: ignore[no-un
                 feel[i, GRADIENT + k] = feel[i, WALL + k]
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def note(outcome, c, x, y, z, jx, jy, jz) -> None:  # type: ignore[no-untyped-def]
     """Add an impulse at a point of the world to what a vessel got."""
     outcome[c, IMPULSE] += jx
@@ -196,7 +196,7 @@ def note(outcome, c, x, y, z, jx, jy, jz) -> None:  # type: ignore[no-untyped-de
     outcome[c, MOMENT + 2] += x * jy - y * jx
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _way_out(table, former, c, x, y, z, fx, fy, fz, radius):  # type: ignore[no-untyped-def]
     """Return how deep a point is in a vessel's wall or bottom [m], and the way out in the vessel's frame.
 
@@ -228,7 +228,7 @@ def _way_out(table, former, c, x, y, z, fx, fy, fz, radius):  # type: ignore[no-
     return depth, nr * a / across, nr * b / across, nz
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def contain(x, previous, active, vessels, former, radius, dt, mass, outcome) -> None:  # type: ignore[no-untyped-def]
     """Push particles out of walls; what has been in a wall before comes out without speed."""
     pull = mass / dt
