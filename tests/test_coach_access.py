@@ -38,6 +38,13 @@ WRONG = (
     "?token=of-this-star",
     "?token=of-this-start%20",
 )
+# A background job of a shell that is not interactive begins with interrupts ignored, and so do its children.
+COMMAND = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from rcare_marl.cli import main
+main()
+"""
 needs_openssl = pytest.mark.skipif(
     OPENSSL is None, reason="openssl is not installed: it makes the certificate"
 )
@@ -180,8 +187,7 @@ def test_a_key_of_another_certificate_is_refused_by_name(tmp_path: Path) -> None
 def started(folder: Path, *given: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Start the command; yield the address that it prints, and its process."""
     process = subprocess.Popen(
-        [sys.executable, "-c", "from rcare_marl.cli import main; main()",
-         "coach", "--no-open", "--port", "0", *given],
+        [sys.executable, "-c", COMMAND, "coach", "--no-open", "--port", "0", *given],
         stderr=subprocess.PIPE, text=True,
         env={**os.environ, "RCARE_MARL_CACHE": str(cache_with_three(folder / "cache"))},
     )  # fmt: skip
