@@ -239,6 +239,22 @@ def test_a_demonstration_can_be_faster_and_is_then_judged_so() -> None:
     assert len(told.begun) == 2  # nearly the same tempo
 
 
+def test_another_tempo_waits_for_the_end_of_the_repetition_that_is_under_way() -> None:
+    told = Told()
+    session = Session(load_exercises(["front_raise"]), told)
+    told.next = Judgement(following=True, progress=0.6)
+    session.see(Frame(0.0, np.zeros(16)), 0.0)
+    session.keep_tempo(0.5)
+    told.next = Judgement(following=True, progress=0.9)
+    session.see(Frame(0.1, np.zeros(16)), 0.1)
+    assert told.begun == ["front_raise"]
+    told.next = Judgement(True, 1.0, Repetition(0.0, 0.2, True, (), 1.0))
+    session.see(Frame(0.2, np.zeros(16)), 0.2)
+    assert told.begun == ["front_raise", "front_raise"]
+    session.see(Frame(0.3, np.zeros(16)), 0.3)
+    assert len(told.begun) == 2 and session.right == [1]
+
+
 def test_a_programme_is_what_the_person_can_do_at_a_tempo_that_they_can_follow() -> None:
     profile = load_avatar("jose").profile
     found = programme(load_exercises(), reach_of(profile), speed=1.2)

@@ -213,7 +213,7 @@ class Session(Lesson):
 
     def begin_exercise(self) -> None:
         super().begin_exercise()
-        self._tempo = 1.0
+        self._tempo = self._next_tempo = 1.0
         if not self.is_over:
             self._recogniser.begin(self.exercise)
 
@@ -236,6 +236,7 @@ class Session(Lesson):
         if frame is None or self.index >= len(self.exercises):
             return
         self.judgement = judgement = self._recogniser.update(frame)
+        self._take_tempo()
         if judgement.hint:
             self.hint = judgement.hint
         found = judgement.finished
@@ -254,9 +255,16 @@ class Session(Lesson):
         super().go_on()
 
     def keep_tempo(self, tempo: float) -> None:
-        if max(tempo / self._tempo, self._tempo / tempo) > SAME_TEMPO and not self.is_over:
-            self._tempo = tempo
-            self._recogniser.begin(self.exercise.faster(tempo))
+        is_other = max(tempo / self._tempo, self._tempo / tempo) > SAME_TEMPO
+        self._next_tempo = tempo if is_other else self._tempo
+        self._take_tempo()
+
+    def _take_tempo(self) -> None:
+        """Judge by the tempo asked for as soon as no repetition is under way: that would be cut in two."""
+        under_way = self.judgement.progress > 0 and self.judgement.finished is None
+        if self._next_tempo != self._tempo and not under_way and not self.is_over:
+            self._tempo = self._next_tempo
+            self._recogniser.begin(self.exercise.faster(self._tempo))
 
     def address(self, word: Word) -> tuple[str | None, str]:
         return None, self.sentence(word)
