@@ -24,6 +24,7 @@ from aiohttp import ClientConnectionError, ClientSession, WSServerHandshakeError
 from self_signed import OPENSSL, self_signed
 from typer.testing import CliRunner
 
+from rcare_marl.cli import coaching
 from rcare_marl.cli.app import app
 from rcare_marl.cli.coach import LOOPBACK, bound
 from rcare_marl.cli.coaching.server import Server, Service
@@ -39,7 +40,7 @@ WRONG = (
     "?token=of-this-start%20",
 )
 # A background job of a shell that is not interactive begins with interrupts ignored, and so do its children.
-COMMAND = """
+COMMAND = """\
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from rcare_marl.cli import main
@@ -167,6 +168,8 @@ def test_without_the_extra_the_command_says_how_to_install_it(
     package: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("RCARE_MARL_CACHE", str(cache_with_three(tmp_path / "cache")))
+    # Import it anew; afterwards its package shall have the module of before.
+    monkeypatch.setattr(coaching, "server", sys.modules["rcare_marl.cli.coaching.server"])
     monkeypatch.delitem(sys.modules, "rcare_marl.cli.coaching.server")
     monkeypatch.setitem(sys.modules, package, None)
     assert "pip install 'rcare-marl[coach]'" in refused("--record", str(tmp_path / "kept"))
