@@ -1,0 +1,30 @@
+"""What a headset would send of an upper body."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rcare_marl.agents.coaching.upper_body import UpperBody
+from rcare_marl.cli.coaching.message import HandJoints, Place
+from rcare_marl.cli.coaching.webxr import FROM_WEBXR, grip_place, head_place
+from rcare_marl.pose import matrix_from_quaternion
+
+
+def webxr_pose(side: str, angles: Any) -> tuple[HandJoints, Place, Place, Any]:
+    """Return a hand's joints and grip and the head in WebXR's frame, and the poses they were made of."""
+    body = UpperBody.of_height(1.7)
+    poses = body.poses(angles)
+    position, quaternion = poses[f"{side}_hand"]
+    turn = matrix_from_quaternion(quaternion)
+    wrist = position - body.palm * turn[:, 0]
+    across = turn[:, 1] * (1 if side == "left" else -1)
+    points = (
+        wrist,
+        wrist + 0.09 * turn[:, 0] - 0.03 * across,
+        wrist + 0.09 * turn[:, 0],
+        wrist + 0.08 * turn[:, 0] + 0.04 * across,
+    )
+    joints = HandJoints(*(tuple((FROM_WEBXR.T @ p).tolist()) for p in points))
+    grip = grip_place(side, position, quaternion)
+    head = head_place(*poses["head"])
+    return joints, Place(grip[:3], grip[3:]), Place(head[:3], head[3:]), poses  # type: ignore[arg-type]
