@@ -5,13 +5,14 @@ Scenarios, each with a config in `experiments/configs/co_training`:
     a  behaviour_tree    feeding; the robot learns, a behaviour tree plays the recipient
     b  muscles           the same, and the tree acts through muscles
     c  together          robot and recipient learn together
+    p  population        as a, with trees of three temperaments, five individuals
     d  three_learn       dressing; robot, recipient and caregiver learn
     m  muscle_recipient  the recipient learns through muscles, fed by the scripted robot
     without_<avatar>     as a, with the five other avatars in turn
 
 Run everything, side by side, and see what came of it (docs/co_training.md):
 
-    python experiments/co_training.py all --processes 16 --minutes 8 --out runs/co_training
+    python experiments/co_training.py all --processes 32 --minutes 14 --out runs/co_training
     python experiments/co_training.py report --out runs/co_training
 
 or a part: `train --scenario a --seed 0`, `cross-play`, `leave-one-out`, `dressing`. Trainings that were
@@ -46,10 +47,12 @@ SCENARIOS = {
     "a": "behaviour_tree",
     "b": "muscles",
     "c": "together",
+    "p": "population",
     "d": "three_learn",
     "m": "muscle_recipient",
 }
-SEEDS = {"a": 3, "b": 2, "c": 3, "d": 1, "m": 1}
+SEEDS = {"a": 5, "b": 3, "c": 5, "p": 3, "d": 2, "m": 2}
+HELD_OUT_SEEDS = 2  # of the trainings without an avatar
 TASK, ROLE = "feeding", "recipient"
 OPTIONS = {"reward": "paper"}
 AVATARS = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
@@ -93,8 +96,8 @@ class Run:
 
 def plan(scenarios: Sequence[str]) -> list[Run]:
     """Return the trainings of some scenarios, all if there are none; the slowest first."""
-    runs = [Run(letter, seed) for letter in "dcbma" for seed in range(SEEDS[letter])]
-    runs += [Run(f"without_{avatar}", 0) for avatar in AVATARS]
+    runs = [Run(letter, seed) for letter in "dcbmpa" for seed in range(SEEDS[letter])]
+    runs += [Run(f"without_{a}", seed) for seed in range(HELD_OUT_SEEDS) for a in AVATARS]
     return [run for run in runs if not scenarios or run.scenario in scenarios]
 
 
@@ -193,15 +196,16 @@ def through_muscles() -> Partner:
 
 
 def play_all(out: Path, processes: int, episodes: int) -> None:
-    """Let every robot of a, b and c meet everybody: the zoo, learned recipients, muscles."""
-    policies = {**robots(out, "a_", "b_", "c_"), "scripted": "scripted"}
+    """Let every robot of a, b, c and p meet everybody: the zoo, learned recipients, muscles."""
+    policies = {**robots(out, "a_", "b_", "c_", "p_"), "scripted": "scripted"}
     learned, zoo = recipients(out), partner_zoo(TASK, ROLE, avatars=AVATARS, learned=())
     partners = [*learned, through_muscles(), *zoo]
     known = {partner.name for partner in partners}
     own = {}
     for name in policies:
         partner = {
-            "a": f"{DEFAULT}_cooperative", "b": f"{DEFAULT}_muscles", "c": f"{name}_recipient"
+            "a": f"{DEFAULT}_cooperative", "b": f"{DEFAULT}_muscles", "c": f"{name}_recipient",
+            "p": f"{DEFAULT}_cooperative",
         }.get(name.split("_")[0])  # fmt: skip
         if partner in known:
             own[name] = [partner]
