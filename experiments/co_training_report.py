@@ -31,10 +31,17 @@ WHO = {
     "a": "robot; behaviour tree",
     "b": "robot; behaviour tree through muscles",
     "c": "robot and recipient",
+    "p": "robot; trees of five individuals",
     "d": "robot, recipient, caregiver (dressing)",
     "m": "recipient through muscles; scripted robot",
 }
-COLOURS = {"a": "#0072B2", "b": "#E69F00", "c": "#D55E00", "m": "#009E73"}  # Okabe and Ito
+COLOURS = {
+    "a": "#0072B2",
+    "b": "#E69F00",
+    "c": "#D55E00",
+    "p": "#CC79A7",
+    "m": "#009E73",
+}  # Okabe and Ito
 RESAMPLES, BIG_PICTURE = 5000, ("co_training_cross_play", "co_training_leave_one_out")
 CURVES = "co_training_curves"
 
@@ -95,7 +102,7 @@ def _trainings(out: Path) -> str:
     for file in sorted((out / "records").glob("train_*.json")):
         record = json.loads(file.read_text())
         letter = record["run"].split("_")[0]
-        who = WHO.get(letter, "robot; tree of five avatars")
+        who = "robot; tree of five avatars" if letter == "without" else WHO[letter]
         config = record["config"]
         rows.append((
             record["run"], who, config["algo"].upper(), f"{record['steps']:,}",
@@ -128,7 +135,7 @@ def _pairs(found: CrossPlay) -> dict[str, str]:
     learned = [name for name in found.partners if name.startswith("c_")]
     return {
         "two_by_two": _two_by_two(found, learned, unseen),
-        "verdict": _verdict(found, unseen),
+        "verdict": "\n\n".join(_verdict(found, unseen, letter) for letter in "cp"),
         "gap": _gaps(found, learned),
         "temperaments": _by_temperament(found, zoo),
     }
@@ -154,7 +161,7 @@ def _cell(found: CrossPlay, pairs: Mapping[str, Sequence[str]]) -> str:
 def _two_by_two(found: CrossPlay, learned: Sequence[str], unseen: Sequence[str]) -> str:
     rows = []
     kinds = {"a": "(a) learned with the tree", "b": "(b) with the tree through muscles",
-             "c": "(c) learned together"}  # fmt: skip
+             "c": "(c) learned together", "p": "(p) with a population"}  # fmt: skip
     robots = {title: _runs(found, letter) for letter, title in kinds.items()}
     for title, names in {**robots, "scripted": ["scripted"]}.items():
         own = {name: found.own.get(name, ()) for name in names}
@@ -169,25 +176,25 @@ def _two_by_two(found: CrossPlay, learned: Sequence[str], unseen: Sequence[str])
     return _table(head, rows)
 
 
-def _verdict(found: CrossPlay, unseen: Sequence[str]) -> str:
-    """Return in words whether (c) beats (a) with partners that neither has met."""
+def _verdict(found: CrossPlay, unseen: Sequence[str], new: str) -> str:
+    """Return in words whether a scenario beats (a) with partners that neither has met."""
     sides = {}
-    for letter in "ac":
+    for letter in ("a", new):
         sides[letter] = [_values(found, name, unseen, "success") for name in _runs(found, letter)]
     if not all(sides.values()):
-        return "One of the two scenarios was not trained."
+        return f"(a) or ({new}) was not trained."
     rng = np.random.default_rng(0)
-    draws = _resampled(sides["c"], rng) - _resampled(sides["a"], rng)
+    draws = _resampled(sides[new], rng) - _resampled(sides["a"], rng)
     low, high = (100 * float(x) for x in np.percentile(draws, (2.5, 97.5)))
     means = {
         letter: 100 * float(np.mean([np.mean(r) for r in runs])) for letter, runs in sides.items()
     }
-    gain = means["c"] - means["a"]
+    gain = means[new] - means["a"]
     said = "beats" if low > 0 else "is worse than" if high < 0 else "is not clearly different from"
     return (
-        f"With the {len(unseen)} partners of the zoo that neither met in training, (c) {said} (a): "
-        f"{means['c']:.1f} % against {means['a']:.1f} % success, a difference of {gain:+.1f} points "
-        f"(95 % interval {low:+.1f} to {high:+.1f}; runs and episodes resampled, {len(sides['c'])} and "
+        f"With the {len(unseen)} partners of the zoo that neither met in training, ({new}) {said} (a): "
+        f"{means[new]:.1f} % against {means['a']:.1f} % success, a difference of {gain:+.1f} points "
+        f"(95 % interval {low:+.1f} to {high:+.1f}; runs and episodes resampled, {len(sides[new])} and "
         f"{len(sides['a'])} runs)."
     )
 
@@ -237,14 +244,14 @@ def _held_out(found: CrossPlay) -> str:
     default, rows = _runs(found, "a"), []
     totals: dict[str, list[Array]] = {"without": [], "default": [], "scripted": []}
     for avatar in AVATARS:
-        robot = f"without_{avatar}_0"
-        if robot not in found.policies:
+        held_out = [name for name in found.policies if name.startswith(f"without_{avatar}_")]
+        if not held_out:
             continue
         cells = [avatar]
         for moods in (["cooperative"], list(TEMPERAMENTS)):
             met = [f"{avatar}_{mood}" for mood in moods]
             for kind, names in (
-                ("without", [robot]),
+                ("without", held_out),
                 ("default", default),
                 ("scripted", ["scripted"]),
             ):
@@ -278,7 +285,7 @@ def _dressing(record: Mapping[str, Any]) -> str:
 
 
 def _draw_curves(out: Path) -> None:
-    """Draw the success of a, b, c and m in training over environment steps."""
+    """Draw the success of a, b, c, p and m in training over environment steps."""
     figure = Figure(figsize=(7.2, 3.2), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axis = figure.subplots()

@@ -1,4 +1,4 @@
-"""Where environments are stepped if not on this machine: the address of a Ray cluster."""
+"""Where environments are stepped: by workers of this machine, each at its own pace, or on a Ray cluster."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from typing import Any
 
 from rcare_marl.errors import ClusterError, ConfigError, MissingPackageError
 
+ASYNC = "async://"
 SCHEME = "ray://"
 LOCAL = "local"
 FORM = (
-    "'ray://HOST:PORT' of a cluster that runs, or 'ray://local:N' for N processes of this machine"
+    "'async://N' for N processes that do not wait for each other, 'ray://HOST:PORT' of a cluster that "
+    "runs, or 'ray://local:N' for N processes of this machine through Ray"
 )
 REACH_TIME = 10.0  # to reach the head of a cluster [s], our own choice
 ANSWER_TIME = 45.0  # until it must have answered what it is [s]: most is Python and Ray starting
@@ -26,6 +28,21 @@ import sys, ray
 ray.init(address=sys.argv[1], log_to_driver=False, logging_level="error")
 print(ray.available_resources().get("CPU", 0))
 """
+
+
+def async_count(text: str, envs: int) -> int | None:
+    """Return the number of workers in a text such as `async://4`; None if it is of another form.
+
+    Raises:
+        ConfigError: If there is none, or so many environments do not divide among them.
+    """
+    if not text.startswith(ASYNC):
+        return None
+    number = text.removeprefix(ASYNC)
+    if not number.isdecimal() or int(number) < 1:
+        raise ConfigError(f"workers is a number or {FORM}, got {text!r}")
+    _check_share(envs, int(number))
+    return int(number)
 
 
 @dataclass(frozen=True)
@@ -96,11 +113,7 @@ class Cluster:
         if not self.is_local:
             cores = self._free_cores()
             return max(count for count in range(1, min(cores, envs) + 1) if envs % count == 0)
-        if envs % self.port:
-            raise ConfigError(
-                f"{envs} environments do not divide among {self.port} workers: "
-                f"choose {_multiples(self.port, envs)}"
-            )
+        _check_share(envs, self.port)
         return self.port
 
     def _free_cores(self) -> int:
@@ -136,6 +149,14 @@ class Cluster:
         if cores < 1:
             raise ClusterError(f"the Ray cluster at {self.address} has no free core")
         return cores
+
+
+def _check_share(envs: int, workers: int) -> None:
+    if envs % workers:
+        raise ConfigError(
+            f"{envs} environments do not divide among {workers} workers: "
+            f"choose {_multiples(workers, envs)}"
+        )
 
 
 def _multiples(count: int, near: int) -> str:

@@ -1,4 +1,4 @@
-"""Batches for a learner: TorchRL's collector in this process, or its Ray collector on a cluster."""
+"""Batches for a learner from TorchRL's collectors: in this process, in asynchronous ones, or on Ray."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
-from torchrl.collectors import Collector
+from torchrl.collectors import Collector, MultiAsyncCollector
 from torchrl.collectors.distributed import RayCollector
 from torchrl.envs import EnvBase
 
 from rcare_marl.envs.learning import BatchedEnv, EnvRecipe
 from rcare_marl.errors import ClusterError, ConfigError
 
-from .cluster import Cluster
+from .cluster import Cluster, async_count
+
+AnyCollector: TypeAlias = Collector | MultiAsyncCollector | RayCollector
 
 COLLECTING: dict[str, Any] = {
     "use_buffers": False,  # each batch is a new one, which a buffer may keep
@@ -41,12 +43,16 @@ def make_collector(
     begun: int = 0,
     stage: Mapping[str, float] | None = None,
     env: BatchedEnv | None = None,
-) -> Collector | RayCollector:
+) -> AnyCollector:
     """Return what steps the environments with a policy; iterate over it for batches, shape [envs, time].
 
     On a cluster every worker steps an equal share of the environments in its own process. All collect at
     the same time, with the weights that `policy` has when a batch is asked for, and a batch is that of
     all of them: so that on-policy learners are right too. The learner stays in this process.
+
+    Asynchronous workers have equal shares too, and go on while the learner learns; a batch is of that one
+    which was ready first, and ("collector", "traj_ids") in it tells the episodes of all apart. Its actions
+    are by the weights that were there when the worker began it.
 
     End it with `shut_down`.
 
@@ -54,15 +60,16 @@ def make_collector(
         recipe: How environments are made.
         policy: Writes the actions. No layer of it may still be lazy.
         envs: Environments, of all workers together.
-        workers: Processes of this machine that step them, 0 for this one; or `ray://HOST:PORT` or
-            `ray://local:N`, see `Cluster`.
-        seed: Of the episodes, and on a cluster of the actions.
-        frames_per_batch: Steps of all environments in a batch; a multiple of `envs`.
+        workers: Processes of this machine that step them, 0 for this one; or `async://N`; or
+            `ray://HOST:PORT` or `ray://local:N`, see `Cluster`.
+        seed: Of the episodes, and with `async://` and on a cluster of the actions.
+        frames_per_batch: Steps of all environments in a batch, a multiple of `envs`; of asynchronous
+            workers a batch holds the share of one.
         total_frames: Steps after which there are no more batches; the last one is a whole one.
-        begun: Steps that a resumed training did before. A cluster begins new episodes with it, instead
-            of those that it had; it does not go on bit for bit.
+        begun: Steps that a resumed training did before. Asynchronous workers and a cluster begin new
+            episodes with it, instead of those that they had; they do not go on bit for bit.
         stage: Of the curriculum, with which environments that are made here begin.
-        env: The environments, where they exist already; not for a cluster.
+        env: The environments, where they exist already; for `workers` in numbers only.
 
     Raises:
         ConfigError: If `frames_per_batch` is no multiple of `envs`, or `workers` is of no known form.
@@ -76,15 +83,12 @@ def make_collector(
     total_frames = math.ceil(total_frames / frames_per_batch) * frames_per_batch
     if isinstance(workers, str):
         if env is not None:
-            raise ConfigError("environments of this process cannot be given to a cluster")
+            raise ConfigError(f"environments of this process cannot be given to {workers!r}")
+        share = _Share(recipe, envs, seed, begun, dict(stage or {}))
+        if (count := async_count(workers, envs)) is not None:
+            return _async_collector(share, policy, count, frames_per_batch // count, total_frames)
         cluster = Cluster.parse(workers)
-        return _ray_collector(
-            _Share(recipe, envs, seed, begun, dict(stage or {})),
-            policy,
-            cluster,
-            frames_per_batch,
-            total_frames,
-        )
+        return _ray_collector(share, policy, cluster, frames_per_batch, total_frames)
     if env is None:
         env = BatchedEnv(recipe, count=envs, workers=workers, seed=seed)
         env.set_stage(stage or {})
@@ -99,7 +103,10 @@ def make_collector(
 
 
 def set_stage(collector: Collector | RayCollector, stage: Mapping[str, float]) -> None:
-    """Hand a stage of the curriculum to the environments, wherever they are; see `BatchedEnv.set_stage`."""
+    """Hand a stage of the curriculum to the environments; see `BatchedEnv.set_stage`.
+
+    Asynchronous workers cannot be told: TorchRL's `map_fn` waits for ever for one that has a batch ready.
+    """
     if isinstance(collector, RayCollector):
         count = collector.num_collectors
         collector.map_fn("env.set_stage", list_of_args=[(dict(stage),)] * count)
@@ -108,17 +115,33 @@ def set_stage(collector: Collector | RayCollector, stage: Mapping[str, float]) -
         env.set_stage(stage)
 
 
-def shut_down(collector: Collector | RayCollector, *, close_envs: bool = True) -> None:
+def shut_down(collector: AnyCollector, *, close_envs: bool = True) -> None:
     """End the collecting; a Ray that was started for it ends, a cluster goes on without it.
 
     Args:
         collector: What `make_collector` returned.
         close_envs: Whether environments of this process are closed, too.
     """
-    if isinstance(collector, RayCollector):
+    if isinstance(collector, RayCollector | MultiAsyncCollector):
         collector.shutdown()
     else:
         collector.shutdown(close_env=close_envs)
+
+
+def _async_collector(
+    share: _Share, policy: TensorDictModuleBase, count: int, frames: int, total_frames: int
+) -> MultiAsyncCollector:
+    return MultiAsyncCollector(
+        [dataclasses.replace(share, worker=k, workers=count) for k in range(count)],
+        policy,
+        frames_per_batch=frames,
+        total_frames=total_frames,
+        update_at_each_batch=True,
+        num_threads=1,
+        use_buffers=True,  # shared memory that is filled again, and from which a batch is copied
+        auto_register_policy_transforms=False,
+        trust_policy=True,
+    )
 
 
 def _ray_collector(

@@ -14,7 +14,7 @@ from rcare_marl.envs.learning import EnvRecipe
 from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError
 
-from .cluster import Cluster
+from .cluster import Cluster, async_count
 from .curriculum import CurriculumConfig
 
 CONFIGS = "rcare_marl.baselines.configs"
@@ -62,7 +62,8 @@ class TrainConfig:
         seed: Of everything random.
         steps: Control steps of all environments together.
         envs: Environments in the batch.
-        workers: Processes that step them; 0 is this one; `ray://...` is a cluster.
+        workers: Processes that step them; 0 is this one; `async://N` are N that do not wait for each
+            other; `ray://...` is a cluster.
         demonstrations: What learning begins with.
         curriculum: Easier stages to begin with.
         interval: Steps between two checkpoints, each with an evaluation.
@@ -107,16 +108,31 @@ class TrainConfig:
             raise ConfigError(f"minutes must be positive, got {self.minutes}")
         if isinstance(self.workers, int) and self.workers < 0:
             raise ConfigError(f"workers must not be negative, got {self.workers}")
-        if isinstance(self.workers, str):
-            Cluster.parse(self.workers)
         self.recipe()  # refuses what is wrong with the scene
         settings = self.algorithm_config()
+        if isinstance(self.workers, str):
+            self._check_far(self.workers, settings)
         if self.demonstrations.episodes and getattr(settings, "cloning_updates", None) == 0:
             raise ConfigError(
                 f"{self.algo} learns from its own episodes only: leave demonstrations out "
                 "(--set demonstrations.episodes=0), or imitate them first "
                 "(--set algorithm.cloning_updates=2000)"
             )
+
+    def _check_far(self, workers: str, settings: Any) -> None:
+        """Refuse workers of no known form, or that do not suit what is learned."""
+        from rcare_marl.baselines.algorithms.on_policy import OnPolicyConfig  # it needs torch
+
+        if async_count(workers, self.envs) is None:
+            Cluster.parse(workers)
+            return
+        if isinstance(settings, OnPolicyConfig):
+            raise ConfigError(
+                f"{self.algo} learns from what its present policy did, and {workers!r} collects with "
+                "earlier ones too: take a number, or ray://..."
+            )
+        if self.curriculum.stages:
+            raise ConfigError(f"a curriculum cannot reach {workers!r}: take a number, or ray://...")
 
     def recipe(self) -> EnvRecipe:
         """Return how the environments are made."""

@@ -10,8 +10,11 @@ a quiet core that is the time on the clock, and on a busy one nearly the same. P
 and putting batches together, as short as the task's config has them, are all on the clock.
 
 With worker processes each has as many environments, so that the work grows with them, and the clock is
-that on the wall: waiting for the slowest one is part of it. The counts of processes take turns, and a
-figure is the median of its turns. The efficiency is that over as many times the figure of one process.
+that on the wall. They are measured in two ways. Asynchronous ones, `async://N`, have a policy each and
+are measured one count after the other, since they go on while nobody asks; the first batches, of the
+warm-up, are left out. Of those in step, all wait for the slowest at every step, and then for the policy:
+their counts take turns. A figure is the median of its turns of half a second, and the efficiency is that
+over as many times the figure of one process of the same kind.
 
 Learning is a short training by soft actor-critic in this process, with the settings of the task's config
 but a short warm-up. `updates_per_s` is of the time spent learning, and `learner_share` is that time over
@@ -43,6 +46,7 @@ from rcare_marl.config import load
 from rcare_marl.envs.learning import BatchedEnv, EnvRecipe
 from rcare_marl.errors import ConfigError
 
+from .cluster import ASYNC
 from .collector import make_collector, shut_down
 from .config import default_config
 
@@ -53,6 +57,7 @@ TURN = 0.5  # [s]
 LEAST_TURNS = 3
 WARM_UP = 400  # steps before learning, of the short training
 ENDLESS = 10**12  # steps
+WARM_BATCHES = 3  # of each asynchronous worker
 WANTED = {"collector_ratio": 0.7, "efficiency_at_16": 0.85}
 
 Source = Callable[[], int]  # does some steps and returns how many
@@ -82,8 +87,13 @@ def measure(
     torch.set_num_threads(1)
     try:
         result = _one_core(recipe, envs, seconds)
-        rows = _many_processes(recipe, sorted({1, *processes}), envs, seconds)
-        result |= {"processes": rows, **_learning(recipe, envs, seconds)}
+        counts = sorted({1, *processes})
+        rows = _rows(counts, [_asynchronous(recipe, n, envs, seconds) for n in counts])
+        result |= {
+            "processes": rows,
+            "in_step": _rows(counts, _in_step(recipe, counts, envs, seconds)),
+        }
+        result |= _learning(recipe, envs, seconds)
     finally:
         torch.set_num_threads(threads)
     found = {f"efficiency_at_{row['processes']}": row["efficiency"] for row in rows}
@@ -106,13 +116,42 @@ def _one_core(recipe: EnvRecipe, envs: int, seconds: float) -> dict[str, Any]:
     }
 
 
-def _many_processes(
-    recipe: EnvRecipe, counts: Sequence[int], envs: int, seconds: float
-) -> list[dict[str, Any]]:
+def _in_step(recipe: EnvRecipe, counts: Sequence[int], envs: int, seconds: float) -> list[float]:
+    """Return steps/s of workers that wait for each other."""
     with contextlib.ExitStack() as stack:
         sources = [stack.enter_context(_batched(recipe, n * envs, n)) for n in counts]
         rounds = _take_turns(sources, len(counts) * seconds, time.perf_counter)
-    rates = [statistics.median(steps / spent for steps, spent in turns) for turns in rounds]
+    return [_median_rate(turns) for turns in rounds]
+
+
+def _asynchronous(recipe: EnvRecipe, count: int, envs: int, seconds: float) -> float:
+    """Return steps/s of workers that do not."""
+    with contextlib.closing(BatchedEnv(recipe, count=1)) as env:
+        policy = _fresh_policy(env)
+    collector = make_collector(
+        recipe,
+        policy,
+        envs=count * envs,
+        workers=f"{ASYNC}{count}",
+        seed=0,
+        frames_per_batch=count * envs * _config(recipe.task).rollout,
+        total_frames=ENDLESS,
+    )
+    batches = iter(collector)
+    try:
+        for _ in range(count * WARM_BATCHES):
+            next(batches)
+        (turns,) = _take_turns([lambda: next(batches).numel()], seconds, time.perf_counter)
+    finally:
+        shut_down(collector)
+    return _median_rate(turns)
+
+
+def _median_rate(turns: Sequence[tuple[int, float]]) -> float:
+    return statistics.median(steps / spent for steps, spent in turns)
+
+
+def _rows(counts: Sequence[int], rates: Sequence[float]) -> list[dict[str, Any]]:
     return [
         {"processes": n, "steps_per_s": rate, "efficiency": rate / (n * rates[0])}
         for n, rate in zip(counts, rates, strict=True)
@@ -192,14 +231,18 @@ def _single(recipe: EnvRecipe) -> Iterator[Source]:
 def _batched(recipe: EnvRecipe, count: int, workers: int) -> Iterator[Source]:
     """Step environments through the collector, with a fresh policy."""
     env = BatchedEnv(recipe, count=count, workers=workers)
-    shapes = group_shapes(env).items()
-    actors = {group: Actor(shape, HIDDEN, last_layer_scale=0.01) for group, shape in shapes}
-    collector = _collector(recipe, env, ExploringPolicy(actors, warming=False))
+    collector = _collector(recipe, env, _fresh_policy(env))
     batches = iter(collector)
     try:
         yield lambda: next(batches).numel()
     finally:
         shut_down(collector)
+
+
+def _fresh_policy(env: BatchedEnv) -> ExploringPolicy:
+    shapes = group_shapes(env).items()
+    actors = {group: Actor(shape, HIDDEN, last_layer_scale=0.01) for group, shape in shapes}
+    return ExploringPolicy(actors, warming=False)
 
 
 def _collector(recipe: EnvRecipe, env: BatchedEnv, policy: TensorDictModuleBase) -> Any:
@@ -251,12 +294,12 @@ def lines(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("collector, one core", f"{result['collector_steps_per_s']:.0f} steps/s"),
         ("ratio", f"{result['collector_ratio']:.2f}"),
     ]
-    for row in result["processes"]:
-        rate, efficiency = row["steps_per_s"], row["efficiency"]
-        noun = "process" if row["processes"] == 1 else "processes"
-        out.append(
-            (f"{row['processes']} {noun}", f"{rate:.0f} steps/s, efficiency {efficiency:.2f}")
-        )
+    for key, kind in (("processes", "asynchronous"), ("in_step", "in step")):
+        for row in result[key]:
+            rate, efficiency = row["steps_per_s"], row["efficiency"]
+            noun = "process" if row["processes"] == 1 else "processes"
+            said = f"{rate:.0f} steps/s, efficiency {efficiency:.2f}"
+            out.append((f"{row['processes']} {noun}, {kind}", said))
     size = result["batch_size"]
     return out + [
         ("learning", f"{result['updates_per_s']:.0f} updates/s of {size} transitions"),

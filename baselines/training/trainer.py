@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from tensordict import TensorDictBase
 
@@ -126,11 +127,13 @@ class Trainer:
         np.random.seed(config.seed)
         torch.manual_seed(config.seed)
         is_local = isinstance(config.workers, int)
-        env = BatchedEnv(  # of a cluster, one that only tells what the learner has to do with
-            config.recipe(),
-            count=config.envs if is_local else 1,
-            workers=config.workers if isinstance(config.workers, int) else 0,
-            seed=config.seed,
+        env = (
+            BatchedEnv(  # of workers elsewhere, one that only tells what the learner has to do with
+                config.recipe(),
+                count=config.envs if is_local else 1,
+                workers=config.workers if isinstance(config.workers, int) else 0,
+                seed=config.seed,
+            )
         )
         try:
             return self._run(env)
@@ -165,7 +168,7 @@ class Trainer:
             if isinstance(config.workers, int):
                 env.load_state_dict(saved["env"])
             else:
-                progress.sums = []  # on a cluster new episodes begin
+                progress.sums = []  # new episodes begin
             self._checkpoint.restore_rng(saved)
         log = TrainingLog(self.folder, at_step=progress.steps)
         if self._reporter is not None:
@@ -350,6 +353,7 @@ class _Tally:
 
     def __init__(self, env: BatchedEnv) -> None:
         self._groups = list(env.group_map)
+        self._running: dict[int, float] = {}  # by number of the episode, of asynchronous workers
         self.finished: list[bool] = []
 
     def count(self, batch: TensorDictBase, progress: _Progress) -> None:
@@ -360,10 +364,14 @@ class _Tally:
         reward = np.mean(rewards, axis=0)
         done = batch["next", "done"][..., 0].numpy()
         success = batch["next", "success"][..., 0].numpy()
+        self.finished = []
+        numbers = batch.get(("collector", "traj_ids"), None)
+        if numbers is not None:
+            self._count_by_number(numbers.numpy(), reward, done, success, progress)
+            return
         sums = np.array(progress.sums)
         if len(reward) != len(sums):
             sums = np.zeros(len(reward))  # the first; batches of a cluster are of several machines
-        self.finished = []
         for step in range(reward.shape[1]):
             sums += reward[:, step]
             for i in np.flatnonzero(done[:, step]):
@@ -372,6 +380,25 @@ class _Tally:
                 self.finished.append(bool(success[i, step]))
                 sums[i] = 0.0
         progress.sums = sums.tolist()
+
+    def _count_by_number(
+        self,
+        numbers: npt.NDArray[np.int64],
+        reward: npt.NDArray[np.float32],
+        done: npt.NDArray[np.bool_],
+        success: npt.NDArray[np.float32],
+        progress: _Progress,
+    ) -> None:
+        """Sum up where the rows of a batch are another worker's than those before."""
+        for place in np.ndindex(*reward.shape):
+            number = int(numbers[place])
+            total = self._running.pop(number, 0.0) + float(reward[place])
+            if done[place]:
+                progress.returns.append(total)
+                progress.successes.append(float(success[place]))
+                self.finished.append(bool(success[place]))
+            else:
+                self._running[number] = total
 
     def means(self, progress: _Progress) -> dict[str, float]:
         """Return mean return and success of the latest episodes; nothing before the first ended."""
