@@ -188,7 +188,7 @@ def test_what_cannot_be_gone_on_from_is_said(
         (("toileting", "--set", "options.rewart=shaped"), "Did you mean 'reward'"),
         (("toileting", "--set", "seed.x=1"), "seed is 0, which has no fields"),
         (("toileting", "--workers", "-2"), "workers must not be negative"),
-        (("toileting", "--workers", "many"), "--workers N or ray://..."),
+        (("toileting", "--workers", "many"), "--workers N, async://N or ray://..."),
         (("toileting", "--set", "steps"), "expected NAME=VALUE"),
     ],
 )

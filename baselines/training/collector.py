@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
+import signal
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 import torch
-from tensordict import TensorDict, TensorDictBase
+from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torchrl.collectors import Collector, MultiAsyncCollector
 from torchrl.collectors.distributed import RayCollector
@@ -19,7 +20,7 @@ from torchrl.envs import EnvBase
 from torchrl.weight_update import SharedMemWeightSyncScheme
 
 from rcare_marl.envs.learning import BatchedEnv, EnvRecipe
-from rcare_marl.errors import ClusterError, ConfigError
+from rcare_marl.errors import ClusterError, ConfigError, WorkerError
 
 from .cluster import Cluster, async_count
 
@@ -137,33 +138,56 @@ def _async_collector(
         policy,
         frames_per_batch=frames,
         total_frames=total_frames,
-        weight_sync_schemes={"policy": SharedMemWeightSyncScheme()},
         num_threads=1,
+        init_fn=_ignore_interrupts,
         use_buffers=True,  # shared memory that is filled again, and from which a batch is copied
         auto_register_policy_transforms=False,
         trust_policy=True,
     )
 
 
-class _AsyncCollector(MultiAsyncCollector):  # type: ignore[misc]  # untyped in TorchRL
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the learner, who ends the workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+class _AsyncCollector(MultiAsyncCollector):
     """Writes new weights to the memory that the workers' policies lie in, and tells nobody.
 
     TorchRL's `update_at_each_batch` has each worker acknowledge each update, which takes longer than a
     batch does: 44 ms for six of them. A worker may read while they are written; it explores anyway.
     """
 
+    def __init__(self, makers: list[_Share], policy: TensorDictModuleBase, **options: Any) -> None:
+        self._learned, self._memory = policy, SharedMemWeightSyncScheme()
+        super().__init__(makers, policy, weight_sync_schemes={"policy": self._memory}, **options)  # type: ignore[no-untyped-call]
+
     def iterator(self) -> Iterator[TensorDictBase]:
-        scheme = self._weight_sync_schemes["policy"]
-        new = list(scheme.model.state_dict(keep_vars=True).values())
+        transport: Any = self._memory.shared_transport
+        new = self._learned.state_dict(keep_vars=True)
         places = {}  # the list has an entry for each worker, whose tensors are all in the same place
-        for weights in scheme.shared_transport.unique_weights:
-            values = [weights[tuple(name.split("."))] for name in scheme.model.state_dict()]
+        for weights in transport.unique_weights:
+            values = [weights[tuple(name.split("."))] for name in new]
             places[values[0].data_ptr()] = values
-        for batch in super().iterator():
+        batches = super().iterator()
+        while (batch := self._next(batches)) is not None:
             yield batch
             with torch.no_grad():
                 for values in places.values():
-                    torch._foreach_copy_(values, new)
+                    torch._foreach_copy_(values, list(new.values()))
+
+    def _next(self, batches: Iterator[TensorDictBase]) -> TensorDictBase | None:
+        try:
+            return next(batches, None)
+        except RuntimeError as error:  # one of them is gone
+            raise WorkerError(
+                f"{error} What they said stands above; a training goes on from its last checkpoint when it "
+                "is started again"
+            ) from error
+
+    def shutdown(self, *arguments: Any, **options: Any) -> None:
+        super().shutdown(*arguments, **options)
+        self._memory.shutdown()  # left to the end of Python, it starts a thread, and waits for it for ever
 
 
 def _ray_collector(

@@ -59,7 +59,9 @@ def train(
     workers: Annotated[
         str | None,
         typer.Option(
-            metavar="N|ray://...", help="Processes that step the environments; 0 is this one."
+            metavar="N|async://N|ray://...",
+            help="Processes that step the environments; 0 is this one. [bold]async://N[/bold] do not "
+            "wait for each other, nor for the learner.",
         ),
     ] = None,
     envs: Annotated[
@@ -102,12 +104,14 @@ def train(
 
 
 def _workers(text: str) -> int | str:
-    if text.startswith("ray://"):
-        return text
+    if "://" in text:
+        return text  # the config says which there are
     try:
         return int(text)
     except ValueError:
-        raise typer.BadParameter(f"got {text!r}", param_hint="--workers N or ray://...") from None
+        raise typer.BadParameter(
+            f"got {text!r}", param_hint="--workers N, async://N or ray://..."
+        ) from None
 
 
 def _settings(values: Sequence[str] | None) -> dict[str, Any]:
