@@ -12,7 +12,7 @@ Scenarios, each with a config in `experiments/configs/co_training`:
 
 Run everything, side by side, and see what came of it (docs/co_training.md):
 
-    python experiments/co_training.py all --processes 32 --minutes 14 --out runs/co_training
+    python experiments/co_training.py all --processes 32 --minutes 12.5 --out runs/co_training
     python experiments/co_training.py report --out runs/co_training
 
 or a part: `train --scenario a --seed 0`, `cross-play`, `leave-one-out`, `dressing`. Trainings that were
@@ -249,7 +249,8 @@ def dress(out: Path, processes: int, episodes: int) -> None:
 
 def _dress(job: tuple[dict[str, Any], dict[str, str], int]) -> dict[str, Any]:
     kinds, policies, episodes = job
-    found = evaluate("dressing", policies, episodes=episodes, options=OPTIONS)
+    cast = read_yaml(CONFIGS / f"{SCENARIOS['d']}.yaml")["cast"]
+    found = evaluate("dressing", policies, episodes=episodes, options=OPTIONS, cast=cast)
     numbers = found.to_dict()
     return {
         **kinds,
