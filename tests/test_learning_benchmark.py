@@ -103,13 +103,14 @@ def test_one_json_object_holds_all_figures(tmp_path: Path) -> None:
     assert all(result[name] > 0 for name in rates)
     ratio = result["collector_steps_per_s"] / result["raw_steps_per_s"]
     assert result["collector_ratio"] == pytest.approx(ratio)
-    one, two = result["processes"]
-    assert (one["processes"], two["processes"]) == (1, 2)
-    assert one["efficiency"] == 1
-    assert two["efficiency"] == pytest.approx(two["steps_per_s"] / one["steps_per_s"] / 2)
+    for kind in ("processes", "in_step"):
+        one, two = result[kind]
+        assert (one["processes"], two["processes"]) == (1, 2)
+        assert one["efficiency"] == 1
+        assert two["efficiency"] == pytest.approx(two["steps_per_s"] / one["steps_per_s"] / 2)
     assert 0 < result["learner_share"] < 1
     # What is learned in a second, and what is needed for a step, must fit the steps of a training.
     needed = result["training_steps_per_s"] * result["update_to_data"]
     assert result["updates_per_s"] * result["learner_share"] == pytest.approx(needed, rel=0.1)
     assert result["met"] == {"collector_ratio": ratio >= result["wanted"]["collector_ratio"]}
-    assert len(throughput.lines(result)) == 8
+    assert len(throughput.lines(result)) == 10
