@@ -164,17 +164,17 @@ class _AsyncCollector(MultiAsyncCollector):
 
     def iterator(self) -> Iterator[TensorDictBase]:
         transport: Any = self._memory.shared_transport
-        new = self._learned.state_dict(keep_vars=True)
+        names = [tuple(name.split(".")) for name in self._learned.state_dict()]
         places = {}  # the list has an entry for each worker, whose tensors are all in the same place
         for weights in transport.unique_weights:
-            values = [weights[tuple(name.split("."))] for name in new]
+            values = [weights[name] for name in names]
             places[values[0].data_ptr()] = values
         batches = super().iterator()
         while (batch := self._next(batches)) is not None:
             yield batch
             with torch.no_grad():
                 for values in places.values():
-                    torch._foreach_copy_(values, list(new.values()))
+                    torch._foreach_copy_(values, list(self._learned.state_dict().values()))
 
     def _next(self, batches: Iterator[TensorDictBase]) -> TensorDictBase | None:
         try:
