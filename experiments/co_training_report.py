@@ -275,7 +275,8 @@ def _held_out(found: CrossPlay) -> str:
 def _dressing(record: Mapping[str, Any]) -> str:
     rows = [
         (
-            f"d_{row['seed']}", row["robot"], row["recipient"], row["caregiver"], f"{row['successes']} of {row['episodes']}",
+            f"d_{row['seed']}", row["robot"], row["recipient"], row["caregiver"],
+            f"{row['successes']} of {row['episodes']}",
             f"{row['peak_force_n']:.1f}", f"{row['steps_mean']:.0f}", f"{row['return']:.1f}",
         )
         for row in record["rows"]
