@@ -191,11 +191,20 @@ def _verdict(found: CrossPlay, unseen: Sequence[str], new: str) -> str:
     }
     gain = means[new] - means["a"]
     said = "beats" if low > 0 else "is worse than" if high < 0 else "is not clearly different from"
+    bodies = [name for name in unseen if not name.startswith(TREE.split("_")[0])]
+    others = {
+        letter: 100
+        * float(
+            np.mean([np.mean(_values(found, n, bodies, "success")) for n in _runs(found, letter)])
+        )
+        for letter in sides
+    }
     return (
         f"With the {len(unseen)} partners of the zoo that neither met in training, ({new}) {said} (a): "
         f"{means[new]:.1f} % against {means['a']:.1f} % success, a difference of {gain:+.1f} points "
         f"(95 % interval {low:+.1f} to {high:+.1f}; runs and episodes resampled, {len(sides[new])} and "
-        f"{len(sides['a'])} runs)."
+        f"{len(sides['a'])} runs). With the {len(bodies)} of them who have other bodies: {others[new]:.1f} % "
+        f"against {others['a']:.1f} %."
     )
 
 

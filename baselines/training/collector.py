@@ -155,7 +155,8 @@ class _AsyncCollector(MultiAsyncCollector):
     """Writes new weights to the memory that the workers' policies lie in, and tells nobody.
 
     TorchRL's `update_at_each_batch` has each worker acknowledge each update, which takes longer than a
-    batch does: 44 ms for six of them. A worker may read while they are written; it explores anyway.
+    batch does: 44 ms for six of them on two busy cores. A worker may read while they are written; it
+    explores anyway.
     """
 
     def __init__(self, makers: list[_Share], policy: TensorDictModuleBase, **options: Any) -> None:
