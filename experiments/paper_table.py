@@ -44,18 +44,18 @@ HEADS = (
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the paper's table "Reinforcement Learning Simulation Results".
+    """A row of the paper's table "Reinforcement Learning Simulation Results", or a task beside them.
 
     Attributes:
         task: Name of our task.
         level: Level of accessibility, where the paper's task has three; None elsewhere.
-        algorithm: The paper's.
+        algorithm: The paper's; None for a task that it does not have.
         success: The paper's success [%]; None where it is left blank.
     """
 
     task: str
     level: int | None
-    algorithm: str
+    algorithm: str | None
     success: int | None
 
     @property
@@ -68,6 +68,13 @@ class Row:
         """What to call it."""
         text = self.task.replace("_", " ")
         return text if self.level is None else f"{text}, level {self.level}"
+
+    @property
+    def paper(self) -> str:
+        """What the paper has."""
+        if self.algorithm is None:
+            return "no such task"
+        return self.algorithm + (", left blank" if self.success is None else f", {self.success} %")
 
 
 # Ye et al., "RCareWorld: A Human-centric Simulation World for Caregiving Robots", table
@@ -82,14 +89,14 @@ PAPER = (
     Row("ambulating", 3, "SAC", None),
     Row("toileting", None, "SAC", 83),
 )
+ROWS = (*PAPER, Row("drinking", None, None, None))
 
 
 def cells(row: Row, folder: Path) -> tuple[str, ...]:
     """Return the texts of a row of the table."""
-    paper = row.algorithm + (", left blank" if row.success is None else f", {row.success} %")
     file = folder / f"{row.name}.json"
     if not file.is_file():
-        return (row.title, paper, *["-"] * 8, "no record yet")
+        return (row.title, row.paper, *["-"] * 8, "no record yet")
     record = read_record(file)
     facts = [entry["file"] for entry in record["policies"]]
     if any(each is None for each in facts):
@@ -101,7 +108,7 @@ def cells(row: Row, folder: Path) -> tuple[str, ...]:
     script = scripted_success(row, record, folder)
     return (
         row.title,
-        paper,
+        row.paper,
         _all(str(each.get("algorithm", "?")).upper() for each in training),
         _all(str(each.get("reward", "?")) for each in training),
         _all(beginning(each["residual"], each["training"]) for each in facts),
@@ -207,9 +214,9 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=trained.FOLDER)
     chosen = parser.parse_args()
     if chosen.scripted:
-        for row in PAPER:
+        for row in ROWS:
             run_scripted(row, chosen.folder, chosen.processes)
-    rows = [cells(row, chosen.folder) for row in PAPER]
+    rows = [cells(row, chosen.folder) for row in ROWS]
     if chosen.markdown:
         print(markdown(rows))
     else:

@@ -405,6 +405,7 @@ def test_the_paper_s_table_reads_records_and_says_where_there_is_none(
     for remark in ("below the paper", "the scripted policy is better", "1 policies x 2 episodes"):
         assert remark in cells["remark"]
     assert paper.markdown([cells.values()]).count("\n") == 2
+    assert paper.ROWS[-1].paper == "no such task"
 
 
 def test_the_paper_s_table_refuses_a_script_that_played_other_episodes(

@@ -22,8 +22,8 @@ def ids(file: Path) -> str:
     return file.stem
 
 
-def test_policies_ship_for_every_row_of_the_papers_table() -> None:
-    rows = {"feeding", "bathing", "dressing", "limb_repositioning", "toileting"}
+def test_policies_ship_for_every_row_of_the_papers_table_and_for_drinking() -> None:
+    rows = {"feeding", "drinking", "bathing", "dressing", "limb_repositioning", "toileting"}
     rows |= {f"ambulating_level{level}" for level in (1, 2, 3)}
     assert rows <= {file.stem for file in FILES}
 
