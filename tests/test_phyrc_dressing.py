@@ -112,6 +112,21 @@ def test_the_scripted_robot_pulls_the_sleeve_to_the_shoulder(scripted: CareEnv) 
     assert not task.is_success()  # that is told at the end
 
 
+def test_a_sleeve_that_is_caught_is_eased_back_towards_the_hand(scripted: CareEnv) -> None:
+    scripted.reset(seed=6)
+    task = task_of(scripted)
+    while task.score.sheet.stage < 1:
+        scripted.step({})
+    robot = scripted.policies["robot"]
+    robot.act()
+    # Nobody steps the world: the hand stays where it is.
+    ways = [math.copysign(1.0, float(robot.act()[:3] @ task.out)) for _ in range(40)]
+    turns = [k for k in range(1, 40) if ways[k] != ways[k - 1]]
+    assert ways[0] < 0 and len(turns) == 2
+    pulled, eased = turns[0], turns[1] - turns[0]
+    assert 10 <= pulled <= 12 and eased == 20  # a second without headway, and two seconds back
+
+
 @pytest.mark.slow
 def test_the_scripted_robot_scores_what_one_arm_can() -> None:
     env = rcare_marl.make("phyrc_dressing", policies=BOTH)
