@@ -26,7 +26,7 @@ FAST, SLOW, PULL = 0.20, 0.06, 0.07  # [m/s] through the air, at the seam, with 
 NEAR, NEARER = 0.03, 0.012  # [m] that count as there: on the way, and at the seam
 OVER_SEAM = 0.08  # [m] where the hand lines up
 # [m] from places over the arm to where the sleeve is led: out along the arm, to the robot's side, and up.
-# The best of 17 ways in 40 episodes each: docs/phyrc.md.
+# The best of 17 ways in 40 episodes each, rounded, and so are the figures of easing: docs/phyrc.md.
 BEFORE_FIST, OVER_WRIST, OVER_ELBOW = (0.1, 0.02, 0.0), (-0.015, 0.015, 0.035), (0.0, 0.025, 0.005)
 BESIDE_NECK = 0.04  # [m] before the shoulder, where the fingers stop
 HEADWAY, STUCK = 0.01, 10  # [m] that are to be made in so many steps, or the sleeve is caught
@@ -40,7 +40,7 @@ UPWARDS = np.array((0.0, 0.0, 1.0))
 class ScriptedPhyrcDressing:
     """Lines up over the seam, closes on it, waits, and pulls the sleeve to the shoulder.
 
-    A sleeve that is caught, on the fist mostly, it eases back and to the side, and pulls again.
+    A sleeve that is caught it eases back and to the side, and pulls again.
     """
 
     def __init__(self, env: CareEnv, role: str) -> None:
