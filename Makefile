@@ -49,7 +49,7 @@ browser:  ## what test-browser needs: Chromium (by apt-get, as root) and the pag
 	  echo "installing Chromium (about 25 s, once)"; \
 	  apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; \
 	fi; \
-	cd rcare_marl/cli/coaching/web; \
+	cd baselines/coaching/page/web; \
 	npm ci --ignore-scripts --no-audit --no-fund --silent
 
 lint: $(STAMP)  ## ruff

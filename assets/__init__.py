@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import check_name
 
 ROOT = Path(__file__).resolve().parent
 
@@ -21,6 +21,5 @@ def find(kind: str, name: str) -> Path:
         UnknownNameError: If there is none; the message lists those there are.
     """
     known = names(kind)
-    if name not in known:
-        raise UnknownNameError(kind.rstrip("s"), name, known)
+    check_name(kind.rstrip("s"), name, known)
     return ROOT / kind / f"{name}.yaml"

@@ -6,22 +6,17 @@ Example:
 
 from __future__ import annotations
 
-import io
-import json
-import os
-import tempfile
-import zipfile
-import zlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.policy import Policy
+from rcare_marl.array_file import read_arrays, refused_if_damaged, write_arrays
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import policy_factory, register_policy_file, task_class
 from rcare_marl.envs.task import part_name
@@ -35,26 +30,6 @@ BASE = "scripted"  # the policy that a residual is added to
 BASE_ACTION = "scripted_action"  # its action, at the end of what a residual observes
 
 Weights = npt.NDArray[np.float32]
-
-
-class ActorNumbers(Protocol):
-    """What an algorithm tells of an actor; see the attributes of `PolicyFile`."""
-
-    @property
-    def layers(self) -> Sequence[tuple[npt.NDArray[Any], npt.NDArray[Any]]]:
-        """Weights and biases."""
-
-    @property
-    def mean(self) -> npt.NDArray[Any]:
-        """Mean of the observations."""
-
-    @property
-    def scale(self) -> npt.NDArray[Any]:
-        """Scale of the observations."""
-
-    @property
-    def low(self) -> float:
-        """Least value of an action."""
 
 
 @dataclass(frozen=True)
@@ -121,75 +96,17 @@ class PolicyFile:
         if self.actions and len(self.actions) != self.action_size:
             raise ConfigError(f"{len(self.actions)} names for {self.action_size} action values")
 
-    @classmethod
-    def of(
-        cls,
-        arrays: ActorNumbers,
-        *,
-        task: str,
-        group: str,
-        roles: Iterable[str],
-        observed: Iterable[tuple[str, int]],
-        residual: float | None = None,
-        actions: Iterable[str] = (),
-        recipe: Mapping[str, Any] | None = None,
-        training: Mapping[str, Any] | None = None,
-    ) -> PolicyFile:
-        """Return the policy of an algorithm's actor, whose last layer gives the means alone.
-
-        Arguments are as the attributes of the class.
-
-        Raises:
-            ConfigError: If the numbers do not fit each other.
-        """
-        layers = tuple(
-            (np.asarray(w, np.float32), np.asarray(b, np.float32)) for w, b in arrays.layers
-        )
-        return cls(
-            task=task,
-            group=group,
-            roles=tuple(roles),
-            observed=tuple((name, int(size)) for name, size in observed),
-            action_size=len(layers[-1][1]) if layers else 0,
-            action_low=float(arrays.low),
-            layers=layers,
-            mean=np.asarray(arrays.mean, np.float32),
-            scale=np.asarray(arrays.scale, np.float32),
-            residual=residual,
-            actions=tuple(actions),
-            recipe=dict(recipe or {}),
-            training=dict(training or {}),
-        )
-
     def save(self, path: str | Path) -> None:
         """Write the file, whole or not at all; the same policy gives the same bytes.
 
         Raises:
             ConfigError: If it cannot be written.
         """
-        file = Path(path)
         about = {name: getattr(self, name) for name in _ABOUT} | {"version": VERSION}
-        text = json.dumps(about, allow_nan=False, sort_keys=True).encode()
-        arrays = {"about": np.frombuffer(text, np.uint8), "mean": self.mean, "scale": self.scale}
+        arrays = {"mean": self.mean, "scale": self.scale}
         for number, (weights, biases) in enumerate(self.layers):
             arrays |= {f"weights_{number}": weights, f"biases_{number}": biases}
-        stream = io.BytesIO()
-        plain: Any = {name: np.ascontiguousarray(part) for name, part in arrays.items()}
-        np.savez_compressed(stream, **plain)
-        temporary: Path | None = None
-        try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(prefix=f".{file.name}-", dir=file.parent)
-            temporary = Path(name)
-            with os.fdopen(handle, "wb") as out:
-                out.write(stream.getvalue())
-            temporary.chmod(0o644)
-            os.replace(temporary, file)
-        except OSError as error:
-            raise ConfigError(f"cannot write {file}: {error.strerror}") from error
-        finally:
-            if temporary is not None:
-                temporary.unlink(missing_ok=True)
+        write_arrays(Path(path), about, arrays)
 
     @classmethod
     def read(cls, path: str | Path) -> PolicyFile:
@@ -201,18 +118,8 @@ class PolicyFile:
         file = Path(path)
         if not file.is_file():
             raise ConfigError(_missing(file))
-        try:
-            with np.load(file, allow_pickle=False) as data:
-                arrays = {name: data[name] for name in data.files}
-            about = json.loads(arrays.pop("about").tobytes())
-            version = about.pop("version")
-        except _DAMAGES as error:
-            raise ConfigError(f"{file} is damaged, or no file of a policy: {error}") from error
-        if version != VERSION:
-            raise ConfigError(
-                f"{file} has version {version!r} of the format; this package reads {VERSION}"
-            )
-        try:
+        about, arrays = read_arrays(file, "a policy", VERSION)
+        with refused_if_damaged(file, "a policy"):
             mean, scale = (np.asarray(arrays.pop(name), np.float32) for name in ("mean", "scale"))
             layers = tuple(
                 (
@@ -224,10 +131,6 @@ class PolicyFile:
             about["observed"] = tuple((name, size) for name, size in about["observed"])
             about |= {name: tuple(about[name]) for name in ("roles", "actions")}
             return cls(**about, layers=layers, mean=mean, scale=scale)
-        except ConfigError as error:
-            raise ConfigError(f"{file}: {error}") from error
-        except _DAMAGES as error:
-            raise ConfigError(f"{file} is damaged, or no file of a policy: {error}") from error
 
     @property
     def observation_size(self) -> int:
@@ -328,13 +231,11 @@ def load_policy(path: Path) -> Callable[[CareEnv, str], Policy]:
     return make
 
 
-_ABOUT = (
-    "task", "group", "roles", "observed", "action_size", "action_low", "residual", "actions", "recipe",
-    "training",
-)  # fmt: skip
-_DAMAGES = (
-    OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error,
-)  # fmt: skip  # of which NumPy raises one or the other, as the damage lies
+_ABOUT = tuple(
+    """
+    task group roles observed action_size action_low residual actions recipe training
+    """.split()
+)
 
 
 def _missing(file: Path) -> str:

@@ -1,12 +1,17 @@
-"""Processes that work side by side and leave nothing behind."""
+"""Work side by side in several processes, which leave nothing behind."""
 
 from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
+from typing import TypeVar
+
+from rcare_marl.errors import ConfigError
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -32,4 +37,31 @@ def workers(count: int) -> Iterator[ProcessPoolExecutor]:
     pool.shutdown()
 
 
-__all__ = ["workers"]
+def run_all(
+    calls: Sequence[Callable[[], T]], processes: int, on_done: Callable[[int], None]
+) -> list[T]:
+    """Return what each call gives, in their order, the same however many `processes` there are.
+
+    Args:
+        calls: What to do; they must survive the way to another process.
+        processes: How many at once. More than one are started afresh (`spawn`), so a script that asks
+            for them needs `if __name__ == "__main__":`.
+        on_done: Told the number of each call that is done. The first error ends all.
+
+    Raises:
+        ConfigError: If `processes` is below 1.
+    """
+    if processes < 1:
+        raise ConfigError(f"processes must be at least 1, got {processes}")
+    if processes == 1:
+        out = []
+        for number, call in enumerate(calls):
+            out.append(call())
+            on_done(number)
+        return out
+    with workers(min(processes, len(calls))) as pool:
+        running = {pool.submit(call): number for number, call in enumerate(calls)}
+        for done in as_completed(running):
+            done.result()
+            on_done(running[done])
+        return [job.result() for job in running]

@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError
 
 from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
-from .cast import CastEntry, find_policy, make_cast
-from .homes.care_home import CareHome, home_names
-from .homes.rule import Rules
-from .homes.stage import find_stage
+from .cast import CastEntry, make_cast
+from .place import BareFloor
 from .registry import policy_names, register_policy, register_task, task_class, task_names
-from .task import Role, Task
+from .state import Seen, State
+from .task import STANDING_CAREGIVER, Role, Task
+from .task_options import TaskOptions
+
+if TYPE_CHECKING:
+    from .homes import CareHome, home_names
 
 __all__ = [
+    "STANDING_CAREGIVER",
     "CareEnv",
     "CareHome",
     "Role",
+    "Seen",
+    "State",
     "Task",
+    "TaskOptions",
     "home_names",
     "make",
     "policy_names",
@@ -29,6 +36,14 @@ __all__ = [
     "register_task",
     "task_names",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name in ("CareHome", "home_names"):  # houses take a while to import
+        from . import homes
+
+        return getattr(homes, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def make(
@@ -76,28 +91,25 @@ def make(
         if value is not None and not isinstance(value, Mapping):
             raise ConfigError(f"{name} must be a mapping, got {type(value).__name__} {value!r}")
     cls = task_class(task)
-    agents, factories = make_cast(task, cls, cast)
-    for role, policy in (policies or {}).items():
-        if role not in agents:
-            raise UnknownNameError(f"role in the cast of {task!r}", role, agents)
-        if role in factories:
-            raise ConfigError(f"two policies for {role!r}: one in the cast, one in policies")
-        factories[role] = find_policy(task, role, policy)
+    agents, factories = make_cast(task, cls, cast, policies or {})
     scene = cls(load(cls.Options, dict(options or {}), f"options of {task!r}"))
     scene.cast = agents
     if home is not None:
+        from .homes import CareHome, find_place
+
         house = CareHome.load(home, level=1 if level is None else level)
-        scene.level = house.level
         floor = scene.floor_before if scene.site == "door" else scene.free_floor()
-        scene.stage = find_stage(house, scene.room_kinds, floor, room=room, site=scene.site)
+        scene.place = find_place(house, scene.room_kinds, floor, room=room, site=scene.site)
     elif level is not None and room is None and scene.site:
-        scene.level = Rules(level).level
+        scene.place = BareFloor(level)
     elif level is not None or room is not None:
         raise ConfigError("level and room are those of a home: name one, such as home='house_07'")
-    return CareEnv(
-        scene,
-        agents,
-        factories,
-        physics_dt=physics_dt,
-        render_mode=render_mode,
-    )
+    env = CareEnv(scene, agents, factories, physics_dt=physics_dt, render_mode=render_mode)
+    place = {"home": home, "level": level, "room": room}
+    env.setup = {
+        "task": task,
+        "options": dict(options or {}),
+        "physics_dt": physics_dt,
+        "cast": cast | {name: value for name, value in place.items() if value is not None},
+    }
+    return env

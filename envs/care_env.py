@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -13,15 +13,16 @@ from pettingzoo import ParallelEnv
 
 from rcare_marl.agents.agent import Agent, Array
 from rcare_marl.agents.policy import Policy
-from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.sensing.marker import fasten
 from rcare_marl.agents.sensing.suite import SensorSuite
-from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNameError
-from rcare_marl.observable import Observation
+from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNameError, check_name
+from rcare_marl.observable import Observable, Observation
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
 from .registry import PolicyFactory
+from .state import Seen
 from .task import Task, part_name
 
 if TYPE_CHECKING:
@@ -31,7 +32,9 @@ Action = npt.NDArray[np.float32]
 Obs = Any  # a vector, or a dictionary of it and of arrays such as pictures
 RENDER_MODES = ("rgb_array", "human")
 OVERLAP = 0.001  # [m] that robots may overlap at the start
+STARTS = 20  # that are drawn in an episode until robots are clear of people; our own choice
 ROUNDING = 1e-6  # by which an excitation may leave [0, 1]
+APART = 2**64  # numbers that lie between the chance of policies and all other chance of an episode
 
 
 @final
@@ -46,6 +49,10 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         possible_agents: The roles that are learned.
         agents: Those of them that are in the running episode; empty once it is over.
         is_over: Whether no episode is running.
+        setup: What `rcare_marl.make` was given, but policies; empty if something else made it.
+        seed: Seed of the running episode, which with all `commands` decides it.
+        commands: The actions of all roles in the last control step, as they were obeyed.
+        watchers: Called after each reset and each step; they must change nothing.
     """
 
     metadata = {"name": "rcare_marl_v0", "render_modes": list(RENDER_MODES), "render_fps": 10}
@@ -94,7 +101,10 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         self._suites: tuple[SensorSuite, ...] = ()
         self.agents: list[str] = []
         self.is_over, self._has_begun = True, False
-        self._rng = np.random.default_rng()
+        self.setup: Mapping[str, Any] = {}
+        self.seed, self._seeds = 0, np.random.default_rng()
+        self.commands: dict[str, Array] = {}
+        self.watchers: list[Callable[[CareEnv], None]] = []
         try:
             self._build()
             self.policies: dict[str, Policy] = {
@@ -106,7 +116,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         self.possible_agents = [role for role in self.cast if role not in self.policies]
 
     def _build(self) -> None:
-        self.task.cast = self.cast
+        self.task.cast, self.task.world = self.cast, self.world
+        self.task.place.lay_floor(self.world)
         poses = self.task.furnish(self.world)
         for role, agent in self.cast.items():
             part = part_name(role)
@@ -114,6 +125,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             start = poses[role if role in poses else part] if is_main else self._beside(role, agent)
             agent.spawn(self.world, start)
         self.task.build(self.world)
+        self.task.measure()
         self._fasten_markers()
         self._check_apart()
         self._order = tuple(self.cast.values())
@@ -148,26 +160,32 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                 fasten(self.world, agent, marker)
 
     def _check_apart(self) -> None:
-        """Refuse robots that stand in each other, and whoever stands in the house."""
-        robots = [(role, a.body) for role, a in self.cast.items() if isinstance(a, Robot)]
-        for i, (first, body) in enumerate(robots):
-            for second, other in robots[i + 1 :]:
-                gap = self.world.separation(body, other, within=0.01)
-                if gap < -OVERLAP:
-                    raise ConfigError(
-                        f"{first!r} and {second!r} stand in each other by {-1e3 * gap:.0f} mm: give "
-                        "one of them another mount or posture"
-                    )
-        if self.task.built is None:
-            return
+        """Refuse robots that stand in each other, in people, or in the house."""
+        if (fault := self._overlap()) is not None:
+            raise ConfigError(fault)
+        place = self.task.place
         for role, agent in self.cast.items():
-            for name, thing in self.task.built.things():
+            for name, thing in place.obstacles:
                 gap = self.world.separation(agent.body, thing, within=0.01)
                 if gap < -OVERLAP:
                     raise ConfigError(
-                        f"{role!r} stands in {name} of {self.task.built.home.name} by {-1e3 * gap:.0f} mm: "
+                        f"{role!r} stands in {name} of {place.name} by {-1e3 * gap:.0f} mm: "
                         "choose another room, mount or posture"
                     )
+
+    def _overlap(self) -> str | None:
+        """Return which robot stands in another one or in somebody, as an error says it; None if none."""
+        robots = [(role, agent) for role, agent in self.cast.items() if isinstance(agent, Robot)]
+        for i, (first, robot) in enumerate(robots):
+            people = [(r, a) for r, a in self.cast.items() if not isinstance(a, Robot)]
+            for second, other in [*robots[i + 1 :], *people]:
+                gap = self.world.separation(robot.body, other.body, within=0.01)
+                if gap < -OVERLAP:
+                    return (
+                        f"{first!r} and {second!r} stand in each other by {-1e3 * gap:.0f} mm: give "
+                        "the robot another mount or posture"
+                    )
+        return None
 
     def _beside(self, role: str, agent: Agent) -> Pose:
         """Return where a robot stands that the task has no part for."""
@@ -177,7 +195,13 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
     def _observation(self, role: str) -> Observation:
         agent = self.cast[role]
         sensed = agent.sensors.observables() if agent.sensors is not None else ()
-        return Observation([*agent.observables(), *self.task.observables(role), *sensed])
+        told = [self._told(seen) for seen in self.task.observables(role)]
+        return Observation([*agent.observables(), *told, *sensed])
+
+    def _told(self, seen: Seen) -> Observable:
+        """Return what a task lets somebody see, read from its latest state."""
+        task, of = self.task, seen.of
+        return Observable(seen.name, seen.unit, seen.size, lambda: of(task.state))
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         return self._vectors[self._known(agent)].space
@@ -219,39 +243,55 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         return self._vectors[self._known(role)].arrays()
 
     def _known(self, role: str) -> str:
-        if role not in self.cast:
-            raise UnknownNameError("role in this cast", str(role), self.cast)
+        check_name("role in this cast", role, self.cast)
         return role
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Obs], dict[str, dict[str, Any]]]:
-        """Begin an episode, which is a function of `seed`; without one the last sequence goes on.
+        """Begin an episode, which is a function of its seed and of the actions of all roles.
 
+        Without a `seed` it is drawn: by chance at first, and by the last seed that was given since.
         `options` has no meaning yet and is there for PettingZoo.
         """
         if self.world.client < 0:
             raise EpisodeError("the environment is closed: make a new one")
-        if seed is not None:
+        if seed is None:
+            self.seed = int(self._seeds.integers(2**32))
+        else:
             if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
                 raise ConfigError(f"a seed is a whole number from 0 on, got {seed!r}")
-            self._rng = np.random.default_rng(seed)
-        self.world.rewind()
-        for agent in self._order:
-            agent.reset(self._rng)
-        self.task.reset(self.task.enter_stage(self._rng))
+            self.seed, self._seeds = int(seed), np.random.default_rng([seed, 1])
+        rng = np.random.default_rng(self.seed)
+        for _ in range(STARTS):
+            self.world.rewind()
+            for agent in self._order:
+                agent.reset(rng)
+            self.task.begin(rng)
+            if (fault := self._overlap()) is None:
+                break
+        else:
+            raise ConfigError(f"no start in {STARTS} is clear of people: {fault}")
         for suite in self._suites:
-            suite.reset(self._rng)
+            suite.reset(rng)
         self._sense()
+        # Policies and the scene may draw while the episode runs. Each has chance of its own, so that the
+        # scene meets the same whoever decides.
+        chance = np.random.default_rng(0)
+        chance.bit_generator.state = rng.bit_generator.state
+        rng.bit_generator.advance(APART)  # type: ignore[attr-defined]  # PCG64 has it
         for policy in self.policies.values():
-            policy.reset(self._rng)
+            policy.reset(chance)
+        self.commands = {}
         self.agents, self.is_over = list(self.possible_agents), False
         self._has_begun = True
         if self.render_mode == "human":
             self.render()
+        for watch in self.watchers:
+            watch(self)
         return (
             {role: self._vectors[role].read() for role in self.agents},
-            self._infos({role: self.task.rewards(role) for role in self.agents}),
+            self._infos({role: self.task.rewards(role, self.task.state) for role in self.agents}),
         )
 
     def step(
@@ -273,10 +313,10 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         commands = self._checked(actions)
         for role, policy in self.policies.items():
             commands[role] = self._valid(role, policy.act())
-        task, world = self.task, self.world
+        task, world, self.commands = self.task, self.world, commands
         for role, agent in self.cast.items():
             agent.command(commands[role], task.control_dt)
-        step, look = world.step, task.after_substep
+        step, look = world.step, task.look_at_contacts
         for _ in range(self._substeps):
             for actuate in self._actuated:
                 actuate()
@@ -286,8 +326,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                 watch()
         self._sense()
         roles = self.agents
-        terms = {role: task.rewards(role) for role in roles}
-        done = task.is_success() or task.is_failure()
+        terms = {role: task.rewards(role, task.state) for role in roles}
+        done = bool(task.is_success(task.state) | task.failed())
         late = world.time >= task.time_limit - 1e-9
         observations = {role: self._vectors[role].read() for role in roles}
         infos = self._infos(terms)
@@ -295,6 +335,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             self.agents, self.is_over = [], True
         if self.render_mode == "human":
             self.render()
+        for watcher in self.watchers:
+            watcher(self)
         return (
             observations,
             {role: float(sum(terms[role].values())) for role in roles},
@@ -308,11 +350,15 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             agent.sense()
         for suite in self._suites:
             suite.sense()
-        self.task.after_step()
+        self.task.look()
 
     def _infos(self, terms: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Any]]:
-        shared = {"success": float(self.task.is_success()), **self.task.metrics()}
-        return {role: {**shared, **own} for role, own in terms.items()}
+        shared = {"success": self.task.succeeded(), **self.task.report()}
+        found = ({**shared, **own} for own in terms.values())
+        return {
+            role: {name: float(value) for name, value in info.items()}
+            for role, info in zip(terms, found, strict=True)
+        }
 
     def _checked(self, actions: Mapping[str, Action]) -> dict[str, Array]:
         if self.is_over:

@@ -7,19 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from rcare_marl.agents.actuation.drive import ActuationConfig
-from rcare_marl.agents.actuation.muscle_model import Tendon
 from rcare_marl.agents.agent import Agent
-from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Mount, Robot, RobotConfig, load_robot, urdf_robot
+from rcare_marl.agents.people.actuation.drive import ActuationConfig
+from rcare_marl.agents.people.actuation.muscle_model import Tendon
+from rcare_marl.agents.people.actuation.muscular import Excitation
+from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.strength import StrengthMap
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import Mount, RobotConfig, load_robot, urdf_robot
 from rcare_marl.agents.sensing.marker import MarkerConfig
 from rcare_marl.agents.sensing.suite import SensorSuite
-from rcare_marl.agents.strength import StrengthMap
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 
-from .registry import PolicyFactory, policy_factory
+from .registry import PolicyFactory, is_policy_file, policy_factory
 from .task import Role, Task, part_name
 
 CastEntry = str | Path | RobotConfig | AvatarConfig | Mapping[str, Any] | None
@@ -110,14 +112,18 @@ class HumanCast:
 
     Attributes:
         model: An avatar's name, a YAML file, or an `AvatarConfig`; the role's default if None.
-        actuation: How the joints are driven: `skeletal` takes rates of target angles, `muscle`
-            excitations in [0, 1].
-        excitation: With muscles, one action value for each `unit` or for each `group` of them.
+        actuation: How the joints are driven: `skeletal` pulls them towards target angles, `muscle` moves
+            them by muscles.
+        excitation: With muscles, what an action is: an excitation in [0, 1] of each `unit` or of each
+            `group` of them, or as for `skeletal` the rates of target angles, a `posture` that the
+            person's own controller pursues. If None `posture` where a script plays the person, and
+            `unit` where they learn or a policy file plays.
         tendon: With muscles, how tendons yield: `rigid`, `quasi_static` or `implicit`.
         musculature: With muscles, the user's own table (.csv) or MASS file (.xml); ours if None.
         strength: How MMT grades become strength: `linear`, the paper's map, or `gravity`.
         posture: A posture's name or YAML file; the role's default if None.
         movable: Joints or DoFs that move; the role's default if None.
+        moves: What actions move beside the joints: `walk`, `kneel`, `grasp`; the role's default if None.
         tissue: Segments whose flesh yields: `left_shoulder` (upper arm), `left_elbow` (forearm), `*_hip`,
             `*_knee`, `spine1` to `spine3`, or `left_arm`, `left_leg`, `torso`.
         physiology_observed: Whether the person observes their own vital signs, fatigue and pain.
@@ -127,12 +133,13 @@ class HumanCast:
 
     model: Any = None
     actuation: Literal["skeletal", "muscle"] = "skeletal"
-    excitation: Literal["unit", "group"] = "unit"
+    excitation: Excitation | None = None
     tendon: Tendon = "quasi_static"
     musculature: str | Path | None = None
     strength: StrengthMap = "linear"
     posture: str | None = None
     movable: tuple[str, ...] | None = None
+    moves: tuple[str, ...] | None = None
     tissue: tuple[str, ...] = ()
     physiology_observed: bool = False
     sensors: tuple[Any, ...] = ()
@@ -147,9 +154,12 @@ class HumanCast:
 
 
 def make_cast(
-    task_name: str, task: type[Task], entries: Mapping[str, CastEntry]
+    task_name: str,
+    task: type[Task],
+    entries: Mapping[str, CastEntry],
+    policies: Mapping[str, Any],
 ) -> tuple[dict[str, Agent], dict[str, PolicyFactory]]:
-    """Return the agents of a task by role, and the policies named in their entries.
+    """Return the agents of a task by role, and the policies of those who are not learned.
 
     Args:
         task_name: Name of the task, for messages and for policies.
@@ -157,6 +167,7 @@ def make_cast(
         entries: For each role a model (name, YAML file or config), or a mapping of the fields of
             `RobotCast` or `HumanCast` and perhaps `policy`; None leaves an optional role empty.
             Several robots are called `robot_0`, `robot_1`; the first of them has the task's part.
+        policies: Further policies by role: a name, a file or a factory.
 
     Raises:
         UnknownNameError: If a role, model, option or policy does not exist.
@@ -164,7 +175,7 @@ def make_cast(
     """
     roles = _played(task_name, task.roles(), entries)
     cast: dict[str, Agent] = {}
-    policies: dict[str, PolicyFactory] = {}
+    factories: dict[str, PolicyFactory] = {}
     for role, part in roles.items():
         entry = entries.get(role, {} if part.default is not None else None)
         if entry is None:
@@ -174,9 +185,16 @@ def make_cast(
         fields = dict(entry) if isinstance(entry, Mapping) else {"model": entry}
         policy = fields.pop("policy", None)
         if policy is not None:
-            policies[role] = find_policy(task_name, role, policy)
-        cast[role] = _agent(role, part, fields)
-    return cast, policies
+            factories[role] = find_policy(task_name, role, policy)
+        player = policies.get(role, policy)
+        is_scripted = player is not None and not is_policy_file(player)
+        cast[role] = _agent(role, part, fields, is_scripted=is_scripted)
+    for role, policy in policies.items():
+        check_name(f"role in the cast of {task_name!r}", role, cast)
+        if role in factories:
+            raise ConfigError(f"two policies for {role!r}: one in the cast, one in policies")
+        factories[role] = find_policy(task_name, role, policy)
+    return cast, factories
 
 
 def _played(
@@ -197,8 +215,7 @@ def _played(
             raise ConfigError(f"several robots are numbered from {name}_0 on, got {several}")
         out |= {f"{name}_{k}": part for k in range(max(numbers) + 1)}
     for role in entries:
-        if role not in out:
-            raise UnknownNameError(f"role in task {task!r}", role, out)
+        check_name(f"role in task {task!r}", role, out)
     return out
 
 
@@ -219,7 +236,7 @@ def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
     return factory
 
 
-def _agent(name: str, role: Role[Any], fields: Mapping[str, Any]) -> Agent:
+def _agent(name: str, role: Role[Any], fields: Mapping[str, Any], *, is_scripted: bool) -> Agent:
     if role.kind is Robot:
         robot = load(RobotCast, fields, f"cast of {name!r}")
         config = robot.config(name, role.default)
@@ -235,6 +252,7 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any]) -> Agent:
             meshes=robot.meshes,
             self_collision=robot.self_collision,
             gripper=role.gripper if robot.moves is None else "held",
+            contact_force=role.contact_force,
         )
         agent.equip(_suite(name, robot.sensors), robot.markers)
         return agent
@@ -246,11 +264,12 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any]) -> Agent:
         avatar,
         posture=load_posture(person.posture or role.posture),
         movable=person.movable if person.movable is not None else role.movable,
+        moves=person.moves if person.moves is not None else role.moves or (),
         tissue=person.tissue,
         physiology_observed=person.physiology_observed,
         actuation=ActuationConfig(
             kind=person.actuation,
-            excitation=person.excitation,
+            excitation=person.excitation or ("posture" if is_scripted else "unit"),
             tendon=person.tendon,
             musculature=None if person.musculature is None else str(person.musculature),
             strength=person.strength,

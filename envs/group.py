@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.robots.robot import Robot
 
 from .care_env import CareEnv
 from .registry import task_class

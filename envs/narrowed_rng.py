@@ -37,6 +37,3 @@ class NarrowedRng(np.random.Generator):
     def _narrowed(self, drawn: Any, middle: npt.NDArray[Any]) -> Any:
         out = middle + self._spread * (drawn - middle)
         return float(out) if np.ndim(drawn) == 0 else out
-
-
-__all__ = ["NarrowedRng"]

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 import gymnasium
 
 from rcare_marl.agents.agent import Array
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.policies.avatar_tree import AvatarBehaviour, Surroundings
-from rcare_marl.agents.policies.behaviour_tree import StayStill
-from rcare_marl.agents.policies.sampled import RandomPolicy
+from rcare_marl.agents.people.behaviour.avatar_tree import AvatarBehaviour, Surroundings
+from rcare_marl.agents.people.behaviour.behaviour_tree import StayStill
+from rcare_marl.agents.people.behaviour.sampled import RandomPolicy
+from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 
 from .task import Task
 
@@ -80,10 +82,17 @@ _COMMON: dict[str, PolicyFactory] = {  # known for every role
 }
 
 
+def _make(task: str, **arguments: Any) -> CareEnv:
+    from . import make
+
+    return make(task, **arguments)
+
+
 def register_task(name: str) -> Callable[[TaskClass], TaskClass]:
     """Return a decorator that makes a task known as `name` to `rcare_marl.make`.
 
-    Gymnasium then knows it too, as `rcare_marl/<Name>-v0`.
+    Gymnasium then knows it too, as `rcare_marl/<Name>-v0`, and PettingZoo's way in is there: the module
+    `rcare_marl.envs.<name>_v0` with its `parallel_env`, whose arguments are those of `rcare_marl.make`.
 
     Raises:
         ConfigError: If the name is taken.
@@ -93,6 +102,10 @@ def register_task(name: str) -> Callable[[TaskClass], TaskClass]:
         if name in _TASKS:
             raise ConfigError(f"task {name!r} is already {_TASKS[name].__qualname__}")
         _TASKS[name] = cls
+        module = ModuleType(f"rcare_marl.envs.{name}_v0", f"PettingZoo's way in to {name!r}.")
+        module.parallel_env = partial(_make, name)  # type: ignore[attr-defined]
+        sys.modules[module.__name__] = module
+        setattr(sys.modules["rcare_marl.envs"], f"{name}_v0", module)
         title = "".join(word.capitalize() for word in name.split("_"))
         identifier = f"rcare_marl/{title}-v0"
         if identifier not in gymnasium.registry:  # those of the package have theirs without import
@@ -108,8 +121,7 @@ def register_task(name: str) -> Callable[[TaskClass], TaskClass]:
 
 def task_class(name: str) -> type[Task]:
     """Return the task class registered as `name`; UnknownNameError if there is none."""
-    if name not in _TASKS:
-        raise UnknownNameError("task", name, _TASKS)
+    check_name("task", name, _TASKS)
     return _TASKS[name]
 
 
@@ -170,9 +182,14 @@ def policy_factory(task: str, role: str, name: str | Path) -> PolicyFactory:
     if load is not None:
         return load(Path(name))
     name = str(name)
-    if name not in known:
-        raise UnknownNameError(f"policy of {role!r} in task {task!r}", name, known)
+    check_name(f"policy of {role!r} in task {task!r}", name, known)
     return _POLICIES.get((task, role, name)) or _COMMON[name]
+
+
+def is_policy_file(policy: object) -> bool:
+    """Return whether a policy is given as a file of a trained one."""
+    _load_plugins()
+    return isinstance(policy, str | Path) and Path(policy).suffix in _POLICY_FILES
 
 
 def policy_names(task: str, role: str) -> tuple[str, ...]:

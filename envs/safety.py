@@ -11,12 +11,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.physiology_model import REGIONS, physiology_model
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.physiology_model import REGIONS, physiology_model
 from rcare_marl.body import Body
+from rcare_marl.pose import Array
 from rcare_marl.world import World
 
 # [N] above which a touch costs, as a share of the limit of the task; our own choice.
@@ -27,32 +30,82 @@ NEAR = 0.2  # [m] from the person, within which robots should be slow; our own c
 # [m/s] of a robot near a person: reduced speed of ISO 10218-1 (250 mm/s); from memory.
 SLOW, FAST = 0.25, 1.0
 PROM_LIMIT_DEG = 10.0  # beyond the passive range, where the cost is full; our own choice
+PEAKS = tuple(f"peak_force_{region}_n" for region in REGIONS)  # keys of what is reported
 WEIGHTS = {"force": 1.0, "prom": 1.0, "speed": 0.5}  # of the shares in `cost`; our own choice
 
 
-class SafetyMeter:
-    """Measures one person over an episode.
+@dataclass(frozen=True, eq=False)
+class Safety:
+    """What a person went through until the end of a control step.
 
     Attributes:
-        force: Greatest summed force of any physics step in the last control step [N].
+        force: Greatest summed force of any physics step in the control step [N].
         peak_force: Greatest force of the episode [N].
-        force_limit: Force at which the cost is full [N].
+        mean_force: Mean force while something touched the person [N].
+        peaks: Greatest force on each of `REGIONS` [N], shape [r].
+        pressure: Greatest pressure [Pa].
+        beyond_deg: How far joints are beyond their passive ranges now, summed [degrees].
+        prom_deg_s: That, over time [degrees s].
+        speed: How fast the mover came closer that did so fastest, of those that are near [m/s].
+        top_speed: The greatest such speed of the episode [m/s].
+        pain: Greatest pain of the episode, 0 to 10.
     """
 
-    def __init__(
-        self, person: Human, world: World, movers: Sequence[Body], *, force_limit: float
-    ) -> None:
+    force: float = 0.0
+    peak_force: float = 0.0
+    mean_force: float = 0.0
+    peaks: Array = field(default_factory=lambda: np.zeros(len(REGIONS)))
+    pressure: float = 0.0
+    beyond_deg: float = 0.0
+    prom_deg_s: float = 0.0
+    speed: float = 0.0
+    top_speed: float = 0.0
+    pain: float = 0.0
+
+    def cost(self, force_limit: float) -> Any:
+        """Return what the control step cost, 0 to the sum of `WEIGHTS`; in full at the limit [N]."""
+        comfort = COMFORT_SHARE * force_limit
+        shares = {
+            "force": (self.force - comfort) / (force_limit - comfort),
+            "prom": self.beyond_deg / PROM_LIMIT_DEG,
+            "speed": (self.speed - SLOW) / (FAST - SLOW),
+        }
+        return sum(WEIGHTS[key] * _share(value) for key, value in shares.items())
+
+    def metrics(self, force_limit: float) -> dict[str, Any]:
+        """Return what is reported of the episode so far, the same keys in every task."""
+        is_one = self.peaks.ndim == 1
+        peaks = self.peaks.tolist() if is_one else np.moveaxis(self.peaks, -1, 0)
+        return {
+            "force_n": self.force,
+            "peak_force_n": self.peak_force,
+            "mean_force_n": self.mean_force,
+            **dict(zip(PEAKS, peaks, strict=True)),
+            "peak_pressure_pa": self.pressure,
+            "prom_violation_deg_s": self.prom_deg_s,
+            "approach_speed_m_s": self.top_speed,
+            "pain": self.pain,
+            "cost": self.cost(force_limit),
+        }
+
+
+def _share(value: Any) -> Any:
+    return min(max(value, 0.0), 1.0) if isinstance(value, float) else np.clip(value, 0.0, 1.0)
+
+
+class SafetyMeter:
+    """Measures one person over an episode."""
+
+    def __init__(self, person: Human, world: World, movers: Sequence[Body]) -> None:
         """Prepare for a person who stands, sits or lies in `world`.
 
         Args:
             person: Who is measured.
             world: Where they are.
             movers: Robots and tools whose speed near the person counts.
-            force_limit: Force at which the cost is full [N].
         """
         self._person, self._world = person, world
         self._movers = [(body, link) for body in movers for link in _moving_links(body)]
-        self.force_limit = force_limit
         self._spared = {body.uid for body in person.supports} | {person.body.uid}
         if not person.rides:  # who rides can be driven against what stands still
             self._spared |= {b.uid for b in world.bodies if not (b.joints or b.is_movable)}
@@ -63,12 +116,9 @@ class SafetyMeter:
 
     def reset(self) -> None:
         """Begin an episode."""
-        self.force = self.peak_force = self._step_force = 0.0
+        self._step_force = self._impulse = self._touch_time = self._pressure = 0.0
         self._peaks = dict.fromkeys(REGIONS, 0.0)
-        self._pressure = self._impulse = self._touch_time = 0.0
-        self._beyond = self._prom = self._speed = self._top_speed = self._pain = 0.0
         self._gaps: list[float] = []
-        self._cost = 0.0
 
     def after_substep(self) -> None:
         """Look at the contacts of a physics step."""
@@ -92,19 +142,31 @@ class SafetyMeter:
         self._impulse += total * self._world.physics_dt
         self._touch_time += self._world.physics_dt
 
-    def after_step(self, duration: float) -> None:
-        """Look at posture, speed and pain at the end of a control step of `duration` [s]."""
-        self.force, self._step_force = self._step_force, 0.0
-        self.peak_force = max(self.peak_force, self.force)
+    def read(self, before: Safety, duration: float) -> Safety:
+        """Return what was measured until the end of a control step.
+
+        Args:
+            before: What was measured until it began.
+            duration: Its length [s].
+        """
+        force, self._step_force = self._step_force, 0.0
         over = 0.0
         for angle, (low, high) in zip(self._person.positions, self._range, strict=True):
             if not low <= angle <= high:
                 over += max(low - angle, angle - high)
-        self._beyond = math.degrees(over)
-        self._prom += self._beyond * duration
-        self._speed = self._approach(duration)
-        self._top_speed = max(self._top_speed, self._speed)
-        self._pain = max(self._pain, self._person.physiology.pain)
+        beyond, speed = math.degrees(over), self._approach(duration)
+        return Safety(
+            force=force,
+            peak_force=max(before.peak_force, force),
+            mean_force=self._impulse / self._touch_time if self._touch_time else 0.0,
+            peaks=np.array(list(self._peaks.values())),
+            pressure=self._pressure,
+            beyond_deg=beyond,
+            prom_deg_s=before.prom_deg_s + beyond * duration,
+            speed=speed,
+            top_speed=max(before.top_speed, speed),
+            pain=max(before.pain, self._person.physiology.pain),
+        )
 
     def _approach(self, duration: float) -> float:
         """Return how fast the link of a mover that is near came closer, of the fastest [m/s].
@@ -116,32 +178,6 @@ class SafetyMeter:
         self._gaps = self._world.gaps(self._movers, person, within=NEAR, before=before)
         pairs = zip(before, self._gaps, strict=False)
         return max([0.0, *[(a - b) / duration for a, b in pairs if b < NEAR]])
-
-    @property
-    def cost(self) -> float:
-        """What the last control step cost, 0 to the sum of `WEIGHTS`."""
-        comfort = COMFORT_SHARE * self.force_limit
-        shares = {
-            "force": (self.force - comfort) / (self.force_limit - comfort),
-            "prom": self._beyond / PROM_LIMIT_DEG,
-            "speed": (self._speed - SLOW) / (FAST - SLOW),
-        }
-        return sum(WEIGHTS[key] * min(max(share, 0.0), 1.0) for key, share in shares.items())
-
-    def metrics(self) -> Mapping[str, float]:
-        """Return what is reported of the episode so far, the same keys in every task."""
-        mean = self._impulse / self._touch_time if self._touch_time else 0.0
-        return {
-            "force_n": self.force,
-            "peak_force_n": self.peak_force,
-            "mean_force_n": mean,
-            **{f"peak_force_{region}_n": force for region, force in self._peaks.items()},
-            "peak_pressure_pa": self._pressure,
-            "prom_violation_deg_s": self._prom,
-            "approach_speed_m_s": self._top_speed,
-            "pain": self._pain,
-            "cost": self.cost,
-        }
 
 
 def patch_area(points: Sequence[Sequence[float]]) -> float:
@@ -161,13 +197,5 @@ def _moving_links(body: Body) -> list[int]:
     return [link for link in body.solid_links() if link in carried]
 
 
-# What is reported of a scene without people: the keys of `SafetyMeter.metrics`.
-NOBODY: Mapping[str, float] = dict.fromkeys(
-    (
-        "force_n", "peak_force_n", "mean_force_n", *(f"peak_force_{r}_n" for r in REGIONS),
-        "peak_pressure_pa", "prom_violation_deg_s", "approach_speed_m_s", "pain", "cost",
-    ),
-    0.0,
-)  # fmt: skip
-
-__all__ = ["NEAR", "NOBODY", "WEIGHTS", "SafetyMeter", "patch_area"]
+# What is reported of a scene without people, under the keys of `Safety.metrics`.
+NOBODY: Mapping[str, float] = {key: float(value) for key, value in Safety().metrics(1.0).items()}

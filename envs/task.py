@@ -6,36 +6,36 @@ import abc
 import dataclasses
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
 from typing_extensions import Self
 
 from rcare_marl.agents.agent import Agent
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import GripperUse, Robot
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
-from rcare_marl.observable import Observable
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.world import World
 
-from .homes.rectangle import Rectangle
+from .devices import add_stand
 from .narrowed_rng import NarrowedRng
-from .safety import SafetyMeter
-from .task_options import TaskOptions
+from .place import BareFloor, DoorSite, Place
+from .reach import ReachSearch
+from .rectangle import Rectangle
+from .safety import NOBODY, Safety, SafetyMeter
+from .state import Seen, State, Values, greatest, where
+from .task_options import FORCE_LIMIT, TaskOptions
 
 if TYPE_CHECKING:
-    from rcare_marl.agents.robot import GripperUse, Robot
     from rcare_marl.rendering import Camera
 
-    from .homes.built import BuiltHome
-    from .homes.care_home import CareHome
-    from .homes.plan import Opening
-    from .homes.stage import Stage
+CONTACT_FORCE = 15.0  # [N] from which a robot gives way, where its role says nothing else
 
-FLOOR_FRICTION = 0.8  # [1]; own choice
-
+# Robots that have mounts on or beside a wheelchair and reach a person in it.
+CHAIR_ROBOTS = frozenset("fetch franka_panda kinova_gen2 kinova_gen3 pr2 stretch_re1 ur5".split())
 BESIDE = (1.7, 1.1)  # [m] along and across, where a robot waits that has no part; our own choice
 
 AgentT = TypeVar("AgentT", bound=Agent)
@@ -58,8 +58,9 @@ class Role(Generic[AgentT]):
         control: Control mode of a robot where the cast names none.
         partner: Policy that plays the role where another one is the only learner.
         gripper: What a robot's gripper does where the cast names no parts to move; see `Robot`.
+        contact_force: Force at a robot's tool from which it gives way in `tool_delta` [N].
         moves: Parts of a robot that move where the cast names none and it has them all; its main arm if
-            None.
+            None. Of a person what actions move beside the joints: `walk`, `kneel`, `grasp`.
     """
 
     def __init__(
@@ -73,11 +74,13 @@ class Role(Generic[AgentT]):
         control: str = "tool_delta",
         partner: str | None = None,
         gripper: GripperUse = "held",
+        contact_force: float = CONTACT_FORCE,
         moves: Sequence[str] | None = None,
     ) -> None:
         self.kind, self.default, self.optional = kind, default, optional
         self.posture, self.movable, self.gripper = posture, movable, gripper
         self.control, self.partner, self.moves = control, partner, moves
+        self.contact_force = contact_force
 
     def __set_name__(self, owner: type[Task], name: str) -> None:
         self._name = name
@@ -95,35 +98,56 @@ class Role(Generic[AgentT]):
         return agent
 
 
+# Somebody who stands by, where the cast names one.
+STANDING_CAREGIVER = Role(
+    Human,
+    default=None,
+    optional=True,
+    movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
+    partner="still",
+)
+
+
 class Task(abc.ABC):
     """Scene, goal and rewards. A task knows its agents by role, never by model.
 
-    `observables`, `rewards`, `metrics`, `is_success` and `is_failure` are pure: calling them twice
-    changes nothing. Only `after_substep` and `after_step` change the memory of an episode.
+    Once a control step `read` asks the engine and returns a `State`. `observables`, `rewards`, `metrics`,
+    `is_success` and `is_failure` are functions of a state and of the options alone, and broadcast over
+    leading axes of the state; see `envs.state`. Safety is measured and its limit applied without a task's
+    doing.
 
     Attributes:
         Options: The frozen dataclass of a task's settings.
         options: The settings of the running episode; see `set_stage`.
         cast: The agents by role; set by the environment before `furnish`.
+        reachable_by: Robots that reach with the default cast, from where the task puts them; None if it
+            does not say.
+        least_success: Of a hundred episodes, how many the scripted robot must end well; 0 if it does not
+            say.
         control_dt: Length of a control step [s].
         time_limit: Length of an episode [s].
         room_kinds: Kinds of rooms of a home that suit the task, the best first.
         footprint: The free floor that it needs, about the origin [m].
         site: What the origin is at: `door`, or a kind of furniture such as `toilet`, whose frame it
-            is. Such a task builds that itself on a bare floor. Anywhere if empty.
-        level: Level of accessibility of the home, or of what the task builds itself.
-        stage: Where in a home it takes place; None on a bare floor.
-        built: That home, once it stands in the world.
+            is; on a bare floor the place builds one. Anywhere if empty.
+        place: Where it takes place; its floor is laid before `furnish`.
+        world: Where it takes place; set by the environment before `furnish`.
+        state: What was read last; from the first reset on.
+        tools: What robots hold, beside which they should be slow near a person; filled in `build`.
+        bystanders: Roles of people whom nobody cares for, so that their safety is not measured.
     """
 
     Options: type[Any]
     room_kinds: Sequence[str] = ()
     footprint: Rectangle = Rectangle(-1.1, -1.1, 1.1, 1.1)
     site: str = ""
-    level: int = 1
-    stage: Stage | None = None
-    built: BuiltHome | None = None
+    reachable_by: Collection[str] | None = None
+    least_success: int = 0
+    place: Place
     cast: Mapping[str, Agent]
+    world: World
+    state: Any
+    bystanders: Sequence[str] = ("caregiver",)
     control_dt: float = 0.1
     time_limit: float = 20.0
 
@@ -131,7 +155,9 @@ class Task(abc.ABC):
         """Take settings, an instance of `Options`."""
         self.options = self._given = options
         self._next: Any = None  # settings from the next reset on, if they change
-        self._meters: list[SafetyMeter] = []
+        self.place = BareFloor()
+        self.tools: list[Body] = []
+        self._meters: dict[str, SafetyMeter] = {}
 
     @classmethod
     def roles(cls) -> dict[str, Role[Any]]:
@@ -144,30 +170,20 @@ class Task(abc.ABC):
         """Add what stands in the room, once, and return where each role of the cast starts.
 
         A robot starts with its base there; a person rests on the surface there, see
-        `agents.body.posture.pelvis_pose`.
+        `agents.people.body.posture.pelvis_pose`.
         """
 
     def free_floor(self) -> Rectangle:
         """Return the free floor that this cast needs, about the origin [m]; `cast` is set by then."""
         return self.footprint
 
-    def floor_before(self, home: CareHome, opening: Opening, is_turned: bool) -> Rectangle | None:
-        """Return the free floor that this cast needs before a door, see `homes.stage.FloorBefore`."""
-        return None if is_turned else self.free_floor()
-
-    def lay_floor(self, world: World) -> Body:
-        """Add the floor, once: that of the home, with all that stands on it, or a bare one."""
-        if self.stage is not None:
-            self.built = self.stage.spawn(world)
-            return self.built.floor
-        floor = world.add_box((6, 6, 0.1), Pose((0, 0, -0.05)), name="floor")
-        floor.set_friction([-1], lateral=FLOOR_FRICTION)
-        return floor
+    def floor_before(self, site: DoorSite) -> Rectangle | None:
+        """Return the free floor that this cast needs before a door, see `place.FloorBefore`."""
+        return None if site.is_turned else self.free_floor()
 
     def view(self) -> Camera:
         """Return the view that shows the task best, from within the room where there is one."""
-        camera = self.camera()
-        return camera if self.stage is None else self.stage.seen_from_inside(camera)
+        return self.place.view(self.camera())
 
     def frame_of(self, mount: str) -> Pose:
         """Return the frame that a robot's mount of that name is in: the world's, or a device's."""
@@ -213,14 +229,20 @@ class Task(abc.ABC):
         if not force >= 1:
             raise ConfigError(f"force must be at least 1, got {force}")
         try:
-            self._next = dataclasses.replace(
-                given,
-                spread=given.spread * spread,
-                tolerance=given.tolerance * tolerance,
-                force_limit=given.force_limit * force,
+            self.change_options(
+                dataclasses.replace(
+                    given,
+                    spread=given.spread * spread,
+                    tolerance=given.tolerance * tolerance,
+                    force_limit=given.force_limit * force,
+                )
             )
         except ValueError as error:
             raise ConfigError(f"no stage of a curriculum: {error}") from error
+
+    def change_options(self, options: Any) -> None:
+        """Take over settings, an instance of `Options`, at the next reset."""
+        self._next = options
 
     def enter_stage(self, rng: np.random.Generator) -> np.random.Generator:
         """Take over the settings of a new episode, and return where its chance comes from.
@@ -230,51 +252,160 @@ class Task(abc.ABC):
         """
         if self._next is not None:
             self.options, self._next = self._next, None
-            for meter in self._meters:
-                meter.force_limit = self.options.force_limit
         spread = self.options.spread if isinstance(self.options, TaskOptions) else 1.0
         return rng if spread == 1.0 else NarrowedRng(rng, spread)
 
-    def measure(self, person: Human, world: World, movers: Sequence[Body]) -> SafetyMeter:
-        """Return a meter of what a person goes through, with the force limit of the stage."""
-        meter = SafetyMeter(person, world, movers, force_limit=self.options.force_limit)
-        self._meters.append(meter)
-        return meter
+    def search(self, world: World, **limits: Any) -> ReachSearch:
+        """Return how to search for the start of the robot, clear of all people; see `ReachSearch`.
+
+        Args:
+            world: Where all stand.
+            **limits: Further fields of `ReachSearch`.
+        """
+        cast = self.cast.values()
+        robot = next(agent for agent in cast if isinstance(agent, Robot))  # the first has the part
+        people = [agent for agent in cast if isinstance(agent, Human)]
+        return ReachSearch(world, robot, people, self.place.floor, **limits)
+
+    def mounted(self, robot: Robot, mount: str) -> Pose:
+        """Return where a robot's base is at a mount of it, and set it on a stand if it needs one."""
+        base = robot.mount(mount, self.frame_of(mount))
+        if robot.mount_named(mount).stand:
+            add_stand(self.world, base)
+        return base
 
     @abc.abstractmethod
     def build(self, world: World) -> None:
         """Add props, once; the agents stand there already."""
 
+    def settle(self, steps: int) -> None:
+        """Let everybody hold still for physics steps, so that things come to rest; for `build`."""
+        for _ in range(steps):
+            for agent in self.cast.values():
+                agent.actuate()
+            self.world.step()
+
+    def measure(self) -> None:
+        """Begin to measure the safety of everybody who is cared for, once, after `build`.
+
+        Raises:
+            ConfigError: If a robot or its tool touches one of them.
+        """
+        robots = [agent.body for agent in self.cast.values() if not isinstance(agent, Human)]
+        for role, person in self.cast.items():
+            if not isinstance(person, Human) or role in self.bystanders:
+                continue
+            self._meters[role] = SafetyMeter(person, self.world, [*self.tools, *robots])
+            for body in (*self.tools, *robots):
+                if self.world.contact_force(person.body, body) > 0:
+                    raise ConfigError(
+                        f"{body.name!r} touches {role!r} before the episode begins: choose another mount "
+                        "or posture"
+                    )
+
     @abc.abstractmethod
     def reset(self, rng: np.random.Generator) -> None:
-        """Place props for a new episode and clear any memory of the last one."""
+        """Place props for a new episode, and draw its goal."""
 
     def after_substep(self) -> None:
         """Look at the world after each physics step (contacts are short-lived)."""
 
-    @abc.abstractmethod
-    def after_step(self) -> None:
-        """Update the memory once a control step, before anything is read; `reset` calls it too."""
+    def look_at_contacts(self) -> None:
+        """Measure what touches people, and `after_substep`; after each physics step."""
+        for meter in self._meters.values():
+            meter.after_substep()
+        self.after_substep()
+
+    def begin(self, rng: np.random.Generator) -> None:
+        """Begin an episode: new settings, `reset`, and no memory of the last one.
+
+        Args:
+            rng: The generator of the environment.
+        """
+        self.reset(self.enter_stage(rng))
+        for meter in self._meters.values():
+            meter.reset()
+        self.state = None
+
+    def look(self) -> None:
+        """Read the state once, after the physics of a control step or of a reset."""
+        before = self.state
+        safety = {
+            role: meter.read(Safety() if before is None else before.safety[role], self.control_dt)
+            for role, meter in self._meters.items()
+        }
+        self.state = self.read(State(self.world.time, safety), before)
 
     @abc.abstractmethod
-    def observables(self, role: str) -> Sequence[Observable]:
+    def read(self, now: State, before: Any) -> State:
+        """Return the task's own state; the only place that asks the engine after the physics.
+
+        What is to be remembered of an episode is carried over from the state before. The scene may answer
+        here, as when food that was eaten is taken away.
+
+        Args:
+            now: What every task reads: `MyState(**vars(now), ...)` takes it over.
+            before: The state before, of the task's own kind; None at the beginning of an episode.
+        """
+
+    @abc.abstractmethod
+    def observables(self, role: str) -> Sequence[Seen]:
         """Return what the agent in `role` sees of the task."""
 
     @abc.abstractmethod
-    def rewards(self, role: str) -> Mapping[str, float]:
+    def rewards(self, role: str, state: Any) -> Mapping[str, Values]:
         """Return the named, weighted reward terms of `role`; their sum is the reward."""
 
-    def metrics(self) -> Mapping[str, float]:
-        """Return what is worth reporting about the episode so far, always under the same names."""
+    def metrics(self, state: Any) -> Mapping[str, Values]:
+        """Return what is worth reporting beside safety, always under the same names."""
         return {}
 
     @abc.abstractmethod
-    def is_success(self) -> bool:
-        """Return whether the goal is reached; the episode then terminates."""
+    def is_success(self, state: Any) -> Values:
+        """Return whether the goal is reached; if nothing failed, the episode ends well."""
 
-    def is_failure(self) -> bool:
-        """Return whether the goal is out of reach or someone was hurt; likewise."""
+    def is_failure(self, state: Any) -> Values:
+        """Return whether the goal is out of reach; too much force on a person is a failure anyway."""
         return False
+
+    def failed(self, state: Any = None) -> Values:
+        """Return whether the episode has failed: `is_failure`, or too much force on a person."""
+        state = self.state if state is None else state
+        return (state.peak_force > self.force_limit) | self.is_failure(state)
+
+    def succeeded(self, state: Any = None) -> Values:
+        """Return whether the goal is reached, and nothing has failed."""
+        state = self.state if state is None else state
+        return where(self.failed(state), False, self.is_success(state))
+
+    def report(self, state: Any = None) -> dict[str, Values]:
+        """Return metrics, those of safety first: of several people the greatest."""
+        state = self.state if state is None else state
+        found = [each.metrics(self.force_limit) for each in state.safety.values()]
+        if len(found) != 1:
+            found = [{key: greatest([each[key] for each in found]) for key in NOBODY}]
+        return {**found[0], **self.metrics(state)}
+
+    @property
+    def force_limit(self) -> float:
+        """Force on a person that ends the episode as a failure [N]."""
+        return self.options.force_limit if isinstance(self.options, TaskOptions) else FORCE_LIMIT
+
+    def for_the_rest(self, state: Any, condition: Values, reward: Values) -> Values:
+        """Return a reward of one control step for all that are left where a condition holds, else 0.
+
+        An episode that ends is so paid, or charged, as if it had gone on.
+        """
+        left = (self.time_limit - state.time) / self.control_dt
+        return where(condition, reward * where(left > 0, left, 0.0), 0.0)
+
+    def contact_force(self) -> Seen:
+        """Return the observable of the force on the person [N], of several the greatest."""
+        return Seen("contact_force", "N", 1, lambda state: state.force)
+
+    def time_left(self) -> Seen:
+        """Return the observable of how long there is still to go [s]."""
+        return Seen("time_left", "s", 1, lambda state: self.time_limit - state.time)
 
     @abc.abstractmethod
     def camera(self) -> Camera:

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import check_name
+
+from .state import Values, clip
 
 FORCE_LIMIT = 20.0  # [N] on a person; comfort ended there for the user of the RCareWorld paper
 
@@ -47,18 +49,17 @@ class TaskOptions:
         if self.weights and self.reward == "paper":
             raise ValueError("the paper's reward has no weights: use them with reward 'shaped'")
         for name in self.weights:
-            if name not in self.SHAPED_WEIGHTS:
-                raise UnknownNameError("term of the shaped reward", name, self.SHAPED_WEIGHTS)
+            check_name("term of the shaped reward", name, self.SHAPED_WEIGHTS)
 
     def weight(self, name: str) -> float:
         """Return the weight of a term of the shaped reward."""
         return self.weights.get(name, self.SHAPED_WEIGHTS[name])
 
-    def weighted(self, terms: Mapping[str, float]) -> dict[str, float]:
+    def weighted(self, terms: Mapping[str, Values]) -> dict[str, Values]:
         """Return terms of the shaped reward times their weights."""
         return {name: self.weight(name) * value for name, value in terms.items()}
 
-    def discomfort(self, force: float, comfort: float) -> float:
+    def discomfort(self, force: Values, comfort: float) -> Values:
         """Return how far a force is from comfortable to the limit, 0 to 1.
 
         Args:
@@ -66,7 +67,4 @@ class TaskOptions:
             comfort: What is comfortable [N]; half the limit if that is less.
         """
         free = min(comfort, 0.5 * self.force_limit)
-        return min(max(force - free, 0.0) / (self.force_limit - free), 1.0)
-
-
-__all__ = ["FORCE_LIMIT", "TaskOptions"]
+        return clip((force - free) / (self.force_limit - free), 0.0, 1.0)

@@ -12,20 +12,20 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from rcare_marl import assets
-from rcare_marl.agents.actuation.drive import ActuationConfig
-from rcare_marl.agents.actuation.muscle_lines import activation_color, show_muscles
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.actuation.drive import ActuationConfig
+from rcare_marl.agents.people.actuation.muscle_lines import activation_color, show_muscles
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
-from rcare_marl.cli.film import Film
-from rcare_marl.envs.devices.wheelchair import Wheelchair
+from rcare_marl.envs.devices import Wheelchair, spawn_fitted
 from rcare_marl.pose import Pose, quaternion_from_rpy
-from rcare_marl.rendering import Camera, make_renderer
+from rcare_marl.rendering import Camera
+from rcare_marl.rendering.film import Film
+from rcare_marl.rendering.portrait import INK, contact_sheet, snapshot
 from rcare_marl.world import World
 
 POSTURES = ("wheelchair", "bed_raised", "bed_supine", "standing")
@@ -41,7 +41,6 @@ BED = (2.0, 0.9, 0.16)  # [m]
 BED_HEIGHT = 0.55
 BACK = ("spine1", "spine2", "spine3", "neck", "head")
 LINEN = (0.86, 0.89, 0.93, 1.0)
-Picture = npt.NDArray[np.uint8]
 
 
 def scene(avatar: str, posture: str, *, muscles: bool) -> tuple[World, Human]:
@@ -51,16 +50,13 @@ def scene(avatar: str, posture: str, *, muscles: bool) -> tuple[World, Human]:
         "person",
         load_avatar(avatar),
         posture=load_posture(posture),
-        actuation=ActuationConfig(kind="muscle" if muscles else "skeletal"),
+        actuation=ActuationConfig(kind="muscle" if muscles else "skeletal", excitation="posture"),
     )
     support, furniture = Pose(), list[Body]()
     if posture == "wheelchair":
         chair = Wheelchair(mounts="none")
-        soles = person.soles(chair.frame("seat_back"))
-        chair.fit_footplates(soles["left"], soles["right"])
-        furniture.append(chair.spawn(world))
-        person.use_arm_rests(*(chair.frame_in_world(f"armrest_{s}") for s in ("left", "right")))
-        support = chair.frame_in_world("seat_back")
+        support = spawn_fitted(chair, person, world)
+        furniture.append(chair.body)
     elif posture.startswith("bed"):
         support = Pose((0.0, 0.0, BED_HEIGHT))
     person.spawn(world, support)
@@ -120,17 +116,15 @@ def act(world: World, person: Human, seconds: float) -> None:
 def sheet(avatars: list[str], file: Path) -> None:
     """Draw each avatar in each posture."""
     size = (270, 246)
-    rows = []
+    pictures, captions = [], []
     for posture in POSTURES:
-        row = []
         for avatar in avatars:
             world, person = scene(avatar, posture, muscles=False)
             view = "side" if posture == "bed_supine" else "between"
-            picture = shot(world, camera(person, view, width=size[0], height=size[1]))
-            row.append(titled(picture, f"{person.avatar.name}, {posture}"))
+            pictures.append(snapshot(world, camera(person, view, width=size[0], height=size[1])))
+            captions.append(f"{person.avatar.name}, {posture}")
             world.close()
-        rows.append(np.hstack(row))
-    save(np.vstack(rows), file)
+    save(contact_sheet(pictures, captions, columns=len(avatars)), file)
 
 
 def muscles(avatar: str, posture: str, file: Path) -> None:
@@ -145,12 +139,13 @@ def muscles(avatar: str, posture: str, file: Path) -> None:
         alpha = np.full((len(skin.colors), 1), round(255 * opacity), np.uint8)
         skin.colors = np.hstack((skin.colors[:, :3], alpha))
         for side in ("front", "side"):
-            columns.append(shot(world, camera(person, side, width=480, height=600)))
+            columns.append(snapshot(world, camera(person, side, width=480, height=600)))
     title = (
         f"{person.avatar.name}: {person.avatar.condition}; reaching, greatest activation {most:.2f}"
     )
-    picture = titled(np.hstack(columns), title)
-    save(with_color_bar(picture), file)
+    picture = contact_sheet([np.hstack(columns)], [title], columns=1)
+    add_color_bar(picture)
+    save(picture, file)
     world.close()
 
 
@@ -161,51 +156,31 @@ def film(avatar: str, posture: str, file: Path) -> None:
     view = camera(person, "between", width=960, height=720)
     writer = Film(file, world, fps=RATE)
     for _ in range(round(FILMED * RATE)):
-        writer.add(view, f"{person.avatar.name}: {person.avatar.condition}",
-                   f"{world.time:.1f} s, greatest activation {drawn.activations().max():.2f}")  # fmt: skip
+        writer.add(
+            view,
+            f"{person.avatar.name}: {person.avatar.condition}",
+            f"{world.time:.1f} s, greatest activation {drawn.activations().max():.2f}",
+        )
         act(world, person, 1 / RATE)
     writer.close()
     world.close()
 
 
-def shot(world: World, view: Camera) -> Picture:
-    """Take one picture."""
-    renderer = make_renderer(world)
-    picture = renderer.render(view)
-    renderer.close()
-    return picture
-
-
-def titled(picture: Picture, text: str) -> Picture:
-    """Write a line of text into the upper left corner."""
-    image = Image.fromarray(picture)
-    ImageDraw.Draw(image).text((8, 6), text, fill=(30, 34, 40), font=_font(13))
-    return np.asarray(image)
-
-
-def with_color_bar(picture: Picture) -> Picture:
+def add_color_bar(image: Image.Image) -> None:
     """Draw what colour stands for what activation into the lower right corner."""
-    image = Image.fromarray(picture)
     bar = np.tile(activation_color(np.linspace(0, 1, 160))[None], (12, 1, 1))
     left, top = image.width - 190, image.height - 24
-    pen = ImageDraw.Draw(image)
+    pen, font = ImageDraw.Draw(image), ImageFont.load_default(14)
     pen.rectangle((left - 20, top - 24, image.width, image.height), fill=(236, 238, 241))
     image.paste(Image.fromarray(bar), (left, top))
     for x, text in ((left - 14, "0"), (left + 168, "1")):
-        pen.text((x, top - 2), text, fill=(30, 34, 40), font=_font(14))
-    pen.text((left + 36, top - 20), "activation", fill=(30, 34, 40), font=_font(14))
-    return np.asarray(image)
+        pen.text((x, top - 2), text, INK, font)
+    pen.text((left + 36, top - 20), "activation", INK, font)
 
 
-def _font(size: int) -> ImageFont.FreeTypeFont:
-    from matplotlib import font_manager
-
-    return ImageFont.truetype(font_manager.findfont("DejaVu Sans"), size)
-
-
-def save(picture: Picture, file: Path) -> None:
+def save(picture: Image.Image, file: Path) -> None:
     """Write a picture, with few colours and so small, and say where."""
-    few = Image.fromarray(picture).quantize(
+    few = picture.quantize(
         256, method=Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE
     )
     few.save(file, optimize=True)

@@ -10,13 +10,24 @@ from pathlib import Path
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.policies.avatar_tree import AvatarBehaviour
-from rcare_marl.agents.policies.tree_picture import TreePicture
+from rcare_marl.agents.people.behaviour.avatar_tree import AvatarBehaviour
+from rcare_marl.agents.people.behaviour.tree_picture import TreePicture
 
 STEPS = 12  # control steps before the picture, so that the colours show a tree at work
-MOVABLE = ["spine1", "spine2", "neck", "head", "jaw_opening", "left_eye_smplhf", "right_eye_smplhf",
-           *(f"{side}_{joint}" for side in ("left", "right")
-             for joint in ("collar", "shoulder", "elbow", "hip", "knee"))]  # fmt: skip
+MOVABLE = [
+    "spine1",
+    "spine2",
+    "neck",
+    "head",
+    "jaw_opening",
+    "left_eye_smplhf",
+    "right_eye_smplhf",
+    *(
+        f"{side}_{joint}"
+        for side in ("left", "right")
+        for joint in ("collar", "shoulder", "elbow", "hip", "knee")
+    ),
+]
 
 
 def draw(avatar: str, out: Path) -> None:

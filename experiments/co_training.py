@@ -37,10 +37,11 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from rcare_marl.baselines.cross_play import cross_play
-from rcare_marl.baselines.evaluate import evaluate, versions
+from rcare_marl.baselines.evaluation.cross_play import cross_play
+from rcare_marl.baselines.evaluation.evaluate import evaluate
 from rcare_marl.baselines.partners import Partner, learned_partner, partner_zoo
 from rcare_marl.config import read_yaml
+from rcare_marl.provenance import versions
 
 CONFIGS = Path(__file__).resolve().parent / "configs" / "co_training"
 SCENARIOS = {
@@ -189,9 +190,13 @@ def recipients(out: Path) -> list[Partner]:
 def through_muscles() -> Partner:
     """Return the partner of scenario b."""
     (found,) = partner_zoo(
-        TASK, ROLE, avatars=[DEFAULT], temperaments=["cooperative"], learned=(),
+        TASK,
+        ROLE,
+        avatars=[DEFAULT],
+        temperaments=["cooperative"],
+        learned=(),
         entry={"actuation": "muscle", "excitation": "group"},
-    )  # fmt: skip
+    )
     return dataclasses.replace(found, name=f"{DEFAULT}_muscles")
 
 
@@ -204,15 +209,14 @@ def play_all(out: Path, processes: int, episodes: int) -> None:
     own = {}
     for name in policies:
         partner = {
-            "a": f"{DEFAULT}_cooperative", "b": f"{DEFAULT}_muscles", "c": f"{name}_recipient",
+            "a": f"{DEFAULT}_cooperative",
+            "b": f"{DEFAULT}_muscles",
+            "c": f"{name}_recipient",
             "p": f"{DEFAULT}_cooperative",
-        }.get(name.split("_")[0])  # fmt: skip
+        }.get(name.split("_")[0])
         if partner in known:
             own[name] = [partner]
-    found = cross_play(TASK, policies, partners, episodes=episodes, own=own, processes=processes,
-                       options=OPTIONS)  # fmt: skip
-    found.save(_folder(out, "records") / "cross_play.json")
-    _say(found.table())
+    _meet(policies, partners, own, out / "records" / "cross_play.json", processes, episodes)
 
 
 def leave_one_out(out: Path, processes: int, episodes: int) -> None:
@@ -223,9 +227,23 @@ def leave_one_out(out: Path, processes: int, episodes: int) -> None:
     for name in robots(out, "without_", "a_"):
         met = [DEFAULT] if name.startswith("a_") else [a for a in AVATARS if a not in name]
         own[name] = [f"{avatar}_cooperative" for avatar in met]
-    found = cross_play(TASK, policies, zoo, episodes=episodes, own=own, processes=processes,
-                       options=OPTIONS)  # fmt: skip
-    found.save(_folder(out, "records") / "leave_one_out.json")
+    _meet(policies, zoo, own, out / "records" / "leave_one_out.json", processes, episodes)
+
+
+def _meet(
+    policies: Mapping[str, str],
+    partners: Sequence[Partner],
+    own: Mapping[str, Sequence[str]],
+    file: Path,
+    processes: int,
+    episodes: int,
+) -> None:
+    """Let all policies meet all partners; `own` are those of their training."""
+    found = cross_play(
+        TASK, policies, partners, episodes=episodes, own=own, processes=processes, options=OPTIONS
+    )
+    file.parent.mkdir(parents=True, exist_ok=True)
+    found.save(file)
     _say(found.table())
 
 
@@ -259,11 +277,6 @@ def _dress(job: tuple[dict[str, Any], dict[str, str], int]) -> dict[str, Any]:
     }
 
 
-def _folder(out: Path, name: str) -> Path:
-    (out / name).mkdir(parents=True, exist_ok=True)
-    return out / name
-
-
 def _write(path: Path, record: Mapping[str, Any]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
@@ -281,16 +294,7 @@ def main() -> None:
     )
     parser.add_argument(
         "command",
-        choices=[
-            "all",
-            "train",
-            "train-all",
-            "evaluate",
-            "cross-play",
-            "leave-one-out",
-            "dressing",
-            "report",
-        ],
+        choices="all train train-all evaluate cross-play leave-one-out dressing report".split(),
         help="what to do; all is train-all and evaluate, which is the next three",
     )
     parser.add_argument("--scenario", action="append", default=[], help="of the trainings; all")

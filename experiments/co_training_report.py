@@ -10,18 +10,19 @@ import csv
 import json
 import re
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from rcare_marl.baselines.cross_play import CrossPlay
+from rcare_marl.baselines.evaluation.cross_play import CrossPlay
+from rcare_marl.baselines.evaluation.episode_figure import style
+from rcare_marl.baselines.evaluation.statistic import hierarchical_interval
 from rcare_marl.baselines.partners import TEMPERAMENTS
-from rcare_marl.baselines.statistic import hierarchical_interval
+from rcare_marl.console import markdown_table
 
 Array = npt.NDArray[np.float64]
 
@@ -91,11 +92,6 @@ def _fill_in(page: Path, parts: Mapping[str, str]) -> None:
     page.write_text(text, encoding="utf-8")
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
-
-
 def _trainings(out: Path) -> str:
     """Return what was trained, how long, and how well it does with its own partner."""
     rows = []
@@ -104,10 +100,16 @@ def _trainings(out: Path) -> str:
         letter = record["run"].split("_")[0]
         who = "robot; tree of five avatars" if letter == "without" else WHO[letter]
         config = record["config"]
-        rows.append((
-            record["run"], who, config["algo"].upper(), f"{record['steps']:,}",
-            f"{record['minutes']:.1f}", f"{100 * record['success']:.0f}",
-        ))  # fmt: skip
+        rows.append(
+            (
+                record["run"],
+                who,
+                config["algo"].upper(),
+                f"{record['steps']:,}",
+                f"{record['minutes']:.1f}",
+                f"{100 * record['success']:.0f}",
+            )
+        )
     head = (
         "training",
         "who learns; with whom",
@@ -116,7 +118,7 @@ def _trainings(out: Path) -> str:
         "minutes",
         "success at its best [%]",
     )
-    return _table(head, rows)
+    return markdown_table(head, rows)
 
 
 def _runs(found: CrossPlay, letter: str) -> list[str]:
@@ -160,20 +162,26 @@ def _cell(found: CrossPlay, pairs: Mapping[str, Sequence[str]]) -> str:
 
 def _two_by_two(found: CrossPlay, learned: Sequence[str], unseen: Sequence[str]) -> str:
     rows = []
-    kinds = {"a": "(a) learned with the tree", "b": "(b) with the tree through muscles",
-             "c": "(c) learned together", "p": "(p) with a population"}  # fmt: skip
+    kinds = {
+        "a": "(a) learned with the tree",
+        "b": "(b) with the tree through muscles",
+        "c": "(c) learned together",
+        "p": "(p) with a population",
+    }
     robots = {title: _runs(found, letter) for letter, title in kinds.items()}
     for title, names in {**robots, "scripted": ["scripted"]}.items():
         own = {name: found.own.get(name, ()) for name in names}
-        rows.append((
-            title,
-            _cell(found, {name: [TREE] for name in names}),
-            _cell(found, {name: [q for q in learned if q in own[name]] for name in names}),
-            _cell(found, {name: [q for q in learned if q not in own[name]] for name in names}),
-            _cell(found, {name: unseen for name in names}),
-        ))  # fmt: skip
+        rows.append(
+            (
+                title,
+                _cell(found, {name: [TREE] for name in names}),
+                _cell(found, {name: [q for q in learned if q in own[name]] for name in names}),
+                _cell(found, {name: [q for q in learned if q not in own[name]] for name in names}),
+                _cell(found, {name: unseen for name in names}),
+            )
+        )
     head = ("robot", "the tree", "its own learner", "learners of (c) it never met", "zoo, unseen")
-    return _table(head, rows)
+    return markdown_table(head, rows)
 
 
 def _verdict(found: CrossPlay, unseen: Sequence[str], new: str) -> str:
@@ -245,7 +253,7 @@ def _by_temperament(found: CrossPlay, zoo: Sequence[str]) -> str:
             muscles = found.select([name], [THROUGH_MUSCLES])
             cells.append(f"{100 * muscles.success.mean():.0f}")
         rows.append(cells)
-    return _table(("robot", *TEMPERAMENTS, "tree through muscles"), rows)
+    return markdown_table(("robot", *TEMPERAMENTS, "tree through muscles"), rows)
 
 
 def _held_out(found: CrossPlay) -> str:
@@ -278,28 +286,39 @@ def _held_out(found: CrossPlay) -> str:
         *(f"{t}, cooperative" for t in titles),
         *(f"{t}, all four" for t in titles),
     ]
-    return _table(head, [*rows, mean])
+    return markdown_table(head, [*rows, mean])
 
 
 def _dressing(record: Mapping[str, Any]) -> str:
     rows = [
         (
-            f"d_{row['seed']}", row["robot"], row["recipient"], row["caregiver"],
+            f"d_{row['seed']}",
+            row["robot"],
+            row["recipient"],
+            row["caregiver"],
             f"{row['successes']} of {row['episodes']}",
-            f"{row['peak_force_n']:.1f}", f"{row['steps_mean']:.0f}", f"{row['return']:.1f}",
+            f"{row['peak_force_n']:.1f}",
+            f"{row['steps_mean']:.0f}",
+            f"{row['return']:.1f}",
         )
         for row in record["rows"]
-    ]  # fmt: skip
+    ]
     head = (
-        "training", "robot", "recipient", "caregiver", "success", "greatest force [N]", "steps", "return"
-    )  # fmt: skip
-    return _table(head, rows)
+        "training",
+        "robot",
+        "recipient",
+        "caregiver",
+        "success",
+        "greatest force [N]",
+        "steps",
+        "return",
+    )
+    return markdown_table(head, rows)
 
 
 def _draw_curves(out: Path) -> None:
     """Draw the success of a, b, c, p and m in training over environment steps."""
     figure = Figure(figsize=(7.2, 3.2), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
     axis = figure.subplots()
     labelled: set[str] = set()
     for file in sorted((out / "curves").glob("*.csv")):
@@ -318,8 +337,7 @@ def _draw_curves(out: Path) -> None:
     axis.set_xlabel("control steps of all environments together [thousand]")
     axis.set_ylabel("success with its partner [%]")
     axis.set_ylim(-3, 103)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.grid(color="0.92", linewidth=0.6)
+    style(axis)
     if labelled:
         axis.legend(fontsize=8, frameon=False)
     figure.savefig(out / f"{CURVES}.png")

@@ -21,23 +21,24 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.body.skeleton import DOFS
-from rcare_marl.agents.coaching.band_pose import BandPose, Layout
-from rcare_marl.agents.coaching.camera_source import CameraReading, CameraSource, resting
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.agents.coaching.imitation import Imitation
-from rcare_marl.agents.coaching.joints_source import TO_BODY
-from rcare_marl.agents.coaching.marker_band import SEGMENTS, band_set
-from rcare_marl.agents.coaching.recogniser import Frame, Repetition
-from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
+from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.sources.band_pose import BandPose, Layout
+from rcare_marl.agents.coaching.sources.camera_source import CameraReading, CameraSource, resting
+from rcare_marl.agents.coaching.sources.joints_source import TO_BODY
+from rcare_marl.agents.coaching.sources.marker_band import SEGMENTS, band_set
+from rcare_marl.agents.coaching.sources.worn_band import segment_on_link, wear
 from rcare_marl.agents.coaching.upper_body import ARM, SIDES, SIGN, UpperBody, directions, turn_y
-from rcare_marl.agents.coaching.worn_band import segment_on_link, wear
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot, load_robot
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.body.skeleton import DOFS
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.agents.sensing.camera import CameraSensor
 from rcare_marl.agents.sensing.suite import SensorSuite
-from rcare_marl.envs.devices.wheelchair import Wheelchair
+from rcare_marl.envs.devices import Wheelchair
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.rendering import Camera, make_renderer
 from rcare_marl.world import World
@@ -50,7 +51,7 @@ MOUNTS = {"nao": (1.45, 0.72 + 0.3189, 0.08), "pepper": (1.55, 0.0, 0.05)}
 COLUMNS = ("left arm", "right arm", "head", "trunk", "elbows", "rotations", "pronations")
 
 
-class Stage:
+class Scene:
     """A person with bands in a wheelchair, and a robot that looks at them."""
 
     def __init__(self, options: argparse.Namespace) -> None:
@@ -133,17 +134,17 @@ class Stage:
 class Session:
     """Exercises before the camera, one after another."""
 
-    def __init__(self, stage: Stage, options: argparse.Namespace) -> None:
+    def __init__(self, scene: Scene, options: argparse.Namespace) -> None:
         """Calibrate: one second of sitting still."""
-        self._stage, self._rate, self._out = stage, options.rate, options.out
+        self._scene, self._rate, self._out = scene, options.rate, options.out
         self._source = CameraSource(
-            bands=stage.bands,
-            height=stage.person.avatar.height_m if options.told else None,
-            recline=math.radians(stage.person.posture.recline_deg),
+            bands=scene.bands,
+            height=scene.person.avatar.height_m if options.told else None,
+            recline=math.radians(scene.person.posture.recline_deg),
         )
         self._time = 0.0
         self.spent: list[tuple[float, float]] = []
-        stage.put(resting())
+        scene.put(resting())
         for _ in range(math.ceil(1.2 * self._rate) + 1):
             self._watch()
         if self._source.height is None:
@@ -151,7 +152,7 @@ class Session:
         self.height = self._source.height
 
     def _watch(self) -> Frame | None:
-        reading = self._stage.shoot()
+        reading = self._scene.shoot()
         begun = time.thread_time()
         seen = self._source.find(reading)
         found = time.thread_time()
@@ -170,7 +171,7 @@ class Session:
         rest = exercise.keys[0]
         first = exercise.poses[0].move_s
         for k in np.arange(-0.6, exercise.duration + 2.5, 1 / self._rate):
-            true = self._stage.put(rest + share * (exercise.angles(k) - rest))
+            true = self._scene.put(rest + share * (exercise.angles(k) - rest))
             frame = self._watch()
             if frame is not None:
                 judged = rules.update(frame).finished or judged
@@ -231,7 +232,7 @@ def main() -> None:
     parser.add_argument("--out", help="folder for pictures")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    session = Session(Stage(options), options)
+    session = Session(Scene(options), options)
     print(f"stature told {session.height:.2f} m; errors: median / 95 % [deg] (known [%])")
     print(f"| exercise | {' | '.join(COLUMNS)} | cards | right one | half range |")
     for exercise in load_exercises(options.exercises):

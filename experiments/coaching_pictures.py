@@ -8,23 +8,21 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from PIL import Image
 
 import rcare_marl
 from rcare_marl.agents.coaching.session import SPEECH
-from rcare_marl.agents.policies.tree_picture import TreePicture
+from rcare_marl.agents.people.behaviour.tree_picture import TreePicture
 from rcare_marl.baselines.scripted.social_coaching import ScriptedCoaching
-from rcare_marl.cli.film import Film
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.coaching.coaching_task import CoachingTask
 from rcare_marl.envs.tasks.group_coaching import RECIPIENTS
 from rcare_marl.envs.tasks.social_coaching import SocialCoaching
-from rcare_marl.rendering import Camera, make_renderer
+from rcare_marl.rendering.film import Film
+from rcare_marl.rendering.portrait import Picture, contact_sheet, snapshot
 
 SIZE = (480, 360)  # [pixel] of a picture
 QUALITY, ENOUGH = 86, 0.9  # of the way through a repetition, when its picture is taken
@@ -51,21 +49,18 @@ def draw(recipient: str, robot: str, out: Path, seed: int) -> None:
     task, coach = env.task, env.policies["robot"]
     assert isinstance(task, SocialCoaching) and isinstance(coach, ScriptedCoaching)
     env.reset(seed=seed)
-    renderer = make_renderer(env.world)
-    sharp = sharpened(task)
-    shots: dict[int, Image.Image] = {}
+    shots: dict[int, Picture] = {}
     while not env.is_over:
         env.step({})
         lesson = task.session
         judged = lesson.judgement
         if judged.following and judged.progress > ENOUGH and lesson.index not in shots:
-            picture = Image.fromarray(renderer.render(sharp))
-            shots[lesson.index] = picture.resize(SIZE, Image.Resampling.LANCZOS)
+            shots[lesson.index] = snapshot(env.world, task.view(), SIZE)
             if len(shots) == 1:
                 tree = TreePicture(coach.tree.root, title=f"The coach of {recipient}")
                 tree.save(out / "coaching_tree.png")
-    sheet = np.hstack([np.asarray(shots[k]) for k in sorted(shots)])
-    Image.fromarray(sheet).save(out / "coaching.jpg", quality=QUALITY)
+    pictures = [shots[k] for k in sorted(shots)]
+    contact_sheet(pictures, columns=len(shots)).save(out / "coaching.jpg", quality=QUALITY)
     env.close()
 
 
@@ -75,19 +70,11 @@ def draw_group(robot: str, out: Path, seed: int) -> None:
     task = env.task
     assert isinstance(task, CoachingTask)
     env.reset(seed=seed)
-    renderer = make_renderer(env.world)
     while not env.is_over and task.session.judgement.progress < TOGETHER:
         env.step({})
-    picture = Image.fromarray(renderer.render(sharpened(task)))
-    picture.resize((2 * SIZE[0], 2 * SIZE[1]), Image.Resampling.LANCZOS).save(
-        out / "group_coaching.jpg", quality=QUALITY
-    )
+    picture = snapshot(env.world, task.view(), (2 * SIZE[0], 2 * SIZE[1]))
+    Image.fromarray(picture).save(out / "group_coaching.jpg", quality=QUALITY)
     env.close()
-
-
-def sharpened(task: CoachingTask) -> Camera:
-    """Return the view of a task, larger than it is shown."""
-    return replace(task.view(), width=2 * SIZE[0], height=2 * SIZE[1])
 
 
 def film(path: Path, robot: str, seed: int, repetitions: int, *recipients: str) -> None:
@@ -103,7 +90,7 @@ def film(path: Path, robot: str, seed: int, repetitions: int, *recipients: str) 
         env.step({})
         if len(task.body.said) > sentences:
             sentences, begun = len(task.body.said), env.world.time
-        metrics, is_followed = task.metrics(), task.session.judgement.following
+        metrics, is_followed = task.report(), task.session.judgement.following
         said = ""
         if task.demonstration.is_speaking:
             said = line(task.body.said[-1], int((env.world.time - begun) / SPEECH))
@@ -113,7 +100,7 @@ def film(path: Path, robot: str, seed: int, repetitions: int, *recipients: str) 
         movie.add(task.view(), said, count, good=is_followed or None)
     movie.hold()
     movie.close()
-    print(f"{path}: {env.world.time:.0f} s, {'done' if task.is_success() else 'not done'}")
+    print(f"{path}: {env.world.time:.0f} s, {'done' if task.succeeded() else 'not done'}")
     env.close()
 
 

@@ -12,12 +12,10 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
 from rcare_marl.envs.devices import (
     CeilingLift,
@@ -25,22 +23,21 @@ from rcare_marl.envs.devices import (
     HospitalBed,
     ManualWheelchair,
     PlatformLift,
-    SlideBoard,
     TransferBench,
     device_kinds,
+    make_device,
+    spawn_fitted,
 )
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import check_name
 from rcare_marl.pose import Pose
-from rcare_marl.rendering import Camera, make_renderer
+from rcare_marl.rendering.portrait import contact_sheet, portrait
 from rcare_marl.world import World
 
 SIZE = (480, 440)  # [pixel]
-BAND, COLUMNS, QUALITY = 40, 4, 86
-FOV, MARGIN = 28.0, 0.95  # [deg], share of the picture
+COLUMNS, QUALITY = 4, 86
 CEILING = 2.4  # [m]
 SETTLE, SPREAD = 0.5, 3.0  # [s] of physics, and while legs of a lift spread
 WHITE, LINEN = (0.93, 0.94, 0.95, 1.0), (0.80, 0.84, 0.88, 1.0)
-Picture = npt.NDArray[np.uint8]
 Scene = tuple[World, list[Body], tuple[float, float, float]]  # bodies to see, way to the camera
 
 
@@ -76,11 +73,7 @@ def settle(world: World, seconds: float = SETTLE) -> None:
 def seat_in_chair(world: World, chair: ManualWheelchair, avatar: str, at: Pose) -> Human:
     """Spawn a chair whose footrests and armrests fit somebody, and seat them."""
     person = someone(avatar, "wheelchair")
-    soles = person.soles(chair.frame("seat_back"))
-    chair.fit_footplates(soles["left"], soles["right"])
-    chair.spawn(world, at)
-    person.use_arm_rests(*(chair.frame_in_world(f"armrest_{s}") for s in ("left", "right")))
-    person.spawn(world, chair.frame_in_world("seat_back"))
+    person.spawn(world, spawn_fitted(chair, person, world, at))
     chair.carry(person)
     chair.brake(True)
     return person
@@ -119,10 +112,12 @@ def transfer_bench() -> Scene:
     tub = [
         world.add_box(size, Pose(at), name="tub", rgba=WHITE)
         for size, at in (
-            ((1.5, 0.03, 0.4), (0.1, 0.1, 0.2)), ((1.5, 0.03, 0.4), (0.1, 0.75, 0.2)),
-            ((0.03, 0.65, 0.4), (-0.65, 0.425, 0.2)), ((0.03, 0.65, 0.4), (0.85, 0.425, 0.2)),
+            ((1.5, 0.03, 0.4), (0.1, 0.1, 0.2)),
+            ((1.5, 0.03, 0.4), (0.1, 0.75, 0.2)),
+            ((0.03, 0.65, 0.4), (-0.65, 0.425, 0.2)),
+            ((0.03, 0.65, 0.4), (0.85, 0.425, 0.2)),
         )
-    ]  # fmt: skip
+    ]
     person = someone("kim", "bench")
     soles = person.soles(bench.frame("seat_back"))
     bench.fit_legs(soles["left"], soles["right"])
@@ -134,13 +129,13 @@ def transfer_bench() -> Scene:
 
 def slide_board() -> Scene:
     """Somebody sits on a board between a bed and a seat."""
-    world, board, height = World(), SlideBoard(), 0.5
+    world, board, height = World(), make_device("slide_board"), 0.5
     person = someone("daniel", "bench")
     seats = []
     for x, size, rgba in ((-0.75, 1.0, LINEN), (0.52, 0.5, (0.30, 0.42, 0.55, 1.0))):
         at = Pose((-0.12, x, 0.5 * height))
         seats.append(world.add_box((0.55, size, height), at, name="seat", rgba=rgba))
-    thickness = board.config.thickness
+    thickness = board.model.figure("thickness")
     turn = (0.0, 0.0, math.sin(math.pi / 4), math.cos(math.pi / 4))
     board.spawn(world, Pose((0.0, 0.0, height + thickness), turn))
     middle = Pose((-0.17, -0.1, height + thickness))
@@ -175,61 +170,26 @@ def platform_lift() -> Scene:
 SCENES: dict[str, Callable[[], Scene]] = {
     scene.__name__: scene
     for scene in (
-        hoyer_lift_sling, hoyer_lift_transfer, ceiling_lift, manual_wheelchair, transfer_bench,
-        slide_board, hospital_bed, platform_lift,
+        hoyer_lift_sling,
+        hoyer_lift_transfer,
+        ceiling_lift,
+        manual_wheelchair,
+        transfer_bench,
+        slide_board,
+        hospital_bed,
+        platform_lift,
     )
-}  # fmt: skip
-
-
-def portrait(scene: Scene, size: tuple[int, int] = SIZE) -> Picture:
-    """Return a picture in which the bodies of a scene just fit, shape [height, width, 3]."""
-    world, bodies, way = scene
-    corners = []
-    for body in bodies:
-        low, high = body.bounds()
-        corners += [[(low, high)[k >> i & 1][i] for i in range(3)] for k in range(8)]
-    points = np.array(corners)
-    points[:, 2] = np.maximum(points[:, 2], 0.0)
-    back = np.array(way) / np.linalg.norm(way)
-    right = np.cross((0.0, 0.0, 1.0), back)
-    right /= np.linalg.norm(right)
-    axes = np.stack((right, np.cross(back, right), back), axis=1)
-    tall = math.tan(math.radians(FOV / 2))
-    # Twice, since what is near looks larger: first the middle of the picture, then the distance.
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    for _ in range(4):
-        seen = (points - middle) @ axes
-        need = np.maximum(
-            np.abs(seen[:, 0]) / (tall * size[0] / size[1]), np.abs(seen[:, 1]) / tall
-        )
-        far = float((need + seen[:, 2]).max())
-        flat = seen[:, :2] / (far - seen[:, 2:])
-        shift = 0.5 * far * (flat.min(axis=0) + flat.max(axis=0))
-        middle = middle + axes[:, :2] @ shift
-    eye = middle + far / MARGIN * back
-    camera = Camera(
-        eye=tuple(eye.tolist()), target=tuple(middle.tolist()), fov_deg=FOV, width=size[0],
-        height=size[1],
-    )  # fmt: skip
-    renderer = make_renderer(world)
-    picture = renderer.render(camera)
-    renderer.close()
-    return picture
+}
 
 
 def sheet(names: Sequence[str]) -> Image.Image:
     """Return the pictures of devices in rows, each with its name."""
-    columns = min(COLUMNS, len(names))
-    wide, tall = SIZE[0], SIZE[1] + BAND
-    out = Image.new("RGB", (columns * wide, math.ceil(len(names) / columns) * tall), "white")
-    pen, font = ImageDraw.Draw(out), ImageFont.load_default(22)
-    for k, name in enumerate(names):
-        scene = SCENES[name]()
-        x, y = k % columns * wide, k // columns * tall
-        out.paste(Image.fromarray(portrait(scene)), (x, y))
-        pen.text((x + 14, y + SIZE[1] + 7), name, (28, 32, 38), font)
-        scene[0].close()
-    return out
+    pictures = []
+    for name in names:
+        world, bodies, direction = SCENES[name]()
+        pictures.append(portrait(world, bodies, direction, SIZE))
+        world.close()
+    return contact_sheet(pictures, names, columns=COLUMNS)
 
 
 def main() -> None:
@@ -239,8 +199,7 @@ def main() -> None:
     parser.add_argument("--device", nargs="*", default=list(device_kinds()))
     chosen = parser.parse_args()
     for name in chosen.device:
-        if name not in SCENES:
-            raise UnknownNameError("device", name, SCENES)
+        check_name("device", name, SCENES)
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
     sheet(chosen.device).save(chosen.out, quality=QUALITY, optimize=True)
 

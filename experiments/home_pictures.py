@@ -15,20 +15,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 import rcare_marl
 from rcare_marl import CareHome
-from rcare_marl.cli.floor_plan import FLOORS, INK, LEVELS, MARGIN, ROUTE, draw, extent
-from rcare_marl.cli.home_picture import perspective, room_perspective
-from rcare_marl.envs.homes.route import Route
-
-Picture = npt.NDArray[np.uint8]
+from rcare_marl.envs.homes import Route, floor_plan, home_picture
+from rcare_marl.rendering.portrait import contact_sheet
 
 HOUSE = "house_07"  # that is shown from above
 BATHROOM = ("house_11", "bathroom_2", ("w", "e", "n"))  # house, room, where from at each level
@@ -46,32 +40,30 @@ PIXELS = 24  # a metre of plan
 GAP, TITLE = 1.6, 3.0  # [m] between plans, and of the title over each
 TOP = 4.0  # [m] of the line over all plans
 TILE = (640, 480)  # [pixel]
-FONT = "DejaVuSans.ttf"  # comes with matplotlib
 
 
 def plans(level: int = 3) -> Image.Image:
     """Return the floor plans of all houses on one sheet."""
     homes = [CareHome.load(name, level=level) for name in rcare_marl.home_names()]
     rows = _rows(homes)
-    heights = [TITLE + max(extent(home).depth for home in row) + GAP for row in rows]
+    heights = [TITLE + max(floor_plan.extent(home).depth for home in row) + GAP for row in rows]
     total = TOP + sum(heights)
     inch = PIXELS / 100
     sheet = Figure(figsize=(SHEET * inch, total * inch), dpi=100)
-    FigureCanvasAgg(sheet)
     points = 72 * inch  # of a metre
     y = total - TOP
     for row, height in zip(rows, heights, strict=True):
-        spare = SHEET - sum(extent(home).width for home in row)
+        spare = SHEET - sum(floor_plan.extent(home).width for home in row)
         x = 0.0
         for home in row:
             x += spare / (len(row) + 1)
-            bounds = extent(home)
+            bounds = floor_plan.extent(home)
             low = y - TITLE - bounds.depth
             axes = sheet.add_axes(
                 (x / SHEET, low / total, bounds.width / SHEET, bounds.depth / total)
             )
-            draw(axes, home, labels="kinds", routes=_ways(home), weight=0.11 * points)
-            _title(sheet, home, x + MARGIN, y - TITLE, total, points)
+            floor_plan.draw(axes, home, labels="kinds", routes=_ways(home), weight=0.11 * points)
+            _title(sheet, home, x + floor_plan.MARGIN, y - TITLE, total, points)
             x += bounds.width
         y -= height
     _legend(sheet, level, total, points)
@@ -84,7 +76,7 @@ def _rows(homes: Sequence[CareHome]) -> list[list[CareHome]]:
     """Return the homes in their order, in rows as long as the sheet is wide."""
     rows: list[list[CareHome]] = [[]]
     for home in homes:
-        width = sum(extent(h).width + GAP for h in (*rows[-1], home)) + GAP
+        width = sum(floor_plan.extent(h).width + GAP for h in (*rows[-1], home)) + GAP
         if rows[-1] and width > SHEET:
             rows.append([])
         rows[-1].append(home)
@@ -107,7 +99,12 @@ def _title(sheet: Figure, home: CareHome, x: float, y: float, total: float, poin
         (home.plan.title, 0.35, 0.8, "normal"),
     ):
         sheet.text(
-            x / SHEET, (y + up) / total, text, fontsize=size * points, color=INK, weight=weight
+            x / SHEET,
+            (y + up) / total,
+            text,
+            fontsize=size * points,
+            color=floor_plan.INK,
+            weight=weight,
         )
 
 
@@ -116,15 +113,18 @@ def _legend(sheet: Figure, level: int, total: float, points: float) -> None:
     axes.set_xlim(0, SHEET)
     axes.set_ylim(0, TOP)
     axes.axis("off")
-    style: dict[str, Any] = {"color": INK, "va": "center"}
-    title = f"Sixteen houses at level {level}, {LEVELS[level]}"
+    style: dict[str, Any] = {"color": floor_plan.INK, "va": "center"}
+    title = f"Sixteen houses at level {level}, {floor_plan.LEVELS[level]}"
     axes.text(1.6, 2.2, title, fontsize=1.5 * points, **style)
     x = 38.5
-    for kind, color in FLOORS.items():
+    for kind, color in floor_plan.FLOORS.items():
         axes.add_patch(Rectangle((x, 1.8), 0.8, 0.8, fc=color, ec="#b9bec6", lw=0.5))
         axes.text(x + 1.1, 2.2, kind, fontsize=0.85 * points, **style)
         x += 2.1 + 0.58 * len(kind)
-    for length, color, text in ((1.5, ROUTE, "wheelchair"), (5.0, INK, "5 m")):
+    for length, color, text in (
+        (1.5, floor_plan.ROUTE, "wheelchair"),
+        (5.0, floor_plan.INK, "5 m"),
+    ):
         axes.plot((x, x + length), (2.2, 2.2), color=color, lw=0.12 * points)
         axes.text(x + length + 0.4, 2.2, text, fontsize=0.85 * points, **style)
         x += length + 1.4 + 0.58 * len(text)
@@ -133,12 +133,13 @@ def _legend(sheet: Figure, level: int, total: float, points: float) -> None:
 def levels(house: str, room: str, views: Sequence[str]) -> Image.Image:
     """Return one room at the three levels side by side, with captions."""
     pictures = [
-        room_perspective(
+        home_picture.room_perspective(
             CareHome.load(house, level=level), room, width=TILE[0], height=TILE[1], view=view
         )
-        for level, view in zip(LEVELS, views, strict=True)
+        for level, view in zip(floor_plan.LEVELS, views, strict=True)
     ]
-    return tiled(pictures, [f"level {k}: {v}" for k, v in LEVELS.items()], columns=3)
+    captions = [f"level {k}: {v}" for k, v in floor_plan.LEVELS.items()]
+    return contact_sheet(pictures, captions, columns=3, gap=8)
 
 
 def rooms() -> Image.Image:
@@ -146,35 +147,15 @@ def rooms() -> Image.Image:
     pictures, captions = [], []
     for house, level, room in ROOMS:
         home = CareHome.load(house, level=level)
-        pictures.append(room_perspective(home, room, width=TILE[0], height=TILE[1]))
+        pictures.append(home_picture.room_perspective(home, room, width=TILE[0], height=TILE[1]))
         captions.append(f"{house}, {room.replace('_', ' ')}, level {level}")
-    return tiled(pictures, captions, columns=3)
-
-
-def tiled(pictures: Sequence[Picture], captions: Sequence[str], *, columns: int) -> Image.Image:
-    """Return pictures of one size in rows, each with a line of text under it."""
-    (wide, high), line, gap = TILE, 40, 8
-    count = -(-len(pictures) // columns)
-    sheet = Image.new("RGB", (columns * (wide + gap) - gap, count * (high + line)), (255, 255, 255))
-    pen = ImageDraw.Draw(sheet)
-    font = ImageFont.truetype(_font(), 24)
-    for i, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
-        x, y = (i % columns) * (wide + gap), (i // columns) * (high + line)
-        sheet.paste(Image.fromarray(picture), (x, y))
-        pen.text((x + wide / 2, y + high + line / 2), caption, INK, font=font, anchor="mm")
-    return sheet
-
-
-def _font() -> str:
-    from matplotlib import get_data_path
-
-    return str(Path(get_data_path()) / "fonts" / "ttf" / FONT)
+    return contact_sheet(pictures, captions, columns=3, gap=8)
 
 
 def house() -> Image.Image:
     """Return a house from above."""
     home = CareHome.load(HOUSE, level=3)
-    return Image.fromarray(perspective(home, width=1600, height=950))
+    return Image.fromarray(home_picture.perspective(home, width=1600, height=950))
 
 
 PICTURES: dict[str, Callable[[], Image.Image]] = {

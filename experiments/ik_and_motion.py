@@ -16,48 +16,44 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
-from rich.console import Console
-from rich.table import Table
 
-from rcare_marl.agents.avatar import body_model, body_segments, load_avatar, load_posture
-from rcare_marl.agents.body.goal import Gaze, Goal, Orientation, Position
-from rcare_marl.agents.body.ik import WholeBodyIk, reach
-from rcare_marl.agents.body.skeleton import DOF_INDEX, JOINT_INDEX, forward_kinematics
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.motion.caregiving import Caregiving
-from rcare_marl.agents.motion.playback import Puppet
-from rcare_marl.agents.motion.walk import LEGS, Walk
-from rcare_marl.cli.film import Film
-from rcare_marl.envs.devices.wheelchair import Wheelchair
+from rcare_marl.agents.people.avatar import body_model, body_segments, load_avatar, load_posture
+from rcare_marl.agents.people.body.goal import Gaze, Goal, Orientation, Position
+from rcare_marl.agents.people.body.ik import WholeBodyIk, reach
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, JOINT_INDEX, forward_kinematics
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.motion.caregiving import Caregiving
+from rcare_marl.agents.people.motion.gait import LEGS
+from rcare_marl.console import console, table
+from rcare_marl.envs.devices import Wheelchair, spawn_fitted
 from rcare_marl.pose import Pose, quaternion_from_matrix, quaternion_from_rpy
 from rcare_marl.rendering import Camera, make_renderer
+from rcare_marl.rendering.film import Film
+from rcare_marl.rendering.portrait import contact_sheet, snapshot
 from rcare_marl.world import World
 
 GOALS = 200
 CONTROL_STEPS = 24  # physics steps to a control step
 ARM = ("collar", "shoulder", "elbow", "wrist")
 HELPER_DOFS = (
-    *LEGS, "spine1", "spine2", "spine3", "right_collar", "right_shoulder", "right_elbow",
-    "right_wrist", "left_shoulder", "left_elbow", "neck", "head",
-)  # fmt: skip
+    *(*LEGS, "spine1", "spine2", "spine3", "neck", "head", "left_shoulder", "left_elbow"),
+    *("right_collar", "right_shoulder", "right_elbow", "right_wrist"),
+)
 LIFT = 0.15  # [m]
 
-Picture = npt.NDArray[np.uint8]
 
-
-def measure(console: Console) -> None:
+def measure() -> None:
     """Print how many random reachable wrist goals are met, and how fast."""
-    table = Table(title=f"{GOALS} random wrist poses within the active range, from standing")
-    for column in ("avatar", "joints", "met", "memetic", "median [ms]", "95 % [ms]", "median [mm]"):
-        table.add_column(column)
+    columns = ("avatar", "joints", "met", "memetic", "median [ms]", "95 % [ms]", "median [mm]")
+    rows = []
     for name in ("caregiver", "karan"):
         for side in ("left", "right"):
             for trunk in ((), ("spine1", "spine2", "spine3")):
                 joints = (*trunk, *(f"{side}_{joint}" for joint in ARM))
-                row = _measured(name, side, joints)
-                table.add_row(name, f"{side} arm" + (" and trunk" if trunk else ""), *row)
-    console.print(table)
+                arm = f"{side} arm" + (" and trunk" if trunk else "")
+                rows.append((name, arm, *_measured(name, side, joints)))
+    title = f"{GOALS} random wrist poses within the active range, from standing"
+    console().print(table(title, columns, rows))
 
 
 def _measured(name: str, side: str, movable: tuple[str, ...]) -> list[str]:
@@ -87,9 +83,12 @@ def _measured(name: str, side: str, movable: tuple[str, ...]) -> list[str]:
             found.append(solution)
     met, memetic = (np.mean([getattr(s, key) for s in found]) for key in ("success", "is_memetic"))
     return [
-        f"{met:.1%}", f"{memetic:.1%}", f"{np.median(times):.2f}",
-        f"{np.percentile(times, 95):.2f}", f"{1e3 * np.median([s.errors[0] for s in found]):.3f}",
-    ]  # fmt: skip
+        f"{met:.1%}",
+        f"{memetic:.1%}",
+        f"{np.median(times):.2f}",
+        f"{np.percentile(times, 95):.2f}",
+        f"{1e3 * np.median([s.errors[0] for s in found]):.3f}",
+    ]
 
 
 def helper(world: World, pose: Pose) -> Human:
@@ -99,6 +98,7 @@ def helper(world: World, pose: Pose) -> Human:
         load_avatar("caregiver"),
         posture=load_posture("standing"),
         movable=HELPER_DOFS,
+        moves=("walk", "grasp"),
     )
     person.spawn(world, pose)
     person.reset(np.random.default_rng(0))
@@ -114,8 +114,14 @@ def on_floor() -> World:
 
 def draw_reaching(folder: Path) -> None:
     """Draw postures that reach for points around a standing person who looks at them."""
-    points = [(0.45, -0.3, 0.6), (0.5, -0.2, 1.1), (0.35, 0.3, 1.3), (0.25, -0.45, 1.75),
-              (0.6, -0.1, 0.8), (0.1, -0.7, 1.2)]  # fmt: skip
+    points = [
+        (0.45, -0.3, 0.6),
+        (0.5, -0.2, 1.1),
+        (0.35, 0.3, 1.3),
+        (0.25, -0.45, 1.75),
+        (0.6, -0.1, 0.8),
+        (0.1, -0.7, 1.2),
+    ]
     pictures = []
     for point in points:
         world = on_floor()
@@ -126,28 +132,32 @@ def draw_reaching(folder: Path) -> None:
         present = np.array([person.angle(dof) for dof in DOF_INDEX])
         person.set_angles(look.solve([Gaze(point)], present, person.body.base_pose()).wish)
         camera = Camera(eye=(2.2, -1.5, 1.5), target=(0.15, 0, 0.95), width=480, height=640)
-        pictures.append(_picture(world, camera))
+        pictures.append(snapshot(world, camera))
         world.close()
-    _save(folder / "reaching.png", pictures, columns=3)
+    contact_sheet(pictures, columns=3).save(folder / "reaching.png")
 
 
 def draw_walk(folder: Path) -> None:
     """Draw a walk: forward, then turning about."""
     world = on_floor()
     person = helper(world, Pose((-1.2, 0, 0)))
-    person.course = Puppet(
-        person, Walk(person, [(0.5, 0.0)], math.radians(120)).motion, lambda: world.time
+    dt = CONTROL_STEPS * world.physics_dt
+    caregiving = Caregiving(
+        person, world, dt, script=lambda do: do.walk_to(0.5, 0.0, math.radians(120))
     )
+    caregiving.reset(np.random.default_rng(0))
     pictures, steps = [], 0
-    while person.course is not None:
-        person.actuate()
-        world.step()
+    while not (steps and caregiving.is_idle):
+        person.command(caregiving.act(), dt)
+        for _ in range(CONTROL_STEPS):
+            person.actuate()
+            world.step()
         steps += 1
-        if steps % 80 == 0:
+        if steps % 3 == 0:
             x, y, _ = person.pelvis.position
             camera = Camera(eye=(x + 0.4, y - 2.8, 1.2), target=(x, y, 0.85), width=320, height=480)
-            pictures.append(_picture(world, camera))
-    _save(folder / "walk.png", pictures, columns=8)
+            pictures.append(snapshot(world, camera))
+    contact_sheet(pictures, columns=8).save(folder / "walk.png")
     world.close()
 
 
@@ -170,12 +180,7 @@ class Care:
             posture=seated,
             movable=("left_collar", "left_shoulder", "left_elbow", "left_wrist"),
         )
-        soles = self.karan.soles(self.chair.frame("seat_back"))
-        self.chair.fit_footplates(soles["left"], soles["right"])
-        self.chair.spawn(self.world)
-        pads = (self.chair.frame_in_world(f"armrest_{side}") for side in ("left", "right"))
-        self.karan.use_arm_rests(*pads)
-        self.karan.spawn(self.world, self.chair.frame_in_world("seat_back"))
+        self.karan.spawn(self.world, spawn_fitted(self.chair, self.karan, self.world))
         self.helper = helper(self.world, _standing(1.9, 1.3, math.pi))
         floor = self.world.bodies[0]
         forearm = {self.karan.frames[JOINT_INDEX[f"left_{j}"]].link for j in ("elbow", "wrist")}
@@ -185,7 +190,7 @@ class Care:
         self.world.set_collision(self.helper.body, floor, False)
         self.control_dt = CONTROL_STEPS * self.world.physics_dt
         self.caregiving = Caregiving(self.helper, self.world, self.control_dt, script=self._script)
-        self.caregiving.pass_through(self.karan, "left_elbow")
+        self.helper.may_take(self.karan, "left_elbow", hand="right")
         self.karan.reset(np.random.default_rng(0))
         self.world.mark_start()
 
@@ -228,7 +233,7 @@ class Care:
             person.sense()
 
 
-def film_care(folder: Path, console: Console) -> None:
+def film_care(folder: Path) -> None:
     """Film the caregiver who lifts Karan's forearm, and print what was lifted and with what force."""
     care = Care()
     care.reset()
@@ -242,7 +247,8 @@ def film_care(folder: Path, console: Console) -> None:
             break
         care.step()
         wrist = care.karan.joint_pose("left_wrist").position[2]
-        walked = walked or (care.helper.course is None and step > 2)
+        legs = care.helper.legs
+        walked = walked or (legs is not None and legs.stands and step > 2)
         if start is None and walked:
             start = wrist
         highest = max(highest, wrist)
@@ -253,8 +259,8 @@ def film_care(folder: Path, console: Console) -> None:
     film.close()
     renderer.close()
     end = care.karan.joint_pose("left_wrist").position[2]
-    _save(folder / "care.png", pictures, columns=5)
-    console.print(
+    contact_sheet(pictures, columns=5).save(folder / "care.png")
+    console().print(
         f"the wrist rose by {100 * (highest - (start or 0.0)):.1f} cm and came back to within "
         f"{100 * abs(end - (start or 0.0)):.1f} cm; greatest force of the grasp "
         f"{care.caregiving.greatest_grip:.0f} N; trouble: {care.caregiving.trouble or 'none'}"
@@ -265,21 +271,6 @@ def _standing(x: float, y: float, heading: float) -> Pose:
     return Pose((x, y, 0.0), tuple(quaternion_from_rpy(0, 0, heading).tolist()))
 
 
-def _picture(world: World, camera: Camera) -> Picture:
-    renderer = make_renderer(world)
-    picture = renderer.render(camera)
-    renderer.close()
-    return picture
-
-
-def _save(path: Path, pictures: list[Picture], *, columns: int) -> None:
-    """Save pictures side by side."""
-    blank = np.full_like(pictures[0], 255)
-    padded = pictures + [blank] * (-len(pictures) % columns)
-    rows = [np.hstack(padded[i : i + columns]) for i in range(0, len(padded), columns)]
-    Image.fromarray(np.vstack(rows)).save(path)
-
-
 def main() -> None:
     """Measure, draw and film."""
     parser = argparse.ArgumentParser(
@@ -288,12 +279,11 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/ik_and_motion"))
     folder: Path = parser.parse_args().out
     folder.mkdir(parents=True, exist_ok=True)
-    console = Console()
-    measure(console)
+    measure()
     draw_reaching(folder)
     draw_walk(folder)
-    film_care(folder, console)
-    console.print(f"pictures and film in {folder}")
+    film_care(folder)
+    console().print(f"pictures and film in {folder}")
 
 
 if __name__ == "__main__":

@@ -12,9 +12,9 @@ import argparse
 from pathlib import Path
 
 from rcare_marl.baselines import trained
-from rcare_marl.baselines.model_card import LIMITS, ModelCard
+from rcare_marl.baselines.evaluation.model_card import LIMITS, ModelCard
+from rcare_marl.baselines.evaluation.protocol import read_record
 from rcare_marl.baselines.policy_file import SUFFIX
-from rcare_marl.baselines.protocol import read_record
 
 BEGIN, END = "<!-- cards: made by experiments/model_cards.py -->", "<!-- end of cards -->"
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "models.md"

@@ -14,26 +14,24 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from rich.console import Console
-from rich.table import Table
 
 from rcare_marl import assets
-from rcare_marl.agents.actuation.chain import make_chain
-from rcare_marl.agents.actuation.drive import fitted_musculature
-from rcare_marl.agents.actuation.hill import RESTING_ACTIVATION
-from rcare_marl.agents.actuation.muscle_model import MuscleModel
-from rcare_marl.agents.actuation.musculature import load_musculature
-from rcare_marl.agents.actuation.published_band import QUANTITIES, load_bands, measured
-from rcare_marl.agents.avatar import body_segments, load_avatar
-from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS, EYES, SIDES
-from rcare_marl.agents.profile import ClinicalProfile, clinical_norms
+from rcare_marl.agents.people.actuation.drive import fitted_musculature
+from rcare_marl.agents.people.actuation.hill import RESTING_ACTIVATION
+from rcare_marl.agents.people.actuation.muscle_model import MuscleModel
+from rcare_marl.agents.people.actuation.musculature import load_musculature
+from rcare_marl.agents.people.actuation.published_band import QUANTITIES, load_bands, measured
+from rcare_marl.agents.people.avatar import body_segments, load_avatar
+from rcare_marl.agents.people.body.person_tree import person_tree
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, EYES, SIDES
+from rcare_marl.agents.people.profile import ClinicalProfile, clinical_norms
+from rcare_marl.console import console, table
 
 Array = npt.NDArray[np.float64]
 
@@ -113,26 +111,28 @@ def ranges(avatar: str | None) -> list[dict[str, str | float]]:
         share = reached(model, motion)
         stop = motion.start + share * (motion.end - motion.start)
         row: dict[str, str | float] = {
-            "dof": motion.dof, "motion": motion.name, "end_deg": float(np.degrees(motion.end)),
-            "reached_deg": float(np.degrees(stop)), "share": share,
-        }  # fmt: skip
+            "dof": motion.dof,
+            "motion": motion.name,
+            "end_deg": float(np.degrees(motion.end)),
+            "reached_deg": float(np.degrees(stop)),
+            "share": share,
+        }
         rows.append(row)
     return rows
 
 
 def show_ranges(rows: list[dict[str, str | float]], who: str) -> None:
     """Print the motions that stop short."""
-    table = Table(title=f"Motions of {who} that stop short of the normal active range")
-    for column in ("degree of freedom", "motion", "normal [deg]", "reached [deg]"):
-        table.add_column(column)
-    short = [row for row in rows if float(row["share"]) < 1.0]
-    for row in sorted(short, key=lambda row: float(row["share"])):
-        table.add_row(
-            str(row["dof"]), str(row["motion"]), f"{row['end_deg']:.0f}", f"{row['reached_deg']:.0f}"
-        )  # fmt: skip
-    console = Console(width=None if sys.stdout.isatty() else 100)
-    console.print(table)
-    console.print(f"{len(rows) - len(short)} of {len(rows)} motions come to their end")
+    short = sorted((r for r in rows if float(r["share"]) < 1.0), key=lambda r: float(r["share"]))
+    cells = [
+        (str(r["dof"]), str(r["motion"]), f"{r['end_deg']:.0f}", f"{r['reached_deg']:.0f}")
+        for r in short
+    ]
+    title = f"Motions of {who} that stop short of the normal active range"
+    columns = ("degree of freedom", "motion", "normal [deg]", "reached [deg]")
+    screen = console()
+    screen.print(table(title, columns, cells))
+    screen.print(f"{len(rows) - len(short)} of {len(rows)} motions come to their end")
 
 
 def make_model(avatar: str | None) -> MuscleModel:
@@ -141,7 +141,7 @@ def make_model(avatar: str | None) -> MuscleModel:
     muscles = fitted_musculature(person, None) if avatar else load_musculature()
     # Masses do not matter to a muscle that is held still, so the reference may borrow anybody's.
     segments = body_segments(person.body_path(), person.height_m, person.mass_kg, person.sex)
-    chain = make_chain(segments, muscles.joints, np.zeros(len(DOFS)), [dof.name for dof in DOFS])
+    chain = person_tree(segments, muscles.joints, np.zeros(len(DOFS)), [dof.name for dof in DOFS])
     return MuscleModel(muscles.units, muscles.joints, chain)
 
 
@@ -156,36 +156,31 @@ def validate(avatar: str | None) -> list[dict[str, str | float | bool]]:
         )
         low, high = share * band.low, share * band.high
         row: dict[str, str | float | bool] = {
-            "name": band.name, "quantity": band.quantity, "value": value, "low": low,
-            "high": high, "unit": UNITS[band.quantity],
-            "in_band": low <= value <= high, "checked": band.checked, "fitted": band.is_fitted,
+            "name": band.name,
+            "quantity": band.quantity,
+            "value": value,
+            "low": low,
+            "high": high,
+            "unit": UNITS[band.quantity],
+            "in_band": low <= value <= high,
+            "checked": band.checked,
+            "fitted": band.is_fitted,
             "source": band.source,
-        }  # fmt: skip
+        }
         rows.append(row)
     return rows
 
 
 def show(rows: list[dict[str, str | float | bool]], who: str) -> None:
     """Print the rows and the shares in band."""
-    table = Table(title=f"Muscles of {who} against published bands")
-    for column in (
-        "joint and posture",
-        "ours",
-        "published",
-        "unit",
-        "in band",
-        "figures",
-        "source",
-    ):
-        table.add_column(column, overflow="fold")
+    cells = []
     for row in rows:
-        table.add_row(
-            str(row["name"]), f"{row['value']:.1f}", f"{row['low']:g} to {row['high']:g}",
-            str(row["unit"]), "yes" if row["in_band"] else "[bold red]NO[/]", str(row["checked"]),
-            str(row["source"]),
-        )  # fmt: skip
-    console = Console(width=None if sys.stdout.isatty() else 160)
-    console.print(table)
+        figures = (f"{row['value']:.1f}", f"{row['low']:g} to {row['high']:g}", str(row["unit"]))
+        verdict = "yes" if row["in_band"] else "NO"
+        cells.append((str(row["name"]), *figures, verdict, str(row["checked"]), str(row["source"])))
+    columns = ("joint and posture", "ours", "published", "unit", "in band", "figures", "source")
+    screen = console()
+    screen.print(table(f"Muscles of {who} against published bands", columns, cells))
     for quantity in QUANTITIES:
         own = [row for row in rows if row["quantity"] == quantity]
         inside = sum(bool(row["in_band"]) for row in own)
@@ -195,7 +190,7 @@ def show(rows: list[dict[str, str | float | bool]], who: str) -> None:
         )
         fresh = [bool(row["in_band"]) for row in own if not row["fitted"]]
         apart = f"; {sum(fresh)} of {len(fresh)} not calibrated to" if fresh else ""
-        console.print(
+        screen.print(
             f"{quantity}: {inside} of {len(own)} in band, {inside / len(own):.0%}{wanted}{apart}; "
             f"figures: {checked}"
         )

@@ -15,14 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-
 from rcare_marl.baselines import trained
-from rcare_marl.baselines.model_card import beginning
-from rcare_marl.baselines.protocol import Plan, assess, read_record, record_text
+from rcare_marl.baselines.evaluation.model_card import beginning
+from rcare_marl.baselines.evaluation.protocol import Plan, assess, read_record, record_text
+from rcare_marl.console import console, markdown_table, table
 from rcare_marl.errors import ConfigError
 
 SEEDS, EPISODES = 5, 100  # of the paper: policies a task, and trials of each
@@ -187,22 +183,6 @@ def _range(values: Sequence[float | None], form: str, none: str = "") -> str:
     return none if none and max(known) == 0 else text
 
 
-def markdown(rows: Iterable[Sequence[str]]) -> str:
-    """Return the table in Markdown."""
-    lines = [HEADS, ["---"] * len(HEADS), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def table(rows: Iterable[Sequence[str]]) -> Table:
-    """Return the table for a terminal."""
-    out = Table(title="Trained policies, the paper's and ours", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in HEADS:
-        out.add_column(head)
-    for row in rows:
-        out.add_row(*(Text(cell) for cell in row))
-    return out
-
-
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(
@@ -218,10 +198,10 @@ def main() -> None:
             run_scripted(row, chosen.folder, chosen.processes)
     rows = [cells(row, chosen.folder) for row in ROWS]
     if chosen.markdown:
-        print(markdown(rows))
+        print(markdown_table(HEADS, rows))
     else:
-        screen = Console()
-        Console(width=max(screen.width, 170)).print(table(rows))
+        wide = max(console().width, 170)
+        console().print(table("Trained policies, the paper's and ours", HEADS, rows), width=wide)
 
 
 if __name__ == "__main__":

@@ -9,40 +9,30 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
-import subprocess
-import sys
-import tempfile
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.control import CONTROLS
-from rcare_marl.agents.robot import RobotConfig, load_robot
-from rcare_marl.agents.robot_check import (
+from rcare_marl.agents.robots.control import CONTROLS
+from rcare_marl.agents.robots.robot_check import (
     find_overlaps,
     measure_grip,
     measure_posture,
     measure_reach,
     spawned,
 )
+from rcare_marl.agents.robots.robot_config import RobotConfig, load_robot
+from rcare_marl.baselines.benchmark.homes import load_times
+from rcare_marl.baselines.evaluation.evaluate import evaluate
 from rcare_marl.errors import ConfigError
 
 HEADS = (
-    "robot",
-    "arms",
-    "base",
-    "mass (published) [kg]",
-    "load, first / again [s]",
-    "overlaps at home",
-    "drift in 5 s [deg / mm]",
-    "worst of 20 poses [mm / deg]",
-    "opens [mm]",
-    "slip of 0.5 kg in 3 s [mm]",
-    "fed",
+    *("robot", "arms", "base", "mass (published) [kg]", "load, first / again [s]"),
+    *("overlaps at home", "drift in 5 s [deg / mm]", "worst of 20 poses [mm / deg]"),
+    *("opens [mm]", "slip of 0.5 kg in 3 s [mm]", "fed"),
 )
 LOADING = """
 import sys, time
-from rcare_marl.agents.robot import Robot, load_robot
+from rcare_marl.agents.robots.robot import Robot, load_robot
 from rcare_marl.world import World
 start = time.perf_counter()
 robot = Robot("robot", load_robot(sys.argv[1]))
@@ -51,27 +41,10 @@ print(time.perf_counter() - start)
 """
 
 
-def loading_times(name: str) -> tuple[float, float]:
-    """Return how long a robot takes to load [s]: with an empty cache, and again."""
-    with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "RCARE_MARL_CACHE": folder}
-        times = []
-        for _ in range(2):
-            done = subprocess.run(
-                [sys.executable, "-c", LOADING, name],
-                env=environment,
-                capture_output=True,
-                text=True,
-                check=True,
-            )
-            times.append(float(done.stdout))
-    return times[0], times[1]
-
-
 def row(name: str, seeds: int) -> list[str]:
     """Return the table's row of a robot."""
     config = load_robot(name)
-    first, again = loading_times(name)
+    first, again = load_times(LOADING, name, starts=1)
     world, robot = spawned(config)
     mass = robot.files.model.mass
     world.close()
@@ -108,17 +81,9 @@ def fed(name: str, config: RobotConfig, seeds: int) -> str:
             rcare_marl.make("feeding", robot=name)
         except ConfigError:
             return "no arm that reaches"
-    env = rcare_marl.make(
-        "feeding", robot=name, policies={"robot": "scripted", "recipient": "cooperative"}
-    )
-    count = 0
-    for seed in range(seeds):
-        env.reset(seed=seed)
-        while not env.is_over:
-            env.step({})
-        count += env.task.is_success()
-    env.close()
-    return f"{count} of {seeds}"
+    cast = {"robot": {"model": name, "policy": "scripted"}, "recipient": {"policy": "cooperative"}}
+    found = evaluate("feeding", episodes=seeds, cast=cast)
+    return f"{sum(episode.success for episode in found.episodes)} of {seeds}"
 
 
 def main() -> None:

@@ -14,16 +14,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
 
 import rcare_marl
+from rcare_marl.rendering.portrait import Picture, contact_sheet
 
 SIZE = (288, 216)  # [pixel] of a picture
 NEAREST, FARTHEST = 0.1, 3.0  # [m], ends of the colours of depths
 ROWS = (("kinova_gen3", "wrist", 1.2), ("stretch_re1", "head", 2.4))  # robot, camera, time [s]
 OUTPUTS = ("rgb", "depth", "normals", "segmentation")
 TITLES = ("rgb", f"depth, {NEAREST} to {FARTHEST} m", "normals", "segmentation")
-Picture = npt.NDArray[np.uint8]
 
 
 def readings(robot: str, camera: str, seconds: float) -> dict[str, npt.NDArray[Any]]:
@@ -82,32 +81,18 @@ def label_colors(labels: npt.NDArray[np.int32]) -> Picture:
     return np.round(palette)[labels + 1].astype(np.uint8)
 
 
-def titled(picture: Picture, text: str) -> Picture:
-    """Write a line of text into the upper left corner."""
-    from matplotlib import font_manager
-
-    image = Image.fromarray(picture)
-    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), 12)
-    pen = ImageDraw.Draw(image)
-    pen.rectangle((0, 0, pen.textlength(text, font) + 10, 18), fill=(245, 246, 248))
-    pen.text((5, 2), text, fill=(30, 34, 40), font=font)
-    return np.asarray(image)
-
-
 def main() -> None:
     """Take it."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("runs/sensors.png"))
     args = parser.parse_args()
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    rows = []
+    pictures, captions = list[Picture](), list[str]()
     for robot, camera, seconds in ROWS:
         seen = readings(robot, camera, seconds)
-        names = [f"{robot}, {camera}: {TITLES[0]}", *TITLES[1:]]
-        rows.append(
-            np.hstack([titled(colored(o, seen[o]), n) for o, n in zip(OUTPUTS, names, strict=True)])
-        )
-    Image.fromarray(np.vstack(rows)).save(args.out, optimize=True)
+        pictures += [colored(output, seen[output]) for output in OUTPUTS]
+        captions += [f"{robot}, {camera}: {TITLES[0]}", *TITLES[1:]]
+    contact_sheet(pictures, captions, columns=len(OUTPUTS)).save(args.out, optimize=True)
     print(args.out)
 
 

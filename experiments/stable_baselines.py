@@ -18,7 +18,7 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.monitor import Monitor
 
 from rcare_marl.agents.policy import Policy
-from rcare_marl.baselines.evaluate import evaluate
+from rcare_marl.baselines.evaluation.evaluate import evaluate
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.gym import SingleAgentEnv
 

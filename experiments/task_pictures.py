@@ -1,35 +1,37 @@
-"""Draw docs/images/tasks.jpg: every task before and after an episode of the scripted robot.
+"""Draw pictures of tasks for docs/images: tasks.jpg, phyrc.jpg and bathing.jpg.
 
-python experiments/task_pictures.py [--out FILE] [--task NAME ...] [--seed N]
+python experiments/task_pictures.py [--out FOLDER] [--task NAME ...] [--seed N]
 
-A task with a site of its own, such as a door, is drawn at each level. What is drawn is what was simulated:
-the second picture is that of the last step of the episode.
+tasks.jpg has every task before and after an episode of the scripted robot; one with a site of its own, such
+as a door, at each level. phyrc.jpg and bathing.jpg show three moments of an episode. What is drawn is what
+was simulated. With --task only these tasks are drawn, into tasks.jpg.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from PIL import Image, ImageDraw, ImageFont
-
 import rcare_marl
 from rcare_marl.agents.agent import Agent
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot
-from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.homes.rule import LEVELS
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.envs.homes import LEVELS
 from rcare_marl.envs.registry import task_class
-from rcare_marl.errors import UnknownNameError
-from rcare_marl.rendering import make_renderer
+from rcare_marl.envs.tasks.bathing import Bathing
+from rcare_marl.errors import check_name
+from rcare_marl.rendering import Camera
+from rcare_marl.rendering.portrait import Picture, contact_sheet, snapshot
 
 SIZE = (480, 360)  # [pixel] of a picture
-BAND, GAP, COLUMNS, QUALITY = 34, 6, 2, 86  # pairs in a row
-OUT = Path(__file__).resolve().parents[1] / "docs" / "images" / "tasks.jpg"
+GAP, QUALITY = 6, 86
+OUT = Path(__file__).resolve().parents[1] / "docs" / "images"
+STILL = {"robot": "scripted", "recipient": "still"}
+PHYRC = {"phyrc_bathing": (0.5, 10.0, 40.0), "phyrc_dressing": (0.5, 9.5, 20.0)}  # [s]
+PHYRC_SEED = 1
+WIPED = (0.0, 0.3, 0.75)  # of the upper side of the arm when a picture is taken
 
 
 def scenes(tasks: Sequence[str]) -> list[tuple[str, dict[str, Any]]]:
@@ -47,14 +49,6 @@ def partners(task: str) -> dict[str, str]:
     return {n: r.partner for n, r in roles.items() if r.partner and r.default is not None}
 
 
-def shot(env: CareEnv) -> Image.Image:
-    """Return a picture of the scene as it is."""
-    renderer = make_renderer(env.world)
-    picture = renderer.render(replace(env.task.view(), width=2 * SIZE[0], height=2 * SIZE[1]))
-    renderer.close()
-    return Image.fromarray(picture).resize(SIZE, Image.Resampling.LANCZOS)
-
-
 def model(agent: Agent) -> str:
     """Return who plays a role."""
     if isinstance(agent, Human):
@@ -63,39 +57,59 @@ def model(agent: Agent) -> str:
     return agent.files.model.name
 
 
-def pair(task: str, place: dict[str, Any], seed: int) -> Image.Image:
-    """Play an episode and return the pictures of its start and end side by side, with a title."""
+def pair(task: str, place: dict[str, Any], seed: int) -> list[tuple[Picture, str]]:
+    """Play an episode and return pictures of its start and end, with captions."""
     env = rcare_marl.make(task, policies=partners(task), **place)
     env.reset(seed=seed)
-    before = shot(env)
+    before = snapshot(env.world, env.task.view(), SIZE)
     while not env.is_over:
         env.step({})
-    after = shot(env)
-    end = "success" if env.task.is_success() else "no success"
+    after = snapshot(env.world, env.task.view(), SIZE)
+    end = "success" if env.task.succeeded() else "no success"
     who = ", ".join(model(agent) for agent in env.cast.values())
     where = "".join(f", {key} {value}" for key, value in place.items())
-    title = f"{task.replace('_', ' ')}{where}: {who}"
     note = f"{end} after {env.world.time:.1f} s"
     env.close()
-    sheet = Image.new("RGB", (2 * SIZE[0] + GAP, SIZE[1] + BAND), "white")
-    sheet.paste(before, (0, BAND))
-    sheet.paste(after, (SIZE[0] + GAP, BAND))
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(20)
-    draw.text((4, 5), title, fill="black", font=font)
-    draw.text((2 * SIZE[0] + GAP - 4, 5), note, fill="black", font=font, anchor="ra")
-    return sheet
+    return [(before, f"{task.replace('_', ' ')}{where}\n{who}"), (after, f"\n{note}")]
 
 
-def draw(tasks: Sequence[str], out: Path, seed: int) -> None:
+def draw_tasks(tasks: Sequence[str], out: Path, seed: int) -> None:
     """Draw all pairs on one sheet."""
-    pairs = [pair(task, place, seed) for task, place in scenes(tasks)]
-    width, height = pairs[0].size
-    rows = -(-len(pairs) // COLUMNS)
-    sheet = np.full((rows * (height + GAP), COLUMNS * (width + 3 * GAP), 3), 255, np.uint8)
-    for i, picture in enumerate(pairs):
-        y, x = (i // COLUMNS) * (height + GAP), (i % COLUMNS) * (width + 3 * GAP)
-        sheet[y : y + height, x : x + width] = np.asarray(picture)
-    Image.fromarray(sheet).save(out, quality=QUALITY)
+    drawn = [each for task, place in scenes(tasks) for each in pair(task, place, seed)]
+    pictures, captions = zip(*drawn, strict=True)
+    contact_sheet(pictures, captions, columns=4, gap=GAP).save(out, quality=QUALITY)
+
+
+def draw_phyrc(out: Path) -> None:
+    """Draw both PhyRC challenges at the start, on the way and at the end, a row each."""
+    pictures = []
+    for name, times in PHYRC.items():
+        env = rcare_marl.make(name, policies=STILL)
+        env.reset(seed=PHYRC_SEED)
+        for time in times:
+            while not env.is_over and env.world.time < time:
+                env.step({})
+            pictures.append(snapshot(env.world, env.task.camera(), SIZE))
+        env.close()
+    contact_sheet(pictures, columns=3).save(out, quality=QUALITY)
+
+
+def draw_bathing(out: Path, seed: int) -> None:
+    """Draw the sponge at the shoulder, half way and at the elbow: from afar above, from near below."""
+    env = rcare_marl.make("bathing", policies=STILL)
+    task = env.task
+    assert isinstance(task, Bathing)
+    env.reset(seed=seed)
+    far, near = [], []
+    for share in WIPED:
+        while not env.is_over and task.state.covered < share:
+            env.step({})
+        place = task.skin.place(0.6)[0]
+        eye = tuple((place + (0.42, -0.2, 0.42)).tolist())
+        far.append(snapshot(env.world, task.camera(), SIZE))
+        near.append(snapshot(env.world, Camera(eye, tuple(place.tolist()), fov_deg=38), SIZE))
+    env.close()
+    contact_sheet([*far, *near], columns=3).save(out, quality=QUALITY)
 
 
 if __name__ == "__main__":
@@ -103,9 +117,11 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--task", action="append", default=[])
     parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
+    chosen = parser.parse_args()
     known = rcare_marl.task_names()
-    for name in arguments.task:
-        if name not in known:
-            raise UnknownNameError("task", name, known)
-    draw(arguments.task or known, arguments.out, arguments.seed)
+    for name in chosen.task:
+        check_name("task", name, known)
+    draw_tasks(chosen.task or known, chosen.out / "tasks.jpg", chosen.seed)
+    if not chosen.task:
+        draw_phyrc(chosen.out / "phyrc.jpg")
+        draw_bathing(chosen.out / "bathing.jpg", chosen.seed)

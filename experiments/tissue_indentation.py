@@ -15,15 +15,14 @@ import dataclasses
 import time
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from rcare_marl import assets
-from rcare_marl.agents.avatar import body_model, load_avatar, person_urdf
-from rcare_marl.agents.body.skin import JointFrame
-from rcare_marl.agents.body.tissue import Tissue, TissueConfig, attach_tissue, load_tissue
+from rcare_marl.agents.people.avatar import body_model, load_avatar, person_urdf
+from rcare_marl.agents.people.body.skin import JointFrame
+from rcare_marl.agents.people.body.tissue import Tissue, TissueConfig, attach_tissue, load_tissue
 from rcare_marl.body import Body
 from rcare_marl.cache import cached
+from rcare_marl.console import console, table
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
@@ -31,12 +30,16 @@ JOINT = "left_elbow"
 RADIUS = 0.02  # [m]
 DEPTHS = (0.005, 0.008, 0.012)  # [m]
 SIDES = {"below": (0, 0, -1), "above": (0, 0, 1), "in front": (1, 0, 0), "behind": (-1, 0, 0)}
+COLUMNS = (
+    *("side", "depth [mm]", "force [N]", "converged [N]", "off by", "third law off by"),
+    *("least det F", "twice E", "left after release [mm]", "time of usual / fine [s]"),
+)
 PRESS, HOLD, RELEASE = 24, 96, 160  # physics steps
 
 
-def make(avatar_name: str, config: TissueConfig, refinement: float, substeps: int) -> tuple[
-    World, Tissue, Body
-]:  # fmt: skip
+def make(
+    avatar_name: str, config: TissueConfig, refinement: float, substeps: int
+) -> tuple[World, Tissue, Body]:
     """Return a world, the flesh of a forearm in the T-pose, and the sphere."""
     world, avatar = World(), load_avatar(avatar_name)
     model = body_model(avatar.body_path(), avatar.height_m)
@@ -45,15 +48,21 @@ def make(avatar_name: str, config: TissueConfig, refinement: float, substeps: in
     body = world.load_urdf(file, Pose((0, 0, 1.0), (0.5, 0.5, 0.5, 0.5)))
     frames = [JointFrame(body.link_index(f.link), f.rotation, f.offset) for f in urdf.frames]
     tissue = attach_tissue(
-        world, body, model, frames, (JOINT,), config=config, refinement=refinement,
+        world,
+        body,
+        model,
+        frames,
+        (JOINT,),
+        config=config,
+        refinement=refinement,
         substeps=substeps,
-    )  # fmt: skip
+    )
     return world, tissue, world.add_sphere(RADIUS, Pose((5, 5, 5)))
 
 
-def press(world: World, tissue: Tissue, ball: Body, towards: tuple[int, int, int]) -> list[
-    tuple[float, float, float]
-]:  # fmt: skip
+def press(
+    world: World, tissue: Tissue, ball: Body, towards: tuple[int, int, int]
+) -> list[tuple[float, float, float]]:
     """Return force on the sphere [N], load of the bone [N] and least volume ratio at each depth."""
     soft, rows, reached = tissue.bodies[JOINT], [], -0.004
     point, out = tissue.skin_point(JOINT, towards)
@@ -86,12 +95,7 @@ def main() -> None:
     usual = make(avatar, config, 1.0, 5)
     fine = make(avatar, whole, 2.0, 10)
     double = make(avatar, stiff, 1.0, 5)
-    table = Table(title=f"{avatar}'s forearm under a sphere of {RADIUS * 1e3:.0f} mm radius")
-    for column in (
-        "side", "depth [mm]", "force [N]", "converged [N]", "off by", "third law off by",
-        "least det F", "twice E", "left after release [mm]", "time of usual / fine [s]",
-    ):  # fmt: skip
-        table.add_column(column, justify="right")
+    shown: list[tuple[str, ...]] = []
     worst = 0.0
     for side, towards in SIDES.items():
         begin = time.process_time()
@@ -105,13 +109,17 @@ def main() -> None:
             force, load, ratio = rows[k]
             off = force / good[k][0] - 1
             worst = max(worst, abs(off))
-            table.add_row(
-                side, f"{depth * 1e3:.0f}", f"{force:.2f}", f"{good[k][0]:.2f}", f"{off:+.1%}",
-                f"{load / force - 1:+.2%}", f"{ratio:.2f}", f"{twice[k][0] / force:.3f}", left,
-                spent if k == 0 else "",
-            )  # fmt: skip
-    Console(width=150).print(table)
-    Console().print(f"worst difference from the converged run: {worst:.1%}")
+            forces = (
+                f"{force:.2f}",
+                f"{good[k][0]:.2f}",
+                f"{off:+.1%}",
+                f"{load / force - 1:+.2%}",
+            )
+            solid = (f"{ratio:.2f}", f"{twice[k][0] / force:.3f}", left)
+            shown.append((side, f"{depth * 1e3:.0f}", *forces, *solid, "" if k else spent))
+    title = f"{avatar}'s forearm under a sphere of {RADIUS * 1e3:.0f} mm radius"
+    console().print(table(title, COLUMNS, shown, **dict.fromkeys(COLUMNS, True)), width=150)
+    console().print(f"worst difference from the converged run: {worst:.1%}")
 
 
 if __name__ == "__main__":

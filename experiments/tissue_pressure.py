@@ -16,15 +16,14 @@ import numpy.typing as npt
 from PIL import Image
 
 from rcare_marl import assets
-from rcare_marl.agents.avatar import body_model, load_avatar, load_posture, person_urdf
-from rcare_marl.agents.body.posture import pelvis_pose
-from rcare_marl.agents.body.skin import JointFrame, PersonSkin
-from rcare_marl.agents.body.tissue import Tissue, attach_tissue
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.body.tissue import Tissue
+from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
-from rcare_marl.cache import cached
-from rcare_marl.cli.film import Film
 from rcare_marl.pose import Pose
-from rcare_marl.rendering import Camera, make_renderer
+from rcare_marl.rendering import Camera
+from rcare_marl.rendering.film import Film
+from rcare_marl.rendering.portrait import snapshot
 from rcare_marl.world import World
 
 JOINT = "left_elbow"
@@ -40,16 +39,17 @@ Array = npt.NDArray[np.float64]
 
 def make_scene(avatar_name: str) -> tuple[World, Tissue, Body]:
     """Return a seated person with flesh on the left arm, and the sphere."""
-    world, avatar = World(), load_avatar(avatar_name)
-    posture, model = load_posture("wheelchair"), body_model(avatar.body_path(), avatar.height_m)
-    angles = posture.angles(avatar.profile.limits("passive"))
-    urdf = person_urdf(avatar, "passive", movable=(), posture=angles, tissue=("left_arm",))
-    file = cached(f"{avatar_name}_flesh", ".urdf", urdf.text)
-    body = world.load_urdf(file, pelvis_pose(posture, model, angles, Pose((0, 0, 0.5))))
-    frames = [JointFrame(body.link_index(f.link), f.rotation, f.offset) for f in urdf.frames]
-    skin = PersonSkin(model, body, frames)
-    world.skins.append(skin)
-    tissue = attach_tissue(world, body, model, frames, ("left_arm",), skin=skin)
+    world = World()
+    person = Human(
+        "person",
+        load_avatar(avatar_name),
+        posture=load_posture("wheelchair"),
+        movable=(),
+        tissue=("left_arm",),
+    )
+    person.spawn(world, Pose((0, 0, 0.5)))
+    tissue = person.tissue
+    assert tissue is not None
     tissue.show_pressure()
     ball = world.add_sphere(RADIUS, Pose((5, 5, 5)), rgba=(0.5, 0.6, 0.7, 0.35))
     return world, tissue, ball
@@ -93,10 +93,7 @@ def main() -> None:
         peak = float(tissue.pressure().max()) / 1e3
         film.add(camera, f"force {force:5.1f} N", f"greatest pressure {peak:5.1f} kPa")
         if k == PRESS + HOLD - 1:
-            renderer = make_renderer(world)
-            picture = renderer.render(camera)
-            renderer.close()
-            Image.fromarray(picture).save(folder / "tissue_pressure.png")
+            Image.fromarray(snapshot(world, camera)).save(folder / "tissue_pressure.png")
     film.close()
 
 

@@ -74,6 +74,14 @@ class Attachment:
         rows = bullet.getConstraintState(self._uid, physicsClientId=self._world.client)
         return float(np.linalg.norm(rows[:3]))
 
+    def set_force(self, force: float) -> None:
+        """Let the bond bear at most `force` [N] along each axis from now on."""
+        if force == self.force:
+            return
+        self.force = force
+        if self._uid is not None:
+            bullet.changeConstraint(self._uid, maxForce=force, physicsClientId=self._world.client)
+
     def _break(self) -> None:
         if self._uid is not None:
             bullet.removeConstraint(self._uid, physicsClientId=self._world.client)

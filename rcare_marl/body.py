@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pybullet as bullet
 
-from .errors import UnknownNameError
+from .errors import check_name
 from .joint_feedback import JointFeedback
 from .pose import Array, Pose, Vector, matrix_from_quaternion
 
@@ -54,7 +54,7 @@ class Body:
         joints: The movable joints by name.
         links: Link indices by name; the base is -1 and is found under its own name and as `base`.
         is_movable: Whether the base can move.
-        may_sleep: Whether it sleeps while it is still; see `Slumber`.
+        may_sleep: Whether it sleeps while it is still; see `SleepingBodies`.
     """
 
     def __init__(self, world: World, uid: int, name: str) -> None:
@@ -92,14 +92,12 @@ class Body:
 
     def joint(self, name: str) -> Joint:
         """Return the movable joint `name`; UnknownNameError if there is none."""
-        if name not in self.joints:
-            raise UnknownNameError("movable joint", name, self.joints)
+        check_name("movable joint", name, self.joints)
         return self.joints[name]
 
     def link_index(self, link: str) -> int:
         """Return the index of the named link; UnknownNameError if there is none."""
-        if link not in self.links:
-            raise UnknownNameError("link", link, self.links)
+        check_name("link", link, self.links)
         return self.links[link]
 
     def mass(self, link: int | None = None) -> float:
@@ -109,10 +107,15 @@ class Body:
             sum(bullet.getDynamicsInfo(self.uid, i, physicsClientId=self._client)[0] for i in links)
         )
 
+    def state(self) -> Array:
+        """Return base pose and velocity, all joints and their rates, exactly [SI], shape [13 + 2 joints]."""
+        place = bullet.getBasePositionAndOrientation(self.uid, self._client)
+        motion = bullet.getBaseVelocity(self.uid, self._client)
+        return np.concatenate([*place, *motion, *self.joint_states(range(self.link_count))])
+
     def joint_states(self, indices: Sequence[int]) -> tuple[list[float], list[float]]:
         """Return positions [rad or m] and velocities [rad/s or m/s] of joints, each of length n."""
-        # Bullet answers None where it is asked for no joint.
-        states = bullet.getJointStates(self.uid, indices, self._client) or ()
+        states = bullet.getJointStates(self.uid, indices, self._client) or ()  # None of no joint
         return [s[0] for s in states], [s[1] for s in states]
 
     def joint_torques(self, indices: Sequence[int]) -> list[float]:
@@ -328,10 +331,10 @@ class Body:
         The physics solves it with all else, where a motor that follows would react a step late. It
         lasts as long as the world.
         """
+        pair, frames = (self.uid, leader, self.uid, follower), ((0, 0, 1), (0, 0, 0), (0, 0, 0))
         gear = bullet.createConstraint(
-            self.uid, leader, self.uid, follower, bullet.JOINT_GEAR, (0, 0, 1), (0, 0, 0), (0, 0, 0),
-            physicsClientId=self._client,
-        )  # fmt: skip
+            *pair, bullet.JOINT_GEAR, *frames, physicsClientId=self._client
+        )
         bullet.changeConstraint(
             gear,
             gearRatio=-1 / multiplier,
@@ -407,9 +410,11 @@ class Body:
                 self.uid, link, bit, ~bit, physicsClientId=self._client
             )
 
-    def set_softness(self, *, stiffness: float, damping: float) -> None:
-        """Let all links yield in contact: `stiffness` [N/m] and `damping` [N·s/m]."""
-        for link in range(-1, self.link_count):
+    def set_softness(
+        self, *, stiffness: float, damping: float, links: Iterable[int] | None = None
+    ) -> None:
+        """Let links, all if None, yield in contact: `stiffness` [N/m] and `damping` [N·s/m]."""
+        for link in range(-1, self.link_count) if links is None else links:
             bullet.changeDynamics(
                 self.uid,
                 link,
@@ -443,11 +448,10 @@ class Body:
         at, white = self.inertial_pose(link), (1.0, 1.0, 1.0, 1.0)
         return [
             VisualShape(
-                link, _SHAPES.get(row[2], "other"), tuple(row[3]), row[4].decode(),
-                at @ Pose(row[5], row[6]), white,
+                link, _SHAPES.get(kind, "other"), tuple(size), file.decode(), at @ Pose(*to), white
             )
-            for row in rows
-        ]  # fmt: skip
+            for _, _, kind, size, file, *to in rows
+        ]
 
     def hull_points(self, link: int, place: int) -> Array:
         """Return the corners of the collision shape at `place` of a link in its frame, shape [n, 3].
@@ -491,5 +495,3 @@ _SHAPES = {
     bullet.GEOM_MESH: "mesh",
     bullet.GEOM_PLANE: "plane",
 }
-
-__all__ = ["Body", "Joint", "VisualShape"]

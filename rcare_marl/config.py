@@ -11,9 +11,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import yaml
 
-from .errors import ConfigError, UnknownNameError
+from .errors import ConfigError, UnknownNameError, check_name
 
 T = TypeVar("T")
 
@@ -76,8 +77,7 @@ def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") 
         raise ConfigError(f"{where}: expected a mapping, got {type(data).__name__}")
     hints = _hints(typing.cast(Any, cls))
     for key in data:
-        if key not in hints:
-            raise UnknownNameError(f"field of {cls.__name__} ({where})", str(key), hints)
+        check_name(f"field of {cls.__name__} ({where})", key, hints)
     missing = [
         f.name
         for f in dataclasses.fields(typing.cast(Any, cls))
@@ -161,6 +161,26 @@ def _convert_tuple(args: tuple[Any, ...], value: Any, where: str) -> tuple[Any, 
     return tuple(
         _convert(h, v, f"{where}[{i}]") for i, (h, v) in enumerate(zip(item, value, strict=True))
     )
+
+
+def plain(value: Any, where: str) -> Any:
+    """Return a value as JSON and YAML can hold it; ConfigError, naming `where`, if they cannot.
+
+    Paths become texts, tuples lists, and NumPy's numbers Python's.
+    """
+    if isinstance(value, Mapping):
+        return {str(k): plain(v, f"{where}.{k}") for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v, f"{where}[{i}]") for i, v in enumerate(value)]
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    if isinstance(value, float) and math.isfinite(value):
+        return value
+    raise ConfigError(f"{where} cannot be written to a file: {type(value).__name__} {value!r}")
 
 
 def _shown(value: Any) -> str:

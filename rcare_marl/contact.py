@@ -49,5 +49,3 @@ class Touch:
 
 # Link of the body that is pressed, point of contact in the world [m], shape [3], and normal force [N].
 Press = tuple[int, tuple[float, float, float], float]
-
-__all__ = ["Contact", "Press", "Touch"]

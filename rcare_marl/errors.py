@@ -1,6 +1,6 @@
 """Errors raised for bad input. Each message names the culprit, what was got and what is allowed."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from functools import partial
 from typing import Any
@@ -66,3 +66,9 @@ class UnknownNameError(RcareError, KeyError):
 
     def __str__(self) -> str:
         return str(self.args[0])
+
+
+def check_name(kind: str, name: str, known: Collection[str]) -> None:
+    """Raise an UnknownNameError, of a kind of name, where a name is none of those that are known."""
+    if name not in known:
+        raise UnknownNameError(kind, name, known)

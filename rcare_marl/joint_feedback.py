@@ -205,6 +205,3 @@ def _coriolis_wrenches(  # type: ignore[no-untyped-def]
             moved[i + 1] += motion[i] * free
         out[i] = whole[i + 1] @ moved[i + 1] + bias[i + 1]
     return out
-
-
-__all__ = ["JointFeedback"]

@@ -103,6 +103,13 @@ def matrix_from_quaternion(q: Vector) -> Array:
     )
 
 
+def axis_rotation(axis: Vector, angle: float) -> Array:
+    """Return the rotation matrix about a unit axis by `angle` [rad], shape [3, 3]."""
+    x, y, z = axis
+    k = np.array(((0, -z, y), (z, 0, -x), (-y, x, 0)))
+    return np.asarray(np.eye(3) + math.sin(angle) * k + (1 - math.cos(angle)) * (k @ k))
+
+
 def quaternion_from_matrix(matrix: Array) -> Array:
     """Return the quaternion of a rotation matrix, shape [4], with w >= 0 (Shepperd's method)."""
     m = np.asarray(matrix, np.float64).tolist()  # plain numbers: see `_product`

@@ -65,6 +65,3 @@ def _hits(
         )
         found.extend((row[0], row[2]) for row in rows)
     return found
-
-
-__all__ = ["ray_distances"]

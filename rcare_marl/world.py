@@ -15,13 +15,14 @@ import numpy as np
 import numpy.typing as npt
 import pybullet as bullet
 
+from rcare_marl.separation import ALL_LINKS, SeparationQuery
+from rcare_marl.sleeping import SleepingBodies
+
 from .attachment import Attachment
 from .body import Body
 from .contact import Contact, Press, Touch
 from .errors import ConfigError, WorldError
-from .nearness import ALL_LINKS, Nearness
-from .pose import Array, Pose, Vector
-from .slumber import Slumber
+from .pose import Pose, Vector
 
 GRAVITY = 9.81  # [m/s²]
 FAR_AWAY = 100.0  # [m]
@@ -91,7 +92,7 @@ class World:
         skins: Deforming surfaces for the renderers.
         lines: Thin tubes for the renderers, such as muscles.
         matter: What is simulated beside Bullet, such as soft bodies.
-        slumber: Bodies that sleep while nobody uses them.
+        sleeping: Bodies that sleep while nobody uses them.
         teleports: How often a body was set to a pose or joint angle instead of moving there.
         solver_iterations: Of the solver in each physics step; see `set_solver_iterations`.
     """
@@ -120,8 +121,9 @@ class World:
         self.skins: list[Skin] = []
         self.lines: list[Lines] = []
         self.matter: list[SteppedMatter] = []
-        self.slumber = Slumber(self.client)
-        self._nearness = Nearness(self.client)
+        self.sleeping = SleepingBodies(self.client)
+        self._ties: list[int] = []  # constraints without force between jointed bodies
+        self._separations = SeparationQuery(self.client)
         self.teleports = 0
         self.own_groups = 0  # bodies that have a collision group of their own
         self._attachments: list[Attachment] = []
@@ -327,14 +329,28 @@ class World:
         numbers islands depends on what the broad phase has seen since the client was made: with few
         iterations the order shows in the seventh digit. Bodies in one island are always in one order.
         """
-        jointed = [b for b in self.bodies if b.joints and b not in self.slumber]
+        jointed = [b for b in self.bodies if b.joints and b not in self.sleeping]
         for a, b in zip(jointed, jointed[1:], strict=False):
-            links = (next(iter(body.joints.values())).index for body in (a, b))
+            first, second = (next(iter(body.joints.values())).index for body in (a, b))
+            pair, frames = (a.uid, first, b.uid, second), ((1, 0, 0), (0, 0, 0), (0, 0, 0))
             uid = bullet.createConstraint(
-                a.uid, next(links), b.uid, next(links), bullet.JOINT_GEAR,
-                (1, 0, 0), (0, 0, 0), (0, 0, 0), physicsClientId=self.client,
-            )  # fmt: skip
+                *pair, bullet.JOINT_GEAR, *frames, physicsClientId=self.client
+            )
             bullet.changeConstraint(uid, gearRatio=1, maxForce=0, physicsClientId=self.client)
+            self._ties.append(uid)
+
+    def _restore_bonds(self) -> None:
+        """Make all bonds as they were marked, in the order in which they were: it is the solver's."""
+        if all(a.is_active == was_active for a, was_active in self._marked):
+            return
+        while self._ties:  # they came after the bonds
+            bullet.removeConstraint(self._ties.pop(), physicsClientId=self.client)
+        for attachment, _ in self._marked:
+            attachment._break()
+        for attachment, was_active in self._marked:
+            if was_active:
+                attachment._make()
+        self._join_islands()
 
     def rewind(self) -> None:
         """Return to the marked state, attachments included, and set the clock to zero.
@@ -349,14 +365,10 @@ class World:
             if attachment not in marked:
                 attachment._break()
         self._attachments = [attachment for attachment, _ in self._marked]
-        for attachment, was_active in self._marked:
-            if was_active and not attachment.is_active:
-                attachment._make()
-            elif attachment.is_active and not was_active:
-                attachment._break()
+        self._restore_bonds()
         self.set_solver_iterations(self._marked_iterations)
         self._forget_pairs()
-        self.slumber.begin()  # far apart: none wakes another
+        self.sleeping.begin()  # far apart: none wakes another
         bullet.restoreState(self._start, physicsClientId=self.client)
         bullet.performCollisionDetection(physicsClientId=self.client)
         for matter in self.matter:
@@ -436,13 +448,6 @@ class World:
         other = -1 if b is None else b.uid
         return bullet.getContactPoints(a.uid, other, ALL_LINKS, ALL_LINKS, self.client) or ()
 
-    def link_forces(self, a: Body, b: Body | None = None) -> Array:
-        """Return the summed normal force on each link of `a` [N], shape [links + 1], base first."""
-        out = np.zeros(a.link_count + 1)
-        for contact in self.contacts(a, b):
-            out[contact.link_a + 1] += contact.force
-        return out
-
     def separation(
         self,
         a: Body,
@@ -461,8 +466,8 @@ class World:
         """
         if links is not None:
             other = ALL_LINKS if links[1] is None else links[1]
-            return self._nearness.exact(a, b, within, links[0], other)
-        own = [(a, link) for link in self._nearness.boxes(a).links]
+            return self._separations.exact(a, b, within, links[0], other)
+        own = [(a, link) for link in self._separations.boxes(a).links]
         return min(self.gaps(own, b, within=within), default=within)
 
     def gaps(
@@ -478,7 +483,7 @@ class World:
         The links must have collision shapes. What was returned shortly `before` makes it faster.
         """
         now = (self.step_count, self.teleports)
-        return self._nearness.gaps(links, other, within, before, now)
+        return self._separations.gaps(links, other, within, before, now)
 
     def close(self) -> None:
         """Disconnect the client; safe to call twice."""
@@ -493,6 +498,3 @@ class World:
 def _disconnect(client: int) -> None:
     if bullet.isConnected(client):
         bullet.disconnect(client)
-
-
-__all__ = ["GRAVITY", "Contact", "Lines", "Press", "Skin", "SteppedMatter", "Touch", "World"]

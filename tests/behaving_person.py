@@ -9,15 +9,15 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from rcare_marl.agents.actuation.drive import ActuationConfig
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.policies.avatar_tree import (
+from rcare_marl.agents.people.actuation.drive import ActuationConfig
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.behaviour.avatar_tree import (
     AvatarBehaviour,
     BehaviourConfig,
     Surroundings,
     load_behaviour,
 )
+from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
@@ -47,7 +47,8 @@ class Scene:
     ) -> None:
         self.world = World()
         self.person = Human("recipient", load_avatar(avatar), posture=load_posture("wheelchair"),
-                            movable=movable, actuation=ActuationConfig(kind=kind))  # fmt: skip
+                            movable=movable,
+                            actuation=ActuationConfig(kind=kind, excitation="posture"))  # fmt: skip
         self.person.use_arm_rests(Pose((0.25, 0.26, 0.77)), Pose((0.25, -0.26, 0.77)))
         self.person.spawn(self.world, Pose((0, 0, 0.5)))
         around = Surroundings(lambda: self.world.time, spoon)

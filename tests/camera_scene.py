@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.agent import Agent
-from rcare_marl.agents.robot import Robot, load_robot
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Pose

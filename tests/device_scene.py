@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
 from rcare_marl.envs.devices import Device, ManualWheelchair
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import GripperUse, Robot, load_robot, urdf_robot
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import GripperUse, Robot
+from rcare_marl.agents.robots.robot_config import load_robot, urdf_robot
 from rcare_marl.agents.sensing.suite import Entry, SensorSuite
 from rcare_marl.pose import Pose
 from rcare_marl.world import World

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Literal
 
 from rcare_marl.envs.homes.plan import OUTSIDE, Opening, Plan, Room, Wall
-from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.envs.homes.rule import Rules
+from rcare_marl.envs.rectangle import Rectangle
 
 Hardware = Literal["knob", "lever", "slider"]
 _WIDTHS = {1: 0.77, 2: 0.94, 3: 0.99}

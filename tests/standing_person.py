@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
 from rcare_marl.pose import (
     Pose,
@@ -25,8 +25,10 @@ def person_in(
     *,
     avatar: str = "caregiver",
     name: str = "caregiver",
+    moves: tuple[str, ...] = (),
 ) -> Human:
-    person = Human(name, load_avatar(avatar), posture=load_posture("standing"), movable=movable)
+    posture = load_posture("standing")
+    person = Human(name, load_avatar(avatar), posture=posture, movable=movable, moves=moves)
     person.spawn(world, pose)
     person.reset(np.random.default_rng(0))
     return person

@@ -11,9 +11,9 @@ from pettingzoo.test.parallel_test import parallel_api_test
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.control import CONTROLS
-from rcare_marl.agents.robot import Robot, RobotConfig, load_robot
-from rcare_marl.agents.robot_check import (
+from rcare_marl.agents.robots.control import CONTROLS
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_check import (
     CONTROL_DT,
     advance,
     find_overlaps,
@@ -24,6 +24,7 @@ from rcare_marl.agents.robot_check import (
     spawned,
     still,
 )
+from rcare_marl.agents.robots.robot_config import RobotConfig, load_robot
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import rotate
 
@@ -188,6 +189,6 @@ def test_the_scripted_feeder_can_use_every_robot_that_reaches(name: str) -> None
         env.reset(seed=seed)
         while not env.is_over:
             env.step({})
-        fed += env.task.is_success()
+        fed += env.task.succeeded()
     assert fed >= 4
     env.close()

@@ -11,14 +11,18 @@ from episode import play
 
 import rcare_marl
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.devices.powered_wheelchair import PoweredWheelchair
-from rcare_marl.envs.homes.care_home import CareHome, home_names
-from rcare_marl.envs.homes.door import HINGE_DAMPING
-from rcare_marl.envs.homes.fixture import set_up_door
-from rcare_marl.envs.homes.stage import find_stage
+from rcare_marl.envs.devices import PoweredWheelchair
+from rcare_marl.envs.homes import (
+    HINGE_DAMPING,
+    CareHome,
+    HomePlace,
+    build_door,
+    find_place,
+    home_names,
+)
 from rcare_marl.envs.scenes.door_approach import WIDE_ENOUGH
 from rcare_marl.envs.scenes.way_through import WayThrough
-from rcare_marl.envs.tasks.ambulating import TURNED, Ambulating
+from rcare_marl.envs.tasks.ambulating import Ambulating
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
@@ -45,10 +49,10 @@ def scripted(request: pytest.FixtureRequest) -> Iterator[CareEnv]:
 
 def test_each_level_has_its_door_and_the_scripted_robot_works_it(scripted: CareEnv) -> None:
     task = task_of(scripted)
-    assert task.hardware == HARDWARE[task.level]
+    assert task.hardware == HARDWARE[task.place.level]
     for seed in range(2):
-        assert run(scripted, seed).is_success()
-        metrics = task.metrics()
+        assert run(scripted, seed).succeeded()
+        metrics = task.report()
         assert metrics["peak_door_force_n"] > 1 and metrics["peak_force_n"] == 0
         assert metrics["latched"] == 0 or task.hardware != "slider"
 
@@ -58,7 +62,7 @@ def test_an_episode_starts_shut_and_is_a_function_of_its_seed(scripted: CareEnv)
     for seed in (3, 4, 3):
         scripted.reset(seed=seed)
         task = task_of(scripted)
-        assert task.metrics()["progress"] < 0.01
+        assert task.report()["progress"] < 0.01
         assert task.door.is_latched == (task.hardware != "slider")
         track = [scripted.state()]
         for _ in range(45):
@@ -77,18 +81,18 @@ def test_what_counts_is_that_the_latch_is_free(level: int, kind: str) -> None:
     task = task_of(env)
     for share, is_free in ((0.95, False), (1.05, True)):
         for _ in range(16):  # a latch looks every 8 physics steps
-            task.door.body.set_joints(task._joint, [share * TURNED[kind]])
+            task.door.body.set_joints(task._joint, [share * task.door.release_angle])
             env.world.step()
-        task.door.body.set_joints(task._joint, [share * TURNED[kind]])
-        task.after_step()
-        assert task.is_success() == is_free and task.door.is_latched != is_free
+        task.door.body.set_joints(task._joint, [share * task.door.release_angle])
+        task.look()
+        assert task.succeeded() == is_free and task.door.is_latched != is_free
     env.close()
 
 
 def test_the_paper_rewards_rotation_of_handles_and_nearness_of_panels(scripted: CareEnv) -> None:
     scripted.reset(seed=0)
     task = task_of(scripted)
-    terms = dict(task.rewards("robot"))
+    terms = dict(task.rewards("robot", task.state))
     assert terms.pop("opened") == 0.0
     if task.hardware == "slider":
         assert terms == {"distance": pytest.approx(-WIDE_ENOUGH, abs=1e-3)}
@@ -97,7 +101,7 @@ def test_the_paper_rewards_rotation_of_handles_and_nearness_of_panels(scripted: 
 
 
 def test_random_actions_stay_finite(scripted: CareEnv) -> None:
-    level = task_of(scripted).level
+    level = task_of(scripted).place.level
     env = rcare_marl.make("ambulating", level=level, options={"reward": "shaped"})
     for role in env.possible_agents:
         env.action_space(role).seed(0)
@@ -115,9 +119,10 @@ def test_random_actions_stay_finite(scripted: CareEnv) -> None:
 def test_a_door_of_a_house_is_worked_where_a_chair_has_room() -> None:
     env = rcare_marl.make("ambulating", home="house_07", level=3, policies=BOTH)
     task = run(env, 0)
-    assert env.task.stage is not None and env.task.built is not None
-    assert task.door is env.task.built.doors[env.task.stage.fixture]
-    assert task.is_success()
+    place = env.task.place
+    assert isinstance(place, HomePlace)
+    assert task.door is place.standing.doors[place.at_fixture]
+    assert task.succeeded()
     env.close()
 
 
@@ -145,8 +150,8 @@ def test_the_robot_frees_the_latch_and_drives_the_chair_through_when_asked(drive
         tracks.append(np.array(track))
     np.testing.assert_array_equal(tracks[0], tracks[1])
     task, way = task_of(driven), through(driven)
-    assert task.is_success() and task.metrics()["peak_force_n"] == 0
-    assert task.metrics()["way_through_m"] >= 0 and task.opening() > 1.2
+    assert task.succeeded() and task.report()["peak_force_n"] == 0
+    assert task.report()["way_through_m"] >= 0 and task.state.opening > 1.2
     names = driven.cast["robot"].action_names
     assert names[-2:] == ("wheelchair forward [m/s]", "wheelchair turning [rad/s]")
     # Person and robot came along, as they sat and stood.
@@ -154,7 +159,8 @@ def test_the_robot_frees_the_latch_and_drives_the_chair_through_when_asked(drive
     start = [way.chair.pose.inverse() @ a.body.base_pose() for a in driven.cast.values()]
     for _ in range(80):
         driven.step({})
-    assert way.place[1] > -0.9
+    moved = task_of(driven).state.way
+    assert moved is not None and moved.place[1] > -0.9
     for agent, was in zip(driven.cast.values(), start, strict=True):
         now = way.chair.pose.inverse() @ agent.body.base_pose()
         assert np.linalg.norm(np.subtract(now.position, was.position)) < 2e-3
@@ -167,7 +173,7 @@ def test_the_scripted_robot_drives_through_nine_of_ten_doors(
 ) -> None:
     options = {"goal": "through", "clear_width": width}
     env = rcare_marl.make("ambulating", level=level, options=options, policies=BOTH)
-    assert sum(run(env, seed).is_success() for seed in range(20)) >= 18
+    assert sum(run(env, seed).succeeded() for seed in range(20)) >= 18
     env.close()
 
 
@@ -180,17 +186,17 @@ def test_a_chair_is_stopped_by_a_wall_with_the_force_of_its_wheels() -> None:
     world.rewind()
     forces = []
     for _ in range(960):
-        chair.base.drive((chair.powered.drive.speed, 0.0, 0.0))
+        chair.base.drive((chair.drive.speed, 0.0, 0.0))
         world.step()
         forces.append(world.contact_force(chair.body, wall))
-    assert np.mean(forces[-240:]) == pytest.approx(chair.powered.drive.force, rel=0.02)
+    assert np.mean(forces[-240:]) == pytest.approx(chair.drive.force, rel=0.02)
     assert max(forces) < 1000.0  # as it meets the wall at full speed
     assert world.separation(chair.body, wall, within=0.1) > -0.03
 
 
 def test_a_hinge_resists_the_chair_that_pushes_the_leaf() -> None:
     world = World()
-    door = set_up_door(world, level=2)
+    door = build_door(world, level=2)
     chair = PoweredWheelchair()
     chair.spawn(world, Pose((0.04, -1.15, 0.0), (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))))
     door.open(0.1)
@@ -215,7 +221,7 @@ def test_a_chair_that_is_too_wide_for_a_door_is_told_so() -> None:
 def test_robots_that_drive_stand_before_the_door_and_open_it(robot: str, level: int) -> None:
     env = rcare_marl.make("ambulating", robot=robot, level=level, policies=BOTH)
     assert task_of(env).approach.stands
-    assert run(env, 0).is_success()
+    assert run(env, 0).succeeded()
     env.close()
 
 
@@ -225,12 +231,11 @@ def test_every_house_has_room_before_a_door_at_every_level() -> None:
     task = task_of(env)
     for name in home_names():
         for level in HARDWARE:
-            task.level = level
             home = CareHome.load(name, level=level)
-            stage = find_stage(home, task.room_kinds, task.floor_before, site="door")
-            kept = [p for p in stage.home.furniture(stage.room.name) if p.piece.blocks]
-            assert stage.room.inside.contains(stage.footprint)
-            assert not any(p.footprint.overlaps(stage.footprint) for p in kept)
+            place = find_place(home, task.room_kinds, task.floor_before, site="door")
+            kept = [p for p in place.home.furniture(place.home_room.name) if p.piece.blocks]
+            assert place.home_room.inside.contains(place.footprint)
+            assert not any(p.footprint.overlaps(place.footprint) for p in kept)
     env.close()
 
 
@@ -238,7 +243,7 @@ def test_a_door_of_a_house_is_worked_from_its_other_side_where_only_that_has_roo
     env = rcare_marl.make("ambulating", home="house_09", level=1, policies=BOTH)
     task = run(env, 0)
     assert task.approach.touched == "handle_inside"
-    assert task.is_success()
+    assert task.succeeded()
     env.close()
 
 

@@ -15,7 +15,7 @@ from rcare_marl.envs.homes.furniture.assistive import (
 )
 from rcare_marl.envs.homes.piece import Piece, Setting
 from rcare_marl.envs.homes.rule import Rules
-from rcare_marl.urdf import write
+from rcare_marl.model.urdf import write
 from rcare_marl.world import World
 
 FURNITURE = (make_hospital_bed, make_manual_wheelchair, make_transfer_bench, make_platform_lift)

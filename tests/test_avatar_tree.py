@@ -13,14 +13,14 @@ from PIL import Image
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.policies.avatar_tree import (
+from rcare_marl.agents.people.behaviour.avatar_tree import (
     AvatarBehaviour,
     BehaviourConfig,
     behaviour_of,
 )
-from rcare_marl.agents.policies.cue import GESTURES
-from rcare_marl.agents.policies.tree_picture import TreePicture
+from rcare_marl.agents.people.behaviour.cue import GESTURES
+from rcare_marl.agents.people.behaviour.tree_picture import TreePicture
+from rcare_marl.agents.people.human import Human
 from rcare_marl.config import load
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.tasks.feeding import Feeding
@@ -132,7 +132,7 @@ def test_a_behaving_person_can_be_fed(avatar: str) -> None:
     env = rcare_marl.make("feeding", recipient=avatar,
                           policies={"robot": "scripted", "recipient": "behaviour"})  # fmt: skip
     play(env, 0)
-    assert isinstance(env.task, Feeding) and env.task.is_success()
+    assert isinstance(env.task, Feeding) and env.task.succeeded()
     env.close()
 
 
@@ -144,7 +144,7 @@ def test_a_refusing_person_is_not_fed() -> None:
     policy.cues.refuses = True
     while not env.is_over:
         env.step({})
-    assert env.task.metrics()["eaten_pieces"] == 0
+    assert env.task.report()["eaten_pieces"] == 0
     env.close()
 
 

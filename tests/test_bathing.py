@@ -11,7 +11,7 @@ from episode import play
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.scenes import wiped_skin
 from rcare_marl.envs.tasks import bathing
@@ -57,8 +57,8 @@ def push_down(env: CareEnv, steps: int) -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_the_scripted_robot_bathes_natalia_gently(scripted: CareEnv, seed: int) -> None:
     task = run(scripted, seed)
-    metrics = task.metrics()
-    assert task.is_success()
+    metrics = task.report()
+    assert task.succeeded()
     assert metrics["peak_force_n"] < 8.0
     assert metrics["coverage"] > 0.6
     assert metrics["prom_violation_deg_s"] == 0.0
@@ -68,7 +68,7 @@ def test_the_scripted_robot_bathes_natalia_gently(scripted: CareEnv, seed: int) 
 @pytest.mark.parametrize("avatar", assets.names("avatars"))
 def test_every_avatar_can_be_bathed(avatar: str) -> None:
     env = rcare_marl.make("bathing", recipient=avatar, policies=BOTH)
-    assert all(run(env, seed).is_success() for seed in range(2))
+    assert all(run(env, seed).succeeded() for seed in range(2))
     env.close()
 
 
@@ -76,7 +76,7 @@ def test_every_avatar_can_be_bathed(avatar: str) -> None:
 @pytest.mark.parametrize("robot", sorted(set(assets.names("robots")) - {"nao", "pepper"}))
 def test_every_robot_that_reaches_can_bathe(robot: str) -> None:
     env = rcare_marl.make("bathing", robot=robot, policies=BOTH)
-    assert run(env, 0).is_success()
+    assert run(env, 0).succeeded()
     env.close()
 
 
@@ -86,7 +86,7 @@ def test_a_robot_that_cannot_reach_is_refused() -> None:
 
 
 def test_who_sits_is_not_bathed_in_bed() -> None:
-    with pytest.raises(ConfigError, match="lies on the back"):
+    with pytest.raises(ConfigError, match="must lie on the back"):
         rcare_marl.make("bathing", recipient={"posture": "wheelchair"})
 
 
@@ -100,18 +100,18 @@ def test_the_elbow_alone_is_not_the_goal(learned: CareEnv) -> None:
     task = task_of(learned)
     task._set_sponge(task._over(task.target_on_arm()[0], 0.03))
     push_down(learned, 20)
-    metrics = task.metrics()
+    metrics = task.report()
     assert metrics["sponge_force_n"] > 1.0
     assert metrics["distance_m"] < 0.04
-    assert not task.is_success()
+    assert not task.succeeded()
 
 
 def test_too_much_force_fails_and_costs_more_than_to_go_on() -> None:
     env = rcare_marl.make("bathing", policies=BOTH, options={"force_limit": 3.0})
     task = run(env, 0)
-    terms = task.rewards("robot")
+    terms = task.rewards("robot", task.state)
     left = (task.time_limit - env.world.time) / task.control_dt
-    assert task.is_failure() and not task.is_success()
+    assert task.failed() and not task.succeeded()
     assert terms["hurt"] == pytest.approx(-bathing.HURT * left)
     assert terms["hurt"] < left * (terms["distance"] + terms["force"])
     env.close()
@@ -134,7 +134,7 @@ def test_pressing_is_felt_by_person_and_robot_alike(scripted: CareEnv) -> None:
     task = task_of(scripted)
     for _ in range(30):
         scripted.step({})
-    own = float(np.linalg.norm(task.sponge_force()))
+    own = float(np.linalg.norm(task.state.push))
     assert 3.0 < own < 7.0
     assert task.recipient.contact_forces(task.sponge.body)["left_shoulder"] == pytest.approx(
         own, rel=0.2
@@ -162,7 +162,7 @@ def test_coverage_grows_by_what_is_wiped_and_never_falls(scripted: CareEnv) -> N
     seen = []
     while not scripted.is_over:
         scripted.step({})
-        seen.append(task_of(scripted).coverage())
+        seen.append(task_of(scripted).state.covered)
     assert seen[0] == 0.0 and (np.diff(seen) >= 0).all() and 0.3 < seen[-1] <= 1.0
 
 
@@ -212,7 +212,7 @@ def test_the_sponge_never_goes_through_the_arm_in_ten_minutes_of_random_actions(
             points = task.sponge.points()
             assert np.isfinite(points).all()
             assert task.sponge.soft.deviation() < 0.1
-            presses += task.metrics()["force_n"] > 1
+            presses += task.report()["force_n"] > 1
             if round(env.world.time / task.control_dt) % 10 == 0:
                 frame = np.linalg.inv(person.joint_pose("left_shoulder").matrix())
                 local = points @ frame[:3, :3].T + frame[:3, 3]
@@ -246,10 +246,10 @@ def test_shaped_rewards_pay_for_wiping() -> None:
     wiped = 0.0
     while not env.is_over:
         env.step({})
-        terms = task_of(env).rewards("robot")
+        terms = task_of(env).rewards("robot", task_of(env).state)
         wiped += terms["wiped"]
     weights = bathing.BathingOptions.SHAPED_WEIGHTS
-    assert wiped == pytest.approx(weights["wiped"] * task_of(env).coverage())
+    assert wiped == pytest.approx(weights["wiped"] * task_of(env).state.covered)
     assert terms["reached"] == weights["reached"]
     env.close()
 
@@ -271,5 +271,5 @@ def test_options_are_checked() -> None:
 
 def test_bathing_finds_a_room_in_a_house() -> None:
     env = rcare_marl.make("bathing", home="house_01", level=3, policies=BOTH)
-    assert run(env, 0).is_success()
+    assert run(env, 0).succeeded()
     env.close()

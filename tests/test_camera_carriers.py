@@ -7,9 +7,10 @@ import pytest
 from camera_scene import Room, robot_with
 
 from rcare_marl import rendering
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot, load_robot
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.agents.sensing.camera import CameraSensor
 from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.errors import ConfigError, UnknownNameError

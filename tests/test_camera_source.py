@@ -11,16 +11,15 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.body.skeleton import DOFS
-from rcare_marl.agents.coaching.band_pose import BandPose, Layout
-from rcare_marl.agents.coaching.camera_source import CameraReading, CameraSource, resting
-from rcare_marl.agents.coaching.card_finder import CardFinder
 from rcare_marl.agents.coaching.exercise import Exercise, exercise_names, load_exercise
 from rcare_marl.agents.coaching.imitation import Imitation
-from rcare_marl.agents.coaching.marker_band import Band, band_set
-from rcare_marl.agents.coaching.recogniser import Frame, Repetition
-from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
+from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.sources.band_pose import BandPose, Layout
+from rcare_marl.agents.coaching.sources.camera_source import CameraReading, CameraSource, resting
+from rcare_marl.agents.coaching.sources.card_finder import CardFinder
+from rcare_marl.agents.coaching.sources.marker_band import Band, band_set
+from rcare_marl.agents.coaching.sources.worn_band import wear
 from rcare_marl.agents.coaching.upper_body import (
     ARM,
     MOTION_INDEX,
@@ -28,8 +27,9 @@ from rcare_marl.agents.coaching.upper_body import (
     UpperBody,
     directions,
 )
-from rcare_marl.agents.coaching.worn_band import wear
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.body.skeleton import DOFS
+from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.sensing.marker_print import cells
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose

@@ -8,12 +8,12 @@ from collections import Counter
 import pytest
 from house_levels import ALL, built
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
 from rcare_marl.envs.homes.care_home import CareHome, home_names
 from rcare_marl.envs.homes.doorway import doorway
 from rcare_marl.envs.homes.recipe import recipe_for
-from rcare_marl.envs.homes.rectangle import Rectangle
+from rcare_marl.envs.rectangle import Rectangle
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.world import World

@@ -11,19 +11,14 @@ import pytest
 from py_trees.common import Status
 from standing_person import CONTROL_DT, CONTROL_STEPS, person_in
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.body.skeleton import (
-    DOF_INDEX,
-    JOINT_INDEX,
-    JOINTS,
-    SIDES,
-)
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.motion.caregiving import Caregiving, Do
-from rcare_marl.agents.motion.clip import heading_of
-from rcare_marl.agents.motion.playback import Puppet
-from rcare_marl.agents.motion.walk import LEGS, STEP_LENGTH, Station, Walk, stations
-from rcare_marl.envs.devices.wheelchair import Wheelchair
+from rcare_marl.agents.people.actuation.drive import ActuationConfig
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, JOINT_INDEX, JOINTS
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.motion.caregiving import Caregiving, Do
+from rcare_marl.agents.people.motion.clip import heading_of
+from rcare_marl.agents.people.motion.gait import LEGS, STEP_LENGTH
+from rcare_marl.envs.devices import Wheelchair
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import (
     Pose,
@@ -35,90 +30,179 @@ Array = npt.NDArray[np.float64]
 ARM = ("right_collar", "right_shoulder", "right_elbow", "right_wrist")
 
 
-# Walking.
+# Walking and kneeling, by actions alone.
 
 
-def walker() -> tuple[World, Human]:
+def walker(*moves: str) -> tuple[World, Human]:
     world = World()
-    person = person_in(world, Pose((-0.8, 0.1, 0.0)), (*LEGS, "left_shoulder", "right_shoulder"))
+    joints = (*LEGS, "left_shoulder", "right_shoulder")
+    person = person_in(world, Pose((-0.8, 0.1, 0.0)), joints, moves=moves or ("walk",))
     world.mark_start()
     return world, person
 
 
-def walk_through(world: World, person: Human, walk: Walk) -> tuple[Array, dict[str, Array]]:
-    """Walk; return the time of each physics step and the balls of both feet then [m]."""
-    person.course = Puppet(person, walk.motion, lambda: world.time)
-    joints, times = person.model.joints, []
-    places: dict[str, list[Array]] = {side: [] for side in SIDES}
-    while person.course is not None:
+def ball(person: Human, side: str) -> Array:
+    """Where the ball of a foot is in the world [m]."""
+    joints, ankle = person.model.joints, person.joint_pose(f"{side}_ankle").matrix()
+    way = joints[JOINT_INDEX[f"{side}_foot"]] - joints[JOINT_INDEX[f"{side}_ankle"]]
+    return np.asarray((ankle @ np.append(way, 1.0))[:3])
+
+
+def do_action(world: World, person: Human, **moves: tuple[float, ...]) -> list[tuple[Array, Array]]:
+    """Send an action for a control step; return where the balls of both feet were [m]."""
+    action = np.zeros(person.action_size)
+    for move, values in moves.items():
+        action[person.entries[move]] = values
+    person.command(action, CONTROL_DT)
+    rows = []
+    for _ in range(CONTROL_STEPS):
         person.actuate()
-        times.append(world.time)
         world.step()
-        for side in SIDES:
-            ankle = person.joint_pose(f"{side}_ankle").matrix()
-            ball = joints[JOINT_INDEX[f"{side}_foot"]] - joints[JOINT_INDEX[f"{side}_ankle"]]
-            places[side].append((ankle @ np.append(ball, 1.0))[:3])
-    return np.array(times), {side: np.array(rows) for side, rows in places.items()}
+        rows.append((ball(person, "left"), ball(person, "right")))
+    person.sense()
+    return rows
 
 
-def test_a_walk_arrives_and_standing_feet_neither_slide_nor_sink() -> None:
+def walked(
+    world: World, person: Human, shares: tuple[float, float, float], steps: int
+) -> tuple[Array, Array]:
+    """Walk so many control steps, and on until both feet stand; return the balls of the feet [m]."""
+    rows = []
+    for k in range(100):
+        if k >= steps and person.legs is not None and person.legs.stands:
+            break
+        rows += do_action(world, person, walk=shares if k < steps else (0.0, 0.0, 0.0))
+    return np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
+
+
+SLID = 0.005  # [m] that a foot may slide while it stands
+
+
+def assert_feet_stand(*feet: Array) -> None:
+    """Assert that at each time one foot is where it stands, and that none sinks into the floor."""
+    still = []
+    for rows in feet:
+        low = rows[:, 2] < rows[0, 2] + 0.006
+        assert rows[:, 2].min() > rows[0, 2] - 0.005
+        edges = np.flatnonzero(np.diff(low.astype(int))) + 1
+        for span in np.split(np.arange(len(rows)), edges):
+            if low[span[0]] and len(span) > 48:  # a stance: else it lifts off or comes down
+                middle = span[24:-24]
+                moved = np.linalg.norm(rows[middle] - rows[middle[0]], axis=1).max()
+                assert moved < SLID
+                still.append(moved)
+        assert rows[:, 2].max() > rows[0, 2] + 0.03  # and it is lifted between
+    assert len(still) > 1
+
+
+@pytest.mark.parametrize(
+    ("shares", "steps", "way"),
+    [
+        ((1.0, 0.0, 0.0), 18, (1.35, 0.0, 0.0)),
+        ((-0.5, 0.0, 0.0), 12, (-0.45, 0.0, 0.0)),
+        ((0.0, 1.0, 0.0), 12, (0.0, 0.2, 0.0)),
+        ((0.0, -1.0, 0.0), 24, (0.0, -0.4, 0.0)),
+        ((0.0, 0.0, 1.0), 24, (0.0, 0.0, 120.0)),
+        ((0.0, 0.0, -0.5), 12, (0.0, 0.0, -30.0)),
+    ],
+)
+def test_walking_by_actions_goes_where_told_and_standing_feet_do_not_slide(
+    shares: tuple[float, float, float], steps: int, way: tuple[float, float, float]
+) -> None:
     world, person = walker()
-    walk = Walk(person, [(0.4, 0.1), (0.5, -0.7)], math.radians(-170))
-    standing = person.body.base_pose().position[2]
-    times, places = walk_through(world, person, walk)
-    assert person.pelvis.position == pytest.approx((0.5, -0.7, standing), abs=1e-6)
-    turn = math.remainder(heading_of(person.pelvis) - math.radians(-170), 2 * math.pi)
-    assert turn == pytest.approx(0, abs=1e-6)
-    for side, rows in places.items():
-        stands = np.array([walk.stance(side, time) for time in times])
-        edges = np.flatnonzero(np.diff(stands.astype(int))) + 1
-        spans = np.split(np.arange(len(times)), edges)
-        stances = [rows[span] for span in spans if stands[span[0]]]
-        assert len(stances) > 3
-        for stance in stances:
-            assert np.linalg.norm(stance - stance[0], axis=1).max() < 0.01
-        height = rows[0, 2]
-        assert rows[:, 2].min() > height - 0.005  # never through the floor
-        assert rows[:, 2].max() > height + 0.03  # and lifted between
+    x, y, standing = person.pelvis.position
+    feet = walked(world, person, shares, steps)
+    assert person.pelvis.position == pytest.approx((x + way[0], y + way[1], standing), abs=1e-6)
+    turned = math.remainder(heading_of(person.pelvis) - math.radians(way[2]), 2 * math.pi)
+    assert turned == pytest.approx(0, abs=1e-6)
+    assert_feet_stand(*feet)
+    start = {dof: person.angles[DOF_INDEX[dof]] for dof in person.movable if "knee" in dof}
+    assert {dof: person.angle(dof) for dof in start} == pytest.approx(start, abs=0.02)
 
 
-def test_a_walk_ends_in_the_posture_that_it_began_with_and_moves_smoothly() -> None:
-    _, person = walker()
-    walk = Walk(person, [(0.6, 0.1)], 0.0)
-    motion = walk.motion
-    np.testing.assert_allclose(motion.angles[-1], motion.angles[0], atol=0.02)
-    legs = [DOF_INDEX[dof] for dof in person.movable if "hip" in dof or "knee" in dof]
-    speeds = np.abs(np.diff(motion.angles[:, legs], axis=0)) * motion.rate
-    assert speeds.max() < 12  # [rad/s]: nothing jumps
-    assert (np.abs(np.diff(motion.pelvis, axis=0)) * motion.rate).max() < 1.5  # [m/s]
+def test_a_curve_is_walked_smoothly_and_within_the_range_of_the_legs() -> None:
+    world, person = walker()
+    places, postures = [], []
+    for _ in range(24):
+        do_action(world, person, walk=(0.7, 0.0, 0.5))
+        places.append([*person.pelvis.position, heading_of(person.pelvis)])
+        postures.append(person.positions)
+    speeds = np.abs(np.diff(np.array(places), axis=0)) / CONTROL_DT
+    assert speeds[:, :2].max() < 1.2 and speeds[:, 2].max() < 0.6  # [m/s]
+    assert speeds[:, 3].max() < 2.0  # [rad/s]
+    assert (np.abs(np.diff(np.array(postures), axis=0)) / CONTROL_DT).max() < 12  # [rad/s]
     low, high = person.passive.T
-    chosen = motion.angles[:, [DOF_INDEX[dof] for dof in person.movable]]
-    assert (chosen > low - 0.02).all() and (chosen < high + 0.02).all()
+    assert (np.array(postures) > low - 0.02).all() and (np.array(postures) < high + 0.02).all()
 
 
-def test_stations_are_no_more_than_a_step_apart() -> None:
-    ways = stations(Station(0, 0, 0), [(1.0, 0.0), (1.0, 2.0)], math.pi)
-    assert ways[-1].at(0, 0) == pytest.approx((1, 2)) and ways[-1].heading == pytest.approx(math.pi)
-    for a, b in zip(ways, ways[1:], strict=False):
-        assert math.hypot(b.x - a.x, b.y - a.y) <= STEP_LENGTH + 1e-9
-        assert abs(b.heading - a.heading) <= math.radians(30) + 1e-9
-    aside = stations(Station(0, 0, 0), [(0.0, 0.15)], 0.0)
-    assert all(station.heading == 0 for station in aside)  # a short way needs no turn
+def test_a_step_that_has_begun_is_finished_and_nothing_asked_moves_nothing() -> None:
+    world, person = walker()
+    here = person.pelvis.position
+    for _ in range(6):
+        do_action(world, person, walk=(0.04, -0.04, 0.04))
+    assert person.pelvis.position == here
+    do_action(world, person, walk=(1.0, 0.0, 0.0))
+    walked(world, person, (0.0, 0.0, 0.0), 0)
+    assert person.pelvis.position[0] == pytest.approx(here[0] + STEP_LENGTH, abs=1e-6)
+    seen = {o.name: np.asarray(o.read()) for o in person.observables()}
+    assert seen["step"] == pytest.approx((0.0, 0.0))
+    assert seen["pelvis_position"] == pytest.approx(person.pelvis.position)
+
+
+def test_kneeling_by_actions_goes_down_to_the_knee_and_up_again() -> None:
+    world, person = walker("walk", "kneel")
+    start, foot = person.pelvis, np.array(person.joint_pose("right_ankle").position)
+    for _ in range(19):
+        do_action(world, person, kneel=(1.0, 0.0))
+    radius = person.segments["left_knee"].shapes[0].size[1]
+    assert person.joint_pose("left_knee").position[2] == pytest.approx(radius, abs=0.03)
+    assert person.joint_pose("right_ankle").position == pytest.approx(foot, abs=0.02)
+    assert person.joint_pose("right_knee").position[2] > 0.3
+    assert person.legs is not None and person.legs.kneeling == {"left": 1.0, "right": 0.0}
+    low = person.pelvis
+    for _ in range(6):  # who kneels does not walk, nor go down on the other knee
+        do_action(world, person, walk=(1.0, 0.0, 0.0), kneel=(0.0, 1.0))
+    assert person.pelvis == low
+    for _ in range(19):
+        do_action(world, person, kneel=(-1.0, 0.0))
+    assert person.legs.stands and person.pelvis.position == pytest.approx(start.position, abs=1e-9)
+    walked(world, person, (1.0, 0.0, 0.0), 6)
+    assert person.pelvis.position[0] == pytest.approx(start.position[0] + STEP_LENGTH, abs=1e-6)
 
 
 def test_who_cannot_walk_is_a_named_error() -> None:
-    world = World()
-    stiff = person_in(world, Pose(), ("right_elbow",))
     with pytest.raises(ConfigError, match="left_hip_flexion"):
-        Walk(stiff, [(1, 0)], 0.0)
-    seated = Human("seated", load_avatar("karan"), posture=load_posture("wheelchair"), movable=LEGS)
-    seated.spawn(World(), Pose((0, 0, 0.5)))
+        person_in(World(), Pose(), ("right_elbow",), moves=("walk",))
+    seated = Human(
+        "seated",
+        load_avatar("karan"),
+        posture=load_posture("wheelchair"),
+        movable=LEGS,
+        moves=("kneel",),
+    )
     with pytest.raises(ConfigError, match="does not stand"):
-        Walk(seated, [(1, 0)], 0.0)
-    _, person = walker()
-    for points, heading in (([], 0.0), ([(math.nan, 0.0)], 0.0), ([(1.0, 0.0)], math.inf)):
-        with pytest.raises(ConfigError, match="all finite"):
-            Walk(person, points, heading)
+        seated.spawn(World(), Pose((0, 0, 0.5)))
+    with pytest.raises(UnknownNameError, match="grasp, kneel, walk"):
+        person_in(World(), Pose(), LEGS, moves=("fly",))
+    with pytest.raises(ConfigError, match="'posture'"):
+        Human(
+            "excited",
+            load_avatar("caregiver"),
+            posture=load_posture("standing"),
+            actuation=ActuationConfig(kind="muscle"),
+            moves=("grasp",),
+        )
+    world, person = walker("kneel")
+    still = Caregiving(person, world, CONTROL_DT)
+    with pytest.raises(ConfigError, match="cannot walk: its moves are kneel"):
+        still.walk_to(1.0, 0.0, 0.0)
+    with pytest.raises(ConfigError, match="cannot grasp"):
+        still.grasp(person, "left_knee")
+    with pytest.raises(UnknownNameError, match="side"):
+        still.kneel("middle")
+    world, person = walker()
+    with pytest.raises(ConfigError, match="all finite"):
+        Caregiving(person, world, CONTROL_DT).walk_to(math.nan, 0.0, 0.0)
 
 
 # A caregiver's hands.
@@ -147,13 +231,14 @@ class Room:
         )
         self.karan.spawn(self.world, chair.frame_in_world("seat_back"))
         pose = Pose((1.0, 1.1, 0.0), tuple(quaternion_from_rpy(0, 0, math.radians(-140)).tolist()))
-        self.helper = person_in(self.world, pose, (*LEGS, "spine1", "spine2", "spine3", *ARM))
+        joints = (*LEGS, "spine1", "spine2", "spine3", *ARM)
+        self.helper = person_in(self.world, pose, joints, moves=("walk", "grasp"))
         forearm = self.karan.frames[JOINT_INDEX["left_elbow"]].link
         rest = [link for link in range(-1, self.karan.body.link_count) if link != forearm]
         self.world.set_collision(self.karan.body, chair.body, False, links_a=rest)
         self.world.set_collision(self.helper.body, floor, False)
         self.caregiving = Caregiving(self.helper, self.world, CONTROL_DT, script=self.lift)
-        self.caregiving.pass_through(self.karan, "left_elbow")
+        self.helper.may_take(self.karan, "left_elbow", hand="right")
         self.world.mark_start()
 
     def forearm(self) -> Array:
@@ -172,17 +257,25 @@ class Room:
         do.release()
         do.lower_arm()
 
-    def episode(self, seconds: float = 25.0) -> Array:
-        """Return joints, pelvis and hand after each control step, until all is done."""
+    def episode(self, seconds: float = 25.0, replayed: list[Array] | None = None) -> Array:
+        """Return joints, pelvis and hand after each control step, until all is done.
+
+        What the helper does is kept in `sent`; `replayed` does that again with no policy.
+        """
         self.world.rewind()
         for person in (self.karan, self.helper):
             person.reset(np.random.default_rng(0))
-        self.caregiving.reset(np.random.default_rng(0))
         rows = []
-        for k in range(round(seconds / CONTROL_DT)):
-            if k and self.caregiving.is_idle:
-                break
-            self.helper.command(self.caregiving.act(), CONTROL_DT)
+        if replayed is None:
+            self.sent: list[Array] = []
+            self.caregiving.reset(np.random.default_rng(0))
+        for k in range(round(seconds / CONTROL_DT) if replayed is None else len(replayed)):
+            if replayed is None:
+                if k and self.caregiving.is_idle:
+                    break
+                self.sent.append(self.caregiving.act().copy())
+            action = self.sent[k] if replayed is None else replayed[k]
+            self.helper.command(action, CONTROL_DT)
             present = {dof: self.karan.angle(dof) for dof in self.karan.movable}
             self.karan.command(self.karan.action_towards(present, CONTROL_DT), CONTROL_DT)
             for _ in range(CONTROL_STEPS):
@@ -211,7 +304,8 @@ def test_a_caregiver_walks_up_lifts_an_arm_and_lays_it_back_bit_for_bit_the_same
     assert 3 < room.caregiving.greatest_grip < 80  # [N], far below what a grasp can bear
     assert room.helper.pelvis.position[:2] == pytest.approx((0.5, 0.68), abs=1e-6)
     np.testing.assert_array_equal(room.episode(), rows)
-    np.testing.assert_array_equal(Room().episode(), rows)
+    other = Room()
+    np.testing.assert_array_equal(other.episode(replayed=room.sent), rows)  # actions are all
 
 
 def test_an_episode_cut_short_in_the_middle_of_a_lift_leaves_no_trace() -> None:
@@ -223,7 +317,8 @@ def test_an_episode_cut_short_in_the_middle_of_a_lift_leaves_no_trace() -> None:
 
 def helper_alone() -> tuple[World, Human]:
     world = World()
-    return world, person_in(world, Pose(), ("spine1", "spine2", "spine3", *ARM))
+    joints = ("spine1", "spine2", "spine3", *ARM)
+    return world, person_in(world, Pose(), joints, moves=("grasp",))
 
 
 def do_all(world: World, caregiving: Caregiving, seconds: float = 8.0) -> None:
@@ -243,7 +338,7 @@ def test_a_thing_is_carried_to_a_place_and_let_go_there() -> None:
     caregiving.reset(np.random.default_rng(0))
     box = world.add_box((0.05, 0.05, 0.05), Pose((0.4, -0.25, 0.95)), mass=0.4, name="cup")
     table = world.add_box((0.3, 0.3, 0.02), Pose((0.4, -0.25, 0.915)), name="table")
-    caregiving.pass_through(box)
+    person.may_take(box, hand="right")
     world.set_collision(person.body, table, False)
     caregiving.reach((0.4, -0.25, 1.0), palm=(0, 0, -1))
     caregiving.grasp(box)
@@ -263,9 +358,9 @@ def test_a_grasp_slips_where_more_is_asked_than_it_can_hold() -> None:
     caregiving = Caregiving(person, world, CONTROL_DT)
     caregiving.reset(np.random.default_rng(0))
     rail = world.add_box((0.05, 0.05, 0.05), Pose((0.4, -0.25, 0.95)), name="rail")
-    caregiving.pass_through(rail)
+    person.may_take(rail, hand="right")
     caregiving.reach((0.4, -0.25, 1.0), palm=(0, 0, -1))
-    caregiving.grasp(rail, force=5.0)
+    caregiving.grasp(rail, force=20.0)
     caregiving.move_by((0.0, 0.0, 0.3))
     do_all(world, caregiving)
     assert "slipped" in caregiving.trouble and not caregiving.is_holding
@@ -295,7 +390,7 @@ def test_what_cannot_be_done_is_said_and_the_rest_is_dropped() -> None:
     assert leaf.status == Status.FAILURE and "does not reach" in leaf.feedback_message
 
 
-def test_the_leaf_succeeds_when_the_deeds_are_done() -> None:
+def test_the_leaf_succeeds_when_the_skills_are_done() -> None:
     world, person = helper_alone()
     caregiving = Caregiving(person, world, CONTROL_DT)
     caregiving.reset(np.random.default_rng(0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import pytest
@@ -10,9 +11,9 @@ from pettingzoo.test.parallel_test import parallel_api_test
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot
-from rcare_marl.envs.homes.rule import LEVELS
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.envs.homes import LEVELS
 from rcare_marl.envs.registry import task_class
 from rcare_marl.envs.task import Role
 from rcare_marl.errors import ConfigError
@@ -22,21 +23,11 @@ TASKS = rcare_marl.task_names()
 ROBOTS = assets.names("robots")
 PEOPLE = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
 
-# The robots that reach: the table of docs/tasks.md.
-ON_CHAIR = {"fetch", "franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stretch_re1", "ur5"}
-REACH = {
-    "ambulating": ON_CHAIR | {"hsr", "stretch_re1_dex"},
-    "bathing": ON_CHAIR | {"hsr", "pepper", "stretch_re1_dex"},
-    "dressing": ON_CHAIR - {"stretch_re1"} | {"stretch_re1_dex"},
-    "drinking": {"franka_panda", "kinova_gen2", "kinova_gen3", "pr2"},
-    "feeding": ON_CHAIR | {"stretch_re1_dex"},
-    "group_coaching": {"nao", "pepper"},
-    "limb_repositioning": ON_CHAIR - {"stretch_re1"} | {"hsr", "stretch_re1_dex"},
-    "phyrc_bathing": ON_CHAIR - {"pr2"} | {"hsr", "stretch_re1_dex"},
-    "phyrc_dressing": ON_CHAIR - {"stretch_re1"} | {"hsr"},
-    "social_coaching": {"nao", "pepper"},
-    "toileting": ON_CHAIR | {"hsr", "stretch_re1_dex"},
-}
+
+def reaching(task: str) -> Collection[str]:
+    """Return the robots that reach; only the default one where the task does not say."""
+    said = task_class(task).reachable_by
+    return said if said is not None else {str(task_class(task).roles()["robot"].default)}
 
 
 def casts() -> list[Any]:
@@ -45,9 +36,11 @@ def casts() -> list[Any]:
     for task in TASKS:
         for role, part in task_class(task).roles().items():
             others = [o for o in (ROBOTS if part.kind is Robot else PEOPLE) if o != part.default]
+            if part.kind is Robot and task_class(task).reachable_by is None:
+                continue  # nothing is promised of others
             if part.default is None:
                 continue
-            quick = next((o for o in others if role != "robot" or o in REACH[task]), None)
+            quick = next((o for o in others if role != "robot" or o in reaching(task)), None)
             cases += [
                 pytest.param(
                     task, role, other, id=f"{task}-{role}-{other}",
@@ -70,7 +63,7 @@ def check(task: str, **chosen: Any) -> None:
 
 
 def is_refused(task: str, role: Role[Any], name: str) -> bool:
-    return role.kind is Robot and name not in REACH[task]
+    return role.kind is Robot and name not in reaching(task)
 
 
 @pytest.mark.parametrize(("task", "role", "other"), casts())
@@ -100,5 +93,5 @@ def test_a_task_in_a_home_keeps_the_promises_at_every_level(task: str, level: in
     check(task, home=HOME, level=level)
 
 
-def test_the_table_names_robots_that_there_are() -> None:
-    assert {name for names in REACH.values() for name in names} <= set(ROBOTS)
+def test_tasks_name_robots_that_there_are() -> None:
+    assert {name for task in TASKS for name in reaching(task)} <= set(ROBOTS)

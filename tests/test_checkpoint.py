@@ -17,7 +17,7 @@ import torch
 from tensordict import TensorDict
 from torchrl.data import LazyTensorStorage, ReplayBuffer
 
-from rcare_marl.baselines.training.checkpoint import BEST, FORMAT, LAST, Checkpoint, load, save
+from rcare_marl.baselines.training.checkpoint import BEST, FORMAT, LAST, load, restore_rng, save
 from rcare_marl.errors import ConfigError
 
 
@@ -33,17 +33,16 @@ def test_a_network_learns_on_as_if_it_had_never_stopped(tmp_path: Path) -> None:
     network = torch.nn.Linear(3, 2)
     optimiser = torch.optim.Adam(network.parameters())
     learnt(network, optimiser, 3)
-    store = Checkpoint(tmp_path)
-    store.save({"network": network.state_dict(), "optimiser": optimiser.state_dict()})
+    file = tmp_path / LAST
+    save(file, {"network": network.state_dict(), "optimiser": optimiser.state_dict()})
     learnt(network, optimiser, 3)
 
     again = torch.nn.Linear(3, 2)
     other = torch.optim.Adam(again.parameters())
-    saved = store.load()
-    assert saved is not None
+    saved = load(file)
     again.load_state_dict(saved["network"])
     other.load_state_dict(saved["optimiser"])
-    store.restore_rng(saved)
+    restore_rng(saved)
     learnt(again, other, 3)
     for name, value in network.state_dict().items():
         assert torch.equal(value, again.state_dict()[name])
@@ -56,7 +55,7 @@ def test_shared_generators_go_on_where_they_were(tmp_path: Path) -> None:
     draw()  # leaves the spare of a pair of normal numbers behind
     save(tmp_path / LAST, {})
     wanted = [draw() for _ in range(3)]
-    Checkpoint.restore_rng(load(tmp_path / LAST))
+    restore_rng(load(tmp_path / LAST))
     assert [draw() for _ in range(3)] == wanted
 
 
@@ -152,20 +151,15 @@ def test_a_kill_at_any_moment_leaves_a_whole_checkpoint(
 
 
 def test_the_best_one_stays_when_others_follow(tmp_path: Path) -> None:
-    store = Checkpoint(tmp_path)
-    store.save({"n": 1})
-    assert not store.best.exists()
+    last, best = tmp_path / LAST, tmp_path / BEST
+    save(last, {"n": 1})
+    assert not best.exists()
     for number, is_best in ((2, True), (3, False), (4, False)):
-        store.save({"n": number}, is_best=is_best)
-    assert load(store.last)["n"] == 4 and load(store.best)["n"] == 2
-    store.save({"n": 5}, is_best=True)
-    assert load(store.best)["n"] == 5
+        save(last, {"n": number}, is_best=is_best)
+    assert load(last)["n"] == 4 and load(best)["n"] == 2
+    save(last, {"n": 5}, is_best=True)
+    assert load(best)["n"] == 5
     assert sorted(each.name for each in tmp_path.iterdir()) == sorted([LAST, BEST])
-
-
-def test_nothing_saved_is_no_error_where_a_run_begins(tmp_path: Path) -> None:
-    store = Checkpoint(tmp_path / "new")
-    assert not store.exists() and store.load() is None
 
 
 def cut(data: bytes) -> bytes:
@@ -219,10 +213,10 @@ CONFIG = {"task": "feeding", "algorithm": {"gamma": 0.99, "layers": (256, 256)},
 
 
 def test_a_checkpoint_that_does_not_fit_says_which_field_differs(tmp_path: Path) -> None:
-    Checkpoint(tmp_path, CONFIG).save({})
+    save(tmp_path / LAST, {}, config=CONFIG)
     other = {**CONFIG, "task": "bathing", "algorithm": {"gamma": 0.98, "layers": (256, 256)}}
     with pytest.raises(ConfigError) as caught:
-        Checkpoint(tmp_path, other).load()
+        load(tmp_path / LAST, config=other)
     message = str(caught.value)
     assert "task is 'feeding' in the checkpoint and 'bathing' in the config" in message
     assert "algorithm.gamma is 0.99 in the checkpoint and 0.98 in the config" in message
@@ -230,18 +224,17 @@ def test_a_checkpoint_that_does_not_fit_says_which_field_differs(tmp_path: Path)
 
 
 def test_a_field_that_only_one_of_them_has_is_a_difference(tmp_path: Path) -> None:
-    Checkpoint(tmp_path, CONFIG).save({})
+    save(tmp_path / LAST, {}, config=CONFIG)
     with pytest.raises(ConfigError, match="algorithm.tau is not set in the checkpoint and 0.5"):
-        Checkpoint(tmp_path, {**CONFIG, "algorithm": {**CONFIG["algorithm"], "tau": 0.5}}).load()  # type: ignore[dict-item]
+        load(tmp_path / LAST, config={**CONFIG, "algorithm": {**CONFIG["algorithm"], "tau": 0.5}})  # type: ignore[dict-item]
     with pytest.raises(ConfigError, match="algorithm.gamma is 0.99 in the checkpoint and not set"):
-        Checkpoint(tmp_path, {**CONFIG, "algorithm": {"layers": [256, 256]}}).load()
+        load(tmp_path / LAST, config={**CONFIG, "algorithm": {"layers": [256, 256]}})
 
 
 def test_a_run_may_be_made_longer(tmp_path: Path) -> None:
-    Checkpoint(tmp_path, CONFIG).save({"n": 1})
+    save(tmp_path / LAST, {"n": 1}, config=CONFIG)
     longer = {**CONFIG, "steps": 200, "algorithm": {"gamma": 0.99, "layers": [256, 256]}}
-    saved = Checkpoint(tmp_path, longer).load()
-    assert saved is not None and saved["n"] == 1
+    assert load(tmp_path / LAST, config=longer)["n"] == 1
 
 
 def test_a_missing_file_is_answered_with_the_nearest_one(tmp_path: Path) -> None:

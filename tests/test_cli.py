@@ -12,12 +12,14 @@ import pytest
 from typer.testing import CliRunner
 
 import rcare_marl
-from rcare_marl.baselines import evaluate as baseline
-from rcare_marl.cli import app, benchmark, task_suite
-from rcare_marl.cli.folder import draft, write_whole
+from rcare_marl.atomic_file import draft, write_whole
+from rcare_marl.baselines.benchmark import environment as benchmark
+from rcare_marl.baselines.benchmark import task_suite
+from rcare_marl.baselines.evaluation import evaluate as baseline
+from rcare_marl.cli import app
 from rcare_marl.envs import task_names
 
-COMMANDS = ("list", "describe", "evaluate", "demo", "play", "bench")
+COMMANDS = ("list", "describe", "evaluate", "replay", "demo", "play", "bench")
 FILES = {"feeding.json", "feeding.mp4", "feeding.png"}
 
 
@@ -108,7 +110,9 @@ def test_evaluate_takes_role_policies_and_options_and_writes_a_file(tmp_path: Pa
         "--episodes", "1", "--output", str(file),
     )  # fmt: skip
     written = json.loads(file.read_text())
-    assert len(written.pop("each")) == 1 and written == result
+    (policy,) = written["policies"]
+    assert policy["policy"] == "still" and policy["roles"] == result["policies"]
+    assert policy["episodes"]["steps"] == [result["steps"]]
     assert result["policies"] == {"robot": "still", "recipient": "still"}
     assert result["options"] == {"reward": "shaped", "force_limit": 15}
     assert result["cast"]["recipient"] == "Jose"
@@ -177,7 +181,7 @@ def test_debug_lets_the_error_through() -> None:
 
 
 def test_demo_leaves_three_whole_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rcare_marl.cli.film.SIZE", (320, 240))
+    monkeypatch.setattr("rcare_marl.rendering.film.SIZE", (320, 240))
     folder = tmp_path / "runs" / "one"
     text = call("demo", "--episodes", "1", "--seed", "2", "--output", str(folder)).stdout
     assert {file.name for file in folder.iterdir()} == FILES

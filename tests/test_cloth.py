@@ -13,9 +13,9 @@ from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_axis_angle
 from rcare_marl.soft.cloth import Cloth
+from rcare_marl.soft.constraint import FOLD_SOFTNESS, make_constraints
 from rcare_marl.soft.fabric import Fabric
-from rcare_marl.soft.wardrobe import Wardrobe
-from rcare_marl.soft.weave import FOLD_SOFTNESS, Weave
+from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import GRAVITY, World
 
 Array = npt.NDArray[np.float64]
@@ -57,7 +57,7 @@ def lay(
     cloth = Cloth(
         "sheet", points, faces, fabric=fabric, grain=(0.0, 1.0, 0.0), positions=placed + at
     )
-    Wardrobe.of(world).add(cloth)
+    SoftWorld.of(world).add(cloth)
     return cloth, grid
 
 
@@ -80,13 +80,17 @@ def hung(world: World, fabric: Fabric, nx: int, ny: int, size: float) -> tuple[C
 
 def energy(cloth: Cloth) -> float:
     """Return kinetic, gravitational and elastic energy [J]."""
-    masses, weave = 1 / cloth.points[:, 3], cloth.weave
+    masses, constraints = 1 / cloth.points[:, 3], cloth.constraints
     total = float((masses * (0.5 * (cloth.velocities**2).sum(axis=1))).sum())
     total += float((masses * GRAVITY * cloth.positions[:, 2]).sum())
-    longer = cloth.strain * weave.thread_table[:, 0]
-    total += float((0.5 * longer**2 / weave.thread_table[:, 1]).sum())
-    bent = np.einsum("fk,fka->fa", weave.fold_table[:, :4], cloth.positions[weave.folds])
-    return total + float((0.5 * (bent**2).sum(axis=1) / weave.fold_table[:, FOLD_SOFTNESS]).sum())
+    longer = cloth.strain * constraints.thread_table[:, 0]
+    total += float((0.5 * longer**2 / constraints.thread_table[:, 1]).sum())
+    bent = np.einsum(
+        "fk,fka->fa", constraints.fold_table[:, :4], cloth.positions[constraints.folds]
+    )
+    return total + float(
+        (0.5 * (bent**2).sum(axis=1) / constraints.fold_table[:, FOLD_SOFTNESS]).sum()
+    )
 
 
 def test_cloth_hung_on_a_link_reads_its_weight() -> None:
@@ -128,23 +132,27 @@ def test_a_hanging_strip_stretches_as_its_figures_say(stiffness: float) -> None:
 
 def test_bending_costs_what_a_plate_of_its_stiffness_takes() -> None:
     points, faces, _ = sheet(20, 20, 0.01)
-    weave = Weave(points, faces, np.tile((0.0, 1.0, 0.0), (len(points), 1)), JERSEY)
+    constraints = make_constraints(
+        points, faces, np.tile((0.0, 1.0, 0.0), (len(points), 1)), JERSEY
+    )
     angle = points[:, 0] / 0.05  # rolled onto a cylinder of 5 cm radius
     rolled = np.stack([0.05 * np.sin(angle), points[:, 1], 0.05 * np.cos(angle)], axis=1)
-    bent = np.einsum("fk,fka->fa", weave.fold_table[:, :4], rolled[weave.folds])
-    got = float((0.5 * (bent**2).sum(axis=1) / weave.fold_table[:, FOLD_SOFTNESS]).sum())
+    bent = np.einsum("fk,fka->fa", constraints.fold_table[:, :4], rolled[constraints.folds])
+    got = float((0.5 * (bent**2).sum(axis=1) / constraints.fold_table[:, FOLD_SOFTNESS]).sum())
     assert got == pytest.approx(0.5 * JERSEY.bending_nm / 0.05**2 * 0.2 * 0.2, rel=0.1)
-    flat = np.einsum("fk,fka->fa", weave.fold_table[:, :4], points[weave.folds])
+    flat = np.einsum("fk,fka->fa", constraints.fold_table[:, :4], points[constraints.folds])
     assert np.abs(flat).max() < 1e-12
 
 
 def test_shear_costs_what_the_figure_says() -> None:
     points, faces, _ = sheet(20, 20, 0.01)
-    weave = Weave(points, faces, np.tile((0.0, 1.0, 0.0), (len(points), 1)), JERSEY)
+    constraints = make_constraints(
+        points, faces, np.tile((0.0, 1.0, 0.0), (len(points), 1)), JERSEY
+    )
     sheared = points + np.outer(0.02 * points[:, 1], (1, 0, 0))
-    ends = sheared[weave.threads]
-    longer = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - weave.thread_table[:, 0]
-    got = float((0.5 * longer**2 / weave.thread_table[:, 1]).sum())
+    ends = sheared[constraints.threads]
+    longer = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) - constraints.thread_table[:, 0]
+    got = float((0.5 * longer**2 / constraints.thread_table[:, 1]).sum())
     assert got == pytest.approx(0.5 * JERSEY.shear_n_m * 0.02**2 * 0.2 * 0.2, rel=0.05)
 
 
@@ -359,7 +367,7 @@ def test_cloth_does_not_pass_through_itself() -> None:
     upper = points[:, 1] > 0
     folded[upper, 1] *= -1
     folded[:, 2] = 0.01 + 0.15 * upper
-    cloth = Wardrobe.of(world).add(
+    cloth = SoftWorld.of(world).add(
         Cloth("fold", points, faces, fabric=JERSEY, grain=(0, 1, 0), positions=folded)
     )
     for _ in range(360):
@@ -415,5 +423,5 @@ def test_what_cannot_be_cloth_is_refused() -> None:
         Fabric(0.0, 1.0, 1.0, 1.0, 1.0)
     world = World()
     box = world.add_box((0.1,) * 3)
-    with pytest.raises(WorldError, match="wardrobe"):
+    with pytest.raises(WorldError, match="SoftWorld"):
         Cloth("loose", points, faces, fabric=JERSEY).grasp(box, -1, 0.1)

@@ -24,11 +24,11 @@ from aiohttp import ClientConnectionError, ClientSession, WSServerHandshakeError
 from self_signed import OPENSSL, self_signed
 from typer.testing import CliRunner
 
-from rcare_marl.cli import coaching
+from rcare_marl.baselines.coaching import page as coaching
+from rcare_marl.baselines.coaching.page.server import Server, Service
+from rcare_marl.baselines.coaching.page.three import FILES, WEB
 from rcare_marl.cli.app import app
 from rcare_marl.cli.coach import LOOPBACK, bound
-from rcare_marl.cli.coaching.server import Server, Service
-from rcare_marl.cli.coaching.three import FILES, WEB
 from rcare_marl.errors import ConfigError
 
 WRONG = (
@@ -169,8 +169,10 @@ def test_without_the_extra_the_command_says_how_to_install_it(
 ) -> None:
     monkeypatch.setenv("RCARE_MARL_CACHE", str(cache_with_three(tmp_path / "cache")))
     # Import it anew; afterwards its package shall have the module of before.
-    monkeypatch.setattr(coaching, "server", sys.modules["rcare_marl.cli.coaching.server"])
-    monkeypatch.delitem(sys.modules, "rcare_marl.cli.coaching.server")
+    monkeypatch.setattr(
+        coaching, "server", sys.modules["rcare_marl.baselines.coaching.page.server"]
+    )
+    monkeypatch.delitem(sys.modules, "rcare_marl.baselines.coaching.page.server")
     monkeypatch.setitem(sys.modules, package, None)
     assert "pip install 'rcare-marl[coach]'" in refused("--record", str(tmp_path / "kept"))
 

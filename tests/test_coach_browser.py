@@ -26,10 +26,10 @@ from self_signed import OPENSSL, self_signed
 
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
 from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, UpperBody
-from rcare_marl.cli.coaching.message import Hands, Message, parse
-from rcare_marl.cli.coaching.server import Server, Service, secured
-from rcare_marl.cli.coaching.three import WEB
-from rcare_marl.cli.coaching.webxr import FROM_WEBXR, grip_place, head_place
+from rcare_marl.baselines.coaching.page.message import Hands, Message, parse
+from rcare_marl.baselines.coaching.page.server import Server, Service, secured
+from rcare_marl.baselines.coaching.page.three import WEB
+from rcare_marl.baselines.coaching.page.webxr import FROM_WEBXR, grip_place, head_place
 from rcare_marl.pose import matrix_from_quaternion, quaternion_from_matrix
 
 Array = npt.NDArray[np.float64]
@@ -160,7 +160,7 @@ def test_a_right_performance_in_a_headset_turns_green_and_a_wrong_one_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     exercise, clock = load_exercise("lateral_raise"), Clock()
-    monkeypatch.setattr("rcare_marl.cli.coaching.server.parse", clock.parse)
+    monkeypatch.setattr("rcare_marl.baselines.coaching.page.server.parse", clock.parse)
     with served(clock=clock) as url:
         seen = drive(
             tmp_path, url, "headset", exercise=exercise.name, step=1 / RATE,

@@ -21,8 +21,7 @@ from aiohttp import ClientSession, ClientWebSocketResponse, WSMsgType, WSServerH
 
 from rcare_marl.agents.coaching.exercise import exercise_names, load_exercise
 from rcare_marl.agents.coaching.upper_body import MOTION_INDEX
-from rcare_marl.cli.coach import LOOPBACK, bound
-from rcare_marl.cli.coaching.message import (
+from rcare_marl.baselines.coaching.page.message import (
     LARGEST,
     MISTAKES,
     Begin,
@@ -35,10 +34,11 @@ from rcare_marl.cli.coaching.message import (
     Simulate,
     parse,
 )
-from rcare_marl.cli.coaching.recording import Recorder
-from rcare_marl.cli.coaching.room import STEP, Room
-from rcare_marl.cli.coaching.server import Server, Service
-from rcare_marl.cli.coaching.three import WEB, three_folder
+from rcare_marl.baselines.coaching.page.recording import Recorder
+from rcare_marl.baselines.coaching.page.room import STEP, Room
+from rcare_marl.baselines.coaching.page.server import Server, Service
+from rcare_marl.baselines.coaching.page.three import WEB, three_folder
+from rcare_marl.cli.coach import LOOPBACK, bound
 from rcare_marl.errors import ConfigError
 
 BEGIN = {"type": "begin", "source": "hands", "height_m": 1.7, "exercises": ["lateral_raise"]}
@@ -473,7 +473,7 @@ def test_without_three_and_npm_the_command_says_what_to_do(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     if (WEB / "node_modules").exists():
-        monkeypatch.setattr("rcare_marl.cli.coaching.three.FILES", ("missing.js",))
+        monkeypatch.setattr("rcare_marl.baselines.coaching.page.three.FILES", ("missing.js",))
     monkeypatch.setenv("RCARE_MARL_CACHE", str(tmp_path))
     monkeypatch.setattr("shutil.which", lambda _: None)
     with pytest.raises(ConfigError, match="npm ci"):

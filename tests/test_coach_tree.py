@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rcare_marl.agents.avatar import load_avatar
 from rcare_marl.agents.coaching.exercise import (
     Exercise,
     exercise_names,
@@ -16,12 +15,13 @@ from rcare_marl.agents.coaching.exercise import (
     load_exercises,
 )
 from rcare_marl.agents.coaching.reach import reach_of
-from rcare_marl.agents.coaching.recogniser import Frame, Judgement, Repetition
-from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.recognition.recogniser import Frame, Judgement, Repetition
+from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.session import Demonstration, Order, Session, programme, top_speed
 from rcare_marl.agents.coaching.tree import AGAIN, LONGEST_REST, MORE_TIRED, PATIENCE, Coach
 from rcare_marl.agents.coaching.upper_body import MOTIONS
-from rcare_marl.agents.policies.tree_picture import TreePicture
+from rcare_marl.agents.people.avatar import load_avatar
+from rcare_marl.agents.people.behaviour.tree_picture import TreePicture
 from rcare_marl.envs.coaching.action import SIZE, decode, encode
 from rcare_marl.errors import ConfigError
 

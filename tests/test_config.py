@@ -10,9 +10,9 @@ import pytest
 import yaml
 
 from rcare_marl import assets
-from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
-from rcare_marl.agents.profile import SideProfile, Vitals
-from rcare_marl.agents.robot import load_robot
+from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.people.profile import SideProfile, Vitals
+from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.config import load, read_yaml
 from rcare_marl.envs.tasks.feeding import FeedingOptions
 from rcare_marl.errors import ConfigError, RcareError, UnknownNameError

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from rcare_marl.baselines.cross_play import CrossPlay, cross_play
-from rcare_marl.baselines.evaluate import evaluate, wilson_interval
+from rcare_marl.baselines.evaluation.cross_play import CrossPlay, cross_play
+from rcare_marl.baselines.evaluation.evaluate import evaluate, wilson_interval
 from rcare_marl.baselines.partners import Partner, partner_zoo
 from rcare_marl.errors import ConfigError, UnknownNameError
 

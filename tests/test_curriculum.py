@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any
@@ -129,59 +130,65 @@ def test_the_spread_is_that_of_what_a_task_randomises(task: str) -> None:
     assert all(np.array_equal(a, b) for a, b in zip(whole, again, strict=True))
 
 
+def nearly(env: Any, **changes: Any) -> None:
+    env.task.state = dataclasses.replace(env.task.state, **changes)
+
+
 def fed(env: Any) -> None:
     task = env.task
     env.cast["recipient"].set_angles({"jaw_opening": 0.3})
     for piece in task._food:
-        away = rcare_marl.pose.Pose(tuple((task._mouth + (0.045, 0.0, 0.0)).tolist()))
+        away = rcare_marl.pose.Pose(tuple((task.state.mouth + (0.045, 0.0, 0.0)).tolist()))
         piece.set_base(away)
-    task.after_step()
+    task.look()
 
 
 def drunk(env: Any) -> None:
     size = len(env.task._drunk)
     env.task._drunk[: size // 2] = True
-    env.task.after_step()
+    env.task.look()
 
 
 def dressed(env: Any) -> None:
-    env.task.is_around, env.task.hem_along = True, env.task.target_along / 1.5
+    nearly(env, is_around=True, along=env.task.state.target_along / 1.5)
 
 
 def opened(env: Any) -> None:
-    env.task._best = 1 / 1.5
+    nearly(env, best=1 / 1.5)
 
 
 def lifted(env: Any) -> None:
-    env.task._angle = math.radians(40)
+    nearly(env, angle=math.radians(40))
 
 
 def scored(env: Any) -> None:
-    sheet = env.task.score.sheet
-    sheet.points[next(iter(sheet.points))] = round(env.task.options.success_score / 1.5)
-    env.task.time_limit = 0.0
+    points = np.zeros_like(env.task.state.points)
+    points[0] = round(env.task.options.success_score / 1.5)
+    nearly(env, points=points, time=env.task.time_limit)
 
 
 def wiped(env: Any) -> None:
     task = env.task
-    task._stroke_from = 0.4
+    nearly(env, stroke_from=0.4)
     task.sponge.force_on = lambda body: np.array((0.0, 0.0, 1.0))
     task.skin.is_wiped[:] = True
-    way = task._target - task.sponge.face_points().mean(axis=0) + (0.0, 0.0, 0.04)
+    way = task.state.target - task.sponge.face_points().mean(axis=0) + (0.0, 0.0, 0.04)
     pose = task.sponge.body.base_pose()
     place = tuple(np.add(pose.position, way).tolist())
     task.sponge.body.set_base(rcare_marl.pose.Pose(place, pose.quaternion))
-    task.after_step()
+    task.look()
 
 
 def exercised(env: Any) -> None:
     session = env.task.session
     session.right = [2] * len(session.exercises)  # of three
+    env.task.look()
 
 
 def exercised_together(env: Any) -> None:
     for session in env.task.session.members.values():
         session.right = [2] * len(session.exercises)
+    env.task.look()
 
 
 NEARLY: dict[str, Callable[[Any], None]] = {
@@ -205,30 +212,31 @@ def test_what_is_nearly_a_success_is_one_within_the_tolerance(task: str) -> None
     for tolerance in (1.0, 2.0):
         env.task.set_stage(tolerance=tolerance)
         env.reset(seed=1)
-        assert not env.task.is_success()
+        assert not env.task.succeeded()
         NEARLY[task](env)
-        found.append(env.task.is_success())
+        found.append(env.task.succeeded())
     env.close()
     assert found == [False, True]
 
 
 def test_a_stage_begins_with_the_next_episode() -> None:
     env = rcare_marl.make("toileting", recipient="karan", options={"force_limit": 10.0})
-    task, (meter,) = env.task, env.task._meters
+    task = env.task
     env.reset(seed=1)
     given = task.options
     task.set_stage(tolerance=2.0, force=3.0)
-    assert task.options is given and meter.force_limit == 10.0
+    assert task.options is given and task.force_limit == 10.0
     env.reset(seed=2)
     assert (task.options.tolerance, task.options.force_limit) == (2.0, 30.0)
-    assert meter.force_limit == 30.0
-    meter.peak_force = 20.0
-    assert not task.is_failure()
+    assert task.force_limit == 30.0
+    hurt = {"recipient": dataclasses.replace(task.state.safety["recipient"], peak_force=20.0)}
+    nearly(env, safety=hurt)
+    assert not task.failed()
     task.set_stage()
     env.reset(seed=3)
-    assert task.options == given and meter.force_limit == 10.0
-    meter.peak_force = 20.0
-    assert task.is_failure()
+    assert task.options == given and task.force_limit == 10.0
+    nearly(env, safety=hurt)
+    assert task.failed()
     env.close()
 
 
@@ -251,7 +259,7 @@ def test_a_misspelt_setting_of_the_stage_is_named() -> None:
 class Plain(Task):
     robot = Role[Any](object, default=None)
     Options = dict
-    furnish = build = reset = after_step = observables = rewards = is_success = camera = None  # type: ignore[assignment]
+    furnish = build = reset = read = observables = rewards = is_success = camera = None  # type: ignore[assignment]
 
 
 def test_a_task_with_settings_of_its_own_says_that_it_has_no_stages() -> None:

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import cast
+from collections.abc import Callable, Iterator
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from episode import assert_same, play, rollout
-from standing_person import CONTROL_DT, CONTROL_STEPS, person_in
+from standing_person import CONTROL_DT, person_in
 
 import rcare_marl
-from rcare_marl.agents.motion.caregiving import Caregiving
-from rcare_marl.agents.motion.kneel import Kneel
-from rcare_marl.agents.motion.walk import LEGS
-from rcare_marl.agents.policies.leg_lifting import LegLifting
+from rcare_marl.agents.people.behaviour.leg_lifting import LegLifting
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.scenes.leg_path import LegPath
 from rcare_marl.envs.tasks.dressing import Dressing, DressingOptions
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose
 from rcare_marl.soft.cloth import FASTEST
 from rcare_marl.world import World
@@ -67,37 +64,6 @@ def test_a_ring_goes_round_a_leg_once_or_not_at_all() -> None:
     assert leg.place(leg.at(0.3)) == pytest.approx(0.3, abs=1e-6)
 
 
-def test_who_kneels_down_has_a_knee_on_the_floor_and_the_other_foot_where_it_stood() -> None:
-    world = World()
-    person = person_in(world, Pose(), LEGS)
-    caregiving = Caregiving(
-        person_in(world, Pose((2, 0, 0)), (*LEGS, "left_elbow")), world, CONTROL_DT, side="left"
-    )
-    with pytest.raises(UnknownNameError, match="side"):
-        caregiving.kneel("middle")
-    with pytest.raises(UnknownNameError, match="side"):
-        Kneel(person, knee="middle")
-    with pytest.raises(ConfigError, match="positive"):
-        Kneel(person, duration=0.0)
-    stiff = person_in(world, Pose((4, 0, 0)), ("left_elbow",))
-    with pytest.raises(ConfigError, match="to kneel"):
-        Kneel(stiff)
-    foot = np.array(caregiving.person.joint_pose("right_ankle").position)
-    caregiving.reset(np.random.default_rng(0))
-    caregiving.kneel("left")
-    for _ in range(25):
-        caregiving.person.command(caregiving.act(), CONTROL_DT)
-        for _ in range(CONTROL_STEPS):
-            caregiving.person.actuate()
-            world.step()
-    assert caregiving.is_idle
-    radius = caregiving.person.segments["left_knee"].shapes[0].size[1]
-    knee = caregiving.person.joint_pose("left_knee").position
-    assert knee[2] == pytest.approx(radius, abs=0.03)
-    assert caregiving.person.joint_pose("right_ankle").position == pytest.approx(foot, abs=0.02)
-    assert caregiving.person.joint_pose("right_knee").position[2] > 0.3
-
-
 def test_shorts_hang_round_the_foot_in_the_fingers_and_press_on_nobody(free: CareEnv) -> None:
     free.reset(seed=0)
     task = task_of(free)
@@ -117,17 +83,17 @@ def test_the_caregiver_lifts_the_leg_and_the_robot_pulls_the_shorts_over_the_kne
     scripted.reset(seed=1)
     task = task_of(scripted)
     helper = cast(LegLifting, scripted.policies["caregiver"]).caregiving
-    start, low = task.hem_along, float(task.leg.points[1, 2])
+    start, low = task.state.along, float(task.leg.points[1, 2])
     high, held = low, False
     while not scripted.is_over:
         scripted.step({})
         high = max(high, float(task.leg.points[1, 2]))
         held = held or helper.is_holding
-    assert task.is_success() and helper.trouble == ""
+    assert task.succeeded() and helper.trouble == ""
     assert held and high > low + 0.25  # by the foot
     assert 20 < helper.greatest_grip < 200  # [N]: a leg weighs
-    assert task.hem_along - start > 0.25
-    metrics = task.metrics()
+    assert task.state.along - start > 0.25
+    metrics = task.report()
     assert metrics["around_leg"] == 1 and metrics["peak_force_n"] < task.options.force_limit
     assert metrics["peak_cloth_load_n"] > 3 and metrics["peak_force_right_leg_n"] > 1
 
@@ -138,9 +104,47 @@ def test_the_leg_is_put_down_again_with_the_shorts_past_the_knee() -> None:
     won = 0
     for seed in range(3):
         play(env, seed)
-        won += task_of(env).is_success()
-        assert not task_of(env).is_held  # let go
+        won += task_of(env).succeeded()
+        assert not task_of(env).state.is_held  # let go
     assert won >= 2
+
+
+def test_a_caregiver_is_learnable_and_its_actions_without_a_policy_give_the_same_episode(
+    scripted: CareEnv,
+) -> None:
+    """The first 110 control steps: the walk, the knee, the hand at the foot, the leg on its way up."""
+    sent: dict[str, list[Any]] = {role: [] for role in scripted.cast}
+    for role, policy in scripted.policies.items():
+        act = policy.act
+
+        def noted(act: Callable[[], Array] = act, row: list[Any] = sent[role]) -> Array:
+            row.append(act().copy())
+            return row[-1]
+
+        policy.act = noted  # type: ignore[method-assign]
+    scripted.reset(seed=2)
+    states = [scripted.state()]
+    for _ in range(110):
+        scripted.step({})
+        states.append(scripted.state())
+    for policy in scripted.policies.values():
+        del policy.act
+    learned = rcare_marl.make("dressing")
+    assert learned.possible_agents == ["robot", "recipient", "caregiver"]
+    learned.reset(seed=2)
+    np.testing.assert_array_equal(learned.state(), states[0])
+    for k in range(110):
+        learned.step({role: row[k] for role, row in sent.items()})
+        np.testing.assert_array_equal(learned.state(), states[k + 1])
+    helper = task_of(learned).caregiver
+    assert helper.legs is not None and helper.legs.kneeling["left"] == 1.0
+    assert helper.hands["left"].held is not None
+    action = np.zeros(helper.action_size, np.float32)
+    action[helper.entries["grasp"]] = -1.0
+    still = {role: np.zeros(agent.action_size, np.float32) for role, agent in learned.cast.items()}
+    learned.step({**still, "caregiver": action})
+    assert helper.hands["left"].held is None
+    learned.close()
 
 
 def test_an_open_gripper_lets_the_waistband_go_and_a_reset_takes_it_again(free: CareEnv) -> None:
@@ -150,9 +154,9 @@ def test_an_open_gripper_lets_the_waistband_go_and_a_reset_takes_it_again(free: 
     action[6] = -1.0
     for _ in range(8):
         free.step({"robot": action})
-    assert not task.is_held and not task.cloth.grips
+    assert not task.state.is_held and not task.cloth.grips
     free.reset(seed=0)
-    assert task.is_held and len(task.cloth.grips) == 1
+    assert task.state.is_held and len(task.cloth.grips) == 1
     np.testing.assert_array_equal(task.cloth.positions, before)
 
 
@@ -217,16 +221,16 @@ def test_cloth_never_goes_through_the_leg_in_ten_minutes_of_random_actions() -> 
     task = task_of(env)
     for seed in range(15):  # of 40 s each
         env.reset(seed=seed)
-        on, along = True, task.hem_along
+        on, along = True, task.state.along
         while not env.is_over:
             env.step({})
             assert np.isfinite(task.cloth.positions).all()
             assert np.abs(task.cloth.velocities).max() <= 2 * FASTEST
             if round(env.world.time / CONTROL_DT) % 10 == 0:
                 assert depth(task) < DEEPEST
-                if on and not task.is_around:
+                if on and not task.state.is_around:
                     assert along < 0.05  # over the heel
                     on = False
-                assert on == task.is_around  # what is off stays off
-                along = task.hem_along
+                assert on == task.state.is_around  # what is off stays off
+                along = task.state.along
     env.close()

@@ -47,8 +47,8 @@ def learned() -> Iterator[CareEnv]:
 @pytest.mark.parametrize("seed", range(3))
 def test_the_scripted_robot_gives_karan_to_drink(scripted: CareEnv, seed: int) -> None:
     task = run(scripted, seed)
-    metrics = task.metrics()
-    assert task.is_success()
+    metrics = task.report()
+    assert task.succeeded()
     assert metrics["drunk_share"] >= drinking.LEAST_DRUNK
     assert metrics["spilled_share"] <= 0.02
     assert metrics["peak_force_n"] < 10.0
@@ -59,7 +59,7 @@ def test_the_scripted_robot_gives_karan_to_drink(scripted: CareEnv, seed: int) -
 @pytest.mark.parametrize("avatar", assets.names("avatars"))
 def test_every_avatar_can_be_given_to_drink(avatar: str) -> None:
     env = rcare_marl.make("drinking", recipient=avatar, policies=BOTH)
-    assert run(env, 0).is_success()
+    assert run(env, 0).succeeded()
     env.close()
 
 
@@ -67,14 +67,14 @@ def test_every_avatar_can_be_given_to_drink(avatar: str) -> None:
 @pytest.mark.parametrize("robot", ["kinova_gen2", "franka_panda", "pr2"])
 def test_other_robots_that_reach_can_do_it(robot: str) -> None:
     env = rcare_marl.make("drinking", robot=robot, policies=BOTH)
-    assert run(env, 0).is_success()
+    assert run(env, 0).succeeded()
     env.close()
 
 
 @pytest.mark.slow
 def test_the_robot_can_be_mounted_on_the_left() -> None:
     env = rcare_marl.make("drinking", options={"mount": "left"}, policies=BOTH)
-    assert run(env, 0).is_success()
+    assert run(env, 0).succeeded()
     env.close()
 
 
@@ -85,7 +85,7 @@ def test_a_robot_that_cannot_reach_is_refused(robot: str) -> None:
 
 
 def test_who_lies_in_bed_is_not_given_to_drink() -> None:
-    with pytest.raises(ConfigError, match="sits in the wheelchair"):
+    with pytest.raises(ConfigError, match="must sit in the wheelchair"):
         rcare_marl.make("drinking", recipient={"posture": "bed_supine"})
 
 
@@ -95,8 +95,8 @@ def test_a_closed_mouth_drinks_nothing() -> None:
     for _ in range(60):
         env.step({})
     task = task_of(env)
-    assert task.distance() < 0.1  # it waits there
-    assert task.metrics()["drunk_share"] == 0 and not task.is_success()
+    assert task.state.distance < 0.1  # it waits there
+    assert task.report()["drunk_share"] == 0 and not task.succeeded()
     env.close()
 
 
@@ -107,8 +107,8 @@ def test_at_the_start_all_water_is_in_an_upright_cup_before_the_face(learned: Ca
         assert task.cup.vessel.holds(task.water.positions).all()
         assert task.cup.up_in_world()[2] > 0.99
         low, high = drinking.START_GAP
-        assert low - 0.1 < task.distance() < high + 0.1
-        assert task.metrics()["spilled_share"] == 0
+        assert low - 0.1 < task.state.distance < high + 0.1
+        assert task.report()["spilled_share"] == 0
 
 
 @pytest.mark.parametrize("control", ["joint_velocity", "tool_delta"])
@@ -131,8 +131,8 @@ def test_a_cup_that_is_turned_over_away_from_the_mouth_spills_and_fails(learned:
     while not learned.is_over:
         learned.step({"robot": tilt})
     task = task_of(learned)
-    assert task.metrics()["spilled_share"] > drinking.MOST_SPILLED
-    assert task.is_failure() and not task.is_success()
+    assert task.report()["spilled_share"] > drinking.MOST_SPILLED
+    assert task.failed() and not task.succeeded()
 
 
 def test_too_much_force_fails() -> None:
@@ -141,17 +141,19 @@ def test_too_much_force_fails() -> None:
     task = task_of(env)
     while not env.is_over:
         push = np.zeros(6, np.float32)
-        push[:3] = np.clip(8 * (task.mouth.position - 0.05 * task.mouth.face - task.rim), -0.5, 0.5)
+        push[:3] = np.clip(
+            8 * (task.mouth.position - 0.05 * task.mouth.face - task.state.rim), -0.5, 0.5
+        )
         env.step({"robot": push})
-    assert task.metrics()["peak_force_n"] > 2.0
-    assert task.is_failure()
+    assert task.report()["peak_force_n"] > 2.0
+    assert task.failed()
     env.close()
 
 
 def test_water_that_is_drunk_leaves_the_scene_and_the_cup_gets_lighter(scripted: CareEnv) -> None:
     task = run(scripted, 1)
     gone = ~task.water.is_active
-    assert gone.mean() == pytest.approx(task.metrics()["drunk_share"])
+    assert gone.mean() == pytest.approx(task.report()["drunk_share"])
     assert (task.water.positions[gone] == PARKED).all()
     assert task.water.mass < 0.03
 
@@ -160,22 +162,22 @@ def test_a_good_end_pays_at_least_what_waiting_would(scripted: CareEnv) -> None:
     scripted.reset(seed=0)
     best = 0.0
     while not scripted.is_over:
-        best = max(best, sum(task_of(scripted).rewards("robot").values()))
+        best = max(best, sum(task_of(scripted).rewards("robot", task_of(scripted).state).values()))
         scripted.step({})
     left = (drinking.TIME_LIMIT - scripted.world.time) / task_of(scripted).control_dt
-    assert task_of(scripted).rewards("robot")["done"] >= best * left - 1e-9
+    assert task_of(scripted).rewards("robot", task_of(scripted).state)["done"] >= best * left - 1e-9
 
 
 def test_the_paper_reward_is_its_formula(learned: CareEnv) -> None:
     learned.reset(seed=0)
     task = task_of(learned)
-    terms = task.rewards("robot")
+    terms = task.rewards("robot", task.state)
     assert terms["water"] == 1.0 and 0 < terms["approach"] < 1
     assert terms["drunk"] == terms["done"] == 0
     spilled = np.arange(task.water.size) < 0.25 * task.water.size
     task.water.place(task.water.positions + spilled[:, None] * (0.5, 0.0, 0.0))
-    task.after_step()
-    assert task.rewards("robot")["water"] == pytest.approx(0.75**2, rel=0.02)
+    task.look()
+    assert task.rewards("robot", task.state)["water"] == pytest.approx(0.75**2, rel=0.02)
 
 
 def test_the_shaped_reward_has_its_own_terms() -> None:
@@ -226,5 +228,5 @@ def test_the_scripted_robot_says_which_control_mode_it_needs() -> None:
 @pytest.mark.slow
 def test_it_takes_place_in_a_house() -> None:
     env = rcare_marl.make("drinking", policies=BOTH, home="house_07", level=2)
-    assert run(env, 0).is_success()
+    assert run(env, 0).succeeded()
     env.close()

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 import rcare_marl
-from rcare_marl.agents.policies.sampled import RandomPolicy
-from rcare_marl.baselines.evaluate import (
+from rcare_marl.agents.people.behaviour.sampled import RandomPolicy
+from rcare_marl.baselines.evaluation.evaluate import (
     Evaluation,
     evaluate,
     lead_policies,
     make_players,
     mean_interval,
+    played_cast,
     run_episode,
     wilson_interval,
 )
-from rcare_marl.baselines.recording import Recorder
+from rcare_marl.baselines.evaluation.recording import Recorder
 from rcare_marl.envs import CareEnv
 from rcare_marl.envs.safety import NOBODY
 from rcare_marl.errors import ConfigError, UnknownNameError
@@ -33,7 +34,8 @@ def scripted() -> Evaluation:
 
 
 def test_same_seeds_give_the_same_numbers(scripted: Evaluation) -> None:
-    assert run("scripted", 2).to_dict(each=True) == scripted.to_dict(each=True)
+    again = run("scripted", 2)
+    assert again.to_dict() == scripted.to_dict() and again.episodes == scripted.episodes
 
 
 def test_each_episode_has_the_next_seed(scripted: Evaluation) -> None:
@@ -173,7 +175,17 @@ def test_cost_of_an_episode_is_the_sum_of_its_steps() -> None:
     env = rcare_marl.make("feeding", policies={"recipient": "still"})
     _, players = make_players(env, "feeding", {"robot": "random"})
     seen: list[float] = []
-    episode = run_episode(env, players, 3, on_step=lambda e: seen.append(e.task.metrics()["cost"]))
+    episode = run_episode(env, players, 3, on_step=lambda e: seen.append(e.task.report()["cost"]))
     assert episode.costs == {"robot": pytest.approx(sum(seen[1:]))}
     assert episode.to_dict()["costs"] == episode.costs
     env.close()
+
+
+def test_scripts_of_people_with_muscles_act_through_posture_where_nothing_else_is_said() -> None:
+    person = {"model": "karan", "actuation": "muscle"}
+    played = played_cast("feeding", {"recipient": person, "home": "house_07"}, {})
+    assert played == {"recipient": {**person, "excitation": "posture"}, "home": "house_07"}
+    by_group = {"recipient": {**person, "excitation": "group"}}
+    assert played_cast("feeding", by_group, {}) == by_group
+    learned = {"recipient": "policy.npz"}
+    assert played_cast("feeding", {"recipient": person}, learned) == {"recipient": person}

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rcare_marl.agents.coaching.arm_pose import arm_motion, elbow_at
 from rcare_marl.agents.coaching.exercise import (
     Exercise,
     KeyPose,
@@ -17,6 +16,7 @@ from rcare_marl.agents.coaching.exercise import (
     load_exercise,
     load_exercises,
 )
+from rcare_marl.agents.coaching.sources.arm_pose import arm_motion, elbow_at
 from rcare_marl.agents.coaching.turn import axes_of, forearm_axes, swing_axes, trunk_axes
 from rcare_marl.agents.coaching.upper_body import (
     ARM,

@@ -37,28 +37,28 @@ def scripted() -> Iterator[CareEnv]:
 
 
 def test_the_scripted_robot_feeds_karan(scripted: CareEnv) -> None:
-    successes = sum(run(scripted, seed).is_success() for seed in range(10))
+    successes = sum(run(scripted, seed).succeeded() for seed in range(10))
     assert successes >= 9
 
 
 @pytest.mark.parametrize("avatar", assets.names("avatars"))
 def test_every_avatar_can_be_fed(avatar: str) -> None:
     env = rcare_marl.make("feeding", recipient=avatar, policies=BOTH)
-    assert run(env, 0).is_success()
+    assert run(env, 0).succeeded()
     env.close()
 
 
 @pytest.mark.parametrize("mount", ["left", "right"])
 def test_the_robot_can_be_mounted_on_either_side(mount: str) -> None:
     env = rcare_marl.make("feeding", options={"mount": mount}, policies=BOTH)
-    assert sum(run(env, seed).is_success() for seed in range(3)) >= 2
+    assert sum(run(env, seed).succeeded() for seed in range(3)) >= 2
     env.close()
 
 
 def test_a_closed_mouth_is_never_fed() -> None:
     env = rcare_marl.make("feeding", policies={"robot": "scripted", "recipient": "still"})
     task = run(env, 0)
-    assert task.metrics()["eaten_pieces"] == 0 and not task.is_success()
+    assert task.report()["eaten_pieces"] == 0 and not task.succeeded()
     env.close()
 
 
@@ -66,9 +66,9 @@ def test_at_the_start_all_food_lies_in_a_level_spoon_before_the_face(scripted: C
     for seed in range(5):
         scripted.reset(seed=seed)
         task = task_of(scripted)
-        assert task.metrics()["spilled"] == 0 and task.rewards("robot")["food"] == 1
-        assert task._up[2] > 0.99
-        assert feeding.START_GAP[0] - 0.12 < task.distance() < feeding.START_GAP[1] + 0.12
+        assert task.report()["spilled"] == 0 and task.rewards("robot", task.state)["food"] == 1
+        assert task.state.up[2] > 0.99
+        assert feeding.START_GAP[0] - 0.12 < task.state.distance < feeding.START_GAP[1] + 0.12
 
 
 def test_food_rides_by_contact_alone_and_falls_when_the_spoon_turns_over() -> None:
@@ -78,7 +78,7 @@ def test_food_rides_by_contact_alone_and_falls_when_the_spoon_turns_over() -> No
     while not env.is_over:
         env.step({"robot": roll})
     task = task_of(env)
-    assert task.metrics()["spilled"] > 0 and task.is_failure() and not task.is_success()
+    assert task.report()["spilled"] > 0 and task.failed() and not task.succeeded()
     env.close()
 
 
@@ -87,22 +87,22 @@ def test_too_much_force_ends_the_episode_as_a_failure() -> None:
     env.reset(seed=0)
     while not env.is_over:
         task = task_of(env)
-        aim = task.mouth_position() - 0.05 * task.face_direction() - task.bowl_position()
+        aim = task.state.mouth - 0.05 * task.state.face - task.state.bowl
         push = np.zeros(6, np.float32)
         push[:3] = np.clip(8 * aim, -0.5, 0.5)
         env.step({"robot": push})
-    assert task_of(env).metrics()["peak_force_n"] > 2.0
-    assert task_of(env).is_failure()
+    assert task_of(env).report()["peak_force_n"] > 2.0
+    assert task_of(env).failed()
     env.close()
 
 
 def test_the_mouth_target_follows_the_head(scripted: CareEnv) -> None:
     scripted.reset(seed=0)
     task = task_of(scripted)
-    before = task.mouth_position().copy()
+    before = task.state.mouth.copy()
     task.recipient.set_angles({"neck_rotation_left": 0.5, "head_rotation_left": 0.3})
-    task.after_step()
-    assert np.linalg.norm(task.mouth_position() - before) > 0.03
+    task.look()
+    assert np.linalg.norm(task.state.mouth - before) > 0.03
 
 
 def test_eaten_food_is_parked_far_from_the_scene(scripted: CareEnv) -> None:
@@ -114,21 +114,21 @@ def test_a_good_end_pays_at_least_what_waiting_would(scripted: CareEnv) -> None:
     scripted.reset(seed=0)
     best = 0.0
     while not scripted.is_over:
-        best = max(best, sum(task_of(scripted).rewards("robot").values()))
+        best = max(best, sum(task_of(scripted).rewards("robot", task_of(scripted).state).values()))
         scripted.step({})
     left = (feeding.TIME_LIMIT - scripted.world.time) / task_of(scripted).control_dt
-    assert task_of(scripted).rewards("robot")["eaten"] >= best * left
+    assert task_of(scripted).rewards("robot", task_of(scripted).state)["eaten"] >= best * left
 
 
 def test_the_paper_reward_is_its_formula() -> None:
     env = rcare_marl.make("feeding")
     env.reset(seed=0)
-    terms = task_of(env).rewards("robot")
+    terms = task_of(env).rewards("robot", task_of(env).state)
     assert terms["food"] == 1.0 and 0 < terms["approach"] < 1 and terms["eaten"] == 0
     task = task_of(env)
     task._food[0].set_base(Pose((2, 2, 2)))
-    task.after_step()
-    assert task.rewards("robot")["food"] == pytest.approx(0.75**2)
+    task.look()
+    assert task.rewards("robot", task.state)["food"] == pytest.approx(0.75**2)
     env.close()
 
 
@@ -159,5 +159,5 @@ def test_every_control_mode_keeps_the_food_at_rest_for_a_second(control: str) ->
     rest = np.zeros(env.action_space("robot").shape, np.float32)
     for _ in range(10):
         env.step({"robot": rest})
-    assert task_of(env).metrics()["spilled"] == 0
+    assert task_of(env).report()["spilled"] == 0
     env.close()

@@ -10,13 +10,13 @@ import pytest
 from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
 from rcare_marl.body import Body
-from rcare_marl.envs.devices.cup import Cup
+from rcare_marl.envs.devices import Cup
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose, matrix_from_quaternion, quaternion_from_axis_angle
 from rcare_marl.soft.fluid import PARKED, Fluid, fill
-from rcare_marl.soft.fluid_kernel import find_pairs
+from rcare_marl.soft.fluid_kernel import Grid, find_pairs
 from rcare_marl.soft.liquid import Liquid
-from rcare_marl.soft.pool import Pool
+from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.soft.surface import enclose
 from rcare_marl.soft.vessel import Vessel
 from rcare_marl.soft.vessel_kernel import hidden
@@ -39,7 +39,7 @@ class HeldCup:
         self.body = self.cup.spawn(self.world, upright)
         self.world.attach(self.hand, "base", self.body)
         self.water = Fluid("water", fill(self.cup.vessel, volume, SPACING), spacing=SPACING)
-        Pool.of(self.world).add(self.water)
+        SoftWorld.of(self.world).add(self.water)
         self.run(360)
 
     def run(self, steps: int) -> None:
@@ -101,10 +101,10 @@ def test_a_full_cup_presses_on_the_table_with_its_weight_and_that_of_the_water()
     world = World()
     table = world.add_box((1, 1, 0.1), Pose((0, 0, -0.05)), name="table")
     cup = Cup()
-    height = cup.config.grip_height + cup.config.wall
+    height = cup.model.figure("wall") - cup.frame("inside").position[0]
     body = cup.spawn(world, Pose((0, 0, height), tuple(Cup.facing((0, 1, 0)).tolist())))
     water = Fluid("water", fill(cup.vessel, 100 * ML, SPACING), spacing=SPACING)
-    Pool.of(world).add(water)
+    SoftWorld.of(world).add(water)
     seen = []
     for step in range(480):
         world.step()
@@ -160,7 +160,7 @@ def test_nothing_is_lost_when_a_cup_moves_as_a_robot_moves_it() -> None:
 @pytest.mark.parametrize("size", [0.5, 1.0])
 def test_violent_shaking_sends_water_over_the_rim_but_never_through_a_wall(size: float) -> None:
     scene = HeldCup(50 * ML)
-    rng, place, depth = np.random.default_rng(0), np.zeros(3), scene.cup.config.depth
+    rng, place, depth = np.random.default_rng(0), np.zeros(3), scene.cup.model.figure("depth")
     inside = scene.cup.vessel.holds(scene.water.positions)
     for step in range(480):
         if step % 12 == 0:  # up to 2.4 m/s, from step to step
@@ -207,7 +207,7 @@ def test_water_on_the_floor_presses_on_it_with_its_weight() -> None:
     floor = world.add_box((1, 1, 0.1), Pose((0, 0, -0.05)), name="floor")
     grid = np.stack(np.meshgrid(*[np.arange(5) * SPACING] * 3), axis=-1).reshape(-1, 3)
     water = Fluid("water", grid + (0, 0, 0.01), spacing=SPACING)
-    Pool.of(world).add(water)
+    SoftWorld.of(world).add(water)
     seen = []
     for step in range(480):
         world.step()
@@ -247,9 +247,9 @@ def test_pairs_are_all_that_are_near() -> None:
     x[:, :3] = rng.uniform(-0.05, 0.05, (300, 3))
     x[200:, :3] += (3.0, -2.0, 1.0)
     pairs = np.zeros((20000, 2), np.uint32)
-    scratch = (np.zeros(514, np.int64), np.zeros(300, np.int64), np.zeros((300, 4), np.int64))
+    scratch = Grid(np.zeros(514, np.int64), np.zeros(300, np.int64), np.zeros((300, 4), np.int64))
     active = np.arange(290)
-    count = find_pairs(x, active, 0.02, *scratch, pairs)
+    count = find_pairs(x, active, 0.02, scratch, pairs)
     found = {(min(a, b), max(a, b)) for a, b in pairs[:count].tolist()}
     assert found == cKDTree(x[:290, :3]).query_pairs(0.02)
     assert len(found) == count

@@ -11,17 +11,17 @@ from scipy.sparse import coo_matrix  # type: ignore[import-untyped]
 from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped]
 
 from rcare_marl import assets
-from rcare_marl.agents.avatar import body_model, load_avatar, load_posture
-from rcare_marl.agents.body.measure import measure
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.agents.body.skin import BodyModel
-from rcare_marl.agents.garment import dress, load_garment, tailor, threaded, worn
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.avatar import body_model, load_avatar, load_posture
+from rcare_marl.agents.people.body.measure import measure
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.body.skin import BodyModel
+from rcare_marl.agents.people.garment import dress, load_garment, tailor, threaded, worn
+from rcare_marl.agents.people.human import Human
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.soft.cloth import Cloth
+from rcare_marl.soft.constraint import make_constraints
 from rcare_marl.soft.garment import Dimension, cut_garment
-from rcare_marl.soft.weave import Weave
 from rcare_marl.world import GRAVITY, World
 
 Array = npt.NDArray[np.float64]
@@ -68,8 +68,8 @@ def test_a_garment_is_whole_for_everybody(name: str) -> None:
         assert times.max() == 2
         assert set(garment.faces.ravel().tolist()) == set(range(len(garment.rest)))
         assert 120 < len(garment.rest) < 1700
-        weave = Weave(garment.rest, garment.faces, garment.grain, garment.fabric)
-        lengths = weave.thread_table[:, 0] / garment.config.spacing_m
+        constraints = make_constraints(garment.rest, garment.faces, garment.grain, garment.fabric)
+        lengths = constraints.thread_table[:, 0] / garment.config.spacing_m
         assert 0.8 < np.median(lengths) < 1.2
         assert lengths.max() < 3.2
         assert loops(garment.faces) == LOOPS[name]

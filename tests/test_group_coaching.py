@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 import rcare_marl
-from rcare_marl.agents.avatar import load_avatar
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.agents.coaching.group_session import GroupSession, group_programme
 from rcare_marl.agents.coaching.reach import reach_of
-from rcare_marl.agents.coaching.recogniser import Frame, Judgement, Repetition
+from rcare_marl.agents.coaching.recognition.recogniser import Frame, Judgement, Repetition
 from rcare_marl.agents.coaching.session import Demonstration, Session
 from rcare_marl.agents.coaching.tree import CoachTree
 from rcare_marl.agents.coaching.upper_body import MOTIONS
+from rcare_marl.agents.people.avatar import load_avatar
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.coaching.learner import Learner
 from rcare_marl.envs.tasks.group_coaching import RECIPIENTS, GroupCoaching
@@ -188,7 +188,7 @@ def test_everybody_sits_in_an_arc_before_the_robot_with_room_for_both_arms(four:
     seats = [np.array(pose.position)[:2] for pose in task.chairs().values()]
     assert np.allclose([np.linalg.norm(seat - robot) for seat in seats], 2.3, atol=0.05)
     assert min(np.linalg.norm(a - b) for a, b in combinations(seats, 2)) > 1.8
-    assert all(trainee.gaze > 0.9 for trainee in task.trainees.values())
+    assert all(trainee.gaze > 0.9 for trainee in task.state.trainees.values())
     assert four.world.time == 0 and not any(
         four.world.contact_force(person.body) for person in task.recipients.values()
     )
@@ -220,7 +220,7 @@ def test_a_recipient_is_paid_for_their_own_repetitions_and_the_robot_for_the_mea
     for _ in range(5):
         _, rewards, *_, infos = env.step(still)
         paid.append((rewards["recipient"], rewards["second_recipient"]))
-        assert task.rewards("robot")["repetition"] == sum(paid[-1]) / 2
+        assert task.rewards("robot", task.state)["repetition"] == sum(paid[-1]) / 2
     assert paid == [(0, 1)] * 3 + [(0, 0)] * 2
     assert infos["recipient"]["right_repetitions"] == 3
     assert infos["recipient"]["wanted_repetitions"] == 30
@@ -244,6 +244,7 @@ def test_a_word_to_one_is_not_heard_by_the_others(four: CareEnv) -> None:
     }
     assert not any(hears.values())
     task.demonstration.spoken_to, task.demonstration._silent_at = "Kim", 1e9
+    task.look()
     for role in RECIPIENTS:
         learner = four.policies[role]
         assert isinstance(learner, Learner)
@@ -268,8 +269,8 @@ def test_a_class_of_two_does_its_programme_together() -> None:
     env.reset(seed=0)
     while not env.is_over:
         env.step({})
-    assert env.task.is_success()
-    assert env.task.metrics()["right_repetitions"] == 4 and env.task.metrics()["peak_force_n"] == 0
+    assert env.task.succeeded()
+    assert env.task.report()["right_repetitions"] == 4 and env.task.report()["peak_force_n"] == 0
     env.close()
 
 
@@ -280,8 +281,8 @@ def test_a_class_of_four_does_its_programme_together(four: CareEnv, seed: int) -
     env.reset(seed=seed)
     while not env.is_over:
         env.step({})
-    metrics = env.task.metrics()
-    assert env.task.is_success() and metrics["peak_force_n"] == 0
+    metrics = env.task.report()
+    assert env.task.succeeded() and metrics["peak_force_n"] == 0
     assert metrics["right_repetitions"] == metrics["wanted_repetitions"] == 3 * 16
     env.close()
 
@@ -291,7 +292,7 @@ def test_a_class_of_four_does_its_programme_together(four: CareEnv, seed: int) -
     [
         ({"second_recipient": None}, ConfigError, "cannot do without its role 'second_recipient'"),
         ({"recipient_2": "kim"}, UnknownNameError, "recipient_2"),
-        ({"third_recipient": {"model": "kim", "posture": "standing"}}, ConfigError, "sits in"),
+        ({"third_recipient": {"model": "kim", "posture": "standing"}}, ConfigError, "must sit in"),
         ({"robot": "ur5"}, ConfigError, "no arm that reaches out"),
         ({"second_recipient": "jose", "options": {"exercises": ["front_raise"]}}, ConfigError,
          "Jose can do none"),

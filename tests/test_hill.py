@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rcare_marl.agents.actuation import hill
 from rcare_marl.agents.agent import Array
+from rcare_marl.agents.people.actuation import hill
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,9 @@ from rcare_marl.envs.homes.ground import Ground
 from rcare_marl.envs.homes.measurement import near
 from rcare_marl.envs.homes.occupancy import Occupancy
 from rcare_marl.envs.homes.plan import OUTSIDE
-from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.envs.homes.route import HAND_ROOM, WHEELCHAIR_WIDTH, Way
 from rcare_marl.envs.homes.rule import Rules
+from rcare_marl.envs.rectangle import Rectangle
 
 EACH = pytest.mark.parametrize("name", home_names())
 BARRIER_FREE = pytest.mark.parametrize("level", [pytest.param(2, marks=pytest.mark.slow), 3])

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from rcare_marl.body import Body
-from rcare_marl.envs.devices.device import Frame
+from rcare_marl.envs.devices import Frame
 from rcare_marl.envs.homes.furniture.kitchen_layout import RunPlan, Unit, lay_units
 from rcare_marl.envs.homes.piece import Piece, Setting, make_piece
 from rcare_marl.envs.homes.rule import LEVELS, Rules
 from rcare_marl.errors import ConfigError
+from rcare_marl.model.urdf import Joint, write
 from rcare_marl.pose import Pose
 from rcare_marl.ray import ray_distances
-from rcare_marl.urdf import Joint, write
 from rcare_marl.world import World
 
 JOINTED: dict[str, dict[str, object]] = {

@@ -13,8 +13,8 @@ from rcare_marl.body import Body
 from rcare_marl.envs.homes.piece import Piece, Setting, make_piece
 from rcare_marl.envs.homes.rule import LEVELS, Rules
 from rcare_marl.errors import ConfigError
+from rcare_marl.model.urdf import write
 from rcare_marl.pose import Pose, rotate
-from rcare_marl.urdf import write
 from rcare_marl.world import World
 
 KINDS = (

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rcare_marl.cli import app, floor_plan, home_picture, vantage
+from rcare_marl.cli import app
 from rcare_marl.envs.homes.care_home import CareHome
 from rcare_marl.envs.homes.cutaway import cutaway
+from rcare_marl.envs.homes.drawing import floor_plan, home_picture, vantage
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.rendering import Camera, GLRenderer, Light, Shot

@@ -21,8 +21,8 @@ from rcare_marl.envs.homes.layout import (
     use_of,
 )
 from rcare_marl.envs.homes.plan import JAMB, OUTSIDE, Opening, Plan
-from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.envs.homes.rule import Rules
+from rcare_marl.envs.rectangle import Rectangle
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 HOUSES = assets.names("homes")

@@ -7,8 +7,8 @@ import pytest
 
 from rcare_marl.envs.homes.ground import Gate, Ground
 from rcare_marl.envs.homes.occupancy import Obstacle, Occupancy
-from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.envs.homes.route import Way
+from rcare_marl.envs.rectangle import Rectangle
 from rcare_marl.errors import ConfigError
 
 WEST, EAST = Rectangle(0.0, 0.0, 3.0, 4.0), Rectangle(3.2, 0.0, 6.0, 4.0)

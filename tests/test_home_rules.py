@@ -33,12 +33,13 @@ from rcare_marl.envs.homes.plan import (
     Room,
     Wall,
 )
-from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.envs.homes.rule import LEVELS, Rule, Rules
 from rcare_marl.envs.homes.shell_canvas import Canvas
+from rcare_marl.envs.rectangle import Rectangle
 from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.model.shape import Shape
+from rcare_marl.model.urdf import Joint, Link, Model
 from rcare_marl.pose import Pose, quaternion_from_rpy
-from rcare_marl.urdf import Joint, Link, Model, Shape
 
 SOUTH = -0.5 * math.pi  # of furniture that stands at a north wall and looks south
 # Width and depth of bathroom, bedroom and kitchen [m].

@@ -11,16 +11,18 @@ import pytest
 from small_home import small_home
 
 from rcare_marl.body import Body
+from rcare_marl.envs.homes.floor import floor_model
 from rcare_marl.envs.homes.layout import lay_out, load_house
 from rcare_marl.envs.homes.palette import Palette
 from rcare_marl.envs.homes.plan import CEILING_HEIGHT, OUTSIDE, Plan
-from rcare_marl.envs.homes.rectangle import Rectangle
 from rcare_marl.envs.homes.rule import Rules
-from rcare_marl.envs.homes.shell import floor_model, shell_model, wall_boxes
+from rcare_marl.envs.homes.shell import shell_model
 from rcare_marl.envs.homes.shell_outline import maximal
+from rcare_marl.envs.homes.shell_wall import wall_boxes
+from rcare_marl.envs.rectangle import Rectangle
 from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.model.urdf import Model, write
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import Model, write
 from rcare_marl.world import World
 
 LEVELS = (1, 2, 3)

@@ -9,8 +9,8 @@ import pybullet as bullet
 import pytest
 from device_scene import AVATARS, FAST, LEGS, depth, place, run
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
 from rcare_marl.envs.devices import HospitalBed, ManualWheelchair, TransferBench
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
@@ -45,11 +45,11 @@ def test_calves_of_the_bed_arrive_with_the_thighs() -> None:
     world, bed = World(), HospitalBed()
     bed.spawn(world)
     bed.command("knee", math.radians(35))
-    end = Pose((bed.config.sections[3], 0.0, 0.0))
+    end = Pose((bed.model.figure("calf"), 0.0, 0.0))
     for _ in range(5):
         run(world, 2.5)
         foot = bed.body.link_pose(bed.body.link_index("calf")) @ end
-        assert foot.position[2] == pytest.approx(bed.config.low, abs=0.01)
+        assert foot.position[2] == pytest.approx(bed.model.figure("low"), abs=0.01)
 
 
 @pytest.mark.parametrize(

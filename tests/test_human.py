@@ -10,9 +10,9 @@ import numpy.typing as npt
 import pytest
 
 from rcare_marl import assets
-from rcare_marl.agents.actuation.skeletal import SkeletalDrive
-from rcare_marl.agents.avatar import load_avatar, load_posture, person_urdf
-from rcare_marl.agents.body.skeleton import (
+from rcare_marl.agents.people.actuation.skeletal import SkeletalDrive
+from rcare_marl.agents.people.avatar import load_avatar, load_posture, person_urdf
+from rcare_marl.agents.people.body.skeleton import (
     DOF_INDEX,
     DOFS,
     EYES,
@@ -22,8 +22,8 @@ from rcare_marl.agents.body.skeleton import (
     SIDES,
     forward_kinematics,
 )
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.profile import clinical_norms
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.profile import clinical_norms
 from rcare_marl.errors import UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.world import GRAVITY, World

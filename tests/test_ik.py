@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from rcare_marl.agents.avatar import body_model, body_segments, load_avatar, load_posture
-from rcare_marl.agents.body.goal import (
+from rcare_marl.agents.people.avatar import body_model, body_segments, load_avatar, load_posture
+from rcare_marl.agents.people.body.goal import (
     Balance,
     Direction,
     Gaze,
@@ -20,8 +20,9 @@ from rcare_marl.agents.body.goal import (
     convex_hull,
     place,
 )
-from rcare_marl.agents.body.ik import WholeBodyIk, grip_point, present_angles, reach
-from rcare_marl.agents.body.skeleton import (
+from rcare_marl.agents.people.body.ik import WholeBodyIk, grip_point, present_angles, reach
+from rcare_marl.agents.people.body.person_tree import Base
+from rcare_marl.agents.people.body.skeleton import (
     DOF_INDEX,
     DOFS,
     EYES,
@@ -29,9 +30,8 @@ from rcare_marl.agents.body.skeleton import (
     JOINTS,
     forward_kinematics,
 )
-from rcare_marl.agents.body.tree import Base
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.profile import Range
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.profile import Range
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import (
     Pose,

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rcare_marl.baselines.evaluate import run_episode
+from rcare_marl.baselines.evaluation.evaluate import run_episode
+from rcare_marl.config import load
 from rcare_marl.envs.cast import find_policy
 from rcare_marl.envs.learning import EnvRecipe, LearnerEnv
 from rcare_marl.errors import ConfigError, UnknownNameError
@@ -37,9 +38,7 @@ def test_a_recipe_survives_json_and_pickle() -> None:
         partners={"recipient": ("still", "behaviour")},
         residual={"robot": 0.3},
     )
-    assert EnvRecipe.from_dict(json.loads(json.dumps(recipe.to_dict()))).to_dict() == (
-        recipe.to_dict()
-    )
+    assert load(EnvRecipe, json.loads(json.dumps(recipe.to_dict()))).to_dict() == (recipe.to_dict())
     assert pickle.loads(pickle.dumps(recipe)) == recipe
 
 
@@ -77,9 +76,9 @@ def test_a_recipe_refuses_what_cannot_be(fields: Mapping[str, Any], said: str) -
 
 def test_a_recipe_from_a_file_refuses_unknown_fields() -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'partners'"):
-        EnvRecipe.from_dict({"task": "feeding", "partner": {}})
-    with pytest.raises(ConfigError, match="needs a task"):
-        EnvRecipe.from_dict({})
+        load(EnvRecipe, {"task": "feeding", "partner": {}})
+    with pytest.raises(ConfigError, match="missing task"):
+        load(EnvRecipe, {})
 
 
 def test_robots_learn_where_nobody_is_named_and_others_are_played() -> None:

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 pytest.importorskip("torchrl")
 
 from rcare_marl.baselines.training import throughput
-from rcare_marl.cli import app, learning_benchmark
+from rcare_marl.cli import app
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 # What a 16-core machine may lack; a process in which these cannot be imported.
@@ -41,7 +41,7 @@ def test_impossible_numbers_are_refused() -> None:
 
 def test_a_misspelt_task_is_told() -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'feeding'"):
-        learning_benchmark.bench("feedng")
+        throughput.bench("feedng")
 
 
 def test_turns_are_taken_in_turn_and_without_the_first(monkeypatch: pytest.MonkeyPatch) -> None:

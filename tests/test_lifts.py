@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
-from rcare_marl.envs.devices import CeilingLift, FloorLift
-from rcare_marl.envs.devices.dry_friction import SLIP, DryFriction
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
+from rcare_marl.envs.devices import CeilingLift, DryFriction, FloorLift
+from rcare_marl.envs.devices.dry_friction import SLIP
 from rcare_marl.errors import ActionError, ConfigError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.world import GRAVITY, World
@@ -97,8 +97,9 @@ def test_bar_of_the_floor_lift_goes_from_bed_rails_to_overhead() -> None:
 def test_legs_spread_both_ways_to_the_widths_of_the_data(name: str) -> None:
     _, lift = floor_lift(name)
     legs = [lift.body.link_index(f"leg_{side}") for side in ("left", "right")]
-    tip = lift._leg_length() - 0.06  # the front caster
-    for spread, width in ((0.0, lift.config.width_closed), (1.0, lift.config.width_open)):
+    caster = lift.model.links["leg_left"].visual[1]
+    tip, figure = caster.points[0][0], lift.model.figure
+    for spread, width in ((0.0, figure("width_closed")), (1.0, figure("width_open"))):
         angle = spread * lift.body.joint("leg_left").upper
         lift.body.set_joints(lift.body.indices(("leg_left", "leg_right")), (angle, angle))
         left, right = (lift.body.link_pose(leg) @ Pose((tip, 0.0, 0.0)) for leg in legs)
@@ -116,10 +117,11 @@ def test_one_control_spreads_both_legs_alike() -> None:
 @pytest.mark.parametrize("name", FLOOR_LIFTS)
 def test_floor_lift_weighs_what_its_data_say_and_clears_a_bed(name: str) -> None:
     world, lift = floor_lift(name)
-    sling = lift.bar.sling.config.mass
-    assert lift.body.mass() == pytest.approx(lift.config.mass + sling, abs=1e-3)
-    assert lift.config.leg_height <= 0.115
-    bed = world.add_box((1.0, 2.0, 0.1), Pose((0.6, 0.0, lift.config.leg_height + 0.055)))
+    mass = {"hoyer_lift_sling": 40.0, "hoyer_lift_transfer": 29.0}[name]  # without the sling
+    assert lift.body.mass() == pytest.approx(mass + lift.model.links["sling"].mass, abs=1e-3)
+    tall = lift.model.figure("leg_height")
+    assert tall <= 0.115
+    bed = world.add_box((1.0, 2.0, 0.1), Pose((0.6, 0.0, tall + 0.055)))
     world.step()
     touched = {c.link_a for c in world.contacts(lift.body, bed) if c.distance < 0}
     assert not touched & {lift.body.link_index(f"leg_{s}") for s in ("left", "right")}
@@ -176,7 +178,7 @@ def test_ceiling_lift_reaches_the_ends_of_strap_track_and_rails() -> None:
             run(world, None, reach / lift.controls[control].speed + 1)
             assert lift.position(control) == pytest.approx(end, abs=1e-3), control
     x, y, z = lift.frame_in_world("bar").position
-    assert z == pytest.approx(2.5 - 0.445 - lift.config.strap_length, abs=0.01)
+    assert z == pytest.approx(2.5 - 0.445 - 1.75, abs=0.01)
     assert x < -1.2 and y < -0.9
 
 
@@ -188,6 +190,11 @@ def test_track_is_as_long_as_asked_for_and_solid() -> None:
     low, high = lift.body.bounds()
     assert high[0] - low[0] == pytest.approx(4.0, abs=0.05)
     assert "cross" not in lift.controls
+    for name, sign in (("track_start", -1), ("track_end", 1)):
+        short = CeilingLift(track_length=2.2)
+        stops = [s.at[0] for s in short.model.links["track"].visual if s.at[0] * sign > 0]
+        assert short.frame(name).position[0] == sign * 1.1
+        assert stops == pytest.approx([sign * 1.085])
 
 
 @pytest.mark.parametrize("make", LIFTS)
@@ -221,7 +228,7 @@ def test_everybody_rises_with_the_bar_and_clear_of_the_lift(make: str, avatar: s
     for _ in range(20):
         run(world, person, 0.5)
         assert np.linalg.norm(place_in_sling(lift, person) - inside) < 0.02
-        assert 0.5 * weight < lift.bar.load() < 2 * weight
+        assert 0.5 * weight < lift.load() < 2 * weight
     assert person.body.base_pose().position[2] - low > 0.4
     assert world.contact_force(person.body, lift.body) == 0.0
 
@@ -237,7 +244,7 @@ def test_hanging_person_comes_to_rest(make: str, avatar: str) -> None:
     run(world, person, 5.0)
     track = run(world, person, 10.0)
     assert np.linalg.norm(np.ptp(track, axis=0)) < 0.5e-3
-    assert lift.bar.load() == pytest.approx(GRAVITY * person.avatar.mass_kg, rel=0.02)
+    assert lift.load() == pytest.approx(GRAVITY * person.avatar.mass_kg, rel=0.02)
 
 
 @pytest.mark.slow
@@ -253,7 +260,7 @@ def test_hanging_person_with_limbs_that_move_comes_to_rest(make: str) -> None:
 def test_dry_friction_holds_up_to_its_force_and_where_it_slipped_to() -> None:
     world, lift = floor_lift()
     joint, chassis = lift.body.joint("roll_x").index, lift.body.link_index("chassis")
-    friction = lift.config.rolling_resistance * GRAVITY * lift.config.mass
+    friction = lift.model.figure("rolling_resistance") * GRAVITY * lift.model.mass
 
     def pushed(force: float) -> float:
         for _ in range(240):
@@ -304,7 +311,7 @@ def test_person_is_lowered_onto_a_bed_and_left_there() -> None:
     weight = GRAVITY * person.avatar.mass_kg
     assert world.contact_force(person.body, bed) < 1.5 * weight
     lift.release()
-    assert lift.bar.person is None and lift.bar.load() == 0.0
+    assert lift.person is None and lift.load() == 0.0
     lift.command("boom", 0.6)
     run(world, person, 4.0)
     assert z - 0.35 < person.body.base_pose().position[2] < z
@@ -325,27 +332,27 @@ def test_person_is_carried_across_a_room() -> None:
 
 def test_fabric_lies_on_the_person_and_follows_them() -> None:
     world, lift = floor_lift()
-    empty = lift.bar.sling.vertices()
+    empty = lift.sling.vertices()
     person = hung(world, lift, "natalia", movable=())
     skin = next(s for s in world.skins if s.body is person.body).vertices()
-    fabric = lift.bar.sling.vertices()
-    assert len(fabric) != len(empty) and lift.bar.sling.faces.max() == len(fabric) - 1
+    fabric = lift.sling.vertices()
+    assert len(fabric) != len(empty) and lift.sling.faces.max() == len(fabric) - 1
     middle = fabric[:750].reshape(30, 25, 3)[3:-3, 10:15].reshape(-1, 3)
     gaps = [float(np.linalg.norm(skin - point, axis=1).min()) for point in middle]
     assert max(gaps) < 0.09 and np.median(gaps) < 0.04
     before = fabric - np.array(person.body.base_pose().position, np.float32)
     lift.command("boom", 0.2)
     run(world, person, 1.0)
-    after = lift.bar.sling.vertices() - np.array(person.body.base_pose().position, np.float32)
+    after = lift.sling.vertices() - np.array(person.body.base_pose().position, np.float32)
     assert np.abs(after - before)[:750].max() < 0.03
     lift.release()
-    assert len(lift.bar.sling.vertices()) == len(empty)
+    assert len(lift.sling.vertices()) == len(empty)
 
 
 def test_hooks_carry_the_straps() -> None:
     _, lift = floor_lift()
-    fabric = lift.bar.sling.vertices()
-    for name in lift.bar.hooks:
+    fabric = lift.sling.vertices()
+    for name in lift.hooks:
         hook = np.array(lift.frame_in_world(name).position)
         assert np.linalg.norm(fabric - hook, axis=1).min() < 0.03
 
@@ -372,10 +379,10 @@ def test_rewound_lift_hangs_empty_or_laden_as_it_was() -> None:
     run(world, person, 0.5)
     world.rewind()
     lift.reset()
-    assert lift.bar.person is None and lift.bar.load() == 0.0
+    assert lift.person is None and lift.load() == 0.0
     lift.carry(person)
     run(world, person, 0.5)
-    assert lift.bar.load() > 0.5 * GRAVITY * 46
+    assert lift.load() > 0.5 * GRAVITY * 46
 
 
 def test_lifts_refuse_what_they_cannot_do() -> None:
@@ -405,6 +412,6 @@ def test_lift_bears_one_person_within_its_load() -> None:
         lift.carry(person)
     lift.release()
     lift.release()  # does no harm
-    lift.config = replace(lift.config, load=40.0)
+    lift.model = replace(lift.model, figures=lift.model.figures | {"load": 40.0})
     with pytest.raises(ConfigError, match="bears 40"):
         lift.carry(person)

@@ -11,7 +11,7 @@ from episode import play
 
 import rcare_marl
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.devices.arm_cradle import ArmCradle
+from rcare_marl.envs.devices import ArmCradle
 from rcare_marl.envs.tasks import limb_repositioning as module
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
 from rcare_marl.errors import ConfigError
@@ -45,21 +45,21 @@ def still() -> Iterator[CareEnv]:
 
 
 def test_the_scripted_robot_lays_the_arm_of_jose_on_the_armrest(scripted: CareEnv) -> None:
-    assert sum(run(scripted, seed).is_success() for seed in range(5)) >= 4
+    assert sum(run(scripted, seed).succeeded() for seed in range(5)) >= 4
 
 
 def test_an_arm_that_was_laid_there_lies_by_its_weight_within_its_passive_range(
     scripted: CareEnv,
 ) -> None:
     task = run(scripted, 1)
-    assert task.is_success()
+    assert task.succeeded()
     weight = 9.81 * sum(task.recipient.segments[f"left_{j}"].mass for j in ("elbow", "wrist"))
-    assert 0.2 * weight < task.metrics()["force_on_armrest_n"] < 5 * weight
+    assert 0.2 * weight < task.report()["force_on_armrest_n"] < 5 * weight
     top, (length, width, _) = task.chair.frame_in_world("armrest_left"), task.chair.armrest_size
-    x, y, z = 0.5 * (task.elbow + task.wrist) - top.position
+    x, y, z = 0.5 * (task.state.elbow + task.state.wrist) - top.position
     assert abs(x) < 0.5 * length and abs(y) < width and abs(z - task.radius) < 0.02
-    assert task.metrics()["beyond_prom_deg"] < 1
-    assert task.metrics()["peak_force_n"] < task.options.force_limit
+    assert task.report()["beyond_prom_deg"] < 1
+    assert task.report()["peak_force_n"] < task.options.force_limit
 
 
 def test_left_alone_the_arm_hangs_outside_the_armrest(still: CareEnv) -> None:
@@ -70,8 +70,8 @@ def test_left_alone_the_arm_hangs_outside_the_armrest(still: CareEnv) -> None:
     outside = (
         task.chair.frame_in_world("armrest_left").position[1] + 0.5 * task.chair.armrest_size[1]
     )
-    assert task.wrist[1] > outside and task.wrist[2] < task.target[2] - 0.1
-    assert task.metrics()["force_on_armrest_n"] == 0 and not task.is_success()
+    assert task.state.wrist[1] > outside and task.state.wrist[2] < task.state.target[2] - 0.1
+    assert task.report()["force_on_armrest_n"] == 0 and not task.succeeded()
     assert task.recipient.contact_forces(task.chair.body)  # it leans on the chair
 
 
@@ -109,8 +109,8 @@ def test_random_actions_stay_finite() -> None:
 def test_pressing_too_hard_fails_and_is_charged_to_the_end() -> None:
     env = rcare_marl.make("limb_repositioning", options={"force_limit": 1.0}, policies=BOTH)
     task = run(env, 0)
-    assert task.is_failure() and not task.is_success()
-    terms = task.rewards("robot")
+    assert task.failed() and not task.succeeded()
+    terms = task.rewards("robot", task.state)
     assert terms["failed"] < 10 * terms["distance"] < 0
     env.close()
 

@@ -10,9 +10,9 @@ import numpy.typing as npt
 import pytest
 
 from rcare_marl import assets, rendering
-from rcare_marl.agents.actuation import muscle_kernel as kernel
-from rcare_marl.agents.actuation.drive import ActuationConfig, fitted_musculature
-from rcare_marl.agents.actuation.muscle_lines import (
+from rcare_marl.agents.people.actuation import muscle_kernel as kernel
+from rcare_marl.agents.people.actuation.drive import ActuationConfig, fitted_musculature
+from rcare_marl.agents.people.actuation.muscle_lines import (
     FULL,
     RELAXED,
     MuscleLines,
@@ -20,12 +20,12 @@ from rcare_marl.agents.actuation.muscle_lines import (
     path_points,
     show_muscles,
 )
-from rcare_marl.agents.actuation.muscle_unit import t_pose_position
-from rcare_marl.agents.avatar import body_model, load_avatar, load_posture
-from rcare_marl.agents.body.bone_lines import BoneLines
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.agents.body.skin import PersonSkin
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.actuation.muscle_unit import t_pose_position
+from rcare_marl.agents.people.avatar import body_model, load_avatar, load_posture
+from rcare_marl.agents.people.body.bone_lines import BoneLines
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.body.skin import PersonSkin
+from rcare_marl.agents.people.human import Human
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
 from rcare_marl.rendering import Camera, GLRenderer, Viewer

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rcare_marl
-from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.sensing.marker import Plate
 from rcare_marl.agents.sensing.marker_sensor import MarkerSensor, MarkerSensorConfig
 from rcare_marl.config import load

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.sensing.exposure import photograph
 from rcare_marl.agents.sensing.marker import Marker, MarkerConfig, fasten
 from rcare_marl.agents.sensing.marker_detector import Detection, detect, two_poses

@@ -9,16 +9,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from rcare_marl.agents.actuation.mass_xml import BODIES
-from rcare_marl.agents.actuation.musculature import (
+from rcare_marl.agents.people.actuation.mass_xml import BODIES
+from rcare_marl.agents.people.actuation.musculature import (
     load_musculature,
     t_pose_lengths,
     t_pose_points,
 )
-from rcare_marl.agents.avatar import body_model, load_avatar
-from rcare_marl.agents.body.skeleton import (
-    JOINT_INDEX,
-)
+from rcare_marl.agents.people.avatar import body_model, load_avatar
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 Array = npt.NDArray[np.float64]

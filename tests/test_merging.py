@@ -8,8 +8,9 @@ import pytest
 from rcare_marl.envs.homes.merging import merged
 from rcare_marl.envs.homes.piece import Setting, make_piece, piece_kinds
 from rcare_marl.envs.homes.rule import LEVELS, Rules
+from rcare_marl.model.shape import Shape
+from rcare_marl.model.urdf import Link, Model, joint_pose
 from rcare_marl.pose import Pose, quaternion_from_rpy
-from rcare_marl.urdf import Link, Model, Shape, joint_pose
 
 TURNED = Pose((1.0, 2.0, 0.0), tuple(quaternion_from_rpy(0.0, 0.0, 1.2).tolist()))
 

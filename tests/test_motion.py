@@ -12,26 +12,25 @@ import pytest
 from py_trees.common import Status
 from standing_person import CONTROL_DT, CONTROL_STEPS, person_in, run_policy
 
-from rcare_marl.agents.avatar import body_model, load_avatar
-from rcare_marl.agents.body.posture import UPRIGHT
-from rcare_marl.agents.body.skeleton import (
+from rcare_marl.agents.people.avatar import body_model, load_avatar
+from rcare_marl.agents.people.body.posture import UPRIGHT
+from rcare_marl.agents.people.body.skeleton import (
     DOF_INDEX,
     DOFS,
     DOFS_OF,
     JOINT_INDEX,
     JOINTS,
-    axis_rotation,
     forward_kinematics,
     joint_rotations,
 )
-from rcare_marl.agents.body.skin import BodyModel
-from rcare_marl.agents.motion.amass import load_amass, save_amass
-from rcare_marl.agents.motion.bvh import Bvh, read_bvh, write_bvh
-from rcare_marl.agents.motion.clip import Clip, Motion, heading_of, leg_length, sole_points
-from rcare_marl.agents.motion.decomposition import decompose
-from rcare_marl.agents.motion.playback import Puppet, fitted, play
-from rcare_marl.agents.motion.retarget import load_bvh, map_joints, save_bvh
-from rcare_marl.agents.motion.trajectory import (
+from rcare_marl.agents.people.body.skin import BodyModel
+from rcare_marl.agents.people.motion.amass import load_amass, save_amass
+from rcare_marl.agents.people.motion.bvh import Bvh, read_bvh, write_bvh
+from rcare_marl.agents.people.motion.clip import Clip, Motion, heading_of, leg_length, sole_points
+from rcare_marl.agents.people.motion.decomposition import decompose
+from rcare_marl.agents.people.motion.playback import Puppet, fitted, play
+from rcare_marl.agents.people.motion.retarget import load_bvh, map_joints, save_bvh
+from rcare_marl.agents.people.motion.trajectory import (
     Follow,
     Trajectory,
     TrajectoryPolicy,
@@ -41,6 +40,7 @@ from rcare_marl.agents.motion.trajectory import (
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import (
     Pose,
+    axis_rotation,
     matrix_from_quaternion,
     quaternion_from_matrix,
 )
@@ -430,10 +430,10 @@ def test_a_clip_plays_by_the_persons_own_strength_and_as_a_puppet() -> None:
     assert person.angle("right_elbow_flexion") == pytest.approx(bent, abs=0.03)
     assert person.body.base_pose().position == pytest.approx(base.position)  # not the pelvis
     person.reset(np.random.default_rng(0))
-    person.course = Puppet(person, motion, lambda: world.time)
+    puppet = Puppet(person, motion, lambda: world.time)
     steps = 0
-    while person.course is not None:
-        person.actuate()
+    while not puppet.is_over:
+        puppet.advance()
         world.step()
         steps += 1
     assert steps == pytest.approx(2.0 * 240, abs=2)

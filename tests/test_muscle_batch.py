@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from rcare_marl.agents.actuation import muscle_kernel as kernel
-from rcare_marl.agents.actuation.drive import fitted_musculature, whole_chain
-from rcare_marl.agents.actuation.muscle_model import TENDONS, MuscleModel, Tendon
-from rcare_marl.agents.avatar import load_avatar
+from rcare_marl.agents.people.actuation import muscle_kernel as kernel
+from rcare_marl.agents.people.actuation.drive import fitted_musculature, whole_chain
+from rcare_marl.agents.people.actuation.muscle_model import TENDONS, MuscleModel, Tendon
+from rcare_marl.agents.people.avatar import load_avatar
 from rcare_marl.errors import ActionError
 
 Array = npt.NDArray[np.float64]

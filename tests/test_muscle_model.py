@@ -6,24 +6,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rcare_marl.agents.actuation import muscle_kernel as kernel
-from rcare_marl.agents.actuation.chain import make_chain
-from rcare_marl.agents.actuation.drive import fitted_musculature
-from rcare_marl.agents.actuation.hill import (
+from rcare_marl.agents.agent import Array
+from rcare_marl.agents.people.actuation import muscle_kernel as kernel
+from rcare_marl.agents.people.actuation.drive import fitted_musculature
+from rcare_marl.agents.people.actuation.hill import (
     force_length,
     inverse_tendon_force,
     passive_force,
     passive_offset,
 )
-from rcare_marl.agents.actuation.muscle_model import TENDONS, MuscleModel, Tendon
-from rcare_marl.agents.agent import Array
-from rcare_marl.agents.avatar import (
-    AvatarConfig,
-    body_model,
-    body_segments,
-    load_avatar,
-)
-from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS
+from rcare_marl.agents.people.actuation.muscle_model import TENDONS, MuscleModel, Tendon
+from rcare_marl.agents.people.avatar import AvatarConfig, body_model, body_segments, load_avatar
+from rcare_marl.agents.people.body.person_tree import person_tree
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS
 from rcare_marl.errors import ActionError, ConfigError, UnknownNameError
 
 AVATARS = ("caregiver", "daniel", "jose", "karan", "kim", "morgan", "natalia")
@@ -36,7 +31,7 @@ def muscle_model(
     path = avatar.body_path()
     joints = body_model(path, avatar.height_m).joints
     segments = body_segments(path, avatar.height_m, avatar.mass_kg, avatar.sex)
-    chain = make_chain(segments, joints, np.zeros(len(DOFS)), movable)
+    chain = person_tree(segments, joints, np.zeros(len(DOFS)), movable)
     return MuscleModel(fitted_musculature(avatar, None).units, joints, chain, tendon=tendon)
 
 

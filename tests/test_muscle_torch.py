@@ -10,27 +10,22 @@ import numpy.typing as npt
 import pytest
 import torch
 
-from rcare_marl.agents.actuation import muscle_kernel as kernel
-from rcare_marl.agents.actuation import muscle_torch
-from rcare_marl.agents.actuation.chain import make_chain
-from rcare_marl.agents.actuation.drive import fitted_musculature
-from rcare_marl.agents.actuation.hill import (
+from rcare_marl.agents.people.actuation import muscle_kernel as kernel
+from rcare_marl.agents.people.actuation import muscle_torch
+from rcare_marl.agents.people.actuation.drive import fitted_musculature
+from rcare_marl.agents.people.actuation.hill import (
     force_length,
     force_velocity,
     inverse_tendon_force,
     passive_force,
     tendon_force,
 )
-from rcare_marl.agents.actuation.muscle_model import TENDONS, MuscleModel, Tendon
-from rcare_marl.agents.actuation.muscle_path import crosses
-from rcare_marl.agents.actuation.muscle_torch import TorchMuscles, TorchState
-from rcare_marl.agents.avatar import (
-    body_model,
-    body_segments,
-    expand_movable,
-    load_avatar,
-)
-from rcare_marl.agents.body.skeleton import DOFS
+from rcare_marl.agents.people.actuation.muscle_model import TENDONS, MuscleModel, Tendon
+from rcare_marl.agents.people.actuation.muscle_path import crosses
+from rcare_marl.agents.people.actuation.muscle_torch import TorchMuscles, TorchState
+from rcare_marl.agents.people.avatar import body_model, body_segments, expand_movable, load_avatar
+from rcare_marl.agents.people.body.person_tree import person_tree
+from rcare_marl.agents.people.body.skeleton import DOFS
 from rcare_marl.errors import ActionError
 
 Array = npt.NDArray[np.float64]
@@ -53,7 +48,7 @@ def model(
     names = expand_movable(movable)
     joints = body_model(path, avatar.height_m).joints
     segments = body_segments(path, avatar.height_m, avatar.mass_kg, avatar.sex)
-    chain = make_chain(segments, joints, np.zeros(len(DOFS)), names)
+    chain = person_tree(segments, joints, np.zeros(len(DOFS)), names)
     muscles = fitted_musculature(avatar, None)
     units = [unit for unit in muscles.units if crosses(unit, chain)][:most]
     share = np.linspace(0.3, 1.0, len(units))

@@ -9,21 +9,17 @@ import numpy as np
 import pytest
 
 import rcare_marl
-from rcare_marl.agents.actuation.chain import make_chain
-from rcare_marl.agents.actuation.drive import ActuationConfig
-from rcare_marl.agents.actuation.muscle_model import Tendon
-from rcare_marl.agents.actuation.muscular import MuscleDrive
 from rcare_marl.agents.agent import Array
-from rcare_marl.agents.avatar import (
-    AvatarConfig,
-    load_avatar,
-    load_posture,
-)
-from rcare_marl.agents.body.ik import grip_point
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.policies.reach import Reach
-from rcare_marl.agents.profile import ClinicalProfile, SideProfile
+from rcare_marl.agents.people.actuation.drive import ActuationConfig
+from rcare_marl.agents.people.actuation.muscle_model import Tendon
+from rcare_marl.agents.people.actuation.muscular import MuscleDrive
+from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.people.behaviour.reach import Reach
+from rcare_marl.agents.people.body.ik import grip_point
+from rcare_marl.agents.people.body.person_tree import person_tree
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.profile import ClinicalProfile, SideProfile
 from rcare_marl.errors import ActionError, ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
@@ -135,7 +131,7 @@ def energy(person: Human) -> float:
     """Return kinetic and potential energy of a person whose pelvis is held [J]."""
     body, total = person.body, 0.0
     positions, velocities = body.joint_states(person._joints)
-    chain = make_chain(person.segments, person.model.joints, person.angles, person.movable)
+    chain = person_tree(person.segments, person.model.joints, person.angles, person.movable)
     matrix = chain.mass_matrix(np.array(positions))
     total += 0.5 * np.array(velocities) @ matrix @ np.array(velocities)
     for joint, segment in person.segments.items():
@@ -210,7 +206,7 @@ def test_jose_moves_nothing_below_the_neck() -> None:
 def test_karans_right_arm_lifts_and_his_left_does_not() -> None:
     risen = {}
     for side in ("left", "right"):
-        world, person = spawned("karan", "wheelchair")
+        world, person = spawned("karan", "wheelchair", excitation="posture")
         goal = {f"{side}_shoulder_flexion": 1.2, f"{side}_elbow_flexion": 0.6}
         before = person.joint_pose(f"{side}_wrist").position[2]
         go_on(world, person, partial(person.action_towards, goal, CONTROL_DT), 3.0)
@@ -302,7 +298,7 @@ def test_a_tremor_shakes_at_its_frequency_and_only_where_it_is(
 
 
 def test_a_person_told_to_reach_does_it_with_muscles_only() -> None:
-    world, person = spawned("caregiver")
+    world, person = spawned("caregiver", excitation="posture")
     goal = {"right_shoulder_flexion": 1.0, "right_elbow_flexion": 1.2}
     go_on(world, person, lambda: person.action_towards(goal, CONTROL_DT), 3.0)
     for dof, angle in goal.items():
@@ -378,7 +374,7 @@ def palm(person: Human, side: str) -> Array:
 def test_reaching_with_muscles_goes_as_far_as_the_profile_lets(
     name: str, side: str, arrives: bool
 ) -> None:
-    world, person = spawned(name, "wheelchair")
+    world, person = spawned(name, "wheelchair", excitation="posture")
     goal = palm(person, side) + np.array([0.10, 0.05, 0.18])
     policy = Reach(person, side, lambda: goal, control_dt=CONTROL_DT)
     policy.reset(np.random.default_rng(0))
@@ -394,7 +390,8 @@ def test_tired_regions_lose_strength_and_a_new_episode_gives_it_back(
         world = World()
         person = Human(
             "p", load_avatar("caregiver"), posture=load_posture("standing"),
-            actuation=ActuationConfig(kind=kind), movable=["right_elbow_flexion"],
+            movable=["right_elbow_flexion"],
+            actuation=ActuationConfig(kind=kind, excitation="posture"),
         )  # fmt: skip
         person.spawn(world, Pose((0, 0, 0.5)))
         world.mark_start()
@@ -415,7 +412,7 @@ def test_tired_regions_lose_strength_and_a_new_episode_gives_it_back(
 
 @pytest.mark.parametrize("name", ["caregiver", "jose", "kim"])
 def test_people_at_rest_stay_in_their_chair_and_hardly_work(name: str) -> None:
-    world, person = spawned(name, "wheelchair")
+    world, person = spawned(name, "wheelchair", excitation="posture")
     joints = ("right_ankle", "left_ankle", "head", "right_wrist")
     before = [person.joint_pose(joint).position for joint in joints]
     go_on(world, person, lambda: person.action_towards({}, CONTROL_DT), 2.0)

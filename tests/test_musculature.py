@@ -15,23 +15,17 @@ import numpy.typing as npt
 import pytest
 
 from rcare_marl import assets
-from rcare_marl.agents.actuation.muscle_unit import path_lengths
-from rcare_marl.agents.actuation.musculature import (
+from rcare_marl.agents.people.actuation.muscle_unit import path_lengths
+from rcare_marl.agents.people.actuation.musculature import (
     Musculature,
     load_musculature,
     t_pose_lengths,
     t_pose_points,
 )
-from rcare_marl.agents.actuation.published_band import load_bands
-from rcare_marl.agents.avatar import body_model, load_avatar
-from rcare_marl.agents.body.skeleton import (
-    DOF_INDEX,
-    DOFS,
-    EYES,
-    JOINTS,
-    forward_kinematics,
-)
-from rcare_marl.agents.profile import clinical_norms
+from rcare_marl.agents.people.actuation.published_band import load_bands
+from rcare_marl.agents.people.avatar import body_model, load_avatar
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, EYES, JOINTS, forward_kinematics
+from rcare_marl.agents.people.profile import clinical_norms
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 Array = npt.NDArray[np.float64]

@@ -19,8 +19,8 @@ PARTS = ("agents", "assets", "baselines", "envs")
 _USE = """
 import json, rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.robot import load_robot
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.robots.robot import load_robot
 for name in assets.names("avatars"):
     assert load_avatar(name).body_path().is_file(), name
 for name in assets.names("postures"):

@@ -11,9 +11,9 @@ import pytest
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.avatar import load_avatar
-from rcare_marl.agents.human import Human
-from rcare_marl.baselines.evaluate import evaluate
+from rcare_marl.agents.people.avatar import load_avatar
+from rcare_marl.agents.people.human import Human
+from rcare_marl.baselines.evaluation.evaluate import evaluate
 from rcare_marl.baselines.partners import (
     TEMPERAMENTS,
     Habits,
@@ -114,7 +114,7 @@ def test_passive_person_does_not_follow_the_spoon_and_opens_late() -> None:
             env.step({})
             turn = max(turn, abs(person.angle("neck_rotation_left") - start))
             if person.angle("jaw_opening") < np.radians(3):
-                nearest = min(nearest, float(env.task.metrics()["distance_m"]))
+                nearest = min(nearest, float(env.task.report()["distance_m"]))
         openings[temperament] = nearest, turn
         env.close()
     assert openings["passive"][0] < openings["cooperative"][0] - 0.02

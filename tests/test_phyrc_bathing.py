@@ -71,15 +71,15 @@ def test_the_scripted_robot_takes_dips_and_brings_the_sponge(scripted: CareEnv) 
     score = task.score
     while score.sheet.stage < 3 and not scripted.is_over:
         scripted.step({})
-        paid += task.rewards("robot")["score"]
-        if score.sheet.stage == 2 and score.force == 0.0:
+        paid += task.rewards("robot", task.state)["score"]
+        if score.sheet.stage == 2 and task.state.push == 0.0:
             in_the_air += 1  # held, wet, at 0 N
             assert score.sheet.points["move"] == 0
     assert in_the_air > 10
     assert score.sheet.points == {"pick_up": 5, "dip": 5, "move": 5, "wash": 0}
-    assert paid == task.metrics()["score"] == 15.0
+    assert paid == task.report()["score"] == 15.0
     assert scripted.world.time < 25.0
-    metrics = task.metrics()
+    metrics = task.report()
     assert metrics["wetness"] == 1.0 and metrics["basin_tipped"] == 0.0
     assert metrics["peak_force_n"] < 12.0
 
@@ -90,8 +90,8 @@ def test_the_scripted_robot_scores_most_points() -> None:
     scores = []
     for seed in range(20):
         play(env, seed)
-        scores.append(task_of(env).metrics()["score"])
-        assert task_of(env).metrics()["peak_force_n"] < 20.0
+        scores.append(task_of(env).report()["score"])
+        assert task_of(env).report()["peak_force_n"] < 20.0
     env.close()
     assert np.mean(scores) > 35.0 and min(scores) >= 25.0
 
@@ -101,8 +101,8 @@ def test_a_random_robot_scores_nothing() -> None:
     env = rcare_marl.make("phyrc_bathing", policies={"robot": "random", "recipient": "still"})
     for seed in range(10):
         play(env, seed)
-        assert task_of(env).metrics()["score"] <= 0.0
-        assert not task_of(env).is_success()
+        assert task_of(env).report()["score"] <= 0.0
+        assert not task_of(env).succeeded()
     env.close()
 
 
@@ -111,7 +111,7 @@ def test_a_random_robot_scores_nothing() -> None:
 def test_the_sponge_is_brought_to_every_avatar_and_washes(avatar: str) -> None:
     env = rcare_marl.make("phyrc_bathing", recipient=avatar, policies=BOTH)
     play(env, 0)
-    assert task_of(env).metrics()["score"] > 15.0  # three items of five, and some of the last
+    assert task_of(env).report()["score"] > 15.0  # three items of five, and some of the last
     env.close()
 
 
@@ -133,13 +133,13 @@ def test_the_sponge_rests_on_the_table_and_closing_beside_it_takes_nothing(
     start = task.scene.sponge_at.position
     wait(learned, 20, closing=1.0)
     assert math.dist(task.scene.sponge.pose.position, start) < 0.003
-    assert not task.score.is_held
+    assert not task.state.is_held
 
 
 def test_the_sponge_is_taken_where_it_is_and_falls_when_the_hand_opens(scripted: CareEnv) -> None:
     scripted.reset(seed=0)
     task = task_of(scripted)
-    while not task.score.is_held:
+    while not task.state.is_held:
         before = task.scene.sponge.pose.position
         scripted.step({})
     assert (
@@ -153,7 +153,7 @@ def test_the_sponge_is_taken_where_it_is_and_falls_when_the_hand_opens(scripted:
     for _ in range(15):
         scripted.step({})
     del scripted.policies["robot"].act
-    assert not task.score.is_held
+    assert not task.state.is_held
     assert task.scene.sponge.pose.position[2] < task.scene.sponge_at.position[2] + 0.05
 
 
@@ -176,20 +176,20 @@ def test_a_pushed_basin_earns_nothing(learned: CareEnv) -> None:
     task.scene.basin.body.set_base(Pose((x + 0.05, y, z)))
     wait(learned, 1)
     score = task.score
-    score.wetness, score.is_held = 1.0, True
-    assert task.metrics()["basin_tipped"] == 1.0 and score._dip() is None
+    score._wetness, score._is_held = 1.0, True
+    assert task.report()["basin_tipped"] == 1.0 and score._dip() is None
 
 
 def test_one_good_sample_and_one_place_earn_next_to_nothing(scripted: CareEnv) -> None:
     scripted.reset(seed=0)
     score: BathScore = task_of(scripted).score
     score._samples = score._good = 1
-    score.coverage = 1.0
-    assert score.gentleness() == pytest.approx(0.01)
+    score._coverage = 1.0
+    assert score._gentleness() == pytest.approx(0.01)
     score._samples = score._good = 1000
-    assert score.gentleness() == 1.0
-    score.coverage = 0.005  # pressed on one spot all the time
-    assert score.gentleness() == pytest.approx(0.1)
+    assert score._gentleness() == 1.0
+    score._coverage = 0.005  # pressed on one spot all the time
+    assert score._gentleness() == pytest.approx(0.1)
 
 
 def test_too_much_force_is_remembered(scripted: CareEnv) -> None:

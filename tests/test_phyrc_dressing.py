@@ -91,7 +91,7 @@ def test_the_gown_hangs_on_its_stand_and_earns_nothing_by_itself() -> None:
     for _ in range(20):
         env.step({"robot": np.zeros(7, np.float32)})
     assert math.dist(task.gown.seam, seam) < 0.01
-    metrics = task.metrics()
+    metrics = task.report()
     assert metrics["score"] == metrics["covered_left"] == 0.0
     assert metrics["peak_force_n"] < 0.5  # it brushes against the knee
     assert task.gown.stand.travelled == pytest.approx(0.0, abs=1e-3)
@@ -103,13 +103,13 @@ def test_the_scripted_robot_pulls_the_sleeve_to_the_shoulder(scripted: CareEnv) 
     task = task_of(scripted)
     while task.score.sheet.total < 19 and not scripted.is_over:
         scripted.step({})
-    metrics = task.metrics()
+    metrics = task.report()
     assert metrics["score_pick_up"] == metrics["score_sleeve"] == 5.0
     assert metrics["score_left_shoulder"] == 5.0 and metrics["covered_left"] > 0.4
     assert metrics["score_right_shoulder"] == metrics["covered_right"] == 0.0
     assert metrics["peak_force_n"] < task.options.force_limit
     assert metrics["prom_violation_deg_s"] < 0.1
-    assert not task.is_success()  # that is told at the end
+    assert not task.succeeded()  # that is told at the end
 
 
 def test_a_sleeve_that_is_caught_is_eased_back_towards_the_hand(scripted: CareEnv) -> None:
@@ -133,8 +133,8 @@ def test_the_scripted_robot_scores_what_one_arm_can() -> None:
     scores = []
     for seed in range(20):
         play(env, seed)
-        scores.append(task_of(env).metrics()["score"])
-        assert task_of(env).is_success() == (scores[-1] >= 19 and not task_of(env).is_failure())
+        scores.append(task_of(env).report()["score"])
+        assert task_of(env).succeeded() == (scores[-1] >= 19 and not task_of(env).failed())
     env.close()
     assert np.mean(scores) > 17.0
 
@@ -144,7 +144,7 @@ def test_a_random_robot_does_not_dress_anybody() -> None:
     env = rcare_marl.make("phyrc_dressing", policies={"robot": "random", "recipient": "still"})
     for seed in range(5):
         play(env, seed)
-        assert task_of(env).metrics()["score"] <= 5.0
+        assert task_of(env).report()["score"] <= 5.0
     env.close()
 
 
@@ -176,7 +176,7 @@ def test_a_robot_that_cannot_reach_is_refused() -> None:
 
 
 def test_who_lies_is_not_dressed_so() -> None:
-    with pytest.raises(ConfigError, match="no arm is held out"):
+    with pytest.raises(ConfigError, match="hold the left arm out"):
         rcare_marl.make("phyrc_dressing", recipient={"posture": "bed_supine"})
 
 

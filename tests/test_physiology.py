@@ -12,14 +12,14 @@ import pytest
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.actuation.drive import ActuationConfig
 from rcare_marl.agents.agent import Array
-from rcare_marl.agents.avatar import AvatarConfig, load_avatar, load_posture
-from rcare_marl.agents.body.skeleton import JOINTS
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.physiology import QUANTITIES, Load, Physiology, tire, vital_signs
-from rcare_marl.agents.physiology_model import REGIONS, physiology_model
-from rcare_marl.agents.profile import ClinicalProfile
+from rcare_marl.agents.people.actuation.drive import ActuationConfig
+from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.people.body.skeleton import JOINTS
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.physiology import QUANTITIES, Load, Physiology, tire, vital_signs
+from rcare_marl.agents.people.physiology_model import REGIONS, physiology_model
+from rcare_marl.agents.people.profile import ClinicalProfile
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.observable import Observation
 from rcare_marl.pose import Pose
@@ -381,7 +381,7 @@ def person(
     world = World()
     human = Human("recipient", load_avatar(avatar), posture=load_posture("wheelchair"),
                   movable=movable, physiology_observed=True,
-                  actuation=ActuationConfig(kind=kind))  # fmt: skip
+                  actuation=ActuationConfig(kind=kind, excitation="posture"))  # fmt: skip
     human.use_arm_rests(Pose((0.25, 0.26, 0.77)), Pose((0.25, -0.26, 0.77)))
     human.spawn(world, Pose((0, 0, 0.5)))
     human.reset(np.random.default_rng(0))

@@ -16,7 +16,7 @@ import rcare_marl
 from rcare_marl.agents.agent import Array
 from rcare_marl.agents.policy import Policy
 from rcare_marl.baselines import trained
-from rcare_marl.baselines.evaluate import evaluate, make_players, run_episode
+from rcare_marl.baselines.evaluation.evaluate import evaluate, make_players, run_episode
 from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.learning import EnvRecipe, LearnerEnv

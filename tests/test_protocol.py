@@ -19,10 +19,10 @@ from PIL import Image
 from typer.testing import CliRunner
 
 import rcare_marl
-from rcare_marl.baselines import protocol, repetition, trained
-from rcare_marl.baselines.evaluate import Episode, Evaluation, evaluate
-from rcare_marl.baselines.policy_file import PolicyFile
-from rcare_marl.baselines.protocol import (
+from rcare_marl.baselines import trained
+from rcare_marl.baselines.evaluation import protocol, repetition
+from rcare_marl.baselines.evaluation.evaluate import Episode, Evaluation, evaluate
+from rcare_marl.baselines.evaluation.protocol import (
     Plan,
     Record,
     assess,
@@ -31,10 +31,12 @@ from rcare_marl.baselines.protocol import (
     read_record,
     record_text,
 )
-from rcare_marl.baselines.repetition import repeat
-from rcare_marl.baselines.statistic import hierarchical_interval
+from rcare_marl.baselines.evaluation.repetition import repeat
+from rcare_marl.baselines.evaluation.run_figure import draw, labels
+from rcare_marl.baselines.evaluation.statistic import hierarchical_interval
+from rcare_marl.baselines.policy_file import PolicyFile
 from rcare_marl.cli import app
-from rcare_marl.cli.run_figure import draw, labels
+from rcare_marl.console import markdown_table
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -350,11 +352,11 @@ def test_the_command_leaves_a_record_that_it_can_repeat(tmp_path: Path, file: Pa
     assert printed["summary"] == written["summary"]
     assert len(printed["policies"]) == 2 and "episodes" not in printed["policies"][0]
     assert {each.name for each in out.parent.iterdir()} == {"record.json", "record.png"}
-    again = CliRunner().invoke(app, ["evaluate", "--repeat", str(out)])
+    again = CliRunner().invoke(app, ["replay", str(out)])
     assert again.exit_code == 0 and "the same numbers in 2 episodes" in again.stdout
     written["policies"][0]["episodes"]["steps"][0] += 1
     out.write_text(json.dumps(written))
-    again = CliRunner().invoke(app, ["evaluate", "--repeat", str(out)])
+    again = CliRunner().invoke(app, ["replay", str(out)])
     assert again.exit_code == 1 and "1 columns of numbers" in again.stdout
 
 
@@ -364,11 +366,6 @@ def test_the_command_prints_tables_of_the_policies() -> None:
     )
     for text in ("scripted", "100.0 %", "IQM", "peak_force_n", "return of robot", "of one policy"):
         assert text in shown.stdout
-
-
-def test_the_command_wants_a_task_or_a_record() -> None:
-    shown = CliRunner().invoke(app, ["evaluate"])
-    assert shown.exit_code == 2 and "name a task" in shown.output
 
 
 def experiment(name: str) -> ModuleType:
@@ -404,7 +401,7 @@ def test_the_paper_s_table_reads_records_and_says_where_there_is_none(
     assert cells["scripted"] == "100.0 %"
     for remark in ("below the paper", "the scripted policy is better", "1 policies x 2 episodes"):
         assert remark in cells["remark"]
-    assert paper.markdown([cells.values()]).count("\n") == 2
+    assert markdown_table(paper.HEADS, [list(cells.values())]).count("\n") == 2
     assert paper.ROWS[-1].paper == "no such task"
 
 

@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS
 from rcare_marl.agents.coaching.exercise import Exercise, Reach, exercise_names, load_exercise
-from rcare_marl.agents.coaching.feature import COLUMN, features
-from rcare_marl.agents.coaching.hands_source import HandsReading, HandsSource
-from rcare_marl.agents.coaching.joints_source import JointsSource
-from rcare_marl.agents.coaching.one_euro import OneEuro
-from rcare_marl.agents.coaching.recogniser import ERRORS, Frame, Judgement, Repetition
-from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.recognition.feature import COLUMN, features
+from rcare_marl.agents.coaching.recognition.recogniser import ERRORS, Frame, Judgement, Repetition
+from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
+from rcare_marl.agents.coaching.sources.joints_source import JointsSource
+from rcare_marl.agents.coaching.sources.one_euro import OneEuro
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, UpperBody, directions
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 

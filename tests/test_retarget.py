@@ -7,11 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from rcare_marl.agents.avatar import body_model, load_avatar
-from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS
 from rcare_marl.agents.coaching.exercise import Exercise, exercise_names, load_exercise
 from rcare_marl.agents.coaching.imitation import Imitation
-from rcare_marl.agents.coaching.joints_source import JointsSource
 from rcare_marl.agents.coaching.reach import raised_sides, reach_of
 from rcare_marl.agents.coaching.retarget import (
     Retarget,
@@ -19,9 +16,12 @@ from rcare_marl.agents.coaching.retarget import (
     arm_turns,
     robot_joints,
 )
+from rcare_marl.agents.coaching.sources.joints_source import JointsSource
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES, directions
-from rcare_marl.agents.robot import Robot
-from rcare_marl.agents.robot_config import load_robot
+from rcare_marl.agents.people.avatar import body_model, load_avatar
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose, matrix_from_quaternion
 from rcare_marl.world import World

@@ -12,15 +12,16 @@ import pybullet as bullet
 import pytest
 
 from rcare_marl import assets
-from rcare_marl.agents.control import CONTROLS, JointPosition
-from rcare_marl.agents.robot import Robot, RobotConfig, load_robot, urdf_robot
-from rcare_marl.agents.robot_model import robot_files
+from rcare_marl.agents.robots.control import CONTROLS, JointPosition
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import RobotConfig, load_robot, urdf_robot
+from rcare_marl.agents.robots.robot_model import robot_files
 from rcare_marl.body import Body
 from rcare_marl.config import load
 from rcare_marl.envs.devices import Spoon
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError
+from rcare_marl.model.urdf import Model
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import Model
 from rcare_marl.world import World
 
 DURATION = 0.05

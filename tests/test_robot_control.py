@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from rcare_marl import assets
-from rcare_marl.agents.arm import Arm
-from rcare_marl.agents.control import CONTROLS, WEIGHT_CARRYING
-from rcare_marl.agents.joint_group import JointGroup
-from rcare_marl.agents.kinematics import GRAVITY
-from rcare_marl.agents.robot import Robot, load_robot
-from rcare_marl.agents.robot_check import CONTROL_DT, advance, spawned, still
+from rcare_marl.agents.robots.arm import Arm
+from rcare_marl.agents.robots.control import CONTROLS, WEIGHT_CARRYING
+from rcare_marl.agents.robots.joint_group import JointGroup
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_check import CONTROL_DT, advance, spawned, still
+from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy
-from rcare_marl.world import World
+from rcare_marl.world import GRAVITY, World
 
 ROBOTS = assets.names("robots")
 SECONDS, HOLD = 2.0, 10  # of random actions, and control steps that each of them lasts

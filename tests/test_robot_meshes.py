@@ -17,16 +17,16 @@ from PIL import Image
 from scipy.spatial import ConvexHull  # type: ignore[import-untyped]
 
 from rcare_marl import assets
-from rcare_marl.agents import robot_model as loader
-from rcare_marl.agents.robot_model import MESH_FOLDERS, MeshPackage, MeshPart, robot_files
+from rcare_marl.agents.robots import robot_model as loader
+from rcare_marl.agents.robots.robot_model import MESH_FOLDERS, MeshPackage, MeshPart, robot_files
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError
-from rcare_marl.hull import MOST_CORNERS, hulls
+from rcare_marl.model.hull import MOST_CORNERS, hulls
+from rcare_marl.model.urdf import Model
 from rcare_marl.pose import Pose
 from rcare_marl.rendering import Camera
 from rcare_marl.rendering.collada import read_collada
 from rcare_marl.rendering.mesh import shape_mesh
-from rcare_marl.urdf import Model
 from rcare_marl.world import World
 
 MODEL = "kinova_gen3/model.yaml"

@@ -9,10 +9,10 @@ import pytest
 from urdf_files import BODY, LIMIT, joint, link, urdf
 
 import rcare_marl
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.physiology_model import REGIONS
-from rcare_marl.envs.safety import NOBODY, SLOW, WEIGHTS, SafetyMeter, patch_area
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.physiology_model import REGIONS
+from rcare_marl.envs.safety import NOBODY, SLOW, WEIGHTS, Safety, SafetyMeter, patch_area
 from rcare_marl.pose import Pose
 from rcare_marl.world import GRAVITY, World
 
@@ -26,6 +26,9 @@ def world() -> Iterator[World]:
     world.close()
 
 
+LIMIT_N = 40.0  # [N]
+
+
 def lying(world: World) -> Human:
     person = Human(
         "karan", load_avatar("karan"), posture=load_posture("bed_supine"), movable=("left_elbow",)
@@ -35,65 +38,68 @@ def lying(world: World) -> Human:
     return person
 
 
-def run(world: World, person: Human, meter: SafetyMeter, seconds: float) -> None:
+def run(world: World, person: Human, meter: SafetyMeter, seconds: float) -> Safety:
+    found = Safety()
     for _ in range(round(seconds / STEP)):
         for _ in range(24):
             person.actuate()
             world.step()
             meter.after_substep()
         person.sense()
-        meter.after_step(STEP)
+        found = meter.read(found, STEP)
+    return found
 
 
 def test_a_weight_on_the_belly_presses_by_its_weight(world: World) -> None:
     person = lying(world)
     x, y, z = person.joint_pose("spine2").position
     weight = world.add_box((0.2, 0.2, 0.02), Pose((x, y, z + 0.2)), mass=3.0)
-    meter = SafetyMeter(person, world, [weight], force_limit=40.0)
-    run(world, person, meter, 2.0)
-    metrics = meter.metrics()
-    assert meter.force == pytest.approx(3.0 * GRAVITY, rel=0.05)
-    assert metrics["peak_force_trunk_n"] == metrics["peak_force_n"] >= meter.force
+    meter = SafetyMeter(person, world, [weight])
+    found = run(world, person, meter, 2.0)
+    metrics = found.metrics(LIMIT_N)
+    assert found.force == pytest.approx(3.0 * GRAVITY, rel=0.05)
+    assert metrics["peak_force_trunk_n"] == metrics["peak_force_n"] >= found.force
     assert 0 < metrics["mean_force_n"] <= metrics["peak_force_n"]
     assert all(metrics[f"peak_force_{r}_n"] == 0 for r in REGIONS if r.endswith(("leg", "neck")))
     assert metrics["peak_pressure_pa"] >= metrics["peak_force_n"] / 0.2**2
-    assert meter.cost > 0.3  # 29 N of 40 N, and 20 N are comfortable
+    assert found.cost(LIMIT_N) > 0.3  # 29 N of 40 N, and 20 N are comfortable
 
 
 def test_what_carries_does_not_press(world: World) -> None:
     person = lying(world)
     x, y, z = person.joint_pose("pelvis").position
     world.add_box((0.5, 0.5, 0.4), Pose((x, y, z - 0.25)), name="bed")  # into the back
-    meter = SafetyMeter(person, world, [], force_limit=40.0)
-    run(world, person, meter, 0.3)
-    assert meter.peak_force == 0.0 and meter.cost == 0.0
+    meter = SafetyMeter(person, world, [])
+    found = run(world, person, meter, 0.3)
+    assert found.peak_force == 0.0 and found.cost(LIMIT_N) == 0.0
 
 
 def test_angles_beyond_the_passive_range_count_by_degree_and_second(world: World) -> None:
     person = lying(world)
-    meter = SafetyMeter(person, world, [], force_limit=40.0)
+    meter = SafetyMeter(person, world, [])
     dof = person.movable.index("left_elbow_flexion")
     highest = person.passive[dof][1]
     joint = person.body.joints[person.movable[dof]].index
     person.body.set_joints([joint], [highest + math.radians(5)])
     person.sense()
-    meter.after_step(2.0)
-    assert meter.metrics()["prom_violation_deg_s"] == pytest.approx(10.0, rel=1e-6)
-    assert meter.cost == pytest.approx(0.5 * WEIGHTS["prom"])
+    found = meter.read(Safety(), 2.0)
+    assert found.prom_deg_s == pytest.approx(10.0, rel=1e-6)
+    assert found.cost(LIMIT_N) == pytest.approx(0.5 * WEIGHTS["prom"])
 
 
 def test_only_a_fast_approach_costs(world: World) -> None:
     person = lying(world)
     ball = world.add_sphere(0.03, mass=0.1)
-    meter = SafetyMeter(person, world, [ball], force_limit=40.0)
+    meter = SafetyMeter(person, world, [ball])
     x, y, z = person.joint_pose("spine2").position
     for speed in (0.8 * SLOW, 2.0 * SLOW):
         meter.reset()
+        found = Safety()
         for time in (0.0, STEP):
             ball.set_base(Pose((x, y, z + 0.3 - speed * time)))
-            meter.after_step(STEP)
-        assert meter.metrics()["approach_speed_m_s"] == pytest.approx(speed, rel=0.1)
-        assert (meter.cost > 0) == (speed > SLOW)
+            found = meter.read(found, STEP)
+        assert found.top_speed == pytest.approx(speed, rel=0.1)
+        assert (found.cost(LIMIT_N) > 0) == (speed > SLOW)
 
 
 def test_a_hand_that_comes_closer_counts_beside_a_foot_that_is_near(
@@ -105,11 +111,12 @@ def test_a_hand_that_comes_closer_counts_beside_a_foot_that_is_near(
     hand = joint("out", "foot", "hand", f'<axis xyz="0 0 1"/>{LIMIT}', kind="prismatic")
     file = urdf(tmp_path, link("foot", BODY + solid) + link("hand", BODY + solid) + hand)
     robot = world.load_urdf(file, Pose((x, y, z + 0.2)))
-    meter = SafetyMeter(person, world, [robot], force_limit=40.0)
+    meter = SafetyMeter(person, world, [robot])
+    found = Safety()
     for way in (0.1, 0.1 - 2.0 * SLOW * STEP):  # above the foot, downwards
         robot.set_joints(robot.indices(["out"]), [way])
-        meter.after_step(STEP)
-    assert meter.metrics()["approach_speed_m_s"] == pytest.approx(2.0 * SLOW, rel=0.1)
+        found = meter.read(found, STEP)
+    assert found.top_speed == pytest.approx(2.0 * SLOW, rel=0.1)
 
 
 @pytest.mark.parametrize("task", ["feeding", "toileting"])

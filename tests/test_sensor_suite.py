@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from sensor_scene import POSTURES, Array, Scene
 
-from rcare_marl.agents.robot import Robot, load_robot
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.agents.sensing.sampler import Sampler
 from rcare_marl.agents.sensing.sensor import Channel, Sensor, SensorConfig
 from rcare_marl.agents.sensing.suite import Entry, SensorSuite

@@ -12,7 +12,8 @@ from sensor_scene import POSTURES, Array, Scene, arm_link, own_robot, person, ur
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.robot import Robot, load_robot, urdf_robot
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import load_robot, urdf_robot
 from rcare_marl.agents.sensing.proximity import ProximityConfig
 from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.pose import Pose, conjugate, quaternion_from_axis_angle, rotate

@@ -10,8 +10,8 @@ from rcare_marl.body import Body
 from rcare_marl.pose import Pose
 from rcare_marl.soft.hinge import Hinges, fold, hinges
 from rcare_marl.soft.material import Material
-from rcare_marl.soft.matter import Matter
 from rcare_marl.soft.soft_body import SoftBody
+from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.soft.spring import Springs, edges
 from rcare_marl.world import GRAVITY, World
 
@@ -43,7 +43,7 @@ def add_sheet(
     )  # fmt: skip
     rail = world.add_box((0.3, 0.01, 0.01), Pose((0.08, 0, 1.0)), collides=False)
     sheet.pin(range(columns), rail, -1, world.client)
-    Matter.of(world).add(sheet)
+    SoftWorld.of(world).add(sheet)
     return sheet, rail
 
 
@@ -86,7 +86,7 @@ def test_a_sheet_lies_on_a_ball() -> None:
         material=Material(1e5, 0.3, damping_per_s=4.0, friction=1.0),
         springs=Springs(points, edges(faces), stiffness=300.0),
     )  # fmt: skip
-    Matter.of(world).add(sheet)
+    SoftWorld.of(world).add(sheet)
     ball = world.add_sphere(0.1, Pose((0, 0, 0)))
     for _ in range(240):
         world.step()

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rcare_marl import assets
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.body.skeleton import JOINTS, PARENTS, forward_kinematics
-from rcare_marl.agents.body.skin import SMPLX_VERTEX_COUNT, load_body_model
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.body.skeleton import JOINTS, PARENTS, forward_kinematics
+from rcare_marl.agents.people.body.skin import SMPLX_VERTEX_COUNT, load_body_model
+from rcare_marl.agents.people.human import Human
 from rcare_marl.config import load, read_yaml
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose

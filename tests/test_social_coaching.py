@@ -10,16 +10,17 @@ import pytest
 from episode import assert_same, play
 
 import rcare_marl
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.agents.coaching.recogniser import Judgement, Repetition
+from rcare_marl.agents.coaching.recognition.recogniser import Judgement, Repetition
 from rcare_marl.agents.coaching.session import Order
 from rcare_marl.agents.coaching.upper_body import ARM
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.coaching.action import SIZE, encode
-from rcare_marl.envs.coaching.chair import ExerciseChair
 from rcare_marl.envs.coaching.learner import Learner
+from rcare_marl.envs.devices import Wheelchair
 from rcare_marl.envs.tasks.social_coaching import SocialCoaching
 from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.world import World
 
 PARTNERS = {"robot": "scripted", "recipient": "learner"}
 EXERCISES = {"daniel": 5, "jose": 1, "karan": 5, "kim": 5, "morgan": 1, "natalia": 5}
@@ -55,8 +56,8 @@ def held(env: CareEnv) -> None:
     while not env.is_over:
         env.step({})
         shown.append(task.session.index)
-    metrics = task.metrics()
-    assert task.is_success() and shown == sorted(shown)
+    metrics = task.report()
+    assert task.succeeded() and shown == sorted(shown)
     assert metrics["right_repetitions"] == metrics["wanted_repetitions"]
     assert metrics["exercises_done"] == len(task.session.exercises)
     assert metrics["pain"] == 0 and metrics["peak_force_n"] == 0
@@ -84,7 +85,7 @@ def test_each_of_the_six_is_led_through_their_own_programme(name: str) -> None:
 def test_the_scripted_coach_copes_with_learners_of_many_kinds(seed: int) -> None:
     env = make(recipient="kim", options={"repetitions": 2})
     play(env, seed)
-    assert env.task.is_success()
+    assert env.task.succeeded()
     env.close()
 
 
@@ -132,7 +133,10 @@ def test_a_learner_who_looks_away_keeps_still_until_called() -> None:
         env.step({})
         learner.is_attentive = False
     task = task_of(env)
-    assert task.trainee.gaze < np.cos(np.radians(15)) and task.session.judgement.progress == 0
+    assert (
+        task.state.trainees["recipient"].gaze < np.cos(np.radians(15))
+        and task.session.judgement.progress == 0
+    )
     for _ in range(60):  # a call does not always help
         shown.word, shown._silent_at, learner._was_speaking = "encourage", 1e9, False
         learner.act()
@@ -194,7 +198,7 @@ def test_a_right_repetition_pays_and_a_surplus_does_not(led: CareEnv) -> None:
     for _ in range(5):
         _, rewards, _, _, infos = led.step(still)
         paid.append(infos["robot"]["repetition"])
-        assert rewards["robot"] == pytest.approx(sum(task.rewards("robot").values()))
+        assert rewards["robot"] == pytest.approx(sum(task.rewards("robot", task.state).values()))
     assert paid == [1, 1, 1, 0, 0] and task.session.right_count == 3
     judged(task, "range")
     _, _, _, _, infos = led.step(still)
@@ -208,7 +212,7 @@ def test_leaving_exercises_undone_is_a_failure(led: CareEnv) -> None:
         assert not led.is_over
         _, _, ended, _, infos = led.step({"robot": encode(Order("next")).astype(np.float32)})
     assert led.is_over and ended["robot"] and infos["robot"]["success"] == 0
-    assert led.task.is_failure()
+    assert led.task.failed()
 
 
 def test_a_random_coach_does_not_get_a_repetition_in_half_a_minute() -> None:
@@ -218,7 +222,7 @@ def test_a_random_coach_does_not_get_a_repetition_in_half_a_minute() -> None:
         if env.is_over:
             break
         env.step({})
-    assert task_of(env).session.right_count == 0 and not env.task.is_success()
+    assert task_of(env).session.right_count == 0 and not env.task.succeeded()
     env.close()
 
 
@@ -227,7 +231,7 @@ def test_an_arm_that_cannot_be_raised_lies_on_its_armrest_and_takes_no_part(name
     env = make(recipient=name)
     task = task_of(env)
     env.reset(seed=1)
-    height = task.seats["recipient"].chair.config.armrest_height
+    height = task.seats["recipient"].chair.frame("armrest_left").position[2]
     before = {s: task.recipient.joint_pose(f"{s}_wrist").position for s in ("left", "right")}
     assert height < before["left"][2] < height + 0.12
     assert (before["right"][2] < height - 0.08) == (name == "karan")
@@ -265,7 +269,7 @@ def test_muscles_do_an_exercise_as_well(name: str) -> None:
         options={"exercises": [exercise], "repetitions": 1},
     )
     play(env, 0)
-    assert env.task.is_success() and env.task.metrics()["peak_force_n"] == 0
+    assert env.task.succeeded() and env.task.report()["peak_force_n"] == 0
     env.close()
 
 
@@ -274,7 +278,7 @@ def test_muscles_do_an_exercise_as_well(name: str) -> None:
 def test_muscles_do_as_much_of_the_programme_as_the_docs_say(name: str, exercises: int) -> None:
     env = make(recipient={"model": name, "actuation": "muscle"})
     play(env, 0)
-    assert task_of(env).metrics()["exercises_done"] == exercises
+    assert task_of(env).report()["exercises_done"] == exercises
     env.close()
 
 
@@ -290,14 +294,16 @@ def test_muscles_are_asked_for_less_than_targets_reach() -> None:
 
 
 def test_armrests_are_off_only_where_arms_exercise() -> None:
-    boxes = {}
-    for bare in ((), ("right",), ("left", "right")):
-        link = ExerciseChair(bare).model().links["wheelchair"]
-        boxes[len(bare)] = len(link.collision), len(link.visual)
-    assert boxes[0][0] - boxes[1][0] == boxes[1][0] - boxes[2][0] == 1
-    assert boxes[0][1] - boxes[1][1] == boxes[1][1] - boxes[2][1] == 2
+    whole = Wheelchair(mounts="none").model.links
+    for bare in (("right",), ("left", "right")):
+        chair = Wheelchair(mounts="none", without_armrest=bare)
+        off = {f"armrest_{side}" for side in bare}
+        assert whole.keys() - chair.model.links == off and not off & set(chair.frames)
+        solids = len(chair.spawn(World()).collision_shapes(-1))
+        assert solids == sum(len(link.collision) for link in whole.values()) - len(bare)
+    assert all(len(whole[link].visual) == 2 for link in off)
     with pytest.raises(UnknownNameError, match="Did you mean 'left'"):
-        ExerciseChair(["lefft"])
+        Wheelchair(without_armrest=["lefft"])
 
 
 def test_pepper_coaches_from_the_floor() -> None:
@@ -318,7 +324,7 @@ def test_pepper_coaches_from_the_floor() -> None:
         ({"robot": "ur5"}, "no arm that reaches out as a person's does"),
         ({"robot": {"model": "nao", "moves": ["left_arm"]}}, "right_arm, head among its `moves`"),
         ({"robot": {"model": "nao", "control": "joint_delta"}}, "needs the control mode"),
-        ({"recipient": {"model": "kim", "posture": "standing"}}, "sits in the wheelchair"),
+        ({"recipient": {"model": "kim", "posture": "standing"}}, "must sit in the wheelchair"),
         ({"options": {"exercises": ["front_rise"]}}, "Did you mean 'front_raise'"),
         ({"options": {"exercises": ["front_raise"] * 2}}, "each once"),
         ({"options": {"repetitions": 0}}, "repetitions must be at least 1"),

@@ -15,18 +15,18 @@ from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose, quaternion_from_axis_angle
 from rcare_marl.soft import contact
-from rcare_marl.soft.collider import Colliders
+from rcare_marl.soft.collider import WORLD_FRAME, Colliders, NearShapes
 from rcare_marl.soft.colouring import colours
 from rcare_marl.soft.material import Material
-from rcare_marl.soft.matter import Matter
-from rcare_marl.soft.soft_body import Carrier, SoftBody
+from rcare_marl.soft.soft_body import SoftBody
+from rcare_marl.soft.soft_object import Carrier
+from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.soft.spring import Springs
 from rcare_marl.soft.tetrahedron import (
     SPARE,
     Tetrahedra,
     add_elastic_forces,
     boundary,
-    make_scratch,
     signed_volumes,
 )
 from rcare_marl.world import GRAVITY, World
@@ -76,7 +76,7 @@ def add_pad(
         "pad", points, material=material, tetrahedra=tetrahedra, held=bottom,
         carrier=Carrier(block, -1), mass_factor=8.0, substeps=substeps,
     )  # fmt: skip
-    Matter.of(world).add(pad)
+    SoftWorld.of(world).add(pad)
     return pad
 
 
@@ -121,14 +121,14 @@ def test_the_boundary_of_a_mesh_is_closed_and_looks_outwards() -> None:
 
 def test_elastic_forces_are_the_slope_of_the_energy() -> None:
     points, members, _ = pad_mesh((2, 2, 1))
-    packed = Tetrahedra(points, members, FLESH)
+    flesh = Tetrahedra(points, members, FLESH)
     rng = np.random.default_rng(0)
     moved = points + rng.normal(0, 1e-3, points.shape)
     x = np.zeros((len(points) + SPARE, 4), np.float32)
     x[: len(points), :3], x[len(points) + 1 :, :3] = moved, np.eye(3)
     forces = np.zeros((len(x), 3), np.float32)
-    run = np.arange(len(packed.particles))
-    add_elastic_forces(x, run, packed.particles, packed.table, packed.ratio, make_scratch(), forces)
+    run = np.arange(len(flesh.packed.particles))
+    add_elastic_forces(x, run, flesh.packed, forces)
     mu, lame = FLESH.shear_modulus, FLESH.bulk_parameter
 
     def energy(at: Array) -> float:
@@ -140,7 +140,7 @@ def test_elastic_forces_are_the_slope_of_the_energy() -> None:
         ratio = np.linalg.det(gradient)
         density = mu / 2 * ((gradient**2).sum(axis=(1, 2)) - 3)
         density += lame / 2 * (ratio - 1 - mu / lame) ** 2
-        return float((density * packed.volumes).sum())
+        return float((density * flesh.volumes).sum())
 
     place = x[: len(points), :3].astype(np.float64)
     for i, a in ((0, 0), (4, 1), (7, 2), (11, 0)):
@@ -174,7 +174,7 @@ def test_the_sphere_feels_what_the_pad_is_held_with() -> None:
     """Newton's third law: the block bears the elastic force at the held particles."""
     _, pad, ball = pressed_pad(0.007)
     assert pad.force_on(ball)[2] == pytest.approx(-pad.held_load()[2], rel=0.02)
-    shares = (pad.pressure * pad.areas)[:, None] * -pad._normals  # towards the sphere
+    shares = (pad.pressure * pad.areas)[:, None] * -pad.normals  # towards the sphere
     assert shares.sum(axis=0)[2] == pytest.approx(pad.force[2], rel=0.02)
 
 
@@ -283,7 +283,7 @@ def test_what_is_ignored_passes_through() -> None:
     world = World()
     pad = add_pad(world)
     ball = world.add_sphere(RADIUS, Pose((0, 0, RADIUS - 0.005)))
-    Matter.of(world).ignore([ball])
+    SoftWorld.of(world).ignore([ball], by=SoftBody)
     for _ in range(5):
         world.step()
     assert not pad.is_awake
@@ -351,7 +351,7 @@ def test_two_robots_feel_the_same_force_through_it(tmp_path: Path) -> None:
         "pad", points, material=FLESH, tetrahedra=tetrahedra, held=bottom,
         carrier=Carrier(under, under.link_index("tool")), mass_factor=8.0,
     )  # fmt: skip
-    Matter.of(world).add(pad)
+    SoftWorld.of(world).add(pad)
     for body in (under, over):
         bullet.enableJointForceTorqueSensor(
             body.uid, body.link_index("tool"), True, physicsClientId=world.client
@@ -424,20 +424,15 @@ def test_distances_are_those_of_bullet(kind: str) -> None:
     turn = quaternion_from_axis_angle((1.0, 2.0, 0.5), 0.7)
     tool.set_base(Pose((0.1, -0.2, 0.3), tuple(turn.tolist())))
     colliders = Colliders([tool], world.client)
-    colliders.fetch_link(0)
-    still = np.zeros(13)
-    still[6] = 1
-    table = colliders.relate(still, np.array([0]), 1.0)
+    colliders.fetch(colliders.by_body([0]))
+    shapes = NearShapes(colliders, np.array([0])).seen_from(WORLD_FRAME)
     rng = np.random.default_rng(1)
     directions = rng.normal(size=(40, 3))
     for direction in directions / np.linalg.norm(directions, axis=1, keepdims=True):
         point = np.array((0.1, -0.2, 0.3)) + 0.032 * direction
         probe.set_base(Pose(tuple(point.tolist())))
         wanted = world.separation(probe, tool, within=1.0) + 0.001
-        got, *_ = contact.distance_to(
-            table[0], colliders.kinds[0], colliders.planes, colliders.runs[0],
-            *point.astype(np.float32),
-        )  # fmt: skip
+        got, *_ = contact.distance(shapes, 0, *point.astype(np.float32))
         if kind == "hull":  # outside it is a lower bound, see there; Bullet rounds hulls by 1 mm
             assert got <= wanted + 2.5e-3
         else:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from rcare_marl.body import Body
-from rcare_marl.envs.devices.sponge import Sponge
+from rcare_marl.envs.devices import Sponge
 from rcare_marl.errors import ConfigError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.soft.block import make_block
-from rcare_marl.soft.matter import Matter
+from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.soft.tetrahedron import boundary, signed_volumes
 from rcare_marl.world import GRAVITY, World
 
@@ -53,13 +53,13 @@ def test_the_harder_it_is_pressed_the_more_it_yields() -> None:
         press(world, sponge, force, 300)
         heights.append(sponge.pose.position[2])
     assert heights[0] > heights[1] + 0.001 > heights[2] + 0.002
-    assert FACE - heights[2] < 0.5 * sponge.config.size[2]
+    assert FACE - heights[2] < 0.5 * sponge.block.size[2]
 
 
 def test_flesh_beneath_yields_as_its_stiffness_says_and_changes_no_force() -> None:
     stiffness = 1e6
     world, table, sponge = over_table()
-    Matter.of(world).bed(table, -1, stiffness)
+    SoftWorld.of(world).set_foundation(table, -1, stiffness)
     press(world, sponge, 7.0, 400)
     load = -sponge.force_on(table)[2]
     assert load == pytest.approx(7.0 + sponge.body.mass() * GRAVITY, rel=0.02)
@@ -71,7 +71,7 @@ def test_flesh_beneath_yields_as_its_stiffness_says_and_changes_no_force() -> No
 def test_flesh_has_no_negative_stiffness() -> None:
     world, table, _ = over_table()
     with pytest.raises(ConfigError, match="stiffness of flesh"):
-        Matter.of(world).bed(table, -1, -1.0)
+        SoftWorld.of(world).set_foundation(table, -1, -1.0)
 
 
 def test_a_sponge_carries_what_lies_on_it_and_feels_its_weight() -> None:
@@ -98,7 +98,7 @@ def test_a_sponge_drags_what_it_wipes_no_harder_than_friction_lets_it() -> None:
         world.step()
         pressed.append(-sponge.force_on(table))
     x, z = np.mean(pressed[120:], axis=0)[[0, 2]]
-    coefficient = sponge.config.material.friction * 0.5  # Bullet's friction of a box
+    coefficient = sponge.block.material.friction * 0.5  # Bullet's friction of a box
     assert 0.5 * coefficient < x / z < 1.1 * coefficient
 
 
@@ -145,13 +145,13 @@ def test_face_points_lie_on_the_face() -> None:
     points = sponge.face_points()
     assert points.shape == (54, 3)
     assert points[:, 2] == pytest.approx(0.3, abs=1e-5)
-    assert np.ptp(points, axis=0)[:2] == pytest.approx(sponge.config.size[:2], abs=1e-5)
+    assert np.ptp(points, axis=0)[:2] == pytest.approx(sponge.block.size[:2], abs=1e-5)
 
 
 def test_renderers_see_sponge_and_plate() -> None:
     world, _, sponge = over_table(gap=0.3)
     skin = world.skins[-1]
-    assert np.ptp(skin.vertices(), axis=0) == pytest.approx(sponge.config.size, abs=1e-4)
+    assert np.ptp(skin.vertices(), axis=0) == pytest.approx(sponge.block.size, abs=1e-4)
     assert len(skin.colors) == len(skin.vertices())
     assert skin.body is not sponge.body  # whose own shapes would be hidden
 
@@ -163,7 +163,9 @@ def test_a_sponge_in_no_world_says_so() -> None:
 
 def test_a_sponge_weighs_more_than_its_foam() -> None:
     with pytest.raises(ConfigError, match="weighs more"):
-        dataclasses.replace(Sponge().config, mass=0.05)
+        Sponge(block=dataclasses.replace(Sponge().block, size=(0.2, 0.2, 0.04)))
+    with pytest.raises(ConfigError, match="has a size"):
+        dataclasses.replace(Sponge().block, size=(0.1, 0.0, 0.04))
 
 
 def test_a_block_is_filled_by_its_tetrahedra() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rcare_marl.baselines.statistic import (
+from rcare_marl.baselines.evaluation.statistic import (
     hierarchical_interval,
     improvement,
     interquartile_mean,

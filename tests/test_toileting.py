@@ -12,18 +12,13 @@ from episode import play
 
 import rcare_marl
 from rcare_marl import assets
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.human import Human
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.homes.care_home import CareHome, home_names
-from rcare_marl.envs.homes.rectangle import Rectangle
-from rcare_marl.envs.homes.rule import Rules
-from rcare_marl.envs.homes.stage import find_stage
-from rcare_marl.envs.safety import NOBODY, SafetyMeter
+from rcare_marl.envs.homes import CareHome, HomePlace, Rules, find_place, home_names
+from rcare_marl.envs.rectangle import Rectangle
+from rcare_marl.envs.safety import NOBODY, Safety
 from rcare_marl.envs.tasks.toileting import OPEN_ANGLE_DEG, Toileting
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
-from rcare_marl.world import World
 
 LEVELS = (1, 2, 3)
 SCRIPTED = {"robot": "scripted"}
@@ -48,15 +43,15 @@ def scripted() -> Iterator[CareEnv]:
 def test_the_scripted_robot_lifts_the_lid(scripted: CareEnv) -> None:
     for seed in range(5):
         task = run(scripted, seed)
-        assert task.is_success()
-        assert task.metrics()["lid_angle_deg"] > OPEN_ANGLE_DEG
+        assert task.succeeded()
+        assert task.report()["lid_angle_deg"] > OPEN_ANGLE_DEG
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 def test_the_scripted_robot_succeeds_in_ninety_five_of_a_hundred_episodes(level: int) -> None:
     env = rcare_marl.make("toileting", level=level, policies=SCRIPTED)
-    assert sum(run(env, seed).is_success() for seed in range(100)) >= 95
+    assert sum(run(env, seed).succeeded() for seed in range(100)) >= 95
     env.close()
 
 
@@ -64,7 +59,7 @@ def test_the_scripted_robot_succeeds_in_ninety_five_of_a_hundred_episodes(level:
 def test_on_a_bare_floor_the_toilet_is_as_high_as_its_level_says(level: int) -> None:
     env = rcare_marl.make("toileting", level=level, policies=SCRIPTED)
     task = run(env, 0)
-    assert task.is_success()
+    assert task.succeeded()
     seat = Rules(level).figure("toilet_seat_height")
     assert seat < task.lip_at(0.0)[2] < seat + 0.02
     env.close()
@@ -74,11 +69,11 @@ def test_the_lid_moves_only_where_the_robot_touches_it(scripted: CareEnv) -> Non
     scripted.reset(seed=0)
     task, touched = task_of(scripted), False
     while not scripted.is_over:
-        before = task.lid_angle()
+        before = task.state.angle
         scripted.step({})
-        touched = touched or task.metrics()["toilet_force_n"] > 0
-        assert touched or task.lid_angle() == pytest.approx(before, abs=2e-4)  # its slack
-    assert touched and task.metrics()["peak_toilet_force_n"] > 5.0  # half the weight of the lid
+        touched = touched or task.report()["toilet_force_n"] > 0
+        assert touched or task.state.angle == pytest.approx(before, abs=2e-4)  # its slack
+    assert touched and task.report()["peak_toilet_force_n"] > 5.0  # half the weight of the lid
 
 
 def test_a_lid_that_is_let_go_falls_shut_again(scripted: CareEnv) -> None:
@@ -86,8 +81,8 @@ def test_a_lid_that_is_let_go_falls_shut_again(scripted: CareEnv) -> None:
     task.robot.set_posture(task.robot.arm.rest)
     for _ in range(480):
         scripted.world.step()
-    task.after_step()
-    assert task.lid_angle() == pytest.approx(0.0, abs=0.01) and not task.is_success()
+    task.look()
+    assert task.state.angle == pytest.approx(0.0, abs=0.01) and not task.succeeded()
 
 
 def test_the_lid_stays_solid_through_many_short_episodes(scripted: CareEnv) -> None:
@@ -95,7 +90,7 @@ def test_the_lid_stays_solid_through_many_short_episodes(scripted: CareEnv) -> N
         scripted.reset(seed=seed)
         for _ in range(seed % 3):
             scripted.step({})
-    assert run(scripted, 0).is_success()
+    assert run(scripted, 0).succeeded()
 
 
 def test_the_lip_is_where_the_lid_is(scripted: CareEnv) -> None:
@@ -151,10 +146,13 @@ def test_random_actions_stay_finite() -> None:
 def test_the_paper_reward_is_the_angle_of_the_lid(scripted: CareEnv) -> None:
     scripted.reset(seed=0)
     task = task_of(scripted)
-    assert task.rewards("robot") == {"open_angle": pytest.approx(0, abs=1e-3), "opened": 0.0}
+    assert task.rewards("robot", task.state) == {
+        "open_angle": pytest.approx(0, abs=1e-3),
+        "opened": 0.0,
+    }
     task._body.set_joints(task._lid, [0.7])
-    task.after_step()
-    assert task.rewards("robot")["open_angle"] == pytest.approx(0.7)
+    task.look()
+    assert task.rewards("robot", task.state)["open_angle"] == pytest.approx(0.7)
 
 
 def test_a_good_end_pays_at_least_what_waiting_would(scripted: CareEnv) -> None:
@@ -162,25 +160,25 @@ def test_a_good_end_pays_at_least_what_waiting_would(scripted: CareEnv) -> None:
     best = 0.0
     task = task_of(scripted)
     while not scripted.is_over:
-        best = max(best, sum(task.rewards("robot").values()))
+        best = max(best, sum(task.rewards("robot", task.state).values()))
         scripted.step({})
     left = (task.time_limit - scripted.world.time) / task.control_dt
-    assert task.rewards("robot")["opened"] >= best * left > 0
+    assert task.rewards("robot", task.state)["opened"] >= best * left > 0
 
 
 def test_the_shaped_reward_has_its_own_terms_and_grows_on_the_way() -> None:
     env = rcare_marl.make("toileting", options={"reward": "shaped"}, policies=SCRIPTED)
     env.reset(seed=0)
     task = task_of(env)
-    start = task.rewards("robot")
+    start = task.rewards("robot", task.state)
     assert set(start) == {"approach", "open_angle", "gentle", "opened"}
     for _ in range(15):
         env.step({})
-    reached = task.rewards("robot")
+    reached = task.rewards("robot", task.state)
     assert reached["approach"] > start["approach"]
     while not env.is_over:
         env.step({})
-    assert task.rewards("robot")["open_angle"] > reached["open_angle"]
+    assert task.rewards("robot", task.state)["open_angle"] > reached["open_angle"]
     env.close()
 
 
@@ -190,7 +188,7 @@ def test_everybody_can_wait_beside_the_toilet(avatar: str) -> None:
     policies = {"robot": "scripted", "recipient": "still"}
     env = rcare_marl.make("toileting", recipient=avatar, level=3, policies=policies)
     task = run(env, 0)
-    assert task.is_success() and task.metrics()["peak_force_n"] == 0
+    assert task.succeeded() and task.report()["peak_force_n"] == 0
     env.close()
 
 
@@ -205,8 +203,8 @@ def test_force_on_who_waits_ends_the_episode_as_a_failure() -> None:
         push = np.zeros(6, np.float32)
         push[:3] = np.clip(8 * aim, -1, 1)
         env.step({"robot": push})
-    metrics = task.metrics()
-    assert task.is_failure() and not task.is_success()
+    metrics = task.report()
+    assert task.failed() and not task.succeeded()
     assert metrics["peak_force_n"] > task.options.force_limit and metrics["cost"] > 0
     env.close()
 
@@ -217,7 +215,7 @@ def test_force_on_who_waits_ends_the_episode_as_a_failure() -> None:
 )
 def test_other_robots_that_reach_do_it_too(robot: str) -> None:
     env = rcare_marl.make("toileting", robot=robot, policies=SCRIPTED)
-    assert run(env, 0).is_success()
+    assert run(env, 0).succeeded()
     env.close()
 
 
@@ -246,13 +244,13 @@ def test_what_cannot_be_is_refused(what: dict[str, object], message: str) -> Non
 def test_the_lid_of_a_house_is_lifted_in_its_bathroom(home: str, level: int) -> None:
     env = rcare_marl.make("toileting", home=home, level=level, policies=SCRIPTED)
     task = run(env, 0)
-    stage, built = env.task.stage, env.task.built
-    assert stage is not None and built is not None
-    assert stage.room.kind == "bathroom" and stage.fixture in built.furniture
-    assert task._body is built.part(stage.fixture)
-    place = built.part(stage.fixture).base_pose()  # the origin is the toilet's
-    np.testing.assert_allclose(place.position, 0.0, atol=1e-6)
-    assert task.is_success()
+    place = env.task.place
+    assert isinstance(place, HomePlace)
+    assert place.home_room.kind == "bathroom" and place.at_fixture in place.standing.furniture
+    body = place.standing.part(place.at_fixture)
+    assert task._body is body
+    np.testing.assert_allclose(body.base_pose().position, 0.0, atol=1e-6)  # the toilet's
+    assert task.succeeded()
     env.close()
 
 
@@ -260,30 +258,28 @@ def test_the_lid_of_a_house_is_lifted_in_its_bathroom(home: str, level: int) -> 
 def test_every_house_has_a_toilet_at_which_there_is_room(level: int) -> None:
     for name in home_names()[:: 3 if level == 2 else 5]:
         home = CareHome.load(name, level=level)
-        stage = find_stage(home, ("bathroom",), Toileting.footprint, site="toilet")
-        others = [p for p in stage.home.furniture(stage.room.name) if p.name != stage.fixture]
+        place = find_place(home, ("bathroom",), Toileting.footprint, site="toilet")
+        standing = place.home.furniture(place.home_room.name)
+        others = [p for p in standing if p.name != place.at_fixture]
         blocked = [p.name for p in others if p.piece.blocks]
-        free = Toileting.footprint.moved(stage.pose)
-        assert stage.room.inside.contains(free)
+        free = Toileting.footprint.moved(place.pose)
+        assert place.home_room.inside.contains(free)
         assert not [p.name for p in others if p.name in blocked and p.footprint.overlaps(free)]
 
 
-def test_a_stage_at_a_door_has_its_frame_and_the_floor_on_that_side() -> None:
+def test_a_place_at_a_door_has_its_frame_and_the_floor_on_that_side() -> None:
     home = CareHome.load("house_07", level=2)
     before = Rectangle(-0.5, -1.2, 0.5, -0.2)  # of the side that it does not swing to
-    stage = find_stage(home, ("bedroom",), lambda *door: None if door[-1] else before, site="door")
-    opening = home.plan.openings[stage.fixture]
-    assert stage.pose == opening.pose and opening.rooms[1] == stage.room.name
-    assert stage.room.inside.contains(before.moved(opening.pose))
+    place = find_place(
+        home, ("bedroom",), lambda site: None if site.is_turned else before, site="door"
+    )
+    opening = home.plan.openings[place.at_fixture]
+    assert place.pose == opening.pose and opening.rooms[1] == place.home_room.name
+    assert place.home_room.inside.contains(before.moved(opening.pose))
 
 
 def test_a_scene_without_people_reports_the_same_safety_keys(scripted: CareEnv) -> None:
-    world = World()
-    person = Human("kim", load_avatar("kim"), posture=load_posture("standing"), movable=())
-    person.spawn(world, Pose())
-    measured = SafetyMeter(person, world, [], force_limit=20.0).metrics()
-    world.close()
-    assert set(measured) == set(NOBODY)
+    assert set(Safety().metrics(20.0)) == set(NOBODY)
     scripted.reset(seed=0)
-    assert set(NOBODY) <= set(task_of(scripted).metrics())
+    assert set(NOBODY) <= set(task_of(scripted).report())
     assert math.isclose(sum(NOBODY.values()), 0.0)

@@ -13,7 +13,7 @@ import yaml
 from typer.testing import CliRunner
 
 from rcare_marl.baselines.training import trainer as training
-from rcare_marl.baselines.training.checkpoint import LAST, Checkpoint
+from rcare_marl.baselines.training.checkpoint import LAST, load, save
 from rcare_marl.baselines.training.config import TrainConfig, load_config
 from rcare_marl.cli import app
 from rcare_marl.cli.training import changed
@@ -52,9 +52,10 @@ class Recorder:
     def run(self) -> training.TrainResult:
         self.folder.mkdir(parents=True, exist_ok=True)
         (self.folder / "config.yaml").write_text(yaml.safe_dump(self.config.to_dict()))
-        store = Checkpoint(self.folder, self.config.to_dict())
-        store.load()
-        store.save({"steps": 100})
+        file, config = self.folder / LAST, self.config.to_dict()
+        if file.is_file():
+            load(file, config=config)
+        save(file, {"steps": 100}, config=config)
         for number in self.signals:
             os.kill(os.getpid(), number)
         return training.TrainResult(

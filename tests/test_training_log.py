@@ -25,7 +25,6 @@ def test_each_report_is_a_row_with_the_step_first(tmp_path: Path) -> None:
     log = CsvLog(tmp_path)
     log.write(100, {"return": 1.5, "success": 0.0})
     log.write(200, {"return": 2.25, "success": 1.0})
-    log.close()
     assert (tmp_path / CURVE).read_text().splitlines() == [
         "step,return,success",
         "100,1.5,0",
@@ -85,7 +84,6 @@ def test_tensorboard_shows_a_resumed_curve_once(tmp_path: Path) -> None:
     del log  # killed
     log = TrainingLog(tmp_path, at_step=200)
     log.write(300, {"return": -1.0})
-    log.close()
     log.close()
     found: Any = EventAccumulator(str(tmp_path))
     found.Reload()

@@ -10,8 +10,8 @@ from urdf_files import cache as cache
 from urdf_files import own_cache as own_cache  # both for pytest, which uses what it finds here
 
 from rcare_marl.errors import ConfigError, UnknownNameError
-from rcare_marl.urdf import write
-from rcare_marl.urdf_reader import check_driven, read
+from rcare_marl.model.urdf import write
+from rcare_marl.model.urdf_reader import check_driven, read
 
 BROKEN = {
     "no links": ("", "has no links"),

@@ -18,9 +18,9 @@ from urdf_files import own_cache as own_cache  # both for pytest, which uses wha
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError
+from rcare_marl.model.urdf import Model, joint_pose, write
+from rcare_marl.model.urdf_reader import read
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import Model, joint_pose, write
-from rcare_marl.urdf_reader import read
 
 ROBOTS = sorted(path.parent.name for path in (assets.ROOT / "robots").glob("*/model.yaml"))
 DATA = Path(pybullet_data.getDataPath())

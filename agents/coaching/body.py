@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ..robot import Robot
+from ..robots.robot import Robot
 from .retarget import Retarget, Shown
 from .upper_body import MOTIONS
 
@@ -92,6 +92,3 @@ class RobotBody:
                 way = self.shown.joints[joint] - targets[i]
                 targets[i] += min(max(way, -most), most)
         return targets
-
-
-__all__ = ["CoachBody", "RobotBody"]

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from rcare_marl import assets
 from rcare_marl.config import load, read_yaml
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 
 from .upper_body import ARM, ARM_MOTIONS, MOTION_INDEX, MOTIONS, SIDES, directions
 
@@ -244,8 +244,7 @@ class Exercise:
 
     def one_sided(self, side: str) -> Exercise:
         """Return the half of this exercise that one side does; of the head, what goes to that side."""
-        if side not in SIDES:
-            raise UnknownNameError("side", side, SIDES)
+        check_name("side", side, SIDES)
         keys = self.keys.copy()
         other = SIDES[1 - SIDES.index(side)]
         keys[:, ARM[other]] = keys[0, ARM[other]]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from rcare_marl.errors import ConfigError
 
 from .exercise import Exercise, Reach
-from .recogniser import Frame, Judgement
+from .recognition.recogniser import Frame, Judgement
 from .session import Lesson, Session, Word, top_speed
 
 
@@ -173,6 +173,3 @@ class GroupSession(Lesson):
             return None, next(iter(self.members.values())).sentence(word)
         self._spoken_at[name] = self.time
         return name, f"{name}: {self.members[name].sentence(word)}"
-
-
-__all__ = ["GroupSession", "group_programme"]

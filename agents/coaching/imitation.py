@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
 
-from ..body.skeleton import DOF_INDEX, DOFS, SIDES
+from ..people.body.skeleton import DOF_INDEX, DOFS, SIDES
 from .upper_body import ARM, MOTION_INDEX, MOTIONS, swing, turn_z
 
 Array = npt.NDArray[np.float64]
@@ -170,6 +170,3 @@ def _near(angles: Array, before: Array) -> Array:
 def _arm_dofs() -> list[str]:
     names = (*SHOULDER, "elbow_flexion", "elbow_pronation")
     return [f"{side}_{name}" for side in SIDES for name in names]
-
-
-__all__ = ["AXIAL", "SHOULDER", "Imitation", "shoulder_turn", "turned_by"]

@@ -12,8 +12,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ..body.skeleton import DOF_INDEX, DOFS, SIDES
-from ..profile import ClinicalProfile
+from ..people.body.skeleton import DOF_INDEX, DOFS, SIDES
+from ..people.profile import ClinicalProfile
 from .exercise import Reach
 from .imitation import AXIAL
 from .upper_body import ARM, MOTION_INDEX, MOTIONS
@@ -47,12 +47,16 @@ def reach_of(profile: ClinicalProfile, seated: Array | None = None) -> Reach:
         clinical = {
             dof: np.array(limits[f"{side}_{dof}"]) + DOFS[DOF_INDEX[f"{side}_{dof}"]].clinical_zero
             for dof in (
-                "shoulder_abduction", "shoulder_flexion", "shoulder_external_rotation",
-                "elbow_flexion", "elbow_pronation",
+                "shoulder_abduction",
+                "shoulder_flexion",
+                "shoulder_external_rotation",
+                "elbow_flexion",
+                "elbow_pronation",
             )
-        }  # fmt: skip
-        out, ahead, turn = (clinical[f"shoulder_{name}"] for name in
-                            ("abduction", "flexion", "external_rotation"))  # fmt: skip
+        }
+        out, ahead, turn = (
+            clinical[f"shoulder_{name}"] for name in ("abduction", "flexion", "external_rotation")
+        )
         can = {name: can_raise(profile, side, name) for name in ("abduction", "flexion")}
         most = (
             out[1] if can["abduction"] else rest[arm.start],
@@ -65,9 +69,11 @@ def reach_of(profile: ClinicalProfile, seated: Array | None = None) -> Reach:
             *(clinical[f"elbow_{n}"][0] for n in ("flexion", "pronation")),
         )
         high[arm] = (
-            most[0], math.pi / 2 + ACROSS, -turn[0],
+            most[0],
+            math.pi / 2 + ACROSS,
+            -turn[0],
             *(clinical[f"elbow_{n}"][1] for n in ("flexion", "pronation")),
-        )  # fmt: skip
+        )
         front[-1] = most[1]
     return Reach(np.minimum(low, high), np.maximum(low, high), (front[0], front[1]))
 
@@ -86,6 +92,3 @@ def raised_sides(profile: ClinicalProfile) -> tuple[str, ...]:
         for side in SIDES
         if can_raise(profile, side, "abduction") or can_raise(profile, side, "flexion")
     )
-
-
-__all__ = ["AGAINST_GRAVITY", "can_raise", "raised_sides", "reach_of"]

@@ -22,8 +22,8 @@ import numpy.typing as npt
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import matrix_from_quaternion, quaternion_from_rpy
 
-from ..robot_config import RobotConfig, load_robot
-from ..robot_model import robot_model
+from ..robots.robot_config import RobotConfig, load_robot
+from ..robots.robot_model import robot_model
 from .upper_body import (
     ARM,
     HAND_IN_FOREARM,
@@ -221,14 +221,3 @@ def _named(robot: str) -> Retarget:
 
 def _arm_joints(side: str) -> tuple[str, ...]:
     return tuple(f"{side[0].upper()}{joint}" for joint in ARM_JOINTS)
-
-
-__all__ = [
-    "ARM_JOINTS",
-    "HEAD_JOINTS",
-    "Retarget",
-    "Shown",
-    "angle_between",
-    "arm_turns",
-    "robot_joints",
-]

@@ -14,7 +14,7 @@ from rcare_marl.errors import ConfigError
 
 from .body import CoachBody
 from .exercise import Exercise, Reach
-from .recogniser import Frame, Judgement, Recogniser, Repetition
+from .recognition.recogniser import Frame, Judgement, Recogniser, Repetition
 from .upper_body import directions
 
 Array = npt.NDArray[np.float64]
@@ -355,15 +355,3 @@ class Demonstration:
             self._session.is_explained |= word == "explain"
             self._body.say(text)
             self._silent_at = self._session.time + SPEECH * len(text.split()) + SILENCE
-
-
-__all__ = [
-    "ACTS",
-    "WORDS",
-    "Demonstration",
-    "Lesson",
-    "Order",
-    "Session",
-    "programme",
-    "top_speed",
-]

@@ -34,9 +34,9 @@ from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector
 from py_trees.composites import Sequence as OneAfterOther
 
-from ..policies.leaves import Condition
+from ..people.behaviour.leaves import Condition
 from .body import CoachBody
-from .recogniser import Frame
+from .recognition.recogniser import Frame
 from .session import Demonstration, Lesson, Order, Session, Word
 
 Array = npt.NDArray[np.float64]
@@ -226,11 +226,15 @@ def _exercise(session: Lesson, intent: Intent, k: int) -> Behaviour:
                 "coach it",
                 Do("demonstrate", lambda: _demonstrate(intent)),
                 Do("observe", lambda: _observe(session, intent)),
-                _first("encourage", Condition("follows: green window", lambda: session.judgement.following),
-                       Encourage(session, intent), Do("give time", lambda: Status.SUCCESS)),
+                _first(
+                    "encourage",
+                    Condition("follows: green window", lambda: session.judgement.following),
+                    Encourage(session, intent),
+                    Do("give time", lambda: Status.SUCCESS),
+                ),
             ),
         ),
-    )  # fmt: skip
+    )
 
 
 def _demonstrate(intent: Intent) -> Status:
@@ -259,6 +263,3 @@ def _then(name: str, *children: Behaviour) -> OneAfterOther:
 def _beside(name: str, *children: Behaviour) -> Parallel:
     policy = ParallelPolicy.SuccessOnSelected(children=[children[1]], synchronise=False)
     return Parallel(name, policy=policy, children=list(children))
-
-
-__all__ = ["Coach", "CoachTree", "coach_tree"]

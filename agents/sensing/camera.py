@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Pose
 from rcare_marl.rendering.camera import Camera, check_lens
 from rcare_marl.rendering.shot import Look, Output, Picture, Shot
@@ -18,8 +18,8 @@ from rcare_marl.rendering.studio import Studio, Viewpoint
 from rcare_marl.world import World
 
 from ..agent import Agent
-from ..robot import Robot
-from ..robot_config import ZERO, CameraMount, Triple
+from ..robots.robot import Robot
+from ..robots.robot_config import ZERO, CameraMount, Triple
 from .place import Place, find_place, kept_links
 from .sensor import Channel, Sensor, SensorConfig
 
@@ -160,8 +160,7 @@ class CameraSensor(Sensor):
                 "say link, or eye and target"
             )
         name = self.config.camera or next(iter(mounts))
-        if name not in mounts:
-            raise UnknownNameError(f"camera of {agent.name!r}", name, mounts)
+        check_name(f"camera of {agent.name!r}", name, mounts)
         return mounts[name]
 
     @property
@@ -260,6 +259,3 @@ def _array(
     is_noisy: bool = False,
 ) -> Channel:
     return Channel(name, unit, shape, True, dtype, low, high, is_noisy)
-
-
-__all__ = ["CameraConfig", "CameraSensor"]

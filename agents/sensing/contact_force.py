@@ -8,13 +8,14 @@ from typing import Literal
 
 import numpy as np
 
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.contact import Touch
+from rcare_marl.errors import check_name
 from rcare_marl.pose import Array
-from rcare_marl.world import Touch, World
+from rcare_marl.world import World
 
 from ..agent import Agent
-from ..body.skeleton import JOINTS
-from ..human import Human
+from ..people.body.skeleton import JOINTS
+from ..people.human import Human
 from .place import kept_links
 from .sensor import Channel
 from .touch_sensor import TouchConfig, TouchSensor
@@ -58,8 +59,7 @@ class LinkChoice:
         if self._person is not None:
             self.names: tuple[str, ...] = tuple(names) or JOINTS
             for name in self.names:
-                if name not in JOINTS:
-                    raise UnknownNameError("segment of a person", name, JOINTS)
+                check_name("segment of a person", name, JOINTS)
             self._row = {name: i for i, name in enumerate(self.names)}
             return
         indices = [body.link_index(name) for name in names] or list(range(-1, body.link_count))
@@ -118,6 +118,3 @@ class ContactForce(TouchSensor):
 
     def measure(self) -> Sequence[Array]:
         return (self.gathered(),)
-
-
-__all__ = ["ContactForce", "ContactForceConfig", "LinkChoice"]

@@ -69,6 +69,3 @@ def _shifts(count: int, look: Look) -> Array:
 def _shifted(camera: Camera, shift: Array) -> Camera:
     u, v = np.add(camera.principal, shift).tolist()
     return replace(camera, center=(u, v))
-
-
-__all__ = ["developed", "exposures", "photograph"]

@@ -12,7 +12,7 @@ from rcare_marl.pose import Array, Pose, conjugate, multiply, rotate, rotation_v
 from rcare_marl.world import GRAVITY, World
 
 from ..agent import Agent
-from ..robot_config import ZERO, Triple
+from ..robots.robot_config import ZERO, Triple
 from .place import default_link, find_place, kept_links
 from .sensor import Channel, Sensor, SensorConfig
 
@@ -93,6 +93,3 @@ class Imu(Sensor):
                 break
             frames.append(frame)
         return frames + [frames[-1]] * (3 - len(frames))
-
-
-__all__ = ["Imu", "ImuConfig"]

@@ -13,7 +13,7 @@ from rcare_marl.pose import Array, conjugate, rotate
 from rcare_marl.world import GRAVITY, World
 
 from ..agent import Agent
-from ..robot import Robot
+from ..robots.robot import Robot
 from .sensor import Channel, Sensor, SensorConfig
 
 
@@ -122,6 +122,3 @@ class JointTorque(JointWrench):
 
     def measure(self) -> Sequence[Array]:
         return (self._body.feedback.along_axes(self._indices, -self._wrenches()),)
-
-
-__all__ = ["JointTorque", "JointWrench", "JointWrenchConfig", "OwnWeight"]

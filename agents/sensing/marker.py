@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcare_marl.body import Body
-from rcare_marl.errors import ConfigError, UnknownNameError, WorldError
+from rcare_marl.errors import ConfigError, WorldError, check_name
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.world import World
 
 from ..agent import Agent
-from ..human import Human
+from ..people.human import Human
 from .marker_print import DICTIONARIES, THICKNESS, dictionary_size, plate_edge, plate_urdf
 from .skin_spot import lie_on_skin
 
@@ -60,8 +60,7 @@ class MarkerConfig:
             )
         if not all(map(math.isfinite, (*self.rpy_deg, *(self.at or ())))):
             raise ConfigError(f"marker {self.id}: at and rpy_deg must be finite")
-        if self.dictionary not in DICTIONARIES:
-            raise UnknownNameError("dictionary of markers", self.dictionary, DICTIONARIES)
+        check_name("dictionary of markers", self.dictionary, DICTIONARIES)
         count = dictionary_size(self.dictionary)
         if not 0 <= self.id < count:
             raise ConfigError(
@@ -173,6 +172,3 @@ def fasten(world: World, to: Agent | Body | None, config: MarkerConfig) -> Marke
     plate = Plate(world, loaded, carrier, link, offset)
     world.bodies[world.bodies.index(loaded)] = plate
     return Marker(config, plate)
-
-
-__all__ = ["Marker", "MarkerConfig", "Plate", "fasten"]

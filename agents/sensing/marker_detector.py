@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 
 from .marker_fit import Fit, MarkerFit
@@ -67,8 +67,7 @@ def detect(
         ConfigError: If the picture is not of the size of the camera's, or a size is not positive.
         UnknownNameError: If there is no such dictionary.
     """
-    if dictionary not in DICTIONARIES:
-        raise UnknownNameError("dictionary of markers", dictionary, DICTIONARIES)
+    check_name("dictionary of markers", dictionary, DICTIONARIES)
     if image.dtype != np.uint8 or image.shape[:2] != (camera.height, camera.width):
         raise ConfigError(
             f"the picture must be uint8 of {camera.height} rows and {camera.width} columns, as the "
@@ -169,6 +168,3 @@ def _detector(name: str) -> Any:
     options = cv2.aruco.DetectorParameters()
     options.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     return cv2.aruco.ArucoDetector(opened(name), options)
-
-
-__all__ = ["Detection", "detect", "two_poses"]

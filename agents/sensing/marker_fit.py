@@ -195,6 +195,3 @@ class MarkerFit:
         ends = (edges[:-1] <= high) & (high < edges[1:])
         starts = (edges[:-1] <= low) & (low < edges[1:])
         return covered / width[:, None], (ends.astype(float) - starts) / width[:, None]
-
-
-__all__ = ["Fit", "MarkerFit"]

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from rcare_marl.cache import cached
-from rcare_marl.mesh import Mesh
+from rcare_marl.model.mesh import Mesh
+from rcare_marl.model.shape import MeshFile
+from rcare_marl.model.urdf import Joint, Link, Model, write
 from rcare_marl.pose import Array
-from rcare_marl.urdf import Joint, Link, MeshFile, Model, write
 
 DICTIONARIES = (
     *(f"{n}x{n}_{count}" for n in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
@@ -117,15 +118,3 @@ def _used(vertices: Array, faces: Array) -> Mesh:
     """Return a mesh without the vertices that no face uses."""
     used, index = np.unique(faces, return_inverse=True)
     return Mesh(vertices[used], index.reshape(-1, 3))
-
-
-__all__ = [
-    "DICTIONARIES",
-    "MARGIN",
-    "THICKNESS",
-    "cells",
-    "dictionary",
-    "dictionary_size",
-    "plate_edge",
-    "plate_urdf",
-]

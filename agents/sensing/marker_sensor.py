@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Pose, rotation_vector
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.rendering.shot import Look, Shot
@@ -18,8 +18,8 @@ from rcare_marl.rendering.studio import Studio, Viewpoint
 from rcare_marl.world import World
 
 from ..agent import Agent
-from ..robot import Robot
-from ..robot_config import ZERO, Triple
+from ..robots.robot import Robot
+from ..robots.robot_config import ZERO, Triple
 from .camera import CameraConfig, CameraSensor
 from .exposure import developed, exposures
 from .marker_print import DICTIONARIES, dictionary_size
@@ -78,8 +78,7 @@ class MarkerSensorConfig(SensorConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         where = f"sensor {self.name!r}"
-        if self.dictionary not in DICTIONARIES:
-            raise UnknownNameError("dictionary of markers", self.dictionary, DICTIONARIES)
+        check_name("dictionary of markers", self.dictionary, DICTIONARIES)
         if not self.ids or len(set(self.ids)) != len(self.ids):
             raise ConfigError(f"{where}: ids must name markers, each once, got {self.ids}")
         count = dictionary_size(self.dictionary)
@@ -230,6 +229,3 @@ class MarkerSensor(Sensor):
         self._camera.close()
         for view in self._others:
             view.leave()
-
-
-__all__ = ["MarkerSensor", "MarkerSensorConfig"]

@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rcare_marl.errors import UnknownNameError
+from rcare_marl.model.urdf import Model
 from rcare_marl.pose import Pose, quaternion_from_matrix
-from rcare_marl.urdf import Model
 
 from ..agent import Agent
-from ..body.skeleton import JOINT_INDEX, JOINTS
-from ..human import Human
-from ..mobile_base import with_base
-from ..robot import Robot
-from ..robot_config import ZERO, RobotConfig, Triple, frame
-from ..robot_model import robot_model
+from ..people.body.skeleton import JOINT_INDEX, JOINTS
+from ..people.human import Human
+from ..robots.mobile_base import with_base
+from ..robots.robot import Robot
+from ..robots.robot_config import ZERO, RobotConfig, Triple, frame
+from ..robots.robot_model import robot_model
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,3 @@ def find_place(agent: Agent, link: str = "", at: Triple = ZERO, rpy_deg: Triple 
     carrier = agent.frames[JOINT_INDEX[name]]
     turn = tuple(quaternion_from_matrix(carrier.rotation).tolist())
     return Place(carrier.link, Pose(tuple(carrier.offset.tolist()), turn) @ local)
-
-
-__all__ = ["Place", "default_link", "find_place", "kept_links", "wrist_link"]

@@ -15,7 +15,7 @@ from rcare_marl.ray import ray_distances
 from rcare_marl.world import World
 
 from ..agent import Agent
-from ..robot_config import ZERO, Triple
+from ..robots.robot_config import ZERO, Triple
 from .place import default_link, find_place, kept_links
 from .sensor import Channel, Sensor, SensorConfig
 
@@ -95,6 +95,3 @@ class Proximity(Sensor):
         directions = self._directions @ matrix_from_quaternion(frame.quaternion).T
         unseen = [self._body, *self._world.held_by(self._body)]
         return (ray_distances(self._world, frame.position, directions, self.config.reach, unseen),)
-
-
-__all__ = ["Proximity", "ProximityConfig"]

@@ -23,5 +23,3 @@ SENSORS: dict[str, type[Sensor]] = {
     "taxels": TaxelMap,
     "wrist_wrench": WristWrench,
 }
-
-__all__ = ["SENSORS"]

@@ -118,6 +118,3 @@ class Sampler:
             value = np.rint(value) if np.issubdtype(value.dtype, np.floating) else value
             low, high = max(low, float(limits.min)), min(high, float(limits.max))
         return np.clip(value, low, high).astype(channel.dtype)
-
-
-__all__ = ["Readings", "Sampler"]

@@ -9,9 +9,9 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.world import World
 
-from ..body.skeleton import JOINT_INDEX, JOINTS, PARENTS, SIDES
-from ..body.skin import PersonSkin
-from ..human import Human
+from ..people.body.skeleton import JOINT_INDEX, JOINTS, PARENTS, SIDES
+from ..people.body.skin import PersonSkin
+from ..people.human import Human
 
 Ints = npt.NDArray[np.int64]
 
@@ -151,6 +151,3 @@ def _turned(corners: Array, hit: Array, ray: Array, bone: Array, edge: float) ->
     y = -bone + (bone @ z) * z
     y /= np.linalg.norm(y)
     return np.column_stack((np.cross(y, z), y, z))
-
-
-__all__ = ["lie_on_skin"]

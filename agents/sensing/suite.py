@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError, RcareError, UnknownNameError, WorldError
+from rcare_marl.errors import ConfigError, RcareError, UnknownNameError, WorldError, check_name
 from rcare_marl.observable import Observable
 from rcare_marl.world import World
 
@@ -133,14 +133,12 @@ class SensorSuite:
             UnknownNameError: If there is no such sensor or channel.
             WorldError: If nothing was sensed yet.
         """
-        if sensor not in self.sensors:
-            raise UnknownNameError(f"sensor of {self._owner}", sensor, self.sensors)
+        check_name(f"sensor of {self._owner}", sensor, self.sensors)
         if sensor not in self._samplers:
             raise WorldError(f"sensor {sensor!r} of {self._owner} is not bound: spawn the agent")
         sampler = self._samplers[sensor]
         names = [c.name for c in sampler.channels]
-        if channel not in names:
-            raise UnknownNameError(f"channel of {sensor!r}", channel, names)
+        check_name(f"channel of {sensor!r}", channel, names)
         if not sampler.has_sensed:
             raise WorldError(f"sensor {sensor!r} of {self._owner} has sensed nothing yet")
         return sampler.readings[names.index(channel)]
@@ -184,6 +182,3 @@ def _observable(sampler: Sampler, index: int, channel: Channel) -> Observable:
         low=channel.low,
         high=channel.high,
     )
-
-
-__all__ = ["Entry", "SensorSuite"]

@@ -123,6 +123,3 @@ def _outward(vertices: Array, hull: ConvexHull) -> npt.NDArray[np.int64]:
     wrong = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0
     faces[wrong] = faces[wrong][:, ::-1]
     return faces
-
-
-__all__ = ["Surface", "hull_planes", "spread_over_link"]

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcare_marl.contact import Touch
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, matrix_from_quaternion
 from rcare_marl.soft.soft_body import SoftBody
-from rcare_marl.world import Touch, World
+from rcare_marl.world import World
 
 from ..agent import Agent
-from ..body.skeleton import JOINT_INDEX
-from ..human import Human
-from ..robot import Robot
+from ..people.body.skeleton import JOINT_INDEX
+from ..people.human import Human
+from ..robots.robot import Robot
 from .contact_force import LinkChoice
 from .place import Place, default_link, find_place, kept_links, wrist_link
 from .sensor import Channel
@@ -226,6 +227,3 @@ class FleshPatch:
             return np.zeros(len(self.patch.positions))
         out: Array = (total / pressed.sum() * pressed) @ self._shares
         return out
-
-
-__all__ = ["FleshPatch", "Patch", "TaxelConfig", "TaxelMap"]

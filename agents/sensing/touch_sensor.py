@@ -73,6 +73,3 @@ class TouchSensor(Sensor):
             share = self._count if self.config.statistic == "mean" else 1
             self._seen, self._count = self._gathered / share, 0
         return self._seen
-
-
-__all__ = ["TouchConfig", "TouchSensor"]

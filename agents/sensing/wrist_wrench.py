@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 
 from rcare_marl.body import Body
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array, Pose, conjugate, matrix_from_quaternion, rotate
 from rcare_marl.world import World
 
 from ..agent import Agent
-from ..robot import Robot
-from ..robot_config import ArmConfig, frame
+from ..robots.robot import Robot
+from ..robots.robot_config import ArmConfig, frame
 from .joint_load import OwnWeight
 from .place import wrist_link
 from .sensor import Channel, Sensor, SensorConfig
@@ -114,8 +114,7 @@ class WristWrench(Sensor):
         if not isinstance(agent, Robot):
             raise ConfigError(f"sensor {self.config.name!r}: {agent.name!r} is not a robot")
         name = self.config.arm or agent.config.main_arm
-        if name not in agent.config.arms:
-            raise UnknownNameError(f"arm of {agent.name!r}", name, agent.config.arms)
+        check_name(f"arm of {agent.name!r}", name, agent.config.arms)
         return agent.config.arms[name], agent
 
     def bind(self, world: World, agent: Agent) -> None:
@@ -169,6 +168,3 @@ class WristWrench(Sensor):
                 self._body.link_pose(self._wrist), self._world.physics_dt
             )
         return felt
-
-
-__all__ = ["OwnMotion", "WristWrench", "WristWrenchConfig"]

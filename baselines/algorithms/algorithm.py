@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 
 from .network import ActorArrays
 
@@ -131,8 +131,7 @@ def make_algorithm(name: str, config: Any, env: Any, *, seed: int) -> Algorithm:
 
 def _find(name: str) -> tuple[str, str]:
     _load_plugins()
-    if name not in _ALGORITHMS:
-        raise UnknownNameError("algorithm", name, _ALGORITHMS)
+    check_name("algorithm", name, _ALGORITHMS)
     return _ALGORITHMS[name]
 
 

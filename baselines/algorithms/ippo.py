@@ -20,5 +20,4 @@ class IppoConfig(OnPolicyConfig):
 class Ippo(OnPolicy):
     """IPPO: an actor and a critic for each group, which its agents share."""
 
-    Config = IppoConfig
     LOSS = IPPOLoss

@@ -20,6 +20,5 @@ class MappoConfig(OnPolicyConfig):
 class Mappo(OnPolicy):
     """MAPPO: an actor for each group, and a critic that values its agents from everybody's state."""
 
-    Config = MappoConfig
     LOSS = MAPPOLoss
     CENTRAL = True

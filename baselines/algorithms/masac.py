@@ -49,12 +49,7 @@ class Masac(OffPolicy):
 
     def _learner(self, shape: GroupShape) -> Learner:
         config, group = self.config, shape.name
-        actor = Actor(
-            shape,
-            config.hidden,
-            initial_log_std=config.initial_log_std,
-            last_layer_scale=config.last_layer_scale,
-        )
+        actor = Actor.of(shape, config)
         critics = [self._critic(shape) for _ in range(2)]
         loss = SACLoss(
             actor_module(actor, group),

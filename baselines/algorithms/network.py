@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,10 @@ from torch import Tensor, nn
 from torchrl.modules import ProbabilisticActor, TanhNormal
 
 from rcare_marl.errors import ConfigError
+
+if TYPE_CHECKING:
+    from .off_policy import OffPolicyConfig
+    from .on_policy import OnPolicyConfig
 
 Array = npt.NDArray[np.float32]
 CLIP = 10.0  # bound of a normalised observation; our own choice, as common elsewhere
@@ -164,6 +168,16 @@ class Actor(nn.Module):
             last.bias[shape.action :] = math.atanh(
                 (2 * initial_log_std - low - high) / (high - low)
             )
+
+    @classmethod
+    def of(cls, shape: GroupShape, config: OnPolicyConfig | OffPolicyConfig) -> Actor:
+        """Return the actor that an algorithm's settings ask for."""
+        return cls(
+            shape,
+            config.hidden,
+            initial_log_std=config.initial_log_std,
+            last_layer_scale=config.last_layer_scale,
+        )
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Return location and scale, each [..., action], of observations [..., observation]."""

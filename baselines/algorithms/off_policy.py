@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -199,12 +200,10 @@ class Learner:
 
     def state_dict(self) -> dict[str, Any]:
         """Return all that changes."""
-        return {
-            "actor": _cloned(self.actor.state_dict()),
-            "loss": _cloned(self.loss.state_dict()),
-            "optimiser": _cloned(self.optimiser.state_dict()),
-            "updates": self.updates,
-        }
+        parts: dict[str, Any] = {"actor": self.actor, "loss": self.loss}
+        parts["optimiser"] = self.optimiser
+        states = {name: part.state_dict() for name, part in parts.items()}
+        return deepcopy({**states, "updates": self.updates})
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take back what `state_dict` gave."""
@@ -401,13 +400,3 @@ def _restored(states: Mapping[str, Any], capacity: int | None) -> dict[str, Memo
         memories[name] = Memory(state["count"] if capacity is None else capacity)
         memories[name].load_state_dict(state)
     return memories
-
-
-def _cloned(state: Any) -> Any:
-    if isinstance(state, Tensor):
-        return state.detach().clone()
-    if isinstance(state, Mapping):
-        return {name: _cloned(value) for name, value in state.items()}
-    if isinstance(state, list | tuple):
-        return type(state)(_cloned(value) for value in state)
-    return state

@@ -160,12 +160,7 @@ class GroupLearner(nn.Module):
         super().__init__()
         self._config = config
         self._seen = "state" if central else "observation"
-        self.actor = Actor(
-            shape,
-            config.hidden,
-            initial_log_std=config.initial_log_std,
-            last_layer_scale=config.last_layer_scale,
-        )
+        self.actor = Actor.of(shape, config)
         self.critic = Critic(
             shape.state if central else shape.observation,
             0,
@@ -292,13 +287,11 @@ class OnPolicy:
     policy whose observations are rescaled is no longer the one that acted.
 
     Attributes:
-        Config: The dataclass of its settings.
         rollout: Steps of each environment that a batch should have.
         updates: Gradient steps so far, of all groups together.
         learners: The learner of each group.
     """
 
-    Config: ClassVar[type[OnPolicyConfig]] = OnPolicyConfig
     LOSS: ClassVar[type[ClipPPOLoss]] = ClipPPOLoss
     CENTRAL: ClassVar[bool] = False
 

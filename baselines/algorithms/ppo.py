@@ -19,8 +19,6 @@ class PpoConfig(OnPolicyConfig):
 class Ppo(OnPolicy):
     """PPO: one actor, one critic on the same observation."""
 
-    Config = PpoConfig
-
     def _check(self, shapes: Mapping[str, GroupShape]) -> None:
         learners = {name: shape.agents for name, shape in shapes.items()}
         if sum(learners.values()) != 1:

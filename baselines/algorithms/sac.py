@@ -27,12 +27,7 @@ class Sac(OffPolicy):
 
     def _learner(self, shape: GroupShape) -> Learner:
         config = self.config
-        actor = Actor(
-            shape,
-            config.hidden,
-            initial_log_std=config.initial_log_std,
-            last_layer_scale=config.last_layer_scale,
-        )
+        actor = Actor.of(shape, config)
         loss, critic = self._loss(actor, shape)
         shorten(loss, actor, critic)
         return Learner(actor, loss, config, ())

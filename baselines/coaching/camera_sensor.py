@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
-from rcare_marl.agents.coaching.camera_source import CameraSource, Seen
-from rcare_marl.agents.coaching.marker_band import SEGMENTS, band_set
-from rcare_marl.agents.coaching.recogniser import Frame
+from rcare_marl.agents.coaching.recognition.recogniser import Frame
+from rcare_marl.agents.coaching.sources.camera_source import CameraSource, Seen
+from rcare_marl.agents.coaching.sources.marker_band import SEGMENTS, band_set
 from rcare_marl.agents.coaching.upper_body import ARM, MOTIONS, SIDES, SIGN, turn_z
 from rcare_marl.rendering.camera import Camera
 
@@ -127,8 +127,12 @@ class CameraSensor:
         look = np.array((0.0, 0.0, LOOK_HEIGHT * tall))
         eye, look = (self._seat + point for point in (eye, look))
         self._camera = Camera(
-            tuple(eye.tolist()), tuple(look.tolist()), width=SIZE[0], height=SIZE[1], fov_deg=FOV_DEG
-        )  # fmt: skip
+            tuple(eye.tolist()),
+            tuple(look.tolist()),
+            width=SIZE[0],
+            height=SIZE[1],
+            fov_deg=FOV_DEG,
+        )
 
     def _sights(
         self, user: SyntheticUser, angles: Array, rng: np.random.Generator
@@ -207,6 +211,3 @@ class CameraSensor:
                 before = (along[..., 0] > 0) & (along[..., 0] < length[..., 0])
                 out |= before & (away < radius) & (carrier != name)
         return out
-
-
-__all__ = ["CameraSensor", "CameraSight", "CornerSource"]

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.coaching.assessment import Motion
-from rcare_marl.agents.coaching.feature import ANGLES, SIZE, VECTORS, feature, features
-from rcare_marl.agents.coaching.segmenter import Segment
-from rcare_marl.agents.coaching.template import MOVING, RATE, Template
+from rcare_marl.agents.coaching.recognition.assessment import Motion
+from rcare_marl.agents.coaching.recognition.feature import ANGLES, SIZE, VECTORS, feature, features
+from rcare_marl.agents.coaching.recognition.segmenter import Segment
+from rcare_marl.agents.coaching.recognition.template import MOVING, RATE, Template
 
 Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
@@ -91,6 +91,3 @@ def _at_steps(rows: Array) -> Array:
     share = (at - low)[:, None]
     high = np.minimum(low + 1, len(rows) - 1)
     return np.asarray((1 - share) * rows[low] + share * rows[high])
-
-
-__all__ = ["CHANNELS", "FACTS", "STEPS", "asked_rows", "encode", "mirrored"]

@@ -5,18 +5,18 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import as_completed
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
 import numpy as np
 
 from rcare_marl.agents.coaching.exercise import Exercise, exercise_names, load_exercises
-from rcare_marl.agents.coaching.recogniser import Recogniser, Repetition
+from rcare_marl.agents.coaching.recognition.recogniser import Recogniser, Repetition
 from rcare_marl.errors import ConfigError
 
-from ..evaluate import wilson_interval
-from ..workers import workers
+from ..evaluation.evaluate import wilson_interval
+from ..workers import run_all
 from .noise import NoiseModel, Sensor
 from .performance import WRONG, Performance, idle, perform
 from .recognisers import DEFAULT, recogniser_maker
@@ -145,11 +145,7 @@ class CoachEvaluation:
             for name in exercises
         }
         return {
-            "source": self.source,
-            "recogniser": self.recogniser,
-            "seed": self.seed,
-            "split": self.split,
-            "users": self.users,
+            **{n: getattr(self, n) for n in ("source", "recogniser", "seed", "split", "users")},
             "noise": dict(vars(self.noise)),
             "right_recognised": self.right_recognised,
             "right": _summary(self._of("right")),
@@ -228,18 +224,18 @@ def score_trial(
         if own:
             latencies.append(own[-1][0] - end)
         recognised += bool(own) and all(r.right for _, r in own)
-    count = len(performance.spans)
+    total = len(performance.spans)
     if performance.kind == "right":
         false_alarms = sum(verdict != "right" for verdict in said)
     else:
         false_alarms = sum(verdict == "right" for verdict in said)
-        recognised, count = int(bool(said) and "right" not in said), 1
+        recognised, total = int(bool(said) and "right" not in said), 1
     return Trial(
         user=number,
         exercise=performance.asked.name,
         kind=performance.kind,
         recognised=recognised,
-        count=count,
+        count=total,
         verdicts=said,
         latencies=tuple(latencies),
         false_alarms=false_alarms,
@@ -254,8 +250,8 @@ def performances(
     names = exercise_names()
     for exercise in exercises:
         for kind in ("right", *WRONG):
-            count = RIGHT_REPETITIONS if kind == "right" else 1
-            done = perform(user, exercise, kind, rng, others=names, repetitions=count)
+            often = RIGHT_REPETITIONS if kind == "right" else 1
+            done = perform(user, exercise, kind, rng, others=names, repetitions=often)
             if done is not None:
                 yield done
         yield idle(user, exercise, rng, seconds=IDLE_TIME)
@@ -318,8 +314,6 @@ def evaluate_coach(
     """
     if users < 1:
         raise ConfigError(f"an evaluation needs at least one person, got {users}")
-    if processes < 1:
-        raise ConfigError(f"processes must be at least 1, got {processes}")
     if split not in SPLITS:
         raise ConfigError(f"split is one of {', '.join(SPLITS)}, got {split!r}")
     make_sensor(source, NoiseModel())  # refuses what is unknown before anything is begun
@@ -327,19 +321,9 @@ def evaluate_coach(
     chosen = tuple(load_exercises() if exercises is None else exercises)
     maker = recogniser_maker(recogniser)
     lessons = [_Lesson(source, i, seed, split, noise, maker, chosen) for i in range(users)]
+    finished = count(1)
     tell = progress or (lambda _: None)
-    done: list[tuple[list[Trial], list[float]]] = []
-    if processes == 1:
-        for i, lesson in enumerate(lessons):
-            done.append(lesson.run())
-            tell(i + 1)
-    else:
-        with workers(min(processes, users)) as pool:
-            jobs = [pool.submit(lesson.run) for lesson in lessons]
-            for i, job in enumerate(as_completed(jobs)):
-                job.result()  # so that the first error ends it
-                tell(i + 1)
-            done = [job.result() for job in jobs]
+    done = run_all([each.run for each in lessons], processes, lambda _: tell(next(finished)))
     taken = 1e3 * np.array([value for _, times in done for value in times])
     return CoachEvaluation(
         source=source,
@@ -367,15 +351,4 @@ def noise_levels(source: str, levels: Sequence[float]) -> Mapping[float, NoiseMo
     for level in levels:
         if not (np.isfinite(level) and level > 0):
             raise ConfigError(f"a level of noise must be positive, got {level}")
-    return {
-        level: NoiseModel(
-            position=usual.position * level,
-            angle_deg=usual.angle_deg * level,
-            rate=usual.rate,
-            jitter=usual.jitter * level,
-            clock=usual.clock * level,
-            dropout=min(usual.dropout * level, 0.9),
-            pixel=usual.pixel * level,
-        )
-        for level in levels
-    }
+    return {level: usual.scaled(level, *usual.GROWING) for level in levels}

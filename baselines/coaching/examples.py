@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import as_completed
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
+from itertools import count
 
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.coaching.assessment import Motion
 from rcare_marl.agents.coaching.exercise import Exercise, Reach, exercise_names, load_exercises
-from rcare_marl.agents.coaching.recogniser import Repetition
-from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
-from rcare_marl.agents.coaching.segmenter import Segment
-from rcare_marl.agents.coaching.template import Template
+from rcare_marl.agents.coaching.recognition.assessment import Motion
+from rcare_marl.agents.coaching.recognition.recogniser import Repetition
+from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.recognition.segmenter import Segment
+from rcare_marl.agents.coaching.recognition.template import Template
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES
 
-from ..workers import workers
+from ..workers import run_all
 from .encoding import Floats, asked_rows, encode
 from .evaluation import judge_performance
 from .network import CLASSES
@@ -26,11 +27,19 @@ from .sensors import make_sensor, usual_noise
 from .synthetic_user import SPLITS, SyntheticUser, draw_person
 
 ERROR_OF = {
-    "one_arm": "one_side", "half_range": "range", "wrong_plane": "direction", "too_fast": "too_fast",
-    "asymmetric": "asymmetric", "one_after_other": "asymmetric", "trunk_lean": "trunk_lean",
-    "trunk_turn": "trunk_turn", "bent_elbows": "bent_elbows", "unknown_movement": "unknown_movement",
-    "wrong_arm": "wrong_side", "other_exercise": "other_exercise",
-}  # fmt: skip
+    "one_arm": "one_side",
+    "half_range": "range",
+    "wrong_plane": "direction",
+    "too_fast": "too_fast",
+    "asymmetric": "asymmetric",
+    "one_after_other": "asymmetric",
+    "trunk_lean": "trunk_lean",
+    "trunk_turn": "trunk_turn",
+    "bent_elbows": "bent_elbows",
+    "unknown_movement": "unknown_movement",
+    "wrong_arm": "wrong_side",
+    "other_exercise": "other_exercise",
+}
 WRONG_SOMEHOW = -1  # something else than the exercise, of no kind
 # All our own choice.
 RIGHT_REPETITIONS = 8
@@ -100,8 +109,8 @@ def _performances(
     for kind in ("right", *WRONG):
         if kind == "standing_still":
             continue
-        count = RIGHT_REPETITIONS if kind == "right" else 1
-        done = perform(user, exercise, kind, rng, others=names, repetitions=count)
+        often = RIGHT_REPETITIONS if kind == "right" else 1
+        done = perform(user, exercise, kind, rng, others=names, repetitions=often)
         if done is None:
             continue
         is_head = exercise.parts == ("head",)
@@ -115,14 +124,7 @@ def examples_of(number: int, source: str, seed: int) -> Examples:
     user = draw_person(number, seed=seed, split="development")
     rng = np.random.default_rng((SPLITS.index("development"), seed, number, 2))
     level = float(rng.uniform(*NOISES))
-    usual = usual_noise(source)
-    noise = replace(
-        usual,
-        position=level * usual.position,
-        angle_deg=level * usual.angle_deg,
-        dropout=level * usual.dropout,
-        pixel=level * usual.pixel,
-    )
+    noise = usual_noise(source).scaled(level, "position", "angle_deg", "dropout", "pixel")
     sensor, watcher = make_sensor(source, noise), _Watcher()
     found: list[tuple[Floats, Floats, int]] = []
     for exercise in _exercises(rng):
@@ -144,15 +146,14 @@ def gather(
     people: dict[str, int], *, seed: int, processes: int, progress: Callable[[int], None]
 ) -> Examples:
     """Return the repetitions of many people, so many of each source; the same for the same seed."""
-    wanted = [(source, i) for source, count in people.items() for i in range(count)]
+    wanted = [(source, i) for source, many in people.items() for i in range(many)]
     numbered = [(number, source) for number, (source, _) in enumerate(wanted)]
-    with workers(processes) as pool:
-        jobs = [pool.submit(examples_of, number, source, seed) for number, source in numbered]
-        for i, job in enumerate(as_completed(jobs)):
-            job.result()  # so that the first error ends it
-            progress(i + 1)
-        done = [job.result() for job in jobs]
+    calls = [partial(examples_of, number, source, seed) for number, source in numbered]
+    finished = count(1)
+    done = run_all(calls, processes, lambda _: progress(next(finished)))
     return Examples(
-        *(np.concatenate([getattr(each, name) for each in done])
-          for name in ("sequences", "facts", "labels", "people"))
-    )  # fmt: skip
+        *(
+            np.concatenate([getattr(each, name) for each in done])
+            for name in ("sequences", "facts", "labels", "people")
+        )
+    )

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import torch
 
-from rcare_marl.agents.coaching.assessment import Motion
 from rcare_marl.agents.coaching.exercise import Exercise
-from rcare_marl.agents.coaching.recogniser import Repetition
-from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
-from rcare_marl.agents.coaching.segmenter import Segment
-from rcare_marl.agents.coaching.template import Template
+from rcare_marl.agents.coaching.recognition.assessment import Motion
+from rcare_marl.agents.coaching.recognition.recogniser import Repetition
+from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.recognition.segmenter import Segment
+from rcare_marl.agents.coaching.recognition.template import Template
 
 from .encoding import asked_rows, encode
 from .network import CLASSES, RepetitionNetwork, load_network
@@ -70,6 +70,3 @@ class LearnedRecogniser(RuleRecogniser):
             return replace(by_rules, right=True, errors=(), measures=measures)
         worst = max(range(1, len(CLASSES)), key=lambda k: chances[k])
         return replace(by_rules, right=False, errors=(CLASSES[worst],), measures=measures)
-
-
-__all__ = ["SHIPPED", "LearnedRecogniser"]

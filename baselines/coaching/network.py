@@ -18,10 +18,12 @@ from rcare_marl.errors import ConfigError
 from .encoding import CHANNELS, FACTS
 
 # What a repetition may be; all but the first are names of `recogniser.ERRORS`.
-CLASSES = (
-    "right", "one_side", "range", "direction", "too_fast", "asymmetric", "head_only", "arms_only",
-    "trunk_lean", "trunk_turn", "bent_elbows", "unknown_movement", "wrong_side", "other_exercise",
-)  # fmt: skip
+CLASSES = tuple(
+    """
+    right one_side range direction too_fast asymmetric head_only arms_only trunk_lean trunk_turn
+    bent_elbows unknown_movement wrong_side other_exercise
+    """.split()
+)
 WIDTH = 64  # our own choice
 ABOUT = "about"
 

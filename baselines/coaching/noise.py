@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
-from rcare_marl.agents.coaching.hands_source import HandsReading, HandsSource
-from rcare_marl.agents.coaching.joints_source import JointsSource
-from rcare_marl.agents.coaching.recogniser import PoseSource
+from rcare_marl.agents.coaching.recognition.recogniser import PoseSource
+from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
+from rcare_marl.agents.coaching.sources.joints_source import JointsSource
 from rcare_marl.agents.coaching.upper_body import ARM, MOTIONS, SIDES, trunk_turn
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
@@ -43,6 +43,10 @@ class NoiseModel:
         pixel: Standard deviation of a marker's corner in a picture, along each axis [pixel].
     """
 
+    GROWING: ClassVar[tuple[str, ...]] = (
+        *("position", "angle_deg", "jitter", "clock", "dropout", "pixel"),
+    )  # with a level of the noise; all but the rate
+
     position: float = 0.01
     angle_deg: float = 2.0
     rate: float = 30.0
@@ -57,6 +61,13 @@ class NoiseModel:
                 raise ConfigError(f"{name} of a noise model must not be negative, got {value}")
         if not self.rate > 0 or self.dropout >= 1:
             raise ConfigError("a noise model needs a positive rate and a drop-out below 1")
+
+    def scaled(self, level: float, *names: str) -> NoiseModel:
+        """Return noise of which some figures are larger by a factor; drop-outs stay below 0.9."""
+        grown = {name: getattr(self, name) * level for name in names}
+        if "dropout" in grown:
+            grown["dropout"] = min(grown["dropout"], 0.9)
+        return replace(self, **grown)
 
     def times(self, end: float, rng: np.random.Generator) -> tuple[Array, Array]:
         """Return when frames are taken and what the clock says [s], up to `end`; both only grow."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rcare_marl.agents.coaching.recogniser import Recogniser
-from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.agents.coaching.recognition.recogniser import Recogniser
+from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
+from rcare_marl.errors import check_name
 
 
 def _learned() -> Recogniser:
@@ -28,6 +28,5 @@ def recogniser_maker(name: str) -> Callable[[], Recogniser]:
     Raises:
         UnknownNameError: If there is none of that name.
     """
-    if name not in RECOGNISERS:
-        raise UnknownNameError("recogniser", name, RECOGNISERS)
+    check_name("recogniser", name, RECOGNISERS)
     return RECOGNISERS[name]

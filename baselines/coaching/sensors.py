@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import check_name
 
 from .camera_sensor import CameraSensor
 from .noise import HandsSensor, JointsSensor, NoiseModel, Sensor
@@ -31,6 +31,5 @@ def make_sensor(source: str, noise: NoiseModel) -> Sensor:
     Raises:
         UnknownNameError: If there is no such source.
     """
-    if source not in SENSORS:
-        raise UnknownNameError("source of poses", source, SENSORS)
+    check_name("source of poses", source, SENSORS)
     return SENSORS[source](noise)

@@ -1,6 +1,5 @@
 """Partners: people of several temperaments, and learned ones, to train with and to be tested with."""
 
-from . import caregiver as caregiver  # registers its policy
 from .temperament import Habits, Temperament, mood_names
 from .zoo import TEMPERAMENTS, Partner, learned_partner, partner_zoo, trembling
 

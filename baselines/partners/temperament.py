@@ -19,9 +19,13 @@ from typing import Literal
 
 import numpy as np
 
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.policies.avatar_tree import AvatarBehaviour, Surroundings, behaviour_of
-from rcare_marl.agents.policies.go_along import GoAlong
+from rcare_marl.agents.people.behaviour.avatar_tree import (
+    AvatarBehaviour,
+    Surroundings,
+    behaviour_of,
+)
+from rcare_marl.agents.people.behaviour.go_along import GoAlong
+from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy, task_class, task_names
@@ -145,8 +149,8 @@ def offer_of(env: CareEnv) -> Callable[[], Array] | None:
     """Return what tells where the food or drink of a meal is in the world [m]; None without a meal."""
     task = env.task
     if isinstance(task, Feeding):
-        return task.bowl_position
-    return task.rim_position if isinstance(task, Drinking) else None
+        return lambda: task.state.bowl
+    return (lambda: task.state.rim) if isinstance(task, Drinking) else None
 
 
 @dataclass(frozen=True)

@@ -22,14 +22,14 @@ from typing import Any
 import yaml
 
 from rcare_marl import assets
-from rcare_marl.agents.avatar import expand_movable, load_avatar
-from rcare_marl.agents.body.skeleton import DOF_INDEX, DOFS
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.profile import clinical_norms
+from rcare_marl.agents.people.avatar import expand_movable, load_avatar
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.profile import clinical_norms
 from rcare_marl.cache import cached
 from rcare_marl.envs.registry import policy_names, task_class
 from rcare_marl.envs.task import Role
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 
 from .temperament import INDIVIDUALS, MOODS, RECIPIENT
 
@@ -107,8 +107,7 @@ def partner_zoo(
         ConfigError: If `individuals` is impossible, or a policy file is not for this role.
     """
     roles = task_class(task).roles()
-    if role not in roles:
-        raise UnknownNameError(f"role in task {task!r}", role, roles)
+    check_name(f"role in task {task!r}", role, roles)
     if not 0 <= individuals <= INDIVIDUALS:
         raise ConfigError(f"individuals must lie in 0..{INDIVIDUALS}, got {individuals}")
     part, extra = roles[role], dict(entry or {})
@@ -130,8 +129,7 @@ def partner_zoo(
 
 def _chosen(kind: str, wanted: Sequence[str] | None, known: Sequence[str]) -> tuple[str, ...]:
     for name in wanted or ():
-        if name not in known:
-            raise UnknownNameError(kind, name, known)
+        check_name(kind, name, known)
     return tuple(known if wanted is None else wanted)
 
 
@@ -160,7 +158,7 @@ def _people(
         return [Partner(f"{avatar}_{n}", task, role, avatar, mood, n, entry) for n in names]
     if part.partner is None:
         raise ConfigError(f"role {role!r} of task {task!r} has no default partner: give `learned`")
-    model = str(trembling(avatar, _moved(part))) if mood == "tremor" else avatar
+    model = str(trembling(avatar, expand_movable(part.movable))) if mood == "tremor" else avatar
     entry = {"model": model, **extra}
     return [Partner(f"{avatar}_{mood}", task, role, avatar, mood, part.partner, entry)]
 
@@ -169,11 +167,6 @@ def _robots(task: str, role: str, part: Role[Any], extra: Mapping[str, Any]) -> 
     names = [name for name in policy_names(task, role) if name not in EVERYBODY_ELSE]
     model, entry = str(part.default), dict(extra)
     return [Partner(f"{model}_{name}", task, role, model, name, name, entry) for name in names]
-
-
-def _moved(part: Role[Any]) -> tuple[str, ...]:
-    """Return the DoFs that move in a role."""
-    return expand_movable(part.movable)
 
 
 @lru_cache(maxsize=64)
@@ -237,6 +230,3 @@ def _files(task: str, role: str, wanted: Sequence[str | Path] | None) -> list[st
     if wanted is not None:
         return list(wanted)
     return sorted(FOLDER.glob(f"{task}_{role}_*.npz"))
-
-
-__all__ = ["TEMPERAMENTS", "TREMOR", "Partner", "learned_partner", "partner_zoo", "trembling"]

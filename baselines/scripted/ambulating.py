@@ -7,15 +7,15 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.control import ToolDelta
+from rcare_marl.agents.robots.control import ToolDelta
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.homes.door import DoorSize
-from rcare_marl.envs.homes.rule import Rules
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.scenes.way_through import WayThrough
+from rcare_marl.envs.scenes.way_through import WayState
 from rcare_marl.envs.tasks.ambulating import Ambulating
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, multiply, rotation_vector
+
+from .tool_script import scripted_task
 
 Array = npt.NDArray[np.float64]
 
@@ -59,25 +59,15 @@ class ScriptedAmbulating:
             ConfigError: If the task is not ambulating, or the robot has another control mode, or no
                 gripper that moves for a knob.
         """
-        task = env.task
-        if not isinstance(task, Ambulating):
-            raise ConfigError(f"the scripted opener of doors cannot play {type(task).__name__}")
-        if env.cast[role] is not task.robot:
-            raise ConfigError(f"{role!r} is not before the door: the first robot is")
-        if not isinstance(task.robot.control, ToolDelta):
-            raise ConfigError(
-                "the scripted opener of doors needs the control mode 'tool_delta': "
-                "make('ambulating', robot={'control': 'tool_delta'})"
-            )
-        self._task, self._robot = task, task.robot
-        self._max = task.robot.control.max
+        self._task = task = scripted_task(env, role, Ambulating)
+        self._robot = task.robot
         self._has_gripper = any("gripper" in name for name in task.robot.action_names)
         if task.hardware == "knob" and not self._has_gripper:
             raise ConfigError("the scripted opener of doors needs a gripper to turn a knob")
         self._is_knob, self._is_hinged = task.hardware == "knob", task.hardware != "slider"
-        self._size = DoorSize.of(task.door.opening, Rules(task.level))
-        self._way = task.way
-        self._turn_speed = task.way.chair.powered.drive.turn if task.way is not None else 1.0
+        self._size = task.door.size
+        self._through = task.way
+        self._turn_speed = task.way.chair.drive.turn if task.way is not None else 1.0
         self._begin()
 
     _lane: float | None
@@ -95,14 +85,14 @@ class ScriptedAmbulating:
 
     def act(self) -> Array:
         pose = self._robot.tool_pose()
-        tool = np.array(pose.position)
-        if self._way is not None and self._is_past_handle():
-            goal, most = self._lead(tool, self._way)
+        tool, way = np.array(pose.position), self._task.state.way
+        if way is not None and self._is_past_handle():
+            goal, most = self._lead(tool, way)
         else:
             goal, most = self._at_handle(tool)
         wished = GAIN * (goal - tool)
-        if self._way is not None and self._phase == 3:  # where it goes comes along with the chair
-            wished += self._chair_velocity(self._way)
+        if way is not None and self._phase == 3:  # where it goes comes along with the chair
+            wished += self._chair_velocity(way)
         speed = float(np.linalg.norm(wished))
         if speed > most:
             wished *= most / speed
@@ -112,38 +102,37 @@ class ScriptedAmbulating:
             turn = TURN_GAIN * rotation_vector(
                 multiply(np.array(self._task.facing), conjugate(pose.quaternion))
             )
-        action = np.concatenate((wished, turn)) / self._max
-        action = np.clip(action / max(1.0, float(np.abs(action).max())), -1.0, 1.0)
+        action = self._robot.tool_action(wished, turn)
         if self._has_gripper:
             is_open = self._is_knob and (self._stage < 2 or self._phase > 0)
             action = np.append(action, -1.0 if is_open else 1.0)
-        return action if self._way is None else np.append(action, self._steer(self._way))
+        return action if way is None else np.append(action, self._steer(way))
 
     def _turns(self) -> bool:
         """Return whether the hand turns a knob now."""
         if self._phase > 0 or not self._is_knob or self._stage < 3:
             return False
-        return self._way is None or self._task.door.is_latched
+        return self._through is None or self._task.state.is_latched
 
     def _at_handle(self, tool: Array) -> tuple[Array, float]:
         """Return where the tool goes to free the door."""
         goal, most = self._knob(tool) if self._is_knob else self._push(tool)
-        if self._way is not None and self._is_hinged and not self._task.door.is_latched:
+        if self._through is not None and self._is_hinged and not self._task.state.is_latched:
             goal = goal + (0.0, PRESS, 0.0)
         return goal, most
 
     def _is_past_handle(self) -> bool:
         """Return whether the handle is done with and the chair is on its way through."""
-        opening = self._task.opening()
+        opening = self._task.state.opening
         if self._phase == 0 and opening > AJAR.get(self._task.hardware, PANEL):
             self._phase, self._wait = (1, 0.0) if self._is_hinged else (3, 0.0)
-        if self._phase > 0 and self._task.door.is_latched:  # it fell shut: once more
+        if self._phase > 0 and self._task.state.is_latched:  # it fell shut: once more
             self._stage, self._wait, self._phase = 0, 0.0, 0
         return self._phase > 0
 
-    def _lead(self, tool: Array, way: WayThrough) -> tuple[Array, float]:
+    def _lead(self, tool: Array, way: WayState) -> tuple[Array, float]:
         """Return where the tool goes to swing the leaf ahead of the chair, and then before it."""
-        angle, size = self._task.opening(), self._size
+        angle, size = self._task.state.opening, self._size
         if self._phase == 1:  # let go
             self._wait += self._task.control_dt
             if self._wait < (LETTING_GO if self._is_knob else 0.0):
@@ -162,7 +151,7 @@ class ScriptedAmbulating:
             return at + (PRESS - BEHIND) * ahead, FAST
         return self._tucked(way), ToolDelta.SPEED
 
-    def _tucked(self, way: WayThrough) -> Array:
+    def _tucked(self, way: WayState) -> Array:
         """Return where the hand is on the way through [m], shape [3]: before the chair."""
         base, heading = self._robot.body.base_pose().position, way.place[2]
         forward, left, up = TUCKED
@@ -170,12 +159,13 @@ class ScriptedAmbulating:
         y = base[1] + forward * math.cos(heading) - left * math.sin(heading)
         return np.array((x, y, base[2] + up))
 
-    def _chair_velocity(self, way: WayThrough) -> Array:
+    def _chair_velocity(self, way: WayState) -> Array:
         """Return how fast the chair goes [m/s], shape [3]."""
-        heading, forward = way.place[2], way.chair.base.velocity()[0]
+        assert self._through is not None
+        heading, forward = way.place[2], self._through.chair.base.velocity()[0]
         return forward * np.array((-math.sin(heading), math.cos(heading), 0.0))
 
-    def _steer(self, way: WayThrough) -> Array:
+    def _steer(self, way: WayState) -> Array:
         """Return forward and turning speed of the chair, as shares of the greatest."""
         x, _, heading = way.place
         if self._lane is None:
@@ -184,29 +174,29 @@ class ScriptedAmbulating:
         turn = HEADING_GAIN * (wished - heading) / self._turn_speed
         return np.clip((self._forward(way), turn), -1.0, 1.0)
 
-    def _forward(self, way: WayThrough) -> float:
+    def _forward(self, way: WayState) -> float:
         """Return how fast to go on, as a share of the greatest speed."""
         tool, base = self._robot.tool_pose().position, self._robot.body.base_pose().position
         if self._phase == 3:
             return CRUISE if abs(tool[0] - self._tucked(way)[0]) < WITHIN else 0.0
         if self._phase == 2:  # as far behind the leaf as the arm is long
             return max(3.0 * (math.dist(tool[:2], base[:2]) - ARM_LENGTH) / 0.3, -0.2)
-        if not self._is_hinged and self._phase == 0 and self._task.opening() > 0.4:
+        if not self._is_hinged and self._phase == 0 and self._task.state.opening > 0.4:
             return 0.3
         return 0.0
 
     def _push(self, tool: Array) -> tuple[Array, float]:
         """Return where the tool goes to push a lever down, or a panel aside by its bar."""
-        at = self._task.handle_position()
+        at = self._task.state.handle
         beside = np.array((0.0, 0.0, 1.0))
         if self._task.hardware == "slider":
             beside = np.array((-self._task.approach.slides_along, 0.0, 0.0))
-            if self._task.opening() > DEEPER and not self._is_deep:
+            if self._task.state.opening > DEEPER and not self._is_deep:
                 self._is_deep, self._stage = True, 0
             at = at - (0.0, 0.0 if self._is_deep else self._shy, 0.0)
         if self._stage == 2 and float((tool - at) @ beside) < -PAST:
             self._stage = 0
-            if self._task.opening() < MISSED:  # its fingers end before the bar
+            if self._task.state.opening < MISSED:  # its fingers end before the bar
                 self._shy -= BOLDER
         places = (at + OFF * beside - (0.0, OUT, 0.0), at + OFF * beside)
         if self._stage < 2:
@@ -224,13 +214,13 @@ class ScriptedAmbulating:
         if self._task.hardware != "slider":
             return False
         self._idle += self._task.control_dt
-        if self._task.opening() > self._farthest + MISSED:
-            self._farthest, self._idle = self._task.opening(), 0.0
+        if self._task.state.opening > self._farthest + MISSED:
+            self._farthest, self._idle = self._task.state.opening, 0.0
         return self._idle > PATIENCE
 
     def _knob(self, tool: Array) -> tuple[Array, float]:
         """Return where the tool goes to hold a knob."""
-        at = self._task.handle_position()
+        at = self._task.state.handle
         places = (at - (0.0, OUT, 0.0), at + (0.0, DEEP, 0.0))
         if self._stage < 2:
             if math.dist(tool, places[self._stage]) < NEAR:

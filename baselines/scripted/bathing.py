@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.control import ToolDelta
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.bathing import START_ANGLE, START_SHARE, Bathing
-from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, multiply, rotation_vector
+
+from .tool_script import scripted_task
 
 Array = npt.NDArray[np.float64]
 
@@ -39,28 +39,16 @@ class ScriptedBathing:
         Raises:
             ConfigError: If the task is not bathing, or the robot has another control mode.
         """
-        task = env.task
-        if not isinstance(task, Bathing):
-            raise ConfigError(f"the scripted bather cannot play {type(task).__name__}")
-        if env.cast[role] is not task.robot:
-            raise ConfigError(
-                f"{role!r} holds no sponge: the scripted bather plays the first robot"
-            )
-        if not isinstance(task.robot.control, ToolDelta):
-            raise ConfigError(
-                "the scripted bather needs the control mode 'tool_delta': "
-                "make('bathing', robot={'control': 'tool_delta'})"
-            )
-        self._task, self._robot = task, task.robot
-        self._max = task.robot.control.max
+        self._task = scripted_task(env, role, Bathing)
+        self._robot = self._task.robot
         self._phase = "approach"
 
     def reset(self, rng: np.random.Generator) -> None:
         self._phase = "approach"
 
     def act(self) -> Array:
-        task, skin = self._task, self._task.skin
-        face = task.face_position()
+        task, skin, seen = self._task, self._task.skin, self._task.state
+        face = seen.face
         share = skin.progress(face)
         end, angle = task.target_on_arm()
         done = min(max((share - START_SHARE) / (end - START_SHARE), 0.0), 1.0)
@@ -68,14 +56,10 @@ class ScriptedBathing:
             START_SHARE + done * (end - START_SHARE), START_ANGLE + done * (angle - START_ANGLE)
         )
         way = skin.direction()
-        turn = rotation_vector(
-            multiply(
-                task.wiping_quaternion(out, way), conjugate(np.array(task.sponge.pose.quaternion))
-            )
-        )
+        turn = rotation_vector(multiply(task.wiping_quaternion(out, way), conjugate(seen.turn)))
         start = skin.place(START_SHARE, START_ANGLE)[0]
-        height, force = float((face - top) @ out), float(-task.sponge_force() @ out)
-        ahead = float((task.target_position() - face) @ way)
+        height, force = float((face - top) @ out), float(-seen.push @ out)
+        ahead = float((seen.target - face) @ way)
         self._phase = self._next(start, out, turn, ahead, height, force)
         if self._phase in ("approach", "lift"):
             goal = start if self._phase == "approach" else top
@@ -89,14 +73,13 @@ class ScriptedBathing:
         # The tool turns about the face, so that turning does not wipe.
         turn = TURN_GAIN * turn
         linear = linear + np.cross(turn, np.subtract(self._robot.tool_pose().position, face))
-        action = np.concatenate((linear, turn)) / self._max
-        return np.clip(action / max(1.0, float(np.abs(action).max())), -1.0, 1.0)
+        return self._robot.tool_action(linear, turn)
 
     def _next(
         self, start: Array, out: Array, turn: Array, ahead: float, height: float, force: float
     ) -> str:
         """Return what to do now."""
-        there = start + HOVER * out - self._task.face_position()
+        there = start + HOVER * out - self._task.state.face
         if self._phase == "approach":
             is_there = np.linalg.norm(there) < NEAR and np.linalg.norm(turn) < LEVEL
             return "press" if is_there else "approach"

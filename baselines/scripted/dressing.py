@@ -12,13 +12,13 @@ import math
 
 import numpy as np
 
-from rcare_marl.agents.control import ToolDelta
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.scenes.hanging_shorts import HOLD_START, tip
 from rcare_marl.envs.tasks.dressing import REACH, Dressing
-from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, conjugate, multiply, rotation_vector
+
+from .tool_script import scripted_task
 
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
@@ -42,21 +42,11 @@ class ScriptedDressing:
         Raises:
             ConfigError: If the task is not dressing, or the robot has another control mode.
         """
-        task = env.task
-        if not isinstance(task, Dressing):
-            raise ConfigError(f"the scripted dresser cannot play {type(task).__name__}")
-        if env.cast[role] is not task.robot:
-            raise ConfigError(
-                f"{role!r} holds no shorts: the scripted dresser plays the first robot"
-            )
-        if not isinstance(task.robot.control, ToolDelta):
-            raise ConfigError(
-                "the scripted dresser needs the control mode 'tool_delta': "
-                "make('dressing', robot={'control': 'tool_delta'})"
-            )
-        self._task, self._robot = task, task.robot
-        self._max = task.robot.control.max
-        self._others = task.robot.action_size - len(self._max)  # the gripper, if it is commanded
+        self._task = scripted_task(env, role, Dressing)
+        self._robot = self._task.robot
+        self._others = (
+            self._robot.action_size - self._robot.control.size
+        )  # the gripper, if it is commanded
 
     def reset(self, rng: np.random.Generator) -> None:
         self._along, self._left = HOLD_START, False
@@ -73,20 +63,19 @@ class ScriptedDressing:
         if speed > FAST:
             wished *= FAST / speed
         spin = TURN_GAIN * rotation_vector(multiply(self._turn, conjugate(tool.quaternion)))
-        action = np.concatenate((wished, spin)) / self._max
-        action = action / max(1.0, float(np.abs(action).max()))
+        action = self._robot.tool_action(wished, spin)
         return np.concatenate((action, np.full(self._others, -1.0 if self._left else 0.0)))
 
     def _goal(self, here: Array) -> Array:
         """Return where the tool goes [m], shape [3]."""
         task = self._task
-        if task.is_past and not self._left:
+        if task.state.is_past and not self._left:
             self._left, self._out = True, here + AWAY
         if self._left:
             return self._out
         goal = tip(task.leg, self._along)
         lag = float(np.linalg.norm(goal - here))
-        is_up = float(np.linalg.norm(task.leg.to_lifted())) < LIFTED
+        is_up = float(np.linalg.norm(task.state.to_lifted)) < LIFTED
         if is_up and lag < LAG:
             step = PULL * task.control_dt
             self._along = min(self._along + step, task.leg.shank + REACH + SPARE)

@@ -11,12 +11,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.control import ToolDelta
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.scenes.mouth import OPEN
 from rcare_marl.envs.tasks.drinking import Drinking
-from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, multiply, rotation_vector
+
+from .tool_script import scripted_task
 
 Array = npt.NDArray[np.float64]
 
@@ -42,18 +43,8 @@ class ScriptedDrinking:
         Raises:
             ConfigError: If the task is not drinking, or the robot has another control mode.
         """
-        task = env.task
-        if not isinstance(task, Drinking):
-            raise ConfigError(f"the scripted robot with a cup cannot play {type(task).__name__}")
-        if env.cast[role] is not task.robot:
-            raise ConfigError(f"{role!r} holds no cup: the scripted policy plays the first robot")
-        if not isinstance(task.robot.control, ToolDelta):
-            raise ConfigError(
-                "the scripted robot needs the control mode 'tool_delta': "
-                "make('drinking', robot={'control': 'tool_delta'})"
-            )
-        self._task, self._robot = task, task.robot
-        self._max = task.robot.control.max
+        self._task = scripted_task(env, role, Drinking)
+        self._robot = self._task.robot
         self._velocity, self._tilt = np.zeros(3), 0.0
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -61,15 +52,16 @@ class ScriptedDrinking:
         self._tilt = 0.0
 
     def act(self) -> Array:
-        task, mouth = self._task, self._task.mouth
+        task, seen = self._task, self._task.state
         ahead, up = AT_LIPS
-        lips = mouth.position + ahead * mouth.ahead + (0.0, 0.0, up)
-        goal = lips if mouth.is_open else lips + WAIT_IN_FRONT * mouth.ahead
-        error = goal - task.rim
-        is_there = mouth.is_open and float(np.linalg.norm(error)) < ARRIVED
+        lips = seen.mouth + ahead * seen.ahead + (0.0, 0.0, up)
+        is_open = seen.jaw >= OPEN
+        goal = lips if is_open else lips + WAIT_IN_FRONT * seen.ahead
+        error = goal - seen.rim
+        is_there = is_open and float(np.linalg.norm(error)) < ARRIVED
         most = LAST if is_there else max(self._tilt, LEANING)
         self._tilt = min(self._tilt + TILT_RATE * task.control_dt, most)
-        limit = SLOW if task.distance() < NEAR else FAST
+        limit = SLOW if seen.distance < NEAR else FAST
         wished = GAIN * error
         speed = float(np.linalg.norm(wished))
         if speed > limit:
@@ -78,13 +70,11 @@ class ScriptedDrinking:
         size = float(np.linalg.norm(change))
         step = ACCELERATION * task.control_dt
         self._velocity = self._velocity + change * min(1.0, step / max(size, 1e-9))
-        wanted = task.cup_pose(task.rim, -mouth.ahead, self._tilt).quaternion
-        turn = TURN_GAIN * rotation_vector(multiply(wanted, conjugate(task.cup.pose.quaternion)))
+        wanted = task.cup_pose(seen.rim, -seen.ahead, self._tilt).quaternion
+        turn = TURN_GAIN * rotation_vector(multiply(wanted, conjugate(seen.turn)))
         # The tool turns about the rim, so that turning does not move it.
-        to_tool = np.subtract(self._robot.tool_pose().position, task.rim)
-        linear = self._velocity + np.cross(turn, to_tool)
-        action = np.concatenate((linear, turn)) / self._max
-        return np.clip(action / max(1.0, float(np.abs(action).max())), -1.0, 1.0)
+        to_tool = np.subtract(self._robot.tool_pose().position, seen.rim)
+        return self._robot.tool_action(self._velocity + np.cross(turn, to_tool), turn)
 
 
 register_policy("drinking", "robot", "scripted")(ScriptedDrinking)

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.control import ToolDelta
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.feeding import OPEN_MOUTH, Feeding
-from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, multiply, rotation_vector
+
+from .tool_script import scripted_task
 
 Array = npt.NDArray[np.float64]
 
@@ -35,32 +35,20 @@ class ScriptedFeeding:
         Raises:
             ConfigError: If the task is not feeding, or the robot has another control mode.
         """
-        task = env.task
-        if not isinstance(task, Feeding):
-            raise ConfigError(f"the scripted feeder cannot play {type(task).__name__}")
-        if env.cast[role] is not task.robot:
-            raise ConfigError(f"{role!r} holds no spoon: the scripted feeder plays the first robot")
-        if not isinstance(task.robot.control, ToolDelta):
-            raise ConfigError(
-                "the scripted feeder needs the control mode 'tool_delta': "
-                "make('feeding', robot={'control': 'tool_delta'})"
-            )
-        self._task, self._robot = task, task.robot
-        self._max = task.robot.control.max
+        self._task = scripted_task(env, role, Feeding)
+        self._robot = self._task.robot
         self._velocity = np.zeros(3)
 
     def reset(self, rng: np.random.Generator) -> None:
         self._velocity[:] = 0.0
 
     def act(self) -> Array:
-        task = self._task
-        face, mouth = task.face_direction(), task.mouth_position()
-        level = face * (1.0, 1.0, 0.0)
+        task, seen = self._task, self._task.state
+        level = seen.face * (1.0, 1.0, 0.0)
         level /= np.linalg.norm(level)
-        is_open = task.jaw_opening() > OPEN_MOUTH
-        goal = mouth + (0.0 if is_open else WAIT_IN_FRONT) * face
-        error = goal - task.bowl_position()
-        limit = SLOW if task.distance() < NEAR else FAST
+        goal = seen.mouth + (0.0 if seen.jaw > OPEN_MOUTH else WAIT_IN_FRONT) * seen.face
+        error = goal - seen.bowl
+        limit = SLOW if seen.distance < NEAR else FAST
         wished = GAIN * error
         speed = float(np.linalg.norm(wished))
         if speed > limit:
@@ -70,13 +58,11 @@ class ScriptedFeeding:
         most = ACCELERATION * task.control_dt
         self._velocity = self._velocity + change * min(1.0, most / max(size, 1e-9))
         turn = TURN_GAIN * rotation_vector(
-            multiply(task.spoon_facing(-level), conjugate(task.spoon_quaternion()))
+            multiply(task.spoon_facing(-level), conjugate(seen.turn))
         )
         # The tool turns about the bowl, so that turning does not move the food.
-        to_tool = np.subtract(self._robot.tool_pose().position, task.bowl_position())
-        linear = self._velocity + np.cross(turn, to_tool)
-        action = np.concatenate((linear, turn)) / self._max
-        return np.clip(action / max(1.0, float(np.abs(action).max())), -1.0, 1.0)
+        to_tool = np.subtract(self._robot.tool_pose().position, seen.bowl)
+        return self._robot.tool_action(self._velocity + np.cross(turn, to_tool), turn)
 
 
 register_policy("feeding", "robot", "scripted")(ScriptedFeeding)

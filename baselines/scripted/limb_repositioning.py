@@ -11,12 +11,10 @@ import math
 
 import numpy as np
 
-from rcare_marl.agents.control import ToolDelta
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.devices.arm_cradle import HOOK_SHARE, HOOK_SHARE_HANGING
+from rcare_marl.envs.devices import HOOK_SHARE, HOOK_SHARE_HANGING
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
-from rcare_marl.errors import ConfigError
 from rcare_marl.pose import (
     Array,
     Pose,
@@ -26,6 +24,8 @@ from rcare_marl.pose import (
     rotate,
     rotation_vector,
 )
+
+from .tool_script import scripted_task
 
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
@@ -59,20 +59,8 @@ class ScriptedRepositioning:
         Raises:
             ConfigError: If the task is another one, or the robot has another control mode.
         """
-        task = env.task
-        if not isinstance(task, LimbRepositioning):
-            raise ConfigError(f"the scripted lifter of arms cannot play {type(task).__name__}")
-        if env.cast[role] is not task.robot:
-            raise ConfigError(
-                f"{role!r} holds no cradle: the scripted lifter plays the first robot"
-            )
-        if not isinstance(task.robot.control, ToolDelta):
-            raise ConfigError(
-                "the scripted lifter needs the control mode 'tool_delta': "
-                "make('limb_repositioning', robot={'control': 'tool_delta'})"
-            )
-        self._task, self._robot = task, task.robot
-        self._max = task.robot.control.max
+        self._task = scripted_task(env, role, LimbRepositioning)
+        self._robot = self._task.robot
         self._velocity = np.zeros(3)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -91,7 +79,7 @@ class ScriptedRepositioning:
     def _approach(self, seat: Array) -> tuple[Array, Array, float]:
         """Stand behind the forearm, outside of it."""
         place, turn = self._task.hook()
-        wrist = self._task.wrist
+        wrist = self._task.state.wrist
         is_still = math.dist(wrist, self._wrist) < STILL * self._task.control_dt
         self._wrist = wrist
         if not is_still:  # it may swing back into the way
@@ -112,7 +100,7 @@ class ScriptedRepositioning:
         return goal, turn, SLOW
 
     def _direction(self) -> Array:
-        along = self._task.wrist - self._task.elbow
+        along = self._task.state.wrist - self._task.state.elbow
         return np.asarray(along / np.linalg.norm(along))
 
     def _turn_to(self, towards: Array) -> None:
@@ -130,14 +118,14 @@ class ScriptedRepositioning:
         ahead = math.acos(min(max(float(self._direction() @ self._forearm), -1.0), 1.0))
         if ahead < LEAD:
             self._turn_to(towards)
-        forearm = float(np.linalg.norm(task.wrist - task.elbow))
+        forearm = float(np.linalg.norm(task.state.wrist - task.state.elbow))
         return place + share * forearm * (self._forearm - self._direction()), turn, SLOW
 
     def _free(self, seat: Array) -> tuple[Array, Array, float]:
         """Push the forearm out from behind the armrest."""
         task = self._task
         pad = task.chair.frame_in_world("armrest_left").position[0]
-        if task.elbow[0] > pad - 0.5 * task.chair.armrest_size[0] + FREE:
+        if task.state.elbow[0] > pad - 0.5 * task.chair.armrest_size[0] + FREE:
             self.phase = "slide"
         return self._ahead(HOOK_SHARE_HANGING, OUTWARD)
 
@@ -153,13 +141,13 @@ class ScriptedRepositioning:
         """Swing the forearm up, in an arc about where the elbow is to be, and stay below it."""
         task = self._task
         self._turn_to(np.array((0.93, 0.35, math.tan(RAISED))))
-        is_clear = task.wrist[2] > task.target[2] + CLEAR
+        is_clear = task.state.wrist[2] > task.state.target[2] + CLEAR
         if self._forearm[2] > math.sin(RAISED) - 0.02 and is_clear:
             self.phase = "carry"
-        forearm = task.wrist - task.elbow
+        forearm = task.state.wrist - task.state.elbow
         length = math.sqrt(float(forearm @ forearm))
-        elbow = task.elbow.copy()
-        elbow[2] = task.target[2] + RISE
+        elbow = task.state.elbow.copy()
+        elbow[2] = task.state.target[2] + RISE
         goal, turn = task.cradle.under(
             elbow, elbow + length * self._forearm, task.radius, HOOK_SHARE
         )
@@ -169,17 +157,17 @@ class ScriptedRepositioning:
     def _is_lost(self, seat: Array) -> bool:
         """Return whether the forearm has slipped off the plate."""
         task = self._task
-        forearm = task.wrist - task.elbow
-        share = float((seat - task.elbow) @ forearm / (forearm @ forearm))
+        forearm = task.state.wrist - task.state.elbow
+        share = float((seat - task.state.elbow) @ forearm / (forearm @ forearm))
         return math.dist(task.hook(share)[0], seat) > LOST
 
     def _over(self, pitch: float) -> tuple[Array, Array]:
         """Return where the plate holds a forearm over the pad whose wrist is raised by `pitch` [rad]."""
         task = self._task
-        length = float(np.linalg.norm(task.wrist - task.elbow))
+        length = float(np.linalg.norm(task.state.wrist - task.state.elbow))
         along = np.array((math.cos(pitch), 0.0, math.sin(pitch)))
         up = np.array((-along[2], 0.0, along[0]))
-        elbow = task.target + SETTLING + (-0.5 * length, 0.0, RISE * pitch / RAISED)
+        elbow = task.state.target + SETTLING + (-0.5 * length, 0.0, RISE * pitch / RAISED)
         level = np.column_stack(((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)))
         turn = quaternion_from_matrix(level)
         return elbow + HOOK_SHARE * length * along - (task.radius - UNDER) * up, turn
@@ -218,8 +206,7 @@ class ScriptedRepositioning:
         # The tool turns about the middle of the plate.
         to_tool = np.subtract(self._robot.tool_pose().position, seat.position)
         linear = self._velocity + np.cross(spin, to_tool)
-        action = np.concatenate((linear, spin)) / self._max
-        return np.asarray(action / max(1.0, float(np.abs(action).max())))
+        return self._robot.tool_action(linear, spin)
 
 
 register_policy("limb_repositioning", "robot", "scripted")(ScriptedRepositioning)

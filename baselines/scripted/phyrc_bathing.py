@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.control import GripperClosing, ToolDelta
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.phyrc.bath_scene import FACE_DOWN
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.phyrc_bathing import PhyrcBathing
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose, conjugate, multiply, rotation_vector
+
+from .tool_script import scripted_task
 
 Array = npt.NDArray[np.float64]
 
@@ -83,21 +84,8 @@ class ScriptedPhyrcBathing:
         Raises:
             ConfigError: If the task is another, or the robot has another control mode or no gripper.
         """
-        task = env.task
-        if not isinstance(task, PhyrcBathing):
-            raise ConfigError(f"the scripted washer cannot play {type(task).__name__}")
-        if env.cast[role] is not task.robot:
-            raise ConfigError(
-                f"{role!r} takes no sponge: the scripted washer plays the first robot"
-            )
-        controls = [part.control for part in task.robot.parts.values()]
-        kinds = [type(control) for control in controls]
-        if kinds != [ToolDelta, GripperClosing]:
-            raise ConfigError(
-                "the scripted washer needs the control mode 'tool_delta' and moves arm and gripper only"
-            )
-        self._task, self._robot = task, task.robot
-        self._max = controls[0].max
+        self._task = scripted_task(env, role, PhyrcBathing, with_gripper=True)
+        self._robot = self._task.robot
         self._phase = "line up"
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -107,7 +95,7 @@ class ScriptedPhyrcBathing:
 
     def act(self) -> Array:
         task = self._task
-        if not task.score.is_held and self._phase not in ("line up", "reach", "close"):
+        if not task.state.is_held and self._phase not in ("line up", "reach", "close"):
             self._phase = "line up"  # it was lost
         closing = -1.0 if self._phase in ("line up", "reach") else 1.0
         if self._phase in ("travel", "press", "wipe", "lift"):
@@ -118,11 +106,9 @@ class ScriptedPhyrcBathing:
         now = self._robot.tool_pose()
         held = (now @ task.hold).quaternion
         turn = TURN_GAIN * rotation_vector(multiply(FACE_DOWN, conjugate(np.array(held))))
-        if task.score.is_held:
-            linear = linear + np.cross(turn, np.subtract(now.position, task.score.face))
-        arm = np.concatenate((linear, turn)) / self._max
-        arm = np.clip(arm / max(1.0, float(np.abs(arm).max())), -1.0, 1.0)
-        return np.append(arm, closing)
+        if task.state.is_held:
+            linear = linear + np.cross(turn, np.subtract(now.position, task.state.face))
+        return np.append(self._robot.tool_action(linear, turn), closing)
 
     # ---- fetch and wet
 
@@ -140,13 +126,13 @@ class ScriptedPhyrcBathing:
                 self._phase = "close"
             return self._towards(goal, SLOW)
         if self._phase == "close":
-            if task.score.is_held:
+            if task.state.is_held:
                 self._phase = "raise"
             return np.zeros(3)
         over = np.array(task.tool_for(task.scene.dipped()).position)
-        safe = task.scene.table.height + UP + (self._sponge_height())
+        safe = task.scene.table.frame("top").position[2] + UP + (self._sponge_height())
         if self._phase == "raise":
-            if task.score.sheet.stage >= 1 and tool[2] > safe - NEAR:
+            if task.state.earned >= 1 and tool[2] > safe - NEAR:
                 self._phase = "carry"
             return self._towards(np.array((*tool[:2], safe)), FAST)
         over_water = np.array((*over[:2], safe))
@@ -155,7 +141,7 @@ class ScriptedPhyrcBathing:
                 self._phase = "dip"
             return self._towards(over_water, FAST)
         if self._phase == "dip":
-            if task.score.sheet.stage >= 2:
+            if task.state.earned >= 2:
                 self._phase = "take out"
             return self._towards(over, SLOW)
         if tool[2] > safe - NEAR:
@@ -179,7 +165,7 @@ class ScriptedPhyrcBathing:
         """Return the velocity of the face [m/s], shape [3], on and over the skin."""
         stroke, task = self._stroke, self._task
         assert stroke is not None  # a phase of washing has one
-        skin, face = task.limbs.limbs[stroke.limb], task.score.face
+        skin, face = task.limbs.limbs[stroke.limb], task.state.face
         if self._phase == "travel":
             goal = skin.place(stroke.start, stroke.angle)[0] + (0.0, 0.0, HOVER)
             flat = goal - face
@@ -191,7 +177,7 @@ class ScriptedPhyrcBathing:
         share = min(max(skin.progress(face), 0.0), 1.0)
         top = skin.place(share, stroke.angle)[0]
         way = skin.direction() * np.sign(stroke.end - stroke.start)
-        force, height = task.score.force, float(face[2] - top[2])
+        force, height = task.state.push, float(face[2] - top[2])
         if self._phase == "lift":
             if height > HOVER:
                 self._next_stroke()

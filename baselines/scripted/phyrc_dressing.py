@@ -11,12 +11,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.control import GripperClosing, ToolDelta
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.phyrc_dressing import PhyrcDressing
-from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, multiply, rotation_vector
+
+from .tool_script import scripted_task
 
 Array = npt.NDArray[np.float64]
 
@@ -49,18 +49,8 @@ class ScriptedPhyrcDressing:
         Raises:
             ConfigError: If the task is another, or the robot has another control mode or no gripper.
         """
-        task = env.task
-        if not isinstance(task, PhyrcDressing):
-            raise ConfigError(f"the scripted dresser cannot play {type(task).__name__}")
-        if env.cast[role] is not task.robot:
-            raise ConfigError(f"{role!r} takes no gown: the scripted dresser plays the first robot")
-        controls = [part.control for part in task.robot.parts.values()]
-        if [type(control) for control in controls] != [ToolDelta, GripperClosing]:
-            raise ConfigError(
-                "the scripted dresser needs the control mode 'tool_delta' and moves arm and gripper only"
-            )
-        self._task, self._robot = task, task.robot
-        self._max = controls[0].max
+        self._task = scripted_task(env, role, PhyrcDressing, with_gripper=True)
+        self._robot = self._task.robot
         self._begin()
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -78,24 +68,23 @@ class ScriptedPhyrcDressing:
         turn = TURN_GAIN * rotation_vector(
             multiply(np.array(task.turn), conjugate(np.array(pose.quaternion)))
         )
-        arm = np.concatenate((linear, turn)) / self._max
-        arm = arm / max(1.0, float(np.abs(arm).max()))
+        arm = self._robot.tool_action(linear, turn)
         return np.append(arm, -1.0 if self._phase in ("line up", "reach") else 1.0)
 
     def _velocity(self, tool: Array) -> Array:
         """Return the velocity of the tool [m/s], shape [3]."""
         task = self._task
         if self._phase == "line up":
-            goal = task.gown.seam + (0.0, 0.0, OVER_SEAM)
+            goal = task.state.seam + (0.0, 0.0, OVER_SEAM)
             if np.linalg.norm(goal - tool) < NEAR:
                 self._phase = "reach"
             return _towards(goal - tool, FAST)
         if self._phase == "reach":
-            if np.linalg.norm(task.gown.seam - tool) < NEARER:
+            if np.linalg.norm(task.state.seam - tool) < NEARER:
                 self._phase = "close"
-            return _towards(task.gown.seam - tool, SLOW)
+            return _towards(task.state.seam - tool, SLOW)
         if self._phase == "close":
-            if task.score.sheet.stage >= 1:
+            if task.state.earned >= 1:
                 self._phase = "pull"
             return np.zeros(3)
         if self._phase == "ease":
@@ -117,7 +106,7 @@ class ScriptedPhyrcDressing:
             self._nearest, self._still = gap, 0
         else:
             self._still += 1
-        is_stopped = self._still >= STUCK or self._task.metrics()["force_n"] > CAUGHT_FORCE
+        is_stopped = self._still >= STUCK or self._task.state.force > CAUGHT_FORCE
         return is_stopped and gap > ARRIVED
 
     def _way(self) -> list[Array]:

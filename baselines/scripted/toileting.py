@@ -7,12 +7,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.control import ToolDelta
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.toileting import Toileting
-from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, multiply, quaternion_from_rpy, rotation_vector
+
+from .tool_script import scripted_task
 
 Array = npt.NDArray[np.float64]
 
@@ -45,18 +45,8 @@ class ScriptedToileting:
         Raises:
             ConfigError: If the task is not toileting, or the robot has another control mode.
         """
-        task = env.task
-        if not isinstance(task, Toileting):
-            raise ConfigError(f"the scripted lifter of lids cannot play {type(task).__name__}")
-        if env.cast[role] is not task.robot:
-            raise ConfigError(f"{role!r} does not stand at the toilet: the first robot does")
-        if not isinstance(task.robot.control, ToolDelta):
-            raise ConfigError(
-                "the scripted lifter of lids needs the control mode 'tool_delta': "
-                "make('toileting', robot={'control': 'tool_delta'})"
-            )
-        self._task, self._robot = task, task.robot
-        self._max = task.robot.control.max
+        self._task = scripted_task(env, role, Toileting)
+        self._robot = self._task.robot
         self._is_lined_up = self._is_under = False
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -70,12 +60,11 @@ class ScriptedToileting:
         if speed > most:
             wished *= most / speed
         turn = TURN_GAIN * rotation_vector(multiply(AHEAD, conjugate(pose.quaternion)))
-        action = np.concatenate((wished, turn)) / self._max
-        return np.clip(action / max(1.0, float(np.abs(action).max())), -1.0, 1.0)
+        return self._robot.tool_action(wished, turn)
 
     def _goal(self, tool: Array) -> tuple[Array, float]:
         """Return where the tool is to go [m], shape [3], and how fast at most [m/s]."""
-        task, angle = self._task, self._task.lid_angle()
+        task, angle = self._task, self._task.state.angle
         if angle > STARTED:
             share = min(angle / math.radians(60), 1.0)
             along = EDGE + share * (DEEP - EDGE)

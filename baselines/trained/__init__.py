@@ -60,7 +60,7 @@ def fits(env: CareEnv, task: str, role: str = ROLE, folder: Path | None = None) 
     if role not in env.cast:
         return False
     try:
-        PolicyFile.read(file_for(task, env.task.level, folder)).check(env, role)
+        PolicyFile.read(file_for(task, env.task.place.level, folder)).check(env, role)
     except ConfigError:
         return False
     return True
@@ -76,7 +76,7 @@ def best_policy(env: CareEnv, task: str, role: str = ROLE) -> str:
 
 def _maker(task: str) -> Callable[[CareEnv, str], Policy]:
     def make(env: CareEnv, role: str) -> Policy:
-        file = file_for(task, env.task.level)
+        file = file_for(task, env.task.place.level)
         try:
             return LearnedPolicy(env, role, PolicyFile.read(file))
         except ConfigError as error:

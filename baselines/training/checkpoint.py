@@ -31,59 +31,21 @@ RNG = "rng"  # where the states of shared generators are among what is loaded
 _ARRAY = "__array__"  # marks a numpy array, which torch refuses to read without running code
 
 
-class Checkpoint:
-    """The checkpoint in the folder of a run.
+def restore_rng(saved: Mapping[str, Any]) -> None:
+    """Put the generators that a process shares, of torch, numpy and Python, to where they were.
 
-    Attributes:
-        last: Where the last one is.
-        best: Where the best one is, once one was kept as such.
+    Do this last, just before the run goes on: whatever is built draws from them.
+
+    Args:
+        saved: What `load` returned.
     """
-
-    def __init__(
-        self,
-        folder: str | Path,
-        config: Mapping[str, Any] | None = None,
-        *,
-        free: Collection[str] = FREE,
-    ) -> None:
-        """Take the folder of a run, and its config.
-
-        Args:
-            folder: It need not exist.
-            config: Of numbers, texts and such; what is loaded must fit it. Not compared if None.
-            free: Fields of it that may differ, such as `steps`, or `algorithm.batch` in another.
-        """
-        self.last, self.best = Path(folder) / LAST, Path(folder) / BEST
-        self._config, self._free = config, free
-
-    def exists(self) -> bool:
-        """Return whether there is one."""
-        return self.last.is_file()
-
-    def save(self, state: Mapping[str, Any], *, is_best: bool = False) -> None:
-        """Write it, whole or not at all; see `save`."""
-        save(self.last, state, config=self._config, is_best=is_best)
-
-    def load(self) -> dict[str, Any] | None:
-        """Return what was saved, see `load`; None if there is nothing."""
-        return load(self.last, config=self._config, free=self._free) if self.exists() else None
-
-    @staticmethod
-    def restore_rng(saved: Mapping[str, Any]) -> None:
-        """Put the generators that a process shares, of torch, numpy and Python, to where they were.
-
-        Do this last, just before the run goes on: whatever is built draws from them.
-
-        Args:
-            saved: What `load` returned.
-        """
-        states = saved[RNG]
-        torch.set_rng_state(states["torch"])
-        if torch.cuda.is_available() and states["cuda"]:
-            torch.cuda.set_rng_state_all(states["cuda"])
-        np.random.set_state(states["numpy"])
-        version, words, spare = states["python"]
-        random.setstate((version, tuple(words), spare))
+    states = saved[RNG]
+    torch.set_rng_state(states["torch"])
+    if torch.cuda.is_available() and states["cuda"]:
+        torch.cuda.set_rng_state_all(states["cuda"])
+    np.random.set_state(states["numpy"])
+    version, words, spare = states["python"]
+    random.setstate((version, tuple(words), spare))
 
 
 def save(
@@ -299,8 +261,9 @@ def _plain(value: Any, where: str) -> Any:
     if isinstance(value, Mapping):
         for key in value:
             if type(key) not in (str, int):
-                raise ConfigError(f"{where}: a checkpoint has texts and whole numbers as keys, "
-                                  f"not {key!r}")  # fmt: skip
+                raise ConfigError(
+                    f"{where}: a checkpoint has texts and whole numbers as keys, not {key!r}"
+                )
         return _like(value, {key: _plain(each, f"{where}.{key}") for key, each in value.items()})
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
         parts = [_plain(each, f"{where}[{i}]") for i, each in enumerate(value)]
@@ -334,6 +297,3 @@ def _restored(value: Any) -> Any:
         parts = [_restored(each) for each in value]
         return tuple(parts) if isinstance(value, tuple) else parts
     return value
-
-
-__all__ = ["BEST", "FORMAT", "FREE", "LAST", "RNG", "Checkpoint", "differences", "load", "save"]

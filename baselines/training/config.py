@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from rcare_marl.config import load, read_yaml
+from rcare_marl.config import load, plain, read_yaml
 from rcare_marl.envs.learning import EnvRecipe
 from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError
@@ -136,15 +136,8 @@ class TrainConfig:
 
     def recipe(self) -> EnvRecipe:
         """Return how the environments are made."""
-        return EnvRecipe(
-            task=self.task,
-            options=self.options,
-            cast=self.cast,
-            variants=self.variants,
-            learners=self.learners,
-            partners=self.partners,
-            residual=self.residual,
-        )
+        names = [each.name for each in dataclasses.fields(EnvRecipe)]
+        return EnvRecipe(**{name: getattr(self, name) for name in names})
 
     def algorithm_config(self) -> Any:
         """Return the settings of the algorithm, checked."""
@@ -154,7 +147,8 @@ class TrainConfig:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, from which `load_config` builds it again."""
-        return _plain(dataclasses.asdict(self))
+        found: dict[str, Any] = plain(dataclasses.asdict(self), "config")
+        return found
 
 
 def load_config(source: str | Path | Mapping[str, Any]) -> TrainConfig:
@@ -193,14 +187,3 @@ def config_names() -> list[str]:
     """Return the names of the configs that ship."""
     folder = Path(str(files(CONFIGS)))
     return sorted(path.stem for path in folder.glob("*.yaml"))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
-    return value
-
-
-__all__ = ["Demonstrations", "TrainConfig", "config_names", "default_config", "load_config"]

@@ -125,6 +125,3 @@ class Curriculum:
             )
         self.level = state["level"]
         self._recent = deque(state["recent"], maxlen=self._config.episodes)
-
-
-__all__ = ["FULL", "Curriculum", "CurriculumConfig", "Stage"]

@@ -117,9 +117,6 @@ class CsvLog:
         csv.DictWriter(out, self._columns, restval="", lineterminator="\n").writerows(rows)
         return out.getvalue()
 
-    def close(self) -> None:
-        """Nothing is left to write; safe to call twice."""
-
 
 class TensorBoardLog:
     """Events in the folder of a run: `tensorboard --logdir runs` shows them."""
@@ -152,20 +149,11 @@ class TrainingLog:
 
     def __init__(self, folder: str | Path, *, at_step: int = 0) -> None:
         """Open both; see `CsvLog`."""
-        self._parts = (
-            CsvLog(folder, at_step=at_step),
-            TensorBoardLog(folder, at_step=at_step),
-        )
+        self._curve = CsvLog(folder, at_step=at_step)
+        self._events = TensorBoardLog(folder, at_step=at_step)
+        self.close = self._events.close
 
     def write(self, step: int, metrics: Mapping[str, float]) -> None:
         """Write to both."""
-        for part in self._parts:
-            part.write(step, metrics)
-
-    def close(self) -> None:
-        """Close both; safe to call twice."""
-        for part in self._parts:
-            part.close()
-
-
-__all__ = ["CURVE", "CsvLog", "Reporter", "TensorBoardLog", "TrainingLog"]
+        self._curve.write(step, metrics)
+        self._events.write(step, metrics)

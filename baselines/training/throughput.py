@@ -45,11 +45,14 @@ from rcare_marl.baselines.algorithms.sac import Sac, SacConfig
 from rcare_marl.config import load
 from rcare_marl.envs.learning import BatchedEnv, EnvRecipe
 from rcare_marl.errors import ConfigError
+from rcare_marl.provenance import versions
 
 from .cluster import ASYNC
 from .collector import make_collector, shut_down
 from .config import default_config
 
+TASK, PROCESSES, SECONDS = "feeding", "1,2", 10.0  # what is measured where nothing is said
+MEASURED_WITH = ("pybullet", "numpy", "torch", "torchrl", "tensordict")
 ENVS = 8  # of each process
 HIDDEN = (256, 256)
 BLOCK = 16  # steps of the environment by itself between two looks at the clock
@@ -63,8 +66,23 @@ WANTED = {"collector_ratio": 0.7, "efficiency_at_16": 0.85}
 Source = Callable[[], int]  # does some steps and returns how many
 
 
+def bench(task: str = TASK, processes: str = PROCESSES, seconds: float = SECONDS) -> dict[str, Any]:
+    """Return what `rcare-marl bench learning` prints; `processes` is a text such as `1,4,16`."""
+    result = measure(task, processes=process_counts(processes), seconds=seconds)
+    return result | {"versions": versions(MEASURED_WITH)}
+
+
+def show(result: Mapping[str, Any]) -> None:
+    """Print what `bench` returned as a table."""
+    from rcare_marl.console import console, table
+
+    envs = result["envs_per_process"]
+    title = f"{result['task']}, {envs} environments a process, load {result['load']:.1f}"
+    console().print(table(title, ("what", "figure"), lines(result)))
+
+
 def measure(
-    task: str, *, processes: Sequence[int] = (1,), seconds: float = 10.0, envs: int = ENVS
+    task: str, *, processes: Sequence[int] = (1,), seconds: float = SECONDS, envs: int = ENVS
 ) -> dict[str, Any]:
     """Return what was measured, as plain values for JSON.
 
@@ -323,9 +341,9 @@ def process_counts(text: str) -> list[int]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure, and write JSON or lines of text."""
     parser = argparse.ArgumentParser(description="How fast learning is.")
-    parser.add_argument("--task", default="feeding")
-    parser.add_argument("--processes", default="1,2", help="counts, such as 1,4,16")
-    parser.add_argument("--seconds", type=float, default=10.0, help="time of each measurement")
+    parser.add_argument("--task", default=TASK)
+    parser.add_argument("--processes", default=PROCESSES, help="counts, such as 1,4,16")
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="time of each measurement")
     parser.add_argument("--envs", type=int, default=ENVS, help="environments of each process")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args(arguments)

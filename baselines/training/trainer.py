@@ -6,6 +6,7 @@ import json
 import random
 import time
 from collections import deque
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,15 @@ import torch
 from tensordict import TensorDictBase
 
 from rcare_marl.baselines.algorithms import make_algorithm
-from rcare_marl.baselines.evaluate import Episode, run_episode, versions
+from rcare_marl.baselines.algorithms.network import ActorArrays
 from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
-from rcare_marl.baselines.protocol import machine
 from rcare_marl.config import load
 from rcare_marl.envs.learning import BatchedEnv, LearnerEnv
 from rcare_marl.errors import ConfigError
+from rcare_marl.provenance import machine, versions
 
-from .checkpoint import Checkpoint
+from ..evaluation.evaluate import Episode, run_episode
+from . import checkpoint
 from .collector import make_collector, set_stage, shut_down
 from .config import VALIDATION_SEED, TrainConfig
 from .curriculum import Curriculum
@@ -109,8 +111,8 @@ class Trainer:
         self.config, self.folder = config, Path(folder)
         self._reporter = reporter
         self.stop_requested = False
-        self._checkpoint = Checkpoint(self.folder, config.to_dict())
-        if resume == "never" and self._checkpoint.exists():
+        self._last = self.folder / checkpoint.LAST
+        if resume == "never" and self._last.is_file():
             raise ConfigError(
                 f"{self.folder} holds a training already: resume it, or choose another folder"
             )
@@ -126,19 +128,12 @@ class Trainer:
         random.seed(config.seed)
         np.random.seed(config.seed)
         torch.manual_seed(config.seed)
-        is_local = isinstance(config.workers, int)
-        env = (
-            BatchedEnv(  # of workers elsewhere, one that only tells what the learner has to do with
-                config.recipe(),
-                count=config.envs if is_local else 1,
-                workers=config.workers if isinstance(config.workers, int) else 0,
-                seed=config.seed,
-            )
-        )
-        try:
+        count, workers = 1, 0  # of workers elsewhere, one that only tells what there is to learn
+        if isinstance(config.workers, int):
+            count, workers = config.envs, config.workers
+        made = BatchedEnv(config.recipe(), count=count, workers=workers, seed=config.seed)
+        with closing(made) as env:
             return self._run(env)
-        finally:
-            env.close()
 
     def _run(self, env: BatchedEnv) -> TrainResult:
         config = self.config
@@ -146,17 +141,15 @@ class Trainer:
         self._begun = time.monotonic()
         algorithm = make_algorithm(config.algo, settings, env, seed=config.seed)
         curriculum = Curriculum(config.curriculum)
-        saved = self._checkpoint.load()
+        is_begun = self._last.is_file()
+        saved = checkpoint.load(self._last, config=config.to_dict()) if is_begun else None
         self._evaluator = _Evaluator(config)
         if saved is None:
             progress = _Progress()
             env.set_stage(curriculum.stage)
             if config.demonstrations.episodes:
-                shown = LearnerEnv(config.recipe())
-                try:
+                with closing(LearnerEnv(config.recipe())) as shown:
                     demos = demonstrate(shown, config.demonstrations, config.seed)
-                finally:
-                    shown.close()
                 algorithm.add_demonstrations(demos)
             self.folder.mkdir(parents=True, exist_ok=True)
             self._write_beginnings()  # what cannot begin leaves no trace
@@ -169,7 +162,7 @@ class Trainer:
                 env.load_state_dict(saved["env"])
             else:
                 progress.sums = []  # new episodes begin
-            self._checkpoint.restore_rng(saved)
+            checkpoint.restore_rng(saved)
         log = TrainingLog(self.folder, at_step=progress.steps)
         if self._reporter is not None:
             self._reporter.start(config, config.steps, progress.steps)
@@ -318,13 +311,15 @@ class Trainer:
         *,
         is_best: bool,
     ) -> None:
-        self._checkpoint.save(
+        checkpoint.save(
+            self._last,
             {
                 "algorithm": algorithm.state_dict(),
                 "env": env.state_dict(),
                 "curriculum": curriculum.state_dict(),
                 "progress": progress.to_dict(),
             },
+            config=self.config.to_dict(),
             is_best=is_best,
         )
 
@@ -421,19 +416,24 @@ class _Evaluator:
         env = LearnerEnv(config.recipe())
         self._groups, self._observed = env.groups, env.observed
         self._actions = {
-            group: env.care_env.cast[roles[0]].action_names for group, roles in env.groups.items()
+            group: tuple(env.care_env.cast[roles[0]].action_names)
+            for group, roles in env.groups.items()
         }
         env.close()
 
-    def policy_file(self, group: str, arrays: Any, training: dict[str, Any]) -> PolicyFile:
+    def policy_file(self, group: str, arrays: ActorArrays, training: dict[str, Any]) -> PolicyFile:
         """Return the policy file of a group."""
         config = self._config
-        return PolicyFile.of(
-            arrays,
+        return PolicyFile(
             task=config.task,
             group=group,
             roles=self._groups[group],
             observed=self._observed[group],
+            action_size=len(arrays.layers[-1][1]),
+            action_low=arrays.low,
+            layers=arrays.layers,
+            mean=arrays.mean,
+            scale=arrays.scale,
             residual=config.residual.get(self._groups[group][0]),
             actions=self._actions[group],
             recipe=config.recipe().to_dict(),
@@ -442,8 +442,7 @@ class _Evaluator:
 
     def evaluate(self, files: dict[str, PolicyFile]) -> list[Episode]:
         """Return what came of the episodes."""
-        learner = LearnerEnv(self._config.recipe())
-        try:
+        with closing(LearnerEnv(self._config.recipe())) as learner:
             env = learner.care_env
             players = {
                 role: LearnedPolicy(env, role, files[group])
@@ -452,8 +451,6 @@ class _Evaluator:
             }
             count = self._config.evaluation_episodes
             return [run_episode(env, players, VALIDATION_SEED + i) for i in range(count)]
-        finally:
-            learner.close()
 
 
 def train(source: Any, folder: str | Path, *, reporter: Reporter | None = None) -> TrainResult:

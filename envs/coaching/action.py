@@ -8,9 +8,9 @@ import numpy as np
 
 from rcare_marl.agents.coaching.body import RobotBody
 from rcare_marl.agents.coaching.session import ACTS, WORDS, Demonstration, Order
-from rcare_marl.agents.control import Control
-from rcare_marl.agents.robot import Robot
-from rcare_marl.agents.robot_part import Part
+from rcare_marl.agents.robots.control import Control
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_part import Part
 from rcare_marl.errors import ConfigError
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Array
@@ -109,6 +109,3 @@ class CoachPart(Part):
 
     def observables(self) -> list[Observable]:
         return []
-
-
-__all__ = ["CoachPart", "Orders", "decode", "encode"]

@@ -5,28 +5,43 @@ from __future__ import annotations
 import abc
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from rcare_marl.agents.coaching.body import RobotBody
 from rcare_marl.agents.coaching.exercise import Exercise
 from rcare_marl.agents.coaching.retarget import Retarget
-from rcare_marl.agents.coaching.session import Demonstration, Lesson
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot
-from rcare_marl.errors import ConfigError
-from rcare_marl.observable import Observable
-from rcare_marl.pose import Pose, quaternion_from_rpy
+from rcare_marl.agents.coaching.session import WORDS, Demonstration, Lesson
+from rcare_marl.agents.coaching.upper_body import MOTIONS
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.world import World
 
+from ..state import Seen, State, Values
 from ..task import Role, Task
 from .action import LIMBS, CoachPart, Orders
 from .option import SocialCoachingOptions
 from .seat import Seat, stand
-from .trainee import Trainee, head_of, shown_observables
+from .trainee import Trainee, TraineeState, head_of, trainee_rewards
 
 EXPLAINING = 8.0  # [s] of the time limit for each exercise of each person; our own choice
 GENEROUS = 3.0  # time limit over the duration of all right repetitions as shown; our own choice
+
+
+@dataclass(frozen=True, eq=False)
+class LessonState(State):
+    """What is read of a lesson."""
+
+    exercise: Array  # which of all exercises is on, shape [n]
+    angles: Array  # what is shown now [rad], shape [16]
+    phase: float  # how far the repetition is that is being shown, 0 to 1
+    said: Array  # which of `WORDS` is being said, shape [5]
+    is_speaking: bool  # whether anything is
+    is_over: bool  # whether all exercises are done or left
+    is_complete: bool  # whether everything was done as often as it was asked for
+    trainees: Mapping[str, TraineeState]  # the people, by role
 
 
 class CoachingTask(Task):
@@ -42,10 +57,12 @@ class CoachingTask(Task):
 
     robot = Role(Robot, default="nao", partner="scripted", control="joint_position", moves=LIMBS)
 
+    reachable_by = ("nao", "pepper")
     Options = SocialCoachingOptions
     room_kinds = ("living", "lounge", "gym", "bedroom", "dining")
     options: SocialCoachingOptions
     session: Lesson
+    state: LessonState
 
     @property
     @abc.abstractmethod
@@ -53,7 +70,7 @@ class CoachingTask(Task):
         """The people who are coached, by role."""
 
     def seat(self, world: World, chairs: Mapping[str, Pose], coach: Pose) -> dict[str, Pose]:
-        """Add the floor, chairs and what the robot stands on; return where robot and recipients start.
+        """Add chairs and what the robot stands on; return where robot and recipients start.
 
         Args:
             world: The world.
@@ -65,7 +82,6 @@ class CoachingTask(Task):
         """
         Retarget(self.robot.config)  # refuses a robot without arms and head like a person's
         self.seats = {role: Seat(person) for role, person in self.recipients.items()}
-        self.lay_floor(world)
         places = {
             role: seat.spawn(world, chairs[role], name="" if len(chairs) == 1 else f"chair_{role}")
             for role, seat in self.seats.items()
@@ -77,16 +93,11 @@ class CoachingTask(Task):
         """Ask every trainee what they can do, and return the lesson."""
 
     def build(self, world: World) -> None:
-        self._world = world
         for agent in self.cast.values():
             if isinstance(agent, Human):
                 for seat in self.seats.values():
                     agent.ignore(seat.chair.body)  # the posture keeps them apart
-        movers = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        self.trainees = {
-            role: Trainee(person, self.measure(person, world, movers))
-            for role, person in self.recipients.items()
-        }
+        self.trainees = {role: Trainee(person) for role, person in self.recipients.items()}
         self.session = self.plan()
         self.body = RobotBody(self.robot)
         self.demonstration = Demonstration(self.session, self.body)
@@ -96,69 +107,84 @@ class CoachingTask(Task):
         asked = sum(len(trainee.session.exercises) for trainee in self.trainees.values())
         steps = math.ceil((GENEROUS * time + EXPLAINING * asked) / self.control_dt)
         self.time_limit = steps * self.control_dt
-        for role, person in self.recipients.items():
-            if world.contact_force(person.body) > 0:
-                raise ConfigError(f"something touches {role!r} before the episode begins")
 
     def reset(self, rng: np.random.Generator) -> None:
         repetitions = math.ceil(self.options.repetitions / self.options.tolerance)
         for trainee in self.trainees.values():
             trainee.reset(rng, repetitions)
-        self.begin()
+        self.begin_lesson()
         self.demonstration.reset()
         rest = self.session.exercise.angles(0.0)
         self.body.reset(rest)
         self.body.take(rest)
 
-    def begin(self) -> None:
+    def begin_lesson(self) -> None:
         """Begin the lesson; those of the trainees have begun."""
 
-    def after_substep(self) -> None:
+    def read(self, now: State, before: LessonState | None) -> LessonState:
         for trainee in self.trainees.values():
-            trainee.safety.after_substep()
+            trainee.tell_fatigue()
+            trainee.look(now.time)
+        self.see(now.time)
+        lesson, shown, coach = self.session, self.demonstration, head_of(self.robot)
+        on = "" if lesson.index >= len(lesson.exercises) else lesson.exercise.name
+        word = shown.word if shown.is_speaking else "nothing"
+        return LessonState(
+            **vars(now),
+            exercise=np.array([float(name == on) for name in self.options.exercises]),
+            angles=shown.angles,
+            phase=shown.phase,
+            said=np.array([float(word == known) for known in WORDS]),
+            is_speaking=shown.is_speaking,
+            is_over=lesson.is_over,
+            is_complete=lesson.is_complete,
+            trainees={
+                role: trainee.read(
+                    coach,
+                    None if before is None else before.trainees[role],
+                    is_asked=self.is_asked(role),
+                    is_told=self.is_told(role),
+                )
+                for role, trainee in self.trainees.items()
+            },
+        )
 
-    def after_step(self) -> None:
-        time = self._world.time
-        for trainee in self.trainees.values():
-            trainee.after_step(time, self.control_dt)
-        self.see(time)
-        coach = head_of(self.robot)
-        for trainee in self.trainees.values():
-            trainee.tally(coach)
+    def is_asked(self, role: str) -> bool:
+        """Return whether a person has a part in the exercise that is on."""
+        return True
+
+    def is_told(self, role: str) -> bool:
+        """Return whether what is being said is said to a person."""
+        return self.demonstration.is_speaking
 
     @abc.abstractmethod
     def see(self, time: float) -> None:
         """Let the lesson see the frames of the trainees."""
 
-    def shown(self) -> list[Observable]:
+    def shown(self) -> list[Seen]:
         """Return what everybody sees and hears of the coach."""
-        return shown_observables(self.session, self.demonstration, self.options.exercises)
+        return [
+            Seen("exercise", "1", len(self.options.exercises), lambda s: s.exercise),
+            Seen("shown_angles", "rad", len(MOTIONS), lambda s: s.angles),
+            Seen("shown_phase", "1", 1, lambda s: s.phase),
+            Seen("said", "1", len(WORDS), lambda s: s.said),
+        ]
 
-    def time_left(self) -> Observable:
-        """Return how long there is still to go."""
-        return Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,))
-
-    def rewards_of(self, role: str) -> dict[str, float]:
+    def rewards_of(self, role: str, state: LessonState) -> dict[str, Values]:
         """Return what the last control step was worth to the trainee in a role."""
-        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
-        return self.trainees[role].rewards(
-            self.options,
-            is_speaking=self.demonstration.is_speaking,
-            steps_left=left if self.is_success() else 0.0,
-        )
+        terms = trainee_rewards(self.options, state.trainees[role], state.is_speaking)
+        if self.options.reward == "shaped":  # to dawdle would pay more
+            best = self.options.weight("engagement")
+            terms["done"] = self.for_the_rest(state, self.succeeded(state), best)
+        return terms
 
-    def is_success(self) -> bool:
-        return self.session.is_complete and not self.is_failure()
+    def is_success(self, state: LessonState) -> Values:
+        return state.is_complete
 
-    def is_failure(self) -> bool:
-        is_left = self.session.is_over and not self.session.is_complete
-        hardest = max(trainee.safety.peak_force for trainee in self.trainees.values())
-        return is_left or hardest > self.options.force_limit
+    def is_failure(self, state: LessonState) -> Values:
+        return state.is_over & np.logical_not(state.is_complete)
 
 
 def facing(place: tuple[float, float], yaw: float) -> Pose:
     """Return the pose of what stands at a place on the floor [m], turned by `yaw` [rad]."""
     return Pose((*place, 0.0), tuple(quaternion_from_rpy(0, 0, yaw).tolist()))
-
-
-__all__ = ["CoachingTask", "facing"]

@@ -44,6 +44,3 @@ class GroupView:
     def is_speaking(self) -> bool:
         """Whether something is being said that this person is to hear."""
         return self._shown.is_speaking and self._shown.spoken_to in (None, self._name)
-
-
-__all__ = ["GroupView"]

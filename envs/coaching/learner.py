@@ -13,12 +13,12 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from rcare_marl.agents.actuation.muscular import MuscleDrive
-from rcare_marl.agents.actuation.skeletal import MAX_SPEED
 from rcare_marl.agents.coaching.imitation import SHOULDER, Imitation
 from rcare_marl.agents.coaching.session import Session, Word
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, SIDES
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.actuation.actuation import MAX_SPEED
+from rcare_marl.agents.people.actuation.muscular import MuscleDrive
+from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array
 
 Mistake = Literal["none", "half", "one arm", "other plane"]
@@ -33,11 +33,19 @@ BEGINS = math.radians(3.0)  # from rest, up to which a demonstration counts as j
 LOOKS_AWAY = math.radians(25.0)
 # Chance that a word sets a misunderstanding right, and that it brings attention back.
 MENDS: Mapping[Word, float] = {
-    "nothing": 0.0, "explain": 0.3, "encourage": 0.15, "praise": 0.0, "hint": 0.7
-}  # fmt: skip
+    "nothing": 0.0,
+    "explain": 0.3,
+    "encourage": 0.15,
+    "praise": 0.0,
+    "hint": 0.7,
+}
 CALLS: Mapping[Word, float] = {
-    "nothing": 0.0, "explain": 0.9, "encourage": 0.9, "praise": 0.6, "hint": 0.9
-}  # fmt: skip
+    "nothing": 0.0,
+    "explain": 0.9,
+    "encourage": 0.9,
+    "praise": 0.6,
+    "hint": 0.9,
+}
 SEEN_AGAIN = 0.2  # chance that one more demonstration does it
 WEARY_FROM, WEARY_SIZE = (
     0.5,
@@ -220,6 +228,3 @@ def _clear_of_wheels(angles: Array) -> None:
         far = (angles[arm.start] - HANGS) / (IS_CLEAR - HANGS)
         bent = BENT * (1.0 - min(max(float(far), 0.0), 1.0))
         angles[arm.start + 3] = max(float(angles[arm.start + 3]), bent)
-
-
-__all__ = ["Instruction", "Learner", "Shown"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rcare_marl.agents.coaching.exercise import exercise_names
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 
 from ..task_options import TaskOptions
 
@@ -22,22 +22,26 @@ class SocialCoachingOptions(TaskOptions):
     """
 
     SHAPED_WEIGHTS = {
-        "repetition": 1.0, "wrong": 0.2, "engagement": 0.02, "pain": 0.05, "fatigue": 0.02, "talk": 0.002
-    }  # fmt: skip
+        "repetition": 1.0,
+        "wrong": 0.2,
+        "engagement": 0.02,
+        "pain": 0.05,
+        "fatigue": 0.02,
+        "talk": 0.002,
+    }
 
-    exercises: tuple[str, ...] = ("lateral_raise", "upper_lift", "front_raise", "chest_expansion",
-                                  "head_rotation")  # fmt: skip
+    exercises: tuple[str, ...] = tuple(
+        """
+        lateral_raise upper_lift front_raise chest_expansion head_rotation
+        """.split()
+    )
     repetitions: int = 3
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in self.exercises:
-            if name not in exercise_names():
-                raise UnknownNameError("exercise", name, exercise_names())
+            check_name("exercise", name, exercise_names())
         if len(set(self.exercises)) != len(self.exercises) or not self.exercises:
             raise ConfigError(f"exercises must name some, each once, got {self.exercises}")
         if self.repetitions < 1:
             raise ConfigError(f"repetitions must be at least 1, got {self.repetitions}")
-
-
-__all__ = ["SocialCoachingOptions"]

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 
-from rcare_marl.agents.body.skeleton import JOINTS, SIDES
 from rcare_marl.agents.coaching.reach import raised_sides
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.people.body.skeleton import JOINTS, SIDES
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
-from .chair import ExerciseChair
+from ..devices import Wheelchair
 
 MOVABLE = (
-    "spine1", "neck", "head",
-    *(f"{side}_{part}" for side in SIDES for part in ("shoulder", "elbow_flexion", "elbow_pronation")),
-)  # fmt: skip
+    "spine1",
+    "neck",
+    "head",
+    *(
+        f"{side}_{part}"
+        for side in SIDES
+        for part in ("shoulder", "elbow_flexion", "elbow_pronation")
+    ),
+)
 TABLE = (0.46, 0.60, 0.72)  # [m] depth, width, height, under a small robot; our own choice
 
 
@@ -37,10 +43,10 @@ class Seat:
         """
         if person.posture.arms != "armrests":
             raise ConfigError(
-                f"who exercises sits in the wheelchair, not {person.posture.description}"
+                f"{person.name!r} must sit in the wheelchair, and is {person.posture.description}"
             )
         self.person, self._free = person, raised_sides(person.avatar.profile)
-        self.chair = ExerciseChair(self._free)
+        self.chair = Wheelchair(mounts="none", without_armrest=self._free)
         self._let_arms_hang()
 
     def _let_arms_hang(self) -> None:
@@ -89,6 +95,3 @@ def _add_table(world: World, place: Pose) -> None:
     ):
         at = place @ Pose((0.0, 0.0, z))
         world.add_box(size, at, name=name, rgba=(0.80, 0.70, 0.56, 1.0))
-
-
-__all__ = ["MOVABLE", "Seat", "stand"]

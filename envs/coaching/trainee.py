@@ -4,26 +4,27 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from rcare_marl.agents.actuation.muscular import MuscleDrive
-from rcare_marl.agents.body.skeleton import DOF_INDEX
 from rcare_marl.agents.coaching.exercise import Exercise, Reach
-from rcare_marl.agents.coaching.joints_source import JointsSource
 from rcare_marl.agents.coaching.reach import reach_of
-from rcare_marl.agents.coaching.recogniser import ERRORS
-from rcare_marl.agents.coaching.rule_recogniser import RuleRecogniser
-from rcare_marl.agents.coaching.session import WORDS, Demonstration, Lesson, Session
+from rcare_marl.agents.coaching.recognition.recogniser import ERRORS
+from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.session import Session
+from rcare_marl.agents.coaching.sources.joints_source import JointsSource
 from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, MOTIONS
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.physiology_model import REGIONS
-from rcare_marl.agents.robot import Robot
-from rcare_marl.observable import Observable
+from rcare_marl.agents.people.actuation.muscular import MuscleDrive
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.physiology_model import REGIONS
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.pose import Array
 
-from ..safety import SafetyMeter
+from ..state import Seen, Values, where
 from .option import SocialCoachingOptions
 
 # [rad/s] of an arm or the head in what is shown: people here go at 0.8 and catch up; muscles come later.
@@ -40,6 +41,28 @@ MUSCLES_NECK = math.radians(10)
 TIRING = ("neck", "left_arm", "right_arm")  # regions whose fatigue people tell of
 
 
+@dataclass(frozen=True, eq=False)
+class TraineeState:
+    """What is read of one person of a lesson."""
+
+    angles: Array  # of the upper body as the simulator knows them [rad], shape [16]
+    following: bool  # whether the person follows: the green window
+    progress: float  # how far the present repetition is, 0 to 1
+    errors: Array  # which of `ERRORS` the last repetition had, shape [n]
+    left: float  # repetitions that are left of the exercise that is on
+    since_right: float  # since the last right repetition, or since the exercise began [s]
+    gaze: float  # cosine between the face and the way to the robot's head
+    told_fatigue: float  # how tired they say that they are, 0 to 1
+    is_told: bool  # whether what is being said is said to them
+    pain: float  # what they feel, 0 to 10
+    right: float  # right repetitions so far, of each exercise no more than asked for
+    new_right: float  # those of the last control step
+    wrong: float  # wrong repetitions so far
+    new_wrong: float  # those of the last control step
+    wanted: float  # repetitions asked for
+    done: float  # exercises that are done
+
+
 class Trainee:
     """One person of a lesson.
 
@@ -49,15 +72,13 @@ class Trainee:
         reach: What the person can do, seated as they are.
         speed: How fast what is shown goes at most, for this person to follow [rad/s].
         session: What is asked of them and what they have done; once `ask` was called.
-        safety: What they go through.
-        gaze: Cosine between the face and the way to the robot's head.
     """
 
     session: Session
 
-    def __init__(self, person: Human, safety: SafetyMeter) -> None:
-        """Take a person who has been spawned, and what measures them."""
-        self.person, self.safety, self.gaze = person, safety, 0.0
+    def __init__(self, person: Human) -> None:
+        """Take a person who has been spawned."""
+        self.person = person
         self._order = [DOF_INDEX[dof] for dof in person.movable]
         self._begin_to_look()
         self.reach, self.speed = reach_of(person.avatar.profile, self.seen), SPEED
@@ -74,20 +95,21 @@ class Trainee:
     def reset(self, rng: np.random.Generator, repetitions: int) -> None:
         """Begin an episode in which so many repetitions of each exercise are asked for."""
         turn = rng.uniform(-HEAD_TURN, HEAD_TURN)
-        halves = [dof for dof in ("neck_rotation_left", "head_rotation_left")
-                  if dof in self.person.movable]  # fmt: skip
+        halves = [
+            dof
+            for dof in ("neck_rotation_left", "head_rotation_left")
+            if dof in self.person.movable
+        ]
         self.person.set_angles(dict.fromkeys(halves, turn / 2))
         self.session.wanted = [repetitions for _ in self.session.exercises]
         self.session.reset(copy.deepcopy(self._unused))
         self._begin_to_look()
-        self.safety.reset()
-        self._before = self._new = (0, 0)
 
     def _begin_to_look(self) -> None:
         self._source = JointsSource(self.person.model.joints)
-        self._look(0.0)
+        self.look(0.0)
 
-    def _look(self, time: float) -> None:
+    def look(self, time: float) -> None:
         """See the person: all joint angles, as the simulator knows them."""
         angles = self.person.angles.copy()
         angles[self._order] = self.person.positions
@@ -95,97 +117,94 @@ class Trainee:
         assert frame is not None  # the simulator knows them all
         self.frame, self.seen = frame, np.nan_to_num(frame.angles)
 
-    def after_step(self, time: float, duration: float) -> None:
-        """Look at the person at the end of a control step, before the session does."""
-        self.safety.after_step(duration)
-        physiology = self.person.physiology
-        self.session.fatigue = max(
-            physiology.fatigue_of(region) for region in REGIONS if region in TIRING
-        )
-        self._look(time)
+    def tell_fatigue(self) -> None:
+        """Let the session know how tired the person is."""
+        fatigue_of = self.person.physiology.fatigue_of
+        self.session.fatigue = max(fatigue_of(region) for region in REGIONS if region in TIRING)
 
-    def tally(self, coach: Array) -> None:
-        """Count what the session has seen; the coach's head is at `coach` in the world [m]."""
-        counts = self.session.right_count, sum(self.session.wrong)
-        self._new = counts[0] - self._before[0], counts[1] - self._before[1]
-        self._before = counts
+    def read(
+        self, coach: Array, before: TraineeState | None, *, is_asked: bool, is_told: bool
+    ) -> TraineeState:
+        """Return the person at the end of a control step, after the session has seen them.
+
+        Args:
+            coach: Where the head of the robot is in the world [m], shape [3].
+            before: The state before; None at the beginning of an episode.
+            is_asked: Whether the person has a part in the exercise that is on.
+            is_told: Whether what is being said is said to them.
+        """
+        session, k = self.session, self.session.index
+        is_on = is_asked and k < len(session.wanted)
+        found = session.repetitions[-1:]
+        errors = found[0].errors if found else ()
+        right, wrong = float(session.right_count), float(sum(session.wrong))
         mouth, face = self.person.mouth_and_face()
         way = coach - mouth
-        self.gaze = float(face @ way / np.linalg.norm(way))
+        return TraineeState(
+            angles=self.seen,
+            following=session.judgement.following,
+            progress=session.judgement.progress,
+            errors=np.array([float(error in errors) for error in ERRORS]),
+            left=float(session.wanted[k] - session.right[k]) if is_on else 0.0,
+            since_right=session.since_right,
+            gaze=float(face @ way / np.linalg.norm(way)),
+            told_fatigue=session.fatigue,
+            is_told=is_told,
+            pain=self.person.physiology.pain,
+            right=right,
+            new_right=right - (0.0 if before is None else before.right),
+            wrong=wrong,
+            new_wrong=wrong - (0.0 if before is None else before.wrong),
+            wanted=float(sum(session.wanted)),
+            done=float(sum(r >= w for r, w in zip(session.right, session.wanted, strict=True))),
+        )
 
-    def observables(
-        self, is_asked: Callable[[], bool] = lambda: True, prefix: str = ""
-    ) -> list[Observable]:
-        """Return what there is to see of the person.
 
-        Args:
-            is_asked: Whether the person has a part in the exercise that is on.
-            prefix: Goes before each name.
-        """
-        session = self.session
+def trainee_seen(role: str, prefix: str = "") -> list[Seen]:
+    """Return what there is to see of a person in a lesson, `prefix` before each name."""
 
-        def left() -> float:
-            k = session.index
-            is_on = is_asked() and k < len(session.wanted)
-            return float(session.wanted[k] - session.right[k]) if is_on else 0.0
+    def of(name: str) -> Callable[[Any], Values]:
+        return lambda state: getattr(state.trainees[role], name)
 
-        return [
-            Observable(f"{prefix}{name}", unit, size, read)
-            for name, unit, size, read in (
-                ("seen_angles", "rad", len(MOTIONS), lambda: self.seen),
-                ("following", "1", 1, lambda: (float(session.judgement.following),)),
-                ("progress", "1", 1, lambda: (session.judgement.progress,)),
-                ("last_error", "1", len(ERRORS), self._error),
-                ("repetitions_left", "1", 1, lambda: (left(),)),
-                ("since_right", "s", 1, lambda: (session.since_right,)),
-                ("gaze_at_coach", "1", 1, lambda: (self.gaze,)),
-                ("told_fatigue", "1", 1, lambda: (session.fatigue,)),
-                ("contact_force", "N", 1, lambda: (self.safety.force,)),
-            )
-        ]
+    return [
+        Seen(f"{prefix}seen_angles", "rad", len(MOTIONS), of("angles")),
+        Seen(f"{prefix}following", "1", 1, of("following")),
+        Seen(f"{prefix}progress", "1", 1, of("progress")),
+        Seen(f"{prefix}last_error", "1", len(ERRORS), of("errors")),
+        Seen(f"{prefix}repetitions_left", "1", 1, of("left")),
+        Seen(f"{prefix}since_right", "s", 1, of("since_right")),
+        Seen(f"{prefix}gaze_at_coach", "1", 1, of("gaze")),
+        Seen(f"{prefix}told_fatigue", "1", 1, of("told_fatigue")),
+        Seen(f"{prefix}contact_force", "N", 1, lambda state: state.safety[role].force),
+    ]
 
-    def _error(self) -> Array:
-        found = self.session.repetitions[-1:]
-        errors = found[0].errors if found else ()
-        return np.array([float(error in errors) for error in ERRORS])
 
-    def rewards(
-        self, options: SocialCoachingOptions, *, is_speaking: bool, steps_left: float
-    ) -> dict[str, float]:
-        """Return what the last control step was worth.
+def trainee_rewards(
+    options: SocialCoachingOptions, trainee: TraineeState, is_speaking: Values
+) -> dict[str, Values]:
+    """Return what a control step was worth to a person, while the coach says something or not."""
+    terms: dict[str, Values] = {"repetition": trainee.new_right}
+    if options.reward == "paper":
+        return terms
+    terms["wrong"] = -trainee.new_wrong
+    looks = where(trainee.gaze > math.cos(LOOKS), 0.5, 0.0)
+    terms["engagement"] = where(trainee.following, 1.0, looks)
+    terms["pain"] = -trainee.pain / 10.0
+    terms["fatigue"] = -trainee.told_fatigue
+    terms["talk"] = -(is_speaking * 1.0)
+    return options.weighted(terms)
 
-        Args:
-            options: The settings of the task.
-            is_speaking: Whether the coach says something.
-            steps_left: Control steps until the time limit where the episode ends well, 0 elsewhere: it is
-                paid as if it had gone on so, or to dawdle would pay more.
-        """
-        terms = {"repetition": float(self._new[0])}
-        if options.reward == "paper":
-            return terms
-        session = self.session
-        terms["wrong"] = -float(self._new[1])
-        looks = 0.5 if self.gaze > math.cos(LOOKS) else 0.0
-        terms["engagement"] = 1.0 if session.judgement.following else looks
-        terms["pain"] = -self.person.physiology.pain / 10.0
-        terms["fatigue"] = -session.fatigue
-        terms["talk"] = -float(is_speaking)
-        return {**options.weighted(terms), "done": options.weight("engagement") * steps_left}
 
-    def metrics(self) -> Mapping[str, float]:
-        """Return what is reported of this person's part of the episode so far."""
-        session = self.session
-        return {
-            **self.safety.metrics(),
-            "right_repetitions": float(session.right_count),
-            "wanted_repetitions": float(sum(session.wanted)),
-            "wrong_repetitions": float(sum(session.wrong)),
-            "exercises_done": float(
-                sum(r >= w for r, w in zip(session.right, session.wanted, strict=True))
-            ),
-            "fatigue": session.fatigue,
-            "following": float(session.judgement.following),
-        }
+def trainee_metrics(trainee: TraineeState) -> dict[str, Values]:
+    """Return what is reported of a person's part of the episode so far."""
+    return {
+        "right_repetitions": trainee.right,
+        "wanted_repetitions": trainee.wanted,
+        "wrong_repetitions": trainee.wrong,
+        "exercises_done": trainee.done,
+        "fatigue": trainee.told_fatigue,
+        "following": trainee.following,
+    }
 
 
 def reach_of_muscles(reach: Reach) -> Reach:
@@ -202,27 +221,3 @@ def head_of(robot: Robot) -> Array:
     joints = robot.parts["head"].joints
     assert joints is not None
     return np.array(robot.body.link_pose(joints.indices[-1]).position)
-
-
-def shown_observables(
-    lesson: Lesson, shown: Demonstration, exercises: Sequence[str]
-) -> list[Observable]:
-    """Return what everybody sees and hears of the coach, `exercises` being the names of all of them."""
-
-    def which() -> Array:
-        on = "" if lesson.index >= len(lesson.exercises) else lesson.exercise.name
-        return np.array([float(name == on) for name in exercises])
-
-    def said() -> Array:
-        word = shown.word if shown.is_speaking else "nothing"
-        return np.array([float(word == known) for known in WORDS])
-
-    return [
-        Observable("exercise", "1", len(exercises), which),
-        Observable("shown_angles", "rad", len(MOTIONS), lambda: shown.angles),
-        Observable("shown_phase", "1", 1, lambda: (shown.phase,)),
-        Observable("said", "1", len(WORDS), said),
-    ]
-
-
-__all__ = ["Trainee", "head_of", "shown_observables"]

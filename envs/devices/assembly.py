@@ -10,8 +10,9 @@ from typing import Literal
 
 import numpy as np
 
+from rcare_marl.model.shape import ZERO, MeshFile, Shape, Triple
+from rcare_marl.model.urdf import Joint, Link, Model
 from rcare_marl.pose import Array, Pose
-from rcare_marl.urdf import ZERO, Joint, Link, MeshFile, Model, Shape, Triple
 
 Inertia = tuple[float, float, float, float, float, float]
 
@@ -89,10 +90,18 @@ class Assembly:
         base = self.parts[parent].origin
         self.parts[name] = Part(mass, origin=at)
         self.joints[joint or name] = Joint(
-            kind=kind, parent=parent, child=name, axis=axis, lower=lower, upper=upper,
+            kind=kind,
+            parent=parent,
+            child=name,
+            axis=axis,
+            lower=lower,
+            upper=upper,
             at=(at[0] - base[0], at[1] - base[1], at[2] - base[2]),
-            effort=effort, velocity=velocity, damping=damping, friction=friction,
-        )  # fmt: skip
+            effort=effort,
+            velocity=velocity,
+            damping=damping,
+            friction=friction,
+        )
         return self.parts[name]
 
     def model(self, name: str, source: str, materials: Mapping[str, tuple[float, ...]]) -> Model:
@@ -151,6 +160,16 @@ def _lumps(shape: Shape) -> list[tuple[float, Array, Array]]:
     return [(volume, np.asarray(pose.position), turn @ np.diag(own) @ turn.T)]
 
 
+def weighed(link: Link) -> Link:
+    """Return a link that weighs as if its solids and its drawn tubes were of one density."""
+    com, inertia = weigh(link.mass, [*link.collision, *_tubes(link)])
+    return dataclasses.replace(link, com=com, inertia=inertia)
+
+
+def _tubes(link: Link) -> list[Shape]:
+    return [shape for shape in link.visual if shape.kind == "tube"]
+
+
 def _link(part: Part) -> Link:
     back = (-part.origin[0], -part.origin[1], -part.origin[2])
     visual = tuple(shifted(shape, back).coarse() for shape in part.visual)
@@ -160,11 +179,8 @@ def _link(part: Part) -> Link:
     if mass is None:
         mass = part.density * sum(size for shape in heavy for size, _, _ in _lumps(shape))
     else:
-        heavy += [shape for shape in visual if shape.kind == "tube"]
+        heavy += _tubes(link)
     if mass == 0:
         return link
     com, inertia = part.inertia or weigh(mass, heavy)
     return dataclasses.replace(link, mass=mass, com=com, inertia=inertia)
-
-
-__all__ = ["Assembly", "Part", "shifted", "weigh"]

@@ -9,18 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcare_marl.agents.avatar import AvatarConfig, body_model, body_segments
-from rcare_marl.agents.body.posture import UPRIGHT, PostureConfig
-from rcare_marl.agents.body.segment import Shape
-from rcare_marl.agents.body.skeleton import (
+from rcare_marl.agents.people.avatar import AvatarConfig, body_model, body_segments
+from rcare_marl.agents.people.body.posture import UPRIGHT, PostureConfig
+from rcare_marl.agents.people.body.segment import Shape
+from rcare_marl.agents.people.body.skeleton import (
     DOF_INDEX,
     JOINT_INDEX,
     JOINTS,
     SIDES,
-    axis_rotation,
     forward_kinematics,
 )
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, axis_rotation, quaternion_from_matrix
 
 _LEGS = ("hip_flexion", "knee_flexion")
 _STEPS, _CLOSE = 40, 2e-4  # at most so many tries, until something lies as deep as it should [m]
@@ -246,6 +245,3 @@ def _least(value: Callable[[float], float], low: float, high: float) -> float:
             low, below, above = angle, now, above * (0.5 if last < 0 else 1.0)
         last = 1 if now > 0 else -1
     return high
-
-
-__all__ = ["HIPS", "BedRest", "Sections"]

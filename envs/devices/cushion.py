@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
+from rcare_marl.model.shape import Shape, Triple
+from rcare_marl.model.urdf import Link
 from rcare_marl.pose import Pose, quaternion_from_rpy
-from rcare_marl.urdf import Link, Model, Shape, Triple
 from rcare_marl.world import World
 
-from .device import Device, Frame
+from .device import Device
+from .device_model import DeviceModel, Frame, Touch
 
 # Our own choices. A forearm of 1.5 kg sinks in by less than a centimetre.
 STIFFNESS, DAMPING = 3000.0, 60.0  # [N/m], [N·s/m] of a point of contact
@@ -45,31 +47,25 @@ class Cushion(Device):
         """
         if min(size) < LEAST:
             raise ConfigError(f"a cushion is {LEAST} m or more each way, got {size}")
-        self.size = size
-
-    @property
-    def frames(self) -> Mapping[str, Frame]:
-        return {"top": Frame((0.0, 0.0, self.size[2]), note="middle of the upper side")}
-
-    def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
-        body = super().spawn(world, pose, name=name)
-        body.set_softness(stiffness=STIFFNESS, damping=DAMPING)
-        body.set_friction([-1], lateral=FRICTION)
-        return body
-
-    def model(self) -> Model:
-        at = (0.0, 0.0, 0.5 * self.size[2])
-        bevel = min(0.02, 0.45 * min(self.size))
+        self.size, at = size, (0.0, 0.0, 0.5 * size[2])
+        bevel = min(0.02, 0.45 * min(size))
+        block = Shape(kind="box", at=at, size=size)
         link = Link(
             mass=0.5,
             com=at,
             inertia=(1e-3, 0.0, 0.0, 1e-3, 0.0, 1e-3),
-            visual=(Shape(kind="box", material="linen", at=at, size=self.size, bevel=bevel),),
-            collision=(Shape(kind="box", at=at, size=self.size),),
+            visual=(dataclasses.replace(block, material="linen", bevel=bevel),),
+            collision=(block,),
         )
-        return Model(
-            name="cushion", source="own choice", links={"cushion": link}, materials={"linen": RGBA}
+        model = DeviceModel(
+            name="cushion",
+            source="own choice",
+            links={"cushion": link},
+            materials={"linen": RGBA},
+            frames={"top": Frame((0.0, 0.0, size[2]), note="middle of the upper side")},
+            contact={"cushion": Touch(FRICTION, stiffness=STIFFNESS, damping=DAMPING)},
         )
+        super().__init__(model)
 
 
 def lay_under(world: World, person: Human, side: str, *, base: float, under: float) -> Body | None:
@@ -112,6 +108,3 @@ def _beneath(person: Human, side: str, base: float) -> tuple[Pose, float]:
     x, y = (start + MIDDLE * way)[:2].tolist()
     turn = quaternion_from_rpy(0, 0, math.atan2(way[1], way[0]))
     return Pose((x, y, base), tuple(turn.tolist())), LENGTH * math.hypot(way[0], way[1])
-
-
-__all__ = ["LEAST", "Cushion", "lay_under", "move_under"]

@@ -2,73 +2,66 @@
 
 from __future__ import annotations
 
-import abc
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from numbers import Real
+from pathlib import Path
 
 import pybullet as bullet
 
+from rcare_marl.agents.people.human import Human
+from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
-from rcare_marl.errors import ActionError, UnknownNameError, WorldError
-from rcare_marl.pose import Pose, quaternion_from_rpy
-from rcare_marl.urdf import Model, Triple, write
+from rcare_marl.errors import ActionError, ConfigError, WorldError, check_name
+from rcare_marl.model.urdf import write
+from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
+from .device_model import DeviceControl, DeviceModel, Frame, load_device
+from .dry_friction import DryFriction, grip
+
+HOLD = 5000.0  # [N], of the bond between a person and what carries them; own choice
 _ROUNDING = 1e-4  # of limits and targets, and of joints that are pressed against a limit [rad or m]
 
 
-@dataclass(frozen=True)
-class Frame:
-    """A place on a device, in the device's frame.
+class Device:
+    """A body made from data: a YAML file has all that it is.
+
+    Its frames go with its links. Its controls are worked by name: `command` drives one to a place, `stop`
+    holds it, `position` tells where it stands, `limits` how far it goes, and `set_position` puts it there
+    at once.
 
     Attributes:
-        position: Origin [m].
-        rpy_deg: Turn, fixed-axis roll, pitch, yaw [degrees].
-        note: What it is.
+        model: Links, joints, frames, controls and contacts; it may be changed before `spawn`.
     """
 
-    position: Triple
-    rpy_deg: Triple = (0.0, 0.0, 0.0)
-    note: str = ""
-
-    @property
-    def pose(self) -> Pose:
-        """The pose of the frame in the device."""
-        turn = quaternion_from_rpy(*(math.radians(angle) for angle in self.rpy_deg))
-        return Pose(self.position, tuple(turn.tolist()))
-
-
-@dataclass(frozen=True)
-class DeviceControl:
-    """A motor, actuator or hand that works one joint of a device.
-
-    Attributes:
-        joint: The joint.
-        speed: Greatest speed [rad/s or m/s].
-        force: Greatest force or torque [N or N·m]; what holds it where it stands, too.
-        note: What it does.
-    """
-
-    joint: str
-    speed: float
-    force: float
-    note: str = ""
-
-
-class Device(abc.ABC):
-    """A body made from data.
-
-    Its controls are worked by name: `command` drives one to a place, `stop` holds it, `position` tells
-    where it stands, `limits` how far it goes, and `set_position` puts it there at once.
-    """
-
-    postures: Mapping[str, tuple[str, str]] = {}  # how people rest in it: posture, frame
-    _fixed = True
     _body: Body | None = None
+    _bond: Attachment | None = None
     _client: int
-    _frame_poses: dict[str, Pose]  # of those that were asked for, once it is in a world
+
+    def __init__(
+        self, source: str | Path | DeviceModel, *, fixed: Mapping[str, float] | None = None
+    ) -> None:
+        """Make a device.
+
+        Args:
+            source: A name in `assets/devices`, a YAML file, or a model.
+            fixed: Joints that stand still for good, and where [rad or m].
+
+        Raises:
+            UnknownNameError: If there is no such device or joint, or its file has an unknown key.
+            ConfigError: If a value in its file is missing or impossible, or a joint does not go so far.
+        """
+        self.model = source if isinstance(source, DeviceModel) else load_device(source)
+        self._set = dict(fixed or {})
+        for name, position in self._set.items():
+            check_name(f"joint of {self.model.name}", name, self.model.joints)
+            joint = self.model.joints[name]
+            if not joint.lower <= position <= joint.upper:
+                raise ConfigError(
+                    f"{name!r} of {self.model.name!r} goes from {joint.lower:.4g} to"
+                    f" {joint.upper:.4g}, not to {position}"
+                )
 
     @property
     def body(self) -> Body:
@@ -80,19 +73,20 @@ class Device(abc.ABC):
             raise WorldError(f"this {type(self).__name__} is in no world yet: spawn it first")
         return self._body
 
-    @abc.abstractmethod
-    def model(self) -> Model:
-        """Return its links and shapes."""
-
     @property
-    @abc.abstractmethod
     def frames(self) -> Mapping[str, Frame]:
         """Named places on it."""
+        return self.model.frames
 
     @property
     def controls(self) -> Mapping[str, DeviceControl]:
         """What can be worked by `command`; all other joints move freely, within their friction."""
-        return {}
+        return self.model.controls
+
+    @property
+    def postures(self) -> Mapping[str, tuple[str, str]]:
+        """How people rest in it: posture, frame."""
+        return self.model.postures
 
     @property
     def pose(self) -> Pose:
@@ -100,38 +94,70 @@ class Device(abc.ABC):
         return self.body.base_pose()
 
     def frame(self, name: str) -> Pose:
-        """Return the pose of a named frame in the device; UnknownNameError if there is none."""
+        """Return a named frame in the device with its joints at zero; UnknownNameError if there is none."""
         if self._body is not None and name in self._frame_poses:
             return self._frame_poses[name]
-        frames = self.frames
-        if name not in frames:
-            raise UnknownNameError("frame", name, frames)
+        check_name("frame", name, self.frames)
+        frame = self.frames[name]
+        pose, link = frame.pose, frame.link or self.model.root
+        if self._set:
+            at_zero = self.model.link_pose(link)
+            pose = self.model.link_pose(link, self._set) @ at_zero.inverse() @ pose
         if self._body is not None:  # its sizes do not change any more
-            self._frame_poses[name] = frames[name].pose
-        return frames[name].pose
+            self._frame_poses[name] = pose
+        return pose
 
     def frame_in_world(self, name: str) -> Pose:
         """Return the present pose of a named frame in the world."""
-        return self.pose @ self.frame(name)
+        link = self._carriers.get(name) if self._body is not None else None
+        if link is None:
+            return self.pose @ self.frame(name)
+        there = self.body.link_pose(self.body.link_index(link))
+        return there @ self._to_base[link] @ self.frame(name)
 
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         """Load it into `world` at `pose`, once, and return its body; WorldError the second time."""
         if self._body is not None:
             raise WorldError(f"{self._body.name!r} was spawned already: make another device")
-        model = self.model()
+        model = self.model
         # Fixed joints cost nothing where their links melt into those that carry them.
-        path = write(model, melt_except=self._kept_links())
-        body = world.load_urdf(path, pose, name=name or model.name, fixed=self._fixed)
-        self._body, self._client = body, world.client
-        self._frame_poses = {}
+        path = write(model, melt_except=tuple(model.contact), fixed_joints=self._set)
+        body = world.load_urdf(path, pose, name=name or model.name, fixed=not model.is_movable)
+        self._body, self._client, self._world = body, world.client, world
+        self._frame_poses: dict[str, Pose] = {}
+        # All joints stand at zero now.
+        carriers = {key: self._moving(f.link or model.root) for key, f in self.frames.items()}
+        self._carriers = {key: link for key, link in carriers.items() if link != model.root}
+        base = body.base_pose().inverse()
+        self._to_base = {
+            link: (base @ body.link_pose(body.link_index(link))).inverse()
+            for link in set(self._carriers.values())
+        }
         for joint, moving in body.joints.items():
             body.release_motors([moving.index], model.joints[joint].friction)
+        self._apply_contacts(world, body)
+        if model.sticking:
+            forces = {body.joint(j).index: model.joints[j].friction for j in model.sticking}
+            DryFriction(world, body).hold(forces)
         self.reset()
         return body
 
-    def _kept_links(self) -> tuple[str, ...]:
-        """Return the links that stay links of their own although they hang on a fixed joint."""
-        return ()
+    def _moving(self, link: str) -> str:
+        """Return the link that one is part of, after those behind fixed joints have melted."""
+        carriers = {joint.child: joint.parent for joint in self.model.joints.values()}
+        while link not in self.body.links:
+            link = carriers[link]
+        return link
+
+    def _apply_contacts(self, world: World, body: Body) -> None:
+        for link, touch in self.model.contact.items():
+            index = body.link_index(link)
+            if touch.friction is not None and touch.grips:
+                grip(world, body, [index], friction=touch.friction)
+            elif touch.friction is not None:
+                body.set_friction([index], lateral=touch.friction)
+            if touch.stiffness is not None and touch.damping is not None:
+                body.set_softness(stiffness=touch.stiffness, damping=touch.damping, links=[index])
 
     def reset(self) -> None:
         """Hold what is controlled where it stands: motor targets do not return with a snapshot."""
@@ -200,6 +226,49 @@ class Device(abc.ABC):
             )
 
     def _control(self, name: str) -> DeviceControl:
-        if name not in self.controls:
-            raise UnknownNameError("control", name, self.controls)
+        check_name("control", name, self.controls)
         return self.controls[name]
+
+    def carry(self, person: Human, frame: str = "") -> Attachment:
+        """Bond a person to what bears them, as by a belt, and return the bond.
+
+        They pass through the device from then on.
+
+        Args:
+            person: Who rests on it already; spawned with `fixed_base=False`.
+            frame: The frame that they rest on; that of the first of `postures` if empty.
+
+        Raises:
+            ConfigError: If the person's pelvis is held in place, or nobody rests in the device.
+            UnknownNameError: If there is no such frame.
+            WorldError: If somebody is carried already, the device is in no world, or the solver of
+                the world works with fewer iterations than the device asks for.
+        """
+        self._need_body()
+        if not self.postures:
+            raise ConfigError(f"nobody rests in {self.body.name!r}")
+        if not person.body.is_movable:
+            raise ConfigError(
+                f"{self.body.name!r} can carry {person.name!r} only with fixed_base=False"
+            )
+        frame = frame or next(iter(self.postures.values()))[1]
+        self.frame(frame)
+        if self._bond is not None and self._bond.is_active:
+            raise WorldError(f"{self._bond.child.name!r} rests there already: release them first")
+        least = self.model.least_iterations
+        if self._world.solver_iterations < least:
+            raise WorldError(
+                f"{self.body.name!r} with a person needs {least} iterations of the solver, got"
+                f" {self._world.solver_iterations}: call world.set_solver_iterations({least})"
+            )
+        person.ignore(self.body)
+        link = self._carriers.get(frame, "base")
+        self._bond = self._world.attach(self.body, link, person.body, force=HOLD)
+        return self._bond
+
+    def release(self) -> None:
+        """Let go of who is carried; nothing happens if nobody is. They still pass through it."""
+        self._need_body()
+        if self._bond is not None:
+            self._world.detach(self._bond)
+        self._bond = None

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping
 import pybullet as bullet
 
 from rcare_marl.body import Body
-from rcare_marl.world import Contact, World
+from rcare_marl.contact import Contact
+from rcare_marl.world import World
 
 SLIP = 1e-3  # how far a joint gives before it slips [rad or m]; our own choice
 _GAIN = 0.1  # share of that which the motor takes back in one physics step
@@ -83,9 +84,9 @@ def grip(world: World, body: Body, links: Iterable[int], *, friction: float) -> 
     """
     for link in links:
         bullet.changeDynamics(
-            body.uid, link, lateralFriction=friction, frictionAnchor=1,
+            body.uid,
+            link,
+            lateralFriction=friction,
+            frictionAnchor=1,
             physicsClientId=world.client,
-        )  # fmt: skip
-
-
-__all__ = ["SLIP", "DryFriction", "grip"]
+        )

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.body.skeleton import JOINT_INDEX, SIDES
-from rcare_marl.agents.body.skin import PersonSkin
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX, SIDES
+from rcare_marl.agents.people.body.skin import PersonSkin
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, matrix_from_quaternion
-from rcare_marl.urdf import Triple
+from rcare_marl.pose import Array, Vector, matrix_from_quaternion
 from rcare_marl.world import World
 
 if TYPE_CHECKING:
-    from rcare_marl.agents.human import Human
+    from rcare_marl.agents.people.human import Human
 
 Floats = npt.NDArray[np.float32]
 Faces = npt.NDArray[np.int32]
@@ -40,7 +39,6 @@ class SlingConfig:
 
     Attributes:
         source: Where the figures are from.
-        mass: Of the fabric and its straps [kg].
         posture: How a person hangs in it (`assets/postures`).
         head_support: Whether it bears the head.
         holds_arms: Whether the arms lie inside the fabric.
@@ -58,7 +56,6 @@ class SlingConfig:
     """
 
     source: str
-    mass: float
     posture: str
     head_support: bool
     holds_arms: bool
@@ -111,7 +108,7 @@ class Sling:
         """Prepare a sling of these figures."""
         self.config = config
 
-    def hang(self, world: World, lift: Body, link: str, hooks: Mapping[str, Triple]) -> None:
+    def hang(self, world: World, lift: Body, link: str, hooks: Mapping[str, Vector]) -> None:
         """Hang it, empty, on the hooks of a link of a lift and let the renderers draw it.
 
         Args:
@@ -257,9 +254,14 @@ def _flap(
     taper = np.linspace(0.6, 1.0, _FLAP[0])  # narrow between the legs near the body
     thigh = surface[owner == JOINT_INDEX[f"{side}_hip"]]
     return _wrapped(
-        config, thigh, middles, tangents, np.full(_FLAP[0], sign * outer), -sign * inner * taper,
+        config,
+        thigh,
+        middles,
+        tangents,
+        np.full(_FLAP[0], sign * outer),
+        -sign * inner * taper,
         _FLAP[1],
-    )  # fmt: skip
+    )
 
 
 def _owned(owner: npt.NDArray[np.intp], parts: Sequence[str]) -> npt.NDArray[np.bool_]:
@@ -385,16 +387,16 @@ def _idle(config: SlingConfig, hooks: Mapping[str, Array]) -> _Cloth:
     width = half * (0.62 + 0.2 * (1 - s**2))
     fold = 0.02 * np.sin(3 * np.pi * v) * (1 - s**2)
     panel = np.stack(
-        (0.8 * reach * np.sign(s) * np.abs(s) ** 0.5 + fold, width * v,
-         -0.14 - (config.idle_depth - 0.14) * (1 - np.abs(s) ** 3)),
+        (
+            0.8 * reach * np.sign(s) * np.abs(s) ** 0.5 + fold,
+            width * v,
+            -0.14 - (config.idle_depth - 0.14) * (1 - np.abs(s) ** 3),
+        ),
         axis=-1,
-    )  # fmt: skip
+    )
     anchors = []
     for side, column, inner in (("left", -1, -2), ("right", 0, 1)):
         for end, row in (("front", -1), ("back", 0)):
             anchors.append((panel[row, column], panel[row, inner], hooks[f"hook_{side}_{end}"]))
     cloth = _join(config, [panel], anchors)
     return _Cloth(cloth.points, cloth.faces, cloth.colors, np.ones(len(cloth.points), np.bool_))
-
-
-__all__ = ["Sling", "SlingConfig"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.body import Body
-from rcare_marl.pose import Pose
-from rcare_marl.urdf import Triple
+from rcare_marl.model.shape import Triple
+
+from .device import Device
 
 
 class Telescope:
-    """A cylinder and its rod, whose ends hang on two links: implements `rcare_marl.world.Lines`.
+    """A cylinder and its rod, between two frames of a device: implements `rcare_marl.world.Lines`.
 
     It lengthens and turns with them; the joint that it works does the pushing.
 
@@ -22,9 +22,9 @@ class Telescope:
 
     def __init__(
         self,
-        body: Body,
-        low: tuple[str, Triple],
-        high: tuple[str, Triple],
+        device: Device,
+        low: str,
+        high: str,
         *,
         length: float,
         radii: tuple[float, float] = (0.026, 0.013),
@@ -33,30 +33,24 @@ class Telescope:
         """Prepare it.
 
         Args:
-            body: What it is part of.
-            low: Link and point in its frame [m] where the cylinder begins.
-            high: Link and point in its frame [m] where the rod ends.
+            device: What it is part of.
+            low: Frame where the cylinder begins.
+            high: Frame where the rod ends.
             length: Of the cylinder [m].
             radii: Of cylinder and rod [m].
             colors: Of cylinder and rod, red, green, blue, each in [0, 1].
         """
-        self._body, self._length = body, length
-        self._ends = [(body.link_index(link), Pose(at)) for link, at in (low, high)]
+        self._device, self._ends, self._length = device, (low, high), length
         self.starts = np.array((0, 2, 4), np.int64)
         self.radii = np.repeat(np.array(radii, np.float32), 2)
         self._colors = np.repeat(np.round(255 * np.array(colors)).astype(np.uint8), 2, axis=0)
 
     def points(self) -> npt.NDArray[np.float32]:
         """Return where it is in the world [m], shape [4, 3]."""
-        low, high = (
-            np.array((self._body.link_pose(link) @ at).position) for link, at in self._ends
-        )
+        low, high = (np.array(self._device.frame_in_world(end).position) for end in self._ends)
         top = low + (high - low) * min(1.0, self._length / float(np.linalg.norm(high - low)))
         return np.array((low, top, low, high), np.float32)
 
     def colors(self) -> npt.NDArray[np.uint8]:
         """Return the colour of each point, shape [4, 3]."""
         return self._colors
-
-
-__all__ = ["Telescope"]

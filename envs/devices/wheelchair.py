@@ -1,25 +1,122 @@
-"""A manual wheelchair, made from its dimensions."""
+"""Wheelchairs: one that stands still, and what all of them share."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
-from typing import Literal
+import math
+from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING, Literal
 
-from rcare_marl import assets
-from rcare_marl.agents.robot_config import Mount
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot_config import Mount
 from rcare_marl.body import Body
-from rcare_marl.config import load
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.model.shape import Shape, Triple
+from rcare_marl.model.urdf import Joint, Link
 from rcare_marl.pose import Pose, Vector
-from rcare_marl.urdf import Link, Model, Shape, Triple
 from rcare_marl.world import World
 
-from .device import Device, Frame
-from .wheelchair_frame import WheelchairConfig, WheelchairFrame
+from .device import Device
+from .device_model import DeviceModel
 
+if TYPE_CHECKING:
+    from .rolling_wheelchair import ManualWheelchair
+
+SIDES = {"left": 1, "right": -1}
 LOWEST_POST = 0.1  # [m]; what is mounted lower stands on the floor
+LOWEST_PLATE = 0.05  # [m] of footplates over the floor; our own choice
 EDGE = 0.002  # [m] by which contacts with a pad may lie beside it; our own choice
+
+
+def plates_under(left: Vector, right: Vector) -> Triple:
+    """Return where footplates go under soles, given in the chair [m]: ahead, to each side, and up.
+
+    Both plates stand at one height and distance: under the lower foot.
+    """
+    low = left if left[2] < right[2] else right
+    return float(low[0]), 0.5 * float(left[1] - right[1]), max(float(low[2]), LOWEST_PLATE)
+
+
+def with_plates(model: DeviceModel, ahead: float, aside: float, up: float) -> DeviceModel:
+    """Return a chair whose footplates, with the ends of their hangers, are elsewhere [m]."""
+    for side, sign in SIDES.items():
+        name, link = f"footplate_{side}", f"footrest_{side}"
+        frame, place = model.frames[name], (ahead, sign * aside, up)
+        x, y, z = (new - old for new, old in zip(place, frame.position, strict=True))
+        (plate, hanger), (solid,) = model.links[link].visual, model.links[link].collision
+        tilt, under = math.radians(-frame.rpy_deg[1]), 0.5 * plate.size[2]
+        middle = (ahead + under * math.sin(tilt), sign * aside, up - under * math.cos(tilt))
+        a, b, c = (m - o for m, o in zip(middle, model.link_pose(link).position, strict=True))
+        *above, ankle, end = hanger.points
+        points = (
+            *above,
+            (ankle[0] + x, ankle[1], ankle[2] + z),
+            (end[0] + x, end[1] + y, end[2] + z),
+        )
+        seen = (
+            dataclasses.replace(plate, at=(a, b, c)),
+            dataclasses.replace(hanger, points=points),
+        )
+        model = model.with_shapes(link, seen, [dataclasses.replace(solid, at=(a, b, c))])
+        moved = {name: dataclasses.replace(frame, position=place)}
+        model = dataclasses.replace(model, frames=model.frames | moved)
+    return model
+
+
+def spawn_fitted(
+    chair: Wheelchair | ManualWheelchair, person: Human, world: World, pose: Pose = Pose()
+) -> Pose:
+    """Add a chair whose footplates fit somebody, and return the support to spawn them on.
+
+    Their arms are going to lie on its armrests.
+    """
+    soles = person.soles(chair.frame("seat_back"))
+    chair.fit_footplates(soles["left"], soles["right"])
+    chair.spawn(world, pose)
+    person.use_arm_rests(*(chair.frame_in_world(f"armrest_{side}") for side in SIDES))
+    return chair.frame_in_world("seat_back")
+
+
+def with_posts(model: DeviceModel, mount: Triple, signs: Sequence[int]) -> DeviceModel:
+    """Return a chair with posts for robot arms whose base is at `mount` [m], left (1) and right (-1)."""
+    f = model.figure
+    x, aside, z = mount
+    rail = model.frames["seat"].position[2] - f("cushion") - 0.015
+    visual: list[Shape] = []
+    solids: list[Shape] = []
+    for sign in signs:
+        y, inner, hold = sign * aside, sign * 0.5 * f("seat_width"), 0.5 * f("seat_depth") - 0.03
+        arm = (
+            (hold, inner, rail),
+            (hold + 0.08, inner + sign * 0.1, rail - 0.03),
+            (x, y, z - 0.07),
+        )
+        rods = (("steel", 0.06, z - 0.012, z), ("frame", 0.025, z - 0.11, z - 0.012))
+        visual += [
+            Shape(
+                kind="cylinder", material=material, radius=radius, points=((x, y, low), (x, y, top))
+            )
+            for material, radius, low, top in rods
+        ]
+        visual += [
+            Shape(kind="tube", material="frame", radius=0.019, bend=0.06, points=arm),
+            Shape(kind="box", material="steel", at=arm[0], size=(0.06, 0.045, 0.05), bevel=0.008),
+        ]
+        ends = ((x, y, z - 0.15), (x, y, z - 0.002))
+        solids.append(Shape(kind="cylinder", radius=0.06, points=ends))
+    posts = Link(visual=tuple(visual), collision=tuple(solids))
+    mounts = {
+        f"mount_{side}": dataclasses.replace(
+            model.frames[f"mount_{side}"], position=(x, sign * aside, z)
+        )
+        for side, sign in SIDES.items()
+    }
+    return dataclasses.replace(
+        model,
+        links=model.links | {"posts": posts},
+        joints=model.joints | {"posts": Joint("fixed", model.root, "posts")},
+        frames=model.frames | mounts,
+    )
 
 
 class Wheelchair(Device):
@@ -34,39 +131,64 @@ class Wheelchair(Device):
         carries_robot: Whether it has a post for a robot arm.
     """
 
-    postures = {"seated": ("wheelchair", "seat_back")}
-
-    def __init__(self, config: WheelchairConfig | None = None, *, mounts: str = "both") -> None:
+    def __init__(
+        self,
+        source: str = "wheelchair",
+        *,
+        mounts: str = "both",
+        mount: Triple | None = None,
+        without_armrest: Collection[str] = (),
+    ) -> None:
         """Make a wheelchair.
 
         Args:
-            config: Its dimensions; those of the data file if None.
+            source: Name or YAML file.
             mounts: Where a post for a robot arm stands: `both`, `left`, `right` or `none`.
+            mount: Base of a robot arm on the left, mirrored on the right [m]; that of the data if None.
+            without_armrest: Sides, `left` and `right`, whose armrest is taken off.
 
         Raises:
             ConfigError: If `mounts` is none of these.
+            UnknownNameError: If a side is neither `left` nor `right`.
         """
         if mounts not in ("both", "left", "right", "none"):
             raise ConfigError(f"mounts must be one of both, left, right, none, got {mounts!r}")
-        self.config = config or load(WheelchairConfig, assets.find("devices", "wheelchair"))
+        super().__init__(source)
         self.carries_robot = mounts != "none"
-        self._posts = {"both": (1, -1), "left": (1,), "right": (-1,), "none": ()}[mounts]
+        signs = {"both": (1, -1), "left": (1,), "right": (-1,), "none": ()}[mounts]
+        place = mount or self.model.frames["mount_left"].position
+        for side in without_armrest:
+            check_name("side", side, SIDES)
+        bare = self.model.without([f"armrest_{side}" for side in without_armrest])
+        self.model = with_posts(bare, place, signs)
 
     def fit_footplates(self, left: Vector, right: Vector) -> None:
         """Move the footplates under a person's soles, given in the chair's frame [m], before `spawn`.
 
         Both plates stand at one height and distance: under the lower foot.
         """
-        self.config = self.config.with_footplates(left, right)
+        self.model = with_plates(self.model, *plates_under(left, right))
 
-    @property
-    def frames(self) -> Mapping[str, Frame]:
-        return self._frame().frames()
+    def fit_armrests(self, length: float) -> None:
+        """Give the pads of the armrests another length [m], before `spawn`."""
+        for name in self._armrests():
+            link = self.model.links[name]
+            visual, collision = (
+                [
+                    dataclasses.replace(s, size=(length, *s.size[1:])) if s.kind == "box" else s
+                    for s in shapes
+                ]
+                for shapes in (link.visual, link.collision)
+            )
+            self.model = self.model.with_shapes(name, visual, collision)
+
+    def _armrests(self) -> list[str]:
+        return [f"armrest_{side}" for side in SIDES if f"armrest_{side}" in self.model.links]
 
     @property
     def armrest_size(self) -> Triple:
         """Edges of the pad of an armrest [m]: along, across, thick."""
-        return self._frame().armrest_pad(1).size
+        return self.model.links[self._armrests()[0]].collision[0].size
 
     def load_on_armrest(
         self, side: Literal["left", "right"], world: World, body: Body, links: Collection[int]
@@ -87,45 +209,6 @@ class Wheelchair(Device):
                 load += touch.force * touch.normal[2]
         return load
 
-    def model(self) -> Model:
-        c, frame = self.config, self._frame()
-        visual = [*frame.upholstery(), *frame.headrest_tubes()]
-        for side in (1, -1):
-            visual += [frame.armrest_pad(side, bevel=0.012), frame.plate(side, bevel=0.006)]
-            visual += [*frame.side_frame(side), frame.hanger(side), frame.armrest_hoop(side)]
-            visual += [*frame.wheel(side), *frame.fork(side), *frame.caster(side)]
-        visual += [shape for side in self._posts for shape in frame.post(side)]
-        link = Link(mass=18.0, visual=tuple(visual), collision=tuple(self._solids(frame)))
-        return Model(
-            name="wheelchair", source=c.source, links={"wheelchair": link}, materials=c.materials
-        )
-
-    def _frame(self) -> WheelchairFrame:
-        return WheelchairFrame(self.config)
-
-    def _solids(self, frame: WheelchairFrame) -> list[Shape]:
-        c = self.config
-        radius = 0.5 * c.wheel_diameter
-        outer = 0.5 * c.width
-        solids = [
-            *frame.cushions(),
-            *(frame.armrest_pad(side) for side in (1, -1)),
-            *(frame.plate(side) for side in (1, -1)),
-        ]
-        for sign in (1, -1):
-            wheel = (
-                (c.wheel_axle, sign * (outer - 0.065), radius),
-                (c.wheel_axle, sign * outer, radius),
-            )
-            solids.append(Shape(kind="cylinder", radius=radius, points=wheel))
-        for sign in self._posts:
-            x, y, z = c.mount
-            solids.append(
-                Shape(kind="cylinder", radius=0.06,
-                      points=((x, sign * y, z - 0.15), (x, sign * y, z - 0.002)))
-            )  # fmt: skip
-        return solids
-
 
 def chair_for(mount: Mount, side: Literal["left", "right"]) -> Wheelchair:
     """Return a wheelchair whose post carries a robot at `mount`, if the chair is to carry it.
@@ -135,8 +218,4 @@ def chair_for(mount: Mount, side: Literal["left", "right"]) -> Wheelchair:
     x, y, z = mount.position
     if mount.stand or z < LOWEST_POST:
         return Wheelchair(mounts="none")
-    config = load(WheelchairConfig, assets.find("devices", "wheelchair"))
-    return Wheelchair(dataclasses.replace(config, mount=(x, abs(y), z)), mounts=side)
-
-
-__all__ = ["LOWEST_POST", "Wheelchair", "WheelchairConfig", "chair_for"]
+    return Wheelchair(mounts=side, mount=(x, abs(y), z))

@@ -161,6 +161,3 @@ def _text(value: float | str | None, rule: Rule) -> str:
     if isinstance(value, str):
         return value.replace("_", " ")
     return f"{value:.3f}" if rule.unit == "1" else f"{value:.3f} {rule.unit}"
-
-
-__all__ = ["Audit", "Finding", "FurnishedHome", "Measurement", "audit"]

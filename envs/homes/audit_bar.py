@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from rcare_marl.model.shape import Shape
+from rcare_marl.model.urdf import Model, joint_pose
 from rcare_marl.pose import Pose, rotate
-from rcare_marl.urdf import Model, Shape, joint_pose
 
+from ..rectangle import Rectangle
 from .furnishing import Placed
 from .measurement import FurnishedHome, Measurement
-from .rectangle import Rectangle
 
 BAR_KINDS = ("grab_bar", "fold_down_bar")
 BAR_RADIUS = (0.01, 0.03)  # [m] of what hands hold to hold themselves; own choice
@@ -137,6 +138,3 @@ def _gap(bar: Bar, inside: Rectangle) -> float:
     if bar.runs(1):
         return x - r - inside.x0
     return min(inside.y1 - y, y - inside.y0) - r
-
-
-__all__ = ["BAR_KINDS", "BAR_TOP", "Bar", "bars", "bars_at", "measure_toilet_bars"]

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rcare_marl.model.urdf import Model, joint_pose
 from rcare_marl.pose import Array, Pose
-from rcare_marl.urdf import Model, joint_pose
 
 from .door import door_model, hinge_side
 from .doorway import LATCH_DEPTH, OFF_WALL, latch_edge
@@ -116,6 +116,3 @@ def _grips(door: Model) -> list[Array]:
                 at = np.array((places[name] @ shape.pose()).position)
                 out += [at + (shape.radius * sign, 0.0, 0.0) for sign in (-1, 1)]
     return out
-
-
-__all__ = ["door_force", "measure_openings"]

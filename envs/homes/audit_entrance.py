@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from rcare_marl.model.shape import Shape
 from rcare_marl.pose import Array
-from rcare_marl.urdf import Shape
 
+from ..rectangle import Rectangle
 from .entrance import build_entrance
 from .measurement import FurnishedHome, Measurement
 from .plan import Plan
-from .rectangle import Rectangle
 from .shell_canvas import Canvas
 
 TILTED = math.radians(0.5)  # least tilt of a ramp; own choice
@@ -75,6 +75,3 @@ def _tilt(box: Shape) -> float:
     """Return the angle between the top of a box and the level [rad]."""
     up: Array = box.pose().matrix()[:3, 2]
     return math.atan2(math.hypot(float(up[0]), float(up[1])), float(up[2]))
-
-
-__all__ = ["is_yard", "measure_entrance", "ramp_width"]

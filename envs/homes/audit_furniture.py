@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rcare_marl.model.shape import Shape
+from rcare_marl.model.urdf import Link, Model, joint_pose
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import Link, Model, Shape, joint_pose
 
 from .audit_bar import BAR_TOP, bars_at, measure_toilet_bars
 from .furnishing import Placed
@@ -18,19 +19,23 @@ from .plan import Room
 # From the least to the most accessible.
 BATHING = ("shower_cabin", "bathtub", "bathtub_with_seat", "transfer_shower", "roll_in_shower")
 KITCHEN = ("kitchen_run", "kitchen_island", "fridge", "oven_tower", "tall_cupboard")
-CUPBOARDS = (
-    "bathroom_cabinet", "chest_of_drawers", "desk", "dresser_cabinet", "high_sideboard",
-    "kitchen_island", "kitchen_run", "nightstand", "pantry_cupboard", "sideboard", "tall_cupboard",
-    "tv_stand", "vanity", "wardrobe", "washbasin",
-)  # fmt: skip
+CUPBOARDS = tuple(
+    """
+    bathroom_cabinet chest_of_drawers desk dresser_cabinet high_sideboard kitchen_island
+    kitchen_run nightstand pantry_cupboard sideboard tall_cupboard tv_stand vanity wardrobe
+    washbasin
+    """.split()
+)
 TABLES = ("desk", "dining_table", "round_table")
 LIGHT = ("chair", "stool", "bin", "bath_mat", "laundry_basket")  # moved aside with a hand
 # Taken from the model of the piece as it is built; all else is measured where it stands.
-HEIGHTS = (
-    "basin_rim_height", "bath_seat_height", "bathtub_rim_height", "bed_height", "counter_height",
-    "seat_height", "shower_depth", "shower_threshold", "shower_width", "switch_height",
-    "table_height", "toilet_seat_height", "wall_cabinet_height", "wardrobe_rail_height",
-)  # fmt: skip
+HEIGHTS = tuple(
+    """
+    basin_rim_height bath_seat_height bathtub_rim_height bed_height counter_height seat_height
+    shower_depth shower_threshold shower_width switch_height table_height toilet_seat_height
+    wall_cabinet_height wardrobe_rail_height
+    """.split()
+)
 BESIDE_BED = 1.22  # [m], 48 in: ADA 305.3, length of the clear floor space of a wheelchair
 BESIDE_TOILET = (0.1, 1.42)  # [m] from the wall behind it; 56 in: ADA 604.3.1
 _SLICE = 0.05  # [m] in which fronts of kitchens are looked at
@@ -208,6 +213,3 @@ def _places(model: Model) -> dict[str, Pose]:
     for joint in model.joints.values():
         out[joint.child] = out[joint.parent] @ joint_pose(joint)
     return out
-
-
-__all__ = ["handle_word", "measure_furniture", "measure_sets", "tap_word"]

@@ -37,6 +37,3 @@ def _passage(home: FurnishedHome, room: Room, ground: Ground) -> float | None:
     """
     ways = [o for o in home.plan.openings_of(room.name) if o.kind != "window"]
     return ground.width([gate(way, room.name) for way in ways]) if ways else None
-
-
-__all__ = ["TURNING", "measure_rooms"]

@@ -7,18 +7,20 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rcare_marl.body import Body
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import check_name
+from rcare_marl.model.shape import Shape
+from rcare_marl.model.urdf import Link, Model, write
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import Link, Model, Shape, write
 from rcare_marl.world import World
 
+from ..rectangle import Rectangle
 from .door import Door, door_model, widest_swing
+from .floor import floor_model
 from .furnishing import Placed
 from .merging import Part, merged
 from .partition import NEAR, extent, partition
 from .plan import Opening
-from .rectangle import Rectangle
-from .shell import floor_model, shell_model
+from .shell import shell_model
 
 if TYPE_CHECKING:
     from .care_home import CareHome
@@ -72,7 +74,7 @@ class BuiltHome:
             swing = widest_swing(opening, home.plan)
             door = Door(opening, home.rules, home.palette, swing=swing)
             door.spawn(world, at @ opening.pose, name=opening.name)
-            self._world.slumber.add(door.body)
+            self._world.sleeping.add(door.body)
             self.doors[opening.name] = door
 
     def _load_still(self, models: dict[str, Model], articulated: Sequence[str]) -> None:
@@ -127,7 +129,7 @@ class BuiltHome:
             body.release_motors([joint.index], model.joints[name].friction)
         for still in self.bodies:  # it cannot leave its place, so it never needs to feel the house
             self._world.set_collision(body, still, False)
-        self._world.slumber.add(body)
+        self._world.sleeping.add(body)
         self.furniture[placed.name] = body
 
     def things(self) -> list[tuple[str, Body]]:
@@ -142,8 +144,7 @@ class BuiltHome:
 
     def part(self, name: str) -> Body:
         """Return a piece of furniture that moves; UnknownNameError lists those there are."""
-        if name not in self.furniture:
-            raise UnknownNameError("furniture that moves", name, self.furniture)
+        check_name("furniture that moves", name, self.furniture)
         return self.furniture[name]
 
     def in_world(self, pose: Pose) -> Pose:
@@ -177,6 +178,3 @@ def _unseen(name: str, solids: Sequence[Shape]) -> Model:
 
 def _moves(placed: Placed) -> bool:
     return any(joint.kind != "fixed" for joint in placed.piece.model.joints.values())
-
-
-__all__ = ["BuiltHome"]

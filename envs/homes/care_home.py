@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING
 
 from rcare_marl import assets
 from rcare_marl.agents.agent import Agent
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.world import World
 
+from ..rectangle import Rectangle
 from .doorway import narrowing
 from .furnishing import Placed, furnish
 from .layout import lay_out, load_house
 from .occupancy import BORDER, Obstacle, Occupancy
 from .palette import Palette
 from .piece import Piece, Setting
-from .plan import OUTSIDE, Plan, Room
-from .rectangle import Rectangle
+from .plan import Plan, Room
 from .route import HAND_ROOM, WHEELCHAIR_WIDTH, Route, Way
 from .rule import Rules
 from .spot import Spot, spots_of
@@ -96,8 +96,7 @@ class CareHome:
         if kind is None:
             return rooms
         known = sorted({room.kind for room in rooms} | {room.use for room in rooms})
-        if kind not in known:
-            raise UnknownNameError(f"kind of room in {self.name}", kind, known)
+        check_name(f"kind of room in {self.name}", kind, known)
         return tuple(room for room in rooms if kind in (room.kind, room.use))
 
     def room(self, name: str) -> Room:
@@ -193,8 +192,7 @@ class CareHome:
             UnknownNameError: If there is no such room, or no such place in it.
         """
         spots = self.spots(room)
-        if name not in spots:
-            raise UnknownNameError(f"place in {room} of {self.name}", name, spots)
+        check_name(f"place in {room} of {self.name}", name, spots)
         return spots[name].pose
 
     def place(self, agent: Agent, room: str, spot: str, *, home: Pose = Pose()) -> Pose:
@@ -262,6 +260,3 @@ class CareHome:
         return BuiltHome(
             self, world, at, rooms, busy=busy, ceilings=ceilings, wall_height=wall_height
         )
-
-
-__all__ = ["OUTSIDE", "CareHome", "home_names"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rcare_marl.errors import ConfigError
 
-from .rectangle import Rectangle
+from ..rectangle import Rectangle
 
 if TYPE_CHECKING:
     from .care_home import CareHome
@@ -70,6 +70,3 @@ def cutaway(home: CareHome, room: str, open_sides: str = "") -> CareHome:
 def _common(a: Rectangle, b: Rectangle) -> Rectangle | None:
     x0, y0, x1, y1 = max(a.x0, b.x0), max(a.y0, b.y0), min(a.x1, b.x1), min(a.y1, b.y1)
     return Rectangle(x0, y0, x1, y1) if x1 - x0 > 0.01 and y1 - y0 > 0.01 else None
-
-
-__all__ = ["SIDES", "cutaway"]

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
 
 import pybullet as bullet
 
 from rcare_marl.body import Body
 from rcare_marl.errors import ActionError, ConfigError
+from rcare_marl.model.shape import Shape, Triple
+from rcare_marl.model.urdf import Joint, Link, Model
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import Joint, Link, Model, Shape, Triple
 from rcare_marl.world import World
 
-from ..devices.device import Frame
-from ..devices.jointed_device import JointedDevice
+from ..devices import Device, DeviceModel, Frame
+from ..place import DoorSize
 from .latch import Latch, Latches
 from .palette import Palette
 from .plan import JAMB, LEAF, Opening, Plan
@@ -49,48 +48,25 @@ def hinge_side(opening: Opening) -> int:
     return 1 if is_along == (opening.hinge == "high") else -1
 
 
-@dataclass(frozen=True)
-class DoorSize:
-    """What follows from an opening and the rules, in the frame of the opening [m].
-
-    Attributes:
-        side: See `hinge_side`.
-        width: Of the leaf or panel.
-        bottom: Height of its lower edge.
-        top: Height of its upper edge.
-        pivot: Axis of the hinges (x, y); where the panel's frame is, of panels.
-        face: y of the face that looks into the first room.
-        handle: Where handles are along x, and their height.
-    """
-
-    side: int
-    width: float
-    bottom: float
-    top: float
-    pivot: tuple[float, float]
-    face: float
-    handle: tuple[float, float]
-
-    @staticmethod
-    def of(opening: Opening, rules: Rules) -> DoorSize:
-        """Measure a door; ConfigError if the opening has none."""
-        if opening.hardware not in (*_HINGED, "slider"):
-            raise ConfigError(
-                f"{opening.name!r} has no door: its hardware must be knob, lever or slider, "
-                f"got {opening.hardware!r}"
-            )
-        side, half = hinge_side(opening), 0.5 * opening.width - JAMB
-        height = rules.figure("hardware_height")
-        bottom, top = opening.threshold + FLOOR_GAP, opening.head - JAMB - GAP
-        if opening.hardware == "slider":
-            width = 2 * half - GAP + JAMB + OVERLAP
-            edge = -side * (half - GAP)
-            at = edge + side * BAR_EDGE
-            return DoorSize(side, width, bottom, top, (edge, 0.0), 0.5 * LEAF, (at, height))
-        width, face = 2 * (half - GAP), 0.5 * opening.thickness
-        pivot = (side * (half - GAP), face + PIVOT_OUT)
-        at = -side * (half - GAP - BACKSET)
-        return DoorSize(side, width, bottom, top, pivot, face, (at, height))
+def door_size(opening: Opening, rules: Rules) -> DoorSize:
+    """Measure a door; ConfigError if the opening has none."""
+    if opening.hardware not in (*_HINGED, "slider"):
+        raise ConfigError(
+            f"{opening.name!r} has no door: its hardware must be knob, lever or slider, "
+            f"got {opening.hardware!r}"
+        )
+    side, half = hinge_side(opening), 0.5 * opening.width - JAMB
+    height = rules.figure("hardware_height")
+    bottom, top = opening.threshold + FLOOR_GAP, opening.head - JAMB - GAP
+    if opening.hardware == "slider":
+        width = 2 * half - GAP + JAMB + OVERLAP
+        edge = -side * (half - GAP)
+        at = edge + side * BAR_EDGE
+        return DoorSize(side, width, bottom, top, (edge, 0.0), 0.5 * LEAF, (at, height))
+    width, face = 2 * (half - GAP), 0.5 * opening.thickness
+    pivot = (side * (half - GAP), face + PIVOT_OUT)
+    at = -side * (half - GAP - BACKSET)
+    return DoorSize(side, width, bottom, top, pivot, face, (at, height))
 
 
 def door_model(opening: Opening, rules: Rules, palette: Palette, *, swing: float = SWING) -> Model:
@@ -107,7 +83,7 @@ def door_model(opening: Opening, rules: Rules, palette: Palette, *, swing: float
     Raises:
         ConfigError: If the opening has no door.
     """
-    size = DoorSize.of(opening, rules)
+    size = door_size(opening, rules)
     if opening.hardware == "slider":
         links, joints = _panel(opening, size)
     else:
@@ -282,7 +258,7 @@ def _panel(opening: Opening, size: DoorSize) -> tuple[dict[str, Link], dict[str,
     return {"frame": Link(), "panel": panel}, {"slide": slide}
 
 
-class Door(JointedDevice):
+class Door(Device):
     """A door; its frame is that of its opening: origin on the floor in the gap, y into the first room.
 
     Frames: `handle_inside` and `handle_outside` to grasp, x out of the door, inside being the first
@@ -290,6 +266,7 @@ class Door(JointedDevice):
 
     Attributes:
         opening: Where it is.
+        size: Its measures.
         swing: How far it opens [rad or m].
     """
 
@@ -312,31 +289,27 @@ class Door(JointedDevice):
         Raises:
             ConfigError: If the opening has no door.
         """
-        self.opening, self._rules, self._palette = opening, rules, palette
-        self._size = DoorSize.of(opening, rules)
+        self.opening, self._rules = opening, rules
+        self.size = door_size(opening, rules)
         self._is_hinged = opening.hardware in _HINGED
         self.swing = swing if self._is_hinged else _slide(opening)
-        link = "handle" if self._is_hinged else "panel"
-        self._on = {frame: link for frame in self.frames}
         self._latch: Latch | None = None
+        model = door_model(opening, rules, palette, swing=self.swing)
+        super().__init__(DeviceModel(**vars(model), frames=self._frames()))
 
-    def model(self) -> Model:
-        return door_model(self.opening, self._rules, self._palette, swing=self.swing)
-
-    @property
-    def frames(self) -> Mapping[str, Frame]:
-        size, hardware = self._size, self.opening.hardware
+    def _frames(self) -> dict[str, Frame]:
+        size, hardware = self.size, self.opening.hardware
         out = {"knob": KNOB_OUT, "lever": LEVER_OUT, "slider": BAR_OUT}[hardware]
         x, z = size.handle
         places = {"handle": x + (0.5 * size.side * LEVER_REACH if hardware == "lever" else 0.0)}
         if hardware == "lever":
             places["lever"] = x + size.side * LEVER_REACH
-        frames = {}
+        frames, link = {}, "handle" if self._is_hinged else "panel"
         for name, at in places.items():
             note = "where it is grasped" if name == "handle" else "end of the lever"
             front, back = size.face + out, size.face - LEAF - out
-            frames[f"{name}_inside"] = Frame((at, front, z), (0.0, 0.0, 90.0), note)
-            frames[f"{name}_outside"] = Frame((at, back, z), (0.0, 0.0, -90.0), note)
+            frames[f"{name}_inside"] = Frame((at, front, z), (0.0, 0.0, 90.0), note, link)
+            frames[f"{name}_outside"] = Frame((at, back, z), (0.0, 0.0, -90.0), note, link)
         return frames
 
     def spawn(self, world: World, pose: Pose | None = None, *, name: str = "") -> Body:
@@ -360,9 +333,8 @@ class Door(JointedDevice):
         if self._is_hinged:
             body.exclude_pairs((("leaf", "handle"),))  # they never touch, but would cost time
             hinge, handle = (body.joint(j).index for j in ("hinge", self.opening.hardware))
-            turn = KNOB_TURN if self.opening.hardware == "knob" else LEVER_TURN
             self._latch = Latch(
-                body, world.client, hinge, handle, release=RELEASE * turn, swing=self.swing
+                body, world.client, hinge, handle, release=self.release_angle, swing=self.swing
             )
             Latches.of(world).add(self._latch)
         return body
@@ -379,6 +351,31 @@ class Door(JointedDevice):
                 maxVelocity=6.0,
                 physicsClientId=self._client,
             )
+
+    @property
+    def name(self) -> str:
+        """Name of its opening."""
+        return self.opening.name
+
+    @property
+    def hardware(self) -> str:
+        """What opens it: `knob`, `lever` or `slider`."""
+        return self.opening.hardware
+
+    @property
+    def clear_width(self) -> float:
+        """Free width when it is open [m]."""
+        return self.opening.clear_width
+
+    @property
+    def thickness(self) -> float:
+        """Of the wall [m]."""
+        return self.opening.thickness
+
+    @property
+    def release_angle(self) -> float:
+        """Turn of the handle at which the latch is free [rad]; 0 of panels."""
+        return RELEASE * {"knob": KNOB_TURN, "lever": LEVER_TURN, "slider": 0.0}[self.hardware]
 
     @property
     def angle(self) -> float:
@@ -403,6 +400,3 @@ class Door(JointedDevice):
         if self._latch is not None:
             self._latch.set(fraction == 0)
         self.body.set_joints([joint.index], [fraction * self.swing])
-
-
-__all__ = ["Door", "DoorSize", "door_model", "hinge_side", "spring_torque", "widest_swing"]

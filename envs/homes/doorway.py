@@ -6,10 +6,10 @@ import numpy as np
 
 from rcare_marl.pose import Array
 
+from ..rectangle import Rectangle
 from .door import hinge_side
 from .ground import Gate
 from .plan import JAMB, LEAF, Opening
-from .rectangle import Rectangle
 from .rule import Rules
 
 DOORSTEP = 0.75  # [m] that stays free before a door at least; own choice
@@ -118,9 +118,3 @@ def _clear(opening: Opening) -> tuple[float, float]:
 def _side(opening: Opening, room: str) -> float:
     """Return 1 for the side of a door into which y of its frame points, -1 for the other."""
     return 1.0 if opening.rooms[0] == room else -1.0
-
-
-__all__ = [
-    "DOORSTEP", "LATCH_DEPTH", "MOUTH", "OFF_WALL", "doorway", "gate", "latch_edge", "narrowing",
-    "off_switch",
-]  # fmt: skip

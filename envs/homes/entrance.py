@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.model.shape import Shape, Triple
 from rcare_marl.pose import Pose, quaternion_from_rpy
-from rcare_marl.urdf import Shape, Triple
 
+from ..rectangle import Rectangle
 from .plan import JAMB, Opening, Plan
-from .rectangle import Rectangle
 from .rule import Rules
 from .shell_canvas import Canvas
 
@@ -69,9 +69,11 @@ def _courtyard(house: list[Rectangle], back: float) -> Rectangle | None:
     last = [a for a in ahead if abs(a.y1 - yard.y0) < 0.01]
     spans = sorted((max(a.x0, low), min(a.x1, high)) for a in last)
     walled = sum(b - a for a, b in spans) > yard.width - 0.02
-    flanked = all(any(a.y0 < y < a.y1 for a in house if abs(getattr(a, side) - x) < 0.01)
-                  for side, x in (("x1", low), ("x0", high))
-                  for y in (yard.y0 + 0.02, yard.centre[1]))  # fmt: skip
+    flanked = all(
+        any(a.y0 < y < a.y1 for a in house if abs(getattr(a, side) - x) < 0.01)
+        for side, x in (("x1", low), ("x0", high))
+        for y in (yard.y0 + 0.02, yard.centre[1])
+    )
     return yard if walled and flanked else None
 
 
@@ -183,6 +185,3 @@ class _Rail:
             Shape(kind="tube", material="metal_dark", radius=radius, points=points)
         )
         self._canvas.solids.append(Shape(kind="capsule", radius=radius, points=points))
-
-
-__all__ = ["build_entrance"]

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Literal
 
-from rcare_marl.body import Body
+from rcare_marl.model.urdf import write
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import write
 from rcare_marl.world import World
 
-from .built import BuiltHome
+from ..place import Fixture
 from .door import Door
-from .piece import Piece, Setting, make_piece
+from .piece import Setting, make_piece
 from .plan import HINGED_LOSS, INNER_WALL, SLIDING_LOSS, Opening
 from .rule import Rules
 
@@ -21,41 +19,17 @@ WALL, HEIGHT, LENGTH = 0.1, 2.2, 1.7  # [m] of walls where there is no house; ow
 WALL_RGBA = (0.84, 0.87, 0.86, 1.0)
 
 
-@dataclass(frozen=True)
-class Fixture:
-    """A piece of furniture in a world.
-
-    Attributes:
-        piece: What it is.
-        body: Its body.
-    """
-
-    piece: Piece
-    body: Body
-
-    @staticmethod
-    def of(built: BuiltHome, name: str) -> Fixture:
-        """Return a piece of a house that moves; UnknownNameError lists those there are."""
-        body = built.part(name)
-        (placed,) = (p for p in built.home.placed if p.name == name)
-        return Fixture(placed.piece, body)
-
-
-def set_up(
-    world: World,
-    kind: str,
-    *,
-    level: int,
-    pose: Pose = Pose(),
-    options: Mapping[str, Any] | None = None,
+def build_fixture(
+    world: World, kind: str, *, level: int, options: Mapping[str, Any] | None = None
 ) -> Fixture:
-    """Put a piece of furniture into a world as a house does: its joints have their friction.
+    """Put a piece of furniture at the origin as a house does: its joints have their friction.
+
+    There are walls behind it and to its left, which it does not feel, as in a house.
 
     Args:
         world: The world.
         kind: Kind of the piece.
         level: Level of accessibility whose rules it keeps.
-        pose: Of its frame.
         options: Of its maker.
 
     Raises:
@@ -63,21 +37,11 @@ def set_up(
         ConfigError: If there is no such level, or an option is impossible.
     """
     piece = make_piece(kind, Setting(Rules(level)), options)
-    body = world.load_urdf(write(piece.model, melt_except=()), pose, name=kind)
+    body = world.load_urdf(write(piece.model, melt_except=()), name=kind)
     for name, joint in body.joints.items():
         body.release_motors([joint.index], piece.model.joints[name].friction)
-    world.slumber.add(body)
-    return Fixture(piece, body)
-
-
-def add_corner(world: World, fixture: Fixture, *, left: float) -> None:
-    """Add the walls at a piece that stands at the origin: behind it, and to its left.
-
-    Args:
-        world: The world.
-        fixture: The piece; it does not feel them, as in a house.
-        left: From its middle to the wall on its left [m].
-    """
+    world.sleeping.add(body)
+    left = piece.measures.get(f"{kind}_centre_to_wall", LENGTH)
     low, high, half = left - LENGTH, left + WALL, 0.5 * HEIGHT
     walls = (
         ((WALL, high - low, HEIGHT), (-0.5 * WALL, 0.5 * (low + high), half)),
@@ -85,10 +49,11 @@ def add_corner(world: World, fixture: Fixture, *, left: float) -> None:
     )
     for size, at in walls:
         wall = world.add_box(size, Pose(at), name="wall", rgba=WALL_RGBA)
-        world.set_collision(wall, fixture.body, False)
+        world.set_collision(wall, body, False)
+    return Fixture(body, piece.model, piece.frames)
 
 
-def set_up_door(
+def build_door(
     world: World,
     *,
     level: int,
@@ -123,8 +88,5 @@ def set_up_door(
         world.add_box(size, Pose(at), name="wall", rgba=WALL_RGBA)
     door = Door(opening, rules)
     door.spawn(world)
-    world.slumber.add(door.body)
+    world.sleeping.add(door.body)
     return door
-
-
-__all__ = ["Fixture", "add_corner", "set_up", "set_up_door"]

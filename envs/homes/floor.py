@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from rcare_marl.urdf import Model
+from rcare_marl.model.urdf import Model
 
+from ..rectangle import Rectangle
 from .entrance import build_entrance
 from .palette import Palette
 from .plan import Opening, Plan, Room
-from .rectangle import Rectangle
 from .rule import Rules
 from .shell_canvas import Canvas, shade
 from .shell_outline import maximal
@@ -157,6 +157,3 @@ def _ground(canvas: Canvas, plan: Plan, rise: float) -> None:
         max(a.y1 for a in outline),
     ).grown(GARDEN)
     canvas.box("grass", area, (-rise - GROUND, -rise), solid=True)
-
-
-__all__ = ["floor_model"]

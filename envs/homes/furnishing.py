@@ -14,13 +14,13 @@ import numpy as np
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose
 
+from ..rectangle import Rectangle
 from .doorway import doorway, gate, narrowing, off_switch
 from .ground import Gate, Ground
 from .occupancy import Mask
 from .piece import Piece, Setting, make_piece
 from .plan import Plan, Room
 from .recipe import Entry, Recipe, recipe_for
-from .rectangle import Rectangle
 from .route import HAND_ROOM, WHEELCHAIR_WIDTH
 
 TO_WALL = 0.005  # [m] between a back and its wall; own choice
@@ -332,8 +332,14 @@ class _Furnisher:
             elif wish in ("window", "no_window"):
                 score += (1.0 if wish == "window" else -1.0) * _meets(body, windows)
             elif wish == "corner":
-                edges = np.stack([middle[:, 0] - inside.x0, inside.x1 - middle[:, 0],
-                                  middle[:, 1] - inside.y0, inside.y1 - middle[:, 1]])  # fmt: skip
+                edges = np.stack(
+                    [
+                        middle[:, 0] - inside.x0,
+                        inside.x1 - middle[:, 0],
+                        middle[:, 1] - inside.y0,
+                        inside.y1 - middle[:, 1],
+                    ]
+                )
                 score -= 2.0 * np.sort(edges, axis=0)[1] / scale
             elif wish == "centre":
                 score -= 2.0 * np.abs(middle - inside.centre).sum(axis=1) / scale
@@ -432,6 +438,3 @@ def _meets(areas: Array, others: Sequence[Rectangle]) -> Mask:
     high = np.minimum(areas[:, None, 2:], rows[None, :, 2:])
     out: Mask = np.asarray(((high - low) > 1e-6).all(axis=2).any(axis=1), np.bool_)
     return out
-
-
-__all__ = ["Placed", "furnish"]

@@ -12,8 +12,8 @@ from scipy import ndimage  # type: ignore[import-untyped]
 
 from rcare_marl.pose import Array
 
+from ..rectangle import Rectangle
 from .occupancy import Mask
-from .rectangle import Rectangle
 
 STEP = 0.06  # [m] between the lines of the grid, beside those that walls and furniture ask for
 COARSE = 0.04  # [m] between the places from which the largest circle is sought
@@ -192,6 +192,3 @@ class Ground:
             dy = np.maximum(np.maximum(t[:, 1:2] - y, y - t[:, 3:4]), 0.0)
             out = np.minimum(out, np.sqrt(dx * dx + dy * dy).min(axis=0))
         return out
-
-
-__all__ = ["Gate", "Ground"]

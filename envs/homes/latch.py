@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import pybullet as bullet
 
 from rcare_marl.body import Body
-from rcare_marl.world import Contact, World
+from rcare_marl.contact import Contact
+from rcare_marl.world import World
 
 LOOK = 8  # physics steps between two looks at a latch: nobody turns a handle and back within 33 ms
 PLAY = 0.002  # [rad] that a latched door can be moved; own choice
@@ -104,6 +105,3 @@ class Latches:
         for latch, is_latched in zip(self._latches, self._marked, strict=True):
             latch.set(is_latched)
         self._countdown = self._marked_countdown
-
-
-__all__ = ["CATCH", "LOOK", "PLAY", "Latch", "Latches"]

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from rcare_marl import assets
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 
+from ..rectangle import Rectangle
 from .layout_door import DoorConfig, Joiner, Request
 from .layout_size import OTHER_USES, least_size, room_kind_give
 from .layout_tree import Cell, Split, Tiling
@@ -18,7 +19,6 @@ from .layout_wall import Masonry
 from .layout_window import LIVED_IN, set_windows
 from .palette import Palette
 from .plan import OUTSIDE, ROOM_KINDS, Plan, Room, Wall
-from .rectangle import Rectangle
 from .rule import Rules
 
 _ENDINGS = (".yaml", ".yml")
@@ -83,18 +83,14 @@ class HouseConfig:
         for room, wanted in (*sides, *self.windows.items()):
             self._check_room(room)
             for side in wanted:
-                if side not in _SIDES:
-                    raise UnknownNameError("side of a room", side, _SIDES)
+                check_name("side of a room", side, _SIDES)
         for use, finish in self.floors.items():
-            if use not in ROOM_KINDS[:-1] + OTHER_USES:
-                raise UnknownNameError("use of rooms", use, ROOM_KINDS[:-1] + OTHER_USES)
-            if finish not in _FLOORS:
-                raise UnknownNameError("floor", finish, _FLOORS)
+            check_name("use of rooms", use, ROOM_KINDS[:-1] + OTHER_USES)
+            check_name("floor", finish, _FLOORS)
         self.colours()
 
     def _check_room(self, room: str) -> None:
-        if room not in self.rooms:
-            raise UnknownNameError("room of the house", room, self.rooms)
+        check_name("room of the house", room, self.rooms)
 
     @property
     def rooms(self) -> tuple[str, ...]:
@@ -104,8 +100,7 @@ class HouseConfig:
     def colours(self) -> Palette:
         """Return the colours of the house; UnknownNameError for what is no field of `Palette`."""
         for colour, value in self.palette.items():
-            if colour not in Palette.__dataclass_fields__:
-                raise UnknownNameError("colour", colour, Palette.__dataclass_fields__)
+            check_name("colour", colour, Palette.__dataclass_fields__)
             if not all(0 <= part <= 1 for part in value):
                 raise ConfigError(f"colour {colour} must be within 0 and 1, got {value}")
         return dataclasses.replace(Palette(), **self.palette)
@@ -126,8 +121,7 @@ def use_of(room: str) -> str:
     use, _, number = room.rpartition("_")
     if not number.isdigit():
         raise ConfigError(f"a room is named by its use and a number, such as hall_1, got {room!r}")
-    if use not in ROOM_KINDS[:-1] + OTHER_USES:
-        raise UnknownNameError("use of rooms", use, ROOM_KINDS[:-1] + OTHER_USES)
+    check_name("use of rooms", use, ROOM_KINDS[:-1] + OTHER_USES)
     return use
 
 
@@ -234,6 +228,3 @@ def _requests(house: HouseConfig, joiner: Joiner) -> list[Request]:
 
 def _metres(area: Cell) -> Rectangle:
     return Rectangle(area.x0 / 1000, area.y0 / 1000, area.x1 / 1000, area.y1 / 1000)
-
-
-__all__ = ["HouseConfig", "lay_out", "load_house", "reachable", "required_rooms", "use_of"]

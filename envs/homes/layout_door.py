@@ -359,6 +359,3 @@ def _sweep(panel: Panel, inside: Cell, gap: tuple[int, int], hinge: str) -> Cell
         )
         fits = out.x0 >= inside.x0 and out.x1 <= inside.x1
     return out if fits else None
-
-
-__all__ = ["DoorConfig", "Joiner", "Place", "Request"]

@@ -77,6 +77,3 @@ def _bathroom(rules: Rules, room: float) -> tuple[float, float]:
     spare = _BATH_SPARE if rules.has("turning_diameter") else 0.0
     across, wall = depth + room + spare, wall + spare
     return min(wall, across), max(wall, across)
-
-
-__all__ = ["OTHER_USES", "least_size", "room_kind_give"]

@@ -27,10 +27,9 @@ class Cell(NamedTuple):
 
     def overlaps(self, other: Cell) -> bool:
         """Return whether the two share floor."""
-        return (
-            min(self.x1, other.x1) > max(self.x0, other.x0)
-            and min(self.y1, other.y1) > max(self.y0, other.y0)
-        )  # fmt: skip
+        return min(self.x1, other.x1) > max(self.x0, other.x0) and min(self.y1, other.y1) > max(
+            self.y0, other.y0
+        )
 
 
 @dataclass(frozen=True)
@@ -152,6 +151,3 @@ class Tiling:
             out.append(need + upto - given)
             given = upto
         return out
-
-
-__all__ = ["HALF", "Cell", "Split", "Tiling"]

@@ -240,6 +240,3 @@ def _rectangles(mask: Grid, xs: list[int], ys: list[int]) -> tuple[Cell, ...]:
         left[rows, columns] = False
         out.append(Cell(xs[rows.start], ys[columns.start], xs[rows.stop], ys[columns.stop]))
     return tuple(out)
-
-
-__all__ = ["BEYOND", "Masonry", "Panel", "Run", "span"]

@@ -116,9 +116,14 @@ def _window(name: str, panel: Panel, start: int, width: int, sash: Sash) -> Open
     )
     thickness = area.y1 - area.y0 if panel.axis == "x" else area.x1 - area.x0
     return Opening(
-        name, "window", panel.rooms, panel.axis, centre, width / 1000, thickness / 1000,
-        sill=sash.sill, head=sash.head, normal=panel.normal,
-    )  # fmt: skip
-
-
-__all__ = ["LIVED_IN", "set_windows"]
+        name,
+        "window",
+        panel.rooms,
+        panel.axis,
+        centre,
+        width / 1000,
+        thickness / 1000,
+        sill=sash.sill,
+        head=sash.head,
+        normal=panel.normal,
+    )

@@ -8,10 +8,10 @@ from typing import Literal, Protocol
 
 from rcare_marl.pose import Pose
 
+from ..rectangle import Rectangle
 from .furnishing import Placed
 from .occupancy import Obstacle, Occupancy
 from .plan import Plan
-from .rectangle import Rectangle
 from .rule import Rules
 
 FAR = 5.0  # [m]; what is free further than this is not measured
@@ -126,6 +126,3 @@ class Surroundings:
 def near(occupancy: Occupancy, area: Rectangle) -> Iterable[Obstacle]:
     """Return the obstacles of a map that reach into `area`."""
     return (o for o in occupancy.obstacles if o.area.overlaps(area))
-
-
-__all__ = ["FAR", "FurnishedHome", "Measurement", "Surroundings", "near"]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from rcare_marl.model.shape import Shape
+from rcare_marl.model.urdf import Link, Model, joint_pose
 from rcare_marl.pose import Pose
-from rcare_marl.urdf import Link, Model, Shape, joint_pose
 
 Part = tuple[Model, Pose, Mapping[str, float]]  # model, its place, positions of joints [rad or m]
 
@@ -43,6 +44,3 @@ def _named(material: str, rgba: tuple[float, ...], known: Mapping[str, tuple[flo
 def moved(shape: Shape, pose: Pose) -> Shape:
     """Return a shape, given in the frame `pose`, in the frame that `pose` is given in."""
     return shape.moved(pose)
-
-
-__all__ = ["Part", "merged", "moved"]

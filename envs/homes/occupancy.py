@@ -14,7 +14,7 @@ from scipy import ndimage  # type: ignore[import-untyped]
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
 
-from .rectangle import Rectangle
+from ..rectangle import Rectangle
 
 CELL = 0.025  # [m]; own choice
 BORDER = 1.0  # [m] of ground around the house that the grid covers as well; own choice
@@ -138,6 +138,3 @@ class Occupancy:
     def is_free(self, area: Rectangle, *, but: Collection[str] = ()) -> bool:
         """Return whether no obstacle, but those named, reaches into `area`."""
         return not any(o.area.overlaps(area) for o in self.obstacles if o.name not in but)
-
-
-__all__ = ["BORDER", "CELL", "Obstacle", "Occupancy"]

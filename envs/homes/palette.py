@@ -57,6 +57,3 @@ class Palette:
     def materials(self) -> dict[str, tuple[float, ...]]:
         """Return the colours by name, as a `Model` takes them."""
         return {name: tuple(getattr(self, name)) for name in self.__dataclass_fields__}
-
-
-__all__ = ["Palette", "Rgba"]

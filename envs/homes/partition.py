@@ -12,10 +12,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from rcare_marl.model.shape import Shape
 from rcare_marl.pose import Array
-from rcare_marl.urdf import Shape
 
-from .rectangle import Rectangle
+from ..rectangle import Rectangle
 
 LOW, HIGH = 0.03, 2.1  # [m] of height in which people and robots are; own choice
 SIDES = ("left", "right", "before", "behind", "above", "below")
@@ -61,6 +61,3 @@ def extent(shape: Shape) -> tuple[Array, Array]:
     matrix = shape.pose().matrix()
     half = np.abs(matrix[:3, :3]) @ np.array(halves[shape.kind])
     return matrix[:3, 3] - half, matrix[:3, 3] + half
-
-
-__all__ = ["NEAR", "SIDES", "extent", "partition"]

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rcare_marl.errors import UnknownNameError
-from rcare_marl.urdf import Model
+from rcare_marl.errors import check_name
+from rcare_marl.model.urdf import Model
 
-from ..devices.device import Frame
+from ..devices import Frame
+from ..rectangle import Rectangle
 from .palette import Palette
-from .rectangle import Rectangle
 from .rule import Rules
 
 
@@ -96,8 +96,7 @@ def make_piece(kind: str, setting: Setting, options: Mapping[str, Any] | None = 
     """Return a new piece of furniture; UnknownNameError lists the kinds there are."""
     from . import furniture as furniture  # registers the makers
 
-    if kind not in _MAKERS:
-        raise UnknownNameError("piece of furniture", kind, _MAKERS)
+    check_name("piece of furniture", kind, _MAKERS)
     return _MAKERS[kind](setting, **dict(options or {}))
 
 
@@ -106,6 +105,3 @@ def piece_kinds() -> tuple[str, ...]:
     from . import furniture as furniture
 
     return tuple(sorted(_MAKERS))
-
-
-__all__ = ["Maker", "Piece", "Setting", "Zone", "make_piece", "maker", "piece_kinds"]

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import check_name
 from rcare_marl.pose import Pose, quaternion_from_rpy
 
-from .rectangle import Rectangle
+from ..rectangle import Rectangle
 
 OUTSIDE = "outside"
 ROOM_KINDS = ("kitchen", "bedroom", "bathroom", "living", "dining", "lounge", "other")
@@ -145,28 +145,9 @@ class Plan:
 
     def room(self, name: str) -> Room:
         """Return a room by name; UnknownNameError if there is none."""
-        if name not in self.rooms:
-            raise UnknownNameError(f"room in {self.name}", name, self.rooms)
+        check_name(f"room in {self.name}", name, self.rooms)
         return self.rooms[name]
 
     def openings_of(self, room: str) -> Iterable[Opening]:
         """Return the openings in the walls of a room."""
         return [opening for opening in self.openings.values() if room in opening.rooms]
-
-
-__all__ = [
-    "CEILING_HEIGHT",
-    "DOOR_HEIGHT",
-    "HINGED_LOSS",
-    "INNER_WALL",
-    "JAMB",
-    "LEAF",
-    "OUTER_WALL",
-    "OUTSIDE",
-    "ROOM_KINDS",
-    "SLIDING_LOSS",
-    "Opening",
-    "Plan",
-    "Room",
-    "Wall",
-]

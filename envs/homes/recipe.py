@@ -88,6 +88,3 @@ class Recipe:
 def recipe_for(use: str) -> Recipe:
     """Return what rooms of a use get; UnknownNameError if there is no such use."""
     return load(Recipe, assets.find("furnishing", use))
-
-
-__all__ = ["Entry", "Recipe", "Spot", "recipe_for"]

@@ -12,8 +12,8 @@ from scipy.sparse import csgraph  # type: ignore[import-untyped]
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
 
+from ..rectangle import Rectangle
 from .occupancy import Mask, Occupancy
-from .rectangle import Rectangle
 
 WHEELCHAIR_WIDTH = 0.66  # [m], 26 in: ADA/ABA guides of the U.S. Access Board
 HAND_ROOM = 0.04  # [m] that hands on the rims need beside the chair, both together; own choice
@@ -132,6 +132,3 @@ class Way:
         while way[-1] != first:
             way.append(int(before[way[-1]]))
         return [(int(row), int(column)) for row, column in cells[way[::-1]]]
-
-
-__all__ = ["HAND_ROOM", "WHEELCHAIR_WIDTH", "Route", "Way"]

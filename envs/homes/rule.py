@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from rcare_marl import assets
 from rcare_marl.config import load, read_yaml
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 
 LEVELS = (1, 2, 3)
 
@@ -106,8 +106,7 @@ class Rules(Mapping[str, Rule]):
         self._table = _table()
 
     def __getitem__(self, name: str) -> Rule:
-        if name not in self._table:
-            raise UnknownNameError("rule", name, self._table)
+        check_name("rule", name, self._table)
         return self._table[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -142,6 +141,3 @@ def _table() -> dict[str, Rule]:
         name: load(Rule, fields, f"rule {name!r} in {path.name}")
         for name, fields in read_yaml(path).items()
     }
-
-
-__all__ = ["LEVELS", "Rule", "Rules"]

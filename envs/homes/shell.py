@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.urdf import Model
+from rcare_marl.model.urdf import Model
 
-from .floor import floor_model
+from ..rectangle import Rectangle
 from .palette import Palette
 from .plan import CEILING_HEIGHT, Plan
-from .rectangle import Rectangle
 from .shell_canvas import Canvas, shade
 from .shell_outline import maximal
-from .shell_wall import Block, Painter, wall_boxes
+from .shell_wall import Painter, wall_boxes
 from .window import Fitter
 
 EAVES = 0.45  # [m] that the roof stands out
@@ -90,6 +89,3 @@ def _roof(canvas: Canvas, area: Rectangle, height: float) -> None:
     for face in faces:
         canvas.face("clay", face)
     canvas.box("trim", area.grown(-0.02), (height + 0.01, low - 0.005))
-
-
-__all__ = ["Block", "floor_model", "shell_model", "wall_boxes"]

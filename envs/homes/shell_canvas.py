@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
+from rcare_marl.model.shape import ZERO, Shape, Triple
+from rcare_marl.model.urdf import Link, Model
 from rcare_marl.pose import Pose, rpy_from_matrix
-from rcare_marl.urdf import ZERO, Link, Model, Shape, Triple
 
+from ..rectangle import Rectangle
 from .palette import Palette, Rgba
-from .rectangle import Rectangle
 
 Axis = Literal["x", "y"]
 Span = tuple[float, float]
@@ -34,8 +35,12 @@ class Canvas:
 
     def level(self, material: str, area: Rectangle, z: float, *, up: bool = True) -> None:
         """Add a level face at height `z` [m] that looks up, or down."""
-        corners = [(area.x0, area.y0, z), (area.x1, area.y0, z), (area.x1, area.y1, z),
-                   (area.x0, area.y1, z)]  # fmt: skip
+        corners = [
+            (area.x0, area.y0, z),
+            (area.x1, area.y0, z),
+            (area.x1, area.y1, z),
+            (area.x0, area.y1, z),
+        ]
         self.face(material, corners if up else corners[::-1])
 
     def upright(
@@ -106,6 +111,3 @@ def shade(colour: Rgba, factor: float) -> Rgba:
     """Return a colour made lighter or darker by a factor."""
     r, g, b, a = colour
     return (min(factor * r, 1.0), min(factor * g, 1.0), min(factor * b, 1.0), a)
-
-
-__all__ = ["Axis", "Canvas", "Span", "shade"]

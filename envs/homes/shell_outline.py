@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .rectangle import Rectangle
+from ..rectangle import Rectangle
 
 
 def maximal(areas: Iterable[Rectangle]) -> tuple[Rectangle, ...]:
@@ -49,6 +49,3 @@ def _covers(parts: tuple[Rectangle, ...], area: Rectangle) -> bool:
         depth = min(part.y1, area.y1) - max(part.y0, area.y0)
         covered += max(width, 0.0) * max(depth, 0.0)
     return covered > area.area - 1e-6
-
-
-__all__ = ["maximal"]

@@ -6,9 +6,9 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
+from ..rectangle import Rectangle
 from .door import OVERLAP, hinge_side
-from .plan import CEILING_HEIGHT, JAMB, OUTSIDE, Opening, Plan, Room, Wall
-from .rectangle import Rectangle
+from .plan import CEILING_HEIGHT, OUTSIDE, Opening, Plan, Room, Wall
 from .shell_canvas import Axis, Canvas, Span
 
 CAVITY = 0.06  # [m] wide, in walls that panels slide into
@@ -262,6 +262,3 @@ def _accent(plan: Plan, room: Room) -> tuple[Axis, int] | None:
     free = [side for side in sides if side not in taken]
     lengths = {"x": room.inside.width, "y": room.inside.depth}
     return min(free, key=lambda side: lengths[side[0]]) if free else None
-
-
-__all__ = ["JAMB", "Block", "Painter", "openings_in", "pocket", "span", "wall_boxes"]

@@ -68,6 +68,3 @@ def _free(name: str, taken: dict[str, Spot]) -> str:
         number += 1
         free = f"{name}_{number}"
     return free
-
-
-__all__ = ["Spot", "spots_of"]

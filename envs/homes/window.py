@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from ..rectangle import Rectangle
 from .door import hinge_side
 from .plan import JAMB, LEAF, OUTSIDE, Opening
-from .rectangle import Rectangle
 from .shell_canvas import Canvas, Span
 from .shell_wall import CAVITY
 
@@ -121,6 +121,3 @@ class Fitter:
         out = (-deep - 0.04, y[0])
         self._box(opening, "paving", (-half - 0.03, half + 0.03), out, (low - 0.04, low + 0.004))
         self._casings(opening, 0.0)
-
-
-__all__ = ["Fitter"]

@@ -12,7 +12,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNameError
+from rcare_marl.errors import ActionError, ConfigError, EpisodeError, check_name
 
 from .board import Face
 from .learner_env import STAGE
@@ -165,8 +165,7 @@ class BatchedEnv(EnvBase):
         """
         self._check_open()
         for key, value in stage.items():
-            if key not in STAGE:
-                raise UnknownNameError("key of a stage", str(key), STAGE)
+            check_name("key of a stage", key, STAGE)
             if not isinstance(value, int | float) or not np.isfinite(value):
                 raise ConfigError(f"{key} of a stage must be a finite number, got {value!r}")
         values = {key: float(value) for key, value in stage.items()}

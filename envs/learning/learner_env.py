@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from rcare_marl.agents.policies.behaviour_tree import StayStill
+from rcare_marl.agents.people.behaviour.behaviour_tree import StayStill
 from rcare_marl.agents.policy import Policy
-from rcare_marl.agents.robot import Robot
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.errors import ConfigError, check_name
 
 from ..cast import find_policy
 from ..group import group_map
@@ -165,8 +165,7 @@ class LearnerEnv:
             ConfigError: If a value is out of its range, or the task has no stages.
         """
         for key in stage:
-            if key not in STAGE:
-                raise UnknownNameError("key of a stage", str(key), STAGE)
+            check_name("key of a stage", key, STAGE)
         if stage or self._is_staged:
             spread, tolerance, force = (float(stage.get(key, 1.0)) for key in STAGE)
             self.care_env.task.set_stage(spread=spread, tolerance=tolerance, force=force)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.config import plain
+from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 
 from .. import make
 from ..care_env import CareEnv
@@ -71,8 +69,7 @@ class EnvRecipe:
     def _check_roles(self, variant: int) -> None:
         roles, learning = self.roles(variant), self.learning_roles(variant)
         for role in (*learning, *self.partners, *self.residual):
-            if role not in roles:
-                raise UnknownNameError(f"role in the cast of {self.task!r}", role, roles)
+            check_name(f"role in the cast of {self.task!r}", role, roles)
         for role in (*self.partners, *(r for r in roles if self._own_policy(role=r, at=variant))):
             if role in learning:
                 raise ConfigError(f"role {role!r} learns, and has a policy too")
@@ -86,7 +83,7 @@ class EnvRecipe:
             find_policy(self.task, role, "scripted")
         for role in roles:
             if role not in learning:
-                for name in self._partner_names(role, variant):
+                for name in self.partner_names(role, variant):
                     if not Path(name).suffix:  # a file is looked for where it is used
                         find_policy(self.task, role, name)
 
@@ -130,11 +127,8 @@ class EnvRecipe:
         }
         return make(self.task, options=self.options, policies=policies, **self.entries(variant))
 
-    def partner_names(self, role: str) -> tuple[str, ...]:
+    def partner_names(self, role: str, variant: int = 0) -> tuple[str, ...]:
         """Return the policies that may play a role, whether it learns or not."""
-        return self._partner_names(role, 0)
-
-    def _partner_names(self, role: str, variant: int) -> tuple[str, ...]:
         part = task_class(self.task).roles()[part_name(role)]
         own = self._own_policy(role=role, at=variant)
         if own is not None and role in self.partners:
@@ -157,52 +151,20 @@ class EnvRecipe:
         return entry.get("policy") if isinstance(entry, Mapping) else None
 
     def _partner(self, role: str, variant: int) -> PolicyFactory:
-        made = [find_policy(self.task, role, n) for n in self._partner_names(role, variant)]
+        made = [find_policy(self.task, role, n) for n in self.partner_names(role, variant)]
         if len(made) == 1:
             return made[0]
         return lambda env, name: Population([factory(env, name) for factory in made])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the recipe as data that JSON and YAML can hold.
+        """Return the recipe as data that JSON and YAML can hold; `config.load` builds it again.
 
         Raises:
             ConfigError: If it holds objects, such as a `RobotConfig`, that they cannot.
         """
-        return {f.name: _plain(getattr(self, f.name), f.name) for f in dataclasses.fields(self)}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> EnvRecipe:
-        """Return the recipe that `to_dict` gave.
-
-        Raises:
-            UnknownNameError: If a key is no field of a recipe.
-            ConfigError: If there is no task, or a value is impossible.
-        """
-        names = [f.name for f in dataclasses.fields(cls)]
-        for key in data:
-            if key not in names:
-                raise UnknownNameError("field of EnvRecipe", str(key), names)
-        if "task" not in data:
-            raise ConfigError("a recipe needs a task")
-        return cls(**data)
+        return {f.name: plain(getattr(self, f.name), f.name) for f in dataclasses.fields(self)}
 
 
 def _check_mapping(name: str, value: object) -> None:
     if not isinstance(value, Mapping):
         raise ConfigError(f"{name} must be a mapping, got {type(value).__name__} {value!r}")
-
-
-def _plain(value: Any, where: str) -> Any:
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v, f"{where}.{k}") for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v, f"{where}[{i}]") for i, v in enumerate(value)]
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, np.generic):
-        value = value.item()
-    if value is None or isinstance(value, str | bool | int):
-        return value
-    if isinstance(value, float) and math.isfinite(value):
-        return value
-    raise ConfigError(f"{where} cannot be written to a file: {type(value).__name__} {value!r}")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array
 
 SLICE = 0.05  # [m]: the challenge's scene
@@ -128,6 +128,3 @@ def _seen(points: Array, start: Array, end: Array) -> tuple[Array, Array, Array]
     local = points - start
     out = np.column_stack((local @ side, local @ np.cross(axis, side)))
     return local @ way / length**2, out, np.linalg.norm(out, axis=1)
-
-
-__all__ = ["LARGEST_GAP", "LOOSE", "NEAR", "SLICE", "ArmCover", "crossings", "widest_gap"]

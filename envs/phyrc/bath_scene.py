@@ -7,17 +7,13 @@ import math
 
 import numpy as np
 
-from rcare_marl.agents.body.skeleton import SIDES
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.body.skeleton import SIDES
+from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix, quaternion_from_rpy
 from rcare_marl.world import World
 
-from ..devices.cushion import lay_under, move_under
-from ..devices.hospital_bed import HospitalBed
-from ..devices.overbed_table import DEPTH, OverbedTable
-from ..devices.sponge import Sponge
-from ..devices.wash_basin import WashBasin
+from ..devices import Device, HospitalBed, Sponge, WashBasin, lay_under, move_under
 from .washed_limbs import WashedLimbs
 
 # Of the challenge's scene, as read from its player of October 2024 (docs/phyrc.md):
@@ -52,12 +48,12 @@ class BathScene:
     def __init__(self, world: World) -> None:
         """Put everything into the world."""
         self.bed = HospitalBed()
-        half = 0.5 * self.bed.config.mattress_length + self.bed.config.end
+        half = 0.5 * self.bed.model.figure("mattress_length") + self.bed.model.figure("end")
         turn = quaternion_from_rpy(0, 0, math.pi)  # mounts beside a bed have its head at +x
         self.bed.spawn(world, Pose((half, 0.0, 0.0), tuple(turn.tolist())))
         self.bed.set_position("height", BED_RAISE)
         height, (x, y) = self.bed.mattress_height() + TABLE_OVER, TABLE_AT
-        self.table = OverbedTable(height)
+        self.table = Device("overbed_table", fixed={"height": height})
         self.table.spawn(world, Pose((x, y, 0.0)))
         self.basin, self.basin_at = WashBasin(), Pose((x, y + BASIN_Y, height))
         self.basin.spawn(world, self.basin_at)
@@ -66,7 +62,7 @@ class BathScene:
         self.sponge_at = self.over((x, y + SPONGE_Y, height))
         self.sponge.spawn(world, self.sponge_at)
         for body in (self.bed.body, self.basin.body):
-            world.slumber.add(body)
+            world.sleeping.add(body)
         self._cushions: dict[str, Body] = {}
 
     def lay_cushions(self, person: Human, limbs: WashedLimbs, world: World) -> None:
@@ -101,7 +97,7 @@ class BathScene:
 
     def dipped(self) -> Pose:
         """Return a pose of the sponge with most of it in the water, and its handle over the rim."""
-        depth = DEPTH_SHARE * self.sponge.config.size[2]
+        depth = DEPTH_SHARE * self.sponge.block.size[2]
         return self.over(np.subtract(self.water(), (0.0, 0.0, depth)))
 
     def water(self) -> tuple[float, ...]:
@@ -110,7 +106,4 @@ class BathScene:
 
     def edge(self) -> float:
         """Return where the table ends towards the head of the bed, along x [m]."""
-        return TABLE_AT[0] + 0.5 * DEPTH
-
-
-__all__ = ["BathScene"]
+        return TABLE_AT[0] + 0.5 * self.table.model.figure("depth")

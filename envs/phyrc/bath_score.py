@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import dataclass
 
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.pinch import Pinch
-from rcare_marl.agents.robot import Robot
+import numpy as np
+
+from rcare_marl.agents.people.body.skeleton import SIDES
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.pinch import Pinch
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.pose import Array
 from rcare_marl.world import World
 
-from ..safety import SafetyMeter
+from ..state import State, Values
 from .bath_scene import BathScene
 from .phyrc_score import PICK_UP_TIME, ScoreSheet, Stopwatch
 from .washed_limbs import WashedLimbs
@@ -29,7 +32,41 @@ LIFTED = 0.03  # [m] over where it lay, from where a sponge counts as picked up
 TOUCH = 0.5  # [N] on the person that counts as brought there, and with which a sponge wipes
 DIPPED, SOAK = 0.5, 0.5  # share of the sponge under water, and for how long [s], that wets it
 LEAST_SAMPLES = 100  # control steps of contact, 10 s: fewer count as if the rest had been bad
+FAR = 1.0  # [m] from what is next, where the reward does not get less any more; our own choice
+ITEMS = ("pick_up", "dip", "move", "wash")
+SEEN = tuple(
+    f"{side}_{joint}"
+    for side in SIDES
+    for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+)
 FULL_SHARE_AT = 0.05  # coverage from which on gentleness counts in full
+
+
+@dataclass(frozen=True, eq=False)
+class BathState(State):
+    """What the bathing challenge reads."""
+
+    points: Array  # of each item of `ITEMS`, shape [4]
+    earned: int  # how many items were earned
+    scored: int  # what the score grew by in the control step
+    face: Array  # middle of the face of the sponge [m], shape [3]
+    to_sponge: Array  # from the tool to the handle of the sponge [m], shape [3]
+    water: Array  # middle of the surface of the water [m], shape [3]
+    joints: Array  # of the limbs, see `SEEN`, left ones first [m], shape [12, 3]
+    way: float  # how far it is to what is next [m]: to sponge, water or the nearest limb; `FAR` at most
+    is_held: bool  # whether the robot holds the sponge
+    push: float  # mean force of the sponge on the person in the control step [N]
+    wetness: float  # of the sponge, 0 dry to 1 wet
+    coverages: Array  # share of each limb that was washed, shape [8]
+    coverage: float  # share of all the skin that was
+    gained: float  # what it grew by in the control step
+    gentleness: float  # share of good samples of force, of what is demanded at least
+    is_tipped: bool  # whether the basin was tipped or pushed away
+
+    @property
+    def score(self) -> Values:
+        """Sum of the points."""
+        return self.points.sum(axis=-1)
 
 
 class BathScore:
@@ -37,28 +74,18 @@ class BathScore:
 
     Attributes:
         sheet: The points.
-        face: Middle of the face of the sponge in the world [m], shape [3].
-        force: Mean force of the sponge on the person in the last control step [N].
-        wetness: Of the sponge, 0 dry to 1 wet.
-        coverage: Share of the skin that was washed.
-        gained: What it grew by in the last control step.
-        scored: What the score grew by then.
-        is_held: Whether the robot holds the sponge.
     """
 
-    face: Array
-
     def __init__(
-        self, world: World, scene: BathScene, person: Human, robot: Robot, safety: SafetyMeter,
-        limbs: WashedLimbs,
-    ) -> None:  # fmt: skip
+        self, world: World, scene: BathScene, person: Human, robot: Robot, limbs: WashedLimbs
+    ) -> None:
         """Watch a robot that bathes a person; ConfigError if its fingers do not move."""
         self._world, self._scene, self._person, self._robot = world, scene, person, robot
-        self._safety, self._limbs = safety, limbs
+        self._limbs = limbs
         self._pinch = Pinch(world, robot, scene.sponge.body)
         self._held, self._dipped = Stopwatch(), Stopwatch()
         self.sheet = ScoreSheet(
-            {"pick_up": self._pick_up, "dip": self._dip, "move": self._move, "wash": self._wash}
+            dict(zip(ITEMS, (self._pick_up, self._dip, self._move, self._wash), strict=True))
         )
         self.reset()
 
@@ -66,10 +93,9 @@ class BathScore:
         """Begin an episode."""
         for part in (self._pinch, self._limbs, self.sheet, self._held, self._dipped):
             part.reset()
-        self.wetness = self.force = self.coverage = self.gained = 0.0
-        self._samples = self._good = self.scored = 0
-        self._pushes, self._steps = 0.0, 0
-        self._is_tipped = self._is_exceeded = self._has_touched = self.is_held = False
+        self._wetness = self._coverage = self._pushes = 0.0
+        self._samples = self._good = self._steps = 0
+        self._is_tipped = self._is_exceeded = self._has_touched = self._is_held = False
 
     def after_substep(self) -> None:
         """Look at the force of the sponge in a physics step."""
@@ -79,58 +105,85 @@ class BathScore:
             self._pushes += math.sqrt(float(push @ push))
         self._steps += 1
 
-    def after_step(self, duration: float) -> None:
-        """Look at everything at the end of a control step of `duration` [s]; after the safety meter."""
+    def read(self, now: State, duration: float) -> BathState:
+        """Look at everything at the end of a control step of `duration` [s]."""
         self._pinch.update()
         points = self._scene.sponge.face_points()
-        self.face = points.mean(axis=0)
-        self.force, self._pushes, self._steps = self._pushes / max(self._steps, 1), 0.0, 0
+        face, push = points.mean(axis=0), self._pushes / max(self._steps, 1)
+        self._pushes, self._steps = 0.0, 0
+        to_sponge = np.subtract(self._scene.sponge.pose.position, self._robot.tool_pose().position)
         self._see_sponge(duration)
         self._see_basin()
-        self._see_skin(points, duration)
-        before = self.sheet.total
-        self.sheet.update(self._world.time)
-        self.scored = self.sheet.total - before
+        covered = self._coverage
+        self._see_skin(points, push, now.force, duration)
+        score = self.sheet.total
+        self.sheet.update(now.time)
+        water = np.array(self._scene.water())
+        return BathState(
+            **vars(now),
+            points=np.array(list(self.sheet.points.values())),
+            earned=self.sheet.stage,
+            scored=self.sheet.total - score,
+            face=face,
+            to_sponge=to_sponge,
+            water=water,
+            joints=np.array([self._person.joint_pose(joint).position for joint in SEEN]),
+            way=min(self._way(face, to_sponge, water), FAR),
+            is_held=self._is_held,
+            push=push,
+            wetness=self._wetness,
+            coverages=np.array(self._limbs.coverages()),
+            coverage=self._coverage,
+            gained=self._coverage - covered,
+            gentleness=self._gentleness(),
+            is_tipped=self._is_tipped,
+        )
+
+    def _way(self, face: Array, to_sponge: Array, water: Array) -> float:
+        if not self._is_held:
+            return float(np.linalg.norm(to_sponge))
+        if self._wetness < 1.0:
+            return math.dist(face, water)
+        limbs = self._limbs.limbs.values()
+        return min(math.dist(face, limb.place(0.5)[0]) for limb in limbs)
 
     def _see_sponge(self, duration: float) -> None:
         """Take note of whether the sponge is in the hand, and in the water."""
         sponge, basin = self._scene.sponge, self._scene.basin
         handle = sponge.pose.position
         reach = math.dist(handle, self._robot.tool_pose().position)
-        self.is_held = self._pinch.is_held and reach < GRASP_RADIUS
+        self._is_held = self._pinch.is_held and reach < GRASP_RADIUS
         is_up = handle[2] > self._scene.sponge_at.position[2] + LIFTED
-        self._held.update(self.is_held and is_up, duration)
-        if self.wetness < 1.0:
+        self._held.update(self._is_held and is_up, duration)
+        if self._wetness < 1.0:
             wets = not basin.spills() and basin.submerged(sponge.points()) >= DIPPED
             self._dipped.update(wets, duration)
-            self.wetness = max(self.wetness, min(self._dipped.time / SOAK, 1.0))
+            self._wetness = max(self._wetness, min(self._dipped.time / SOAK, 1.0))
 
     def _see_basin(self) -> None:
         basin, start = self._scene.basin, self._scene.basin_at
         pushed = math.dist(basin.pose.position, start.position)
         self._is_tipped |= pushed > PUSHED or basin.tilt() > TIPPED
 
-    def _see_skin(self, points: Array, duration: float) -> None:
-        """Take note of what the sponge does to the person."""
-        presses = self.is_held and self.wetness >= 1.0 and self.force >= TOUCH
+    def _see_skin(self, points: Array, push: float, force: float, duration: float) -> None:
+        """Take note of what the sponge does to the person, whom all together press with `force`."""
+        presses = self._is_held and self._wetness >= 1.0 and push >= TOUCH
         if self.sheet.stage >= 2:
-            self._is_exceeded |= self._safety.force > EXCEEDED
+            self._is_exceeded |= force > EXCEEDED
             self._has_touched |= presses
-        before = self.coverage
         self._limbs.follow()
         if presses and self.sheet.stage >= 3:
             self._samples += 1
-            self._good += GENTLE[0] < self.force <= GENTLE[1]
+            self._good += GENTLE[0] < push <= GENTLE[1]
             touched = self._person.contact_forces(self._scene.sponge.body)
             self._limbs.wipe(touched, points, duration)
-            self.coverage = self._limbs.coverage
-        self.gained = self.coverage - before
+            self._coverage = self._limbs.coverage
 
     def _pick_up(self) -> int | None:
         return PICK_UP if self._held.time >= PICK_UP_TIME - 1e-9 else None
 
     def _dip(self) -> int | None:
-        is_done = self.wetness >= 1.0 and self.is_held and not self._is_tipped
+        is_done = self._wetness >= 1.0 and self._is_held and not self._is_tipped
         return DIP if is_done else None
 
     def _move(self) -> int | None:
@@ -139,24 +192,9 @@ class BathScore:
         return -MOVE if self._is_exceeded else MOVE
 
     def _wash(self) -> int | None:
-        return int(COVERAGE * self.coverage) + int(FORCE * self.gentleness())
+        return int(COVERAGE * self._coverage) + int(FORCE * self._gentleness())
 
-    def gentleness(self) -> float:
+    def _gentleness(self) -> float:
         """Return the share of good samples of force, of what is demanded at least."""
         share = self._good / max(self._samples, LEAST_SAMPLES)
-        return share * min(self.coverage / FULL_SHARE_AT, 1.0)
-
-    def metrics(self) -> Mapping[str, float]:
-        """Return what is reported beside safety."""
-        return {
-            "score": float(self.sheet.total),
-            **{f"score_{name}": float(points) for name, points in self.sheet.points.items()},
-            "coverage": self.coverage,
-            "gentle_share": self.gentleness(),
-            "sponge_force_n": self.force,
-            "wetness": self.wetness,
-            "basin_tipped": float(self._is_tipped),
-        }
-
-
-__all__ = ["BathScore"]
+        return share * min(self._coverage / FULL_SHARE_AT, 1.0)

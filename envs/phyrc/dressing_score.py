@@ -2,25 +2,54 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from rcare_marl.agents.cloth_pinch import ClothPinch
+from rcare_marl.agents.people.body.skeleton import SIDES
+from rcare_marl.agents.robots.cloth_pinch import ClothPinch
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.pose import Array
-from rcare_marl.soft.cloth import Cloth
-from rcare_marl.world import World
 
+from ..state import State, Values
 from .arm_cover import NEAR, ArmCover
-from .hung_gown import HungGown
+from .gown_stand import GownStand
 from .phyrc_score import PICK_UP_TIME, ScoreSheet, Stopwatch
 
 # Of the challenge's scene, as read from its player of September 2024 (docs/phyrc.md):
 PICK_UP, SLEEVE, SHOULDER, LEFT, RIGHT = 5, 5, 5, 10, 20  # points
+ITEMS = ("pick_up", "sleeve", "left_shoulder", "right_shoulder", "dressing")
 RING_SHARE = 0.7  # of the ring of a sleeve that is near the arm
 # The challenge counts 200 particles within 5 cm of a shoulder, and does not tell of how many: here a share
 # of the gown's own.
 SHOULDER_SHARE = 0.025  # our own choice: 20 particles, a hand's breadth of cloth
+
+
+@dataclass(frozen=True, eq=False)
+class GownState(State):
+    """What the dressing challenge reads."""
+
+    points: Array  # of each item of `ITEMS`, shape [5]
+    earned: int  # how many items were earned
+    scored: int  # what the score grew by in the control step
+    seam: Array  # where the seam is that a robot takes [m], shape [3]
+    tool: Array  # where its tool is [m], shape [3]
+    cuff: Array  # middle of the left cuff [m], shape [3]
+    arm: Array  # left wrist, elbow and shoulder [m], shape [3, 3]
+    way: float  # from the tool to what is next, seam or shoulder [m]
+    is_held: bool  # whether the robot holds the seam
+    pull: float  # with which it pulls [N]
+    covered: Array  # share of the slices of each of `SIDES` that the gown goes round, shape [2]
+    gained: float  # what that grew by in the control step, both together
+    near_left: float  # share of the gown's particles that are near the left shoulder
+    strain: float  # greatest strain of the cloth so far
+
+    @property
+    def score(self) -> Values:
+        """Sum of the points."""
+        return self.points.sum(axis=-1)
 
 
 class DressingScore:
@@ -28,27 +57,26 @@ class DressingScore:
 
     Attributes:
         sheet: The points.
-        cuff: Middle of the left cuff [m], shape [3].
         covered: Share of the slices of each arm that the gown goes round, `left` and `right`.
-        gained: What `covered` grew by in the last control step, both together.
-        scored: What the score grew by then.
     """
 
     def __init__(
-        self, world: World, cloth: Cloth, gown: HungGown, covers: Mapping[str, ArmCover],
-        pinch: ClothPinch,
-    ) -> None:  # fmt: skip
-        """Watch a gown on a person with these arms."""
-        self._world, self._cloth, self._gown = world, cloth, gown
+        self, robot: Robot, stand: GownStand, covers: Mapping[str, ArmCover], pinch: ClothPinch
+    ) -> None:
+        """Watch a gown on a person with these arms, whom a robot dresses."""
+        self._robot, self._stand = robot, stand
+        self._cloth, self._gown = stand.cloth, stand.gown
         self._covers, self._pinch, self._held = covers, pinch, Stopwatch()
-        items = {
-            "pick_up": self._pick_up,
-            "sleeve": self._sleeve,
-            "left_shoulder": lambda: self._shoulder("left"),
-            "right_shoulder": lambda: self._shoulder("right"),
-            "dressing": self._dressing,
-        }
-        self.sheet = ScoreSheet(items, loose=("left_shoulder", "right_shoulder"))
+        items = (
+            self._pick_up,
+            self._sleeve,
+            lambda: self._shoulder("left"),
+            lambda: self._shoulder("right"),
+            self._dressing,
+        )
+        self.sheet = ScoreSheet(
+            dict(zip(ITEMS, items, strict=True)), loose=("left_shoulder", "right_shoulder")
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -56,21 +84,35 @@ class DressingScore:
         self.sheet.reset()
         self._held.reset()
         self.covered = dict.fromkeys(self._covers, 0.0)
-        self.gained, self.scored = 0.0, 0
 
-    def after_step(self, duration: float) -> None:
+    def read(self, now: State, duration: float) -> GownState:
         """Look at everything at the end of a control step of `duration` [s]."""
-        points = self._cloth.positions
-        self.cuff = points[self._gown.cuffs["left"]].mean(axis=0)
+        points, left = self._cloth.positions, self._covers["left"]
         self._held.update(self._pinch.is_held, duration)
         before = sum(self.covered.values())
         for side, cover in self._covers.items():
             cover.follow()
             self.covered[side] = float(cover.slices(points[self._gown.sleeves[side]]).mean())
-        self.gained = sum(self.covered.values()) - before
         score = self.sheet.total
-        self.sheet.update(self._world.time)
-        self.scored = self.sheet.total - score
+        self.sheet.update(now.time)
+        seam, tool = self._stand.seam, np.array(self._robot.tool_pose().position)
+        return GownState(
+            **vars(now),
+            points=np.array(list(self.sheet.points.values())),
+            earned=self.sheet.stage,
+            scored=self.sheet.total - score,
+            seam=seam,
+            tool=tool,
+            cuff=points[self._gown.cuffs["left"]].mean(axis=0),
+            arm=left.ends,
+            way=math.dist(left.ends[2] if self._pinch.is_held else seam, tool),
+            is_held=self._pinch.is_held,
+            pull=self._pinch.pull,
+            covered=np.array([self.covered[side] for side in SIDES]),
+            gained=sum(self.covered.values()) - before,
+            near_left=self.near_shoulder("left"),
+            strain=float(self._cloth.strain.max()),
+        )
 
     def _pick_up(self) -> int | None:
         return PICK_UP if self._held.time >= PICK_UP_TIME - 1e-9 else None
@@ -96,16 +138,3 @@ class DressingScore:
         cover, points = self._covers[side], self._cloth.positions
         apart: Array = np.linalg.norm(points - cover.ends[2], axis=1)
         return float((apart < cover.shoulder_radius + NEAR).mean())
-
-    def metrics(self) -> Mapping[str, float]:
-        """Return what is reported beside safety."""
-        return {
-            "score": float(self.sheet.total),
-            **{f"score_{name}": float(points) for name, points in self.sheet.points.items()},
-            **{f"covered_{side}": share for side, share in self.covered.items()},
-            "near_left_shoulder": self.near_shoulder("left"),
-            "peak_strain": float(self._cloth.strain.max()),
-        }
-
-
-__all__ = ["DressingScore"]

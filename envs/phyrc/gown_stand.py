@@ -6,21 +6,24 @@ import math
 
 import numpy as np
 
-from rcare_marl.agents.garment import tailor
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.garment import tailor
+from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
 from rcare_marl.pose import Array, Pose
 from rcare_marl.soft.cloth import Cloth
 from rcare_marl.soft.grip import Grip
-from rcare_marl.soft.wardrobe import Wardrobe
+from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import World
 
-from ..devices.dressing_stand import TRAVEL, DressingStand
+from ..devices import DressingStand
 from .hung_gown import hang
 
 # All our own choices.
 GARMENT = "bed_jacket"  # a gown that reaches the lap: a longer one hooks on the feet of who sits
-HOLD_FORCE, HOLD_CUFF = 30.0, TRAVEL - 0.06  # [N] of the hoop, and how far it takes the cuff [m]
+HOLD_FORCE, HOLD_SHORT = (
+    30.0,
+    0.06,
+)  # [N] of the hoop; it lets the cuff go so far before its end [m]
 LATCH_WAY = 0.03  # [m] that the seam is pulled towards the person when the stand lets its hoop go
 
 
@@ -66,11 +69,11 @@ class GownStand:
             GARMENT, garment.rest, self.gown.faces, fabric=garment.fabric, grain=garment.grain,
             positions=self.gown.placed(self.stand.frame_in_world("armhole")),
         )  # fmt: skip
-        wardrobe = Wardrobe.of(world)
-        wardrobe.join_limbs(person.body)
-        wardrobe.ignore([*ignored, body])
+        soft_world = SoftWorld.of(world)
+        soft_world.join_limbs(person.body)
+        soft_world.ignore([*ignored, body], by=Cloth)
         skins = [skin for skin in world.skins if skin.body is person.body]
-        wardrobe.add(self.cloth, rgb=garment.config.rgb, beneath=skins)
+        soft_world.add(self.cloth, color=garment.config.rgb, beneath=skins)
         for rows, force in self.gown.clips:
             self.cloth.hold(rows, body, -1, force=force)
         self._cuff: Grip = self.cloth.hold(cuff, body, "slide", force=HOLD_FORCE)
@@ -89,11 +92,8 @@ class GownStand:
         if not self._is_open and float((self._hung - self.seam) @ self.out) > LATCH_WAY:
             self.stand.open_latch()
             self._is_open = True
-        if self._cuff.is_active and self.stand.travelled >= HOLD_CUFF:
+        if self._cuff.is_active and self.stand.travelled >= self.stand.travel - HOLD_SHORT:
             self.cloth.release(self._cuff)
 
     def _look(self) -> None:
         self.seam: Array = np.asarray(self.cloth.positions[self.gown.clips[0][0]].mean(axis=0))
-
-
-__all__ = ["GownStand"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.body.skeleton import SIDES
+from rcare_marl.agents.people.body.skeleton import SIDES
 from rcare_marl.pose import Array, Pose
 from rcare_marl.soft.garment import Garment
 
@@ -117,6 +117,3 @@ def _untie(gown: Garment) -> tuple[Indices, npt.NDArray[np.bool_]]:
 def _nearest(rest: Array, place: tuple[float, float, float], count: int) -> Indices:
     gaps = np.linalg.norm(rest - np.array(place), axis=1)
     return np.argsort(gaps, kind="stable")[:count].astype(np.int32)
-
-
-__all__ = ["HungGown", "hang"]

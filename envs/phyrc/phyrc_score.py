@@ -71,6 +71,3 @@ class Stopwatch:
     def update(self, lasts: bool, duration: float) -> None:
         """Count `duration` [s] if it lasts, else begin anew."""
         self.time = self.time + duration if lasts else 0.0
-
-
-__all__ = ["CHECK_EVERY", "FULL_SCORE", "PICK_UP_TIME", "Item", "ScoreSheet", "Stopwatch"]

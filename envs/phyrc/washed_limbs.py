@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from rcare_marl.agents.body.skeleton import SIDES
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.body.skeleton import SIDES
+from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array
 from rcare_marl.world import World
 
@@ -80,6 +80,3 @@ class WashedLimbs:
         for joint in touched:
             if joint in self.limbs:
                 self.limbs[joint].wipe(points, duration)
-
-
-__all__ = ["LIMBS", "WashedLimbs"]

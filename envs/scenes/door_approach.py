@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from rcare_marl.agents.robot import Mount, Robot
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import Mount
 from rcare_marl.pose import Pose
 
-from ..homes.care_home import CareHome
-from ..homes.door import LEVER_REACH, Door, DoorSize, hinge_side
-from ..homes.plan import INNER_WALL, Opening
-from ..homes.rectangle import Rectangle
-from ..homes.rule import Rules
+from ..place import Door, DoorSite
+from ..rectangle import Rectangle
 
 Choice = Literal["handle", "left", "right"]
 Side = Literal["left", "right"]
@@ -51,20 +49,14 @@ class DoorApproach:
     touched: str = ""
 
     @staticmethod
-    def planned(
-        opening: Opening, rules: Rules, is_turned: bool, robot: Robot, mount: Choice, drives: bool
-    ) -> DoorApproach:
+    def planned(site: DoorSite, robot: Robot, mount: Choice, drives: bool) -> DoorApproach:
         """Return the approach to a door of a plan, from its own side of y < 0 or the other one."""
-        x, height = DoorSize.of(opening, rules).handle
-        if opening.hardware == "lever":
-            x += hinge_side(opening) * LEVER_REACH
-        handle = (-x if is_turned else x, 0.0, height)
-        return DoorApproach(handle, opening.hardware, mount, drives, _stands(robot, drives))
+        return DoorApproach(site.handle, site.hardware, mount, drives, _stands(robot, drives))
 
     @staticmethod
     def of(door: Door, robot: Robot, mount: Choice, drives: bool) -> DoorApproach:
         """Return the approach to a door that is in the world, shut."""
-        kind = door.opening.hardware
+        kind = door.hardware
         front = "outside" if door.frame_in_world("handle_outside").position[1] < 0 else "inside"
         touched = f"{'lever' if kind == 'lever' else 'handle'}_{front}"
         at = door.frame_in_world(touched).position
@@ -125,11 +117,6 @@ def _stands(robot: Robot, drives: bool) -> bool:
     return STANDING in robot.config.mounts
 
 
-def is_free_beyond(home: CareHome, opening: Opening) -> bool:
+def is_free_beyond(site: DoorSite) -> bool:
     """Return whether a chair that comes through a door of a house has room behind it."""
-    area = Rectangle(-HALF, 0.5 * INNER_WALL, HALF, BEYOND).moved(opening.pose)
-    is_inside = any(room.inside.contains(area) for room in home.rooms())
-    return is_inside and not any(p.piece.blocks and p.footprint.overlaps(area) for p in home.placed)
-
-
-__all__ = ["OFF", "STANDING", "WIDE_ENOUGH", "DoorApproach", "is_free_beyond"]
+    return site.is_free(Rectangle(-HALF, 0.5 * site.thickness, HALF, BEYOND))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rcare_marl.agents.garment import band_over_leg, dress, tailor, threaded
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.people.garment import band_over_leg, dress, tailor, threaded
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.pose import Array, rotate
 from rcare_marl.soft.cloth import Cloth
 from rcare_marl.world import World
@@ -61,6 +61,3 @@ def hang(
     cloth = dress(world, person, garment, positions=placed)
     cloth.hold(held, robot.body, robot.tool_link)
     return cloth
-
-
-__all__ = ["HOLD_START", "hang", "tip"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array, rotate
 
 TOES = 0.09  # [m] that toes reach beyond the ball of the foot; our own choice
@@ -119,6 +119,3 @@ def _pierced(
     # Half-open, so that what goes through an edge counts once.
     met = (share >= 0) & (share < 1) & (u >= 0) & (v > 0) & (u + v <= 1)
     return np.sign(fall[met]).astype(np.int64), share[met]
-
-
-__all__ = ["LegPath"]

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array, Pose
 from rcare_marl.world import World
 
-from ..devices.wheelchair import Wheelchair
+from ..devices import Wheelchair
 from .leg_path import LegPath
 
 # How it is lifted, all our own choices. Hip flexion beside that at rest, and knee flexion: straight enough
@@ -94,14 +94,11 @@ def let_leg_stand(world: World, person: Human, chair: Wheelchair, side: str) -> 
     below = person.body.carried_by(shank)
     world.set_collision(person.body, chair.body, True, links_a=below)
     # The thigh, which the armrest is not to touch, has a seat of its own inside the cushion.
-    c, seat = chair.config, chair.frame_in_world("seat")
-    size = (c.seat_depth - 0.01, c.seat_width - 0.03, 0.5 * c.cushion)
+    f, seat = chair.model.figure, chair.frame_in_world("seat")
+    size = (f("seat_depth") - 0.01, f("seat_width") - 0.03, 0.5 * f("cushion"))
     top = world.add_box(size, seat @ Pose((0, 0, -0.5 * size[2] - 0.001)), name="seat")
     others = [k for k in range(-1, person.body.link_count) if k not in (thigh, *below)]
     world.set_collision(person.body, top, False, links_a=others)
     for body in world.bodies:
         if body not in (person.body, top) and (body.joints or body.is_movable):
             world.set_collision(body, top, False)
-
-
-__all__ = ["LiftableLeg", "let_leg_stand"]

@@ -6,17 +6,16 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices.stand import add_stand
-from ..devices.wheelchair import chair_for
-from ..homes.rectangle import Rectangle
-from ..task import Role, Task
+from ..devices import chair_for
+from ..rectangle import Rectangle
+from ..task import STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
 MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw_opening")
@@ -41,14 +40,7 @@ class Meal(Task):
     recipient = Role(
         Human, default="karan", posture="wheelchair", movable=MOVABLE, partner="cooperative"
     )
-    caregiver = Role(
-        Human,
-        default=None,
-        optional=True,
-        posture="standing",
-        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
-        partner="still",
-    )
+    caregiver = STANDING_CAREGIVER
 
     room_kinds = ("dining", "kitchen", "living", "lounge", "bedroom")
     footprint = Rectangle(-0.8, -1.0, 1.2, 1.1)  # [m] the chair, a robot or helper at its side
@@ -57,29 +49,24 @@ class Meal(Task):
     def furnish(self, world: World) -> dict[str, Pose]:
         if (posture := self.recipient.posture).arms != "armrests":
             raise ConfigError(
-                f"one eats and drinks who sits in the wheelchair, not {posture.description}"
+                f"the recipient must sit in the wheelchair, and is {posture.description}"
             )
         mount = f"wheelchair_{self.options.mount}"
         self._chair = chair_for(self.robot.mount_named(mount), self.options.mount)
-        self.lay_floor(world)
         soles = self.recipient.soles(self._chair.frame("seat_back"))
         self._chair.fit_footplates(soles["left"], soles["right"])
         self._chair.spawn(world)
         rests = [self._chair.frame_in_world(f"armrest_{side}") for side in ("left", "right")]
         self.recipient.use_arm_rests(*rests)
         away = quaternion_from_rpy(0, 0, -math.pi / 2)  # facing the chair
-        start = self.robot.mount(mount, self._chair.pose)
-        if self.robot.mount_named(mount).stand:
-            add_stand(world, start)
         return {
-            "robot": start,
+            "robot": self.mounted(self.robot, mount),
             "recipient": self._chair.frame_in_world("seat_back"),
             "caregiver": Pose((*HELPER_AT, 0.0), tuple(away.tolist())),
         }
 
     def build(self, world: World) -> None:
         """Let people and a robot on the chair be where they are in it."""
-        self._world = world
         for person in (a for a in self.cast.values() if isinstance(a, Human)):
             person.ignore(self._chair.body)  # the posture already keeps them apart
         if self._chair.carries_robot:
@@ -93,6 +80,3 @@ class Meal(Task):
         far = 1.0 if self._chair.carries_robot else 1.25  # others stand beside, and are larger
         side = 1.0 if self.robot.body.base_pose().position[1] < -0.5 else -1.0
         return Camera(eye=(1.75 * far, 1.45 * far * side, 1.6), target=(0.17, 0, 0.78), fov_deg=42)
-
-
-__all__ = ["MOVABLE", "Meal", "MealOptions"]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.human import Human
+from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array
 
 RADIUS = 0.03  # [m] what comes within this of the mouth goes in: Assistive Gym, feeding.py
@@ -52,6 +52,3 @@ class Mouth:
         apart = points - self.position
         near: npt.NDArray[np.bool_] = np.einsum("na,na->n", apart, apart) < RADIUS**2
         return near
-
-
-__all__ = ["IN_FRONT", "OPEN", "RADIUS", "Mouth"]

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from rcare_marl.agents.robot import Robot
-from rcare_marl.agents.robot_config import no_reach
+from rcare_marl.agents.robots.kinematics import IkResult
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.body import Body
-from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.world import World
+
+from ..reach import ReachSearch, Trial
 
 # Our own choices.
 LEANS = (-1.6, -0.9, -0.45, 0.0)  # of the tool from straight down: to the back, as tangents
@@ -27,39 +29,44 @@ ROOM_WEIGHT = 10.0  # of a metre of lacking room
 BEND_WEIGHT = 0.2  # of a radian that the joints go between two places
 
 
-def pulling_posture(
-    robot: Robot, places: Sequence[Array], person: Body, world: World, *, ahead: float
-) -> tuple[Array, Array]:
-    """Return the turn of the tool with which a robot follows places best and clear of a person.
+def pulling_search(search: ReachSearch, person: Body, *, ahead: float) -> ReachSearch:
+    """Return the search for the turn of the tool with which a robot follows places best, clear of a person.
 
     Nothing is decided about the first place but that it is reached: who is there may still move.
 
     Args:
-        robot: The robot, of whom the main arm moves; it is left in some posture.
-        places: Where its tool goes, the first where it starts [m].
-        person: Whom it stays clear of.
-        world: Where they are.
+        search: How the robot's start is searched for.
+        person: Whom it stays clear of on the way.
         ahead: Where the room of somebody else begins, along x [m].
-
-    Returns:
-        The turn, shape [4], and the posture at the first place, shape [n].
-
-    Raises:
-        ConfigError: If it does not reach the first place in any way.
     """
+    robot, world = search.robot.body, search.world
+
+    def crowding() -> float:
+        cost = ROOM_WEIGHT * (ROOM - _room(robot, person, world))
+        cost += ROOM_WEIGHT * (TOUCH - world.separation(robot, person, within=TOUCH))
+        foremost = max(robot.link_pose(i).position[0] for i in range(robot.link_count))
+        return cost + ROOM_WEIGHT * max(foremost - ahead, 0.0)
+
+    return dataclasses.replace(
+        search, people=(), needed=1, roams=False, cost=_cost, crowding=crowding
+    )
+
+
+def pulling_trials(robot: Robot, places: Sequence[Array]) -> list[Trial]:
+    """Return what is tried to follow places [m] with one turn of the tool; `hold` is the turn."""
     rng, arm = np.random.default_rng(0), robot.arm
     low, high = np.maximum(arm.lower, -math.pi), np.minimum(arm.upper, math.pi)
     seeds = [arm.rest.copy(), *(rng.uniform(low, high) for _ in range(SEEDS - 1))]
-    best: tuple[float, Array, Array] | None = None
-    for turn, seed in itertools.product(turns(), seeds):
-        most = math.inf if best is None else best[0]
-        found = _cost(robot, places, turn, seed, person, world, most, ahead)
-        if found is not None and (best is None or found[0] < best[0]):
-            best = (found[0], turn, found[1])
-    if best is None:
-        name = robot.files.model.name
-        raise ConfigError(f"{no_reach(robot.config, name, robot.moves)} where it is to start")
-    return best[1:]
+    points = [tuple(place.tolist()) for place in places]
+    return [
+        Trial([Pose(at, tuple(turn.tolist())) for at in points], seed=seed, hold=turn)
+        for turn, seed in itertools.product(turns(), seeds)
+    ]
+
+
+def _cost(before: IkResult, after: IkResult) -> float:
+    bend = BEND_WEIGHT * float(np.abs(after.posture - before.posture).max())
+    return bend + MISS_WEIGHT * (after.distance + TURN_WEIGHT * after.angle)
 
 
 def turns() -> list[Array]:
@@ -76,41 +83,7 @@ def turns() -> list[Array]:
     return out
 
 
-def _cost(
-    robot: Robot, places: Sequence[Array], turn: Array, seed: Array, person: Body, world: World,
-    most: float, ahead: float,
-) -> tuple[float, Array] | None:  # fmt: skip
-    """Return what a turn of the tool costs and the first posture; None if that is not reached."""
-    cost, first = 0.0, seed
-    for k, place in enumerate(places):
-        pose = Pose(tuple(place.tolist()), tuple(turn.tolist()))
-        found = robot.solve_ik(pose, seed=seed)
-        if k == 0:
-            if not found.is_within(0.02, 0.1):
-                return None
-            first = found.posture
-        else:
-            cost += BEND_WEIGHT * float(np.abs(found.posture - seed).max())
-            cost += MISS_WEIGHT * (found.distance + TURN_WEIGHT * found.angle)
-            if cost < most:
-                robot.set_posture(found.posture)
-                cost += ROOM_WEIGHT * (ROOM - _room(robot.body, person, world))
-                touch = world.separation(robot.body, person, within=TOUCH)
-                cost += ROOM_WEIGHT * (TOUCH - touch)
-                foremost = max(
-                    robot.body.link_pose(i).position[0] for i in range(robot.body.link_count)
-                )
-                cost += ROOM_WEIGHT * max(foremost - ahead, 0.0)
-        if cost >= most:
-            return None
-        seed = found.posture
-    return cost, first
-
-
 def _room(robot: Body, person: Body, world: World) -> float:
     """Return how far a robot is from what of a person does not move: trunk, head, arms [m]."""
     links = range(-1, robot.link_count)
     return min(world.separation(robot, person, within=ROOM, links=(k, -1)) for k in links)
-
-
-__all__ = ["pulling_posture", "turns"]

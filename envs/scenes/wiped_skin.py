@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.agents.body.skin import PersonSkin
-from rcare_marl.agents.body.tissue import load_tissue
-from rcare_marl.agents.human import Human
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.body.skin import PersonSkin
+from rcare_marl.agents.people.body.tissue import load_tissue
+from rcare_marl.agents.people.human import Human
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array, conjugate, matrix_from_quaternion, rotate
-from rcare_marl.soft.matter import Matter
 from rcare_marl.soft.soft_body import vertex_areas
+from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import World
 
 Floats = npt.NDArray[np.float32]
@@ -70,8 +70,7 @@ class WipedSkin:
             ConfigError: If the limb is not one rigid capsule.
         """
         for name in (joint, end, like or end):
-            if name not in JOINT_INDEX:
-                raise UnknownNameError("joint", name, JOINT_INDEX)
+            check_name("joint", name, JOINT_INDEX)
         if person.tissue is not None and joint in person.tissue.bodies:
             raise ConfigError(
                 f"a sponge does not feel flesh, and {joint!r} of {person.name!r} has some: "
@@ -235,7 +234,5 @@ def pad(person: Human, world: World, joints: Sequence[str]) -> None:
         core = tissue.segments[joint.split("_", 1)[1]].core
         thickness = (1.0 - core) * shape.size[1]
         link = person.frames[JOINT_INDEX[joint]].link
-        Matter.of(world).bed(person.body, link, modulus / ((1.0 - ratio**2) * thickness))
-
-
-__all__ = ["FROM", "TO", "WipedSkin", "pad"]
+        stiffness = modulus / ((1.0 - ratio**2) * thickness)
+        SoftWorld.of(world).set_foundation(person.body, link, stiffness)

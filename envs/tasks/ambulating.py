@@ -10,36 +10,26 @@ from typing import Literal
 
 import numpy as np
 
-from rcare_marl.agents.control import ToolDelta
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.kinematics import IkResult
-from rcare_marl.agents.robot import Robot
-from rcare_marl.agents.robot_config import no_reach
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
-from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices.dry_friction import grip
-from ..devices.powered_wheelchair import PoweredWheelchair
-from ..devices.stand import add_stand
-from ..devices.wheelchair import Wheelchair, chair_for
-from ..homes.care_home import CareHome
-from ..homes.door import KNOB_TURN, LEVER_TURN, RELEASE
-from ..homes.fixture import set_up_door
-from ..homes.plan import Opening
-from ..homes.rectangle import Rectangle
-from ..homes.rule import Rules
+from ..devices import PoweredWheelchair, Wheelchair, add_stand, chair_for, grip
+from ..place import DoorSite
+from ..reach import Trial
+from ..rectangle import Rectangle
 from ..registry import register_task
 from ..rewards import tolerance
 from ..scenes.door_approach import STANDING, WIDE_ENOUGH, DoorApproach, is_free_beyond
-from ..scenes.way_through import WayThrough
-from ..task import Role, Task
+from ..scenes.step_peak import StepPeak
+from ..scenes.way_through import WayState, WayThrough
+from ..state import Seen, State, Values, clip, greatest
+from ..task import CHAIR_ROBOTS, Role, Task
 from ..task_options import TaskOptions
 
-# [rad] that a handle is turned when the latch is free: that of our doors. The paper has a threshold.
-TURNED = {"knob": RELEASE * KNOB_TURN, "lever": RELEASE * LEVER_TURN}
 COMFORT_FORCE = 10.0  # [N] free of penalty below: Assistive Gym, config.ini
 TIME_LIMIT, THROUGH_LIMIT = 30.0, 60.0  # [s]; to open, and to drive through; our own choice
 # [N] from which `tool_delta` gives way, of 15 N else: hardware asks for up to 35 N.
@@ -76,6 +66,26 @@ class AmbulatingOptions(TaskOptions):
             raise ValueError(f"clear_width must lie in [0.5, 1.2], got {self.clear_width} m")
 
 
+@dataclass(frozen=True, eq=False)
+class AmbulatingState(State):
+    """What ambulating reads."""
+
+    turn: float  # how far the handle is turned [rad]; 0 where a panel slides
+    opening: float  # how far the door is open [rad], or slid into the wall [m]
+    is_latched: bool  # whether the latch holds it
+    handle: (
+        Array  # where the handle is touched [m], shape [3]: a knob, a bar, or the end of a lever
+    )
+    gap: Array  # from the tool to there [m], shape [3]
+    distance: float  # length of that [m]
+    push: float  # greatest force on the door in the control step [N]
+    peak_push: float  # that of the episode
+    progress: float  # share of what is to be done that is done
+    best: float  # greatest share of the opening of the episode
+    time_to_open: float  # when the door was first open [s]; -1 before
+    way: WayState | None  # of the chair through the door; None where it is not to drive
+
+
 @register_task("ambulating")
 class Ambulating(Task):
     """A robot on the wheelchair works the door before which the person in it sits.
@@ -95,16 +105,25 @@ class Ambulating(Task):
         facing: How the tool is turned at the start: `AHEAD`, or `ASIDE` if its hand does not roll.
     """
 
-    robot = Role(Robot, default="kinova_gen3", partner="scripted", gripper="commanded")
+    robot = Role(
+        Robot,
+        default="kinova_gen3",
+        partner="scripted",
+        gripper="commanded",
+        contact_force=CONTACT_FORCE,
+    )
     recipient = Role(
         Human, default="daniel", posture="wheelchair", movable=("neck", "head"), partner="still"
     )
 
+    reachable_by = CHAIR_ROBOTS | {"hsr", "stretch_re1_dex"}
+    least_success = 95
     Options = AmbulatingOptions
     room_kinds = ("bedroom", "other", "living", "lounge", "kitchen", "bathroom")
     site = "door"
     time_limit = TIME_LIMIT
     options: AmbulatingOptions
+    state: AmbulatingState
     way: WayThrough | None = None
     facing: tuple[float, ...]
 
@@ -113,27 +132,22 @@ class Ambulating(Task):
         self._drives = options.goal == "through"
         self.time_limit = THROUGH_LIMIT if self._drives else TIME_LIMIT
 
-    def floor_before(self, home: CareHome, opening: Opening, is_turned: bool) -> Rectangle | None:
-        if self._drives and (is_turned or not is_free_beyond(home, opening)):
+    def floor_before(self, site: DoorSite) -> Rectangle | None:
+        if self._drives and (site.is_turned or not is_free_beyond(site)):
             return None  # turned, a hinged door swings against the chair
-        rules, side, robot = Rules(self.level), self.options.mount, self.robot
-        at = DoorApproach.planned(opening, rules, is_turned, robot, side, self._drives)
-        return at.floor(robot.mount_named(at.robot_mount))
+        at = DoorApproach.planned(site, self.robot, self.options.mount, self._drives)
+        return at.floor(self.robot.mount_named(at.robot_mount))
 
     def furnish(self, world: World) -> dict[str, Pose]:
         if (posture := self.recipient.posture).arms != "armrests":
-            raise ConfigError(f"one drives who sits in the wheelchair, not {posture.description}")
-        self.lay_floor(world)
-        if self.stage is not None and self.built is not None:
-            self.door = self.built.doors[self.stage.fixture]
-            if self.options.clear_width is not None:
-                raise ConfigError("clear_width is for a door on a bare floor: a house has its own")
-        else:
-            hinge: Literal["low", "high"] = "high" if self.options.mount == "left" else "low"
-            clear = self.options.clear_width
-            self.door = set_up_door(world, level=self.level, hinge=hinge, clear_width=clear)
+            raise ConfigError(
+                f"the recipient must sit in the wheelchair, and is {posture.description}"
+            )
+        self.door = self.place.door(
+            hinge="high" if self.options.mount == "left" else "low",
+            clear_width=self.options.clear_width,
+        )
         self.approach = DoorApproach.of(self.door, self.robot, self.options.mount, self._drives)
-        self._kind, self._touched = self.approach.hardware, self.approach.touched
         mount, side = self.approach.robot_mount, self.approach.side
         self._mount = self.robot.mount_named(mount)
         self.robot.rides = self.recipient.rides = self._drives
@@ -154,7 +168,6 @@ class Ambulating(Task):
         return self.chair.pose if mount.startswith("wheelchair") else Pose()
 
     def build(self, world: World) -> None:
-        self._world = world
         self.recipient.ignore(self.chair.body)  # the posture already keeps them apart
         if self.chair.carries_robot:
             world.set_collision(self.robot.body, self.chair.body, False)
@@ -166,140 +179,130 @@ class Ambulating(Task):
         if self._mount.stand:
             add_stand(world, self.robot.body.base_pose())
         body = self.door.body
-        if self._kind != "slider":
-            self._joint = [body.joint(self._kind).index]
+        if self.hardware != "slider":
+            self._joint = [body.joint(self.hardware).index]
             grip(world, body, [body.link_index("handle")], friction=KNOB_FRICTION)
         self._tool, self.facing = self.robot.tool_index, AHEAD
-        self._touching = partial(world.contact_force, self.robot.body, body)
-        if isinstance(control := self.robot.control, ToolDelta):
-            control.contact_force = CONTACT_FORCE
-        movers = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        self._safety = self.measure(self.recipient, world, movers)
+        self._pushing = StepPeak(partial(world.contact_force, self.robot.body, body))
         home = self.robot.config.postures["home"]
-        self._seed = None  # or from `home`, elbow up, where furniture or a jamb is beside it
-        if self.stage is not None or self._drives:
-            self._seed = [home.get(joint, 0.0) for joint in self.robot.arm.names]
-        found = self._start(np.zeros(3))
-        if not found.is_within(0.02, 0.1):
-            self.facing = ASIDE  # a hand that does not roll
-            found = self._start(np.zeros(3))
-        if not found.is_within(0.02, 0.1):
-            robot = self.robot
-            raise ConfigError(
-                f"{no_reach(robot.config, robot.files.model.name, robot.moves)} the handle of the "
-                f"door: it misses its place before it by {found.distance:.2f} m"
-            )
+        self._seed: Array | None = (
+            None  # or from `home`, elbow up, where furniture or a jamb is beside it
+        )
+        if self.place.room is not None or self._drives:
+            self._seed = np.array([home.get(j, 0.0) for j in self.robot.arm.names])
+        trials = []
+        for self.facing in (AHEAD, ASIDE):  # the second of a hand that does not roll
+            trials.append(Trial([self._start_pose(np.zeros(3))], seed=self._seed, hold=self.facing))
+        found = self.search(world).find(trials, "the handle of the door")
+        self.facing = found.trial.hold
         self.robot.set_posture(found.posture)
-        if world.contact_force(self.recipient.body) > 0:
-            raise ConfigError("the robot touches the person before the episode begins")
 
-    def _start(self, offset: Array) -> IkResult:
-        """Return a start posture: the tool before the handle, level, pointing at it."""
+    def _start_pose(self, offset: Array) -> Pose:
+        """Return a start pose of the tool: before the handle, level, pointing at it."""
         at = np.add(self.approach.handle, (0.0, -BEFORE, 0.0))
-        pose = Pose(tuple((at + offset * START_SPREAD).tolist()), self.facing)
-        return self.robot.solve_ik(pose, seed=self._seed)
+        return Pose(tuple((at + offset * START_SPREAD).tolist()), self.facing)
 
     def reset(self, rng: np.random.Generator) -> None:
-        self.robot.set_posture(self._start(rng.uniform(-1, 1, 3)).posture)
-        self._safety.reset()
-        self._push = self._peak_push = self._step_push = 0.0
-        self._best, self._time_to_open = 0.0, -1.0
+        start = self._start_pose(rng.uniform(-1, 1, 3))
+        self.robot.set_posture(self.robot.solve_ik(start, seed=self._seed).posture)
+        self._pushing.take()
         if self.way is not None:
             self.way.reset()
 
     def after_substep(self) -> None:
-        push = self._touching()
-        if push > self._step_push:
-            self._step_push = push
+        self._pushing.after_substep()
         if self.way is not None:
             self.way.after_substep()
-        self._safety.after_substep()
 
-    def after_step(self) -> None:
-        self._safety.after_step(self.control_dt)
-        self._push, self._step_push = self._step_push, 0.0
-        self._peak_push = max(self._peak_push, self._push)
-        self._opening = self.door.angle
-        if self._kind == "slider":
-            self._turn = 0.0
-            self._progress = self._opening / WIDE_ENOUGH
-        else:
-            self._turn = abs(self.door.body.joint_states(self._joint)[0][0])
-            self._progress = self._turn / TURNED[self._kind]
-        self._at = np.array(self.door.frame_in_world(self._touched).position)
-        self._gap = self._at - self.robot.body.link_pose(self._tool).position
+    def read(self, now: State, before: AmbulatingState | None) -> AmbulatingState:
+        push, opening, turn = self._pushing.take(), self.door.angle, 0.0
+        progress = opening / WIDE_ENOUGH
+        if self.hardware != "slider":
+            turn = abs(self.door.body.joint_states(self._joint)[0][0])
+            progress = turn / self.door.release_angle
+        at = np.array(self.door.frame_in_world(self.approach.touched).position)
+        gap = at - self.robot.body.link_pose(self._tool).position
         # A handle springs back: what counts is that the latch was free.
-        self._best = max(self._best, self._progress)
-        if self._time_to_open < 0 and self._best >= 1:
-            self._time_to_open = self._world.time
+        best = max(progress, 0.0 if before is None else before.best)
+        opened = -1.0 if before is None else before.time_to_open
+        way = None
         if self.way is not None:
-            self.way.after_step()
-            opened = OPEN_SHARE * min(self._best, 1.0)
-            self._progress = opened + (1 - OPEN_SHARE) * self.way.share
+            way = self.way.read(None if before is None else before.way)
+            progress = OPEN_SHARE * min(best, 1.0) + (1 - OPEN_SHARE) * way.share
+        return AmbulatingState(
+            **vars(now),
+            turn=turn,
+            opening=opening,
+            is_latched=self.door.is_latched,
+            handle=at,
+            gap=gap,
+            distance=float(np.linalg.norm(gap)),
+            push=push,
+            peak_push=max(push, 0.0 if before is None else before.peak_push),
+            progress=progress,
+            best=best,
+            time_to_open=now.time if opened < 0 and best >= 1 else opened,
+            way=way,
+        )
 
-    def observables(self, role: str) -> Sequence[Observable]:
+    def observables(self, role: str) -> Sequence[Seen]:
+        way = [
+            Seen("chair_place", "m or rad", 3, lambda s: s.way.place),
+            Seen("way_left", "m", 1, lambda s: s.way.left),
+            Seen("chair_force", "N", 1, lambda s: s.way.force),
+        ]
         return [
-            Observable("handle_turn", "rad", 1, lambda: (self._turn,)),
-            Observable("door_opening", "rad or m", 1, lambda: (self._opening,)),
-            Observable("handle_position", "m", 3, lambda: self._at),
-            Observable("tool_to_handle", "m", 3, lambda: self._gap),
-            Observable("door_force", "N", 1, lambda: (self._push,)),
-            Observable("contact_force", "N", 1, lambda: (self._safety.force,)),
-            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
-            *(self.way.observables() if self.way is not None else ()),
+            Seen("handle_turn", "rad", 1, lambda s: s.turn),
+            Seen("door_opening", "rad or m", 1, lambda s: s.opening),
+            Seen("handle_position", "m", 3, lambda s: s.handle),
+            Seen("tool_to_handle", "m", 3, lambda s: s.gap),
+            Seen("door_force", "N", 1, lambda s: s.push),
+            self.contact_force(),
+            self.time_left(),
+            *(way if self._drives else ()),
         ]
 
-    def rewards(self, role: str) -> Mapping[str, float]:
-        missing = max(WIDE_ENOUGH - self._opening, 0.0)
-        slides = self._kind == "slider"
-        terms = {"distance": -missing} if slides else {"rotation_angle": self._turn}
+    def rewards(self, role: str, state: AmbulatingState) -> Mapping[str, Values]:
+        slides = self.hardware == "slider"
+        missing = clip(WIDE_ENOUGH - state.opening, 0.0, math.inf)
+        terms = {"distance": -missing} if slides else {"rotation_angle": state.turn}
         # What a step would pay at its best: an episode that ends well is paid as if it had gone on so.
-        best = 0.0 if slides else TURNED[self._kind]
-        if self.way is not None:
-            terms["way"], best = self.way.share, 1.0
+        best = self.door.release_angle
+        if state.way is not None:
+            terms["way"], best = state.way.share, 1.0
         if self.options.reward == "shaped":
-            share = min(max(self._progress, 0.0), 1.0)
-            near = tolerance(float(np.linalg.norm(self._gap)), bounds=(0, 0.05), margin=0.3)
-            excess = self.options.discomfort(self._safety.force, COMFORT_FORCE)
-            terms = {"approach": max(near, share), "progress": share, "comfort": -excess}
+            share = clip(state.progress, 0.0, 1.0)
+            near = tolerance(state.distance, bounds=(0, 0.05), margin=0.3)
+            excess = self.options.discomfort(state.force, COMFORT_FORCE)
+            terms = {"approach": greatest([near, share]), "progress": share, "comfort": -excess}
             terms = self.options.weighted(terms)
             best = self.options.weight("approach") + self.options.weight("progress")
-        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
-        terms["opened"] = best * left if self.is_success() else 0.0
-        return terms
+        return {**terms, "opened": self.for_the_rest(state, self.succeeded(state), best)}
 
-    def metrics(self) -> Mapping[str, float]:
-        return {
-            **self._safety.metrics(),
-            "handle_turn_deg": math.degrees(self._turn),
-            "opening": self._opening,
-            "latched": float(self.door.is_latched),
-            "progress": self._best,
-            "door_force_n": self._push,
-            "peak_door_force_n": self._peak_push,
-            "time_to_open_s": self._time_to_open,
-            **(self.way.metrics() if self.way is not None else {}),
+    def metrics(self, state: AmbulatingState) -> Mapping[str, Values]:
+        found = {
+            "handle_turn_deg": np.degrees(state.turn),
+            "opening": state.opening,
+            "latched": state.is_latched,
+            "progress": state.best,
+            "door_force_n": state.push,
+            "peak_door_force_n": state.peak_push,
+            "time_to_open_s": state.time_to_open,
         }
+        if state.way is not None:
+            found["way_through_m"] = -state.way.left
+            found["chair_force_n"] = state.way.force
+            found["peak_chair_force_n"] = state.way.peak
+        return found
 
-    def is_success(self) -> bool:
-        share = self._best if self.way is None else self.way.share
-        return share * self.options.tolerance >= 1 and not self.is_failure()
-
-    def is_failure(self) -> bool:
-        return self._safety.peak_force > self.options.force_limit
+    def is_success(self, state: AmbulatingState) -> Values:
+        share = state.best if state.way is None else state.way.share
+        return share * self.options.tolerance >= 1
 
     @property
     def hardware(self) -> str:
         """What opens the door: `knob`, `lever` or `slider`."""
-        return self._kind
-
-    def opening(self) -> float:
-        """Return how far the door is open [rad], or slid into the wall [m]."""
-        return self._opening
-
-    def handle_position(self) -> Array:
-        """Return where the handle is touched [m], shape [3]: a knob, a bar, or the end of a lever."""
-        return self._at
+        return self.approach.hardware
 
     def camera(self) -> Camera:
         side = -1.0 if self.approach.side == "left" else 1.0

@@ -9,23 +9,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot
-from rcare_marl.agents.robot_config import no_reach
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
-from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix, quaternion_from_rpy
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices.cushion import lay_under
-from ..devices.hospital_bed import HospitalBed
-from ..devices.sponge import Sponge
-from ..devices.stand import add_stand
-from ..homes.rectangle import Rectangle
+from ..devices import HospitalBed, Sponge, lay_under
+from ..reach import Trial
+from ..rectangle import Rectangle
 from ..registry import register_task
 from ..scenes.wiped_skin import WipedSkin, pad
-from ..task import Role, Task
+from ..state import Seen, State, Values
+from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import FORCE_LIMIT, TaskOptions
 
 COMFORT_FORCE = 12.0  # [N] above it PhyRC's bathing takes points; used by the shaped reward
@@ -39,10 +36,12 @@ START_SHARE, START_ANGLE = 0.38, math.radians(-12)
 TARGET_SHARE = (0.85, 0.95)  # of the way to the elbow: randomised, as the paper says; own choice
 TARGET_ANGLE = math.radians(15)  # about the arm, uniform each way; own choice
 START_GAP = (0.10, 0.18)  # [m] from skin to sponge at the start; own choice
+ENDS = (START_SHARE, TARGET_SHARE[1])  # of the way to the elbow, that must be reached
 START_SPREAD = 0.04  # [m] along and across, uniform each way; own choice
 # How the arm lies, uniform each way. What holds a weak arm takes half of it back; own choice.
 ARM_TURN, ELBOW_BEND = math.radians(8), math.radians(12)
 LEVEL, STRAIGHTER = 0.25, 0.02  # [rad] that a sponge may lie askew; worth another hold; own choice
+MISS = 0.02  # [m] by which the ends may be missed; own choice
 BED_RAISE = 0.27  # [m] of the platform over its lowest: a height to work at; own choice
 ROBOT_RADIUS = 0.35  # [m] of a robot on the floor; own choice
 TIME_LIMIT = 20.0  # [s], 200 control steps, as in Assistive Gym
@@ -73,6 +72,27 @@ class BathingOptions(TaskOptions):
             raise ValueError(f"least_coverage must lie in 0..1, got {self.least_coverage}")
 
 
+@dataclass(frozen=True, eq=False)
+class BathingState(State):
+    """What bathing reads."""
+
+    face: Array  # middle of the sponge's face [m], shape [3]
+    turn: Array  # how the sponge is turned, a quaternion, shape [4]
+    target: Array  # on the elbow [m], shape [3]
+    distance: float  # from there to the middle of the face [m]
+    shoulder: Array  # where the shoulder is [m], shape [3]
+    elbow: Array  # likewise
+    push: Array  # force of the sponge on the recipient in the last physics step [N], shape [3]
+    push_size: float  # its size [N]
+    covered: float  # share of the skin to be wiped that was
+    gained: float  # what it grew by in the control step
+    # where the present stroke began, as a share of the way to the elbow; infinite between strokes
+    stroke_from: float
+    is_reached: (
+        bool  # whether the sponge has come to the target in one stroke, and enough was wiped
+    )
+
+
 @register_task("bathing")
 class Bathing(Task):
     """A robot beside the bed wipes the upper arm of the person who lies in it with a wet sponge.
@@ -87,20 +107,16 @@ class Bathing(Task):
     recipient = Role(
         Human, default="natalia", posture="bed_supine", movable=MOVABLE, partner="still"
     )
-    caregiver = Role(
-        Human,
-        default=None,
-        optional=True,
-        posture="standing",
-        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
-        partner="still",
-    )
+    caregiver = STANDING_CAREGIVER
 
+    reachable_by = CHAIR_ROBOTS | {"hsr", "pepper", "stretch_re1_dex"}
+    least_success = 95
     Options = BathingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining")
     footprint = Rectangle(-1.15, -1.1, 1.15, 0.55)  # [m] the bed, and a robot at its side
     time_limit = TIME_LIMIT
     options: BathingOptions
+    state: BathingState
 
     def free_floor(self) -> Rectangle:
         low, base = self.footprint, self.robot.mount_named("bed_side").pose.position
@@ -109,25 +125,20 @@ class Bathing(Task):
 
     def furnish(self, world: World) -> dict[str, Pose]:
         if (posture := self.recipient.posture).recline_deg != 90:
-            raise ConfigError(f"one is bathed who lies on the back, not {posture.description}")
-        self.lay_floor(world)
+            raise ConfigError(f"the recipient must lie on the back, and is {posture.description}")
         self._bed = HospitalBed()
-        half = 0.5 * self._bed.config.mattress_length + self._bed.config.end
+        half = 0.5 * self._bed.model.figure("mattress_length") + self._bed.model.figure("end")
         turn = quaternion_from_rpy(0, 0, math.pi)  # mounts beside a bed have its head at +x
         self._bed.spawn(world, Pose((half, 0.0, 0.0), tuple(turn.tolist())))
         self._bed.set_position("height", BED_RAISE)
-        mount = self.robot.mount("bed_side")
-        if self.robot.mount_named("bed_side").stand:
-            add_stand(world, mount)
         beside = quaternion_from_rpy(0, 0, -math.pi / 2)
         return {
-            "robot": mount,
+            "robot": self.mounted(self.robot, "bed_side"),
             "recipient": self._bed.frame_in_world("mattress"),
             "caregiver": Pose((0.35, 0.85, 0.0), tuple(beside.tolist())),
         }
 
     def build(self, world: World) -> None:
-        self._world = world
         for person in (a for a in self.cast.values() if isinstance(a, Human)):
             person.ignore(self._bed.body)  # the posture already keeps them apart
         self.recipient.supports.append(self._bed.body)
@@ -138,33 +149,30 @@ class Bathing(Task):
         self.sponge = Sponge()
         sponge = self.sponge.spawn(world)
         self.sponge.spare(self.robot.body)
-        self._find_hold()
+        self._find_hold(world)
         self._set_sponge(self._over(START_SHARE, START_GAP[1]))
         self.robot.grasp(sponge, self._grip)
-        movers = [sponge, *(a.body for a in self.cast.values() if isinstance(a, Robot))]
-        self._safety = self.measure(self.recipient, world, movers)
-        if world.contact_force(self.recipient.body, self.robot.body) > 0:
-            raise ConfigError("the robot touches the person before the episode begins")
+        self.tools.append(sponge)
 
-    def _find_hold(self) -> None:
-        """Find how the sponge is held so that the robot reaches both ends of the upper arm."""
-        best, misses = LEVEL, []
-        for grip, flip in itertools.product(self.sponge.grips, (1.0, -1.0)):
-            self._grip, self._flip = grip, flip
-            over = [self._over(share, START_GAP[0]) for share in (START_SHARE, TARGET_SHARE[1])]
-            found = [self.robot.solve_ik(self._tool_for(pose)) for pose in over]
-            angle = max(each.angle for each in found)
-            if all(each.is_within(0.02, LEVEL) for each in found) and angle <= best:
-                best, hold = angle - STRAIGHTER, (grip, flip)
-            misses.append(max(found, key=lambda each: each.distance + each.angle))
-        if best < LEVEL:
+    def _find_hold(self, world: World) -> None:
+        """Find how the sponge is held so that the robot reaches both ends of the upper arm.
+
+        It need not reach the farthest start, but must be clear of people as it tries to.
+        """
+        trials = []
+        for hold in itertools.product(self.sponge.grips, (1.0, -1.0)):
             self._grip, self._flip = hold
-            return
-        robot, miss = self.robot, min(misses, key=lambda each: each.distance + each.angle)
-        raise ConfigError(
-            f"{no_reach(robot.config, robot.files.model.name, robot.moves)}: it misses a place over the "
-            f"upper arm by {miss.distance:.2f} m, {math.degrees(miss.angle):.0f} degrees"
+            places = (*((s, START_GAP[0]) for s in ENDS), (START_SHARE, START_GAP[1]))
+            way = [self._tool_for(self._over(*place)) for place in places]
+            trials.append(Trial(way, hold=hold))
+        search = self.search(
+            world,
+            needed=len(ENDS),
+            all_the_way=True,
+            within=lambda found: found.is_within(MISS, LEVEL),
+            cost=lambda before, after: max(before.angle, after.angle) // STRAIGHTER,
         )
+        self._grip, self._flip = search.find(trials, "all of the upper arm").trial.hold
 
     def _over(self, share: float, gap: float, offset: Sequence[float] = (0.0, 0.0)) -> Pose:
         """Return a pose of the sponge's face over the arm, facing it; offset along and across [m]."""
@@ -194,94 +202,80 @@ class Bathing(Task):
         self.skin.follow()
         self._set_sponge(self._over(START_SHARE, gap, spread.tolist()))
         self.skin.reset()
-        self._safety.reset()
-        self._is_reached, self._gained, self._covered = False, 0.0, 0.0
-        self._stroke_from = math.inf  # where the present stroke began
 
-    def after_substep(self) -> None:
-        self._safety.after_substep()
-
-    def after_step(self) -> None:
-        self._safety.after_step(self.control_dt)
+    def read(self, now: State, before: BathingState | None) -> BathingState:
         self.skin.follow()
         points = self.sponge.face_points()
-        self._face = points.mean(axis=0)
-        self._target = self.skin.place(*self._target_at)[0]
-        self._gap = self._target - self._face
-        self._distance = math.sqrt(float(self._gap @ self._gap))
-        self._push = self.sponge.force_on(self.recipient.body)
-        presses = float(self._push @ self._push) > LEAST_FORCE**2
+        face, target = points.mean(axis=0), self.skin.place(*self._target_at)[0]
+        gap = target - face
+        distance = math.sqrt(float(gap @ gap))
+        push = self.sponge.force_on(self.recipient.body)
+        presses = float(push @ push) > LEAST_FORCE**2
         self.skin.wipe(points if presses else points[:0], self.control_dt)
-        self._gained, self._covered = self.skin.coverage - self._covered, self.skin.coverage
-        here = self.skin.progress(self._face)
-        self._stroke_from = min(self._stroke_from, here) if presses else math.inf
+        covered, stroke_from = self.skin.coverage, math.inf
+        if presses:
+            begun = math.inf if before is None else before.stroke_from
+            stroke_from = min(begun, self.skin.progress(face))
         ease = self.options.tolerance
-        is_there = self._stroke_from < STROKE_FROM and self._distance < REACHED * ease
-        self._is_reached |= is_there and self._covered * ease >= self.options.least_coverage
-        self._shoulder, self._elbow = (
+        is_there = stroke_from < STROKE_FROM and distance < REACHED * ease
+        is_reached = is_there and covered * ease >= self.options.least_coverage
+        shoulder, elbow = (
             np.array(self.recipient.joint_pose(f"{SIDE}_{j}").position)
             for j in ("shoulder", "elbow")
         )
+        return BathingState(
+            **vars(now),
+            face=face,
+            turn=np.array(self.sponge.pose.quaternion),
+            target=target,
+            distance=distance,
+            shoulder=shoulder,
+            elbow=elbow,
+            push=push,
+            push_size=float(np.linalg.norm(push)),
+            covered=covered,
+            gained=covered if before is None else covered - before.covered,
+            stroke_from=stroke_from,
+            is_reached=is_reached or (before is not None and before.is_reached),
+        )
 
-    def observables(self, role: str) -> Sequence[Observable]:
+    def observables(self, role: str) -> Sequence[Seen]:
         return [
-            Observable("sponge_position", "m", 3, lambda: self._face),
-            Observable("sponge_to_target", "m", 3, lambda: self._gap),
-            Observable("shoulder_position", "m", 3, lambda: self._shoulder),
-            Observable("elbow_position", "m", 3, lambda: self._elbow),
-            Observable("sponge_force", "N", 3, lambda: self._push),
-            Observable("contact_force", "N", 1, lambda: (self._safety.force,)),
-            Observable("coverage", "1", 1, lambda: (self._covered,)),
-            Observable("in_stroke", "1", 1, lambda: (float(self._stroke_from < STROKE_FROM),)),
-            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
+            Seen("sponge_position", "m", 3, lambda s: s.face),
+            Seen("sponge_to_target", "m", 3, lambda s: s.target - s.face),
+            Seen("shoulder_position", "m", 3, lambda s: s.shoulder),
+            Seen("elbow_position", "m", 3, lambda s: s.elbow),
+            Seen("sponge_force", "N", 3, lambda s: s.push),
+            self.contact_force(),
+            Seen("coverage", "1", 1, lambda s: s.covered),
+            Seen("in_stroke", "1", 1, lambda s: s.stroke_from < STROKE_FROM),
+            self.time_left(),
         ]
 
-    def rewards(self, role: str) -> Mapping[str, float]:
-        terms = {"distance": -self._distance, "force": -FORCE_WEIGHT * self._safety.force}
+    def rewards(self, role: str, state: BathingState) -> Mapping[str, Values]:
+        terms = {"distance": -state.distance, "force": -FORCE_WEIGHT * state.force}
         if self.options.reward == "shaped":
-            excess = self.options.discomfort(self._safety.force, COMFORT_FORCE)
-            reached = float(self.is_success())
-            terms = {"distance": -self._distance, "wiped": self._gained, "reached": reached}
+            excess = self.options.discomfort(state.force, COMFORT_FORCE)
+            reached = self.succeeded(state) * 1.0
+            terms = {"distance": -state.distance, "wiped": state.gained, "reached": reached}
             terms |= {"comfort": -excess}
             terms = self.options.weighted(terms)
         # All terms of a step are losses: without this, to hurt would end them and pay.
-        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
-        terms["hurt"] = -HURT * left if self.is_failure() else 0.0
-        return terms
+        return {**terms, "hurt": self.for_the_rest(state, self.failed(state), -HURT)}
 
-    def metrics(self) -> Mapping[str, float]:
+    def metrics(self, state: BathingState) -> Mapping[str, Values]:
         return {
-            **self._safety.metrics(),
-            "distance_m": self._distance,
-            "coverage": self._covered,
-            "sponge_force_n": float(np.linalg.norm(self._push)),
+            "distance_m": state.distance,
+            "coverage": state.covered,
+            "sponge_force_n": state.push_size,
         }
 
-    def is_success(self) -> bool:
-        return self._is_reached and not self.is_failure()
-
-    def is_failure(self) -> bool:
-        return self._safety.peak_force > self.options.force_limit
-
-    def face_position(self) -> Array:
-        """Return the middle of the sponge's face in the world [m], shape [3]."""
-        return self._face
-
-    def target_position(self) -> Array:
-        """Return the target on the elbow in the world [m], shape [3]."""
-        return self._target
+    def is_success(self, state: BathingState) -> Values:
+        return state.is_reached
 
     def target_on_arm(self) -> tuple[float, float]:
         """Return how far along the upper arm the target is, as a share, and at which angle [rad]."""
         return self._target_at
-
-    def sponge_force(self) -> Array:
-        """Return the force of the sponge on the recipient in the last physics step [N], shape [3]."""
-        return self._push
-
-    def coverage(self) -> float:
-        """Return the share of the skin to be wiped that was."""
-        return self._covered
 
     def wiping_quaternion(self, out: Array, way: Array) -> Array:
         """Return how the sponge is turned that lies across the arm, shape [4].

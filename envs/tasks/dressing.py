@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,30 +9,29 @@ from typing import Literal
 
 import numpy as np
 
-from rcare_marl.agents.garment import tailor
-from rcare_marl.agents.grasp import RELEASE
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.motion.caregiving import Caregiving
-from rcare_marl.agents.motion.walk import LEGS
-from rcare_marl.agents.policies.go_along import GoAlong
-from rcare_marl.agents.policies.leg_lifting import LegLift, LegLifting
-from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.people.behaviour.go_along import GoAlong
+from rcare_marl.agents.people.behaviour.leg_lifting import LegLift, LegLifting
+from rcare_marl.agents.people.garment import tailor
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.motion.caregiving import Caregiving
+from rcare_marl.agents.people.motion.gait import LEGS
+from rcare_marl.agents.robots.grasp import RELEASE
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
-from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
-from ..devices.stand import add_stand
-from ..devices.wheelchair import chair_for
-from ..homes.rectangle import Rectangle
+from ..devices import chair_for
+from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..scenes.hanging_shorts import HOLD_START, hang, tip
 from ..scenes.liftable_leg import LIFT_SPREAD, LiftableLeg, let_leg_stand
-from ..scenes.pulling_posture import pulling_posture
-from ..task import Role, Task
+from ..scenes.pulling_posture import pulling_search, pulling_trials
+from ..state import Seen, State, Values, where
+from ..task import CHAIR_ROBOTS, Role, Task
 from ..task_options import TaskOptions
 
 # [N] on the person; own choice, a third of ISO/TS 15066 for a lower leg (130, from memory).
@@ -52,6 +50,7 @@ HELPER = 0.08  # [m] before the foot, where the room of the caregiver begins; ow
 REACH = 0.26  # [m] past the knee, as far as a hand has room before the belly
 
 MOVABLE = ("right_hip_flexion", "right_knee_flexion")
+SEAT = "wheelchair_legs_free"
 ARM = ("shoulder_flexion", "shoulder_abduction", "elbow_flexion")
 
 
@@ -73,6 +72,27 @@ class DressingOptions(TaskOptions):
     force_limit: float = FORCE_LIMIT
 
 
+@dataclass(frozen=True, eq=False)
+class DressingState(State):
+    """What dressing reads."""
+
+    hem: Array  # middle of the hem [m], shape [3]
+    gap: Array  # from there to its target [m], shape [3]
+    distance: float  # length of that [m]
+    along: float  # how far from the ankle the leg goes through the hem [m]
+    target_along: float  # how far it is to go [m]
+    is_around: bool  # whether the hem goes round the leg, once
+    is_held: bool  # whether the robot still holds the waistband
+    is_past: bool  # whether the hem has been at its target, round the leg
+    tool: Array  # where the robot's tool is [m], shape [3]
+    joints: Array  # ankle, knee and hip [m], shape [3, 3]
+    to_lifted: Array  # from the ankle to where it is when the leg is up [m], shape [3]
+    raised: float  # from where the foot is to where it stood [m]
+    cloth_force: float  # with which the shorts press on the recipient now, summed [N]
+    cloth_peak: float  # the greatest of the episode [N]
+    strain: float  # greatest strain of the cloth in the episode
+
+
 @register_task("dressing")
 class Dressing(Task):
     """A robot pulls shorts over the knee of a seated person, whose leg a caregiver lifts.
@@ -86,47 +106,42 @@ class Dressing(Task):
         side: Of the leg: the one that moves.
         leg: The middle line of the leg.
         cloth: The shorts.
-        hem: Middle of the hem [m], shape [3].
-        hem_along: How far from the ankle the leg goes through the hem [m].
-        is_around: Whether the hem goes round the leg, once.
-        is_held: Whether the robot still holds the waistband.
         stand: Where the caregiver kneels down: x, y [m] and heading [rad].
     """
 
     robot = Role(Robot, default="kinova_gen3", partner="scripted", gripper="commanded")
-    recipient = Role(
-        Human, default="daniel", posture="wheelchair_legs_free", movable=MOVABLE,
-        partner="cooperative",
-    )  # fmt: skip
+    recipient = Role(Human, default="daniel", posture=SEAT, movable=MOVABLE, partner="cooperative")
     caregiver = Role(
-        Human, default="caregiver", posture="standing", partner="lifts",
+        Human,
+        default="caregiver",
+        partner="lifts",
         movable=(*LEGS, "spine1", "spine2", "spine3", "neck", *(f"left_{dof}" for dof in ARM)),
-    )  # fmt: skip
+        moves=("walk", "kneel", "grasp"),
+    )
 
+    reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"stretch_re1_dex"}
+    least_success = 85
     Options = DressingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
     footprint = Rectangle(-0.8, -1.1, 2.0, 1.1)  # [m] the chair, and a caregiver before it
     time_limit = TIME_LIMIT
     options: DressingOptions
+    state: DressingState
 
     def furnish(self, world: World) -> dict[str, Pose]:
         self.side = self._moving_side()
         self.outward = -1.0 if self.side == "right" else 1.0
         mount = self.robot.mount_named(f"wheelchair_{self.side}")
         self.chair = chair_for(mount, self.side)
-        self.chair.config = dataclasses.replace(self.chair.config, armrest_length=ARMREST)
-        self._floor = self.lay_floor(world)
+        self.chair.fit_armrests(ARMREST)
         soles = self.recipient.soles(self.chair.frame("seat_back"))
         self.chair.fit_footplates(soles["left"], soles["right"])
         self.chair.spawn(world).set_friction([-1], lateral=PLATE_FRICTION)
-        base = self.robot.mount(f"wheelchair_{self.side}", self.chair.pose)
-        if mount.stand:
-            add_stand(world, base)
         x, y, _ = soles[self.side].tolist()
         self.stand = (x + STAND, y + ASIDE * self.outward, math.pi)
         facing = tuple(quaternion_from_rpy(0, 0, math.pi).tolist())
         return {
-            "robot": base,
+            "robot": self.mounted(self.robot, f"wheelchair_{self.side}"),
             "recipient": self.chair.frame_in_world("seat_back"),
             "caregiver": Pose((self.stand[0] + WALK, self.stand[1], 0.0), facing),
         }
@@ -147,34 +162,35 @@ class Dressing(Task):
         return self.chair.pose if mount.startswith("wheelchair") else Pose()
 
     def build(self, world: World) -> None:
-        self._world, person = world, self.recipient
+        person = self.recipient
         self.caregiver.ignore(self.chair.body)
-        world.set_collision(self.caregiver.body, self._floor, False)
+        for hand in ("left", "right"):
+            self.caregiver.may_take(person, f"{self.side}_ankle", hand=hand)
+        world.set_collision(self.caregiver.body, self.place.floor, False)
         if self.chair.carries_robot:
             world.set_collision(self.robot.body, self.chair.body, False)
         let_leg_stand(world, person, self.chair, self.side)
-        self._settle(STAND_STEPS)
+        self._rest(STAND_STEPS)
         self.leg = LiftableLeg(person, self.side)
         start = tip(self.leg, HOLD_START)
         self.leg.lift()
         alongs = np.linspace(HOLD_START, self.leg.shank + REACH, 5)
         way = [start, *(tip(self.leg, float(along)) for along in alongs)]
-        ahead = float(self.leg.stood[0]) + HELPER
-        turn, posture = pulling_posture(self.robot, way, person.body, world, ahead=ahead)
+        self.leg.stand()
+        search, ahead = self.search(world), float(self.leg.stood[0]) + HELPER
+        trials = search.starting(pulling_trials(self.robot, way))
+        self.leg.lift()
+        found = pulling_search(search, person.body, ahead=ahead).find(
+            trials, "where it is to start"
+        )
+        turn, posture = found.trial.hold, found.posture
         self.leg.stand()
         self.robot.arm.rest[:] = posture
         self.robot.set_posture(posture)
         self._hang(turn)
-        robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        self._safety = self.measure(person, world, robots)
-        if world.contact_force(person.body, self.robot.body) > 0:
-            raise ConfigError("the robot touches the person before the episode begins")
 
-    def _settle(self, steps: int) -> None:
-        for _ in range(steps):
-            for agent in self.cast.values():
-                agent.actuate()
-            self._world.step()
+    def _rest(self, steps: int) -> None:
+        self.settle(steps)
         for agent in self.cast.values():
             agent.sense()
 
@@ -183,9 +199,9 @@ class Dressing(Task):
         garment = tailor(self.options.garment, self.recipient.model)
         self._hem = garment.rings[f"{self.side}_hem"]
         self.cloth = hang(
-            self._world, self.recipient, self.options.garment, self.leg, self.robot, turn
+            self.world, self.recipient, self.options.garment, self.leg, self.robot, turn
         )
-        self._settle(SETTLE_STEPS)
+        self._rest(SETTLE_STEPS)
         gripper = self.robot.gripper
         self._open = math.inf
         if gripper is not None and gripper.is_movable:
@@ -193,96 +209,99 @@ class Dressing(Task):
             self._open = min(gripper.width(gripper.start) + RELEASE, widest)
 
     def reset(self, rng: np.random.Generator) -> None:
-        self.target_along = self.leg.shank + float(rng.uniform(*TARGET))
+        self._target_along = self.leg.shank + float(rng.uniform(*TARGET))
         self.leg.plan(rng.uniform(-1, 1, 2) * LIFT_SPREAD)
-        self._safety.reset()
-        self._strain = self._cloth_peak = self._cloth_force = 0.0
-        self.is_past = False
+        self._cloth_peak = self._cloth_force = 0.0
 
     def after_substep(self) -> None:
-        self._safety.after_substep()
         pressing = [c.load for c in self.cloth.contacts if c.body is self.recipient.body]
         self._cloth_force = sum(pressing)
         self._cloth_peak = max(self._cloth_peak, self._cloth_force)
 
-    def after_step(self) -> None:
-        self._safety.after_step(self.control_dt)
-        gripper = self.robot.gripper
+    def read(self, now: State, before: DressingState | None) -> DressingState:
+        gripper, leg = self.robot.gripper, self.leg
         if self.cloth.grips and gripper is not None and gripper.is_movable:
             if gripper.width(gripper.position()) > self._open:
                 self.cloth.release()
-        self.is_held = bool(self.cloth.grips)
-        self.leg.look()
+        leg.look()
         ring = self.cloth.positions[self._hem]
-        winding, self.hem_along = self.leg.crossings(ring)
-        self.is_around = abs(winding) == 1
-        self.hem, self.target = ring.mean(axis=0), self.leg.at(self.target_along)
-        self._gap = self.target - self.hem
-        self._distance = math.sqrt(float(self._gap @ self._gap))
-        self._strain = max(self._strain, float(self.cloth.strain.max()))
-        self.is_past = self.is_past or (self.is_around and self._comes_to(self.target_along))
+        winding, along = leg.crossings(ring)
+        is_around, target_along = abs(winding) == 1, self._target_along
+        hem, target = ring.mean(axis=0), leg.at(target_along)
+        gap, strain = target - hem, float(self.cloth.strain.max())
+        is_there = is_around and self._comes_to(along, target_along)
+        return DressingState(
+            **vars(now),
+            hem=hem,
+            gap=gap,
+            distance=math.sqrt(float(gap @ gap)),
+            along=along,
+            target_along=target_along,
+            is_around=is_around,
+            is_held=bool(self.cloth.grips),
+            is_past=is_there or (before is not None and before.is_past),
+            tool=np.array(self.robot.tool_pose().position),
+            joints=np.array(leg.points[1:4]),
+            to_lifted=leg.to_lifted(),
+            raised=math.dist(leg.foot_hold(), leg.stood),
+            cloth_force=self._cloth_force,
+            cloth_peak=self._cloth_peak,
+            strain=max(0.0 if before is None else before.strain, strain),
+        )
 
-    def _comes_to(self, along: float) -> bool:
+    def _comes_to(self, along: Values, goal: Values) -> Values:
         """Return whether the hem is as far up the leg, as nearly as the tolerance allows."""
-        return self.hem_along * self.options.tolerance >= along
+        return along * self.options.tolerance >= goal
 
-    def observables(self, role: str) -> Sequence[Observable]:
-        leg = self.leg.points
+    def observables(self, role: str) -> Sequence[Seen]:
         return [
-            Observable("hem_position", "m", 3, lambda: self.hem),
-            Observable("hem_to_target", "m", 3, lambda: self._gap),
-            Observable("hem_past_ankle", "m", 1, lambda: (self.hem_along,)),
-            Observable("around_leg", "1", 1, lambda: (float(self.is_around),)),
-            Observable("waistband_held", "1", 1, lambda: (float(self.is_held),)),
-            Observable("grip_position", "m", 3, lambda: self.robot.tool_pose().position),
-            Observable("ankle_position", "m", 3, lambda: leg[1]),
-            Observable("knee_position", "m", 3, lambda: leg[2]),
-            Observable("hip_position", "m", 3, lambda: leg[3]),
-            Observable("foot_to_lifted", "m", 3, self.leg.to_lifted),
-            Observable("contact_force", "N", 1, lambda: (self._safety.force,)),
-            Observable("cloth_load", "N", 1, lambda: (self._cloth_force,)),
-            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
+            Seen("hem_position", "m", 3, lambda s: s.hem),
+            Seen("hem_to_target", "m", 3, lambda s: s.gap),
+            Seen("hem_past_ankle", "m", 1, lambda s: s.along),
+            Seen("around_leg", "1", 1, lambda s: s.is_around),
+            Seen("waistband_held", "1", 1, lambda s: s.is_held),
+            Seen("grip_position", "m", 3, lambda s: s.tool),
+            Seen("ankle_position", "m", 3, lambda s: s.joints[..., 0, :]),
+            Seen("knee_position", "m", 3, lambda s: s.joints[..., 1, :]),
+            Seen("hip_position", "m", 3, lambda s: s.joints[..., 2, :]),
+            Seen("foot_to_lifted", "m", 3, lambda s: s.to_lifted),
+            self.contact_force(),
+            Seen("cloth_load", "N", 1, lambda s: s.cloth_force),
+            self.time_left(),
         ]
 
-    def rewards(self, role: str) -> Mapping[str, float]:
-        terms = {"distance": -self._distance}
+    def rewards(self, role: str, state: DressingState) -> Mapping[str, Values]:
+        terms = {"distance": -state.distance}
         if self.options.reward == "shaped":
-            excess = self.options.discomfort(self._safety.force, COMFORT_FORCE)
-            near = tolerance(self.hem_along, (self.target_along, math.inf), margin=0.4)
-            terms |= {"comfort": -excess, "held": float(self.is_held) - 1.0}
-            terms |= {"around": (near if self.is_around else 0.0) - 1.0}
+            excess = self.options.discomfort(state.force, COMFORT_FORCE)
+            near = tolerance(state.along, (state.target_along, math.inf), margin=0.4)
+            terms |= {"comfort": -excess, "held": state.is_held - 1.0}
+            terms |= {"around": where(state.is_around, near, 0.0) - 1.0}
             terms = self.options.weighted(terms)
         # Every term is a cost, so that to end well ends the costs. An episode that ends badly is charged
         # as if it had stayed as it was: else to hurt somebody at once would cost least.
-        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
-        terms["failed"] = sum(terms.values()) * left if self.is_failure() else 0.0
-        return terms
+        step = sum(terms.values())
+        return {**terms, "failed": self.for_the_rest(state, self.failed(state), step)}
 
-    def metrics(self) -> Mapping[str, float]:
+    def metrics(self, state: DressingState) -> Mapping[str, Values]:
         return {
-            **self._safety.metrics(),
-            "distance_m": self._distance,
-            "hem_past_ankle_m": self.hem_along,
-            "hem_past_knee_m": self.hem_along - self.leg.shank,
-            "around_leg": float(self.is_around),
-            "waistband_held": float(self.is_held),
-            "cloth_load_n": self._cloth_force,
-            "peak_cloth_load_n": self._cloth_peak,
-            "peak_strain": self._strain,
+            "distance_m": state.distance,
+            "hem_past_ankle_m": state.along,
+            "hem_past_knee_m": state.along - self.leg.shank,
+            "around_leg": state.is_around,
+            "waistband_held": state.is_held,
+            "cloth_load_n": state.cloth_force,
+            "peak_cloth_load_n": state.cloth_peak,
+            "peak_strain": state.strain,
         }
 
-    def is_success(self) -> bool:
+    def is_success(self, state: DressingState) -> Values:
         """Return whether the hem is at its target, round the leg; or was, and the leg is down again."""
-        if self.is_failure() or not self.is_around:
-            return False
         if self.options.until == "target":
-            return self._comes_to(self.target_along)
-        is_down = math.dist(self.leg.foot_hold(), self.leg.stood) < LOWERED * self.options.tolerance
-        return self.is_past and is_down and self._comes_to(self.leg.shank)
-
-    def is_failure(self) -> bool:
-        """Return whether the force on the person was above the limit."""
-        return self._safety.peak_force > self.options.force_limit
+            return state.is_around & self._comes_to(state.along, state.target_along)
+        is_down = state.raised < LOWERED * self.options.tolerance
+        is_on = state.is_around & self._comes_to(state.along, self.leg.shank)
+        return is_on & state.is_past & is_down
 
     def camera(self) -> Camera:
         return Camera(eye=(1.15, -1.6 * self.outward, 1.4), target=(0.55, -0.1, 0.68), fov_deg=54)
@@ -301,18 +320,16 @@ def lifts(env: CareEnv, role: str) -> LegLifting:
     assert isinstance(task := env.task, Dressing)
     side, out = ("left" if task.side == "right" else "right"), task.outward
     caregiving = Caregiving(task.caregiver, env.world, task.control_dt, side=side)
-    caregiving.pass_through(task.recipient, f"{task.side}_ankle")
-    beside = np.array((0.0, BESIDE * out, 0.0))
     lift = LegLift(
         person=task.recipient,
         part=f"{task.side}_ankle",
         stand=task.stand,
         knee=side,
         before=lambda: task.leg.foot_hold() + (0.12, 3 * BESIDE * out, 0.05),
-        grip=lambda: task.leg.foot_hold() + beside,
+        grip=lambda: task.leg.foot_hold() + (0.0, BESIDE * out, 0.0),
         palm=(0.0, -out, 0.0),
         fingers=(-1.0, -0.5 * out, 0.0),
         way=lambda: task.leg.way,
-        is_done=lambda: task.is_past,
+        is_done=lambda: task.state.is_past,
     )
     return LegLifting(caregiving, lift, task.control_dt)

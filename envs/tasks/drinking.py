@@ -7,28 +7,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from rcare_marl.agents.policies.behaviour_tree import BehaviourTree, eat_when_fed
-from rcare_marl.agents.robot import Robot
-from rcare_marl.errors import ConfigError
-from rcare_marl.observable import Observable
-from rcare_marl.pose import (
-    Array,
-    Pose,
-    Vector,
-    matrix_from_quaternion,
-)
+from rcare_marl.agents.people.behaviour.behaviour_tree import BehaviourTree, eat_when_fed
+from rcare_marl.pose import Array, Pose, Vector, matrix_from_quaternion
 from rcare_marl.soft.fluid import Fluid, fill
-from rcare_marl.soft.pool import Pool
+from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
-from ..devices.cup import Cup
+from ..devices import Cup
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..scenes.cup_hold import CupHold
 from ..scenes.meal import Meal, MealOptions
 from ..scenes.mouth import RADIUS, Mouth
+from ..state import Seen, State, Values, clip
 
 LEAST_DRUNK = 0.75  # share of the water: Assistive Gym, drinking
 MOST_SPILLED = 0.10  # share of the water; our own choice
@@ -58,6 +52,28 @@ class DrinkingOptions(MealOptions):
     SHAPED_WEIGHTS = {"water": 0.1, "approach": 0.4, "drunk": 0.5, "comfort": 0.5, "upright": 0.1}
 
 
+@dataclass(frozen=True, eq=False)
+class DrinkingState(State):
+    """What drinking reads."""
+
+    rim: Array  # the edge of the cup that leads to the face [m], shape [3]
+    up: Array  # out of the cup, a unit vector, shape [3]
+    turn: Array  # how the cup is turned, a quaternion, shape [4]
+    tilt: float  # of the cup from upright [rad]
+    mouth: Array  # the place to bring things to, in front of the lips [m], shape [3]
+    face: Array  # where the face looks, a unit vector, shape [3]
+    ahead: Array  # the same, level
+    jaw: float  # how far the jaw is open [rad]
+    distance: float  # from rim to mouth [m]
+    is_spilled: npt.NDArray[
+        np.bool_
+    ]  # of each particle of water, whether it was ever lost, shape [n]
+    inside: float  # share of the water that is in the cup
+    drunk: float  # share of it that was drunk
+    spilled: float  # share of it that was spilled
+    time_to_drink: float  # when enough was drunk [s]; -1 before
+
+
 @register_task("drinking")
 class Drinking(Meal):
     """A robot on the wheelchair gives the person who sits in it to drink from a cup of water.
@@ -68,9 +84,12 @@ class Drinking(Meal):
     Tolerance: the share that may be spilled; that to be drunk is divided by it.
     """
 
+    reachable_by = ("franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stretch_re1_dex")
+    least_success = 90
     Options = DrinkingOptions
     time_limit = TIME_LIMIT
     options: DrinkingOptions
+    state: DrinkingState
 
     def build(self, world: World) -> None:
         super().build(world)
@@ -80,24 +99,21 @@ class Drinking(Meal):
         body = self.cup.spawn(world)
         world.set_collision(body, self._chair.body, False)
         self._hold = CupHold(
-            world, self.robot, self.cup, self.recipient,
-            start=self._start_rim(np.zeros(4)), lips=self._mouth_at_rest,
-        )  # fmt: skip
+            self.search(world),
+            self.cup,
+            self.recipient,
+            start=self._start_rim(np.zeros(4)),
+            lips=self._mouth_at_rest,
+        )
         self._set_cup(np.zeros(4))
         self.robot.grasp(body, self.cup.in_tool)
         self.water = Fluid("water", fill(self.cup.vessel, WATER, SPACING), spacing=SPACING)
-        Pool.of(world).add(self.water)
-        movers = [body, *(a.body for a in self.cast.values() if isinstance(a, Robot))]
-        self._safety = self.measure(self.recipient, world, movers)
-        for _ in range(SETTLE_STEPS):
-            for agent in self.cast.values():
-                agent.actuate()
-            world.step()
+        SoftWorld.of(world).add(self.water)
+        self.tools.append(body)
+        self.settle(SETTLE_STEPS)
         inside = self.cup.vessel.frame()
         turn = matrix_from_quaternion(inside.quaternion)
         self._water_in_cup = (self.water.positions - inside.position) @ turn
-        if world.contact_force(self.recipient.body) > 0:
-            raise ConfigError("the robot or the cup touches the person before the episode begins")
 
     def cup_pose(self, rim: Vector, way: Vector, tilt: float) -> Pose:
         """Return where the cup is when it is held as here; see `Cup.pouring`."""
@@ -125,97 +141,94 @@ class Drinking(Meal):
         turned = self._water_in_cup @ matrix_from_quaternion(frame.quaternion).T
         self.water.place(turned + frame.position)
         self._drunk = np.zeros(self.water.size, np.bool_)
-        self._is_spilled = self._drunk.copy()
-        self._time_to_drink = -1.0
-        self._safety.reset()
 
     def after_substep(self) -> None:
-        self._safety.after_substep()
         if self.mouth.is_open:
             drunk = self.mouth.takes(self.water.positions)
             if drunk.any():
                 self._drunk |= drunk
                 self.water.take(drunk)
 
-    def after_step(self) -> None:
-        self._safety.after_step(self.control_dt)
-        self.mouth.sense()
-        vessel, positions = self.cup.vessel, self.water.positions
-        self._inside = vessel.holds(positions)
+    def read(self, now: State, before: DrinkingState | None) -> DrinkingState:
+        mouth, vessel, positions = self.mouth, self.cup.vessel, self.water.positions
+        mouth.sense()
+        inside = vessel.holds(positions)
         apart = positions - np.array(self.cup.frame_in_world("middle").position)
         lost = np.einsum("na,na->n", apart, apart) > LOST_DISTANCE**2
-        self._is_spilled |= lost & ~self._inside & ~self._drunk
-        self.drunk_share = float(np.mean(self._drunk))
-        self.spilled_share = float(np.mean(self._is_spilled & ~self._drunk))
-        self._up = self.cup.up_in_world()
-        self.rim = vessel.rim_point(-self.mouth.ahead)
-        self._gap = self.mouth.position - self.rim
-        self._distance = float(np.linalg.norm(self._gap))
-        self._is_enough = self.drunk_share * self.options.tolerance >= LEAST_DRUNK
-        if self._time_to_drink < 0 and self._is_enough:
-            self._time_to_drink = self._world.time
+        spilled = lost & ~inside & ~self._drunk
+        if before is not None:
+            spilled |= before.is_spilled
+        rim, up = vessel.rim_point(-mouth.ahead), self.cup.up_in_world()
+        drunk = float(np.mean(self._drunk))
+        arrived = -1.0 if before is None else before.time_to_drink
+        is_first = arrived < 0 and drunk * self.options.tolerance >= LEAST_DRUNK
+        return DrinkingState(
+            **vars(now),
+            rim=rim,
+            up=up,
+            turn=np.array(self.cup.pose.quaternion),
+            tilt=math.acos(min(max(float(up[2]), -1.0), 1.0)),
+            mouth=mouth.position,
+            face=mouth.face,
+            ahead=mouth.ahead,
+            jaw=mouth.jaw,
+            distance=float(np.linalg.norm(mouth.position - rim)),
+            is_spilled=spilled,
+            inside=float(np.mean(inside)),
+            drunk=drunk,
+            spilled=float(np.mean(spilled & ~self._drunk)),
+            time_to_drink=now.time if is_first else arrived,
+        )
 
-    def observables(self, role: str) -> Sequence[Observable]:
-        mouth = self.mouth
+    def observables(self, role: str) -> Sequence[Seen]:
         return [
-            Observable("rim_position", "m", 3, lambda: self.rim),
-            Observable("rim_to_mouth", "m", 3, lambda: self._gap),
-            Observable("cup_up", "1", 3, lambda: self._up),
-            Observable("face_direction", "1", 3, lambda: mouth.face),
-            Observable("jaw_opening", "rad", 1, lambda: (mouth.jaw,)),
-            Observable("water_in_cup", "1", 1, lambda: (float(np.mean(self._inside)),)),
-            Observable("water_drunk", "1", 1, lambda: (self.drunk_share,)),
-            Observable("water_spilled", "1", 1, lambda: (self.spilled_share,)),
-            Observable("contact_force", "N", 1, lambda: (self._safety.force,)),
-            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
+            Seen("rim_position", "m", 3, lambda s: s.rim),
+            Seen("rim_to_mouth", "m", 3, lambda s: s.mouth - s.rim),
+            Seen("cup_up", "1", 3, lambda s: s.up),
+            Seen("face_direction", "1", 3, lambda s: s.face),
+            Seen("jaw_opening", "rad", 1, lambda s: s.jaw),
+            Seen("water_in_cup", "1", 1, lambda s: s.inside),
+            Seen("water_drunk", "1", 1, lambda s: s.drunk),
+            Seen("water_spilled", "1", 1, lambda s: s.spilled),
+            self.contact_force(),
+            self.time_left(),
         ]
 
-    def rewards(self, role: str) -> Mapping[str, float]:
-        kept = 1.0 - self.spilled_share
-        near = tolerance(self._distance, bounds=(0, RADIUS), margin=0.3)
-        drunk = min(self.drunk_share / LEAST_DRUNK, 1.0)
+    def rewards(self, role: str, state: DrinkingState) -> Mapping[str, Values]:
+        kept = 1.0 - state.spilled
+        near = tolerance(state.distance, bounds=(0, RADIUS), margin=0.3)
+        drunk = clip(state.drunk / LEAST_DRUNK, 0.0, 1.0)
         terms = {"water": kept * kept, "approach": kept * near, "drunk": kept * drunk}
         # An episode that ends well is paid as if it had gone on at its best: else to dawdle with the cup
         # at the lips would pay more than to give to drink.
         best = float(len(terms))
         if self.options.reward == "shaped":
             best = sum(self.options.weight(name) for name in terms)
-            terms["comfort"] = -self.options.discomfort(self._safety.force, COMFORT_FORCE)
-            terms["upright"] = (float(self._up[2]) - 1.0) * (1.0 - near)
+            terms["comfort"] = -self.options.discomfort(state.force, COMFORT_FORCE)
+            terms["upright"] = (state.up[..., 2] - 1.0) * (1.0 - near)
             terms = self.options.weighted(terms)
-        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
-        terms["done"] = best * left if self.is_success() else 0.0
-        return terms
+        return {**terms, "done": self.for_the_rest(state, self.succeeded(state), best)}
 
-    def metrics(self) -> Mapping[str, float]:
+    def metrics(self, state: DrinkingState) -> Mapping[str, Values]:
         return {
-            **self._safety.metrics(),
-            "distance_m": self._distance,
-            "drunk_share": self.drunk_share,
-            "spilled_share": self.spilled_share,
-            "tilt_deg": math.degrees(math.acos(min(max(float(self._up[2]), -1.0), 1.0))),
-            "time_to_drink_s": self._time_to_drink,
+            "distance_m": state.distance,
+            "drunk_share": state.drunk,
+            "spilled_share": state.spilled,
+            "tilt_deg": np.degrees(state.tilt),
+            "time_to_drink_s": state.time_to_drink,
         }
 
-    def is_success(self) -> bool:
-        return self._is_enough and not self.is_failure()
+    def is_success(self, state: DrinkingState) -> Values:
+        return state.drunk * self.options.tolerance >= LEAST_DRUNK
 
-    def is_failure(self) -> bool:
-        if self.spilled_share > MOST_SPILLED * self.options.tolerance:
-            return True
-        return self._safety.peak_force > self.options.force_limit
-
-    def rim_position(self) -> Array:
-        """Return where the edge of the cup is that leads to the face [m], shape [3]."""
-        return self.rim
-
-    def distance(self) -> float:
-        """Return the distance from that edge to the mouth [m]."""
-        return self._distance
+    def is_failure(self, state: DrinkingState) -> Values:
+        return state.spilled > MOST_SPILLED * self.options.tolerance
 
 
 @register_policy("drinking", "recipient", "cooperative")
 def cooperative(env: CareEnv, role: str) -> BehaviourTree:
     """Return a recipient who looks at the cup and opens the mouth when it comes near."""
     assert isinstance(task := env.task, Drinking)
-    return eat_when_fed(task.recipient, task.rim_position, task.distance, task.control_dt)
+    return eat_when_fed(
+        task.recipient, lambda: task.state.rim, lambda: task.state.distance, task.control_dt
+    )

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from rcare_marl.agents.coaching.exercise import load_exercises
 from rcare_marl.agents.coaching.group_session import GroupSession, group_programme
-from rcare_marl.agents.human import Human
-from rcare_marl.observable import Observable
+from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Pose
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
-from ..coaching.coaching_task import CoachingTask, facing
+from ..coaching.coaching_task import CoachingTask, LessonState, facing
 from ..coaching.group_view import GroupView
 from ..coaching.learner import Learner
 from ..coaching.seat import MOVABLE
-from ..homes.rectangle import Rectangle
+from ..coaching.trainee import trainee_metrics, trainee_seen
+from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
+from ..state import Seen, Values, greatest
 from ..task import Role
 
 RECIPIENTS = ("recipient", "second_recipient", "third_recipient", "fourth_recipient")
@@ -96,61 +97,49 @@ class GroupCoaching(CoachingTask):
         members = {self.names[role]: trainee.session for role, trainee in self.trainees.items()}
         return GroupSession(shown, members)
 
-    def begin(self) -> None:
+    def begin_lesson(self) -> None:
         self.session.reset()
 
     def see(self, time: float) -> None:
         frames = {self.names[role]: trainee.frame for role, trainee in self.trainees.items()}
         self.session.see(frames, time)
 
-    def observables(self, role: str) -> Sequence[Observable]:
+    def is_asked(self, role: str) -> bool:
+        return self.session.is_busy(self.names[role])
+
+    def is_told(self, role: str) -> bool:
+        shown = self.demonstration
+        return shown.is_speaking and shown.spoken_to in (None, self.names[role])
+
+    def observables(self, role: str) -> Sequence[Seen]:
         """Return what a role sees: a recipient of themselves, the robot of everybody, by role."""
-        if role in self.trainees:
-            seen = [*self._seen_of(role), *self._told(role)]
-        else:
-            seen = [
-                thing
-                for known in self.trainees
-                for thing in (
-                    *self._seen_of(known, f"{known}_"),
-                    *self._told(known, f"{known}_"),
-                )
-            ]
+        people = {role: ""} if role in self.trainees else {r: f"{r}_" for r in self.trainees}
+        seen = [thing for known, prefix in people.items() for thing in _seen(known, prefix)]
         return [*self.shown(), *seen, self.time_left()]
 
-    def _seen_of(self, role: str, prefix: str = "") -> list[Observable]:
-        return self.trainees[role].observables(self._is_busy(role), prefix)
-
-    def _is_busy(self, role: str) -> Callable[[], bool]:
-        return lambda: self.session.is_busy(self.names[role])
-
-    def _told(self, role: str, prefix: str = "") -> list[Observable]:
-        """Return whether what is being said is said to a recipient."""
-
-        def is_told() -> bool:
-            shown = self.demonstration
-            return shown.is_speaking and shown.spoken_to in (None, self.names[role])
-
-        return [Observable(f"{prefix}spoken_to", "1", 1, lambda: (float(is_told()),))]
-
-    def rewards(self, role: str) -> Mapping[str, float]:
+    def rewards(self, role: str, state: LessonState) -> Mapping[str, Values]:
         """Return a recipient's own terms; for the robot the mean of everybody's."""
         if role in self.trainees:
-            return self.rewards_of(role)
-        everybody = [self.rewards_of(known) for known in self.trainees]
+            return self.rewards_of(role, state)
+        everybody = [self.rewards_of(known, state) for known in self.trainees]
         return {
             name: sum(terms[name] for terms in everybody) / len(everybody) for name in everybody[0]
         }
 
-    def metrics(self) -> Mapping[str, float]:
-        found = [trainee.metrics() for trainee in self.trainees.values()]
+    def metrics(self, state: LessonState) -> Mapping[str, Values]:
+        found = [trainee_metrics(trainee) for trainee in state.trainees.values()]
         return {
-            name: (sum if name in TOGETHER else max)(metrics[name] for metrics in found)
+            name: (sum if name in TOGETHER else greatest)([metrics[name] for metrics in found])
             for name in found[0]
         }
 
     def camera(self) -> Camera:
         return Camera(eye=(4.3, -1.0, 2.7), target=(-0.2, 0.0, 0.55), fov_deg=56)
+
+
+def _seen(role: str, prefix: str) -> list[Seen]:
+    told = Seen(f"{prefix}spoken_to", "1", 1, lambda state: state.trainees[role].is_told)
+    return [*trainee_seen(role, prefix), told]
 
 
 def _call_names(people: Mapping[str, Human]) -> dict[str, str]:

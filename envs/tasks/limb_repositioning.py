@@ -9,27 +9,24 @@ from functools import cached_property
 
 import numpy as np
 
-from rcare_marl.agents.body.skeleton import JOINT_INDEX
-from rcare_marl.agents.control import ToolDelta
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.kinematics import IkResult
-from rcare_marl.agents.policies.go_along import GoAlong
-from rcare_marl.agents.robot import Robot
+from rcare_marl.agents.people.behaviour.go_along import GoAlong
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.kinematics import IkResult
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
-from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, Vector, rotate
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
-from ..devices.arm_cradle import ArmCradle
-from ..devices.stand import add_stand
-from ..devices.wheelchair import chair_for
-from ..homes.rectangle import Rectangle
+from ..devices import ArmCradle, chair_for
+from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..rewards import tolerance
 from ..scenes.start_posture import start_best
-from ..task import Role, Task
+from ..state import Seen, State, Values, where
+from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
 # [N]: a man's arm weighs 31 to 38. Own choice, a third of ISO/TS 15066 for a forearm (160, from memory).
@@ -76,6 +73,26 @@ class LimbRepositioningOptions(TaskOptions):
     force_limit: float = FORCE_LIMIT
 
 
+@dataclass(frozen=True, eq=False)
+class LimbRepositioningState(State):
+    """What limb repositioning reads."""
+
+    elbow: Array  # where the left elbow is [m], shape [3]
+    wrist: Array  # likewise
+    target: Array  # where the middle of the forearm belongs, above the pad [m], shape [3]
+    gap: Array  # from the middle of the forearm to there [m], shape [3]
+    distance: float  # length of that [m]
+    hook: Array  # where the middle of the cradle's plate lifts the forearm [m], shape [3]
+    plate: Array  # where that is [m], shape [3]
+    plate_turn: Array  # how the plate is turned, a quaternion, shape [4]
+    plate_up: Array  # out of its top, a unit vector, shape [3]
+    plate_inward: Array  # to its tip, a unit vector, shape [3]
+    reach: float  # from plate to hook [m]
+    pad_force: float  # how forearm and hand weigh on the pad [N]
+    beyond: float  # most that a joint was beyond its passive range [rad]
+    rested: float  # for how long the forearm has rested [s]
+
+
 @register_task("limb_repositioning")
 class LimbRepositioning(Task):
     """A robot with a padded cradle lays the left arm of a seated person on the armrest.
@@ -87,45 +104,39 @@ class LimbRepositioning(Task):
     Attributes:
         chair: The wheelchair.
         cradle: What the robot lifts with.
-        elbow: Where the left elbow is [m], shape [3]; likewise `wrist`.
-        target: Where the middle of the forearm belongs, above the pad [m], shape [3].
         radius: Radius of the forearm [m].
     """
 
-    robot = Role(Robot, default="kinova_gen3", partner="scripted")
+    robot = Role(Robot, default="kinova_gen3", partner="scripted", contact_force=CARRYING_FORCE)
     recipient = Role(
         Human, default="jose", posture="wheelchair_arm_out", movable=MOVABLE, partner="cooperative"
     )
-    caregiver = Role(
-        Human, default=None, optional=True, posture="standing", partner="still",
-        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
-    )  # fmt: skip
+    caregiver = STANDING_CAREGIVER
 
+    reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"hsr", "stretch_re1_dex"}
+    least_success = 85
     Options = LimbRepositioningOptions
     room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
     footprint = Rectangle(-0.8, -1.1, 1.2, 1.4)  # [m] the chair, a robot or helper at its side
     time_limit = TIME_LIMIT
     options: LimbRepositioningOptions
+    state: LimbRepositioningState
 
     def furnish(self, world: World) -> dict[str, Pose]:
         posture = self.recipient.posture
         if posture.supported == "all" or "left_shoulder" in posture.supported:
-            raise ConfigError(f"no arm hangs beside an armrest of who is {posture.description}")
+            raise ConfigError(f"no left arm hangs beside an armrest: {posture.description}")
         if missing := set(NEEDED) - set(self.recipient.movable):
             raise ConfigError(f"an arm that is to be lifted moves in {', '.join(sorted(missing))}")
         where = BESIDE if BESIDE in self.robot.config.mounts else "wheelchair_left"
         mount = self.robot.mount_named(where)
         self.chair = chair_for(mount, "left")
-        self.lay_floor(world)
         soles = self.recipient.soles(self.chair.frame("seat_back"))
         self.chair.fit_footplates(soles["left"], soles["right"])
         self.chair.spawn(world).set_friction([-1], lateral=PAD_FRICTION)
         self.recipient.use_arm_rests(None, self.chair.frame_in_world("armrest_right"))
-        base = self.robot.mount(where, self.chair.pose)
-        if mount.stand:
-            add_stand(world, base)
         return {
-            "robot": base,
+            "robot": self.mounted(self.robot, where),
             "recipient": self.chair.frame_in_world("seat_back"),
             "caregiver": Pose((0.15, -0.95, 0.0), (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))),
         }
@@ -134,7 +145,7 @@ class LimbRepositioning(Task):
         return self.chair.pose if mount.startswith("wheelchair") else Pose()
 
     def build(self, world: World) -> None:
-        self._world, person = world, self.recipient
+        person = self.recipient
         for each in (a for a in self.cast.values() if isinstance(a, Human)):
             each.ignore(self.chair.body)  # the posture already keeps trunk and legs apart
         arm = person.body.carried_by(person.frames[JOINT_INDEX["left_shoulder"]].link)
@@ -148,17 +159,15 @@ class LimbRepositioning(Task):
         self.cradle = ArmCradle()
         self._cradle_body = self.cradle.spawn(world, Pose((0.0, 0.0, -10.0)))
         self._see_arm()
-        lift = self.cradle.lift_way(self.elbow, self.wrist, self._place, self.radius)
+        lift = self.cradle.lift_way(self._elbow, self._wrist, self._place, self.radius)
         way = [self._start_pose(np.zeros(3)), *(self._tool_at(*each) for each in lift)]
-        start_best(self.robot, way, person.body, world, clear=2 * LET_GO)
+        start_best(self.search(world, clear_of=[(person.body, 2 * LET_GO)]), way)
         self.robot.grasp(self._cradle_body, self.cradle.in_tool)
-        if isinstance(self.robot.control, ToolDelta):
-            self.robot.control.contact_force = CARRYING_FORCE
         robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
+        self.tools.append(self._cradle_body)
         self._movers = [self._cradle_body, *robots]
-        self._safety = self.measure(person, world, self._movers)
         if min(self._gaps()) < LET_GO:
-            raise ConfigError("robot or cradle touch the person before the episode begins")
+            raise ConfigError("the cradle touches the recipient before the episode begins")
 
     def _let_hang(self) -> None:
         """Find once where the arm comes to rest: laid on the armrest by hand, and hanging beside it."""
@@ -180,7 +189,7 @@ class LimbRepositioning(Task):
                 person.command(relaxed.act(), self.control_dt)
             for agent in self.cast.values():
                 agent.actuate()
-            self._world.step()
+            self.world.step()
         person.sense()
 
     def _tool_at(self, place: Array, turn: Array) -> Pose:
@@ -200,7 +209,7 @@ class LimbRepositioning(Task):
     def reset(self, rng: np.random.Generator) -> None:
         swing = {dof: rng.uniform(0.0, most) for dof, most in SWING.items()}
         offset, shift = rng.uniform(-1, 1, 3) * START_SPREAD, rng.uniform(-1, 1, 2) * TARGET_SPREAD
-        self.target = self._place + (shift[0], shift[1], 0.0)
+        self._target = self._place + (shift[0], shift[1], 0.0)
         for part in (1.0, 0.5, 0.0):  # less where the robot cannot reach, or the arm swings into it
             self.recipient.set_angles(self._hanging)
             self._see_arm()
@@ -211,98 +220,106 @@ class LimbRepositioning(Task):
             self._cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
             if found.is_within(0.01, 0.1) and min(self._gaps()) >= LET_GO:
                 break
-        self._safety.reset()
-        self._beyond = self._pad_force = self._rested = 0.0
-        self._middle = self._see_arm()
+        self._see_arm()
 
-    def after_substep(self) -> None:
-        self._safety.after_substep()
-
-    def after_step(self) -> None:
-        self._safety.after_step(self.control_dt)
+    def read(self, now: State, before: LimbRepositioningState | None) -> LimbRepositioningState:
         person = self.recipient
         angles, (low, high) = np.array(person.positions), person.passive.T
-        self._beyond = max(self._beyond, float((angles - high).max()), float((low - angles).max()))
-        before, self._middle = self._middle, self._see_arm()
-        self._gap = self.target - self._middle
-        self._distance = math.sqrt(float(self._gap @ self._gap))
-        self._hook, seat = self.hook()[0], self.seat_pose()
-        self._seat, self._seat_turn = np.array(seat.position), np.array(seat.quaternion)
-        self._pad_force = self._force_on_pad()
-        ease = self.options.tolerance
-        lies = self._pad_force >= PAD_FORCE and self._distance <= TARGET_RADIUS * ease
-        is_still = math.dist(before, self._middle) <= STILL * ease * self.control_dt
+        beyond = max(float((angles - high).max()), float((low - angles).max()))
+        last, middle = self._middle, self._see_arm()
+        gap = self._target - middle
+        distance = math.sqrt(float(gap @ gap))
+        hook, plate = self.hook()[0], self.seat_pose()
+        pad_force, ease = self._force_on_pad(), self.options.tolerance
+        lies = pad_force >= PAD_FORCE and distance <= TARGET_RADIUS * ease
+        is_still = math.dist(last, middle) <= STILL * ease * self.control_dt
         rests = lies and is_still and min(self._gaps()) >= LET_GO
-        self._rested = self._rested + self.control_dt if rests else 0.0
+        rested = 0.0 if before is None else before.rested
+        return LimbRepositioningState(
+            **vars(now),
+            elbow=self._elbow,
+            wrist=self._wrist,
+            target=self._target,
+            gap=gap,
+            distance=distance,
+            hook=hook,
+            plate=np.array(plate.position),
+            plate_turn=np.array(plate.quaternion),
+            plate_up=rotate(plate.quaternion, (1.0, 0.0, 0.0)),
+            plate_inward=rotate(plate.quaternion, (0.0, 0.0, 1.0)),
+            reach=math.dist(hook, plate.position),
+            pad_force=pad_force,
+            beyond=max(0.0 if before is None else before.beyond, beyond),
+            rested=rested + self.control_dt if rests else 0.0,
+        )
 
     def _see_arm(self) -> Array:
-        """Take note of where elbow and wrist are, and return the middle between them [m], shape [3]."""
+        """Take note of where the arm is, and return the middle of the forearm [m], shape [3]."""
         poses = [self.recipient.joint_pose(f"left_{name}") for name in ("elbow", "wrist")]
-        self.elbow, self.wrist = (np.array(pose.position) for pose in poses)
-        return 0.5 * (self.elbow + self.wrist)
+        self._elbow, self._wrist = (np.array(pose.position) for pose in poses)
+        self._middle: Array = 0.5 * (self._elbow + self._wrist)
+        return self._middle
 
     def _gaps(self) -> list[float]:
         """Return how far all that robots move is from the person [m], no farther than it matters."""
-        gap, body = self._world.separation, self.recipient.body
+        gap, body = self.world.separation, self.recipient.body
         return [gap(mover, body, within=2 * LET_GO) for mover in self._movers]
 
     def _force_on_pad(self) -> float:
         """Return how forearm and hand weigh on the pad [N], not at all unless the forearm touches it."""
         person, chair = self.recipient.body, self.chair.body
-        force = self.chair.load_on_armrest("left", self._world, person, self._lower_arm)
-        gap, links = self._world.separation, (self._forearm, -1)
+        force = self.chair.load_on_armrest("left", self.world, person, self._lower_arm)
+        gap, links = self.world.separation, (self._forearm, -1)
         is_near = force > 0 and gap(person, chair, within=2 * TOUCH, links=links) <= TOUCH
         return force if is_near else 0.0
 
-    def observables(self, role: str) -> Sequence[Observable]:
+    def observables(self, role: str) -> Sequence[Seen]:
         return [
-            Observable("seat_position", "m", 3, lambda: self._seat),
-            Observable("seat_to_hook", "m", 3, lambda: self._hook - self._seat),
-            Observable("seat_up", "1", 3, lambda: rotate(self._seat_turn, (1.0, 0.0, 0.0))),
-            Observable("seat_inward", "1", 3, lambda: rotate(self._seat_turn, (0.0, 0.0, 1.0))),
-            Observable("elbow_position", "m", 3, lambda: self.elbow),
-            Observable("wrist_position", "m", 3, lambda: self.wrist),
-            Observable("forearm_to_target", "m", 3, lambda: self._gap),
-            Observable("force_on_armrest", "N", 1, lambda: (self._pad_force,)),
-            Observable("contact_force", "N", 1, lambda: (self._safety.force,)),
-            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
+            Seen("seat_position", "m", 3, lambda s: s.plate),
+            Seen("seat_to_hook", "m", 3, lambda s: s.hook - s.plate),
+            Seen("seat_up", "1", 3, lambda s: s.plate_up),
+            Seen("seat_inward", "1", 3, lambda s: s.plate_inward),
+            Seen("elbow_position", "m", 3, lambda s: s.elbow),
+            Seen("wrist_position", "m", 3, lambda s: s.wrist),
+            Seen("forearm_to_target", "m", 3, lambda s: s.gap),
+            Seen("force_on_armrest", "N", 1, lambda s: s.pad_force),
+            self.contact_force(),
+            self.time_left(),
         ]
 
-    def rewards(self, role: str) -> Mapping[str, float]:
-        terms = {"distance": -self._distance}
+    def rewards(self, role: str, state: LimbRepositioningState) -> Mapping[str, Values]:
+        terms = {"distance": -state.distance}
         if self.options.reward == "shaped":
-            excess = self.options.discomfort(self._safety.force, COMFORT_FORCE)
-            reach = math.dist(self._hook, self._seat) if self._pad_force < PAD_FORCE else 0.0
-            near = tolerance(self._distance, bounds=(0, TARGET_RADIUS), margin=0.2)
-            terms |= {"reach": -reach, "comfort": -excess}
-            terms |= {"rest": near - 1.0 if self._pad_force >= PAD_FORCE else -1.0}
+            lies = state.pad_force >= PAD_FORCE
+            near = tolerance(state.distance, bounds=(0, TARGET_RADIUS), margin=0.2)
+            terms["reach"] = -where(lies, 0.0, state.reach)
+            terms["comfort"] = -self.options.discomfort(state.force, COMFORT_FORCE)
+            terms["rest"] = where(lies, near - 1.0, -1.0)
             terms = self.options.weighted(terms)
         # Every term is a cost, so that to end well ends the costs. An episode that ends badly is charged
         # as if it had stayed as it was: else to hurt somebody at once would cost least.
-        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
-        terms["failed"] = sum(terms.values()) * left if self.is_failure() else 0.0
-        return terms
+        step = sum(terms.values())
+        return {**terms, "failed": self.for_the_rest(state, self.failed(state), step)}
 
-    def metrics(self) -> Mapping[str, float]:
+    def metrics(self, state: LimbRepositioningState) -> Mapping[str, Values]:
         return {
-            **self._safety.metrics(),
-            "distance_m": self._distance,
-            "force_on_armrest_n": self._pad_force,
-            "rested_s": self._rested,
-            "beyond_prom_deg": math.degrees(self._beyond),
+            "distance_m": state.distance,
+            "force_on_armrest_n": state.pad_force,
+            "rested_s": state.rested,
+            "beyond_prom_deg": np.degrees(state.beyond),
         }
 
-    def is_success(self) -> bool:
+    def is_success(self, state: LimbRepositioningState) -> Values:
         """Return whether the forearm has rested on the pad, still and untouched, long enough."""
-        return self._rested >= HOLD_TIME - 1e-9 and not self.is_failure()
+        return state.rested >= HOLD_TIME - 1e-9
 
-    def is_failure(self) -> bool:
-        """Return whether the force was above the limit, or a joint beyond its passive range."""
-        return self._safety.peak_force > self.options.force_limit or self._beyond > PROM_MARGIN
+    def is_failure(self, state: LimbRepositioningState) -> Values:
+        """Return whether a joint was beyond its passive range."""
+        return state.beyond > PROM_MARGIN
 
     def hook(self, share: float | None = None) -> tuple[Array, Array]:
         """Return place and turn of the cradle's plate that lifts the forearm, as `ArmCradle.under`."""
-        return self.cradle.under(self.elbow, self.wrist, self.radius, share)
+        return self.cradle.under(self._elbow, self._wrist, self.radius, share)
 
     def seat_pose(self) -> Pose:
         """Return the pose of the cradle's plate: middle of its top, x out of it, z to its tip."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -9,24 +10,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcare_marl.agents.body.skeleton import SIDES
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot
-from rcare_marl.agents.robot_config import no_reach
+from rcare_marl.agents.people.body.skeleton import SIDES
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
-from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices.stand import add_stand
-from ..homes.rectangle import Rectangle
+from ..devices import add_stand
 from ..phyrc.bath_scene import BathScene
-from ..phyrc.bath_score import EXCEEDED, BathScore
+from ..phyrc.bath_score import EXCEEDED, ITEMS, SEEN, BathScore, BathState
 from ..phyrc.phyrc_score import FULL_SCORE
 from ..phyrc.washed_limbs import WashedLimbs
+from ..reach import Trial
+from ..rectangle import Rectangle
 from ..registry import register_task
-from ..task import Role, Task
+from ..state import Seen, State, Values, flat
+from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
 # All our own choices; what the challenge says is in `bath_score` and `bath_scene`.
@@ -39,8 +40,6 @@ BEFORE, ABOVE = 0.08, 0.10  # [m] from the handle to the tool at the start, back
 START_SPREAD = 0.03  # [m] each way
 NEAR, LEVEL = 0.02, 0.25  # [m], [rad] that count as reached
 HURT = 1.0  # points for each step that is left when someone was hurt
-FAR = 1.0  # [m] from what is next, where the reward does not get less any more
-SEEN = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")  # joints of each side
 
 MOVABLE = tuple(
     f"{side}_{dof}" for dof in ("hip_abduction", "shoulder", "elbow_flexion") for side in SIDES
@@ -87,16 +86,15 @@ class PhyrcBathing(Task):
     recipient = Role(
         Human, default="natalia", posture="bed_supine", movable=MOVABLE, partner="still"
     )
-    caregiver = Role(
-        Human, default=None, optional=True, posture="standing", partner="still",
-        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
-    )  # fmt: skip
+    caregiver = STANDING_CAREGIVER
 
+    reachable_by = CHAIR_ROBOTS - {"pr2"} | {"hsr", "stretch_re1_dex"}
     Options = PhyrcBathingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining")
     footprint = Rectangle(-1.15, -1.15, 1.15, 0.7)  # [m] bed and table, and a robot at their side
     time_limit = TIME_LIMIT
     options: PhyrcBathingOptions
+    state: BathState
 
     def free_floor(self) -> Rectangle:
         low = self.footprint
@@ -104,8 +102,7 @@ class PhyrcBathing(Task):
 
     def furnish(self, world: World) -> dict[str, Pose]:
         if (posture := self.recipient.posture).recline_deg != 90:
-            raise ConfigError(f"one is bathed who lies on the back, not {posture.description}")
-        self.lay_floor(world)
+            raise ConfigError(f"the recipient must lie on the back, and is {posture.description}")
         self.scene = BathScene(world)
         beside = quaternion_from_rpy(0, 0, -math.pi / 2)
         return {
@@ -118,7 +115,7 @@ class PhyrcBathing(Task):
         return self.robot.mount("bed_side", Pose((SHIFT, aside, 0.0)))
 
     def build(self, world: World) -> None:
-        self._world, person, robot = world, self.recipient, self.robot
+        person, robot = self.recipient, self.robot
         for each in (a for a in self.cast.values() if isinstance(a, Human)):
             each.ignore(self.scene.bed.body)  # the posture already keeps them apart
             each.ignore(self.scene.table.body)
@@ -126,36 +123,32 @@ class PhyrcBathing(Task):
         self.limbs = WashedLimbs(person, world)
         self.scene.lay_cushions(person, self.limbs, world)
         self.scene.sponge.spare(robot.body)
-        robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        self._safety = self.measure(person, world, [self.scene.sponge.body, *robots])
-        self.score = BathScore(world, self.scene, person, robot, self._safety, self.limbs)
+        self.tools.append(self.scene.sponge.body)
+        self.score = BathScore(world, self.scene, person, robot, self.limbs)
         self._find_place(world)
-        if world.contact_force(person.body, robot.body) > 0:
-            raise ConfigError("the robot touches the person before the episode begins")
 
     def _find_place(self, world: World) -> None:
         """Find where the robot stands and how it holds the sponge so that it reaches all that matters."""
-        robot, bed, misses = self.robot, self.scene.bed.body, []
-        for aside, grip, flip in itertools.product(ASIDES, self.scene.sponge.grips, (0.0, math.pi)):
-            robot.place(self._robot_place(aside))
+        robot, trials = self.robot, []
+        for grip, flip in itertools.product(self.scene.sponge.grips, (0.0, math.pi)):
             turned = tuple(quaternion_from_rpy(0, 0, flip).tolist())
             self.hold = grip @ Pose((0.0, 0.0, 0.0), turned)
-            found = [robot.solve_ik(pose) for pose in self._places()]
-            misses.append(max(found, key=lambda each: each.distance + each.angle))
-            if not misses[-1].is_within(NEAR, LEVEL):
-                continue
-            robot.set_posture(found[0].posture)
-            if world.separation(robot.body, bed, within=CLEAR) < CLEAR:
-                continue
-            robot.arm.rest[:] = found[0].posture
-            if robot.mount_named("bed_side").stand:
-                add_stand(world, self._robot_place(aside))
-            return
-        miss = min(misses, key=lambda each: each.distance + each.angle)
-        raise ConfigError(
-            f"{no_reach(robot.config, robot.files.model.name, robot.moves)}: it misses sponge, water or "
-            f"arm by {miss.distance:.2f} m, {math.degrees(miss.angle):.0f} degrees"
+            trials.append(Trial(self._places(), hold=self.hold))
+        bases = [self._robot_place(aside) for aside in ASIDES]
+        search = self.search(
+            world,
+            clear_of=[(self.scene.bed.body, CLEAR)],
+            within=lambda found: found.is_within(NEAR, LEVEL),
         )
+        found = search.find(
+            [dataclasses.replace(trial, base=base) for base in bases for trial in trials],
+            "sponge, water and arm",
+        )
+        self.hold = found.trial.hold
+        robot.arm.rest[:] = found.posture
+        robot.set_posture(found.posture)
+        if robot.mount_named("bed_side").stand:
+            add_stand(world, found.base)
 
     def _places(self) -> list[Pose]:
         """Return poses of the tool: at the start, at the sponge, in the water, and over the forearm."""
@@ -182,75 +175,53 @@ class PhyrcBathing(Task):
         gripper.drive(gripper.config.opened, teleport=True)
         start = self._start(rng.uniform(-START_SPREAD, START_SPREAD, 3))
         robot.set_posture(robot.solve_ik(start, seed=robot.arm.rest).posture)
-        self._safety.reset()
         self.score.reset()
 
     def after_substep(self) -> None:
-        self._safety.after_substep()
         self.score.after_substep()
 
-    def after_step(self) -> None:
-        self._safety.after_step(self.control_dt)
-        self.score.after_step(self.control_dt)
+    def read(self, now: State, before: BathState | None) -> BathState:
+        return self.score.read(now, self.control_dt)
 
-    def observables(self, role: str) -> Sequence[Observable]:
-        score, scene = self.score, self.scene
+    def observables(self, role: str) -> Sequence[Seen]:
         return [
-            Observable("sponge_position", "m", 3, lambda: score.face),
-            Observable("tool_to_sponge", "m", 3, self._to_sponge),
-            Observable("water_position", "m", 3, scene.water),
-            Observable("limb_joint_positions", "m", 6 * len(SEEN), self._joints),
-            Observable("sponge_force", "N", 1, lambda: (score.force,)),
-            Observable("contact_force", "N", 1, lambda: (self._safety.force,)),
-            Observable("is_held", "1", 1, lambda: (float(score.is_held),)),
-            Observable("wetness", "1", 1, lambda: (score.wetness,)),
-            Observable("covered", "1", len(self.limbs.limbs), self.limbs.coverages),
-            Observable("items_earned", "1", 1, lambda: (float(score.sheet.stage),)),
-            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
+            Seen("sponge_position", "m", 3, lambda s: s.face),
+            Seen("tool_to_sponge", "m", 3, lambda s: s.to_sponge),
+            Seen("water_position", "m", 3, lambda s: s.water),
+            Seen("limb_joint_positions", "m", 3 * len(SEEN), lambda s: flat(s.joints)),
+            Seen("sponge_force", "N", 1, lambda s: s.push),
+            self.contact_force(),
+            Seen("is_held", "1", 1, lambda s: s.is_held),
+            Seen("wetness", "1", 1, lambda s: s.wetness),
+            Seen("covered", "1", len(self.limbs.limbs), lambda s: s.coverages),
+            Seen("items_earned", "1", 1, lambda s: s.earned),
+            self.time_left(),
         ]
 
-    def _to_sponge(self) -> Array:
-        return np.subtract(self.scene.sponge.pose.position, self.robot.tool_pose().position)
-
-    def _joints(self) -> list[float]:
-        """Return where the joints of the limbs are, left ones first [m]."""
-        person = self.recipient
-        places = [person.joint_pose(f"{side}_{j}").position for side in SIDES for j in SEEN]
-        return [value for place in places for value in place]
-
-    def rewards(self, role: str) -> Mapping[str, float]:
-        terms = {"score": float(self.score.scored)}
+    def rewards(self, role: str, state: BathState) -> Mapping[str, Values]:
+        terms: dict[str, Values] = {"score": state.scored}
         if self.options.reward == "shaped":
-            terms |= {"reach": -self._way(), "covered": self.score.gained}
-            terms["comfort"] = -self.options.discomfort(self._safety.force, EXCEEDED)
+            terms |= {"reach": -state.way, "covered": state.gained}
+            terms["comfort"] = -self.options.discomfort(state.force, EXCEEDED)
             terms = self.options.weighted(terms)
         # Else a robot that scores nothing any more would hurt to end its losses.
-        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
-        terms["hurt"] = -HURT * left if self.is_failure() else 0.0
-        return terms
+        return {**terms, "hurt": self.for_the_rest(state, self.failed(state), -HURT)}
 
-    def _way(self) -> float:
-        """Return how far it is to what is next [m]: to sponge, water or the nearest limb."""
-        if not self.score.is_held:
-            way = float(np.linalg.norm(self._to_sponge()))
-        elif self.score.wetness < 1.0:
-            way = math.dist(self.score.face, self.scene.water())
-        else:
-            limbs = self.limbs.limbs.values()
-            way = min(math.dist(self.score.face, limb.place(0.5)[0]) for limb in limbs)
-        return min(way, FAR)
+    def metrics(self, state: BathState) -> Mapping[str, Values]:
+        return {
+            "score": state.score,
+            **{f"score_{name}": state.points[..., k] for k, name in enumerate(ITEMS)},
+            "coverage": state.coverage,
+            "gentle_share": state.gentleness,
+            "sponge_force_n": state.push,
+            "wetness": state.wetness,
+            "basin_tipped": state.is_tipped,
+        }
 
-    def metrics(self) -> Mapping[str, float]:
-        return {**self._safety.metrics(), **self.score.metrics()}
-
-    def is_success(self) -> bool:
+    def is_success(self, state: BathState) -> Values:
         """Return whether the time is over and the score is high enough."""
-        is_over = self._world.time >= self.time_limit - 1e-9
-        is_enough = self.score.sheet.total * self.options.tolerance >= self.options.success_score
-        return is_over and is_enough and not self.is_failure()
-
-    def is_failure(self) -> bool:
-        return self._safety.peak_force > self.options.force_limit
+        is_over = state.time >= self.time_limit - 1e-9
+        return is_over & (state.score * self.options.tolerance >= self.options.success_score)
 
     def camera(self) -> Camera:
         return Camera(eye=(-1.35, -1.35, 1.75), target=(0.1, -0.12, 0.75), fov_deg=46)

@@ -9,29 +9,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcare_marl.agents.body.skeleton import JOINT_INDEX, JOINTS, SIDES
-from rcare_marl.agents.body.skin import PersonSkin
-from rcare_marl.agents.cloth_pinch import ClothPinch
-from rcare_marl.agents.control import ToolDelta
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.kinematics import IkResult
-from rcare_marl.agents.robot import Robot
-from rcare_marl.agents.robot_config import no_reach
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX, JOINTS, SIDES
+from rcare_marl.agents.people.body.skin import PersonSkin
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.cloth_pinch import ClothPinch
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
-from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices.stand import add_stand
-from ..devices.wheelchair import Wheelchair
-from ..homes.rectangle import Rectangle
+from ..devices import Wheelchair, add_stand
 from ..phyrc.arm_cover import ArmCover
-from ..phyrc.dressing_score import DressingScore
+from ..phyrc.dressing_score import ITEMS, DressingScore, GownState
 from ..phyrc.gown_stand import GownStand
 from ..phyrc.phyrc_score import FULL_SCORE
+from ..reach import Trial
+from ..rectangle import Rectangle
 from ..registry import register_task
-from ..task import Role, Task
+from ..state import Seen, State, Values, clip, flat
+from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
 POSITION_SPREAD = 0.05  # [m] along and across, uniform each way: the challenge's scene
@@ -51,6 +48,7 @@ OVER = np.array(((0.0, 0.0, 0.07), (0.0, 0.0, 0.09), (0.0, 0.0, 0.11)))
 ABOVE = 0.10  # [m] from the seam to the tool, at the start
 START_SPREAD = 0.03  # [m] each way
 NEAR, LEVEL = 0.03, 0.4  # [m], [rad] that count as reached
+CLEAR = 0.02  # [m] between robot and recipient at the start
 TILTS = tuple(math.radians(a) for a in (0, 30, 55))  # of the hand, away from straight down
 PULL_FORCE = 60.0  # [N] from which `tool_delta` gives way, of 15 N else: a sleeve has to be pulled
 HURT = 1.0  # points for each step that is left when someone was hurt
@@ -93,29 +91,36 @@ class PhyrcDressing(Task):
         turn: How the hand is turned, a quaternion.
     """
 
-    robot = Role(Robot, default="kinova_gen3", partner="scripted", gripper="commanded")
+    robot = Role(
+        Robot,
+        default="kinova_gen3",
+        partner="scripted",
+        gripper="commanded",
+        contact_force=PULL_FORCE,
+    )
     recipient = Role(
         Human, default="natalia", posture="wheelchair_arm_forward", partner="still",
         movable=("left_shoulder", "left_elbow_flexion"),
     )  # fmt: skip
-    caregiver = Role(
-        Human, default=None, optional=True, posture="standing", partner="still",
-        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
-    )  # fmt: skip
+    caregiver = STANDING_CAREGIVER
 
+    reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"hsr"}
     Options = PhyrcDressingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining")
     footprint = Rectangle(-0.8, -0.9, 1.6, 1.15)  # [m] chair, stand, and a robot at the left
     time_limit = TIME_LIMIT
     options: PhyrcDressingOptions
+    state: GownState
 
     def furnish(self, world: World) -> dict[str, Pose]:
         if (
             "left_shoulder" in self.recipient.posture.carried
             or self.recipient.posture.recline_deg > 45
         ):
-            raise ConfigError(f"no arm is held out of who is {self.recipient.posture.description}")
-        self.lay_floor(world)
+            raise ConfigError(
+                "the recipient must sit and hold the left arm out, and is "
+                f"{self.recipient.posture.description}"
+            )
         self.chair = Wheelchair(mounts="none")
         soles = self.recipient.soles(self.chair.frame("seat_back"))
         self.chair.fit_footplates(soles["left"], soles["right"])
@@ -128,7 +133,7 @@ class PhyrcDressing(Task):
         }
 
     def build(self, world: World) -> None:
-        self._world, person = world, self.recipient
+        person = self.recipient
         for each in (a for a in self.cast.values() if isinstance(a, Human)):
             each.ignore(self.chair.body)  # the posture already keeps them apart
         self._covers = {side: ArmCover(person, side) for side in SIDES}
@@ -142,20 +147,15 @@ class PhyrcDressing(Task):
         self.gown = GownStand(world, person, before, self.out, ignored=hooks)
         self._way = np.array((wrist, elbow, shoulder)) + OVER
         self._find_place(world)
-        if isinstance(control := self.robot.control, ToolDelta):
-            control.contact_force = PULL_FORCE
-        cloth = self.gown.cloth
-        self._pinch = ClothPinch(self.robot, cloth)
-        self.score = DressingScore(world, cloth, self.gown.gown, self._covers, self._pinch)
-        robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        self._safety = self.measure(person, world, robots)
-        self._settle()
+        self._pinch = ClothPinch(self.robot, self.gown.cloth)
+        self.score = DressingScore(self.robot, self.gown, self._covers, self._pinch)
+        self.settle(SETTLE_STEPS)
 
     def _before_hand(self, wrist: Array) -> Array:
         """Return the point before the middle of the left hand where the armhole goes [m], shape [3]."""
         person = self.recipient
         skin = next(
-            s for s in self._world.skins if isinstance(s, PersonSkin) and s.body is person.body
+            s for s in self.world.skins if isinstance(s, PersonSkin) and s.body is person.body
         )
         parts = [JOINT_INDEX[j] for j in JOINTS if j.startswith(HAND)]
         hand = skin.vertices()[np.isin(person.model.owner, parts)] - wrist
@@ -166,40 +166,32 @@ class PhyrcDressing(Task):
 
     def _find_place(self, world: World) -> None:
         """Find where the robot stands and how it turns its hand so that it reaches all of the way."""
-        robot, misses = self.robot, []
-        seam = self.gown.seam
-        way = [seam + (0.0, 0.0, ABOVE), seam, *self._way]
-        for place, tilt, half in itertools.product(self._places(), TILTS, (1.0, -1.0)):
-            robot.place(place)
-            self.turn = self._hand(tilt, half)
-            found: list[IkResult] = []
-            for point in way:
-                seed = found[-1].posture if found else robot.arm.rest
-                found.append(robot.solve_ik(Pose(tuple(point.tolist()), self.turn), seed=seed))
-                if not found[-1].is_within(NEAR, LEVEL):
-                    break
-            misses.append(max(found, key=lambda each: each.distance + each.angle))
-            if not misses[-1].is_within(NEAR, LEVEL):
-                continue
-            robot.arm.rest[:] = found[0].posture
-            robot.set_posture(found[0].posture)
-            if world.separation(robot.body, self.recipient.body, within=0.05) < 0.02:
-                continue
-            self._place, self._props = (
-                place,
-                add_stand(world, place) if place.position[2] > 0.1 else (),
-            )
-            return
-        miss = min(misses, key=lambda each: each.distance + each.angle)
-        raise ConfigError(
-            f"{no_reach(robot.config, robot.files.model.name, robot.moves)}: it misses the gown or a place "
-            f"over the arm by {miss.distance:.2f} m, {math.degrees(miss.angle):.0f} degrees"
+        robot, seam = self.robot, self.gown.seam
+        points = [seam + (0.0, 0.0, ABOVE), seam, *self._way]
+        hands = [self._hand(tilt, half) for tilt in TILTS for half in (1.0, -1.0)]
+        ways = [[Pose(tuple(at.tolist()), hand) for at in points] for hand in hands]
+        search = self.search(
+            world,
+            clear_of=[(self.recipient.body, CLEAR)],
+            within=lambda found: found.is_within(NEAR, LEVEL),
         )
+        found = search.find(
+            [
+                Trial(way, place, robot.arm.rest, way[0].quaternion)
+                for place in self._places()
+                for way in ways
+            ],
+            "the gown and all of the arm",
+        )
+        self._place, self.turn = found.base, found.trial.hold
+        robot.arm.rest[:] = found.posture
+        robot.set_posture(found.posture)
+        if self._is_on_stand:
+            add_stand(world, self._place)
 
     def _places(self) -> list[Pose]:
         """Return where the root of the robot may go: beside the arm, looking at it."""
-        config, middle = self.robot.config, self._way[1]
-        is_arm = config.base is None and config.mounts["floor"].position[2] == 0
+        middle, is_arm = self._way[1], self._is_on_stand
         found: list[Pose] = []
         for (aside, height), back in itertools.product(PLACES, BACK):
             at = middle + back * self.out + aside * self._aside
@@ -208,20 +200,18 @@ class PhyrcDressing(Task):
             found.append(self.robot.mount("floor", where, with_posture=False))
         return found
 
+    @property
+    def _is_on_stand(self) -> bool:
+        """Whether the robot is an arm without base or legs."""
+        config = self.robot.config
+        return config.base is None and config.mounts["floor"].position[2] == 0
+
     def _hand(self, tilt: float, half: float) -> tuple[float, ...]:
         """Return how the hand is turned that points down, tilted in from the side of the robot."""
         down = np.array((0.0, 0.0, -math.cos(tilt))) - math.sin(tilt) * self._aside
         closing = half * self.out
         columns = np.column_stack((np.cross(closing, down), closing, down))
         return tuple(quaternion_from_matrix(columns).tolist())
-
-    def _settle(self) -> None:
-        """Let the gown hang before the first episode."""
-        agents = self.cast.values()
-        for _ in range(SETTLE_STEPS):
-            for agent in agents:
-                agent.actuate()
-            self._world.step()
 
     def reset(self, rng: np.random.Generator) -> None:
         shift = rng.uniform(-POSITION_SPREAD, POSITION_SPREAD, 2)
@@ -236,64 +226,54 @@ class PhyrcDressing(Task):
         start = Pose(tuple(above.tolist()), self.turn)
         robot.set_posture(robot.solve_ik(start, seed=robot.arm.rest).posture)
         self._pinch.reset()
-        self._safety.reset()
         self.score.reset()
 
-    def after_substep(self) -> None:
-        self._safety.after_substep()
-
-    def after_step(self) -> None:
-        self._safety.after_step(self.control_dt)
+    def read(self, now: State, before: GownState | None) -> GownState:
         self._pinch.update()
         self.gown.after_step()
-        self.score.after_step(self.control_dt)
+        return self.score.read(now, self.control_dt)
 
-    def observables(self, role: str) -> Sequence[Observable]:
-        arm = self._covers["left"]
-        tool = self.robot.tool_pose
+    def observables(self, role: str) -> Sequence[Seen]:
         return [
-            Observable("seam_position", "m", 3, lambda: self.gown.seam),
-            Observable(
-                "tool_to_seam", "m", 3, lambda: np.subtract(self.gown.seam, tool().position)
-            ),
-            Observable("cuff_position", "m", 3, lambda: self.score.cuff),
-            Observable("wrist_elbow_shoulder", "m", 9, lambda: arm.ends.ravel()),
-            Observable("is_held", "1", 1, lambda: (float(self._pinch.is_held),)),
-            Observable("pull", "N", 1, lambda: (self._pinch.pull,)),
-            Observable("contact_force", "N", 1, lambda: (self._safety.force,)),
-            Observable("covered", "1", 2, lambda: tuple(self.score.covered.values())),
-            Observable("items_earned", "1", 1, lambda: (float(self.score.sheet.stage),)),
-            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
+            Seen("seam_position", "m", 3, lambda s: s.seam),
+            Seen("tool_to_seam", "m", 3, lambda s: s.seam - s.tool),
+            Seen("cuff_position", "m", 3, lambda s: s.cuff),
+            Seen("wrist_elbow_shoulder", "m", 9, lambda s: flat(s.arm)),
+            Seen("is_held", "1", 1, lambda s: s.is_held),
+            Seen("pull", "N", 1, lambda s: s.pull),
+            self.contact_force(),
+            Seen("covered", "1", 2, lambda s: s.covered),
+            Seen("items_earned", "1", 1, lambda s: s.earned),
+            self.time_left(),
         ]
 
-    def rewards(self, role: str) -> Mapping[str, float]:
-        terms = {"score": float(self.score.scored)}
+    def rewards(self, role: str, state: GownState) -> Mapping[str, Values]:
+        terms: dict[str, Values] = {"score": state.scored}
         if self.options.reward == "shaped":
-            goal = self.gown.seam if not self._pinch.is_held else self._covers["left"].ends[2]
-            way = math.dist(goal, self.robot.tool_pose().position)
-            terms |= {"reach": -min(way, 1.0), "covered": self.score.gained}
-            terms["comfort"] = -self.options.discomfort(self._safety.force, COMFORT_FORCE)
+            terms |= {"reach": -clip(state.way, 0.0, 1.0), "covered": state.gained}
+            terms["comfort"] = -self.options.discomfort(state.force, COMFORT_FORCE)
             terms = self.options.weighted(terms)
         # Else a robot that scores nothing any more would hurt to end its losses.
-        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
-        terms["hurt"] = -HURT * left if self.is_failure() else 0.0
-        return terms
+        return {**terms, "hurt": self.for_the_rest(state, self.failed(state), -HURT)}
 
-    def metrics(self) -> Mapping[str, float]:
-        return {**self._safety.metrics(), **self.score.metrics(), "pull_n": self._pinch.pull}
+    def metrics(self, state: GownState) -> Mapping[str, Values]:
+        return {
+            "score": state.score,
+            **{f"score_{name}": state.points[..., k] for k, name in enumerate(ITEMS)},
+            **{f"covered_{side}": state.covered[..., k] for k, side in enumerate(SIDES)},
+            "near_left_shoulder": state.near_left,
+            "peak_strain": state.strain,
+            "pull_n": state.pull,
+        }
 
-    def is_success(self) -> bool:
+    def is_success(self, state: GownState) -> Values:
         """Return whether the time is over and the score is high enough."""
-        is_over = self._world.time >= self.time_limit - 1e-9
-        is_enough = self.score.sheet.total * self.options.tolerance >= self.options.success_score
-        return is_over and is_enough and not self.is_failure()
-
-    def is_failure(self) -> bool:
-        return self._safety.peak_force > self.options.force_limit
+        is_over = state.time >= self.time_limit - 1e-9
+        return is_over & (state.score * self.options.tolerance >= self.options.success_score)
 
     def way(self) -> Array:
         """Return where the fingers go over wrist, elbow and shoulder [m], shape [3, 3]."""
-        return np.asarray(self._covers["left"].ends + OVER)
+        return np.asarray(self.state.arm + OVER)
 
     def camera(self) -> Camera:
         return Camera(eye=(1.75, 1.75, 1.75), target=(0.2, 0.3, 0.85), fov_deg=46)

@@ -7,20 +7,20 @@ from collections.abc import Mapping, Sequence
 
 from rcare_marl.agents.coaching.exercise import load_exercises
 from rcare_marl.agents.coaching.session import Session, programme
-from rcare_marl.agents.human import Human
-from rcare_marl.observable import Observable
+from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Pose
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
-from ..coaching.coaching_task import CoachingTask, facing
+from ..coaching.coaching_task import CoachingTask, LessonState, facing
 from ..coaching.learner import Learner
 from ..coaching.seat import MOVABLE
-from ..coaching.trainee import Trainee
-from ..homes.rectangle import Rectangle
+from ..coaching.trainee import Trainee, trainee_metrics, trainee_seen
+from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
-from ..task import Role
+from ..state import Seen, Values
+from ..task import STANDING_CAREGIVER, Role
 
 DISTANCE = 1.35  # [m] from the middle of the chair to the robot; our own choice
 HELPER_AT = (0.15, 0.95)  # [m] beside the chair, where a caregiver stands; our own choice
@@ -39,10 +39,7 @@ class SocialCoaching(CoachingTask):
     recipient = Role(
         Human, default="daniel", posture="wheelchair_exercise", movable=MOVABLE, partner="learner"
     )
-    caregiver = Role(
-        Human, default=None, optional=True, posture="standing", partner="still",
-        movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
-    )  # fmt: skip
+    caregiver = STANDING_CAREGIVER
 
     footprint = Rectangle(-0.8, -0.9, 1.7, 0.9)
     session: Session
@@ -70,14 +67,14 @@ class SocialCoaching(CoachingTask):
     def see(self, time: float) -> None:
         self.session.see(self.trainee.frame, time)
 
-    def observables(self, role: str) -> Sequence[Observable]:
-        return [*self.shown(), *self.trainee.observables(), self.time_left()]
+    def observables(self, role: str) -> Sequence[Seen]:
+        return [*self.shown(), *trainee_seen("recipient"), self.time_left()]
 
-    def rewards(self, role: str) -> Mapping[str, float]:
-        return self.rewards_of("recipient")
+    def rewards(self, role: str, state: LessonState) -> Mapping[str, Values]:
+        return self.rewards_of("recipient", state)
 
-    def metrics(self) -> Mapping[str, float]:
-        return self.trainee.metrics()
+    def metrics(self, state: LessonState) -> Mapping[str, Values]:
+        return trainee_metrics(state.trainees["recipient"])
 
     def camera(self) -> Camera:
         return Camera(eye=(1.3, -2.45, 1.6), target=(0.48, 0.0, 0.92), fov_deg=44)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,24 +10,21 @@ from functools import partial
 
 import numpy as np
 
-from rcare_marl.agents.control import ToolDelta
-from rcare_marl.agents.human import Human
-from rcare_marl.agents.robot import Robot
-from rcare_marl.agents.robot_config import no_reach
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
-from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices.stand import add_stand
-from ..devices.wheelchair import Wheelchair
-from ..homes.fixture import Fixture, add_corner, set_up
-from ..homes.rectangle import Rectangle
+from ..devices import Wheelchair, add_stand
+from ..reach import Trial
+from ..rectangle import Rectangle
 from ..registry import register_task
 from ..rewards import tolerance
-from ..safety import NOBODY
-from ..task import Role, Task
+from ..scenes.step_peak import StepPeak
+from ..state import Seen, State, Values, clip, greatest
+from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
 OPEN_ANGLE_DEG = 60.0  # of the lid: the paper has a threshold and does not tell it; our own choice
@@ -75,6 +73,21 @@ class ToiletingOptions(TaskOptions):
             raise ValueError(f"open_angle_deg must be in (0, 95], got {self.open_angle_deg}")
 
 
+@dataclass(frozen=True, eq=False)
+class ToiletingState(State):
+    """What toileting reads."""
+
+    angle: float  # how far the lid is open [rad]
+    speed: float  # how fast it opens [rad/s]
+    lip: Array  # the underside of its lip [m], shape [3]
+    gap: Array  # from the tool to there [m], shape [3]
+    distance: float  # length of that [m]
+    push: float  # greatest force on the toilet in the control step [N]
+    peak_push: float  # that of the episode
+    peak_angle: float  # greatest angle of the episode [rad]
+    time_to_open: float  # when the lid was first open [s]; -1 before
+
+
 @register_task("toileting")
 class Toileting(Task):
     """A robot in the bathroom lifts the lid of the toilet, for somebody who cannot.
@@ -86,18 +99,27 @@ class Toileting(Task):
     Tolerance: that angle is divided by it.
     """
 
-    robot = Role(Robot, default="stretch_re1", partner="scripted")
-    recipient = Role(Human, default=None, optional=True, posture="wheelchair", movable=("neck", "head"),
-                     partner="still")  # fmt: skip
-    caregiver = Role(Human, default=None, optional=True, partner="still",
-                     movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"))  # fmt: skip
+    robot = Role(Robot, default="stretch_re1", partner="scripted", contact_force=CONTACT_FORCE)
+    recipient = Role(
+        Human,
+        default=None,
+        optional=True,
+        posture="wheelchair",
+        movable=("neck", "head"),
+        partner="still",
+    )
+    caregiver = STANDING_CAREGIVER
 
+    reachable_by = CHAIR_ROBOTS | {"hsr", "stretch_re1_dex"}
+    least_success = 95
     Options = ToiletingOptions
     room_kinds = ("bathroom",)
     footprint = Rectangle(0.73, -0.3, 1.55, 0.37)  # [m] before the bowl
     site = "toilet"
     time_limit = TIME_LIMIT
+    bystanders = ()
     options: ToiletingOptions
+    state: ToiletingState
 
     def free_floor(self) -> Rectangle:
         """Return the floor before the bowl, and that beside it where somebody waits [m]."""
@@ -108,21 +130,12 @@ class Toileting(Task):
         return Rectangle(x0, -1.05, x1, 0.37)
 
     def furnish(self, world: World) -> dict[str, Pose]:
-        self.lay_floor(world)
-        self._fixture = self._toilet(world)
+        self._fixture = self.place.fixture("toilet")
         places = {"robot": self._robot_place(DISTANCES[0], 0.0)}
         places["caregiver"] = Pose((1.45, -0.75, 0.0), _about_z(math.radians(150)))
         if "recipient" in self.cast:
             places["recipient"] = self._seat(world)
         return places
-
-    def _toilet(self, world: World) -> Fixture:
-        """Return the toilet of the house, or one at two walls."""
-        if self.stage is not None and self.built is not None:
-            return Fixture.of(self.built, self.stage.fixture)
-        fixture = set_up(world, "toilet", level=self.level)
-        add_corner(world, fixture, left=fixture.piece.measures["toilet_centre_to_wall"])
-        return fixture
 
     def _robot_place(self, distance: float, aside: float) -> Pose:
         """Return where the robot's root goes, so that it looks, or its arm reaches, at the toilet."""
@@ -139,7 +152,9 @@ class Toileting(Task):
     def _seat(self, world: World) -> Pose:
         """Add a wheelchair beside the toilet, and return where its user sits."""
         if (posture := self.recipient.posture).arms != "armrests":
-            raise ConfigError(f"one waits in the wheelchair, not {posture.description}")
+            raise ConfigError(
+                f"the recipient must sit in the wheelchair, and is {posture.description}"
+            )
         self._chair = Wheelchair(mounts="none")
         soles = self.recipient.soles(self._chair.frame("seat_back"))
         self._chair.fit_footplates(soles["left"], soles["right"])
@@ -149,47 +164,33 @@ class Toileting(Task):
         return self._chair.frame_in_world("seat_back")
 
     def build(self, world: World) -> None:
-        self._world = world
-        self._people = [agent for agent in self.cast.values() if isinstance(agent, Human)]
         if "recipient" in self.cast:
-            for person in self._people:
+            for person in (agent for agent in self.cast.values() if isinstance(agent, Human)):
                 person.ignore(self._chair.body)  # the posture already keeps them apart
         self._body = self._fixture.body
-        lid = self._fixture.piece.model.joints["lid"]
+        lid = self._fixture.model.joints["lid"]
         self._lid = [self._body.joint("lid").index]
         self._tool = self.robot.tool_index
-        self._touching = partial(world.contact_force, self.robot.body, self._body)
+        self._pushing = StepPeak(partial(world.contact_force, self.robot.body, self._body))
         self._hinge = np.array(lid.at) * (1, 0, 1)
-        self._lip = np.array(self._fixture.piece.frames["handle_lid"].position) - self._hinge
-        movers = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        for person in self._people:
-            self.measure(person, world, movers)
+        self._lip = np.array(self._fixture.frames["handle_lid"].position) - self._hinge
         self._stand_robot(world)
-        if isinstance(control := self.robot.control, ToolDelta):
-            control.contact_force = CONTACT_FORCE
-        if any(world.contact_force(person.body) > 0 for person in self._people):
-            raise ConfigError("the robot touches a person before the episode begins")
 
     def _stand_robot(self, world: World) -> None:
         """Find the place from which the robot reaches the lip, and the lid when it is open."""
-        robot = self.robot
-        aims = [self._start_pose(np.zeros(3)), self._open_pose()]
-        for distance in DISTANCES:
-            for aside in ASIDES:
-                base = self._robot_place(distance, aside)
-                robot.place(base)
-                found = [robot.solve_ik(aim) for aim in aims]
-                if not all(each.is_within(0.02, REACH_ANGLE) for each in found):
-                    continue
-                robot.set_posture(found[0].posture)
-                if world.separation(robot.body, self._body, within=CLEAR) < CLEAR:
-                    continue
-                if self._is_on_stand:
-                    add_stand(world, base)
-                return
-        raise ConfigError(
-            f"{no_reach(robot.config, robot.files.model.name, robot.moves)} the lid of the toilet"
+        robot, aims = self.robot, [self._start_pose(np.zeros(3)), self._open_pose()]
+        places = itertools.product(DISTANCES, ASIDES)
+        search = self.search(
+            world,
+            clear_of=[(self._body, CLEAR)],
+            within=lambda found: found.is_within(0.02, REACH_ANGLE),
         )
+        found = search.find(
+            [Trial(aims, self._robot_place(*place)) for place in places], "the lid of the toilet"
+        )
+        robot.set_posture(found.posture)
+        if self._is_on_stand:
+            add_stand(world, found.base)
 
     def _start_pose(self, offset: Array) -> Pose:
         """Return a start pose of the tool: in front of the lip, level, pointing at it."""
@@ -206,89 +207,70 @@ class Toileting(Task):
     def reset(self, rng: np.random.Generator) -> None:
         start = self._start_pose(rng.uniform(-1, 1, 3))
         self.robot.set_posture(self.robot.solve_ik(start).posture)
-        for meter in self._meters:
-            meter.reset()
-        self._push = self._peak_push = self._step_push = self._peak_angle = 0.0
-        self._time_to_open = -1.0
+        self._pushing.take()
 
     def after_substep(self) -> None:
-        push = self._touching()
-        if push > self._step_push:
-            self._step_push = push
-        for meter in self._meters:
-            meter.after_substep()
+        self._pushing.after_substep()
 
-    def after_step(self) -> None:
-        for meter in self._meters:
-            meter.after_step(self.control_dt)
-        self._push, self._step_push = self._step_push, 0.0
-        self._peak_push = max(self._peak_push, self._push)
-        (self._angle,), (self._speed,) = self._body.joint_states(self._lid)
-        self._peak_angle = max(self._peak_angle, self._angle)
-        self._rim = self.lip_at(self._angle)
-        self._gap = self._rim - self.robot.body.link_pose(self._tool).position
-        if self._time_to_open < 0 and self.is_open:
-            self._time_to_open = self._world.time
+    def read(self, now: State, before: ToiletingState | None) -> ToiletingState:
+        push = self._pushing.take()
+        (angle,), (speed,) = self._body.joint_states(self._lid)
+        lip = self.lip_at(angle)
+        gap = lip - self.robot.body.link_pose(self._tool).position
+        opened = -1.0 if before is None else before.time_to_open
+        return ToiletingState(
+            **vars(now),
+            angle=angle,
+            speed=speed,
+            lip=lip,
+            gap=gap,
+            distance=math.sqrt(float(gap @ gap)),
+            push=push,
+            peak_push=max(push, 0.0 if before is None else before.peak_push),
+            peak_angle=max(angle, 0.0 if before is None else before.peak_angle),
+            time_to_open=now.time if opened < 0 and self._is_open(angle) else opened,
+        )
 
-    @property
-    def is_open(self) -> bool:
-        """Whether the lid is over the angle that counts."""
-        return self._angle * self.options.tolerance > math.radians(self.options.open_angle_deg)
+    def _is_open(self, angle: Values) -> Values:
+        return angle * self.options.tolerance > math.radians(self.options.open_angle_deg)
 
-    def observables(self, role: str) -> Sequence[Observable]:
+    def observables(self, role: str) -> Sequence[Seen]:
         return [
-            Observable("lid_angle", "rad", 1, lambda: (self._angle,)),
-            Observable("lid_speed", "rad/s", 1, lambda: (self._speed,)),
-            Observable("lip_position", "m", 3, lambda: self._rim),
-            Observable("tool_to_lip", "m", 3, lambda: self._gap),
-            Observable("toilet_force", "N", 1, lambda: (self._push,)),
-            Observable("contact_force", "N", 1, lambda: (self._safety()["force_n"],)),
-            Observable("time_left", "s", 1, lambda: (self.time_limit - self._world.time,)),
+            Seen("lid_angle", "rad", 1, lambda s: s.angle),
+            Seen("lid_speed", "rad/s", 1, lambda s: s.speed),
+            Seen("lip_position", "m", 3, lambda s: s.lip),
+            Seen("tool_to_lip", "m", 3, lambda s: s.gap),
+            Seen("toilet_force", "N", 1, lambda s: s.push),
+            self.contact_force(),
+            self.time_left(),
         ]
 
-    def rewards(self, role: str) -> Mapping[str, float]:
-        terms = {"open_angle": max(self._angle, 0.0)}
+    def rewards(self, role: str, state: ToiletingState) -> Mapping[str, Values]:
+        terms = {"open_angle": clip(state.angle, 0.0, math.inf)}
         if self.options.reward == "shaped":
-            share = min(terms["open_angle"] / math.radians(self.options.open_angle_deg), 1.0)
-            distance = math.sqrt(float(self._gap @ self._gap))
-            near = tolerance(distance, bounds=(0, 0.05), margin=0.3)
-            rough = (self._push - GENTLE_FORCE) / (ROUGH_FORCE - GENTLE_FORCE)
+            share = clip(state.angle / math.radians(self.options.open_angle_deg), 0.0, 1.0)
+            near = tolerance(state.distance, bounds=(0, 0.05), margin=0.3)
+            rough = (state.push - GENTLE_FORCE) / (ROUGH_FORCE - GENTLE_FORCE)
             # A lid that is being lifted has been reached, wherever the hand is by then.
-            terms = {"approach": max(near, share), "open_angle": share}
-            terms["gentle"] = -min(max(rough, 0.0), 1.0)
+            terms = {"approach": greatest([near, share]), "open_angle": share}
+            terms["gentle"] = -clip(rough, 0.0, 1.0)
             terms = self.options.weighted(terms)
         # An episode that ends well is paid as if it had gone on so: else to hold the lid just below
         # its angle would pay more than to open it.
-        left = max(self.time_limit - self._world.time, 0.0) / self.control_dt
-        terms["opened"] = sum(terms.values()) * left if self.is_success() else 0.0
-        return terms
+        step = sum(terms.values())
+        return {**terms, "opened": self.for_the_rest(state, self.succeeded(state), step)}
 
-    def metrics(self) -> Mapping[str, float]:
+    def metrics(self, state: ToiletingState) -> Mapping[str, Values]:
         return {
-            **self._safety(),
-            "lid_angle_deg": math.degrees(self._angle),
-            "peak_lid_angle_deg": math.degrees(self._peak_angle),
-            "toilet_force_n": self._push,
-            "peak_toilet_force_n": self._peak_push,
-            "time_to_open_s": self._time_to_open,
+            "lid_angle_deg": np.degrees(state.angle),
+            "peak_lid_angle_deg": np.degrees(state.peak_angle),
+            "toilet_force_n": state.push,
+            "peak_toilet_force_n": state.peak_push,
+            "time_to_open_s": state.time_to_open,
         }
 
-    def _safety(self) -> Mapping[str, float]:
-        """Return the measures of whoever goes through most, by measure."""
-        found = [meter.metrics() for meter in self._meters]
-        if len(found) < 2:
-            return found[0] if found else NOBODY
-        return {key: max(each[key] for each in found) for key in found[0]}
-
-    def is_success(self) -> bool:
-        return self.is_open and not self.is_failure()
-
-    def is_failure(self) -> bool:
-        return any(meter.peak_force > self.options.force_limit for meter in self._meters)
-
-    def lid_angle(self) -> float:
-        """Return how far the lid is open [rad]."""
-        return self._angle
+    def is_success(self, state: ToiletingState) -> Values:
+        return self._is_open(state.angle)
 
     def lip_at(self, angle: float, from_hinge: float | None = None) -> Array:
         """Return where the underside of the lid is in the world [m], shape [3].
@@ -303,10 +285,9 @@ class Toileting(Task):
 
     def camera(self) -> Camera:
         side = -1.0  # the open one: there is a wall on the other side
-        if self.stage is not None:
-            inside = self.stage.room.inside.moved(self.stage.pose.inverse())
-            side = math.copysign(1.0, inside.y0 + inside.y1)
-        if self._meters:
+        if (room := self.place.room) is not None:
+            side = math.copysign(1.0, room.y0 + room.y1)
+        if any(isinstance(agent, Human) for agent in self.cast.values()):
             return Camera(eye=(1.1, 2.3 * side, 2.3), target=(0.8, -0.1, 0.5), fov_deg=52)
         return Camera(eye=(2.1, 1.12 * side, 1.6), target=(0.75, 0.05, 0.55), fov_deg=58)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-from dataclasses import asdict
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,10 +11,10 @@ import typer
 from typer.core import TyperGroup
 
 import rcare_marl
+from rcare_marl.console import print_error, print_line
 from rcare_marl.errors import RcareError
 
 from .coach import coach
-from .console import print_error, print_line
 from .parameter import (
     BestPolicyName,
     CaregiverModel,
@@ -29,15 +28,12 @@ from .parameter import (
     PolicyPatterns,
     Processes,
     RecipientModel,
-    RecordFile,
     RobotModel,
     RolePolicies,
     Seed,
     Task,
     TaskOptions,
-    TaskUnlessRepeated,
     cast_of,
-    json_text,
     pairs,
     place_of,
     print_json,
@@ -145,7 +141,7 @@ def describe(
 
 @app.command()
 def evaluate(
-    task: TaskUnlessRepeated = None,
+    task: Task,
     policy: PolicyName = "scripted",
     policies: PolicyPatterns = None,
     episodes: Annotated[
@@ -164,7 +160,12 @@ def evaluate(
     as_json: Json = False,
     output: OutputFile = None,
     plot: PlotFile = None,
-    repeat: RecordFile = None,
+    save_episodes: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Leave each episode there, for [bold]rcare-marl replay[/bold]."
+        ),
+    ] = None,
 ) -> None:
     """Run seeded episodes and report success, forces, spilling and returns.
 
@@ -172,61 +173,71 @@ def evaluate(
 
     Every metric of the task also has its _mean and _max over episodes.
 
-    With --policies, --processes or --plot the JSON is a record over all policies; see
-    docs/evaluation.md.
+    With --policies, --processes or --plot the JSON is that of a record over all policies; --output
+    always writes one, which rcare-marl replay runs again. See docs/evaluation.md.
 
     Example: rcare-marl evaluate feeding --policy scripted --episodes 20 --json
 
     Example: rcare-marl evaluate feeding --policies 'runs/seed*/policy.npz' --out record.json
 
-    Example: rcare-marl evaluate --repeat record.json
+    Example: rcare-marl evaluate feeding --episodes 3 --save-episodes runs/episodes
     """
-    from . import evaluation
+    from . import assessment
 
-    if repeat is not None:
-        raise typer.Exit(_repeat(repeat, processes, as_json))
-    if task is None:
-        raise typer.BadParameter("name a task, or a record with --repeat", param_hint="TASK")
     given: dict[str, Any] = {
         "episodes": episodes,
         "seed": seed,
+        "processes": processes,
         "options": settings(option),
         "cast": cast_of(robot, recipient, caregiver) | place_of(home, level, room),
+        "save": save_episodes,
     }
     others = pairs(role_policy, "--role-policy")
-    if policies or plot is not None or processes > 1:
-        from . import assessment
-
-        assessment.report(
-            assessment.run(task, policies or [policy], others, processes=processes, **given),
-            output=output,
-            plot=plot,
-            as_json=as_json,
-        )
-        return
-    result = evaluation.run(task, policy, others, **given)
-    if output is not None:
-        from .folder import write_whole
-
-        write_whole(output, json_text(result.to_dict(each=True)).encode())
-    if as_json:
-        print_json(result.to_dict())
-    else:
-        evaluation.show(result)
-        if output is not None:
-            print_line(f"wrote {output}")
+    record = assessment.run(task, policies or [policy], others, **given)
+    of_one = not policies and plot is None and processes == 1
+    assessment.report(record, output=output, plot=plot, as_json=as_json, of_one=of_one)
 
 
-def _repeat(record: Path, processes: int, as_json: bool) -> int:
-    """Run a record once more; return 1 where a number differs."""
-    from . import assessment
+@app.command()
+def replay(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="Recorded episodes (.npz), or records of evaluate --out (.json).",
+        ),
+    ],
+    film: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Film the episode, as an MP4.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw how the episode ends, as a PNG.")
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the episode in your browser, in real time.")
+    ] = False,
+    processes: Processes = 1,
+    as_json: Json = False,
+) -> None:
+    """Run it again and say whether it is the same: the exit status is 1 if anything differs.
 
-    result = assessment.run_again(record, processes=processes)
-    if as_json:
-        print_json(asdict(result))
-    else:
-        assessment.show_again(result)
-    return 1 if result.differences else 0
+    A recorded episode is played by its actions alone, with no policy, and compared bit for bit.
+
+    A record is played by its policies, and every number of every episode is compared.
+
+    Example: rcare-marl replay runs/episodes/*.npz
+
+    Example: rcare-marl replay runs/episodes/seed-0.npz --film again.mp4
+
+    Example: rcare-marl replay record.json
+    """
+    from . import replaying
+
+    is_equal = replaying.run(
+        files, film=film, picture=picture, live=live, processes=processes, as_json=as_json
+    )
+    if not is_equal:
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -414,7 +425,7 @@ def bench(
 
     Example: rcare-marl bench homes --home house_07
     """
-    from . import speed
+    from rcare_marl.baselines.benchmark import choice as speed
 
     options: dict[str, Any] = {"steps": steps, "seed": seed, "avatar": avatar, "seconds": seconds}
     options |= {"task": task, "processes": processes, **place_of(home, level, room)}

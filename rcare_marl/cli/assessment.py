@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
-from rcare_marl.baselines.policy_file import SUFFIX
-from rcare_marl.baselines.protocol import (
+from rcare_marl.atomic_file import write_whole
+from rcare_marl.baselines.evaluation.protocol import (
     Plan,
     Record,
     assess,
@@ -18,12 +19,13 @@ from rcare_marl.baselines.protocol import (
     read_record,
     record_text,
 )
-from rcare_marl.baselines.repetition import Repetition, repeat
+from rcare_marl.baselines.evaluation.repetition import Repetition, repeat
+from rcare_marl.baselines.policy_file import SUFFIX
+from rcare_marl.console import console, print_line, progress, table
 from rcare_marl.envs.safety import NOBODY
 
-from .console import console, print_line, progress, table
+from . import evaluation
 from .evaluation import BY_REGION, LAST_STEP, figure, interval, percent
-from .folder import write_whole
 from .parameter import print_json
 
 RUN_COLUMNS = ("policy", "success", "95 % interval", "return", "peak force")
@@ -41,6 +43,7 @@ def run(
     processes: int,
     options: Mapping[str, Any],
     cast: Mapping[str, Any],
+    save: Path | None = None,
 ) -> Record:
     """Return the record of an evaluation; `policies` are names, files or patterns of files."""
     plan = Plan(
@@ -55,24 +58,38 @@ def run(
     count = len(plan.policies)
     with progress(f"{task}, {count} {'policy' if count == 1 else 'policies'}") as bar:
         job = bar.add_task("", total=count * episodes)
-        return assess(plan, processes=processes, on_progress=lambda n: bar.advance(job, n))
+        tell = partial(bar.advance, job)
+        return assess(plan, processes=processes, on_progress=tell, save=save)
 
 
-def report(record: Record, *, output: Path | None, plot: Path | None, as_json: bool) -> None:
-    """Print a record, and write it and its figure to files where they are named."""
-    from . import run_figure
+def report(
+    record: Record, *, output: Path | None, plot: Path | None, as_json: bool, of_one: bool
+) -> None:
+    """Print a record, and write it and its figure to files where they are named.
 
+    Args:
+        record: The record.
+        output: Where to write all of it.
+        plot: Where to draw it.
+        as_json: Whether to print JSON.
+        of_one: Whether to print it as the evaluation of its one policy.
+    """
     if output is not None:
         write_whole(output, record_text(record.to_dict()).encode())
     if plot is not None:
+        from rcare_marl.baselines.evaluation import run_figure
+
         write_whole(plot, run_figure.draw(record))
     if as_json:
-        brief = record.to_dict()
-        for entry in brief["policies"]:
+        brief = record.runs[0].to_dict() if of_one else record.to_dict()
+        for entry in () if of_one else brief["policies"]:
             del entry["episodes"]
         print_json(brief)
         return
-    show(record)
+    if of_one:
+        evaluation.show(record.runs[0])
+    else:
+        show(record)
     for file in (output, plot):
         if file is not None:
             print_line(f"wrote {file}")
@@ -95,8 +112,8 @@ def show(record: Record) -> None:
     kept = [name for name in safety if name not in LAST_STEP]
     kept = [name for name in kept if name not in BY_REGION or numbers[name]["max"]]
     sections = (lead, own, kept)
-    screen.print(_pooled(record, numbers, sections) if record.is_one_training
-                 else _side_by_side(record, numbers, sections))  # fmt: skip
+    told = _pooled if record.is_one_training else _side_by_side
+    screen.print(told(record, numbers, sections))
     for name, reward in record.other_rewards().items():
         note = f"{name} was trained on the reward {reward!r}: for those returns add --option reward={reward}"
         screen.print(Text(note, style="yellow"), soft_wrap=True)
@@ -180,7 +197,7 @@ def run_again(path: Path, *, processes: int) -> Repetition:
     plan = record["plan"]
     with progress(f"{plan['task']}, once more") as bar:
         job = bar.add_task("", total=len(plan["policies"]) * plan["episodes"])
-        return repeat(record, processes=processes, on_progress=lambda n: bar.advance(job, n))
+        return repeat(record, processes=processes, on_progress=partial(bar.advance, job))
 
 
 def show_again(result: Repetition) -> None:

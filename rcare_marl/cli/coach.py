@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rcare_marl.console import print_line
 from rcare_marl.errors import ConfigError, MissingPackageError
 
-from .console import print_line
-
 if TYPE_CHECKING:
-    from .coaching.server import Service
+    from rcare_marl.baselines.coaching.page.server import Service
 
 LOOPBACK = "127.0.0.1"
 PORT = 8765
@@ -75,13 +74,13 @@ def serve(
     if context.invoked_subcommand is not None:
         return
     try:
-        from .coaching.server import Service, is_loopback
+        from rcare_marl.baselines.coaching.page.server import Service, is_loopback
     except ImportError as error:
         if (error.name or "").split(".")[0] != "aiohttp":
             raise
         raise MissingPackageError("the coach's page", "coach") from error
-    from .coaching.three import three_folder
-    from .coaching.webcam import Webcam
+    from rcare_marl.baselines.coaching.page.three import three_folder
+    from rcare_marl.baselines.coaching.page.webcam import Webcam
 
     if (certificate is None) != (key is None):
         raise ConfigError("--certificate and --key belong together")
@@ -156,7 +155,7 @@ def evaluate(
     """
     from rcare_marl.baselines.coaching.recognisers import DEFAULT
 
-    from .coaching import trial
+    from . import coach_evaluation as trial
 
     levels = tuple(level or (LEVELS if plot is not None else ()))
     trial.evaluate(
@@ -194,7 +193,7 @@ async def _serve(
 ) -> None:
     from aiohttp import web
 
-    from .coaching.server import Server, secured
+    from rcare_marl.baselines.coaching.page.server import Server, secured
 
     context = None
     if certificate is not None and key is not None:
@@ -233,23 +232,13 @@ def bound(host: str, port: int | None) -> socket.socket:
     Raises:
         ConfigError: If it cannot be bound.
     """
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    is_v6 = ":" in host
+    family = socket.AF_INET6 if is_v6 else socket.AF_INET
+    both = is_v6 and socket.has_dualstack_ipv6()
     tries = (PORT, 0) if port is None else (port,)
-    for i, number in enumerate(tries):
-        out = socket.socket(family, socket.SOCK_STREAM)
-        out.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    for number in tries:
         try:
-            out.bind((host, number))
-            out.listen()
+            return socket.create_server((host, number), family=family, dualstack_ipv6=both)
         except OSError as error:
-            out.close()
-            if i == len(tries) - 1:
-                raise ConfigError(
-                    f"cannot serve at {host}, port {number}: {error.strerror}; --port 0 takes a free one"
-                ) from error
-            continue
-        return out
-    raise AssertionError("unreachable")
-
-
-__all__ = ["bound", "coach"]
+            fault = error
+    raise ConfigError(f"cannot serve: {fault.strerror}; --port 0 takes a free one") from fault

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from rich.text import Text
 
-from rcare_marl.baselines import evaluate as baseline
-from rcare_marl.baselines.recording import Recorder
+from rcare_marl.atomic_file import draft
+from rcare_marl.baselines.evaluation import evaluate as baseline
+from rcare_marl.baselines.evaluation.episode_figure import draw
+from rcare_marl.baselines.evaluation.recording import Recorder
 from rcare_marl.baselines.trained import best_policy
+from rcare_marl.console import console, progress, table
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.task_options import FORCE_LIMIT
 from rcare_marl.envs.tasks.feeding import MOUTH_RADIUS
+from rcare_marl.rendering.film import Film
 
-from .console import console, progress, table
 from .evaluation import successes
-from .figure import draw
-from .film import Film
-from .folder import draft
 
 TASK = "feeding"
 FILMED = 3  # episodes
@@ -40,8 +41,7 @@ def run(
 ) -> None:
     """Run the demo and leave its files, or none if it ends early; arguments as for the command."""
     with draft(output or FOLDER, numbered=output is None) as folder:
-        env = make(TASK, **cast)
-        try:
+        with closing(make(TASK, **cast)) as env:
             chosen = policy or best_policy(env, TASK)
             names, players = baseline.make_players(env, TASK, baseline.lead_policies(TASK, chosen))
             film = None
@@ -59,8 +59,6 @@ def run(
                 "time_limit_s": env.task.time_limit,
                 "agents": {role: agent.describe() for role, agent in env.cast.items()},
             }
-        finally:
-            env.close()
         result = baseline.Evaluation(TASK, names, models, {}, seed, tuple(done))
         record = {
             "config": config,
@@ -113,7 +111,7 @@ def _run_episodes(
 
 
 def _film_step(film: Film, env: CareEnv, title: str) -> None:
-    metrics = env.task.metrics()
+    metrics = env.task.report()
     left = f"{title}   {env.world.time:4.1f} s"
     right = (
         f"spoon to mouth {100 * metrics['distance_m']:.1f} cm   force {metrics['force_n']:.1f} N"
@@ -121,7 +119,7 @@ def _film_step(film: Film, env: CareEnv, title: str) -> None:
     if not env.is_over:
         film.add(env.task.view(), left, right)
         return
-    good = env.task.is_success()
+    good = env.task.succeeded()
     film.add(env.task.view(), left, "success" if good else "no success", good=good)
     film.hold()
 

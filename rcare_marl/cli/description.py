@@ -9,16 +9,19 @@ import re
 import sys
 import typing
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from typing import Any
 
 from rich.text import Text
 
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.console import console, table
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.reach import describe_reach
 from rcare_marl.envs.registry import policy_names, task_class
 from rcare_marl.envs.task import Task, part_name
-
-from .console import console, table
 
 SECTION = re.compile(r"\n\s*(?:Attributes|Args|Raises|Returns|Example)s?:\s*\n")
 TRAILING = re.compile(r"\s#\s(?!type:|fmt:|noqa)(.*)$")
@@ -27,8 +30,7 @@ TRAILING = re.compile(r"\s#\s(?!type:|fmt:|noqa)(.*)$")
 def describe(task: str, cast: Mapping[str, Any], options: Mapping[str, Any]) -> dict[str, Any]:
     """Return everything about a task under a cast and settings, as plain values for JSON."""
     cls = task_class(task)
-    env = make(task, options=options, **cast)
-    try:
+    with closing(make(task, options=options, **cast)) as env:
         env.reset(seed=0)
         roles = {role: _role(env, task, role) for role in env.cast}
         return {
@@ -40,18 +42,21 @@ def describe(task: str, cast: Mapping[str, Any], options: Mapping[str, Any]) -> 
             "physics_dt_s": env.world.physics_dt,
             "time_limit_s": env.task.time_limit,
             "options": _options(cls, env.task.options),
-            "metrics": list(env.task.metrics()),
+            "metrics": list(env.task.report()),
             "constants": list(_constants(cls)),
         }
-    finally:
-        env.close()
 
 
 def _role(env: CareEnv, task: str, role: str) -> dict[str, Any]:
     agent = env.cast[role]
+    people = [each for each in env.cast.values() if isinstance(each, Human)]
+    reach = None
+    if isinstance(agent, Robot) and any(name in agent.config.arms for name in agent.moves):
+        reach = describe_reach(env.world, agent, people)
     return {
         "kind": type(agent).__name__.lower(),
         "facts": agent.describe(),
+        "reach": reach,
         "policies": list(policy_names(task, part_name(role))),
         "partner": env.task.roles()[part_name(role)].partner,
         "actions": [{"index": i, "name": name} for i, name in enumerate(agent.action_names)],
@@ -63,7 +68,7 @@ def _role(env: CareEnv, task: str, role: str) -> dict[str, Any]:
             {"name": name, "shape": list(shape), "unit": unit}
             for shape, name, unit in env.describe_arrays(role)
         ],
-        "rewards": list(env.task.rewards(role)),
+        "rewards": list(env.task.rewards(role, env.task.state)),
     }
 
 
@@ -155,6 +160,9 @@ def _show_role(role: str, part: Mapping[str, Any]) -> None:
     screen.rule(Text(f"{role}, a {part['kind']}", style="bold cyan"), align="left")
     for name, fact in part["facts"].items():
         screen.print(Text(f"{name}: {fact}"))
+    if part["reach"] is not None:
+        told = (f"{name.replace('_', ' ')} {fact}" for name, fact in part["reach"].items())
+        screen.print(Text(f"reaches from: {', '.join(told)}"))
     screen.print(
         Text(f"policies: {', '.join(part['policies'])} (default partner {part['partner']})")
     )

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from rcare_marl.agents.physiology_model import REGIONS
-from rcare_marl.baselines import evaluate as baseline
+from rcare_marl.agents.people.physiology_model import REGIONS
+from rcare_marl.baselines.evaluation import evaluate as baseline
+from rcare_marl.console import console, table
 from rcare_marl.envs.safety import NOBODY
-
-from .console import console, progress, table
 
 COLUMNS = ("measure", "mean", "95 % interval", "most")
 LAST_STEP = (
@@ -17,31 +16,6 @@ LAST_STEP = (
     "cost",
 )  # of a control step; an episode has peak_force_n, and its sum of costs
 BY_REGION = tuple(f"peak_force_{region}_n" for region in REGIONS)
-
-
-def run(
-    task: str,
-    policy: str,
-    role_policies: Mapping[str, str],
-    *,
-    episodes: int,
-    seed: int,
-    options: Mapping[str, Any],
-    cast: Mapping[str, Any],
-) -> baseline.Evaluation:
-    """Return the evaluation of a policy; arguments as for the command."""
-    policies = baseline.lead_policies(task, policy, role_policies)
-    with progress(f"{task}, {policy}") as bar:
-        job = bar.add_task("", total=episodes)
-        return baseline.evaluate(
-            task,
-            policies,
-            episodes=episodes,
-            seed=seed,
-            options=options,
-            cast=cast,
-            on_episode=lambda _: bar.advance(job),
-        )
 
 
 def show(result: baseline.Evaluation) -> None:

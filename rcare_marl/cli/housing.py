@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import typer
-from PIL import Image
 from rich.table import Table
 
-from rcare_marl.envs.homes.audit import audit
-from rcare_marl.envs.homes.care_home import CareHome
-from rcare_marl.envs.homes.route import Route
-
-from . import floor_plan, home_picture
-from .console import console, progress, table
-from .folder import draft
+from rcare_marl.atomic_file import draft
+from rcare_marl.console import console, progress, table
+from rcare_marl.envs.homes import CareHome, Route, audit_home, floor_plan, home_picture
+from rcare_marl.rendering.portrait import encoded
 
 Way = tuple[str, str]
 
@@ -63,10 +58,10 @@ def _drawings(
     stem = f"{home.name}_level_{home.level}"
     drawn: dict[str, Callable[[], bytes]] = {
         f"{stem}_plan.png": lambda: floor_plan.png(floor_plan.figure(home, route=route)),
-        f"{stem}.png": lambda: _png(home_picture.perspective(home)),
+        f"{stem}.png": lambda: encoded(home_picture.perspective(home)),
     }
     for room in rooms:
-        drawn[f"{stem}_{room}.png"] = lambda room=room: _png(  # type: ignore[misc]
+        drawn[f"{stem}_{room}.png"] = lambda room=room: encoded(  # type: ignore[misc]
             home_picture.room_perspective(home, room)
         )
     return drawn
@@ -93,7 +88,7 @@ def _rooms(home: CareHome) -> Table:
 
 def _judge(home: CareHome) -> None:
     """Print what keeps a wheelchair out, or else that nothing does."""
-    found = audit(home, 3)
+    found = audit_home(home, 3)
     if found.failures:
         console().print(found.table())
     else:
@@ -107,12 +102,3 @@ def _told(way: Way, route: Route | None) -> str:
         f"From {way[0]} to {way[1]}: {route.length:.1f} m, {route.narrowest:.2f} m wide where it is "
         "narrowest."
     )
-
-
-def _png(picture: home_picture.Picture) -> bytes:
-    out = io.BytesIO()
-    Image.fromarray(picture).save(out, "PNG")
-    return out.getvalue()
-
-
-__all__ = ["show"]

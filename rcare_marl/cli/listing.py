@@ -6,11 +6,10 @@ import inspect
 from collections.abc import Mapping, Sequence
 
 from rcare_marl import assets
-from rcare_marl.agents.avatar import load_avatar, load_posture
-from rcare_marl.agents.robot import load_robot
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.robots.robot_config import load_robot
+from rcare_marl.console import console, table
 from rcare_marl.envs.registry import policy_factory, policy_names, task_class, task_names
-
-from .console import console, table
 
 Row = dict[str, str]
 
@@ -48,35 +47,29 @@ def _tasks() -> list[Row]:
 
 
 def _robots() -> list[Row]:
-    out = []
-    for name in assets.names("robots"):
-        config = load_robot(name)
-        out.append(
-            {
-                "name": name,
-                "arm joints": " + ".join(str(len(arm.joints)) for arm in config.arms.values()),
-                "moves": ", ".join(config.parts),
-                "base": config.base.kind if config.base is not None else "bolted down",
-                "mounts": ", ".join(config.mounts),
-            }
-        )
-    return out
+    return [
+        {
+            "name": name,
+            "arm joints": " + ".join(str(len(arm.joints)) for arm in config.arms.values()),
+            "moves": ", ".join(config.parts),
+            "base": config.base.kind if config.base is not None else "bolted down",
+            "mounts": ", ".join(config.mounts),
+        }
+        for name, config in ((name, load_robot(name)) for name in assets.names("robots"))
+    ]
 
 
 def _avatars() -> list[Row]:
-    out = []
-    for name in assets.names("avatars"):
-        avatar = load_avatar(name)
-        out.append(
-            {
-                "name": name,
-                "condition": avatar.condition,
-                "age": f"{avatar.age_years:g}",
-                "height": f"{avatar.height_m:.2f} m",
-                "mass": f"{avatar.mass_kg:g} kg",
-            }
-        )
-    return out
+    return [
+        {
+            "name": name,
+            "condition": avatar.condition,
+            "age": f"{avatar.age_years:g}",
+            "height": f"{avatar.height_m:.2f} m",
+            "mass": f"{avatar.mass_kg:g} kg",
+        }
+        for name, avatar in ((name, load_avatar(name)) for name in assets.names("avatars"))
+    ]
 
 
 def _postures() -> list[Row]:

@@ -6,12 +6,11 @@ import itertools
 from collections.abc import Mapping
 from typing import Any
 
-from rcare_marl.baselines import evaluate as baseline
+from rcare_marl.baselines.evaluation import evaluate as baseline
 from rcare_marl.baselines.trained import best_policy
+from rcare_marl.console import print_line
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
-
-from .console import print_line
 
 
 def play(
@@ -28,8 +27,11 @@ def play(
 
     Without a `policy` the robot plays what it was trained, where that ships, and its script elsewhere.
     """
-    baseline.lead_policies(task, policy or "", role_policies)  # unknown names before all else
-    env = make(task, options=options, render_mode="human", **cast)
+    others = baseline.lead_policies(
+        task, policy or "", role_policies
+    )  # unknown names before all else
+    played = baseline.played_cast(task, cast, others)
+    env = make(task, options=options, render_mode="human", **played)
     told: list[str] = []
 
     def tell(env: CareEnv) -> None:

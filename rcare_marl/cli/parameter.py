@@ -10,10 +10,6 @@ from typing import Annotated, Any
 import typer
 
 Task = Annotated[str, typer.Argument(metavar="TASK", help="A task, see: rcare-marl list tasks")]
-TaskUnlessRepeated = Annotated[
-    str | None,
-    typer.Argument(metavar="TASK", help="A task; left out with --repeat, whose record has it."),
-]
 RobotModel = Annotated[
     str | None,
     typer.Option(
@@ -102,20 +98,12 @@ OutputFile = Annotated[
         "--output",
         "--out",
         metavar="FILE",
-        help="Also write the JSON, with every episode, to this file.",
+        help="Also write a record, with every episode, to this file.",
     ),
 ]
 PlotFile = Annotated[
     Path | None,
     typer.Option("--plot", metavar="FILE", help="Draw success, returns and forces as a PNG."),
-]
-RecordFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--repeat",
-        metavar="FILE",
-        help="Run a record of --policies once more and say whether the numbers are the same.",
-    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON value and nothing else.")]
 
@@ -155,24 +143,19 @@ def pairs(values: Sequence[str] | None, flag: str) -> dict[str, str]:
     return out
 
 
-def settings(values: Sequence[str] | None) -> dict[str, Any]:
-    """Return settings of a task from texts NAME=VALUE, whose values are read as YAML."""
+def settings(values: Sequence[str] | None, flag: str = "--option") -> dict[str, Any]:
+    """Return settings from texts NAME=VALUE, whose values are read as YAML; see `pairs`."""
     import yaml
 
     out: dict[str, Any] = {}
-    for name, text in pairs(values, "--option").items():
+    for name, text in pairs(values, flag).items():
         try:
             out[name] = yaml.safe_load(text)  # so that 20 is a number and true is true
         except yaml.YAMLError:
-            raise typer.BadParameter(f"cannot read {text!r}", param_hint="--option") from None
+            raise typer.BadParameter(f"cannot read {text!r}", param_hint=flag) from None
     return out
-
-
-def json_text(value: Any) -> str:
-    """Return a value as JSON that a person can read, with a line end."""
-    return json.dumps(value, indent=2, allow_nan=False) + "\n"
 
 
 def print_json(value: Any) -> None:
     """Print a value as JSON on standard output."""
-    typer.echo(json_text(value), nl=False)
+    typer.echo(json.dumps(value, indent=2, allow_nan=False))

@@ -7,7 +7,7 @@ import os
 import shlex
 import shutil
 import signal
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rcare_marl.console import print_line
 from rcare_marl.errors import ConfigError
 
-from .console import print_line
-from .parameter import Task, pairs
+from .parameter import Task, settings
 
 if TYPE_CHECKING:
     from rcare_marl.baselines.training.config import TrainConfig
@@ -90,7 +90,7 @@ def train(
     fields = {name: value for name, value in given.items() if value is not None}
     if workers is not None:
         fields["workers"] = _workers(workers)
-    changes = _settings(set_)
+    changes = settings(set_, "--set")
     if resume in (AUTO, NEVER):
         chosen = _chosen(task, config, level, fields, changes)
         folder = out or Path("runs") / _name(chosen)
@@ -112,18 +112,6 @@ def _workers(text: str) -> int | str:
         raise typer.BadParameter(
             f"got {text!r}", param_hint="--workers N, async://N or ray://..."
         ) from None
-
-
-def _settings(values: Sequence[str] | None) -> dict[str, Any]:
-    import yaml
-
-    out: dict[str, Any] = {}
-    for name, text in pairs(values, "--set").items():
-        try:
-            out[name] = yaml.safe_load(text)
-        except yaml.YAMLError:
-            raise typer.BadParameter(f"cannot read {text!r}", param_hint="--set") from None
-    return out
 
 
 def _chosen(
@@ -351,6 +339,3 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-
-
-__all__ = ["changed", "train"]

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
 from rich.text import Text
 
-from .console import console
+from rcare_marl.console import console
 
 if TYPE_CHECKING:
     from rcare_marl.baselines.training.config import TrainConfig
@@ -127,6 +127,3 @@ def duration(seconds: float) -> str:
     minutes, rest = divmod(round(max(seconds, 0.0)), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
-
-
-__all__ = ["Pace", "TrainingReport", "duration"]

@@ -261,6 +261,3 @@ def _sight(pose: Pose) -> tuple[Triple, Triple, Triple]:
 
 def _triple(values: Array) -> Triple:
     return float(values[0]), float(values[1]), float(values[2])
-
-
-__all__ = ["Camera", "check_lens", "look", "orthographic"]

@@ -198,6 +198,3 @@ def _transform(node: Element) -> Array:
             matrix[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
         out = out @ matrix
     return out
-
-
-__all__ = ["read_collada"]

@@ -88,6 +88,3 @@ def exposed(
         now = float(np.percentile(mean.max(axis=2), BRIGHT))
         mean *= np.clip(brightest**2 / max(now, 1e-6), *GAINS)
     return np.round(255 * np.sqrt(np.minimum(mean, 1.0))).astype(np.uint8)
-
-
-__all__ = ["disc", "dome", "exposed"]

@@ -69,6 +69,3 @@ def _clustered(
 def level_for(size: float) -> int:
     """Return the coarsest level whose cells are no larger than `size` [m]."""
     return int(np.searchsorted(CELLS, size, side="right"))
-
-
-__all__ = ["CELLS", "detail_levels", "level_for"]

@@ -13,9 +13,10 @@ import numpy.typing as npt
 import pybullet as bullet
 
 from ..body import Body, VisualShape
+from ..model.mesh import Mesh
 from ..world import World
 from .detail import detail_levels
-from .mesh import Floats, Ints, Mesh, shape_mesh
+from .mesh import Floats, Ints, shape_mesh
 from .shot import Labels
 
 VERTEX = np.dtype(
@@ -266,16 +267,3 @@ def _matrices(positions: npt.NDArray[Any], quaternions: npt.NDArray[Any]) -> Flo
     out[:, 2, 2] = 1 - 2 * (x * x + y * y)
     out[:, :, 3] = positions
     return out
-
-
-__all__ = [
-    "FLOOR_RGBA",
-    "LAYOUTS",
-    "VERTEX",
-    "Geometry",
-    "Part",
-    "Pass",
-    "Run",
-    "skinned_bodies",
-    "world_parts",
-]

@@ -66,6 +66,3 @@ def make_program(gl: Any, source: tuple[str, str]) -> Any:
 def matrix_bytes(matrix: npt.NDArray[Any]) -> bytes:
     """Return a matrix as OpenGL wants it: by columns, in single precision."""
     return bytes(matrix.T.astype(np.float32).tobytes())
-
-
-__all__ = ["check_process", "create_context", "free_context", "make_program", "matrix_bytes"]

@@ -48,6 +48,3 @@ class LineBuffers:
         """Free everything."""
         for thing in (*self._arrays.values(), self._buffer, self._indices):
             thing.release()
-
-
-__all__ = ["LineBuffers"]

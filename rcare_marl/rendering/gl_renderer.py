@@ -336,6 +336,3 @@ def _light_axes(light: Light) -> Array:
     right = np.cross((0.0, 0.0, 1.0) if abs(back[2]) < 0.999 else (1.0, 0.0, 0.0), back)
     right /= np.linalg.norm(right)
     return np.array((right, np.cross(back, right), back))
-
-
-__all__ = ["GLRenderer"]

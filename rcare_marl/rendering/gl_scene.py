@@ -292,6 +292,3 @@ def _sight_of(camera: Camera) -> Callable[[Floats, float], bool]:
         return bool((normals @ center + offsets).min() >= -radius)
 
     return sees
-
-
-__all__ = ["GLScene"]

@@ -117,6 +117,3 @@ def _links(faces: Ints, pieces: Sequence[tuple[int, Floats, Ints]], count: int) 
             there = chosen[chosen < len(faces)]  # a skin may have been torn since
             out[faces[there, corners]] = link
     return out
-
-
-__all__ = ["SkinBuffers"]

@@ -150,6 +150,3 @@ class SurveyTarget:
         """Free everything."""
         for thing in (self.scene, *self._made):
             thing.release()
-
-
-__all__ = ["Finisher", "SurveyTarget", "Target"]

@@ -53,6 +53,3 @@ class Light:
     def height(self) -> float:
         """Height above which nothing casts a shadow [m]."""
         return math.inf if self.lid is None else self.lid
-
-
-__all__ = ["KEY_DIRECTION", "Light"]

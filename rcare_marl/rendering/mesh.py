@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import warnings
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -15,34 +15,16 @@ import numpy.typing as npt
 
 from ..body import VisualShape
 from ..errors import MissingPackageError
+from ..model.mesh import Mesh, corner_normals, merge
 from .collada import read_collada
 
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
 
-CREASE = 35.0  # [deg]; sharper edges stay edges
+CREASE = math.radians(35.0)  # [rad]; sharper edges stay edges
 _LOG = logging.getLogger(__package__)
 _BEVEL = 0.004  # [m], so that the edges of boxes catch light as real ones do
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """A triangle mesh.
-
-    Attributes:
-        vertices: Positions [m], shape [n, 3].
-        normals: Unit normals, shape [n, 3].
-        faces: Vertex indices, counter-clockwise from outside, shape [m, 3].
-        colors: sRGB colours of the file, shape [n, 3]; None where the file has none.
-        closed: Whether the inside can never be seen.
-    """
-
-    vertices: Floats
-    normals: Floats
-    faces: Ints
-    colors: Bytes | None
-    closed: bool
 
 
 def shape_mesh(shape: VisualShape) -> Mesh | None:
@@ -96,13 +78,8 @@ def _box(size: npt.NDArray[np.float64]) -> Mesh:
         normals[axis::3, axis] = signs[:, axis]
     hull = _trimesh().convex.convex_hull(vertices)
     order = np.argmin(np.linalg.norm(hull.vertices[:, None] - vertices[None], axis=2), axis=1)
-    return Mesh(
-        vertices.astype(np.float32),
-        normals.astype(np.float32),
-        order[hull.faces].astype(np.int32),
-        None,
-        True,
-    )
+    faces = order[hull.faces].astype(np.int32)
+    return Mesh(vertices.astype(np.float32), faces, normals.astype(np.float32), faces, None, True)
 
 
 @lru_cache(maxsize=1024)
@@ -128,7 +105,7 @@ def _file_mesh(path: str, scale: tuple[float, float, float]) -> Mesh | None:
         if np.prod(scale) < 0:
             faces = faces[:, ::-1]
         meshes.append(smoothed(vertices * np.asarray(scale), faces, colors))
-    return _joined(meshes)
+    return merge(meshes) if len(meshes) > 1 else meshes[0]
 
 
 Part = tuple[npt.NDArray[np.float64], Ints, Bytes | None]
@@ -166,27 +143,6 @@ def _colors(mesh: Any) -> Bytes | None:
     return np.tile(np.asarray(mean, np.uint8), (len(mesh.vertices), 1))
 
 
-def _joined(meshes: list[Mesh]) -> Mesh:
-    if len(meshes) == 1:
-        return meshes[0]
-    starts = np.cumsum([0] + [len(m.vertices) for m in meshes])
-    colors = None
-    if any(m.colors is not None for m in meshes):
-        colors = np.concatenate(
-            [np.full((len(m.vertices), 3), 255, np.uint8) if m.colors is None else m.colors
-             for m in meshes]
-        )  # fmt: skip
-    return Mesh(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.normals for m in meshes]),
-        np.concatenate([m.faces + s for m, s in zip(meshes, starts, strict=False)]).astype(
-            np.int32
-        ),
-        colors,
-        all(m.closed for m in meshes),
-    )
-
-
 def smoothed(
     vertices: npt.NDArray[np.float64],
     faces: npt.NDArray[np.integer[Any]],
@@ -211,9 +167,8 @@ def smoothed(
     area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(area, axis=1)
     keep = (length > 1e-14) & (joined != np.roll(joined, 1, axis=1)).all(axis=1)
-    faces, joined, area, length = faces[keep], joined[keep], area[keep], length[keep]
-    unit = area / length[:, None]
-    normal = _corner_normals(joined.ravel(), area, unit).reshape(-1, 3)
+    faces, joined = faces[keep], joined[keep]
+    normal = corner_normals(joined.ravel(), area[keep], CREASE)
     # Corners become vertices; those that agree in place, normal and colour become one.
     source = faces.ravel()
     bits = np.round(normal * 300).astype(np.int64) + 300
@@ -225,11 +180,13 @@ def smoothed(
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     if closed is None:
         closed = is_closed(joined, vertices, faces)
+    at, placed = source[first], inverse.reshape(-1, 3).astype(np.int32)
     return Mesh(
-        vertices[source[first]].astype(np.float32),
+        vertices[at].astype(np.float32),
+        placed,
         normal[first].astype(np.float32),
-        inverse.reshape(-1, 3).astype(np.int32),
-        None if colors is None else colors[source[first]],
+        placed,
+        None if colors is None else colors[at],
         closed,
     )
 
@@ -240,31 +197,6 @@ def _weld(vertices: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
     grid = np.round((vertices - vertices.min(axis=0)) / (size * 2e-6)).astype(np.int64)
     key = (grid[:, 0] << 42) + (grid[:, 1] << 21) + grid[:, 2]
     return np.unique(key, return_inverse=True)[1].reshape(-1)
-
-
-def _corner_normals(
-    places: npt.NDArray[np.int64],
-    area: npt.NDArray[np.float64],
-    unit: npt.NDArray[np.float64],
-) -> npt.NDArray[np.float64]:
-    order = np.argsort(places, kind="stable")
-    face = np.repeat(np.arange(len(unit)), 3)[order]
-    ranked = places[order]
-    starts = np.flatnonzero(np.r_[True, ranked[1:] != ranked[:-1]])
-    counts = np.diff(np.r_[starts, len(ranked)])
-    start, count = np.repeat(starts, counts), np.repeat(counts, counts)
-    limit = np.cos(np.radians(CREASE))
-    total = area[face].copy()
-    here = np.arange(len(ranked)) - start
-    for step in range(1, int(counts.max(initial=1))):  # the corner that is `step` places on
-        rows = np.flatnonzero(count > step)
-        other = face[start[rows] + (here[rows] + step) % count[rows]]
-        smooth = np.einsum("ij,ij->i", unit[face[rows]], unit[other]) > limit
-        total[rows[smooth]] += area[other[smooth]]
-    total /= np.maximum(np.linalg.norm(total, axis=1), 1e-30)[:, None]
-    out: npt.NDArray[np.float64] = np.empty_like(total)
-    out[order] = total
-    return out
 
 
 def is_closed(
@@ -330,6 +262,3 @@ def _add_normals(vertices, faces, out) -> None:  # type: ignore[no-untyped-def]
         length = np.sqrt(x * x + y * y + z * z)
         if length > 1e-20:
             out[v, 0], out[v, 1], out[v, 2] = x / length, y / length, z / length
-
-
-__all__ = ["CREASE", "Mesh", "SmoothNormals", "is_closed", "shape_mesh", "smoothed"]

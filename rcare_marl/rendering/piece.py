@@ -57,6 +57,3 @@ def _dominant(colors: npt.NDArray[Any], at_most: int) -> Floats:
     order = np.argsort(-counts, kind="stable")[:at_most]
     means = [colors[inverse.reshape(-1) == place].mean(axis=0) for place in order]
     return np.array(means, np.float32)
-
-
-__all__ = ["Piece", "split_by_color"]

@@ -92,6 +92,3 @@ def _is_edge(shape: tuple[int, ...], axis: int, steps: int) -> npt.NDArray[np.bo
     place = np.arange(shape[axis]) + steps
     out = (place < 0) | (place >= shape[axis])
     return np.broadcast_to(out if axis == 1 else out[:, None], shape)
-
-
-__all__ = ["normals_from_depth"]

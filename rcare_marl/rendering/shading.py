@@ -395,19 +395,3 @@ def occlusion_program(*, multisampled: bool) -> tuple[str, str]:
     sampler = "sampler2DMS" if multisampled else "sampler2D"
     defines = f"#define DEPTH_SAMPLER {sampler}\n#define TAPS 8\n#define RADIUS 0.25\n"
     return SCREEN_VERTEX, _HEAD + defines + OCCLUSION_FRAGMENT
-
-
-__all__ = [
-    "BACKGROUND_FRAGMENT",
-    "BLUR_FRAGMENT",
-    "DEPTH_FRAGMENT",
-    "DEPTH_VERTEX",
-    "FINAL_FRAGMENT",
-    "HORIZON",
-    "SCREEN_VERTEX",
-    "SURVEY_FRAGMENT",
-    "SURVEY_VERTEX",
-    "ZENITH",
-    "occlusion_program",
-    "surface_program",
-]

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 import numpy.typing as npt
 
-from ..errors import ConfigError, UnknownNameError
+from ..errors import ConfigError, check_name
 from ..world import World
 from .camera import Camera
 from .light import Light
@@ -55,13 +55,11 @@ class Shot:
     light: Light = Light()
 
     def __post_init__(self) -> None:
-        if self.look not in LOOKS:
-            raise UnknownNameError("look of a picture", str(self.look), LOOKS)
+        check_name("look of a picture", self.look, LOOKS)
         if isinstance(self.outputs, str) or not self.outputs:
             raise ConfigError(f"outputs must be some of {', '.join(OUTPUTS)}, got {self.outputs!r}")
         for output in self.outputs:
-            if output not in OUTPUTS:
-                raise UnknownNameError("output of a camera", str(output), OUTPUTS)
+            check_name("output of a camera", output, OUTPUTS)
 
     @property
     def wants_rgb(self) -> bool:
@@ -92,6 +90,3 @@ class Labels:
     def of(self, uid: int, link: int) -> int:
         """Return the number of a link; -1 is the base."""
         return self._first[uid] + 1 + link
-
-
-__all__ = ["LOOKS", "OUTPUTS", "Labels", "Look", "Output", "Picture", "Shot"]

@@ -75,6 +75,3 @@ def _cut(fitting: _Fitting) -> list[Cut]:
             tilted = normals[piece.source] @ turn
             out.append((link, local.astype(np.float32), tilted.astype(np.float32), piece))
     return out
-
-
-__all__ = ["Cut", "SkinCuts"]

@@ -283,6 +283,3 @@ def _distances(image: tuple[Any, ...], camera: Camera) -> Floats:
 def _disconnect(client: int) -> None:
     if bullet.isConnected(client):
         bullet.disconnect(client)
-
-
-__all__ = ["SoftwareRenderer"]

@@ -85,6 +85,3 @@ def _dab(
         np.minimum.at(distance, (r, c), depth[chosen].astype(np.float32))
         kept = depth[chosen].astype(np.float32) <= distance[r, c]
         picture[r[kept], c[kept]] = tint[chosen[kept]].astype(np.uint8)
-
-
-__all__ = ["paint", "segments", "skin_opacity"]

@@ -124,6 +124,3 @@ class Studio:
         if self._renderer is not None:
             self._renderer.close()
         self._renderer = self._cuts = None
-
-
-__all__ = ["Studio", "Viewpoint"]

@@ -112,6 +112,3 @@ def _across(vector: npt.NDArray[Any], axis: npt.NDArray[Any]) -> npt.NDArray[Any
     other = np.cross(axis, np.roll(axis, 1, axis=1) + (0.31, 0.17, 0.53))
     other /= np.maximum(np.linalg.norm(other, axis=1, keepdims=True), 1e-9)
     return np.where(length > 1e-4, out / np.maximum(length, 1e-9), other)
-
-
-__all__ = ["SIDES", "TubeMesh"]

@@ -55,6 +55,3 @@ def _outward(positions: Array, members: npt.NDArray[np.integer]) -> Indices:
     inside_out = np.linalg.det(edges) < 0
     out[inside_out, 2:] = out[inside_out, :1:-1]
     return out
-
-
-__all__ = ["make_block"]

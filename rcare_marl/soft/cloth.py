@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,16 +14,18 @@ from ..errors import ConfigError, WorldError
 from ..pose import Vector
 from . import cloth_contact as contact
 from . import cloth_kernel as kernel
-from .collider import Colliders, link_state
-from .contact import BOX, CAPSULE, SIZE, SPHERE
+from .cloth_contact import Drift, Impact, Pairs
+from .collider import Colliders, NearShapes, link_state
+from .constraint import SOFTNESS, make_constraints, vertex_masses
+from .contact import BOX, CAPSULE, SIZE, SPHERE, Shapes, plain
 from .fabric import Fabric
 from .grip import FORCE, STIFFNESS, Grip
+from .soft_object import SoftContact, SoftObject
 from .tear import torn
-from .weave import SOFTNESS, Weave, vertex_masses
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
-Unsigned = npt.NDArray[np.uint32]
+Rows = npt.NDArray[np.int64]
 
 SUBSTEPS = 10  # in a physics step of 1/240 s
 # A particle goes no faster: with 5 mm a small step it passes through no limb. Less would cut the force with
@@ -43,60 +44,23 @@ _CELLS = 16  # of the grid for finding them, per particle
 _CLOSE = 12  # particles of the cloth that one can be near, on average
 
 
-@dataclass(frozen=True, eq=False)
-class ClothContact:
-    """What a cloth pressed on a link with, in the last physics step, friction included.
+class Cloth(SoftObject):
+    """A mesh of particles in the frame of the world.
 
     Attributes:
-        body: The rigid body.
-        link: Its link.
-        force: On that link, in the world [N], shape [3].
-        point: A point on its line of action in the world [m], shape [3].
-        load: Sum of the sizes of all normal forces [N]. A tight sleeve squeezes an arm all round: its
-            force is near zero and its load is not.
-    """
-
-    body: Body
-    link: int
-    force: Array
-    point: Array
-    load: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Neighbours:
-    """The shapes that a cloth may touch: rows, kinds, runs of planes, rows of links, and whose each is."""
-
-    shapes: npt.NDArray[np.int64]
-    kinds: npt.NDArray[np.int64]
-    runs: npt.NDArray[np.int64]
-    links: tuple[int, ...]
-    owners: npt.NDArray[np.intp]
-
-    @classmethod
-    def of(cls, colliders: Colliders, shapes: npt.NDArray[np.int64]) -> _Neighbours:
-        """Return these shapes as neighbours."""
-        links, owners = np.unique(colliders.shape_links[shapes], return_inverse=True)
-        kinds, runs = colliders.kinds[shapes], colliders.runs[shapes]
-        return cls(shapes, kinds, runs, tuple(links.tolist()), owners.ravel())
-
-
-class Cloth:
-    """A mesh of particles in the frame of the world. Its `Wardrobe` steps it.
-
-    Attributes:
-        name: Name.
+        constraints: Its threads and folds.
         rest: Positions in cloth at rest [m], shape [n, 3].
         faces: Shape [m, 3].
         grain: Direction of the warp at each particle at rest, shape [n, 3].
         fabric: What it is made of.
         substeps: Small steps in a physics step.
         grips: What holds it.
-        contacts: What it pressed on in the last physics step.
         tears: How often it has torn.
         spacing: Usual length of its threads [m].
         gap: Least distance of particles that are no neighbours [m].
     """
+
+    color = (120, 150, 180)
 
     def __init__(
         self,
@@ -128,7 +92,8 @@ class Cloth:
         """
         if substeps < 1:
             raise ConfigError(f"substeps must be at least 1, got {substeps}")
-        self.name, self.fabric, self.substeps = name, fabric, substeps
+        super().__init__(name)
+        self.fabric, self.substeps = fabric, substeps
         self.rest = np.ascontiguousarray(rest, np.float64)
         self.faces = np.ascontiguousarray(faces, np.int32)
         count = len(self.rest)
@@ -140,7 +105,6 @@ class Cloth:
             raise ConfigError(f"particle {lone[0]} of the cloth {name!r} belongs to no face")
         self.grain = np.array(np.broadcast_to(np.asarray(grain, np.float64), (count, 3)))
         self.grips: list[Grip] = []
-        self.contacts: list[ClothContact] = []
         self.tears = 0
         self._avoids_itself = self_collision
         self._client = -1
@@ -150,33 +114,26 @@ class Cloth:
         """Make everything that depends on the mesh."""
         count = len(self.rest)
         masses = vertex_masses(self.rest, self.faces, self.fabric)
-        self.weave = Weave(self.rest, self.faces, self.grain, self.fabric)
+        self.constraints = make_constraints(self.rest, self.faces, self.grain, self.fabric)
+        threads = len(self.constraints.threads)
         self._x = np.empty((count, 4))
         self._x[:, :3], self._x[:, 3] = positions, 1 / masses
         self._v = np.ascontiguousarray(velocities)
-        self._previous = np.zeros((count, 3))
-        self._air = np.zeros((count, 4))
-        # Without a sign an index needs no check whether it counts from the end: a fifth of the time.
-        self._threads = self.weave.threads.astype(np.uint32)
-        self._folds = self.weave.folds.astype(np.uint32)
-        self._pairs, self._near = (np.zeros((_PAIRS * count, 2), np.uint32) for _ in range(2))
-        self._near_count, self._neighbours = 0, _NOBODY
-        threads = len(self._threads)
-        self._sharp, self._near_sharp = (
-            np.zeros((_SHARP * threads, 2), np.uint32) for _ in range(2)
+        self._particles = kernel.Particles(
+            self._x, self._v, np.zeros((count, 3)), np.zeros((count, 4))
         )
-        self._sharp_count = 0
-        ends = self.weave.threads.T.ravel()  # of both ends: which threads are at each particle
-        self._around = np.argsort(ends, kind="stable") % max(threads, 1)
-        self._thread_starts = np.searchsorted(np.sort(ends), np.arange(count + 1))
+        self._near, self._touching = (_pairs(_PAIRS * count) for _ in range(2))
+        self._near_sharp, self._touching_sharp = (_pairs(_SHARP * threads) for _ in range(2))
+        ends = self.constraints.threads.T.ravel()  # which threads are at each particle
+        around = np.argsort(ends, kind="stable") % max(threads, 1)
+        self._threads_at = (around, np.searchsorted(np.sort(ends), np.arange(count + 1)))
         self._stamps = np.zeros(threads, np.int64)
         self._middles, self._drift = np.zeros((threads, 3)), np.zeros((threads, 3))
-        self._close = np.zeros((_CLOSE * count, 2), np.uint32)
-        self._gaps = np.zeros(_CLOSE * count)
-        self._close_count = 0
-        self._starts = np.zeros(max(_CELLS * count, 64) + 1, np.int64)
-        self._cells, self._members = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        self.spacing = float(np.median(self.weave.thread_table[:, 0]))
+        self._close = kernel.ClosePairs(_pairs(_CLOSE * count).rows, np.zeros(_CLOSE * count), 0)
+        starts = np.zeros(max(_CELLS * count, 64) + 1, np.int64)
+        self._grid = kernel.Grid(starts, *(np.zeros(count, np.int64) for _ in range(2)))
+        self.near = None
+        self.spacing = float(np.median(self.constraints.thread_table[:, 0]))
         self.gap = CLOSENESS * self.spacing
 
     @property
@@ -201,12 +158,13 @@ class Cloth:
 
     @property
     def strain(self) -> Array:
-        """Present strain of each thread, in the order of the weave, shape [t]."""
-        ends = self._x[self.weave.threads, :3]
-        return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / self.weave.thread_table[:, 0] - 1
+        """Present strain of each thread, shape [t]."""
+        ends = self._x[self.constraints.threads, :3]
+        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        return np.asarray(lengths / self.constraints.thread_table[:, 0] - 1)
 
     def bind(self, client: int) -> None:
-        """Say which physics client it lives in; its wardrobe does."""
+        """Say which physics client it lives in; its `SoftWorld` does."""
         self._client = client
 
     def place(self, positions: Array) -> None:
@@ -220,7 +178,7 @@ class Cloth:
             raise ConfigError(f"positions must be finite and of the shape {self._v.shape}")
         self._x[:, :3] = given
         self._v[:] = 0
-        self._close_count = 0
+        self._close = self._close._replace(size=0)
 
     def nearest(self, point: Vector, radius: float) -> Indices:
         """Return the particles within `radius` [m] of a point in the world [m]."""
@@ -249,7 +207,7 @@ class Cloth:
 
         Raises:
             ConfigError: If radius, force or stiffness is not above 0.
-            WorldError: If the cloth is in no wardrobe.
+            WorldError: If the cloth is in no world.
         """
         index = body.link_index(link) if isinstance(link, str) else link
         at = body.link_pose(index).position if point is None else point
@@ -266,9 +224,7 @@ class Cloth:
     ) -> Grip:
         """Let a link hold given particles where they are; see `grasp`."""
         if self._client < 0:
-            raise WorldError(
-                f"the cloth {self.name!r} is in no wardrobe: Wardrobe.of(world).add it"
-            )
+            raise WorldError(f"the cloth {self.name!r} is in no world: SoftWorld.of(world).add it")
         if not force > 0 or not stiffness > 0:
             raise ConfigError(f"force and stiffness must be above 0, got {force}, {stiffness}")
         index = body.link_index(link) if isinstance(link, str) else link
@@ -285,98 +241,92 @@ class Cloth:
             held.let_go()
         self.grips = [held for held in self.grips if held.is_active]
 
-    def force_on(self, body: Body, link: int | None = None) -> Array:
-        """Return the force of contacts on a body, or on one of its links, in the world [N], shape [3]."""
-        chosen = [
-            c.force for c in self.contacts if c.body is body and (link is None or c.link == link)
-        ]
-        return np.sum(chosen, axis=0) if chosen else np.zeros(3)
-
-    def look(
-        self, colliders: Colliders, rows: npt.NDArray[np.int64], meetings: Array, wait: float
-    ) -> tuple[int, ...]:
+    def find_near(self, colliders: Colliders, rows: Rows, wait: float) -> None:
         """Find what can meet within `wait` [s]: particles and shapes, and particles each other.
 
         Args:
             colliders: The rigid shapes.
             rows: Those whose poses are fresh.
-            meetings: Their table as seen from the world.
             wait: Until the next look [s].
-
-        Returns:
-            Rows of the links that it can touch.
         """
-        tables = (colliders.kinds[rows], colliders.planes, colliders.runs[rows])
-        radii, reach = colliders.radii[rows], self.fabric.thickness_m + REACH + SHAPE_SPEED * wait
+        shapes = NearShapes(colliders, rows).in_world()
+        drift = Drift(self.fabric.thickness_m + REACH + SHAPE_SPEED * wait, HURRY, wait)
         low, high = self._x[:, :3].min(axis=0), self._x[:, :3].max(axis=0)
-        count = self._near_count = contact.find_near(
-            self._x, self._v, low, high, meetings, *tables, radii, reach, HURRY, wait, self._near
-        )
+        near = self._near.rows
+        count = contact.find_near(self._x, self._v, low, high, tuple(shapes), tuple(drift), near)
         met = np.zeros(len(rows), np.bool_)
-        met[self._near[:count, 1]] = True
-        self._near[:count, 1] = (np.cumsum(met) - 1)[self._near[:count, 1]]
-        sharp = is_sharp(tables[0][met], meetings[met], self.spacing)
-        self._sharp_count = contact.find_threads(
-            self._near, count, sharp, self._thread_starts, self._around, self._stamps,
-            self._near_sharp,
-        )  # fmt: skip
-        self._neighbours = _Neighbours.of(colliders, rows[met])
-        kernel.feel_air(self._x, self.faces, AIR, self._air)
-        self._close_count = 0
+        met[near[:count, 1]] = True
+        near[:count, 1] = (np.cumsum(met) - 1)[near[:count, 1]]
+        self._near = Pairs(near, count)
+        sharp = is_sharp(shapes.kinds[met], shapes.meetings[met], self.spacing)
+        found = self._near_sharp.rows
+        self._near_sharp = Pairs(
+            found,
+            contact.find_threads(tuple(self._near), sharp, self._threads_at, self._stamps, found),
+        )
+        self.near = NearShapes(colliders, rows[met])
+        kernel.feel_air(self._x, self.faces, AIR, self._particles.air)
+        close, count = self._close, 0
         if self._avoids_itself:
-            drift = self._v - self._v.mean(axis=0)
-            speed = math.sqrt(float(np.einsum("na,na->n", drift, drift).max()))
+            way = self._v - self._v.mean(axis=0)
+            speed = math.sqrt(float(np.einsum("na,na->n", way, way).max()))
             reach = self.gap + min(2 * speed * wait, self.gap)
-            self._close_count = kernel.find_close(
-                self._x, self.rest, self.gap, reach, self._starts, self._cells, self._members,
-                self._close, self._gaps,
-            )  # fmt: skip
-        return self._neighbours.links
+            count = kernel.find_close(
+                self._x, self.rest, self.gap, reach, tuple(self._grid), close.rows, close.gaps
+            )
+        self._close = close._replace(size=count)
 
     def advance(self, colliders: Colliders, gravity: Array, period: float) -> None:
         """Simulate one physics step of `period` [s] and push what it met; links must be fresh."""
-        fabric, weave, near = self.fabric, self.weave, self._neighbours
+        fabric, near = self.fabric, self.near or colliders.none
         dt = period / self.substeps
-        constants = np.empty(kernel.CONSTANTS)
-        constants[: kernel.FIELD] = (
-            dt, math.exp(-fabric.damping_per_s * dt), FASTEST, EMERGENCE, fabric.own_friction,
-            fabric.thickness_m, fabric.lock_strain, fabric.lock_factor,
-        )  # fmt: skip
-        constants[kernel.FIELD :] = gravity
-        pinned, pins = self._lead_pins(period)
-        meetings = colliders.relate(_WORLD, near.shapes, fabric.friction).astype(np.float64)
-        outcome = np.zeros((len(near.shapes), contact.OUTCOME))
-        shapes, count, few = (near.kinds, colliders.planes, near.runs), 0, 0
-        if self._near_count:
-            rest = (*shapes, colliders.radii[near.shapes], fabric.thickness_m + REACH, period)
-            count = contact.narrow(
-                self._x, self._v, self._near, self._near_count, meetings, *rest, self._pairs
-            )
-            if self._sharp_count:
-                contact.find_middles(self._x, self._v, self._threads, self._middles, self._drift)
-                few = contact.narrow(
-                    self._middles, self._drift, self._near_sharp, self._sharp_count, meetings,
-                    *rest, self._sharp,
-                )  # fmt: skip
-        kernel.simulate(
-            self._x, self._v, self._previous, self._air, constants, self.substeps, self._threads,
-            weave.thread_table, self._folds, weave.fold_table, pinned, pins, self._close,
-            self._gaps, self._close_count, self._pairs, count, self._sharp, few, meetings, *shapes,
-            outcome,
-        )  # fmt: skip
-        self._settle_pins(pins, period)
+        step = kernel.Step(
+            substeps=self.substeps,
+            dt=dt,
+            keep=math.exp(-fabric.damping_per_s * dt),
+            furthest=FASTEST * dt,
+            rub=fabric.own_friction,
+            lock=fabric.lock_strain,
+            factor=fabric.lock_factor,
+            field=gravity,
+        )
+        shapes = near.in_world(fabric.friction)
+        outcome = np.zeros((len(near.rows), contact.OUTCOME))
+        impact = Impact(shapes, dt, fabric.thickness_m, EMERGENCE * dt, outcome)
+        pins = self._lead_pins(period)
+        touching = self._find_touching(shapes, period)
+        tables = (self._particles, self.constraints, pins, self._close, touching, impact, step)
+        kernel.simulate(*plain(tables))
+        self._settle_pins(pins.table, period)
         if fabric.tear_strain is not None:
             self._tear(fabric.tear_strain)
-        self._read_contacts(colliders, near, outcome, period)
+        self.contacts = []
+        for row, got in contact.forces_on(near, outcome, period):
+            self._push(SoftContact(*colliders.links[row], got[:3], got[3:6], load=float(got[6])))
 
-    def _lead_pins(self, period: float) -> tuple[Indices, Array]:
+    def _find_touching(self, shapes: Shapes, period: float) -> kernel.Touching:
+        """Return what may touch in the coming step."""
+        drift = (self.fabric.thickness_m + REACH, HURRY, period)
+        tables = tuple(shapes)
+        rows, threads = self._touching.rows, self._touching_sharp.rows
+        count = few = 0
+        if self._near.size:
+            count = contact.narrow(self._x, self._v, tuple(self._near), tables, drift, rows)
+            if self._near_sharp.size:
+                middles = (self._middles, self._drift)
+                contact.find_middles(self._x, self._v, self.constraints.threads, *middles)
+                few = contact.narrow(*middles, tuple(self._near_sharp), tables, drift, threads)
+        return kernel.Touching(Pairs(rows, count), Pairs(threads, few))
+
+    def _lead_pins(self, period: float) -> kernel.Pins:
         if not self.grips:
             return _NO_PINS
         tables = []
         for grip in self.grips:
             state = np.array(link_state(grip.body, grip.link, self._client))
             tables.append(grip.lead(state, period, self.substeps))
-        return np.concatenate([grip.particles for grip in self.grips]), np.concatenate(tables)
+        held = np.concatenate([grip.particles for grip in self.grips])
+        return kernel.Pins(held, np.concatenate(tables))
 
     def _settle_pins(self, pins: Array, period: float) -> None:
         first = 0
@@ -389,31 +339,15 @@ class Cloth:
         if first and not all(grip.is_active for grip in self.grips):
             self.grips = [grip for grip in self.grips if grip.is_active]
 
-    def _read_contacts(
-        self, colliders: Colliders, near: _Neighbours, outcome: Array, period: float
-    ) -> None:
-        """Sum up by link what the shapes got, note it in `contacts`, and push the links."""
-        self.contacts = []
-        sums = np.empty((len(near.links), 7))
-        contact.sum_by_link(outcome, near.owners, period, _FAR, sums)
-        for place, row in enumerate(sums.tolist()):
-            if row[6] <= 0:
-                continue
-            body, link = colliders.links[near.links[place]]
-            force, point = sums[place, :3], sums[place, 3:6]
-            self.contacts.append(ClothContact(body, link, force, point, row[6]))
-            if body.is_movable or body.joints:
-                body.apply_force(link, row[:3], row[3:6])
-
     def _tear(self, limit: float) -> None:
         """Tear where threads are stretched by more than the limit."""
         strain = self.strain
         if strain.max() <= limit:
             return
         worst = np.argsort(-strain, kind="stable")[: int((strain > limit).sum())]
-        tension = strain / self.weave.thread_table[:, SOFTNESS]
+        tension = strain / self.constraints.thread_table[:, SOFTNESS]
         held = np.concatenate([g.particles for g in self.grips] or [np.zeros(0, np.int32)])
-        found = torn(self._x[:, :3], self.faces, self.weave.threads, worst, tension, held)
+        found = torn(self._x[:, :3], self.faces, self.constraints.threads, worst, tension, held)
         if found is None:
             return
         self.faces, parents = found
@@ -423,13 +357,11 @@ class Cloth:
         self._mesh(self._x[chosen, :3], self._v[chosen])
 
     def save(self) -> tuple[Any, ...]:
-        """Return a snapshot of everything that changes."""
         grips = [(grip, grip.save()) for grip in self.grips]
         mesh = (self.rest, self.faces, self.grain, self.tears)
         return (self._x.copy(), self._v.copy(), mesh, grips, list(self.contacts))
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
-        """Return to a snapshot, bit for bit."""
         x, v, mesh, grips, contacts = snapshot
         is_mended = mesh[1] is not self.faces
         self.rest, self.faces, self.grain, self.tears = mesh
@@ -441,11 +373,11 @@ class Cloth:
         for grip, saved in grips:
             grip.restore(saved)
         self.grips, self.contacts = [grip for grip, _ in grips], list(contacts)
-        self._close_count = 0
+        self._close = self._close._replace(size=0)
 
 
 def is_sharp(
-    kinds: npt.NDArray[np.int64], meetings: Array, spacing: float
+    kinds: npt.NDArray[np.int64], meetings: npt.NDArray[Any], spacing: float
 ) -> npt.NDArray[np.bool_]:
     """Return which shapes could come through a mesh of that spacing [m], shape [m]."""
     size = meetings[:, SIZE : SIZE + 3]
@@ -455,16 +387,9 @@ def is_sharp(
     return np.where(is_round, radius < spacing, ~is_broad)
 
 
-_FAR = 0.5  # [m]
-_NOBODY = _Neighbours(
-    np.zeros(0, np.int64),
-    np.zeros(0, np.int64),
-    np.zeros((0, 2), np.int64),
-    (),
-    np.zeros(0, np.intp),
-)
-_WORLD = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-_NO_PINS = (np.zeros(0, np.int32), np.zeros((0, kernel.PIN)))
+def _pairs(size: int) -> Pairs:
+    """Return room for pairs; numbers without a sign, as in `constraint`."""
+    return Pairs(np.zeros((size, 2), np.uint32), 0)
 
 
-__all__ = ["FASTEST", "SHAPE_SPEED", "SUBSTEPS", "Cloth", "ClothContact"]
+_NO_PINS = kernel.Pins(np.zeros(0, np.int32), np.zeros((0, kernel.PIN)))

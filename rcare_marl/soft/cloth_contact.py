@@ -1,15 +1,16 @@
-"""Contact of a cloth's particles with rigid shapes, and what the shapes get of it.
-
-As `contact`, for many more particles: nothing here makes a view of an array, which costs more than to find
-a distance.
-"""
+"""Contact of many particles, of cloth or fluid, with rigid shapes, and what the shapes get of it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import NamedTuple
+
 import numba
 import numpy as np
+import numpy.typing as npt
 
-from .contact import BOX, CAPSULE, CYLINDER, GRIP, HULL, PLACE, SIZE, SLIDE, SPIN, TURN
+from .collider import NearShapes
+from .contact import GRIP, LEAST_DOUBLE, PLACE, SLIDE, SPIN, Shapes, distance_in
 from .kernel import line_point
 
 # Columns of what a shape got from a cloth in a step: impulse [N·s], moment of impulse about the world's
@@ -17,69 +18,56 @@ from .kernel import line_point
 # size [N·s].
 IMPULSE, MOMENT, MIDDLE, COUNT, LOAD = 0, 3, 6, 9, 10
 OUTCOME = 11
-_LEAST = 1e-12
+# Distance from what was touched, from where a point is none [m]: forces all round that cancel leave a
+# couple, which no line can give.
+FAR = 0.5
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _box(x, y, z, a, b, c):  # type: ignore[no-untyped-def]
-    ox, oy, oz = abs(x) - a, abs(y) - b, abs(z) - c
-    sx, sy, sz = np.copysign(1.0, x), np.copysign(1.0, y), np.copysign(1.0, z)
-    if ox <= 0.0 and oy <= 0.0 and oz <= 0.0:
-        if ox >= oy and ox >= oz:
-            return ox, sx, 0.0, 0.0
-        if oy >= oz:
-            return oy, 0.0, sy, 0.0
-        return oz, 0.0, 0.0, sz
-    ox, oy, oz = max(ox, 0.0), max(oy, 0.0), max(oz, 0.0)
-    length = np.sqrt(ox * ox + oy * oy + oz * oz)
-    return length, sx * ox / length, sy * oy / length, sz * oz / length
+Array = npt.NDArray[np.float64]
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _cylinder(x, y, z, half, radius):  # type: ignore[no-untyped-def]
-    across = np.sqrt(x * x + y * y) + _LEAST
-    side, cap, sz = across - radius, abs(z) - half, np.copysign(1.0, z)
-    if side <= 0.0 and cap <= 0.0:
-        if side >= cap:
-            return side, x / across, y / across, 0.0
-        return cap, 0.0, 0.0, sz
-    side, cap = max(side, 0.0), max(cap, 0.0)
-    length = np.sqrt(side * side + cap * cap)
-    return length, side / length * x / across, side / length * y / across, sz * cap / length
+class Pairs(NamedTuple):
+    """Pairs of particle, or thread, and shape.
+
+    Attributes:
+        rows: Number of particle and of shape, shape [p, 2].
+        size: How many of the rows count.
+    """
+
+    rows: npt.NDArray[np.uint32]
+    size: int
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _hull(x, y, z, planes, first, last):  # type: ignore[no-untyped-def]
-    best, face = -1e9, first
-    for k in range(first, last):
-        d = planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z - planes[k, 3]
-        if d > best:
-            best, face = d, k
-    return best, planes[face, 0], planes[face, 1], planes[face, 2]
+class Impact(NamedTuple):
+    """How shapes and particles meet in a step.
+
+    Attributes:
+        shapes: Shapes in the world with their velocities.
+        dt: Length of a small step [s].
+        thickness: Least distance of a particle from a shape [m].
+        furthest: How far what is inside a shape comes out in a small step [m].
+        outcome: Out, added to: what each shape got, shape [m, OUTCOME].
+    """
+
+    shapes: Shapes
+    dt: float
+    thickness: float
+    furthest: float
+    outcome: npt.NDArray[np.float64]
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _distance(meetings, c, kind, planes, runs, x, y, z):  # type: ignore[no-untyped-def]
-    """Return signed distance of a point from shape `c` [m] and the way out, both in the world."""
-    x, y, z = x - meetings[c, PLACE], y - meetings[c, PLACE + 1], z - meetings[c, PLACE + 2]
-    r0, r1, r2 = meetings[c, TURN], meetings[c, TURN + 1], meetings[c, TURN + 2]
-    r3, r4, r5 = meetings[c, TURN + 3], meetings[c, TURN + 4], meetings[c, TURN + 5]
-    r6, r7, r8 = meetings[c, TURN + 6], meetings[c, TURN + 7], meetings[c, TURN + 8]
-    x, y, z = r0 * x + r3 * y + r6 * z, r1 * x + r4 * y + r7 * z, r2 * x + r5 * y + r8 * z
-    size = meetings[c, SIZE]
-    if kind == BOX:
-        d, a, b, e = _box(x, y, z, size, meetings[c, SIZE + 1], meetings[c, SIZE + 2])
-    elif kind == CYLINDER:
-        d, a, b, e = _cylinder(x, y, z, size, meetings[c, SIZE + 1])
-    elif kind == HULL:
-        d, a, b, e = _hull(x, y, z, planes, runs[c, 0], runs[c, 1])
-    else:
-        if kind == CAPSULE:
-            z -= min(max(z, -size), size)
-            size = meetings[c, SIZE + 1]
-        length = np.sqrt(x * x + y * y + z * z) + _LEAST
-        d, a, b, e = length - size, x / length, y / length, z / length
-    return d, r0 * a + r1 * b + r2 * e, r3 * a + r4 * b + r5 * e, r6 * a + r7 * b + r8 * e
+class Drift(NamedTuple):
+    """How near and for how long particles are looked at.
+
+    Attributes:
+        reach: How near counts for what does not move [m].
+        least: Speed that a particle may soon have in any case [m/s].
+        period: How long [s].
+    """
+
+    reach: float
+    least: float
+    period: float
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -92,7 +80,7 @@ def _answer(  # type: ignore[no-untyped-def]
     velocity by itself over dt, so impulses are exact. What was inside before comes out without speed.
     """
     x, y, z = point
-    d, nx, ny, nz = _distance(meetings, c, kind, planes, runs, x, y, z)
+    d, nx, ny, nz = distance_in(meetings, c, kind, planes, runs, x, y, z, LEAST_DOUBLE)
     d -= thickness
     if d >= 0.0:
         return False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -107,12 +95,12 @@ def _answer(  # type: ignore[no-untyped-def]
     push = min(-d, max(-along, 0.0))
     rest = min(-d - push, furthest)
     sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
-    slip = np.sqrt(sx * sx + sy * sy + sz * sz) + _LEAST
+    slip = np.sqrt(sx * sx + sy * sy + sz * sz) + LEAST_DOUBLE
     held = min(1.0, (push + rest) * meetings[c, GRIP] / slip)
     out, quiet = push + rest, rest + max(along, 0.0)
     mx, my, mz = out * nx - held * sx, out * ny - held * sy, out * nz - held * sz
     x, y, z = x + mx, y + my, z + mz
-    held *= push / (out + _LEAST)
+    held *= push / (out + LEAST_DOUBLE)
     fx, fy, fz = push * nx - held * sx, push * ny - held * sy, push * nz - held * sz
     load = push * mass / dt
     jx, jy, jz = -fx * mass / dt, -fy * mass / dt, -fz * mass / dt
@@ -130,65 +118,57 @@ def _answer(  # type: ignore[no-untyped-def]
     return True, mx, my, mz, quiet * nx, quiet * ny, quiet * nz
 
 
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _meet(impact, c, point, before, mass):  # type: ignore[no-untyped-def]
+    s = impact.shapes
+    return _answer(
+        s.meetings, c, s.kinds[c], s.planes, s.runs, point, before, mass, impact.dt,
+        impact.thickness, impact.furthest, impact.outcome,
+    )  # fmt: skip
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _move(x, previous, i, dx, dy, dz, ox, oy, oz) -> None:  # type: ignore[no-untyped-def]
+    x[i, 0] += dx
+    x[i, 1] += dy
+    x[i, 2] += dz
+    previous[i, 0] += ox
+    previous[i, 1] += oy
+    previous[i, 2] += oz
+
+
 @numba.njit(cache=True, error_model="numpy")
-def touch_shapes(  # type: ignore[no-untyped-def]
-    x, previous, pairs, count, meetings, kinds, planes, runs, dt, thickness, furthest, outcome
-) -> None:
+def touch_shapes(x, previous, pairs, impact) -> None:  # type: ignore[no-untyped-def]
     """Push particles out of the shapes, hold them back by friction, and note what shapes get."""
-    for p in range(count):
-        i, c = pairs[p, 0], pairs[p, 1]
+    for p in range(pairs.size):
+        i, c = pairs.rows[p, 0], pairs.rows[p, 1]
         point = (x[i, 0], x[i, 1], x[i, 2])
         before = (previous[i, 0], previous[i, 1], previous[i, 2])
-        is_hit, dx, dy, dz, ox, oy, oz = _answer(
-            meetings, c, kinds[c], planes, runs, point, before, 1.0 / x[i, 3], dt, thickness,
-            furthest, outcome,
-        )  # fmt: skip
+        is_hit, dx, dy, dz, ox, oy, oz = _meet(impact, c, point, before, 1.0 / x[i, 3])
         if is_hit:
-            x[i, 0] += dx
-            x[i, 1] += dy
-            x[i, 2] += dz
-            previous[i, 0] += ox
-            previous[i, 1] += oy
-            previous[i, 2] += oz
+            _move(x, previous, i, dx, dy, dz, ox, oy, oz)
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _middle(x, i, j):  # type: ignore[no-untyped-def]
+    return 0.5 * (x[i, 0] + x[j, 0]), 0.5 * (x[i, 1] + x[j, 1]), 0.5 * (x[i, 2] + x[j, 2])
 
 
 @numba.njit(cache=True, error_model="numpy")
-def touch_sharp(  # type: ignore[no-untyped-def]
-    x, previous, threads, pairs, count, meetings, kinds, planes, runs, dt, thickness, furthest,
-    outcome,
-) -> None:  # fmt: skip
+def touch_sharp(x, previous, threads, pairs, impact) -> None:  # type: ignore[no-untyped-def]
     """Do the same with the middles of threads, whose two ends move together.
 
     A heel or a finger is not much wider than the mesh: without this its corner comes through.
     """
-    for p in range(count):
-        t, c = pairs[p, 0], pairs[p, 1]
+    for p in range(pairs.size):
+        t, c = pairs.rows[p, 0], pairs.rows[p, 1]
         i, j = threads[t, 0], threads[t, 1]
-        point = (
-            0.5 * (x[i, 0] + x[j, 0]), 0.5 * (x[i, 1] + x[j, 1]), 0.5 * (x[i, 2] + x[j, 2]),
-        )  # fmt: skip
-        before = (
-            0.5 * (previous[i, 0] + previous[j, 0]),
-            0.5 * (previous[i, 1] + previous[j, 1]),
-            0.5 * (previous[i, 2] + previous[j, 2]),
-        )
-        is_hit, dx, dy, dz, ox, oy, oz = _answer(
-            meetings, c, kinds[c], planes, runs, point, before, 1.0 / x[i, 3] + 1.0 / x[j, 3], dt,
-            thickness, furthest, outcome,
-        )  # fmt: skip
+        point, before = _middle(x, i, j), _middle(previous, i, j)
+        mass = 1.0 / x[i, 3] + 1.0 / x[j, 3]
+        is_hit, dx, dy, dz, ox, oy, oz = _meet(impact, c, point, before, mass)
         if is_hit:
-            x[i, 0] += dx
-            x[i, 1] += dy
-            x[i, 2] += dz
-            x[j, 0] += dx
-            x[j, 1] += dy
-            x[j, 2] += dz
-            previous[i, 0] += ox
-            previous[i, 1] += oy
-            previous[i, 2] += oz
-            previous[j, 0] += ox
-            previous[j, 1] += oy
-            previous[j, 2] += oz
+            _move(x, previous, i, dx, dy, dz, ox, oy, oz)
+            _move(x, previous, j, dx, dy, dz, ox, oy, oz)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -202,34 +182,28 @@ def find_middles(x, v, threads, middles, speeds) -> None:  # type: ignore[no-unt
 
 
 @numba.njit(cache=True, error_model="numpy")
-def find_near(  # type: ignore[no-untyped-def]
-    x, v, low, high, meetings, kinds, planes, runs, radii, reach, least, period, pairs
-) -> int:
-    """Write (particle, shape) for each particle that may come to a shape in `period` [s].
+def find_near(x, v, low, high, shapes, drift, pairs) -> int:  # type: ignore[no-untyped-def]
+    """Write (particle, shape) for each particle that may come to a shape.
 
     Args:
         x: Positions, shape [n, 4].
         v: Velocities [m/s], shape [n, 3].
         low: Lower corner of a box around all particles [m], shape [3].
         high: Its upper corner.
-        meetings: Shapes in the world, columns as in `contact`, shape [m, MEETING].
-        kinds: Their kinds.
-        planes: Planes of all hulls.
-        runs: Runs of the planes of each.
-        radii: Of spheres around them [m].
-        reach: How near a particle counts that does not move [m].
-        least: Speed that a particle may soon have in any case [m/s].
-        period: How long [s].
+        shapes: Shapes in the world.
+        drift: How near and for how long, `Drift`.
         pairs: Out, shape [p, 2].
 
     Returns:
         How many there are.
     """
+    shapes, drift = Shapes(*shapes), Drift(*drift)
     count, ways = 0, np.empty(v.shape[0])
-    most = 0.0
+    most, meetings, radii = 0.0, shapes.meetings, shapes.radii
+    kinds, planes, runs = shapes.kinds, shapes.planes, shapes.runs
     for i in range(v.shape[0]):
         speed = np.sqrt(v[i, 0] * v[i, 0] + v[i, 1] * v[i, 1] + v[i, 2] * v[i, 2])
-        ways[i] = reach + period * max(speed, least)
+        ways[i] = drift.reach + drift.period * max(speed, drift.least)
         most = max(most, ways[i])
     for c in range(meetings.shape[0]):
         px, py, pz = meetings[c, PLACE], meetings[c, PLACE + 1], meetings[c, PLACE + 2]
@@ -243,7 +217,9 @@ def find_near(  # type: ignore[no-untyped-def]
             dx, dy, dz = x[i, 0] - px, x[i, 1] - py, x[i, 2] - pz
             if dx * dx + dy * dy + dz * dz > (radii[c] + near) ** 2 or count >= pairs.shape[0]:
                 continue
-            d, _, _, _ = _distance(meetings, c, kinds[c], planes, runs, x[i, 0], x[i, 1], x[i, 2])
+            d, _, _, _ = distance_in(
+                meetings, c, kinds[c], planes, runs, x[i, 0], x[i, 1], x[i, 2], LEAST_DOUBLE
+            )
             if d < near:
                 pairs[count, 0], pairs[count, 1] = i, c
                 count += 1
@@ -251,25 +227,24 @@ def find_near(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def find_threads(near, count, sharp, starts, around, stamps, pairs) -> int:  # type: ignore[no-untyped-def]
+def find_threads(near, sharp, threads_at, stamps, pairs) -> int:  # type: ignore[no-untyped-def]
     """Write (thread, shape) for each thread of a particle that is near a sharp shape.
 
     Args:
         near: Pairs of particle and shape, sorted by shape.
-        count: How many there are.
         sharp: Whether each shape is sharp, shape [m].
-        starts: First of the threads of each particle in `around`, shape [n + 1].
-        around: Threads of all particles, shape [2 t].
+        threads_at: Threads of all particles one after the other, shape [2 t], and the first of each
+            particle, shape [n + 1].
         stamps: Scratch, shape [t].
         pairs: Out, shape [p, 2].
 
     Returns:
         How many there are.
     """
-    found = 0
+    found, near, (around, starts) = 0, Pairs(*near), threads_at
     stamps[:] = -1
-    for p in range(count):
-        i, c = near[p, 0], near[p, 1]
+    for p in range(near.size):
+        i, c = near.rows[p, 0], near.rows[p, 1]
         if not sharp[c]:
             continue
         for s in range(starts[i], starts[i + np.uint32(1)]):
@@ -282,28 +257,23 @@ def find_threads(near, count, sharp, starts, around, stamps, pairs) -> int:  # t
 
 
 @numba.njit(cache=True, error_model="numpy")
-def narrow(  # type: ignore[no-untyped-def]
-    x, v, near, near_count, meetings, kinds, planes, runs, radii, reach, period, pairs
-) -> int:
-    """Write those of the pairs found by `find_near` that may touch in the coming `period` [s].
+def narrow(x, v, near, shapes, drift, pairs) -> int:  # type: ignore[no-untyped-def]
+    """Write those of the pairs found by `find_near` that may touch in the coming step.
 
     Args:
         x: Positions, shape [n, 4].
         v: Velocities [m/s], shape [n, 3].
         near: The pairs.
-        near_count: How many there are.
-        meetings: Shapes in the world with their velocities.
-        kinds: Their kinds.
-        planes: Planes of all hulls.
-        runs: Runs of the planes of each.
-        radii: Of spheres around them [m].
-        reach: How near counts as touching [m].
-        period: Length of the physics step [s].
+        shapes: Shapes in the world with their velocities.
+        drift: How near counts as touching, and how long the step is.
         pairs: Out, shape [p, 2].
 
     Returns:
         How many there are.
     """
+    shapes, drift, near = Shapes(*shapes), Drift(*drift), Pairs(*near)
+    meetings, radii, reach, period = shapes.meetings, shapes.radii, drift.reach, drift.period
+    kinds, planes, runs = shapes.kinds, shapes.planes, shapes.runs
     count, ways = 0, np.empty(meetings.shape[0])
     for c in range(meetings.shape[0]):
         speed, spin = 0.0, 0.0
@@ -311,10 +281,12 @@ def narrow(  # type: ignore[no-untyped-def]
             speed += meetings[c, SLIDE + a] ** 2
             spin += meetings[c, SPIN + a] ** 2
         ways[c] = reach + period * (np.sqrt(speed) + np.sqrt(spin) * min(radii[c], 2.0))
-    for p in range(near_count):
-        i, c = near[p, 0], near[p, 1]
+    for p in range(near.size):
+        i, c = near.rows[p, 0], near.rows[p, 1]
         way = ways[c] + period * np.sqrt(v[i, 0] * v[i, 0] + v[i, 1] * v[i, 1] + v[i, 2] * v[i, 2])
-        d, _, _, _ = _distance(meetings, c, kinds[c], planes, runs, x[i, 0], x[i, 1], x[i, 2])
+        d, _, _, _ = distance_in(
+            meetings, c, kinds[c], planes, runs, x[i, 0], x[i, 1], x[i, 2], LEAST_DOUBLE
+        )
         if d < way:
             pairs[count, 0], pairs[count, 1] = i, c
             count += 1
@@ -322,15 +294,13 @@ def narrow(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def sum_by_link(outcome, owners, period, far, sums) -> None:  # type: ignore[no-untyped-def]
+def _sum_by_link(outcome, owners, period, sums) -> None:  # type: ignore[no-untyped-def]
     """Add up what the shapes of each link got, as force [N] and a point of its line of action [m].
 
     Args:
         outcome: What each shape got, shape [m, OUTCOME].
         owners: Place of the link of each shape, shape [m].
         period: Length of the physics step [s].
-        far: Distance from what was touched, from where a point is none [m]: forces all round that
-            cancel leave a couple, which no line can give.
         sums: Out: force, point, load [N], shape [l, 7]; a load of zero where nothing was touched.
     """
     total, middle, point = np.zeros((sums.shape[0], OUTCOME)), np.empty(3), np.empty(3)
@@ -351,22 +321,20 @@ def sum_by_link(outcome, owners, period, far, sums) -> None:  # type: ignore[no-
             apart += (point[a] - middle[a]) ** 2
         for a in range(3):
             sums[k, a] = total[k, a] / period
-            sums[k, 3 + a] = middle[a] if apart > far * far else point[a]
+            sums[k, 3 + a] = middle[a] if apart > FAR * FAR else point[a]
         sums[k, 6] = load / period
 
 
-__all__ = [
-    "COUNT",
-    "IMPULSE",
-    "LOAD",
-    "MIDDLE",
-    "MOMENT",
-    "OUTCOME",
-    "find_middles",
-    "find_near",
-    "find_threads",
-    "narrow",
-    "sum_by_link",
-    "touch_shapes",
-    "touch_sharp",
-]
+def forces_on(near: NearShapes, outcome: Array, period: float) -> Iterator[tuple[int, Array]]:
+    """Yield the row of each link that was touched in a step, and force [N], point [m] and load [N] on it.
+
+    Args:
+        near: The shapes.
+        outcome: What each of them got, shape [m, OUTCOME].
+        period: Length of the physics step [s].
+    """
+    sums = np.empty((len(near.links), 7))
+    _sum_by_link(outcome, near.owners, period, sums)
+    for row, got in zip(near.links, sums, strict=True):
+        if got[6] > 0:
+            yield row, got

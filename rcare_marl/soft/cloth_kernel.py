@@ -13,21 +13,99 @@ cached `simulate`.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
+import numpy.typing as npt
 
-from .cloth_contact import touch_shapes, touch_sharp
-from .contact import move_meetings
+from .cloth_contact import Impact, Pairs, touch_shapes, touch_sharp
+from .contact import Shapes, move_meetings
+
+Array = npt.NDArray[np.float64]
 
 # Columns of a pin: where it is [m], its way in a small step [m], compliance [m/N], greatest force [N], and
 # the impulse on the particle in this step [N·s].
 ANCHOR, WAY, PIN_SOFTNESS, PIN_LIMIT, PULL = 0, 3, 6, 7, 8
 PIN = 11
-# Columns of the constants of a step.
-DT, KEEP, FASTEST, EMERGENCE, RUB, THICKNESS, LOCK, FACTOR, FIELD = range(9)
-CONSTANTS = 11
 BEND_EVERY, ROOT_EVERY = 5, 5.0**0.5  # an impulse of so many small steps at once
 _LEAST = 1e-12
+
+
+class Particles(NamedTuple):
+    """The particles of a cloth.
+
+    Attributes:
+        x: Positions [m] and inverse masses [1/kg], shape [n, 4].
+        v: Velocities [m/s], shape [n, 3].
+        previous: Scratch: positions before a small step [m], shape [n, 3].
+        air: Unit normal and drag per mass and speed squared [1/m], shape [n, 4].
+    """
+
+    x: Array
+    v: Array
+    previous: Array
+    air: Array
+
+
+class Pins(NamedTuple):
+    """What links hold: particles, shape [p], and a table of them, shape [p, PIN]."""
+
+    particles: npt.NDArray[np.int32]
+    table: Array
+
+
+class ClosePairs(NamedTuple):
+    """Particles of a cloth that are close to each other.
+
+    Attributes:
+        rows: The pairs, shape [p, 2].
+        gaps: Least distance of each [m], shape [p].
+        size: How many of them count.
+    """
+
+    rows: npt.NDArray[np.uint32]
+    gaps: Array
+    size: int
+
+
+class Grid(NamedTuple):
+    """Scratch for `find_close`: starts of at most c cells, shape [c + 1], cells [n] and members [n]."""
+
+    starts: npt.NDArray[np.int64]
+    cells: npt.NDArray[np.int64]
+    members: npt.NDArray[np.int64]
+
+
+class Touching(NamedTuple):
+    """Particles, and middles of threads, that may touch shapes."""
+
+    particles: Pairs
+    threads: Pairs
+
+
+class Step(NamedTuple):
+    """The figures of a physics step.
+
+    Attributes:
+        substeps: How many small steps it has.
+        dt: Length of one [s].
+        keep: Share of velocity that damping leaves in one.
+        furthest: How far a particle goes at most in one [m].
+        rub: Friction coefficient of cloth on cloth.
+        lock: Strain from where threads are stiffer.
+        factor: How much stiffer.
+        field: Gravity [m/s²], shape [3].
+    """
+
+    substeps: int
+    dt: float
+    keep: float
+    furthest: float
+    rub: float
+    lock: float
+    factor: float
+    field: Array
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -58,7 +136,7 @@ def _predict(x, v, previous, air, dt, field) -> None:  # type: ignore[no-untyped
 
 @numba.njit(cache=True, error_model="numpy")
 def _stretch(x, threads, table, dt, lock, factor) -> None:  # type: ignore[no-untyped-def]
-    """Solve every thread once; columns of the table as in `weave`.
+    """Solve every thread once; columns of the table as in `constraint`.
 
     Beyond the strain `lock` it is `factor` times as stiff: the two straight lines of tension over length
     meet there.
@@ -87,7 +165,7 @@ def _stretch(x, threads, table, dt, lock, factor) -> None:  # type: ignore[no-un
 
 @numba.njit(cache=True, error_model="numpy")
 def _bend(x, folds, table, dt) -> None:  # type: ignore[no-untyped-def]
-    """Solve every fold once; columns of the table as in `weave`."""
+    """Solve every fold once; columns of the table as in `constraint`."""
     per_square = 1.0 / (dt * dt)
     for c in range(folds.shape[0]):
         i, j, k, m = folds[c, 0], folds[c, 1], folds[c, 2], folds[c, 3]
@@ -123,10 +201,11 @@ def _hold(x, pinned, pins, dt) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _part(x, previous, close, gaps, count, rub) -> None:  # type: ignore[no-untyped-def]
+def _part(x, previous, close, rub) -> None:  # type: ignore[no-untyped-def]
     """Push particles of the cloth apart that are closer than their gap, and let them rub."""
-    for p in range(count):
-        i, j = close[p, 0], close[p, 1]
+    gaps = close.gaps
+    for p in range(close.size):
+        i, j = close.rows[p, 0], close.rows[p, 1]
         dx, dy, dz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
         square = dx * dx + dy * dy + dz * dz
         if square >= gaps[p] * gaps[p]:
@@ -182,8 +261,9 @@ def _finish(x, v, previous, keep, dt) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _sort(x, reach, starts, cells, members):  # type: ignore[no-untyped-def]
+def _sort(x, reach, grid):  # type: ignore[no-untyped-def]
     """Sort particles into the cells of a grid and return its shape; cells are `reach` wide or more."""
+    starts, cells, members = grid
     count, size = members.shape[0], starts.shape[0] - 1
     low, wide = x[0, :3].copy(), reach
     high = low.copy()
@@ -199,9 +279,8 @@ def _sort(x, reach, starts, cells, members):  # type: ignore[no-untyped-def]
         wide *= 1.26
     starts[:] = 0
     for i in range(count):
-        cells[i] = (
-            int((x[i, 0] - low[0]) / wide) * ny + int((x[i, 1] - low[1]) / wide) + 1
-        ) * nz + int((x[i, 2] - low[2]) / wide) + 1  # fmt: skip
+        row = int((x[i, 0] - low[0]) / wide) * ny + int((x[i, 1] - low[1]) / wide) + 1
+        cells[i] = row * nz + int((x[i, 2] - low[2]) / wide) + 1
         starts[cells[i]] += 1
     for h in range(1, size + 1):
         starts[h] += starts[h - 1]
@@ -213,7 +292,7 @@ def _sort(x, reach, starts, cells, members):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def find_close(x, rest, gap, reach, starts, cells, members, close, gaps) -> int:  # type: ignore[no-untyped-def]
+def find_close(x, rest, gap, reach, grid, close, gaps) -> int:  # type: ignore[no-untyped-def]
     """Write pairs of particles of the cloth that are closer than `reach` [m].
 
     Args:
@@ -221,16 +300,15 @@ def find_close(x, rest, gap, reach, starts, cells, members, close, gaps) -> int:
         rest: Positions at rest [m], shape [n, 3]; neighbours there are left to threads and folds.
         gap: Least distance of particles [m].
         reach: How near a pair counts [m].
-        starts: Scratch, one more than there may be cells, shape [c + 1].
-        cells: Scratch, shape [n].
-        members: Scratch, shape [n].
+        grid: Scratch, `Grid`.
         close: Out: the pairs, shape [p, 2].
         gaps: Out: least distance of each [m], shape [p].
 
     Returns:
         How many there are.
     """
-    ny, nz = _sort(x, reach, starts, cells, members)
+    starts, cells, members = grid
+    ny, nz = _sort(x, reach, grid)
     # A row of three cells along z is one run of `members`. Own row, and four that stand for eight.
     rows = (0, nz, ny * nz - nz, ny * nz, ny * nz + nz)
     found, square, own = 0, reach * reach, 4.0 * gap * gap
@@ -286,55 +364,26 @@ def feel_air(x, faces, drag, air) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def simulate(  # type: ignore[no-untyped-def]
-    x, v, previous, air, constants, substeps, threads, thread_table, folds, fold_table, pinned, pins,
-    close, gaps, close_count, pairs, pair_count, sharp, sharp_count, meetings, kinds, planes, runs,
-    outcome,
-) -> None:  # fmt: skip
-    """Simulate one physics step; see above for the tables."""
-    dt, furthest = constants[DT], constants[FASTEST] * constants[DT]
-    out = constants[EMERGENCE] * dt
-    field = constants[FIELD:]
-    for step in range(substeps):
-        _predict(x, v, previous, air, dt, field)
-        _stretch(x, threads, thread_table, dt, constants[LOCK], constants[FACTOR])
-        if step % BEND_EVERY == 0:  # cloth bends so easily that less often is as good
+def simulate(particles, constraints, pins, close, touching, impact, step) -> None:  # type: ignore[no-untyped-def]
+    """Simulate one physics step: `Particles`, `constraint.Constraints`, `Pins` and so on; see above."""
+    close, step = ClosePairs(*close), Step(*step)
+    touching = Touching(Pairs(*touching[0]), Pairs(*touching[1]))
+    impact = Impact(Shapes(*impact[0]), impact[1], impact[2], impact[3], impact[4])
+    pinned, pins = pins
+    x, v, previous, air = particles
+    threads, thread_table, folds, fold_table = constraints
+    dt, meets = step.dt, touching.particles.size or touching.threads.size
+    for k in range(step.substeps):
+        _predict(x, v, previous, air, dt, step.field)
+        _stretch(x, threads, thread_table, dt, step.lock, step.factor)
+        if k % BEND_EVERY == 0:  # cloth bends so easily that less often is as good
             _bend(x, folds, fold_table, dt * ROOT_EVERY)
         _hold(x, pinned, pins, dt)
-        if close_count:
-            _part(x, previous, close, gaps, close_count, constants[RUB])
-        _limit(x, previous, furthest)
-        if pair_count or sharp_count:
-            move_meetings(meetings, dt)
-            touch_sharp(
-                x, previous, threads, sharp, sharp_count, meetings, kinds, planes, runs, dt,
-                constants[THICKNESS], out, outcome,
-            )  # fmt: skip
-            touch_shapes(
-                x, previous, pairs, pair_count, meetings, kinds, planes, runs, dt,
-                constants[THICKNESS], out, outcome,
-            )  # fmt: skip
-        _finish(x, v, previous, constants[KEEP], dt)
-
-
-__all__ = [
-    "ANCHOR",
-    "CONSTANTS",
-    "DT",
-    "EMERGENCE",
-    "FACTOR",
-    "FASTEST",
-    "FIELD",
-    "KEEP",
-    "LOCK",
-    "PIN",
-    "PIN_LIMIT",
-    "PIN_SOFTNESS",
-    "PULL",
-    "RUB",
-    "THICKNESS",
-    "WAY",
-    "feel_air",
-    "find_close",
-    "simulate",
-]
+        if close.size:
+            _part(x, previous, close, step.rub)
+        _limit(x, previous, step.furthest)
+        if meets:
+            move_meetings(impact.shapes.meetings, dt)
+            touch_sharp(x, previous, threads, touching.threads, impact)
+            touch_shapes(x, previous, touching.particles, impact)
+        _finish(x, v, previous, step.keep, dt)

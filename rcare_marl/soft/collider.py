@@ -2,197 +2,158 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+import math
+from collections.abc import Collection, Iterable, Sequence
+from functools import cached_property
 
 import numba
 import numpy as np
 import numpy.typing as npt
 import pybullet as bullet
-from scipy.spatial import ConvexHull  # type: ignore[import-untyped]
 
-from ..body import Body, VisualShape
-from ..errors import WorldError
-from ..pose import Pose, matrix_from_quaternion
-from ..rendering.mesh import shape_mesh
+from ..body import Body
+from ..pose import matrix_from_quaternion
 from . import contact
+from .contact import Shapes
+from .rigid_shape import reach_of, read_shapes
 
 Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float32]
+Skin = npt.NDArray[np.int32]
+State = tuple[float, ...]  # as a row of `Colliders.states`
+Links = tuple[Body, list[int], list[int]]  # links of a body, and their rows
 
 STATE = 13  # of a link: centre of mass [m], quaternion, velocity [m/s], rate of turning [rad/s]
-_KINDS = {
-    bullet.GEOM_SPHERE: contact.SPHERE,
-    bullet.GEOM_BOX: contact.BOX,
-    bullet.GEOM_CAPSULE: contact.CAPSULE,
-    bullet.GEOM_CYLINDER: contact.CYLINDER,
-    bullet.GEOM_MESH: contact.HULL,
-    bullet.GEOM_PLANE: contact.HULL,
-}
 EXACT = 0.2  # [m] between bounding spheres, from where the shape itself is looked at
-FINE = (
-    0.08  # [m] from shape to bounding sphere, from where the distance of the skin itself is found
-)
-_UNBOUNDED = 1e3  # [m]
-
-
-@dataclass(frozen=True, eq=False)
-class Shape:
-    """One collision shape.
-
-    Attributes:
-        body: The body that it belongs to.
-        link: The link that carries it.
-        kind: One of the constants of `contact`.
-        size: See `contact.signed_distance`; zeros for a hull.
-        pose: In the frame of the link's centre of mass.
-        planes: Of a hull: unit normals and distances from its origin, shape [p, 4].
-        radius: Of a sphere around the shape's origin that holds it [m].
-        friction: Bullet's coefficient of sliding friction of the link.
-    """
-
-    body: Body
-    link: int
-    kind: int
-    size: tuple[float, float, float]
-    pose: Pose
-    planes: Array
-    radius: float
-    friction: float
-
-
-def read_shapes(body: Body, client: int) -> list[Shape]:
-    """Return the collision shapes of a body; a mesh becomes its convex hull, as in Bullet.
-
-    Raises:
-        WorldError: If a mesh is flat.
-    """
-    found = []
-    for link in range(-1, body.link_count):
-        rows = bullet.getCollisionShapeData(body.uid, link, physicsClientId=client)
-        friction = bullet.getDynamicsInfo(body.uid, link, physicsClientId=client)[1] if rows else 0
-        for place, row in enumerate(rows):
-            if row[2] not in _KINDS:
-                continue
-            size, planes, radius = _measure(body, link, place, row, client)
-            pose = Pose(row[5], row[6])
-            kind = _KINDS[row[2]]
-            found.append(Shape(body, link, kind, size, pose, planes, radius, friction))
-    return found
-
-
-def _measure(
-    body: Body, link: int, place: int, row: Sequence[Any], client: int
-) -> tuple[tuple[float, float, float], Array, float]:
-    """Return size, planes and bounding radius of a row of `getCollisionShapeData`."""
-    kind, given = row[2], row[3]
-    none = np.zeros((0, 4))
-    if kind == bullet.GEOM_SPHERE:
-        return (given[0], 0.0, 0.0), none, given[0]
-    if kind == bullet.GEOM_BOX:
-        half = (given[0] / 2, given[1] / 2, given[2] / 2)
-        return half, none, float(np.linalg.norm(half))
-    if kind == bullet.GEOM_CAPSULE:
-        return (given[0] / 2, given[1], 0.0), none, given[0] / 2 + given[1]
-    if kind == bullet.GEOM_CYLINDER:
-        return (given[0] / 2, given[1], 0.0), none, float(np.hypot(given[0] / 2, given[1]))
-    if kind == bullet.GEOM_PLANE:
-        return (0.0, 0.0, 0.0), np.array(((0.0, 0.0, 1.0, 0.0),)), _UNBOUNDED
-    points = _mesh_points(body, link, place, row, client)
-    try:
-        hull = ConvexHull(points)
-    except ValueError as error:  # scipy's QhullError is one
-        raise WorldError(
-            f"a collision mesh of {body.name!r} has no convex hull: {error}"
-        ) from error
-    planes = np.unique(np.round(hull.equations, 9), axis=0)
-    planes[:, 3] *= -1
-    return (0.0, 0.0, 0.0), planes, float(np.linalg.norm(points, axis=1).max())
-
-
-def _mesh_points(body: Body, link: int, place: int, row: Sequence[Any], client: int) -> Array:
-    """Return the vertices of a mesh in the frame of the shape [m], shape [n, 3].
-
-    Bullet tells the vertices of a link's first shape only, and those already moved by the pose of the
-    shape; so a mesh from a file is read from there.
-    """
-    name = row[4].decode()
-    if Path(name).is_file():
-        shape = VisualShape(link, "mesh", tuple(row[3]), name, Pose(), (1.0, 1.0, 1.0, 1.0))
-        mesh = shape_mesh(shape)
-        if mesh is None:
-            raise WorldError(f"the collision mesh {name} of {body.name!r} cannot be read")
-        return np.asarray(mesh.vertices, np.float64)
-    found = bullet.getMeshData(body.uid, link, collisionShapeIndex=place, physicsClientId=client)
-    if not found or len(found[1]) < 4:
-        raise WorldError(f"a collision mesh of {body.name!r} has no file and cannot be read")
-    moved = np.array(found[1]) - row[5]
-    return moved @ matrix_from_quaternion(row[6])
-
-
-def reach_of(body: Body, shapes: Sequence[Shape], client: int) -> float:
-    """Return how far from its base any shape of a body can come, whatever its joints do [m]."""
-    out = [0.0] * (body.link_count + 1)
-    for link in range(body.link_count):
-        info = bullet.getJointInfo(body.uid, link, physicsClientId=client)
-        slide = max(abs(info[8]), abs(info[9])) if info[2] == bullet.JOINT_PRISMATIC else 0.0
-        # The joint's place is given from the parent's centre of mass; both offsets are counted.
-        own = bullet.getDynamicsInfo(body.uid, link, physicsClientId=client)[3]
-        out[link + 1] = (
-            out[info[16] + 1] + float(np.linalg.norm(info[14])) + slide + float(np.linalg.norm(own))
-        )
-    return max(
-        (out[s.link + 1] + float(np.linalg.norm(s.pose.position)) + s.radius for s in shapes),
-        default=0.0,
-    )
+FINE = 0.08  # [m] from shape to bounding sphere, from where that of the skin itself is found
+WORLD_FRAME = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 class Colliders:
-    """All rigid shapes that soft bodies can meet.
+    """All rigid shapes that soft matter can meet.
 
     Attributes:
+        bodies: Whose they are.
         links: (body, link) of each row of states.
+        row_of: Row of each link.
         shape_links: Row of the link of each shape, shape [s].
+        shape_bodies: Place of the body of each shape in `bodies`, shape [s].
+        is_for_cloth: Which shapes cloth meets, shape [s].
+        is_for_others: Which shapes fluids and soft bodies meet, shape [s].
         kinds: Kind of each shape, shape [s].
         runs: First and last plus one of the planes of each hull, shape [s, 2].
         planes: Planes of all hulls, shape [p, 4].
         radii: Bounding radius of each shape [m], shape [s].
+        local: Place, turn, size and friction of each shape on its link, shape [s, 16].
         states: State of each link at the last fetch, shape [l, 13].
-        beds: Stiffness of the flesh on each shape, see `Matter.bed` [Pa/m], shape [s].
+        foundations: Stiffness of the flesh on each shape, see `SoftWorld.set_foundation` [Pa/m], shape [s].
     """
 
-    def __init__(self, bodies: Sequence[Body], client: int) -> None:
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        client: int,
+        *,
+        joined: Collection[Body] = (),
+        links: Iterable[tuple[Body, int]] = (),
+    ) -> None:
+        """Read the shapes.
+
+        Args:
+            bodies: Whose.
+            client: Id of the physics client.
+            joined: Bodies between whose limbs cloth finds no gaps, see `SoftWorld.join_limbs`.
+            links: Further links whose states are needed.
+
+        Raises:
+            WorldError: If a mesh is flat or cannot be read.
+        """
         self._client = client
         self.bodies = list(bodies)
-        found = {id(body): read_shapes(body, client) for body in bodies}
-        shapes = [shape for body in bodies for shape in found[id(body)]]
-        self.links = list(dict.fromkeys((shape.body, shape.link) for shape in shapes))
-        row_of = {link: row for row, link in enumerate(self.links)}
-        self.shape_links = np.array([row_of[s.body, s.link] for s in shapes], np.int64)
+        found = [read_shapes(body, client) for body in bodies]
+        self._reaches = [reach_of(b, own, client) for b, own in zip(bodies, found, strict=True)]
+        found = [
+            [part for s in own for part in (s.joined() if b in joined and s.is_limb else [s])]
+            for b, own in zip(bodies, found, strict=True)
+        ]
+        shapes = [shape for own in found for shape in own]
+        self.links = list(dict.fromkeys([*((s.body, s.link) for s in shapes), *links]))
+        self.row_of = {link: row for row, link in enumerate(self.links)}
+        self.shape_links = np.array([self.row_of[s.body, s.link] for s in shapes], np.int64)
+        self.shape_bodies = np.repeat(np.arange(len(found)), [len(own) for own in found])
+        self.is_for_cloth = np.array([s.is_for_cloth for s in shapes], np.bool_)
+        self.is_for_others = np.array([s.is_for_others for s in shapes], np.bool_)
         self.kinds = np.array([shape.kind for shape in shapes], np.int64)
         self.radii = np.array([shape.radius for shape in shapes])
         ends = np.cumsum([0] + [len(shape.planes) for shape in shapes])
         self.runs = np.column_stack((ends[:-1], ends[1:])).astype(np.int64)
-        self.planes = np.concatenate([np.zeros((0, 4)), *(s.planes for s in shapes)]).astype(
-            np.float32
-        )
-        self._local = np.zeros((len(shapes), 16))  # place, turn, size, friction
-        for row, shape in zip(self._local, shapes, strict=True):
+        planes = np.concatenate([np.zeros((0, 4)), *(s.planes for s in shapes)])
+        self.planes = planes.astype(np.float32)
+        self.local = np.zeros((len(shapes), 16))  # place, turn, size, friction
+        for row, shape in zip(self.local, shapes, strict=True):
             row[:3] = shape.pose.position
             row[3:12] = matrix_from_quaternion(shape.pose.quaternion).ravel()
             row[12:15], row[15] = shape.size, shape.friction
         self.states = np.zeros((len(self.links), STATE))
-        self.beds = np.zeros(len(shapes), np.float32)
-        self.rows_of = [
+        self.foundations = np.zeros(len(shapes), np.float32)
+        self._rows_of = [
             [row for row, (owner, _) in enumerate(self.links) if owner is body] for body in bodies
         ]
-        self.reaches = [reach_of(body, found[id(body)], client) for body in bodies]
-        self.is_still = [not body.is_movable and not body.joints for body in bodies]
+        self._is_still = [not body.is_movable and not body.joints for body in bodies]
+        self._centres: dict[int, tuple[float, ...]] = {}  # of bodies that stand still
+        self._fetched: set[int] = set()  # bodies that stand still, whose poses are known
 
-    def fetch_body(self, place: int) -> None:
+    @cached_property
+    def none(self) -> NearShapes:
+        """No shapes."""
+        return NearShapes(self, np.zeros(0, np.int64))
+
+    @cached_property
+    def no_shapes(self) -> Shapes:
+        """None in the frame of the world, in double precision."""
+        return self.none.in_world()
+
+    def forget_poses(self) -> None:
+        """Read the poses of bodies that stand still again: some may have been set elsewhere."""
+        self._centres.clear()
+        self._fetched.clear()
+
+    def fetch_near(
+        self, places: Iterable[int], spheres: Sequence[tuple[Sequence[float], float]], reach: float
+    ) -> tuple[npt.NDArray[np.bool_], float]:
+        """Read the poses of the bodies that may be within `reach` [m] of spheres.
+
+        Args:
+            places: Bodies to look at.
+            spheres: Middle in the world [m] and radius [m] of each.
+            reach: How near.
+
+        Returns:
+            Which shapes are of those bodies, shape [s], and how far away all others are at least [m].
+        """
+        near, beyond = np.zeros(len(self.bodies), np.bool_), math.inf
+        for k in places:
+            at = self._centres.get(k)
+            if at is None:
+                at = self.bodies[k].centre_pose()[0]
+                if self._is_still[k]:
+                    self._centres[k] = at
+            gap = min([math.dist(middle, at) - radius for middle, radius in spheres])
+            gap -= self._reaches[k]
+            if gap > reach:
+                beyond = min(beyond, gap)
+                continue
+            near[k] = True
+            if k not in self._fetched:
+                self._fetch_body(k)
+                if self._is_still[k]:
+                    self._fetched.add(k)
+        return near[self.shape_bodies], beyond
+
+    def _fetch_body(self, place: int) -> None:
         """Read the poses of all links of a body that have shapes."""
-        body, rows = self.bodies[place], self.rows_of[place]
+        body, rows = self.bodies[place], self._rows_of[place]
         indices = [self.links[row][1] for row in rows]
         if -1 in indices:
             self.states[rows[indices.index(-1)], :7] = np.concatenate(body.centre_pose())
@@ -207,51 +168,98 @@ class Colliders:
             for (row, _), state in zip(joined, found, strict=True):
                 self.states[row, :3], self.states[row, 3:7] = state[0], state[1]
 
-    def fetch_link(self, row: int) -> None:
-        """Read pose and velocities of one link."""
-        body, link = self.links[row]
-        self.states[row] = link_state(body, link, self._client)
+    def by_body(self, rows: Iterable[int]) -> list[Links]:
+        """Return body, links and rows of links, those of one body that have joints together."""
+        found: dict[tuple[int, bool], Links] = {}
+        for row in rows:
+            body, link = self.links[row]
+            _, links, own = found.setdefault((id(body), link < 0), (body, [], []))
+            links.append(link)
+            own.append(row)
+        return list(found.values())
 
-    def relate(
-        self, frame: Array, shapes: npt.NDArray[np.int64], friction: float
-    ) -> npt.NDArray[np.float32]:
-        """Return the table of `shapes` as seen from a moving frame; columns as in `contact`.
-
-        Args:
-            frame: State of the frame, as that of a link.
-            shapes: Which shapes, shape [m].
-            friction: Factor of the friction coefficients.
-        """
-        out = np.empty((len(shapes), contact.MEETING), np.float32)
-        _relate(frame, self.states, self.shape_links, self._local, shapes, friction, out)
-        return out
-
-    def gaps(
-        self, frame: Array, shapes: npt.NDArray[np.int64], middle: Array, radius: float,
-        points: npt.NDArray[np.float32], skin: npt.NDArray[np.int32],
-    ) -> Array:  # fmt: skip
-        """Return how far shapes are from a skin [m], exact where they are near, else a lower bound.
-
-        Args:
-            frame: State of the frame that the skin is in.
-            shapes: Which shapes, shape [m].
-            middle: Of a sphere around the skin, in that frame [m], shape [3].
-            radius: Of that sphere [m].
-            points: Particles in that frame, shape [n, 4].
-            skin: Those that can touch.
-        """
-        out = np.empty(len(shapes))
-        _gaps(
-            self.relate(frame, shapes, 1.0), self.kinds, self.planes, self.runs, self.radii, shapes,
-            middle, radius, points, skin, out,
-        )  # fmt: skip
-        return out
+    def fetch(self, grouped: Iterable[Links]) -> list[tuple[int, State]]:
+        """Read poses and velocities of links, grouped by `by_body`; return them by row too."""
+        found: list[tuple[int, State]] = []
+        for body, links, rows in grouped:
+            if links == [-1]:
+                states = [link_state(body, -1, self._client)]
+            else:
+                got = bullet.getLinkStates(body.uid, links, 1, 1, physicsClientId=self._client)
+                states = [(*s[0], *s[1], *s[6], *s[7]) for s in got]
+            self.states[rows] = states
+            found += zip(rows, states, strict=True)
+        return found
 
     @staticmethod
     def place_of(frame: Array, point: Array) -> tuple[float, float, float]:
         """Return a point of a frame in the world [m], for the state of the frame."""
         place: tuple[float, float, float] = _place_of(frame, point)
         return place
+
+
+class NearShapes:
+    """Shapes that one soft object may touch.
+
+    Attributes:
+        rows: Rows in the table of all shapes, shape [m].
+    """
+
+    def __init__(self, colliders: Colliders, rows: Rows) -> None:
+        """Take the shapes in some rows."""
+        self._colliders, self.rows = colliders, rows
+        self._tables = (
+            colliders.kinds[rows],
+            colliders.planes,
+            colliders.runs[rows],
+            colliders.radii[rows],
+            colliders.foundations[rows],
+        )
+
+    @cached_property
+    def _by_link(self) -> tuple[Rows, npt.NDArray[np.intp]]:
+        found, owners = np.unique(self._colliders.shape_links[self.rows], return_inverse=True)
+        return found, owners.ravel()
+
+    @property
+    def links(self) -> list[int]:
+        """Rows of the links that carry them, each once."""
+        return self._by_link[0].tolist()
+
+    @property
+    def owners(self) -> npt.NDArray[np.intp]:
+        """Place of the link of each shape in `links`, shape [m]."""
+        return self._by_link[1]
+
+    def seen_from(self, frame: Array, friction: float = 1.0) -> Shapes:
+        """Return them as seen from a moving frame, in single precision.
+
+        Args:
+            frame: State of the frame, as that of a link.
+            friction: Factor of the friction coefficients.
+        """
+        c = self._colliders
+        out = np.empty((len(self.rows), contact.MEETING), np.float32)
+        _relate(frame, c.states, c.shape_links, c.local, self.rows, friction, out)
+        return Shapes(out, *self._tables)
+
+    def in_world(self, friction: float = 1.0) -> Shapes:
+        """Return them in the frame of the world, in double precision."""
+        shapes = self.seen_from(WORLD_FRAME, friction)
+        return shapes._replace(meetings=shapes.meetings.astype(np.float64))
+
+    def gaps(self, frame: Array, sphere: tuple[Array, float], points: Floats, skin: Skin) -> Array:
+        """Return how far shapes are from a skin [m], exact where they are near, else a lower bound.
+
+        Args:
+            frame: State of the frame that the skin is in.
+            sphere: Middle in that frame [m], shape [3], and radius [m] of a sphere around the skin.
+            points: Particles in that frame, shape [n, 4].
+            skin: Those that can touch.
+        """
+        out = np.empty(len(self.rows))
+        _gaps(tuple(self.seen_from(frame)), *sphere, points, skin, out)
+        return out
 
 
 def link_state(body: Body, link: int, client: int) -> tuple[float, ...]:
@@ -268,11 +276,10 @@ def link_state(body: Body, link: int, client: int) -> tuple[float, ...]:
 def turning(q):  # type: ignore[no-untyped-def]
     """Return the rotation matrix of a quaternion as nine numbers, row by row."""
     x, y, z, w = q[0], q[1], q[2], q[3]
-    return (
-        1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
-        2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
-        2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y),
-    )  # fmt: skip
+    x0, x1, x2 = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    y0, y1, y2 = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    z0, z1, z2 = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return x0, x1, x2, y0, y1, y2, z0, z1, z2
 
 
 @numba.njit(cache=True)
@@ -307,22 +314,19 @@ def _place_of(frame, point):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _gaps(  # type: ignore[no-untyped-def]
-    meetings, kinds, planes, runs, radii, shapes, middle, radius, points, skin, out
-) -> None:
-    for k in range(shapes.shape[0]):
-        square, row = 0.0, shapes[k]
+def _gaps(shapes, middle, radius, points, skin, out) -> None:  # type: ignore[no-untyped-def]
+    shapes = Shapes(*shapes)
+    for k in range(out.shape[0]):
+        square = 0.0
         for a in range(3):
-            square += (meetings[k, contact.PLACE + a] - middle[a]) ** 2
-        out[k] = np.sqrt(square) - radii[row] - radius
+            square += (shapes.meetings[k, contact.PLACE + a] - middle[a]) ** 2
+        out[k] = np.sqrt(square) - shapes.radii[k] - radius
         if out[k] >= EXACT:
             continue
-        gap, _, _, _ = contact.distance_to(
-            meetings[k], kinds[row], planes, runs[row], middle[0], middle[1], middle[2]
-        )
+        gap, _, _, _ = contact.distance(shapes, k, middle[0], middle[1], middle[2])
         out[k] = gap - radius  # no particle is nearer than that, whatever the shape
         if out[k] < FINE:
-            out[k] = contact.least_gap(points, skin, meetings[k], kinds[row], planes, runs[row])
+            out[k] = contact.least_gap(points, skin, shapes, k)
 
 
 @numba.njit(cache=True)
@@ -360,15 +364,3 @@ def _relate(frame, states, shape_links, local, shapes, friction, out) -> None:  
                     total += f[3 * c + a] * turned
                 out[k, contact.TURN + 3 * a + b] = total
         out[k, contact.GRIP] = shape[15] * friction
-
-
-__all__ = [
-    "STATE",
-    "Colliders",
-    "Shape",
-    "carry",
-    "link_state",
-    "reach_of",
-    "read_shapes",
-    "turning",
-]

@@ -45,6 +45,3 @@ def groups(colour: Ints, place: npt.NDArray[np.float64], lanes: int) -> Ints:
         rows.append(np.concatenate((members, filler)))
     flat = np.concatenate(rows) if rows else np.empty(0, np.int64)
     return flat.reshape(-1, lanes)
-
-
-__all__ = ["colours", "groups"]

@@ -1,19 +1,75 @@
-"""Contact of particles with rigid shapes: signed distance, projection out of the shape, friction."""
+"""Contact of particles with rigid shapes: signed distance, projection out of the shape, friction.
+
+Nothing here makes a view of an array, which costs more than to find a distance.
+"""
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numba
 import numpy as np
+import numpy.typing as npt
 
 SPHERE, BOX, CAPSULE, CYLINDER, HULL = range(5)
 
+# Columns of the table of shapes as one body meets them, in its own frame.
+PLACE, TURN, SLIDE, SPIN, GRIP = 0, 3, 12, 15, 18  # position, rotation, velocities, friction
+SIZE = 19
+MEETING = 22
+
 _ZERO, _ONE = np.float32(0), np.float32(1)
-_LEAST = np.float32(1e-9)
+LEAST = np.float32(1e-9)  # [m], a length that counts as none in single precision
+LEAST_DOUBLE = 1e-12  # and in double
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _box_distance(x, y, z, size):  # type: ignore[no-untyped-def]
-    ox, oy, oz = abs(x) - size[0], abs(y) - size[1], abs(z) - size[2]
+class Shapes(NamedTuple):
+    """Rigid shapes as a soft object meets them.
+
+    Attributes:
+        meetings: Places, velocities, sizes and friction in the frame of the object, shape [m, MEETING].
+        kinds: Their kinds, shape [m].
+        planes: Planes of all hulls: unit normal and distance from the origin, shape [p, 4].
+        runs: First and last plus one of the planes of each hull, shape [m, 2].
+        radii: Of spheres around them [m], shape [m].
+        foundations: Stiffness of the flesh on each, zero where it is rigid [Pa/m], shape [m].
+    """
+
+    meetings: npt.NDArray[np.floating[Any]]
+    kinds: npt.NDArray[np.int64]
+    planes: npt.NDArray[np.float32]
+    runs: npt.NDArray[np.int64]
+    radii: npt.NDArray[np.float64]
+    foundations: npt.NDArray[np.float32]
+
+
+class Surface(NamedTuple):
+    """The surface of a soft body and what it touches.
+
+    Attributes:
+        skin: Particles that can touch, shape [s].
+        areas: Area around each particle at rest [m²], shape [n].
+        touch: Out: shape that each particle touches plus one, 0 if none, shape [n].
+        normals: Out: the way out of it, shape [n, 3].
+    """
+
+    skin: npt.NDArray[np.int32]
+    areas: npt.NDArray[np.float32]
+    touch: npt.NDArray[np.int32]
+    normals: npt.NDArray[np.float32]
+
+
+def plain(tables: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return named tuples as plain ones, for a call from Python.
+
+    Numba finds the type of a plain tuple at once, that of a named one in Python, which takes 25 µs.
+    """
+    return tuple(plain(value) if isinstance(value, tuple) else value for value in tables)
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _box(x, y, z, a, b, c):  # type: ignore[no-untyped-def]
+    ox, oy, oz = abs(x) - a, abs(y) - b, abs(z) - c
     sx = _ONE if x >= _ZERO else -_ONE
     sy = _ONE if y >= _ZERO else -_ONE
     sz = _ONE if z >= _ZERO else -_ONE
@@ -28,9 +84,9 @@ def _box_distance(x, y, z, size):  # type: ignore[no-untyped-def]
     return length, sx * ox / length, sy * oy / length, sz * oz / length
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _cylinder_distance(x, y, z, half, radius):  # type: ignore[no-untyped-def]
-    across = np.sqrt(x * x + y * y) + _LEAST
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _cylinder(x, y, z, half, radius, least):  # type: ignore[no-untyped-def]
+    across = np.sqrt(x * x + y * y) + least
     side, cap = across - radius, abs(z) - half
     sz = _ONE if z >= _ZERO else -_ONE
     if side <= _ZERO and cap <= _ZERO:
@@ -43,7 +99,7 @@ def _cylinder_distance(x, y, z, half, radius):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _hull_distance(x, y, z, planes, first, last):  # type: ignore[no-untyped-def]
+def _hull(x, y, z, planes, first, last):  # type: ignore[no-untyped-def]
     """Exact inside; outside it is the distance from the furthest plane, which is never too long."""
     best, face = planes[first, 0] * x + planes[first, 1] * y + planes[first, 2] * z, first
     best -= planes[first, 3]
@@ -55,70 +111,68 @@ def _hull_distance(x, y, z, planes, first, last):  # type: ignore[no-untyped-def
 
 
 @numba.njit(cache=True, error_model="numpy")
-def signed_distance(kind, size, planes, run, x, y, z):  # type: ignore[no-untyped-def]
+def signed_distance(kind, sizes, planes, run, x, y, z, least):  # type: ignore[no-untyped-def]
     """Return how far a point is from a shape's surface [m], negative inside, and the way out.
 
     Args:
         kind: One of the constants above.
-        size: Sphere: radius; box: three half edges; capsule, cylinder: half length, radius [m].
+        sizes: Sphere: radius; box: three half edges; capsule, cylinder: half length, radius [m].
         planes: Of all hulls: unit normal and distance from the origin, shape [p, 4].
         run: First and last plus one of the planes of this hull.
         x: Point in the frame of the shape [m].
         y: Its second coordinate.
         z: Its third coordinate.
+        least: A length that counts as none [m], in the precision of all others.
     """
     if kind == BOX:
-        return _box_distance(x, y, z, size)
+        return _box(x, y, z, sizes[0], sizes[1], sizes[2])
     if kind == CYLINDER:
-        return _cylinder_distance(x, y, z, size[0], size[1])
+        return _cylinder(x, y, z, sizes[0], sizes[1], least)
     if kind == HULL:
-        return _hull_distance(x, y, z, planes, run[0], run[1])
-    radius = size[0]
+        return _hull(x, y, z, planes, run[0], run[1])
+    radius = sizes[0]
     if kind == CAPSULE:
-        radius = size[1]
-        z -= min(max(z, -size[0]), size[0])
-    length = np.sqrt(x * x + y * y + z * z) + _LEAST
+        radius = sizes[1]
+        z -= min(max(z, -sizes[0]), sizes[0])
+    length = np.sqrt(x * x + y * y + z * z) + least
     return length - radius, x / length, y / length, z / length
 
 
-# Columns of the table of shapes as one body meets them, in its own frame.
-PLACE, TURN, SLIDE, SPIN, GRIP = 0, 3, 12, 15, 18  # position, rotation, velocities, friction
-SIZE = 19
-MEETING = 22
+@numba.njit(cache=True, error_model="numpy")
+def distance_in(meetings, c, kind, planes, runs, x, y, z, least):  # type: ignore[no-untyped-def]
+    """Return signed distance of a point from shape `c` [m] and the way out, both in the object's frame.
+
+    It takes the tables one by one: a call with all of them costs more than what it computes.
+    """
+    x, y, z = x - meetings[c, PLACE], y - meetings[c, PLACE + 1], z - meetings[c, PLACE + 2]
+    r0, r1, r2 = meetings[c, TURN], meetings[c, TURN + 1], meetings[c, TURN + 2]
+    r3, r4, r5 = meetings[c, TURN + 3], meetings[c, TURN + 4], meetings[c, TURN + 5]
+    r6, r7, r8 = meetings[c, TURN + 6], meetings[c, TURN + 7], meetings[c, TURN + 8]
+    sizes = (meetings[c, SIZE], meetings[c, SIZE + 1], meetings[c, SIZE + 2])
+    x, y, z = r0 * x + r3 * y + r6 * z, r1 * x + r4 * y + r7 * z, r2 * x + r5 * y + r8 * z
+    run = (runs[c, 0], runs[c, 1])
+    d, a, b, e = signed_distance(kind, sizes, planes, run, x, y, z, least)
+    return d, r0 * a + r1 * b + r2 * e, r3 * a + r4 * b + r5 * e, r6 * a + r7 * b + r8 * e
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def distance(s, c, x, y, z):  # type: ignore[no-untyped-def]
+    """Return what `distance_in` does for a shape of some, in single precision."""
+    return distance_in(s.meetings, c, s.kinds[c], s.planes, s.runs, x, y, z, LEAST)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def distance_to(row, kind, planes, run, x, y, z):  # type: ignore[no-untyped-def]
-    """Return signed distance [m] and way out, both in the frame of the body."""
-    x, y, z = x - row[PLACE], y - row[PLACE + 1], z - row[PLACE + 2]
-    d, a, b, c = signed_distance(
-        kind,
-        row[SIZE:],
-        planes,
-        run,
-        row[TURN] * x + row[TURN + 3] * y + row[TURN + 6] * z,
-        row[TURN + 1] * x + row[TURN + 4] * y + row[TURN + 7] * z,
-        row[TURN + 2] * x + row[TURN + 5] * y + row[TURN + 8] * z,
-    )
-    return (
-        d,
-        row[TURN] * a + row[TURN + 1] * b + row[TURN + 2] * c,
-        row[TURN + 3] * a + row[TURN + 4] * b + row[TURN + 5] * c,
-        row[TURN + 6] * a + row[TURN + 7] * b + row[TURN + 8] * c,
-    )
-
-
-@numba.njit(cache=True, error_model="numpy")
-def find_pairs(x, skin, meetings, kinds, planes, runs, reach, pairs) -> int:  # type: ignore[no-untyped-def]
+def find_pairs(x, skin, shapes, reach, pairs) -> int:  # type: ignore[no-untyped-def]
     """Write (particle, shape) for each particle of the skin within `reach` [m]; return how many."""
-    count = 0
-    for c in range(meetings.shape[0]):
-        row = meetings[c]
-        speed = np.sqrt(row[SLIDE] ** 2 + row[SLIDE + 1] ** 2 + row[SLIDE + 2] ** 2)
+    shapes = Shapes(*shapes)
+    count, moving = 0, shapes.meetings
+    for c in range(moving.shape[0]):
+        square = moving[c, SLIDE] ** 2 + moving[c, SLIDE + 1] ** 2 + moving[c, SLIDE + 2] ** 2
+        speed = np.sqrt(square)
         for i in skin:
             if x[i, 3] <= _ZERO or count >= pairs.shape[0]:
                 continue
-            d, _, _, _ = distance_to(row, kinds[c], planes, runs[c], x[i, 0], x[i, 1], x[i, 2])
+            d, _, _, _ = distance(shapes, c, x[i, 0], x[i, 1], x[i, 2])
             if d < reach * (_ONE + speed):
                 pairs[count, 0], pairs[count, 1] = i, c
                 count += 1
@@ -143,29 +197,28 @@ def move_meetings(meetings, dt) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def solve_contacts(  # type: ignore[no-untyped-def]
-    x, previous, pairs, count, meetings, kinds, planes, runs, dt, touch, normals, beds, areas
-) -> None:
+def solve_contacts(x, previous, pairs, count, shapes, dt, surface) -> None:  # type: ignore[no-untyped-def]
     """Push particles out of the shapes and hold them back by friction.
 
     A shape with flesh that is not simulated pushes as an elastic foundation: in proportion to the depth
-    [m], the `areas` of the skin around the particle [m²] and its stiffness in `beds` [Pa/m]; where that
-    is zero it is rigid.
+    [m], the area of the skin around the particle [m²] and its stiffness [Pa/m].
 
     A particle slides on a shape if it would have to be held by more than the friction coefficient
     times what pushes it out (Coulomb), as positions: M. Müller et al., "Detailed Rigid Body Simulation
     with Extended Position Based Dynamics" (SCA 2020), equation 27.
     """
+    shapes = Shapes(*shapes)
+    (_, areas, touch, normals), softness = surface, shapes.foundations
     for p in range(count):
         touch[pairs[p, 0]] = 0
     for p in range(count):
         i, c = pairs[p, 0], pairs[p, 1]
-        row = meetings[c]
-        d, nx, ny, nz = distance_to(row, kinds[c], planes, runs[c], x[i, 0], x[i, 1], x[i, 2])
+        row = shapes.meetings[c]
+        d, nx, ny, nz = distance(shapes, c, x[i, 0], x[i, 1], x[i, 2])
         if d >= _ZERO:
             continue
-        if beds[c] > _ZERO:
-            d *= x[i, 3] / (x[i, 3] + _ONE / (beds[c] * areas[i] * dt * dt))
+        if softness[c] > _ZERO:
+            d *= x[i, 3] / (x[i, 3] + _ONE / (softness[c] * areas[i] * dt * dt))
         x[i, 0] -= d * nx
         x[i, 1] -= d * ny
         x[i, 2] -= d * nz
@@ -181,7 +234,7 @@ def solve_contacts(  # type: ignore[no-untyped-def]
             previous[i, 1] += along * ny
             previous[i, 2] += along * nz
         sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
-        slip = np.sqrt(sx * sx + sy * sy + sz * sz) + _LEAST
+        slip = np.sqrt(sx * sx + sy * sy + sz * sz) + LEAST
         held = min(_ONE, -d * row[GRIP] / slip)
         x[i, 0] -= held * sx
         x[i, 1] -= held * sy
@@ -189,56 +242,33 @@ def solve_contacts(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def least_gap(x, skin, row, kind, planes, run):  # type: ignore[no-untyped-def]
-    """Return the least distance of the skin's particles from a shape [m]."""
+def least_gap(x, skin, shapes, c):  # type: ignore[no-untyped-def]
+    """Return the least distance of the skin's particles from shape `c` [m]."""
     best = np.float32(1e9)
     for i in skin:
-        d, _, _, _ = distance_to(row, kind, planes, run, x[i, 0], x[i, 1], x[i, 2])
+        d, _, _, _ = distance(shapes, c, x[i, 0], x[i, 1], x[i, 2])
         best = min(best, d)
     return best
 
 
 @numba.njit(cache=True, error_model="numpy")
-def widen(x, meetings, kinds, planes, runs, inner, outer, active) -> bool:  # type: ignore[no-untyped-def]
+def widen(x, shapes, inner, outer, active) -> bool:  # type: ignore[no-untyped-def]
     """Make all particles within `outer` [m] of a shape active if one within `inner` is not.
 
     Returns:
         Whether any became active.
     """
-    changed = False
-    for c in range(meetings.shape[0]):
-        row, lacks = meetings[c], False
+    shapes, changed = Shapes(*shapes), False
+    for c in range(shapes.meetings.shape[0]):
+        lacks = False
         for i in range(active.shape[0]):
             if not active[i] and not lacks:
-                d, _, _, _ = distance_to(row, kinds[c], planes, runs[c], x[i, 0], x[i, 1], x[i, 2])
+                d, _, _, _ = distance(shapes, c, x[i, 0], x[i, 1], x[i, 2])
                 lacks = d < inner
         if lacks:
             changed = True
             for i in range(active.shape[0]):
-                d, _, _, _ = distance_to(row, kinds[c], planes, runs[c], x[i, 0], x[i, 1], x[i, 2])
+                d, _, _, _ = distance(shapes, c, x[i, 0], x[i, 1], x[i, 2])
                 if d < outer:
                     active[i] = True
     return changed
-
-
-__all__ = [
-    "BOX",
-    "CAPSULE",
-    "CYLINDER",
-    "GRIP",
-    "HULL",
-    "MEETING",
-    "PLACE",
-    "SIZE",
-    "SLIDE",
-    "SPHERE",
-    "SPIN",
-    "TURN",
-    "distance_to",
-    "find_pairs",
-    "least_gap",
-    "move_meetings",
-    "signed_distance",
-    "solve_contacts",
-    "widen",
-]

@@ -44,9 +44,14 @@ class Fabric:
 
     def __post_init__(self) -> None:
         above_zero = (
-            "area_density_kg_m2", "stretch_warp_n_m", "stretch_weft_n_m", "shear_n_m",
-            "bending_nm", "lock_strain", "thickness_m",
-        )  # fmt: skip
+            "area_density_kg_m2",
+            "stretch_warp_n_m",
+            "stretch_weft_n_m",
+            "shear_n_m",
+            "bending_nm",
+            "lock_strain",
+            "thickness_m",
+        )
         for name in above_zero:
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be above 0, got {getattr(self, name)}")
@@ -57,6 +62,3 @@ class Fabric:
             raise ConfigError(f"lock_factor must be at least 1, got {self.lock_factor}")
         if self.tear_strain is not None and not self.tear_strain > 0:
             raise ConfigError(f"tear_strain must be above 0, or None, got {self.tear_strain}")
-
-
-__all__ = ["Fabric"]

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ..body import Body
 from ..errors import ConfigError
 from ..pose import rotate
 from . import cloth_contact as contact
 from . import fluid_kernel as kernel
 from . import vessel_kernel
-from .collider import Colliders
-from .contact import MEETING
+from .cloth_contact import Drift, Impact, Pairs
+from .collider import Colliders, NearShapes
+from .contact import plain
 from .liquid import WATER, Liquid
+from .soft_object import SoftContact, SoftObject
 from .vessel import Vessel
 
 Array = npt.NDArray[np.float64]
@@ -38,33 +38,16 @@ _PAIRS = 60  # neighbours that one particle can have, on average
 _TOUCHES = 8  # shapes that one particle can be near, on average
 
 
-@dataclass(frozen=True, eq=False)
-class FluidContact:
-    """What a fluid pressed on a link with, in the last physics step.
+class Fluid(SoftObject):
+    """Particles of one liquid in the frame of the world.
 
     Attributes:
-        body: The rigid body.
-        link: Its link.
-        force: On that link, in the world [N], shape [3].
-        point: A point on its line of action in the world [m], shape [3].
-    """
-
-    body: Body
-    link: int
-    force: Array
-    point: Array
-
-
-class Fluid:
-    """Particles of one liquid in the frame of the world. Its `Pool` steps it.
-
-    Attributes:
-        name: Name.
         spacing: Edge of the cube of liquid that a particle stands for [m].
         liquid: What it is made of.
         particle_mass: Mass of a particle [kg].
-        contacts: What it pressed on in the last physics step.
     """
+
+    color = (70, 140, 215, 255)
 
     def __init__(
         self,
@@ -96,10 +79,10 @@ class Fluid:
             raise ConfigError(
                 f"spacing, substeps and iterations must be above 0, got {spacing}, {substeps}, {iterations}"
             )
-        self.name, self.spacing, self.liquid = name, spacing, liquid
+        super().__init__(name)
+        self.spacing, self.liquid = spacing, liquid
         self.substeps, self.iterations = substeps, iterations
         self.particle_mass = liquid.density_kg_m3 * spacing**3
-        self.contacts: list[FluidContact] = []
         self._allocate(len(given))
         self.place(given)
 
@@ -109,21 +92,15 @@ class Fluid:
         self._v, self._previous, self._paired = (np.zeros((count, 3)) for _ in range(3))
         self._is_active = np.ones(count, np.bool_)
         self._active = np.arange(count)
-        self._near = np.zeros(count, np.int64)
+        self._at_vessel, self._outside = (np.zeros(count, np.int64) for _ in range(2))
         # Without a sign an index needs no check whether it counts from the end.
-        self._pairs, self._met = (np.zeros((_PAIRS * count, 2), np.uint32) for _ in range(2))
-        self._weights = np.zeros((_PAIRS * count, 4), np.float32)
-        self._feel = np.zeros((count, vessel_kernel.FEELING), np.float32)
-        self._starts = np.zeros(2 + 2 ** math.ceil(math.log2(2 * count + 1)), np.int64)
-        self._members, self._outside = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        self._cells = np.zeros((count, 4), np.int64)
-        self._touching = np.zeros((_TOUCHES * count, 2), np.uint32)
-        self._pair_count, self._touch_count = -1, 0
-        self._neighbours: tuple[Rows, tuple[int, ...], npt.NDArray[np.intp]] = (
-            np.zeros(0, np.int64),
-            (),
-            np.zeros(0, np.intp),
-        )
+        pairs, met = (np.zeros((_PAIRS * count, 2), np.uint32) for _ in range(2))
+        weights = np.zeros((_PAIRS * count, 4), np.float32)
+        feel = np.zeros((count, vessel_kernel.FEELING), np.float32)
+        self._neighbours = kernel.Neighbours(pairs, -1, met, weights, feel)
+        starts = np.zeros(2 + 2 ** math.ceil(math.log2(2 * count + 1)), np.int64)
+        self._grid = kernel.Grid(starts, np.zeros(count, np.int64), np.zeros((count, 4), np.int64))
+        self._touching = Pairs(np.zeros((_TOUCHES * count, 2), np.uint32), 0)
 
     @property
     def count(self) -> int:
@@ -158,7 +135,7 @@ class Fluid:
     @property
     def densities(self) -> npt.NDArray[np.float32]:
         """Density at each particle in the last step, 1 at rest, shape [n]; of active ones only."""
-        return self._feel[:, kernel.DENSITY]
+        return self._neighbours.feel[:, vessel_kernel.DENSITY]
 
     def place(self, positions: Array) -> None:
         """Teleport all particles [m], shape [n, 3]; all are there again and stand still.
@@ -183,14 +160,8 @@ class Fluid:
         self._active = np.flatnonzero(self._is_active)
 
     def _forget(self) -> None:
-        self._pair_count, self._touch_count = -1, 0
-
-    def force_on(self, body: Body, link: int | None = None) -> Array:
-        """Return the force on a body, or on one of its links, in the world [N], shape [3]."""
-        chosen = [
-            c.force for c in self.contacts if c.body is body and (link is None or c.link == link)
-        ]
-        return np.sum(chosen, axis=0) if chosen else np.zeros(3)
+        self._neighbours = self._neighbours._replace(size=-1)
+        self.ignore_shapes()
 
     def find_outside(self, vessels: Array) -> Rows:
         """Return the particles that are in no vessel, or near its rim."""
@@ -199,41 +170,31 @@ class Fluid:
         )
         return self._outside[:count].copy()
 
-    def look(
-        self, colliders: Colliders, rows: Rows, meetings: Array, wait: float, outside: Rows
-    ) -> tuple[int, ...]:
+    def find_near(self, colliders: Colliders, rows: Rows, wait: float, outside: Rows) -> None:
         """Find what particles outside of vessels can meet within `wait` [s].
 
         Args:
             colliders: The rigid shapes.
             rows: Those whose poses are fresh.
-            meetings: Their table as seen from the world.
             wait: Until the next look [s].
             outside: Those particles.
-
-        Returns:
-            Rows of the links that it can touch.
         """
         x, v = self._x[outside], self._v[outside]
-        tables = (colliders.kinds[rows], colliders.planes, colliders.runs[rows])
-        reach = CONTACT * self.spacing + SHAPE_REACH + SHAPE_SPEED * wait
+        low, high = x[:, :3].min(axis=0), x[:, :3].max(axis=0)
+        drift = Drift(CONTACT * self.spacing + SHAPE_REACH + SHAPE_SPEED * wait, HURRY, wait)
         found = np.zeros((_TOUCHES * max(len(outside), 1), 2), np.uint32)
-        count = contact.find_near(
-            x, v, x[:, :3].min(axis=0), x[:, :3].max(axis=0), meetings, *tables,
-            colliders.radii[rows], reach, HURRY, wait, found,
-        )  # fmt: skip
+        shapes = NearShapes(colliders, rows).in_world()
+        count = contact.find_near(x, v, low, high, tuple(shapes), tuple(drift), found)
         met = np.zeros(len(rows), np.bool_)
         met[found[:count, 1]] = True
-        self._touching[:count, 0] = outside[found[:count, 0]]
-        self._touching[:count, 1] = (np.cumsum(met) - 1)[found[:count, 1]]
-        self._touch_count = count
-        links, owners = np.unique(colliders.shape_links[rows[met]], return_inverse=True)
-        self._neighbours = (rows[met], tuple(links.tolist()), owners.ravel())
-        return self._neighbours[1]
+        touching = self._touching.rows
+        touching[:count, 0] = outside[found[:count, 0]]
+        touching[:count, 1] = (np.cumsum(met) - 1)[found[:count, 1]]
+        self._touching, self.near = Pairs(touching, count), NearShapes(colliders, rows[met])
 
     def ignore_shapes(self) -> None:
-        """Meet no rigid shape until the next `look`."""
-        self._touch_count = 0
+        """Meet no rigid shape until the next `find_near`."""
+        self._touching, self.near = self._touching._replace(size=0), None
 
     def advance(
         self,
@@ -244,72 +205,62 @@ class Fluid:
         period: float,
     ) -> None:
         """Simulate one physics step of `period` [s] and push what it met; links must be fresh."""
-        reach = REACH * self.spacing
-        ahead = (self._x, self._v, self._paired, self._active, period)
-        if self._pair_count < 0 or 2 * kernel.drift(*ahead) > (MARGIN - 1) * reach:
-            self._pair_count = kernel.find_pairs(
-                self._x, self._active, MARGIN * reach, self._starts, self._members, self._cells,
-                self._pairs,
-            )  # fmt: skip
-            self._paired[:] = self._x[:, :3]
-        touches, constants = self._touch_count, self._constants(gravity, period)
-        shapes, meetings = _NO_ROWS, _NO_MEETINGS
-        if touches:
-            shapes = self._neighbours[0]
-            meetings = colliders.relate(_WORLD, shapes, self.liquid.friction).astype(np.float64)
-        met_by_shapes = np.zeros((len(shapes), contact.OUTCOME))
-        vessels_now, outcome = table.copy(), np.zeros((len(table), vessel_kernel.OUTCOME))
-        kernel.simulate(
-            self._x, self._v, self._previous, self._active, self._near, self._pairs,
-            self._pair_count, self._met, self._weights, self._feel, constants, self.substeps,
-            self.iterations, vessels_now, table.copy(), outcome, self._touching, touches, meetings,
-            colliders.kinds[shapes], colliders.planes, colliders.runs[shapes], met_by_shapes,
-        )  # fmt: skip
+        self._find_pairs(period)
+        step = self._step(gravity, period)
+        near = self.near or colliders.none
+        met = np.zeros((len(near.rows), contact.OUTCOME))
+        is_touching = self._touching.size > 0
+        shapes = near.in_world(self.liquid.friction) if is_touching else colliders.no_shapes
+        impact = Impact(shapes, step.dt, step.radius, 1.0, met)
+        outcome = np.zeros((len(table), vessel_kernel.OUTCOME))
+        particles = (self._x, self._v, self._previous, self._active, self._at_vessel)
+        inside = (table.copy(), table.copy(), outcome)
+        tables = (particles, self._neighbours, inside, self._touching, impact, step)
+        kernel.simulate(*plain(tables))
         self.contacts = []
-        self._push_vessels(vessels, table, outcome, period)
-        if touches:
-            self._push_links(colliders, met_by_shapes, period)
-
-    def _constants(self, gravity: Array, period: float) -> Array:
-        liquid, d, dt = self.liquid, self.spacing, period / self.substeps
-        out = np.empty(kernel.CONSTANTS)
-        out[: kernel.FIELD] = (
-            dt, REACH * d, d**3 / REST_SUM, SOFTNESS, liquid.cohesion,
-            1 - math.exp(-liquid.viscosity_per_s * dt),
-            1 - math.exp(-liquid.wall_drag_per_s * dt), CONTACT * d, FASTEST, self.particle_mass,
-        )  # fmt: skip
-        out[kernel.FIELD :] = gravity
-        return out
-
-    def _push_vessels(
-        self, vessels: list[Vessel], table: Array, outcome: Array, period: float
-    ) -> None:
         for vessel, row, got in zip(vessels, table, outcome, strict=True):
             if got.any():
                 sums = np.empty(6)
                 vessel_kernel.sum_up(got, row, period, sums)
-                self._push(vessel.body, vessel.link, sums[:3], sums[3:])
+                self._push(SoftContact(vessel.body, vessel.link, sums[:3], sums[3:]))
+        if is_touching:
+            for link, got in contact.forces_on(near, met, period):
+                self._push(SoftContact(*colliders.links[link], got[:3], got[3:6], float(got[6])))
 
-    def _push_links(self, colliders: Colliders, outcome: Array, period: float) -> None:
-        _, links, owners = self._neighbours
-        sums = np.empty((len(links), 7))
-        contact.sum_by_link(outcome, owners, period, _FAR, sums)
-        for place, got in enumerate(sums):
-            if got[6] > 0:
-                body, link = colliders.links[links[place]]
-                self._push(body, link, got[:3].copy(), got[3:6].copy())
+    def _find_pairs(self, period: float) -> None:
+        """Find who can be neighbours, if those found before are too far from where they were."""
+        reach = REACH * self.spacing
+        ahead = (self._x, self._v, self._paired, self._active, period)
+        if self._neighbours.size < 0 or 2 * kernel.drift(*ahead) > (MARGIN - 1) * reach:
+            pairs = self._neighbours.pairs
+            count = kernel.find_pairs(
+                self._x, self._active, MARGIN * reach, tuple(self._grid), pairs
+            )
+            self._neighbours = self._neighbours._replace(size=count)
+            self._paired[:] = self._x[:, :3]
 
-    def _push(self, body: Body, link: int, force: Array, point: Array) -> None:
-        self.contacts.append(FluidContact(body, link, force, point))
-        if body.is_movable or body.joints:
-            body.apply_force(link, force.tolist(), point.tolist())
+    def _step(self, gravity: Array, period: float) -> kernel.Step:
+        liquid, d, dt = self.liquid, self.spacing, period / self.substeps
+        return kernel.Step(
+            substeps=self.substeps,
+            iterations=self.iterations,
+            dt=dt,
+            reach=REACH * d,
+            target=d**3 / REST_SUM,
+            softness=SOFTNESS,
+            cohesion=liquid.cohesion,
+            viscosity=1 - math.exp(-liquid.viscosity_per_s * dt),
+            drag=1 - math.exp(-liquid.wall_drag_per_s * dt),
+            radius=CONTACT * d,
+            fastest=FASTEST,
+            mass=self.particle_mass,
+            field=gravity,
+        )
 
     def save(self) -> tuple[Any, ...]:
-        """Return a snapshot of everything that changes."""
         return (self._x.copy(), self._v.copy(), self._is_active.copy(), list(self.contacts))
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
-        """Return to a snapshot, bit for bit."""
         self._x[:], self._v[:], self._is_active[:], contacts = snapshot
         self.contacts = list(contacts)
         self._active = np.flatnonzero(self._is_active)
@@ -336,11 +287,3 @@ def fill(vessel: Vessel, volume: float, spacing: float) -> Array:
         up += spacing
     local = np.concatenate(layers)[:count]
     return np.array([rotate(frame.quaternion, p) for p in local]) + frame.position
-
-
-_FAR = 0.5  # [m]
-_NO_ROWS, _NO_MEETINGS = np.zeros(0, np.int64), np.zeros((0, MEETING))
-_WORLD = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-
-
-__all__ = ["Fluid", "FluidContact", "fill"]

@@ -8,11 +8,14 @@ The kernel of all sums is W = 15 / (pi h³) (1 - q)³ with q = distance / h < 1;
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
+import numpy.typing as npt
 
-from .cloth_contact import touch_shapes
-from .contact import move_meetings
+from .cloth_contact import Impact, Pairs, touch_shapes
+from .contact import Shapes, move_meetings
 from .vessel_kernel import (
     DENSITY,
     FACTOR,
@@ -28,13 +31,108 @@ from .vessel_kernel import (
     speed_at,
 )
 
-# Columns of the constants: step [s], h [m], density at rest, softness, cohesion, shares of velocity that
-# viscosity and walls take in a step, radius for contact [m], fastest [m/s], mass of a particle [kg],
-# gravity [m/s²].
-DT, REACH, TARGET, SOFTNESS, COHESION, VISCOSITY, DRAG, RADIUS, FASTEST, MASS, FIELD = range(11)
-CONSTANTS = FIELD + 3
+Array = npt.NDArray[np.float64]
+Floats = npt.NDArray[np.float32]
 
 _LEAST = 1e-12
+
+
+class Particles(NamedTuple):
+    """The particles of a fluid.
+
+    Attributes:
+        x: Positions [m] and inverse mass [1/kg], shape [n, 4].
+        v: Velocities [m/s], shape [n, 3].
+        previous: Scratch: positions before a small step [m], shape [n, 3].
+        active: The particles that there are, shape [a].
+        near: Out: at which vessel each is, shape [n].
+    """
+
+    x: Array
+    v: Array
+    previous: Array
+    active: npt.NDArray[np.int64]
+    near: npt.NDArray[np.int64]
+
+
+class Neighbours(NamedTuple):
+    """Which particles can be neighbours, and what they feel of each other.
+
+    Attributes:
+        pairs: Shape [p, 2].
+        size: How many of them count.
+        met: Scratch: those that are neighbours, shape [p, 2].
+        weights: Scratch, shape [p, 4].
+        feel: Scratch, shape [n, FEELING].
+    """
+
+    pairs: npt.NDArray[np.uint32]
+    size: int
+    met: npt.NDArray[np.uint32]
+    weights: Floats
+    feel: Floats
+
+
+class Grid(NamedTuple):
+    """Scratch for `find_pairs`.
+
+    Attributes:
+        starts: Two more than a power of two, shape [b + 2].
+        members: Shape [n].
+        cells: Cell of each particle, and its place in the table, shape [n, 4].
+    """
+
+    starts: npt.NDArray[np.int64]
+    members: npt.NDArray[np.int64]
+    cells: npt.NDArray[np.int64]
+
+
+class Vessels(NamedTuple):
+    """What fluids lie in.
+
+    Attributes:
+        now: At the start of the step, shape [m, VESSEL]; at its end afterwards.
+        former: Scratch, shape [m, VESSEL].
+        outcome: Out, added to: what vessels got, shape [m, OUTCOME].
+    """
+
+    now: Array
+    former: Array
+    outcome: Array
+
+
+class Step(NamedTuple):
+    """The figures of a physics step.
+
+    Attributes:
+        substeps: How many small steps it has.
+        iterations: How often each particle asks for its density in a small step.
+        dt: Length of a small step [s].
+        reach: h [m].
+        target: One by the sum of the kernel at rest [m³].
+        softness: Of the density constraint.
+        cohesion: Share of the pull where the fluid is thin.
+        viscosity: Share of a difference of velocity that neighbours lose in a small step.
+        drag: The same for what slides along a wall.
+        radius: Least distance of a particle from a wall [m].
+        fastest: Of a particle [m/s].
+        mass: Of a particle [kg].
+        field: Gravity [m/s²], shape [3].
+    """
+
+    substeps: int
+    iterations: int
+    dt: float
+    reach: float
+    target: float
+    softness: float
+    cohesion: float
+    viscosity: float
+    drag: float
+    radius: float
+    fastest: float
+    mass: float
+    field: Array
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -48,12 +146,13 @@ def _same(cells, i, j):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _pair_cell(x, cells, members, starts, start, end, square, runs, pairs, found) -> int:  # type: ignore[no-untyped-def]
+def _pair_cell(x, grid, start, end, square, runs, pairs, found) -> int:  # type: ignore[no-untyped-def]
     """Pair the particles of one cell, from its first at `start`, with each other and those around.
 
     All pairs with the same first particle come one after the other: what it gets is then summed up in
     registers.
     """
+    starts, members, cells = grid
     mask, own = starts.shape[0] - 3, members[start]
     for n in range(13, 27):  # the own cell, and 13 that stand for 26
         a, b, c = (
@@ -86,21 +185,20 @@ def _pair_cell(x, cells, members, starts, start, end, square, runs, pairs, found
 
 
 @numba.njit(cache=True, error_model="numpy")
-def find_pairs(x, active, reach, starts, members, cells, pairs) -> int:  # type: ignore[no-untyped-def]
+def find_pairs(x, active, reach, grid, pairs) -> int:  # type: ignore[no-untyped-def]
     """Write pairs of particles that are nearer than `reach` [m].
 
     Args:
         x: Positions, shape [n, 4].
         active: The particles that there are, shape [a].
         reach: How near a pair counts [m].
-        starts: Scratch, two more than a power of two, shape [b + 2].
-        members: Scratch, shape [n].
-        cells: Scratch: cell of each particle, and its place in the table, shape [n, 4].
+        grid: Scratch, `Grid`.
         pairs: Out, shape [p, 2].
 
     Returns:
         How many there are.
     """
+    starts, members, cells = grid
     mask, found, square = starts.shape[0] - 3, 0, reach * reach
     starts[:], runs = 0, np.empty((14, 5), np.int64)
     for i in active:
@@ -121,17 +219,17 @@ def find_pairs(x, active, reach, starts, members, cells, pairs) -> int:  # type:
             for t in range(first, s):
                 is_first = is_first and not _same(cells, i, members[t])
             if is_first:
-                found = _pair_cell(x, cells, members, starts, s, last, square, runs, pairs, found)
+                found = _pair_cell(x, grid, s, last, square, runs, pairs, found)
     return found
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _fall(x, v, previous, active, constants) -> None:  # type: ignore[no-untyped-def]
-    dt, fastest = constants[DT], constants[FASTEST]
+def _fall(particles, step) -> None:  # type: ignore[no-untyped-def]
+    (x, v, previous, active, _), dt, fastest = particles, step.dt, step.fastest
     for i in active:
         square = _LEAST
         for k in range(3):
-            v[i, k] += dt * constants[FIELD + k]
+            v[i, k] += dt * step.field[k]
             square += v[i, k] * v[i, k]
         share = min(1.0, fastest / np.sqrt(square))
         for k in range(3):
@@ -150,11 +248,12 @@ def _gather(feel, i, x, y, z, squares, density) -> None:  # type: ignore[no-unty
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _feel_others(x, pairs, count, constants, feel, met, weights) -> int:  # type: ignore[no-untyped-def]
+def _feel_others(x, pairs, count, step, neighbours) -> int:  # type: ignore[no-untyped-def]
     """Add up density and gradients over neighbours; note the pairs that are near and their weights."""
-    h, found = np.float32(constants[REACH]), 0
+    met, weights, feel = neighbours.met, neighbours.weights, neighbours.feel
+    h, found = np.float32(step.reach), 0
     square, least, one, zero = h * h, np.float32(_LEAST), np.float32(1), np.float32(0)
-    size = np.float32(15.0 / (np.pi * constants[REACH] ** 3) * constants[TARGET])
+    size = np.float32(15.0 / (np.pi * step.reach**3) * step.target)
     steep, inverse = np.float32(-3) * size / h, one / h
     last, sx, sy, sz, ss, sd = pairs[0, 0], zero, zero, zero, zero, zero
     for p in range(count):
@@ -186,14 +285,16 @@ def _feel_others(x, pairs, count, constants, feel, met, weights) -> int:  # type
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _press(x, active, near, constants, feel, met, weights, count, outcome) -> None:  # type: ignore[no-untyped-def]
+def _press(particles, neighbours, count, step, outcome) -> None:  # type: ignore[no-untyped-def]
     """Move particles until their density is that at rest; what is too thin is pulled together a little."""
-    softness = constants[SOFTNESS] / constants[REACH] ** 2
-    pull, zero = constants[MASS] / constants[DT], np.float32(0)
+    x, _, _, active, near = particles
+    met, weights, feel = neighbours.met, neighbours.weights, neighbours.feel
+    softness = step.softness / step.reach**2
+    pull, zero = step.mass / step.dt, np.float32(0)
     for i in active:
         excess = feel[i, DENSITY] - 1.0
         if excess < 0.0:
-            excess *= constants[COHESION]
+            excess *= step.cohesion
         below = feel[i, SQUARES] + softness
         for k in range(3):
             below += feel[i, GRADIENT + k] ** 2
@@ -223,9 +324,10 @@ def _press(x, active, near, constants, feel, met, weights, count, outcome) -> No
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _finish(x, v, previous, active, near, vessels, constants, feel, outcome) -> None:  # type: ignore[no-untyped-def]
+def _finish(particles, vessels, feel, step) -> None:  # type: ignore[no-untyped-def]
     """Read velocities off the positions; walls hold back what slides along them."""
-    dt, h, mass = constants[DT], constants[REACH], constants[MASS]
+    x, v, previous, active, near = particles
+    dt, h, mass = step.dt, step.reach, step.mass
     for i in active:
         for k in range(3):
             v[i, k] = (x[i, k] - previous[i, k]) / dt
@@ -237,21 +339,20 @@ def _finish(x, v, previous, active, near, vessels, constants, feel, outcome) -> 
         if size * h < _LEAST:
             continue
         gx, gy, gz = gx / size, gy / size, gz / size
-        ux, uy, uz = speed_at(vessels, c, x[i, 0], x[i, 1], x[i, 2])
+        ux, uy, uz = speed_at(vessels.now, c, x[i, 0], x[i, 1], x[i, 2])
         ux, uy, uz = ux - v[i, 0], uy - v[i, 1], uz - v[i, 2]
         along = ux * gx + uy * gy + uz * gz
-        share = min(constants[DRAG] * size * h, 1.0)
+        share = min(step.drag * size * h, 1.0)
         ux, uy, uz = share * (ux - along * gx), share * (uy - along * gy), share * (uz - along * gz)
         v[i, 0] += ux
         v[i, 1] += uy
         v[i, 2] += uz
-        note(outcome, c, x[i, 0], x[i, 1], x[i, 2], -mass * ux, -mass * uy, -mass * uz)
+        note(vessels.outcome, c, x[i, 0], x[i, 1], x[i, 2], -mass * ux, -mass * uy, -mass * uz)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _smooth(v, constants, met, weights, count) -> None:  # type: ignore[no-untyped-def]
+def _smooth(v, share, met, weights, count) -> None:  # type: ignore[no-untyped-def]
     """Let neighbours move alike (XSPH); their momentum stays the same."""
-    share = constants[VISCOSITY]
     for p in range(count):
         i, j = met[p, 0], met[p, 1]
         both = share * weights[p, 3]
@@ -288,61 +389,37 @@ def drift(x, v, built, active, period):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def simulate(  # type: ignore[no-untyped-def]
-    x, v, previous, active, near, pairs, count, met, weights, feel, constants, substeps, iterations,
-    vessels, former, outcome, touching, touches, meetings, kinds, planes, runs, met_by_shapes,
-) -> None:  # fmt: skip
+def simulate(particles, neighbours, vessels, touching, impact, step) -> None:  # type: ignore[no-untyped-def]
     """Simulate one physics step.
 
     Args:
-        x: Positions [m] and inverse mass [1/kg], shape [n, 4].
-        v: Velocities [m/s], shape [n, 3].
-        previous: Scratch, shape [n, 3].
-        active: The particles that there are, shape [a].
-        near: Out: at which vessel each is, shape [n].
-        pairs: Pairs of particles that can be neighbours, shape [p, 2].
-        count: How many there are.
-        met: Scratch, shape [p, 2].
-        weights: Scratch, shape [p, 4].
-        feel: Scratch, shape [n, FEELING].
-        constants: Shape [CONSTANTS].
-        substeps: Small steps in the step.
-        iterations: How often each asks for its density in a small step.
-        vessels: Vessels at the start of the step, shape [m, VESSEL]; at its end afterwards.
-        former: Scratch, shape [m, VESSEL].
-        outcome: Out, added to: what vessels got, shape [m, OUTCOME].
-        touching: Pairs of particle and rigid shape that can touch, shape [q, 2].
-        touches: How many there are.
-        meetings: Rigid shapes in the world with their velocities, as in `contact`.
-        kinds: Their kinds.
-        planes: Planes of all hulls.
-        runs: Runs of the planes of each.
-        met_by_shapes: Out, added to: what shapes got, as in `cloth_contact`.
+        particles: `Particles`.
+        neighbours: `Neighbours`.
+        vessels: `Vessels`.
+        touching: `Pairs` of particle and rigid shape that can touch.
+        impact: `Impact` of those shapes.
+        step: `Step`.
     """
-    dt = constants[DT]
-    for _ in range(substeps):
-        former[:] = vessels
-        carry_vessels(vessels, dt)
-        if touches:
-            move_meetings(meetings, dt)
-        _fall(x, v, previous, active, constants)
-        feel_walls(x, active, near, vessels, constants[REACH], feel)
-        found = _feel_others(x, pairs, count, constants, feel, met, weights)
-        _press(x, active, near, constants, feel, met, weights, found, outcome)
-        for _ in range(iterations - 1):
-            feel_walls(x, active, near, vessels, constants[REACH], feel)
-            found = _feel_others(x, met, found, constants, feel, met, weights)
-            _press(x, active, near, constants, feel, met, weights, found, outcome)
-        contain(
-            x, previous, active, vessels, former, constants[RADIUS], dt, constants[MASS], outcome
-        )
-        if touches:
-            touch_shapes(
-                x, previous, touching, touches, meetings, kinds, planes, runs, dt,
-                constants[RADIUS], 1.0, met_by_shapes,
-            )  # fmt: skip
-        _finish(x, v, previous, active, near, vessels, constants, feel, outcome)
-        _smooth(v, constants, met, weights, found)
-
-
-__all__ = ["CONSTANTS", "DENSITY", "FIELD", "drift", "find_pairs", "simulate"]
+    particles, neighbours = Particles(*particles), Neighbours(*neighbours)
+    vessels, touching, step = Vessels(*vessels), Pairs(*touching), Step(*step)
+    impact = Impact(Shapes(*impact[0]), impact[1], impact[2], impact[3], impact[4])
+    x, v, previous, active, near = particles
+    met, weights, feel = neighbours.met, neighbours.weights, neighbours.feel
+    for _ in range(step.substeps):
+        vessels.former[:] = vessels.now
+        carry_vessels(vessels.now, step.dt)
+        if touching.size:
+            move_meetings(impact.shapes.meetings, step.dt)
+        _fall(particles, step)
+        feel_walls(x, active, near, vessels.now, step.reach, feel)
+        found = _feel_others(x, neighbours.pairs, neighbours.size, step, neighbours)
+        _press(particles, neighbours, found, step, vessels.outcome)
+        for _ in range(step.iterations - 1):
+            feel_walls(x, active, near, vessels.now, step.reach, feel)
+            found = _feel_others(x, met, found, step, neighbours)
+            _press(particles, neighbours, found, step, vessels.outcome)
+        contain(x, previous, active, vessels, step)
+        if touching.size:
+            touch_shapes(x, previous, touching, impact)
+        _finish(particles, vessels, feel, step)
+        _smooth(v, step.viscosity, met, weights, found)

@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import ConfigError, UnknownNameError
+from ..errors import ConfigError, check_name
 from .fabric import Fabric
-from .pattern import Pattern, sheet, shirt, trousers
+from .pattern import Frame, Pattern, sheet, shirt, trousers
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -46,8 +46,7 @@ class Dimension:
         """Return it for the measures of a body [m]."""
         if not self.measure:
             return self.ease_m
-        if self.measure not in measures:
-            raise UnknownNameError("measure of a body", self.measure, measures)
+        check_name("measure of a body", self.measure, measures)
         return self.share * measures[self.measure] + self.ease_m
 
 
@@ -78,30 +77,10 @@ class GarmentConfig:
             raise ConfigError(f"spacing_m must lie in 0.005..0.2, got {self.spacing_m}")
         known = DIMENSIONS[self.cut]
         for name in self.dimensions:
-            if name not in known:
-                raise UnknownNameError(f"dimension of a garment cut as {self.cut}", name, known)
+            check_name(f"dimension of a garment cut as {self.cut}", name, known)
         missing = [name for name in known if name not in self.dimensions]
         if missing:
             raise ConfigError(f"a garment cut as {self.cut} also needs {', '.join(missing)}")
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """Where on a body a garment goes, in the T-pose; all in metres.
-
-    Attributes:
-        crotch: Height of the crotch.
-        shoulder: Height of the shoulder's ridge.
-        depth: Where the middle of the trunk is, to the front.
-        arm: Height and depth of the arm's axis.
-        knee: Where the middle of the knee is, to the side and to the front.
-    """
-
-    crotch: float = 0.8
-    shoulder: float = 1.5
-    depth: float = 0.0
-    arm: tuple[float, float] = (1.45, 0.0)
-    knee: tuple[float, float] = (0.1, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,16 +127,10 @@ def cut_garment(
             raise ConfigError(f"dimension {name!r} of a garment must be above 0, got {size:.3f} m")
     pattern: Pattern
     if config.cut == "trousers":
-        pattern = trousers(sizes, config.spacing_m, frame.crotch, frame.depth, frame.knee)
+        pattern = trousers(sizes, config.spacing_m, frame)
     elif config.cut == "shirt":
-        pattern = shirt(
-            sizes, config.spacing_m, frame.shoulder, frame.depth, frame.arm,
-            open_back=config.open_back,
-        )  # fmt: skip
+        pattern = shirt(sizes, config.spacing_m, frame, open_back=config.open_back)
     else:
         pattern = sheet(sizes["width"], sizes["length"], config.spacing_m)
     rest, faces, grain = pattern.sewn()
     return Garment(config, rest, faces, grain, pattern.rings)
-
-
-__all__ = ["DIMENSIONS", "Cut", "Dimension", "Frame", "Garment", "GarmentConfig", "cut_garment"]

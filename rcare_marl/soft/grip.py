@@ -132,6 +132,3 @@ class Grip:
         particles, pins, local, pull = snapshot
         self.particles, self._pins = particles, pins.copy()
         self._local, self.pull = local, pull
-
-
-__all__ = ["FORCE", "SLIP", "STIFFNESS", "Grip"]

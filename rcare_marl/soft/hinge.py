@@ -129,6 +129,3 @@ def add_hinge_forces(x, members, table, gradient, forces) -> None:  # type: igno
         for k in range(4):
             for a in range(3):
                 forces[members[c, k], a] += torque * gradient[k, a]
-
-
-__all__ = ["Hinges", "add_hinge_forces", "fold", "hinges", "solve_hinges"]

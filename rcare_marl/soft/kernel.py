@@ -6,8 +6,11 @@ see through their lanes: three times slower.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
+import numpy.typing as npt
 
 from .collider import turning
 
@@ -20,32 +23,57 @@ OUTCOME = 15
 _ZERO = np.float32(0)
 
 
+class Motion(NamedTuple):
+    """The motion of a body's particles in a physics step.
+
+    Attributes:
+        x: Positions [m] and inverse masses [1/kg] in the frame of the body, shape [n + SPARE, 4].
+        v: Velocities [m/s], shape [n, 3].
+        previous: Scratch: positions before a small step [m], shape [n, 3].
+        start: Velocities at the start of the step [m/s], shape [n, 3].
+        forces: Elastic forces [N], shape [n + SPARE, 3].
+    """
+
+    x: npt.NDArray[np.float32]
+    v: npt.NDArray[np.float32]
+    previous: npt.NDArray[np.float32]
+    start: npt.NDArray[np.float32]
+    forces: npt.NDArray[np.float32]
+
+
+class Pinned(NamedTuple):
+    """Held particles that move, shape [p], and their displacement in a small step [m], shape [p, 3]."""
+
+    particles: npt.NDArray[np.int32]
+    steps: npt.NDArray[np.float32]
+
+
 @numba.njit(cache=True, error_model="numpy")
-def predict(x, v, previous, field, dt, pinned, steps) -> None:  # type: ignore[no-untyped-def]
+def predict(motion, field, dt, pinned) -> None:  # type: ignore[no-untyped-def]
     """Begin a small step: move particles on by their velocities, and pinned ones by their steps.
 
     Args:
-        x: Positions [m] and inverse masses [1/kg] in the frame of the body, shape [n + SPARE, 4].
-        v: Velocities [m/s], shape [n, 3].
-        previous: Out: where free particles were [m], shape [n, 3].
+        motion: `Motion`.
         field: Gravity in the frame of the body [m/s²], shape [3].
         dt: Length of a small step [s].
-        pinned: Held particles that move, shape [p].
-        steps: Their displacement [m], shape [p, 3].
+        pinned: `Pinned`.
     """
+    x, v, previous, _, _ = motion
     for i in range(v.shape[0]):
         if x[i, 3] > _ZERO:
             for a in range(3):
                 previous[i, a] = x[i, a]
                 x[i, a] += dt * (v[i, a] + dt * field[a])
-    for k in range(pinned.shape[0]):
+    held, steps = pinned
+    for k in range(held.shape[0]):
         for a in range(3):
-            x[pinned[k], a] += steps[k, a]
+            x[held[k], a] += steps[k, a]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def finish(x, v, previous, keep, dt) -> None:  # type: ignore[no-untyped-def]
+def finish(motion, keep, dt) -> None:  # type: ignore[no-untyped-def]
     """End a small step: find the velocities [m/s] from where particles came to, and damp them."""
+    x, v, previous, _, _ = motion
     scale = keep / dt
     for i in range(v.shape[0]):
         if x[i, 3] > _ZERO:
@@ -54,8 +82,9 @@ def finish(x, v, previous, keep, dt) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def find_touching(x, forces, touch, normals, areas, outcome) -> int:  # type: ignore[no-untyped-def]
+def find_touching(motion, surface, outcome) -> int:  # type: ignore[no-untyped-def]
     """Write middle, normal, count, load and area of what each shape touches; return how many do."""
+    (x, _, _, _, forces), (_, areas, touch, normals) = motion, surface
     outcome[:] = 0.0
     for i in range(touch.shape[0]):
         if touch[i]:
@@ -85,7 +114,7 @@ def find_touching(x, forces, touch, normals, areas, outcome) -> int:  # type: ig
 
 
 @numba.njit(cache=True)
-def share_out(x, v, start, forces, touch, field, damping, period, outcome) -> None:  # type: ignore[no-untyped-def]
+def share_out(motion, touch, field, damping, period, outcome) -> None:  # type: ignore[no-untyped-def]
     """Add up what the particles press on each shape with: force [N] and moment [N·m].
 
     What presses on a particle is what its elastic force, weight and drag leave of its change of
@@ -93,6 +122,7 @@ def share_out(x, v, start, forces, touch, field, damping, period, outcome) -> No
     shape counts for that shape; the rest, which one iteration a step has not brought to balance,
     counts for the nearest shape that is touched.
     """
+    x, v, _, start, forces = motion
     for i in range(v.shape[0]):
         if x[i, 3] <= _ZERO:
             continue
@@ -119,11 +149,12 @@ def share_out(x, v, start, forces, touch, field, damping, period, outcome) -> No
 
 
 @numba.njit(cache=True)
-def spread_pressure(forces, touch, normals, areas, outcome, pressure) -> None:  # type: ignore[no-untyped-def]
+def spread_pressure(forces, surface, outcome, pressure) -> None:  # type: ignore[no-untyped-def]
     """Write the pressure on each particle [Pa], so that it adds up to the force on each shape.
 
     Single particles bear uneven shares, so pressure goes by the share of the elastic force.
     """
+    _, areas, touch, normals = surface
     pressure[:] = _ZERO
     for i in range(touch.shape[0]):
         if touch[i] == 0 or areas[i] <= _ZERO:
@@ -252,26 +283,3 @@ def farthest_from(x, rest):  # type: ignore[no-untyped-def]
         dx, dy, dz = x[i, 0] - rest[i, 0], x[i, 1] - rest[i, 1], x[i, 2] - rest[i, 2]
         worst = max(worst, dx * dx + dy * dy + dz * dz)
     return np.sqrt(worst)
-
-
-__all__ = [
-    "AREA",
-    "COUNT",
-    "FORCE",
-    "LOAD",
-    "MIDDLE",
-    "MOMENT",
-    "NORMAL",
-    "OUTCOME",
-    "answer",
-    "farthest_from",
-    "find_touching",
-    "finish",
-    "foresee",
-    "line_point",
-    "predict",
-    "share_out",
-    "smooth",
-    "spread_pressure",
-    "to_world",
-]

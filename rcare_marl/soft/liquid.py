@@ -39,5 +39,3 @@ class Liquid:
 
 # Particles of 5 mm cannot be as thin as water: 24/s is the least that lets a cup of it come to rest.
 WATER = Liquid(source="density: water at room temperature; all else our own choice")
-
-__all__ = ["WATER", "Liquid"]

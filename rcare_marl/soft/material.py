@@ -54,6 +54,3 @@ class Material:
         """Lamé's first parameter lambda [Pa]."""
         ratio = self.poissons_ratio
         return self.youngs_modulus_pa * ratio / ((1 + ratio) * (1 - 2 * ratio))
-
-
-__all__ = ["Material"]

@@ -6,6 +6,7 @@ All rows of a tube have as many particles; rows of different tubes share particl
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,25 @@ Row = list[int]
 
 ROUNDNESS = 0.7  # depth of a trunk as a share of its width; our own choice
 _FINE = 720  # points of an ellipse from which equal steps are taken
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Where on a body a garment goes, in the T-pose; all in metres.
+
+    Attributes:
+        crotch: Height of the crotch.
+        shoulder: Height of the shoulder's ridge.
+        depth: Where the middle of the trunk is, to the front.
+        arm: Height and depth of the arm's axis.
+        knee: Where the middle of the knee is, to the side and to the front.
+    """
+
+    crotch: float = 0.8
+    shoulder: float = 1.5
+    depth: float = 0.0
+    arm: tuple[float, float] = (1.45, 0.0)
+    knee: tuple[float, float] = (0.1, 0.0)
 
 
 class Pattern:
@@ -102,18 +122,13 @@ _RAISE, _SLOPE, _FRONT_NECK, _BACK_NECK = 0.03, 0.02, 0.07, 0.015
 _ARMHOLE = 0.42  # half of the width of an armhole, as a share of its height; our own choice
 
 
-def trousers(
-    sizes: Mapping[str, float], spacing: float, crotch: float, depth: float,
-    knee: tuple[float, float],
-) -> Pattern:  # fmt: skip
+def trousers(sizes: Mapping[str, float], spacing: float, frame: Frame) -> Pattern:
     """Sew trousers: a tube from waist to crotch, a gusset, and two legs.
 
     Args:
         sizes: `waist`, `hip`, `rise`, `thigh`, `hem` and `leg` [m].
         spacing: Of particles [m].
-        crotch: Height of the crotch [m].
-        depth: Where the middle of the trunk is [m].
-        knee: To the side and to the front [m]: legs point there.
+        frame: Where on the body they go.
     """
     out = Pattern()
     around = 2 * steps(sizes["hip"], 2 * spacing, 4)
@@ -122,9 +137,8 @@ def trousers(
     for k in range(rows + 1):
         share = k / rows
         girth = sizes["waist"] + min(share / 0.6, 1.0) * (sizes["hip"] - sizes["waist"])
-        ring = _level(
-            ellipse(girth, ROUNDNESS, around), crotch + (1 - share) * sizes["rise"], depth
-        )
+        height = frame.crotch + (1 - share) * sizes["rise"]
+        ring = _level(ellipse(girth, ROUNDNESS, around), height, frame.depth)
         row = out.add(ring, _UP)
         if above:
             out.join(above, row, closed=True)
@@ -141,14 +155,19 @@ def trousers(
     left = [*above[: half + 1], *gusset[::-1]]
     right = [*above[half:], above[0], *gusset]
     for name, top, side in (("left", left, 1.0), ("right", right, -1.0)):
-        _add_leg(out, name, top, sizes, spacing, (side * knee[0], knee[1] + depth / 2))
+        end = (side * frame.knee[0], frame.knee[1] + frame.depth / 2)
+        _add_leg(out, name, top, sizes, spacing, end)
     return out
 
 
 def _add_leg(
-    out: Pattern, name: str, top: Row, sizes: Mapping[str, float], spacing: float,
+    out: Pattern,
+    name: str,
+    top: Row,
+    sizes: Mapping[str, float],
+    spacing: float,
     end: tuple[float, float],
-) -> None:  # fmt: skip
+) -> None:
     """Sew a leg onto the ring at the top of it, its hem's middle to the side and front of `end`."""
     ring = out.at(top)
     rows, count = steps(sizes["leg"], spacing, 2), len(top)
@@ -175,23 +194,18 @@ def _add_leg(
     out.ring(f"{name}_hem", above)
 
 
-def shirt(
-    sizes: Mapping[str, float], spacing: float, shoulder: float, depth: float,
-    arm: tuple[float, float], *, open_back: bool,
-) -> Pattern:  # fmt: skip
+def shirt(sizes: Mapping[str, float], spacing: float, frame: Frame, *, open_back: bool) -> Pattern:
     """Sew a shirt or gown: a tube up to the armpits, front and back above, two sleeves.
 
     Args:
         sizes: `chest`, `hem`, `length`, `shoulders`, `neck`, `armhole`, `cuff` and `sleeve` [m].
         spacing: Of particles [m].
-        shoulder: Height of the shoulder's ridge [m].
-        depth: Where the middle of the trunk is [m].
-        arm: Height and depth of the arm's axis [m].
+        frame: Where on the body it goes.
         open_back: Whether the back is open but for a tie at the neck.
     """
     out = Pattern()
     quarter = steps(sizes["chest"], 4 * spacing, 3)
-    around, armpit = 4 * quarter, shoulder - sizes["armhole"]
+    around, armpit = 4 * quarter, frame.shoulder - sizes["armhole"]
     rows = steps(sizes["length"] - sizes["armhole"], spacing, 2)
     # Rows run from the middle of the back by the wearer's right, front and left to the back again.
     order = (np.arange(around + (1 if open_back else 0)) + around // 2) % around
@@ -200,7 +214,7 @@ def shirt(
         share = k / rows
         girth = sizes["hem"] + share * (sizes["chest"] - sizes["hem"])
         height = armpit - (1 - share) * (sizes["length"] - sizes["armhole"])
-        row = out.add(_level(ellipse(girth, ROUNDNESS, around)[order], height, depth), _UP)
+        row = out.add(_level(ellipse(girth, ROUNDNESS, around)[order], height, frame.depth), _UP)
         if below:
             out.join(row, below, closed=not open_back)
         else:
@@ -208,10 +222,10 @@ def shirt(
         below = row
     chest = below if open_back else [*below, below[0]]
     upper = steps(1.2 * sizes["armhole"], spacing, 3)  # it goes up and inwards
-    yoke = _Yoke(out, chest, sizes, upper, shoulder, depth, is_open=open_back)
+    yoke = _Yoke(out, chest, sizes, upper, frame, is_open=open_back)
     rows = steps(sizes["sleeve"], spacing, 2)
     for name, side in (("left", 1.0), ("right", -1.0)):
-        _add_sleeve(out, name, yoke.armhole(name), side, sizes, rows, arm)
+        _add_sleeve(out, name, yoke.armhole(name), side, sizes, rows, frame.arm)
     return out
 
 
@@ -219,11 +233,18 @@ class _Yoke:
     """Front and back of a shirt above the armpits, joined at the shoulders."""
 
     def __init__(
-        self, out: Pattern, chest: Row, sizes: Mapping[str, float], upper: int, shoulder: float,
-        depth: float, *, is_open: bool,
-    ) -> None:  # fmt: skip
+        self,
+        out: Pattern,
+        chest: Row,
+        sizes: Mapping[str, float],
+        upper: int,
+        frame: Frame,
+        *,
+        is_open: bool,
+    ) -> None:
         q = (len(chest) - 1) // 4
-        self._out, self._sizes, self._shoulder, self._depth = out, sizes, shoulder, depth
+        self._out, self._sizes = out, sizes
+        self._shoulder, self._depth = frame.shoulder, frame.depth
         self._wide = sizes["shoulders"] / 2 / float(np.abs(out.at(chest)[:, 0]).max())
         # Front: right to left. Back: its left half from the left to the middle, then its right half.
         front, left, right = [chest[q : 3 * q + 1]], [chest[3 * q :]], [chest[: q + 1]]
@@ -281,9 +302,14 @@ class _Yoke:
 
 
 def _add_sleeve(
-    out: Pattern, name: str, armhole: Row, side: float, sizes: Mapping[str, float], rows: int,
+    out: Pattern,
+    name: str,
+    armhole: Row,
+    side: float,
+    sizes: Mapping[str, float],
+    rows: int,
     arm: tuple[float, float],
-) -> None:  # fmt: skip
+) -> None:
     """Sew a sleeve onto an armhole; `side` is 1 on the left, -1 on the right."""
     ring = out.at(armhole)
     middle, count = ring.mean(axis=0), len(armhole)
@@ -317,6 +343,3 @@ def sheet(width: float, length: float, spacing: float) -> Pattern:
             out.join(above, row, closed=False)
         above = row
     return out
-
-
-__all__ = ["Pattern", "ellipse", "sheet", "shirt", "steps", "trousers"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,22 +13,17 @@ from ..body import Body
 from ..errors import ConfigError
 from ..pose import Pose, matrix_from_quaternion
 from . import contact, kernel
-from .collider import Colliders, carry, link_state
+from .collider import WORLD_FRAME, Colliders, NearShapes, carry, link_state
 from .hinge import Hinges, add_hinge_forces, solve_hinges
 from .material import Material
+from .soft_object import Carrier, SoftContact, SoftObject
 from .spring import Springs, add_spring_forces, solve_springs
-from .tetrahedron import (
-    SPARE,
-    Tetrahedra,
-    add_elastic_forces,
-    boundary,
-    make_scratch,
-    solve_tetrahedra,
-)
+from .tetrahedron import SPARE, Tetrahedra, add_elastic_forces, boundary, solve_tetrahedra
 
 Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.int32]
+Rows = npt.NDArray[np.int64]
 
 SUBSTEPS = 5  # in a physics step of 1/240 s: 20 in a frame of 1/60 s
 REACH = 0.004  # [m] from a shape at rest; more for a fast one
@@ -38,83 +32,20 @@ FOCUS_MARGIN = 0.02  # [m] that a contact may move before more is simulated
 _PAIRS = 4  # shapes that one particle can be near, on average
 
 
-@dataclass(frozen=True, eq=False)
-class Carrier:
-    """The link that a soft body rides on.
-
-    Attributes:
-        body: The body.
-        link: Its link.
-        pose: Frame of the soft body in the frame of the link.
-    """
-
-    body: Body
-    link: int
-    pose: Pose = Pose()
-
-
-@dataclass(frozen=True, eq=False)
-class SoftContact:
-    """What a soft body pressed on a link with, in the last physics step.
-
-    Attributes:
-        body: The rigid body that is pressed.
-        link: Its link.
-        force: On that link, in the world [N], shape [3].
-        point: A point on its line of action in the world [m], shape [3].
-        area: Of the skin that touches [m²].
-    """
-
-    body: Body
-    link: int
-    force: Array
-    point: Array
-    area: float
-
-
-@dataclass(frozen=True, eq=False)
-class Encounter:
-    """The shapes that a soft body may touch.
-
-    Attributes:
-        shapes: Rows in the table of all shapes, shape [m].
-        kinds: Their kinds, shape [m].
-        runs: Runs of the planes of hulls, shape [m, 2].
-        links: Rows of the links that carry them, each once.
-        beds: Stiffness of the flesh on them, zero where they are rigid [Pa/m], shape [m].
-    """
-
-    shapes: npt.NDArray[np.int64]
-    kinds: npt.NDArray[np.int64]
-    runs: npt.NDArray[np.int64]
-    links: tuple[int, ...]
-    beds: Floats = field(default_factory=lambda: np.zeros(0, np.float32))
-
-    @classmethod
-    def of(cls, colliders: Colliders, shapes: npt.NDArray[np.int64]) -> Encounter:
-        """Return the encounter with these shapes."""
-        links = tuple(np.unique(colliders.shape_links[shapes]).tolist())
-        return cls(
-            shapes, colliders.kinds[shapes], colliders.runs[shapes], links, colliders.beds[shapes]
-        )
-
-
-class SoftBody:
+class SoftBody(SoftObject):
     """Particles in the frame of a carrier, or of the world, held together by XPBD constraints.
 
     A body on a carrier moves with it by itself: motion of the carrier shakes nothing. That is meant for
     flesh, whose mass and weight the carrier has already.
 
     Attributes:
-        name: Name.
         rest: Positions at rest in the frame of the body [m], shape [n, 3].
         faces: Surface, shape [m, 3].
         material: What it is made of.
-        carrier: What it rides on; the world if None.
-        spared: Rigid bodies that it passes through, beside its carrier; see `Matter.spare`.
         is_awake: Whether it is being simulated.
         pressure: On each particle [Pa], shape [n]; zero inside.
-        contacts: What it pressed on in the last physics step.
+        middle: Of a sphere around it at rest [m], shape [3].
+        radius: Of that sphere [m].
     """
 
     def __init__(
@@ -165,7 +96,8 @@ class SoftBody:
             raise ConfigError(f"mass_factor must be above 0, got {mass_factor}")
         if focus is not None and (not focus > 0 or falls):
             raise ConfigError(f"focus must be above 0, and is for what does not fall; got {focus}")
-        self.name, self.material, self.carrier = name, material, carrier
+        super().__init__(name, carrier)
+        self.material = material
         self.rest = np.ascontiguousarray(rest, np.float64)
         count = len(self.rest)
         self.tetrahedra = Tetrahedra(
@@ -183,13 +115,9 @@ class SoftBody:
         self.falls, self.substeps, self.focus = falls, substeps, focus
         self._lightness = np.zeros(count, np.float32)  # inverse masses of all that can move
         self._lightness[free] = 1 / mass[free]
-        self._make_state(count)
-        skin = np.unique(self.faces)
-        self._skin = skin[free[skin]].astype(np.int32)
-        self._pairs = np.zeros((_PAIRS * len(self._skin) + 1, 2), np.int32)
-        self._areas = vertex_areas(self.rest, self.faces)
+        self._make_state(count, free)
         self._pins: list[tuple[Indices, Body, int, Array]] = []
-        self.is_awake, self.spared = falls, list[Body]()
+        self.is_awake = falls
         middle = (self.rest.min(axis=0) + self.rest.max(axis=0)) / 2
         self.middle, self.radius = middle, float(np.linalg.norm(self.rest - middle, axis=1).max())
         self._place = np.array((*Pose().position, *Pose().quaternion))
@@ -197,8 +125,8 @@ class SoftBody:
             pose = carrier.body.inertial_pose(carrier.link).inverse() @ carrier.pose
             self._place[:] = (*pose.position, *pose.quaternion)
 
-    def _make_state(self, count: int) -> None:
-        """Make the arrays that change."""
+    def _make_state(self, count: int, free: npt.NDArray[np.bool_]) -> None:
+        """Make the arrays that change, for particles that are `free` to move or not."""
         self._rest = self.rest.astype(np.float32)
         self._x = np.zeros((count + SPARE, 4), np.float32)
         self._x[:count, :3] = self._rest
@@ -208,12 +136,19 @@ class SoftBody:
         if self.focus is None:
             self._active[:] = True
             self._attend_to_active()
-        self._v, self._previous, self._start = (np.zeros((count, 3), np.float32) for _ in range(3))
+        self._v, previous, self._start = (np.zeros((count, 3), np.float32) for _ in range(3))
         self._forces = np.zeros((count + SPARE, 3), np.float32)
-        self._touch, self._normals = np.zeros(count, np.int32), np.zeros((count, 3), np.float32)
+        self._motion = kernel.Motion(self._x, self._v, previous, self._start, self._forces)
+        skin = np.unique(self.faces)
+        self._surface = contact.Surface(
+            skin[free[skin]].astype(np.int32),
+            vertex_areas(self.rest, self.faces),
+            np.zeros(count, np.int32),
+            np.zeros((count, 3), np.float32),
+        )
+        self._pairs = np.zeros((_PAIRS * len(self.skin) + 1, 2), np.int32)
         self.pressure = np.zeros(count, np.float32)
-        self._scratch, self._gradient = make_scratch(), np.zeros((4, 3))
-        self.contacts: list[SoftContact] = []
+        self._gradient = np.zeros((4, 3))
         self._last = np.zeros((0, 7))  # of each shape in the last step, see `kernel.smooth`
 
     def _attend_to_active(self) -> None:
@@ -221,18 +156,15 @@ class SoftBody:
         count = len(self.rest)
         self._x[:count, 3] = np.where(self._active, self._lightness, 0)
         padded = np.append(self._active & (self._lightness > 0), [False] * SPARE)
-        self._run = np.flatnonzero(padded[self.tetrahedra.particles].any(axis=1))
+        self._run = np.flatnonzero(padded[self.tetrahedra.packed.particles].any(axis=1))
 
-    def attend(self, frame: Array, colliders: Colliders, shapes: npt.NDArray[np.int64]) -> None:
-        """Simulate from now on what lies within the focus of shapes that touch or soon will."""
-        if self.focus is None or not len(shapes):
+    def wake(self, frame: Array, touching: NearShapes) -> None:
+        """Be simulated from now on, within the focus of shapes that touch or soon will."""
+        self.is_awake = True
+        if self.focus is None or not len(touching.rows):
             return
-        meetings = colliders.relate(frame, shapes, 1.0)
-        is_wider = contact.widen(
-            self._x, meetings, colliders.kinds[shapes], colliders.planes, colliders.runs[shapes],
-            np.float32(self.focus - FOCUS_MARGIN), np.float32(self.focus), self._active,
-        )  # fmt: skip
-        if is_wider:
+        inner, outer = np.float32(self.focus - FOCUS_MARGIN), np.float32(self.focus)
+        if contact.widen(self._x, tuple(touching.seen_from(frame)), inner, outer, self._active):
             self._attend_to_active()
 
     @property
@@ -248,24 +180,17 @@ class SoftBody:
     @property
     def skin(self) -> Indices:
         """Particles of the surface that can move, shape [s]."""
-        return self._skin
+        return self._surface.skin
+
+    @property
+    def normals(self) -> Floats:
+        """The way out of what each particle touches, in the frame of the body, shape [n, 3]."""
+        return self._surface.normals
 
     @property
     def areas(self) -> Floats:
         """Area of the surface around each particle at rest [m²], shape [n]; zero inside."""
-        return self._areas
-
-    @property
-    def force(self) -> Array:
-        """Summed force on all that it touches, in the world [N], shape [3]."""
-        return np.sum([c.force for c in self.contacts], axis=0) if self.contacts else np.zeros(3)
-
-    def force_on(self, body: Body, link: int | None = None) -> Array:
-        """Return the force on a body, or on one of its links, in the world [N], shape [3]."""
-        chosen = [
-            c.force for c in self.contacts if c.body is body and (link is None or c.link == link)
-        ]
-        return np.sum(chosen, axis=0) if chosen else np.zeros(3)
+        return self._surface.areas
 
     def held_load(self) -> Array:
         """Return the elastic force on all held particles in the frame of the body [N], shape [3].
@@ -295,13 +220,13 @@ class SoftBody:
         self._lightness[chosen] = 0
         self._attend_to_active()
         self._v[chosen] = 0
-        self._skin = np.setdiff1d(self._skin, chosen).astype(np.int32)
+        skin = np.setdiff1d(self.skin, chosen).astype(np.int32)
+        self._surface = self._surface._replace(skin=skin)
         self._pins.append((chosen, body, link, local))
 
     def frame(self, client: int) -> Array:
         """Return the state of the body's frame, as that of a link in `collider`, shape [13]."""
-        out = np.zeros(13)
-        out[6] = 1.0
+        out = WORLD_FRAME.copy()
         if self.carrier is not None:
             state = np.array(link_state(self.carrier.body, self.carrier.link, client))
             carry(state, self._place, out)
@@ -313,71 +238,65 @@ class SoftBody:
         return self.positions @ turn.T + frame[:3]
 
     def advance(
-        self, frame: Array, colliders: Colliders, near: Encounter, gravity: Array, period: float,
-        client: int,
-    ) -> Array:  # fmt: skip
-        """Simulate one physics step of `period` [s] and find what was pressed.
+        self, colliders: Colliders, gravity: Array, period: float, frame: Array, client: int
+    ) -> None:
+        """Simulate one physics step of `period` [s] and push what it met, and its carrier the other way.
 
         Args:
-            frame: State of its frame.
-            colliders: The rigid shapes.
-            near: Those that may be touched.
+            colliders: The rigid shapes; links must be fresh.
             gravity: In the world [m/s²], shape [3].
             period: Length of the physics step [s].
+            frame: State of its frame.
             client: Id of the physics client.
-
-        Returns:
-            What each near shape got, shape [m, OUTCOME]: see `kernel.to_world`.
         """
         field = _WEIGHTLESS
         if self.falls:
             field = (matrix_from_quaternion(frame[3:7]).T @ gravity).astype(np.float32)
-        meetings = colliders.relate(frame, near.shapes, self.material.friction)
+        near = self.near or colliders.none
+        shapes = near.seen_from(frame, self.material.friction)
+        tables, motion, surface = tuple(shapes), tuple(self._motion), tuple(self._surface)
         dt = np.float32(period / self.substeps)
         keep = np.float32(math.exp(-self.material.damping_per_s * period / self.substeps))
         self._start[:] = self._v
-        pinned, steps = self._pin_paths(period, client)
-        self._touch[:] = 0
-        shapes, pairs = (near.kinds, colliders.planes, near.runs), 0
-        if len(meetings):
-            pairs = contact.find_pairs(
-                self._x, self._skin, meetings, *shapes, np.float32(REACH), self._pairs
-            )
+        pinned = tuple(self._pin_paths(period, client))
+        self._surface.touch[:] = 0
+        x, previous, count = self._x, self._motion.previous, 0
+        if len(near.rows):
+            count = contact.find_pairs(x, self.skin, tables, np.float32(REACH), self._pairs)
         for _ in range(self.substeps):
-            kernel.predict(self._x, self._v, self._previous, field, dt, pinned, steps)
+            kernel.predict(motion, field, dt, pinned)
             self._solve(dt)
-            if pairs:
-                contact.move_meetings(meetings, dt)
-                contact.solve_contacts(
-                    self._x, self._previous, self._pairs, pairs, meetings, *shapes, dt,
-                    self._touch, self._normals, near.beds, self._areas,
-                )  # fmt: skip
-            kernel.finish(self._x, self._v, self._previous, keep, dt)
+            if count:
+                contact.move_meetings(shapes.meetings, dt)
+                contact.solve_contacts(x, previous, self._pairs, count, tables, dt, surface)
+            kernel.finish(motion, keep, dt)
         self._read_elastic(self.material.damping_s)
-        return self._conclude(frame, near.shapes, len(colliders.kinds), field, period)
+        outcome = self._conclude(frame, near.rows, len(colliders.kinds), field, period)
+        self.contacts = []
+        for c in np.flatnonzero(outcome[:, kernel.COUNT]).tolist():
+            (body, link), row = colliders.links[colliders.shape_links[near.rows[c]]], outcome[c]
+            area = float(row[kernel.AREA])
+            self._push(SoftContact(body, link, row[:3], row[3:6], area=area))
+        for body, link, force, point in self.pin_loads():
+            if body.is_movable or body.joints:
+                body.apply_force(link, force, point)
 
     def _conclude(
-        self, frame: Array, shapes: npt.NDArray[np.int64], shape_count: int, field: Floats,
-        period: float,
-    ) -> Array:  # fmt: skip
+        self, frame: Array, rows: Rows, shape_count: int, field: Floats, period: float
+    ) -> Array:
         """Find force, point and pressure from the elastic forces at the end of a step."""
-        outcome = np.zeros((len(shapes), kernel.OUTCOME))
+        outcome = np.zeros((len(rows), kernel.OUTCOME))
+        motion, surface = tuple(self._motion), tuple(self._surface)
         if len(self._last) != shape_count:
             self._last = np.zeros((shape_count, 7))
-        if not kernel.find_touching(
-            self._x, self._forces, self._touch, self._normals, self._areas, outcome
-        ):
+        if not kernel.find_touching(motion, surface, outcome):
             self.pressure[:] = 0
             self._last[:] = 0
             return outcome
-        kernel.share_out(
-            self._x, self._v, self._start, self._forces, self._touch, field,
-            self.material.damping_per_s, period, outcome,
-        )  # fmt: skip
-        kernel.smooth(outcome, shapes, self._last)
-        kernel.spread_pressure(
-            self._forces, self._touch, self._normals, self._areas, outcome, self.pressure
-        )
+        damping = self.material.damping_per_s
+        kernel.share_out(motion, self._surface.touch, field, damping, period, outcome)
+        kernel.smooth(outcome, rows, self._last)
+        kernel.spread_pressure(self._forces, surface, outcome, self.pressure)
         kernel.to_world(outcome, frame)
         return outcome
 
@@ -402,11 +321,8 @@ class SoftBody:
             at[: len(self.rest), :3] += np.float32(ahead) * self._v
         self._forces[:] = 0
         flesh, threads, folds = self.tetrahedra, self.springs, self.hinges
-        if len(flesh.particles):
-            add_elastic_forces(
-                at, self._run, flesh.particles, flesh.table, flesh.ratio, self._scratch,
-                self._forces,
-            )  # fmt: skip
+        if len(flesh.members):
+            add_elastic_forces(at, self._run, tuple(flesh.packed), self._forces)
         if len(threads.members):
             add_spring_forces(at, threads.members, threads.table, self._forces)
         if len(folds.members):
@@ -415,16 +331,14 @@ class SoftBody:
     def _solve(self, dt: np.float32) -> None:
         """Solve every constraint once."""
         flesh, threads, folds = self.tetrahedra, self.springs, self.hinges
-        if len(flesh.particles):
-            solve_tetrahedra(
-                self._x, self._run, flesh.particles, flesh.table, flesh.ratio, dt, self._scratch
-            )
+        if len(flesh.members):
+            solve_tetrahedra(self._x, self._run, tuple(flesh.packed), dt)
         if len(threads.members):
             solve_springs(self._x, threads.members, threads.table, dt)
         if len(folds.members):
             solve_hinges(self._x, folds.members, folds.table, dt, self._gradient)
 
-    def _pin_paths(self, period: float, client: int) -> tuple[Indices, Floats]:
+    def _pin_paths(self, period: float, client: int) -> kernel.Pinned:
         """Return the pinned particles and their displacement in a small step [m]."""
         if not self._pins:
             return _NO_PINS
@@ -435,13 +349,13 @@ class SoftBody:
             ahead = state[:3] + arms + period * (state[7:10] + np.cross(state[10:], arms))
             rows.append(particles)
             steps.append((ahead - self._x[particles, :3]) / self.substeps)
-        return np.concatenate(rows), np.concatenate(steps).astype(np.float32)
+        return kernel.Pinned(np.concatenate(rows), np.concatenate(steps).astype(np.float32))
 
     def sleep(self) -> None:
         """Come to rest at once; from here on the body rides with its carrier and costs nothing."""
         self._x[: len(self.rest), :3] = self._rest
         self._v[:] = 0
-        self._touch[:] = 0
+        self._surface.touch[:] = 0
         self.pressure[:] = 0
         self.contacts, self._last = [], np.zeros((0, 7))
         self.is_awake = False
@@ -450,17 +364,14 @@ class SoftBody:
             self._attend_to_active()
 
     def _changing(self) -> tuple[npt.NDArray[Any], ...]:
-        return (
-            self._x, self._v, self._forces, self._touch, self._normals, self.pressure, self._active,
-        )  # fmt: skip
+        _, _, touch, normals = self._surface
+        return self._x, self._v, self._forces, touch, normals, self.pressure, self._active
 
     def save(self) -> tuple[Any, ...]:
-        """Return a snapshot of everything that changes."""
         copies = (array.copy() for array in self._changing())
         return (*copies, self._last.copy(), list(self.contacts), self.is_awake)
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
-        """Return to a snapshot, bit for bit."""
         for array, saved in zip(self._changing(), snapshot, strict=False):
             array[:] = saved
         self._attend_to_active()
@@ -469,7 +380,7 @@ class SoftBody:
 
 
 _WEIGHTLESS = np.zeros(3, np.float32)
-_NO_PINS = (np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
+_NO_PINS = kernel.Pinned(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
 
 
 def vertex_areas(positions: Array, faces: Indices) -> Floats:
@@ -481,6 +392,3 @@ def vertex_areas(positions: Array, faces: Indices) -> Floats:
     for k in range(3):
         np.add.at(out, faces[:, k], area)
     return out.astype(np.float32)
-
-
-__all__ = ["Carrier", "Encounter", "SoftBody", "SoftContact", "vertex_areas"]

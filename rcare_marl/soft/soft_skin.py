@@ -1,41 +1,162 @@
-"""What renderers draw of a soft body that is no flesh beneath a person's skin."""
+"""What renderers draw of soft objects: implements `rcare_marl.world.Skin`."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
 from ..body import Body
+from ..rendering.mesh import SmoothNormals
+from ..world import Skin
+from .cloth import Cloth
+from .fluid import Fluid
 from .soft_body import SoftBody
+from .surface import enclose
+
+Floats = npt.NDArray[np.float32]
+Faces = npt.NDArray[np.int32]
+
+_CLEAR = 0.008  # [m] off the skin beneath, so that it does not show between particles
+_DEEP = 0.08  # [m] beneath a skin, from where cloth is not meant to be outside
+_NEIGHBOURS = 4  # vertices of the skin that say where outside is
 
 
 class SoftSkin:
-    """The surface of a soft body, for renderers: implements `rcare_marl.world.Skin`.
+    """The surface of a soft object, for renderers.
 
     Attributes:
-        soft: The soft body.
-        body: A body that stands for it; its own shapes are not drawn.
-        faces: Shape [m, 3].
-        colors: RGB of each vertex, shape [n, 3].
+        body: A body that stands for it where something must; its own shapes are not drawn.
+        faces: Shape [m, 3]; new ones when the object has torn or flowed.
+        colors: RGB, and opacity of what is not opaque, of each vertex, shape [n, 3] or [n, 4].
+    """
+
+    faces: Faces
+    colors: npt.NDArray[np.uint8]
+
+    def __init__(self, body: Body, color: Sequence[int]) -> None:
+        self.body, self._color = body, np.array(color, np.uint8)
+
+    def _paint(self, count: int) -> None:
+        self.colors = np.tile(self._color, (count, 1))
+
+    def vertices(self) -> Floats:
+        """Return the present vertices in the world [m], shape [n, 3]."""
+        raise NotImplementedError
+
+    def _rest(self) -> Floats:
+        """Return the vertices at rest [m], shape [n, 3]."""
+        return self.vertices()
+
+    def rest_pieces(self) -> list[tuple[int, Floats, Faces]]:
+        """Return it as one rigid piece, for fallbacks."""
+        return [(-1, self._rest(), np.arange(len(self.faces), dtype=np.int32))]
+
+
+class SoftBodySkin(SoftSkin):
+    """The surface of a soft body that is no flesh beneath a person's skin."""
+
+    def __init__(self, soft: SoftBody, body: Body, color: Sequence[int], client: int) -> None:
+        super().__init__(body, color)
+        self._soft, self._client = soft, client
+        self._outside, faces = np.unique(soft.faces, return_inverse=True)
+        self.faces = faces.reshape(-1, 3).astype(np.int32)
+        self._paint(len(self._outside))
+
+    def vertices(self) -> Floats:
+        points = self._soft.in_world(self._soft.frame(self._client))
+        return points[self._outside].astype(np.float32)
+
+    def _rest(self) -> Floats:
+        return self._soft.rest[self._outside].astype(np.float32)
+
+
+class FluidSkin(SoftSkin):
+    """The surface of a fluid."""
+
+    def __init__(self, fluid: Fluid, body: Body, color: Sequence[int]) -> None:
+        super().__init__(body, color)
+        self._fluid = fluid
+        self._seen: npt.NDArray[np.float64] = np.zeros((0, 3))
+        self._vertices: Floats = np.zeros((0, 3), np.float32)
+        self.vertices()
+
+    def vertices(self) -> Floats:
+        points = self._fluid.positions[self._fluid.is_active]
+        if len(points) == len(self._seen) and (points == self._seen).all() and len(points):
+            return self._vertices
+        self._seen = points
+        vertices, faces = enclose(points, self._fluid.spacing)
+        if not len(faces):  # none is left: renderers want something
+            vertices, faces = np.tile(self._fluid.positions[:1], (3, 1)), np.array([[0, 1, 2]])
+        self._vertices, self.faces = vertices.astype(np.float32), faces.astype(np.int32)
+        self._paint(len(vertices))
+        return self._vertices
+
+
+class ClothSkin(SoftSkin):
+    """The surface of a cloth.
+
+    Attributes:
+        beneath: Skins that it is drawn outside of. Cloth lies on the simple shapes of the physics, and a
+            shoulder is no capsule: what is drawn is moved out of the skin by the few centimetres.
     """
 
     def __init__(
-        self, soft: SoftBody, body: Body, client: int, *, rgb: tuple[int, int, int]
+        self, cloth: Cloth, body: Body, color: Sequence[int], beneath: Sequence[Skin] = ()
     ) -> None:
-        self.soft, self.body, self._client = soft, body, client
-        self._outside, faces = np.unique(soft.faces, return_inverse=True)
-        self.faces = faces.reshape(-1, 3).astype(np.int32)
-        self.colors = np.tile(np.array(rgb, np.uint8), (len(self._outside), 1))
+        super().__init__(body, color)
+        self.cloth, self.beneath = cloth, tuple(beneath)
+        self._mesh()
 
-    def vertices(self) -> npt.NDArray[np.float32]:
-        """Return the present vertices in the world [m], shape [n, 3]."""
-        points = self.soft.in_world(self.soft.frame(self._client))
-        return points[self._outside].astype(np.float32)
+    def _mesh(self) -> None:
+        """Cut each face of the cloth into four."""
+        self._coarse = faces = self.cloth.faces
+        self._normals = SmoothNormals(faces, len(self.cloth.rest))
+        sides = np.concatenate([faces[:, k] for k in ((0, 1), (1, 2), (2, 0))])
+        self._edges, where = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+        ab, bc, ca = len(self.cloth.rest) + where.reshape(3, -1)
+        a, b, c = faces.T
+        parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        self.faces = np.concatenate([np.stack(p, axis=1) for p in parts]).astype(np.int32)
+        self._paint(len(self.cloth.rest) + len(self._edges))
 
-    def rest_pieces(self) -> list[tuple[int, npt.NDArray[np.float32], npt.NDArray[np.int32]]]:
-        """Return it as one rigid piece, for fallbacks."""
-        faces = np.arange(len(self.faces), dtype=np.int32)
-        return [(-1, self.soft.rest[self._outside].astype(np.float32), faces)]
+    def vertices(self) -> Floats:
+        if self._coarse is not self.cloth.faces:
+            self._mesh()
+        out = self._rounded(self.cloth.positions.astype(np.float32))
+        for skin in self.beneath:
+            _move_out(out, skin.vertices(), skin.faces)
+        return out
+
+    def _rounded(self, points: Floats) -> Floats:
+        """Return the particles and the middles of edges, on a curve that is square to both normals.
+
+        A. Vlachos, J. Peters, C. Boyd and J. Mitchell, "Curved PN Triangles" (I3D 2001).
+        """
+        normals = self._normals.compute(points)
+        p, q = (points[self._edges[:, k]] for k in range(2))
+        n, m = (normals[self._edges[:, k]] for k in range(2))
+        at_p, at_q = (np.einsum("ea,ea->e", q - p, k)[:, None] for k in (n, m))
+        return np.concatenate((points, (p + q) / 2 - (at_p * n - at_q * m) / 8))
+
+    def _rest(self) -> Floats:
+        return self._rounded(self.cloth.rest.astype(np.float32))
 
 
-__all__ = ["SoftSkin"]
+def _move_out(points: Floats, skin: Floats, faces: Faces) -> None:
+    """Move points out of a skin where they are in it, in place."""
+    normals = SmoothNormals(faces, len(skin)).compute(skin)
+    low, high = points.min(axis=0) - _DEEP, points.max(axis=0) + _DEEP
+    chosen = np.flatnonzero(((skin > low) & (skin < high)).all(axis=1))
+    if len(chosen) < _NEIGHBOURS:
+        return
+    distance, near = cKDTree(skin[chosen]).query(points, k=_NEIGHBOURS)
+    near = chosen[near]
+    away = np.einsum("nka,nka->nk", points[:, None] - skin[near], normals[near]).mean(axis=1)
+    way = normals[near].mean(axis=1)
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    is_near = (distance[:, 0] < _DEEP) & (away < _CLEAR)
+    points += np.where(is_near, _CLEAR - away, 0.0)[:, None].astype(np.float32) * way

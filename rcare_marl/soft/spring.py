@@ -87,6 +87,3 @@ def add_spring_forces(x, members, table, forces) -> None:  # type: ignore[no-unt
         forces[j, 0] -= pull * dx
         forces[j, 1] -= pull * dy
         forces[j, 2] -= pull * dz
-
-
-__all__ = ["Springs", "add_spring_forces", "edges", "solve_springs"]

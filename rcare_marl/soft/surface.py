@@ -123,6 +123,3 @@ def _smoothed(vertices: Array, quads: npt.NDArray[np.int64]) -> Array:
     count = np.maximum(np.bincount(a, minlength=len(vertices)), 1)
     mean = [np.bincount(a, vertices[b, k], len(vertices)) / count for k in range(3)]
     return np.asarray(0.5 * (vertices + np.stack(mean, axis=1)))
-
-
-__all__ = ["enclose"]

@@ -8,12 +8,13 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 Ints = npt.NDArray[np.int64]
+Numbers = npt.NDArray[np.uint32]
 
 AT_ONCE = 4  # particles that are split in one physics step: a tear runs, it does not burst
 
 
 def torn(
-    points: Array, faces: Indices, threads: Indices, worst: Ints, tension: Array, held: Indices
+    points: Array, faces: Indices, threads: Numbers, worst: Ints, tension: Array, held: Indices
 ) -> tuple[Indices, Ints] | None:
     """Return the faces after tearing, and the particle that each new one was split from.
 
@@ -58,6 +59,3 @@ def torn(
         if len(parents) >= AT_ONCE:
             break
     return (new, np.array(parents, np.int64)) if parents else None
-
-
-__all__ = ["AT_ONCE", "torn"]

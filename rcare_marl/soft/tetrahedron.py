@@ -17,6 +17,8 @@ lanes therefore work on one scratch array at constant places, which a compiler c
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -58,15 +60,29 @@ def boundary(tetrahedra: Indices) -> Indices:
     return np.ascontiguousarray(faces[np.sort(first[times == 1])], np.int32)
 
 
+class Packed(NamedTuple):
+    """Tetrahedra packed for the kernels.
+
+    Attributes:
+        particles: Their particles, shape [g, 4 LANES].
+        table: Their constants, shape [g, 10 LANES].
+        ratio: mu / lambda.
+        scratch: Shape [_ROWS LANES].
+    """
+
+    particles: Indices
+    table: Floats
+    ratio: np.float32
+    scratch: Floats
+
+
 class Tetrahedra:
-    """The elastic tetrahedra of a body, packed for the kernels.
+    """The elastic tetrahedra of a body.
 
     Attributes:
         members: Particles of each tetrahedron, shape [t, 4].
         volumes: Rest volumes [m³], shape [t].
-        particles: Packed particles, shape [g, 4 LANES].
-        table: Packed constants, shape [g, 10 LANES].
-        ratio: mu / lambda.
+        packed: What the kernels take.
     """
 
     def __init__(self, rest: Array, members: Indices, material: Material) -> None:
@@ -88,12 +104,12 @@ class Tetrahedra:
         self._inverse = np.linalg.inv(_edges(rest, self.members))
         self._material = material
         mu, lame = material.shear_modulus, material.bulk_parameter
-        self.ratio = np.float32(mu / lame) if lame > 0 else np.float32(0)
         if len(self.members) and lame <= 0:
             raise ConfigError("neo-Hookean tetrahedra need a Poisson's ratio above 0")
-        self.particles, self.table = self._packed(rest, mu)
+        ratio = np.float32(mu / lame) if lame > 0 else np.float32(0)
+        self.packed = Packed(*self._pack(rest, mu), ratio, np.zeros(_ROWS * LANES, np.float32))
 
-    def _packed(self, rest: Array, mu: float) -> tuple[Indices, Floats]:
+    def _pack(self, rest: Array, mu: float) -> tuple[Indices, Floats]:
         count = len(rest)
         centres = rest[self.members].mean(axis=1)
         axis = int(np.argmax(np.ptp(centres, axis=0))) if len(centres) else 0
@@ -124,11 +140,6 @@ class Tetrahedra:
         return out
 
 
-def make_scratch() -> Floats:
-    """Return the scratch of the kernels below."""
-    return np.zeros(_ROWS * LANES, np.float32)
-
-
 @numba.njit(inline="always")
 def _deformation(s, n):  # type: ignore[no-untyped-def]
     """Return the deformation gradient F and the inverse B of the rest edges, row by row."""
@@ -140,20 +151,32 @@ def _deformation(s, n):  # type: ignore[no-untyped-def]
     i10, i11, i12 = s[19 * LANES + n], s[20 * LANES + n], s[21 * LANES + n]
     i20, i21, i22 = s[22 * LANES + n], s[23 * LANES + n], s[24 * LANES + n]
     return (
-        ax * i00 + bx * i10 + cx * i20, ax * i01 + bx * i11 + cx * i21, ax * i02 + bx * i12 + cx * i22,
-        ay * i00 + by * i10 + cy * i20, ay * i01 + by * i11 + cy * i21, ay * i02 + by * i12 + cy * i22,
-        az * i00 + bz * i10 + cz * i20, az * i01 + bz * i11 + cz * i21, az * i02 + bz * i12 + cz * i22,
-    ), (i00, i01, i02, i10, i11, i12, i20, i21, i22)  # fmt: skip
+        ax * i00 + bx * i10 + cx * i20,
+        ax * i01 + bx * i11 + cx * i21,
+        ax * i02 + bx * i12 + cx * i22,
+        ay * i00 + by * i10 + cy * i20,
+        ay * i01 + by * i11 + cy * i21,
+        ay * i02 + by * i12 + cy * i22,
+        az * i00 + bz * i10 + cz * i20,
+        az * i01 + bz * i11 + cz * i21,
+        az * i02 + bz * i12 + cz * i22,
+    ), (i00, i01, i02, i10, i11, i12, i20, i21, i22)
 
 
 @numba.njit(inline="always")
 def _cofactors(f):  # type: ignore[no-untyped-def]
     """Return the derivative of det F by F, row by row."""
     return (
-        f[4] * f[8] - f[5] * f[7], f[5] * f[6] - f[3] * f[8], f[3] * f[7] - f[4] * f[6],
-        f[7] * f[2] - f[8] * f[1], f[8] * f[0] - f[6] * f[2], f[6] * f[1] - f[7] * f[0],
-        f[1] * f[5] - f[2] * f[4], f[2] * f[3] - f[0] * f[5], f[0] * f[4] - f[1] * f[3],
-    )  # fmt: skip
+        f[4] * f[8] - f[5] * f[7],
+        f[5] * f[6] - f[3] * f[8],
+        f[3] * f[7] - f[4] * f[6],
+        f[7] * f[2] - f[8] * f[1],
+        f[8] * f[0] - f[6] * f[2],
+        f[6] * f[1] - f[7] * f[0],
+        f[1] * f[5] - f[2] * f[4],
+        f[2] * f[3] - f[0] * f[5],
+        f[0] * f[4] - f[1] * f[3],
+    )
 
 
 @numba.njit(inline="always")
@@ -260,18 +283,16 @@ def _gather(x, row, constants, s) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def solve_tetrahedra(x, run, particles, table, ratio, dt, s) -> None:  # type: ignore[no-untyped-def]
+def solve_tetrahedra(x, run, packed, dt) -> None:  # type: ignore[no-untyped-def]
     """Solve each tetrahedron once.
 
     Args:
         x: Positions [m] and inverse masses [1/kg], shape [n + SPARE, 4].
         run: The groups to solve, shape [r].
-        particles: Packed particles of all groups.
-        table: Packed constants of all groups.
-        ratio: mu / lambda.
+        packed: All groups, `Packed`.
         dt: Length of a small step [s].
-        s: Scratch.
     """
+    particles, table, ratio, s = packed
     per_square = _ONE / (dt * dt)
     for g in run:
         row = particles[g]
@@ -288,8 +309,9 @@ def solve_tetrahedra(x, run, particles, table, ratio, dt, s) -> None:  # type: i
 
 
 @numba.njit(cache=True)
-def add_elastic_forces(x, run, particles, table, ratio, s, forces) -> None:  # type: ignore[no-untyped-def]
+def add_elastic_forces(x, run, packed, forces) -> None:  # type: ignore[no-untyped-def]
     """Add the elastic forces on all particles [N] to `forces`, shape [n + SPARE, 3]; see above."""
+    particles, table, ratio, s = packed
     for g in run:
         row = particles[g]
         _gather(x, row, table[g], s)
@@ -300,15 +322,3 @@ def add_elastic_forces(x, run, particles, table, ratio, s, forces) -> None:  # t
                 forces[i, 0] += s[3 * k * LANES + n]
                 forces[i, 1] += s[(3 * k + 1) * LANES + n]
                 forces[i, 2] += s[(3 * k + 2) * LANES + n]
-
-
-__all__ = [
-    "LANES",
-    "SPARE",
-    "Tetrahedra",
-    "add_elastic_forces",
-    "boundary",
-    "make_scratch",
-    "signed_volumes",
-    "solve_tetrahedra",
-]

@@ -7,22 +7,10 @@ import numpy.typing as npt
 
 from ..body import Body
 from ..errors import ConfigError
-from ..pose import (
-    Pose,
-    Vector,
-    conjugate,
-    matrix_from_quaternion,
-    multiply,
-    rotate,
-    rotation_vector,
-)
+from ..pose import Pose, Vector, conjugate, matrix_from_quaternion, rotate
 from . import vessel_kernel as kernel
-from .collider import link_state
 
 Array = npt.NDArray[np.float64]
-
-LEAP = 4.0  # [m/s] of a vessel that is set from pose to pose, from where it is a teleport
-_AT_REST = 1e-6  # [m/s] and [rad/s], what Bullet says of a link that is set from pose to pose
 
 
 class Vessel:
@@ -63,7 +51,6 @@ class Vessel:
         self.depth, self.wall = depth, wall
         at = body.inertial_pose(link).inverse() @ pose
         self._place = np.array((*at.position, *at.quaternion))
-        self._before, self._read = np.zeros(7), -2
 
     @property
     def volume(self) -> float:
@@ -111,28 +98,8 @@ class Vessel:
         radius = self.rim_radius / length
         return rotate(frame.quaternion, (radius * x, radius * y, self.depth)) + frame.position
 
-    def forget(self) -> None:
-        """Forget where it was a step ago."""
-        self._read = -2
-
-    def write(self, row: Array, client: int, step: int, period: float) -> None:
-        """Write its row of the kernel's table for the coming physics step of `period` [s]."""
-        state = np.array(link_state(self.body, self.link, client))
-        self._haul(state, step, period)
+    def write(self, row: Array, state: Array) -> None:
+        """Write its row of the kernel's table, for the state of its link, see `collider`."""
         kernel.set_vessel(
             state, self._place, self.bottom_radius, self.rim_radius, self.depth, self.wall, row
         )
-
-    def _haul(self, state: Array, step: int, period: float) -> None:
-        """Let a body that is set from pose to pose move there within the step."""
-        before, is_known = self._before, self._read == step - 1
-        self._before, self._read = state[:7].copy(), step
-        if not is_known or any(abs(value) > _AT_REST for value in state[7:].tolist()):
-            return
-        apart = state[:3] - before[:3]
-        if (state[:7] != before).any() and float(apart @ apart) < (LEAP * period) ** 2:
-            turn = rotation_vector(multiply(state[3:7], conjugate(before[3:])))
-            state[:7], state[7:10], state[10:] = before, apart / period, turn / period
-
-
-__all__ = ["Vessel"]

@@ -197,15 +197,15 @@ def note(outcome, c, x, y, z, jx, jy, jz) -> None:  # type: ignore[no-untyped-de
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _way_out(table, former, c, x, y, z, fx, fy, fz, radius):  # type: ignore[no-untyped-def]
-    """Return how deep a point is in a vessel's wall or bottom [m], and the way out in the vessel's frame.
+def _way_out(table, former, c, x, previous, i, radius):  # type: ignore[no-untyped-def]
+    """Return how deep a particle is in a vessel's wall or bottom [m], and the way out in the vessel's frame.
 
-    Whoever has come through the middle of a wall since (fx, fy, fz) is sent back: a wall of a few
+    Whoever has come through the middle of a wall since the last small step is sent back: a wall of a few
     millimetres must not depend on how far a particle goes in a step.
     """
-    a, b, up = _local(table, c, x, y, z)
+    a, b, up = _local(table, c, x[i, 0], x[i, 1], x[i, 2])
     across = np.sqrt(a * a + b * b) + _LEAST
-    p, q, was_up = _local(former, c, fx, fy, fz)
+    p, q, was_up = _local(former, c, previous[i, 0], previous[i, 1], previous[i, 2])
     was_across = np.sqrt(p * p + q * q) + _LEAST
     thick, low = table[c, HALF] + radius, table[c, LOW]
     d, nr, nz, side, _, along = _wall(table, c, across, up)
@@ -229,9 +229,18 @@ def _way_out(table, former, c, x, y, z, fx, fy, fz, radius):  # type: ignore[no-
 
 
 @numba.njit(cache=True, error_model="numpy")
-def contain(x, previous, active, vessels, former, radius, dt, mass, outcome) -> None:  # type: ignore[no-untyped-def]
-    """Push particles out of walls; what has been in a wall before comes out without speed."""
-    pull = mass / dt
+def contain(x, previous, active, tables, step) -> None:  # type: ignore[no-untyped-def]
+    """Push particles out of walls; what has been in a wall before comes out without speed.
+
+    Args:
+        x: Positions, shape [n, 4].
+        previous: Positions before the small step, shape [n, 3].
+        active: The particles that there are.
+        tables: `fluid_kernel.Vessels`.
+        step: `fluid_kernel.Step`.
+    """
+    vessels, former, outcome = tables
+    dt, pull = step.dt, step.mass / step.dt
     for i in active:
         for c in range(vessels.shape[0]):
             square = 0.0
@@ -240,10 +249,7 @@ def contain(x, previous, active, vessels, former, radius, dt, mass, outcome) -> 
             if square > 4.0 * (vessels[c, HIGH] + vessels[c, TALL]) ** 2:
                 continue
             for _ in range(2):  # in a corner there are two ways out
-                depth, nx, ny, nz = _way_out(
-                    vessels, former, c, x[i, 0], x[i, 1], x[i, 2], previous[i, 0],
-                    previous[i, 1], previous[i, 2], radius,
-                )  # fmt: skip
+                depth, nx, ny, nz = _way_out(vessels, former, c, x, previous, i, step.radius)
                 if depth <= 0.0:
                     break
                 nx, ny, nz = _global(vessels, c, nx, ny, nz)
@@ -263,26 +269,3 @@ def contain(x, previous, active, vessels, former, radius, dt, mass, outcome) -> 
                 previous[i, 0] += quiet * nx
                 previous[i, 1] += quiet * ny
                 previous[i, 2] += quiet * nz
-
-
-__all__ = [
-    "DENSITY",
-    "FACTOR",
-    "FEELING",
-    "GRADIENT",
-    "NOWHERE",
-    "OUTCOME",
-    "SHIFT",
-    "SQUARES",
-    "VESSEL",
-    "WALL",
-    "carry_vessels",
-    "contain",
-    "feel_walls",
-    "find_outside",
-    "hidden",
-    "note",
-    "set_vessel",
-    "speed_at",
-    "sum_up",
-]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rcare_marl.errors import ConfigError
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, maker
-from ..rectangle import Rectangle
 from .joinery import Joinery, front_zone, wall_strip
 from .kitchen import SWEEP, TALL, add_fruit, add_kettle, add_knives, tall_carcass
 from .kitchen_layout import Unit
@@ -233,6 +233,3 @@ def fruit_bowl(setting: Setting) -> Piece:
     add = Joinery("fruit_bowl", setting)
     add_fruit(add, (0.14, 0.0, 0.0))
     return add.piece(wall_strip(0.28, 0.28), 0.14)
-
-
-__all__ = ["fridge", "fruit_bowl", "kettle", "knife_block", "microwave", "oven_tower"]

@@ -6,17 +6,15 @@ import dataclasses
 import math
 from collections.abc import Mapping
 
-from rcare_marl.urdf import Joint, Link, Model, Shape, Triple, joint_pose
+from rcare_marl.model.shape import Shape, Triple
+from rcare_marl.model.urdf import Joint, Link, Model, joint_pose
 
-from ...devices.device import Frame
-from ...devices.hospital_bed import HospitalBed
-from ...devices.platform_lift import PlatformLift
-from ...devices.rolling_wheelchair import ManualWheelchair
-from ...devices.transfer_bench import TransferBench
+from ...devices import Frame, HospitalBed, ManualWheelchair, PlatformLift, TransferBench
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 
 _WHEELCHAIR_BACK, _WHEELCHAIR_FRONT = 0.47, 0.6  # from the origin of the chair [m]
+_WHEELCHAIR_BACKREST = 0.5  # above the seat [m]
 _BENCH_BACK, _BENCH_FRONT = 0.29, 0.19  # from the origin of the bench [m]
 # [m] by which what is round may be angular: they are seen from farther away than where they work.
 _ERROR = 0.006
@@ -70,11 +68,11 @@ def _moved(frames: Mapping[str, Frame], by: Triple) -> dict[str, Frame]:
 def make_hospital_bed(setting: Setting) -> Piece:
     """Make a hospital bed, its head against the wall, its platform where the level wants mattresses."""
     bed, rules = HospitalBed(), setting.rules
-    c = bed.config
-    lowest, highest = c.low + c.mattress_thickness, c.high + c.mattress_thickness
+    f = bed.model.figure
+    lowest, highest = (f(end) + f("mattress_thickness") for end in ("low", "high"))
     top = min(max(rules.figure("bed_height"), lowest), highest)
     rest = top - lowest
-    length, half = c.mattress_length + 2 * c.end, 0.5 * c.mattress_width + 0.05
+    length, half = f("mattress_length") + 2 * f("end"), 0.5 * f("mattress_width") + 0.05
     space = rules.figure("bed_side_space")
     frames = {
         name: frame if name.startswith("side") else _moved({name: frame}, (0.0, 0.0, rest))[name]
@@ -82,9 +80,9 @@ def make_hospital_bed(setting: Setting) -> Piece:
     }
     return Piece(
         kind="hospital_bed",
-        model=at_rest(bed.model(), (0.0, 0.0, 0.0), {"height": rest}),
+        model=at_rest(bed.model, (0.0, 0.0, 0.0), {"height": rest}),
         footprint=Rectangle(0.0, -half, length, half),
-        height=max(c.board_height, top + 0.3),
+        height=max(f("board_height"), top + 0.3),
         zones=(
             Zone(Rectangle(0.5, half, length, half + space)),
             Zone(Rectangle(0.5, -half - space, length, -half)),
@@ -98,14 +96,14 @@ def make_hospital_bed(setting: Setting) -> Piece:
 def make_manual_wheelchair(setting: Setting) -> Piece:
     """Make a wheelchair that is parked with its back to the wall."""
     chair = ManualWheelchair(headrest=False)
-    shift, half = (_WHEELCHAIR_BACK, 0.0, 0.0), 0.5 * chair.config.width
+    shift, half = (_WHEELCHAIR_BACK, 0.0, 0.0), 0.5 * chair.model.figure("width")
     front = _WHEELCHAIR_BACK + _WHEELCHAIR_FRONT
     frames = {key: frame for key, frame in chair.frames.items() if key != "headrest"}
     return Piece(
         kind="manual_wheelchair",
-        model=at_rest(chair.model(), shift, {}),
+        model=at_rest(chair.model, shift, {}),
         footprint=Rectangle(0.0, -half, front, half),
-        height=chair.config.seat_height + chair.config.backrest_height + 0.02,
+        height=chair.frame("seat").position[2] + _WHEELCHAIR_BACKREST + 0.02,
         frames=_moved(frames, shift),
     )
 
@@ -117,15 +115,15 @@ def make_transfer_bench(setting: Setting, *, seat_height: float = 0.48) -> Piece
     The seat is at the right; a bathtub's rim goes below the left.
     """
     bench = TransferBench(seat_height=seat_height)
-    c = bench.config
-    out = seat_height - c.seat_low
-    shift, half = (_BENCH_BACK, 0.0, out), 0.5 * c.length + 0.015
+    f = bench.model.figure
+    out = seat_height - f("seat_low")
+    shift, half = (_BENCH_BACK, 0.0, out), 0.5 * f("length") + 0.015
     positions = dict.fromkeys(bench.controls, out)
     return Piece(
         kind="transfer_bench",
-        model=at_rest(bench.model(), shift, positions),
+        model=at_rest(bench.model, shift, positions),
         footprint=Rectangle(0.0, -half, _BENCH_BACK + _BENCH_FRONT, half),
-        height=seat_height + c.backrest_height + 0.06,
+        height=seat_height + f("backrest_height") + 0.06,
         frames=_moved(bench.frames, shift),
         measures={"bath_seat_height": seat_height},
     )
@@ -135,27 +133,24 @@ def make_transfer_bench(setting: Setting, *, seat_height: float = 0.48) -> Piece
 def make_platform_lift(setting: Setting, *, rise: float = 0.3) -> Piece:
     """Make a platform lift that rises by `rise` [m], its landing at the wall, its ramp before it."""
     lift = PlatformLift(rise=rise)
-    c = lift.config
-    half = 0.5 * c.length
+    length, width, ramp = map(lift.model.figure, ("length", "width", "ramp"))
+    half = 0.5 * length
     # The landing is at x of the lift: the piece looks the other way.
-    model = at_rest(lift.model(), (half, 0.0, 0.0), {})
+    model = at_rest(lift.model, (half, 0.0, 0.0), {})
     turned = dataclasses.replace(model.joints["stands"], rpy=(0.0, 0.0, math.pi))
     model = dataclasses.replace(model, joints=model.joints | {"stands": turned})
     frames = {}
     for name, frame in lift.frames.items():
         (x, y, z), (roll, pitch, yaw) = frame.position, frame.rpy_deg
         frames[name] = Frame((half - x, -y, z), (roll, pitch, yaw + 180.0), frame.note)
-    side, tower = 0.5 * c.width + 0.035, 0.5 * c.width + 0.26
-    front = c.length + c.ramp
+    side, tower = 0.5 * width + 0.035, 0.5 * width + 0.26
+    front = length + ramp
     return Piece(
         kind="platform_lift",
         model=model,
         footprint=Rectangle(0.0, -tower, front, side),
         height=rise + 1.1,
-        zones=(Zone(Rectangle(front, -0.5 * c.width, front + 1.22, 0.5 * c.width)),),
+        zones=(Zone(Rectangle(front, -0.5 * width, front + 1.22, 0.5 * width)),),
         frames=frames,
-        measures={"platform_lift_clear_width": c.width},
+        measures={"platform_lift_clear_width": width},
     )
-
-
-__all__ = ["at_rest"]

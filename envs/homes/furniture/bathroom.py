@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 from .joinery import Joinery
 from .plumbing import grab_bar
 from .stock import box, rod, solid_rods
@@ -224,8 +224,13 @@ def _lid(made: Joinery, low: float) -> None:
     made.solid(box("", (_HINGE + 0.03, -0.16, low), (_FRONT, 0.16, high)), link="lid")
     out, wide, thick = _LIP
     tip = _FRONT + out
-    made.box((_FRONT - 0.03, -0.5 * wide, low), (tip, 0.5 * wide, low + thick), "white", link="lid",
-             bevel=0.004)  # fmt: skip
+    made.box(
+        (_FRONT - 0.03, -0.5 * wide, low),
+        (tip, 0.5 * wide, low + thick),
+        "white",
+        link="lid",
+        bevel=0.004,
+    )
     made.frame("handle_lid", (tip - 0.5 * out, 0.0, low), "under its lip; lift it", link="lid")
     made.frame("lid", (_CENTRE, 0.0, high), "middle of the lid when it is shut")
 
@@ -302,6 +307,3 @@ def fold_down(made: Joinery, y: float, *, top: float, length: float, diameter: f
     made.solid(*solid_rods(radius, *path[:4]), link="fold_down")
     made.frame("handle_fold_down", (front, y, z), "front end; pull it down", link="fold_down")
     made.frame("fold_down", (0.5 * (hinge + front), y, z), "middle of the bar when it is down")
-
-
-__all__ = ["fold_down", "toilet"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.urdf import Shape, Triple
+from rcare_marl.model.shape import Shape, Triple
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, maker
-from ..rectangle import Rectangle
 from ..rule import Rules
 from .bathroom import fold_down
 from .joinery import Joinery
@@ -148,6 +148,3 @@ def toilet_paper(setting: Setting) -> Piece:
     )
     made.frame("handle_roll", (x + 0.055, 0.0, z), "front of the roll; pull it down", link="roll")
     return made.piece(Rectangle(0.0, -0.08, 0.14, 0.1), z + 0.06, blocks=False)
-
-
-__all__ = ["bar_figures", "fold_down_bar", "toilet_paper", "towel_rail", "wall_bar"]

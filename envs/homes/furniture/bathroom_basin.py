@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.urdf import Shape, Triple
+from rcare_marl.model.shape import Shape, Triple
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 from .bathroom_storage import BOARD, LEAF, bottle, carcase
 from .joinery import Joinery
 from .plumbing import drain, tap, trap
@@ -202,6 +202,3 @@ def _with_knees(made: Joinery, half: float, front: float, back: float) -> Piece:
     footprint = Rectangle(0.0, -half, front, half)
     made.knee += (knee,)
     return made.piece(footprint, 1.86, zones=(Zone(use),))
-
-
-__all__ = ["washbasin"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from rcare_marl.urdf import Shape, Triple
+from rcare_marl.model.shape import Shape, Triple
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 from .bathroom_bar import bar_figures
 from .joinery import Joinery
 from .plumbing import drain, grab_bar, hand_shower, tap
@@ -142,6 +142,3 @@ def _finished(made: Joinery, rim: float, length: float, width: float) -> Piece:
     made.frame("rim", (width - _RIM, 0.0, rim), "middle of the front rim")
     footprint = Rectangle(0.0, -half, width + 0.006, half)
     return made.piece(footprint, 1.66, zones=(Zone(use),))
-
-
-__all__ = ["bathtub", "bathtub_with_seat"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.urdf import Triple
+from rcare_marl.model.shape import Triple
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 from .bathroom_bar import bar_figures
 from .joinery import Joinery
 from .plumbing import disc, drain, grab_bar, hand_shower, tiled_panel
@@ -301,6 +301,3 @@ def _glass_door(
         made.draw(rod("metal", 0.006, (face, y, z), (x, y, z)), link="door")
     made.draw(rod("metal", 0.006, (face, free, low), (face, free, high)), link="door")
     made.frame("handle_door", (x, y, 1.1), "bar handle", link="door")
-
-
-__all__ = ["fold_seat", "roll_in_shower", "shower_cabin", "transfer_shower"]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 from .joinery import Joinery
 from .stock import box, rod
 
@@ -198,14 +198,3 @@ def bath_mat(setting: Setting, *, width: float = 0.8, depth: float = 0.5) -> Pie
         box("towel", (0.07, 0.07 - half, 0.01), (depth - 0.07, half - 0.07, 0.012)),
     )
     return made.piece(Rectangle(0.0, -half, depth, half), 0.012, blocks=False)
-
-
-__all__ = [
-    "bathroom_cabinet",
-    "bath_mat",
-    "bottle",
-    "carcase",
-    "laundry_basket",
-    "shelf_linen",
-    "towels",
-]

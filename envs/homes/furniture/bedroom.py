@@ -6,10 +6,10 @@ import math
 from typing import Literal
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 from .joinery import BOARD, Joinery
 
 _MATTRESS = 0.2  # [m] thick
@@ -214,12 +214,24 @@ def _hinged_doors(robe: Joinery, half: float, low: float, high: float, deep: flo
             )
         number = 2 * pair
         # Two doors on one post stop before their handles meet.
-        robe.door(f"door_{number + 2}", (deep, middle, low), (deep + 0.02, y1, high), "front",
-                  hinge="left", handle_z=1.05,
-                  swing=_WIDE_SWING if pair == pairs - 1 else _SHORT_SWING)  # fmt: skip
-        robe.door(f"door_{number + 1}", (deep, y0, low), (deep + 0.02, middle, high), "front",
-                  hinge="right", handle_z=1.05,
-                  swing=_WIDE_SWING if pair == 0 else _SHORT_SWING)  # fmt: skip
+        robe.door(
+            f"door_{number + 2}",
+            (deep, middle, low),
+            (deep + 0.02, y1, high),
+            "front",
+            hinge="left",
+            handle_z=1.05,
+            swing=_WIDE_SWING if pair == pairs - 1 else _SHORT_SWING,
+        )
+        robe.door(
+            f"door_{number + 1}",
+            (deep, y0, low),
+            (deep + 0.02, middle, high),
+            "front",
+            hinge="right",
+            handle_z=1.05,
+            swing=_WIDE_SWING if pair == 0 else _SHORT_SWING,
+        )
 
 
 def _sliding_doors(robe: Joinery, half: float, low: float, high: float, inner: float) -> None:
@@ -231,8 +243,14 @@ def _sliding_doors(robe: Joinery, half: float, low: float, high: float, inner: f
         outer = sign * (half - BOARD - 0.002)
         y0, y1 = sorted((outer, -sign * overlap))
         middle = 0.5 * (y0 + y1)
-        robe.moving(name, "prismatic", (x, middle, 0.5 * (low + top)), (0.0, -float(sign), 0.0),
-                    half - BOARD - overlap - 0.002, damping=12.0)  # fmt: skip
+        robe.moving(
+            name,
+            "prismatic",
+            (x, middle, 0.5 * (low + top)),
+            (0.0, -float(sign), 0.0),
+            half - BOARD - overlap - 0.002,
+            damping=12.0,
+        )
         robe.box((x, y0, low + 0.004), (x + 0.018, y1, top - 0.004), material, link=name)
         edge = outer - sign * 0.05
         grip = (x + 0.018, edge, 1.0)
@@ -256,8 +274,12 @@ def make_chest(setting: Setting, *, width: float = 0.9, drawers: int = 4) -> Pie
     step = (high - 0.02 - plinth) / drawers
     for k in range(drawers):
         z = plinth + k * step
-        chest.drawer(f"drawer_{drawers - k}", (0.02, -half + BOARD, z),
-                     (deep, half - BOARD, z + step), "wood_light")  # fmt: skip
+        chest.drawer(
+            f"drawer_{drawers - k}",
+            (0.02, -half + BOARD, z),
+            (deep, half - BOARD, z + step),
+            "wood_light",
+        )
     chest.box((0.1, -0.3, high), (0.3, -0.08, high + 0.05), "paper", solid=False)
     chest.frame("top", (0.5 * deep, 0.0, high), "middle of the top")
     chest.stand_zone(-half, half, 0.6, x=deep)
@@ -321,15 +343,3 @@ def make_bench(setting: Setting, *, width: float = 1.2, depth: float = 0.4) -> P
     bench.frame("seat", (0.5 * depth, 0.0, top), "middle of the seat")
     bench.stand_zone(-half, half, 0.5, x=depth)
     return bench.piece()
-
-
-__all__ = [
-    "hang_clothes",
-    "make_bed",
-    "make_bench",
-    "make_chest",
-    "make_nightstand",
-    "make_vanity",
-    "make_wardrobe",
-    "table_lamp",
-]

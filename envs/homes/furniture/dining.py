@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 from .joinery import Joinery, front_zone, wall_strip
 
 # Length and width [m] of tables by seats; common, from memory. At level 3 longer by what a wheelchair
@@ -326,14 +326,3 @@ def dresser_cabinet(setting: Setting, *, width: float = 1.2) -> Piece:
             front_zone(0.47, width, SWEEP, "sweep"),
         ),
     )
-
-
-__all__ = [
-    "body_of_drawers",
-    "chair",
-    "dining_table",
-    "dresser_cabinet",
-    "high_sideboard",
-    "round_table",
-    "sideboard",
-]

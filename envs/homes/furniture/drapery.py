@@ -50,8 +50,16 @@ def make_blind(
     blind.box((0.04, -half, top - 0.05 - panel), (0.046, half, top - 0.05), "curtain", solid=False)
     low = top - 0.05 - panel
     # It weighs half a kilogram; the friction of its roll holds that.
-    blind.moving("panel", "prismatic", (0.025, 0.0, low), (0.0, 0.0, -1.0), 0.92 * panel,
-                 density=0.5 / (0.012 * 2 * half * (panel + 0.02)), damping=8.0, friction=8.0)  # fmt: skip
+    blind.moving(
+        "panel",
+        "prismatic",
+        (0.025, 0.0, low),
+        (0.0, 0.0, -1.0),
+        0.92 * panel,
+        density=0.5 / (0.012 * 2 * half * (panel + 0.02)),
+        damping=8.0,
+        friction=8.0,
+    )
     blind.box(
         (0.019, -half + 0.01, low - 0.02),
         (0.031, half - 0.01, low + panel),
@@ -71,6 +79,3 @@ def make_blind(
     )
     blind.frame("handle_panel", (0.03, 0.0, low - 0.14), "toggle on the lower edge")
     return blind.piece(blocks=False)
-
-
-__all__ = ["make_blind", "make_curtains"]

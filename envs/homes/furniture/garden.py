@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, maker
-from ..rectangle import Rectangle
 from .joinery import Joinery
 
 
@@ -42,6 +42,3 @@ def make_garden_table(setting: Setting, *, width: float = 1.2, depth: float = 0.
     )
     table.frame("place_2", (-0.35, 0.0, 0.0), "floor of a chair's back that faces the table")
     return table.piece()
-
-
-__all__ = ["make_garden_table"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rcare_marl.errors import ConfigError
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 from .joinery import Joinery
 
 _COLOURS = ("rubber", "fabric", "rug", "rubber", "blanket")
@@ -110,6 +110,3 @@ def make_parallel_bars(
     bars.frame("start", (length + 0.1, 0.0, 0.0), "floor where one starts to walk", yaw_deg=180.0)
     bars.zones.append(Zone(Rectangle(length, -y, length + 0.9, y)))
     return bars.piece()
-
-
-__all__ = ["make_dumbbell_rack", "make_mat", "make_parallel_bars", "make_treadmill"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, maker
-from ..rectangle import Rectangle
 from .joinery import BOARD, Joinery
 
 
@@ -34,8 +34,13 @@ def make_coat_rack(setting: Setting, *, width: float = 0.9) -> Piece:
 def _hang_coat(rack: Joinery, y: float, high: float, length: float, material: str) -> None:
     """Hang a coat, flat, with shoulders and sleeves, on a hook at `y`; it gives way."""
     shoulder = high - 0.13
-    outline = ((0.2, high - length), (0.17, shoulder - 0.25), (0.19, shoulder), (0.08, high - 0.05),
-               (0.05, high + 0.01))  # fmt: skip
+    outline = (
+        (0.2, high - length),
+        (0.17, shoulder - 0.25),
+        (0.19, shoulder),
+        (0.08, high - 0.05),
+        (0.05, high + 0.01),
+    )
     rack.draw(
         Shape(
             kind="lathe",
@@ -159,8 +164,17 @@ def make_umbrella_stand(setting: Setting) -> Piece:
         stand.rod([foot, tip], 0.006, "wood_dark")
         middle = (x + 0.5 * dx, 0.5 * dy, 0.68)
         stand.rod([(x - 0.1 * dx, -0.3 * dy, 0.25), middle], 0.026, material)
-        stand.rod([tip, (tip[0], tip[1], 0.9), (tip[0] + 0.07, tip[1], 0.9), (tip[0] + 0.07, tip[1], 0.86)],
-                  0.01, "wood", bend=0.03)  # fmt: skip
+        stand.rod(
+            [
+                tip,
+                (tip[0], tip[1], 0.9),
+                (tip[0] + 0.07, tip[1], 0.9),
+                (tip[0] + 0.07, tip[1], 0.86),
+            ],
+            0.01,
+            "wood",
+            bend=0.03,
+        )
     stand.rod(
         [(x + 0.02, -0.05, 0.02), (x - 0.03, -0.07, 0.88), (x - 0.03, 0.02, 0.9)],
         0.011,
@@ -168,12 +182,3 @@ def make_umbrella_stand(setting: Setting) -> Piece:
         bend=0.05,
     )
     return stand.piece()
-
-
-__all__ = [
-    "make_coat_rack",
-    "make_console_table",
-    "make_mirror",
-    "make_shoe_bench",
-    "make_umbrella_stand",
-]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
 from ..piece import Piece, Setting, maker
 from .joinery import Joinery
@@ -76,6 +76,3 @@ def make_radiator(setting: Setting, *, width: float = 1.0, height: float = 0.6) 
         "handle_valve", (0.11, y, 0.225), "rim of the valve, turned along y", yaw_deg=90.0
     )
     return radiator.piece()
-
-
-__all__ = ["make_fireplace", "make_radiator"]

@@ -8,14 +8,14 @@ from typing import Literal
 
 import numpy as np
 
-from rcare_marl.inertia import of_box
+from rcare_marl.model.inertia import of_box
+from rcare_marl.model.shape import ZERO, Shape, Triple
+from rcare_marl.model.urdf import Joint
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy
-from rcare_marl.urdf import ZERO, Joint, Shape, Triple
 
-from ...devices.assembly import Assembly, Part
-from ...devices.device import Frame
+from ...devices import Assembly, Frame, Part
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone
-from ..rectangle import Rectangle
 from .stock import box, solid_rods
 
 BODY = "body"  # the root of every piece
@@ -178,10 +178,19 @@ class Joinery(Assembly):
         effort, velocity = _MADE_FOR[kind]
         here = self.parts[parent].origin
         self.joints[joint or link] = Joint(
-            kind=kind, parent=parent, child=link, at=_minus(at, here), rpy=closed, axis=axis,
-            lower=-SLACK, upper=upper, effort=effort, velocity=velocity,
-            damping=damping, friction=friction,
-        )  # fmt: skip
+            kind=kind,
+            parent=parent,
+            child=link,
+            at=_minus(at, here),
+            rpy=closed,
+            axis=axis,
+            lower=-SLACK,
+            upper=upper,
+            effort=effort,
+            velocity=velocity,
+            damping=damping,
+            friction=friction,
+        )
 
     def handle(
         self,
@@ -258,8 +267,9 @@ class Joinery(Assembly):
         (x0, y0, z0), (x1, y1, z1) = low, high
         sign = 1.0 if hinge == "left" else -1.0
         pivot = (x1, y1 if hinge == "left" else y0, z0)
-        self.moving(name, "revolute", pivot, (0.0, 0.0, sign), swing, mass=mass,
-                    damping=HINGE_DAMPING)  # fmt: skip
+        self.moving(
+            name, "revolute", pivot, (0.0, 0.0, sign), swing, mass=mass, damping=HINGE_DAMPING
+        )
         low, high = (x0, y0 + GAP, z0 + GAP), (x1, y1 - GAP, z1 - GAP)
         self.front(low, high, material, link=name, framed=framed)
         free = (y0 if hinge == "left" else y1) + sign * 0.035
@@ -289,8 +299,14 @@ class Joinery(Assembly):
         thin, tall = 0.012, z1 - z0
         travel = travel or 0.75 * (x1 - x0)
         front, middle = x1 - BOARD, 0.5 * (y0 + y1)
-        self.moving(name, "prismatic", (x1, middle, 0.5 * (z0 + z1)), (1.0, 0.0, 0.0), travel,
-                    damping=SLIDE_DAMPING)  # fmt: skip
+        self.moving(
+            name,
+            "prismatic",
+            (x1, middle, 0.5 * (z0 + z1)),
+            (1.0, 0.0, 0.0),
+            travel,
+            damping=SLIDE_DAMPING,
+        )
         a, b = (front, y0 + GAP, z0 + GAP), (x1, y1 - GAP, z1 - GAP)
         self.front(a, b, material, link=name, framed=framed)
         side, other, floor, top = y0 + 0.02, y1 - 0.02, z0 + 0.02, z0 + 0.75 * tall
@@ -395,6 +411,3 @@ def _triple(values: Sequence[float]) -> Triple:
 
 def _minus(a: Triple, b: Triple) -> Triple:
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
-__all__ = ["BAR_REACH", "BOARD", "BODY", "GAP", "OPEN", "Joinery", "front_zone", "wall_strip"]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 from .joinery import Joinery, front_zone, wall_strip
 from .kitchen_layout import CORNER, LONGEST_RUN, SHORTEST_RUN, RunPlan, Unit, lay_units
 from .kitchen_unit import (
@@ -14,7 +14,6 @@ from .kitchen_unit import (
     DEPTH,
     FRONT,
     PLINTH,
-    WORKTOP,
     Run,
     add_boards,
     add_unit,
@@ -403,20 +402,3 @@ def waste_bin(setting: Setting) -> Piece:
     add.box(low, top, "metal_dark", link="lid", seen=False)
     add.frame("handle_lid", (x + radius - 0.01, 0.0, high + 0.01), note="front rim of the lid")
     return add.piece(wall_strip(0.33, 0.32), high + 0.06)
-
-
-__all__ = [
-    "SWEEP",
-    "TALL",
-    "WORKTOP",
-    "add_fruit",
-    "add_kettle",
-    "add_knives",
-    "kitchen_island",
-    "kitchen_run",
-    "pantry_cupboard",
-    "stool",
-    "tall_carcass",
-    "tall_cupboard",
-    "waste_bin",
-]

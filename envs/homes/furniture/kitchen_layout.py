@@ -21,9 +21,18 @@ SHORTEST_RUN, LONGEST_RUN = 1.8, 4.8
 _STEP = 0.1
 
 UnitKind = Literal[
-    "drawers", "doors", "sink", "knee_sink", "dishwasher", "hob", "oven_hob", "knee_hob", "corner",
-    "filler", "oven",
-]  # fmt: skip
+    "drawers",
+    "doors",
+    "sink",
+    "knee_sink",
+    "dishwasher",
+    "hob",
+    "oven_hob",
+    "knee_hob",
+    "corner",
+    "filler",
+    "oven",
+]
 
 
 @dataclass(frozen=True)
@@ -187,16 +196,3 @@ def _cost(units: tuple[Unit, ...], plan: RunPlan) -> float:
         cost += 0.2 * abs(sum(ends) / len(ends) - middle)
     cost += 0.1 * sum(1 for unit in units if unit.kind == "filler")
     return cost
-
-
-__all__ = [
-    "APPLIANCE",
-    "CORNER",
-    "LONGEST_RUN",
-    "NARROWEST",
-    "SHORTEST_RUN",
-    "WIDEST",
-    "RunPlan",
-    "Unit",
-    "lay_units",
-]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, maker
-from ..rectangle import Rectangle
 from .joinery import Joinery, wall_strip
 
 PICTURE_HEIGHT = 1.5  # [m] of the middle of pictures; common, from memory
@@ -217,6 +217,3 @@ def plant(setting: Setting, *, size: str = "large") -> Piece:
     height = tall + 0.95 * s
     reach = 0.3 * s
     return add.piece(Rectangle(x - reach, -reach, x + reach, reach), height)
-
-
-__all__ = ["pendant_lamp", "picture", "plant", "rug", "wall_clock"]

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from rcare_marl.urdf import Shape, Triple
+from rcare_marl.model.shape import Shape, Triple
 
 from .joinery import Joinery
 from .kitchen_layout import Unit
@@ -408,21 +408,3 @@ def _hob(run: Run, unit: Unit) -> None:
     add.frame("hob", run.at(0.31, unit.middle, z + 0.008), note="middle of the hob")
     stand = run.at(DEPTH + 0.3, unit.middle, 0.0)
     add.frame("stand_hob", stand, yaw_deg=180.0, note="where one stands or wheels at the hob")
-
-
-__all__ = [
-    "BOARD",
-    "CARCASS",
-    "DEPTH",
-    "FRONT",
-    "PLINTH",
-    "WORKTOP",
-    "Run",
-    "add_boards",
-    "add_unit",
-    "add_worktop",
-    "drop_door",
-    "oven_cavity",
-    "oven_controls",
-    "oven_front",
-]

@@ -64,10 +64,14 @@ def _cabinet(add: Joinery, y0: float, y1: float, bottom: float, number: int) -> 
         add.box((0.0, y - 0.5 * BOARD, low), (DEPTH, y + 0.5 * BOARD, top), "front")
     for place in range(count):
         a = y0 + place * width
-        leaves = [(a, a + width)] if width <= 0.5 + 1e-9 else [
-            (a, a + 0.5 * width),
-            (a + 0.5 * width, a + width),
-        ]  # fmt: skip
+        leaves = (
+            [(a, a + width)]
+            if width <= 0.5 + 1e-9
+            else [
+                (a, a + 0.5 * width),
+                (a + 0.5 * width, a + width),
+            ]
+        )
         for leaf, (c, d) in enumerate(leaves):
             number += 1
             at = ((DEPTH, c, low), (DEPTH + FRONT, d, top))
@@ -129,6 +133,3 @@ def add_tiles(add: Joinery, plan: RunPlan, low: float, high: float) -> None:
         for k in range(1, math.ceil((high - low) / TILE - 1e-6)):
             z = low + k * TILE
             add.box((0.006, y0, z - 0.0015), (0.0068, y1, z + 0.0015), "trim", solid=False)
-
-
-__all__ = ["add_cabinets", "add_hood", "add_tiles"]

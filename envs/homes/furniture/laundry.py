@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from rcare_marl.urdf import Shape, Triple
+from rcare_marl.model.shape import Shape, Triple
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from ..rectangle import Rectangle
 from .joinery import Joinery
 from .plumbing import disc, drain, tap, trap
 from .stock import box, rod
@@ -279,16 +279,24 @@ def ironing_board(setting: Setting) -> Piece:
     y = half - 0.16
     made.draw(
         box("metal", (middle - 0.055, y - 0.11, high), (middle + 0.055, y + 0.11, high + 0.012)),
-        box("fabric", (middle - 0.045, y - 0.08, high + 0.012), (middle + 0.045, y + 0.1, high + 0.05)),
-        rod("black", 0.014, (middle, y - 0.07, high + 0.05), (middle, y - 0.05, high + 0.1),
-            (middle, y + 0.09, high + 0.1), (middle, y + 0.09, high + 0.05), bend=0.03),
-    )  # fmt: skip
+        box(
+            "fabric",
+            (middle - 0.045, y - 0.08, high + 0.012),
+            (middle + 0.045, y + 0.1, high + 0.05),
+        ),
+        rod(
+            "black",
+            0.014,
+            (middle, y - 0.07, high + 0.05),
+            (middle, y - 0.05, high + 0.1),
+            (middle, y + 0.09, high + 0.1),
+            (middle, y + 0.09, high + 0.05),
+            bend=0.03,
+        ),
+    )
     made.solid(box("", (middle - 0.055, y - 0.1, high), (middle + 0.055, y + 0.1, high + 0.11)))
     made.frame("tabletop", (middle, 0.0, high), "middle of the board")
     made.frame("iron", (middle, y, high + 0.1), "handle of the iron")
     area = Rectangle(0.0, -half, deep, half)
     use = Rectangle(deep, -0.4, deep + 0.6, 0.4)
     return made.piece(area, high + 0.115, zones=(Zone(use),))
-
-
-__all__ = ["drying_rack", "dryer", "ironing_board", "laundry_sink", "washing_machine"]

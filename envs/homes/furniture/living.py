@@ -5,26 +5,19 @@ from __future__ import annotations
 import math
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, maker
-from ..rectangle import Rectangle
 from .bedroom import table_lamp
 from .joinery import BOARD, Joinery
 
 _ARM = 0.16  # [m] width of armrests
 _CUSHION = 0.15  # [m] thick
-_SPINES = (
-    "rug",
-    "fabric",
-    "accent",
-    "leaf",
-    "paper",
-    "clay",
-    "blanket",
-    "wood_dark",
-    "brass",
-    "towel",
+_SPINES = tuple(
+    """
+    rug fabric accent leaf paper clay blanket wood_dark brass towel
+    """.split()
 )
 
 
@@ -83,8 +76,14 @@ def make_sofa(setting: Setting, *, seats: int = 3) -> Piece:
     sofa = _lounge("sofa", setting, seats, 0.62)
     edge, top = 0.31 * seats, setting.rules.figure("seat_height")
     for sign, material in ((1, "accent"), (-1, "fabric_light")):
-        sofa.slab((0.42, sign * (edge - 0.2), top + 0.19), (0.11, 0.38, 0.38), material,
-                  rpy=(0.0, -0.35, -0.25 * sign), bevel=0.05, solid=False)  # fmt: skip
+        sofa.slab(
+            (0.42, sign * (edge - 0.2), top + 0.19),
+            (0.11, 0.38, 0.38),
+            material,
+            rpy=(0.0, -0.35, -0.25 * sign),
+            bevel=0.05,
+            solid=False,
+        )
     return sofa.piece()
 
 
@@ -116,16 +115,45 @@ def make_recliner(setting: Setting) -> Piece:
         chair.box((back, y, 0.0), (deep + 0.1, y + 0.06, 0.05), "wood_dark")
     pivot = (back + 0.04, 0.0, top - 0.02)
     # Cushions on a frame: light, or no friction that a push can beat would hold them.
-    chair.moving("backrest", "revolute", pivot, (0.0, -1.0, 0.0), math.radians(35.0),
-                 density=40.0, damping=2.0, friction=6.5)  # fmt: skip
-    chair.slab((pivot[0] - 0.09, 0.0, top + 0.33), (0.15, 2 * half - 0.02, 0.72), "fabric",
-               link="backrest", rpy=(0.0, -0.14, 0.0), bevel=0.055)  # fmt: skip
-    chair.slab((pivot[0] - 0.075, 0.0, top + 0.6), (0.17, 2 * half - 0.06, 0.16), "fabric_light",
-               link="backrest", rpy=(0.0, -0.14, 0.0), bevel=0.05, solid=False)  # fmt: skip
+    chair.moving(
+        "backrest",
+        "revolute",
+        pivot,
+        (0.0, -1.0, 0.0),
+        math.radians(35.0),
+        density=40.0,
+        damping=2.0,
+        friction=6.5,
+    )
+    chair.slab(
+        (pivot[0] - 0.09, 0.0, top + 0.33),
+        (0.15, 2 * half - 0.02, 0.72),
+        "fabric",
+        link="backrest",
+        rpy=(0.0, -0.14, 0.0),
+        bevel=0.055,
+    )
+    chair.slab(
+        (pivot[0] - 0.075, 0.0, top + 0.6),
+        (0.17, 2 * half - 0.06, 0.16),
+        "fabric_light",
+        link="backrest",
+        rpy=(0.0, -0.14, 0.0),
+        bevel=0.05,
+        solid=False,
+    )
     front = deep + 0.255
     knee = (front, 0.0, top - 0.055)
-    chair.moving("leg_rest", "revolute", knee, (0.0, -1.0, 0.0), math.radians(88.0),
-                 density=80.0, damping=1.0, friction=3.4)  # fmt: skip
+    chair.moving(
+        "leg_rest",
+        "revolute",
+        knee,
+        (0.0, -1.0, 0.0),
+        math.radians(88.0),
+        density=80.0,
+        damping=1.0,
+        friction=3.4,
+    )
     chair.box(
         (front, -half + 0.01, 0.07),
         (front + 0.09, half - 0.01, top - 0.05),
@@ -176,8 +204,12 @@ def make_side_table(setting: Setting, *, lamp: bool = True) -> Piece:
     for turn in range(3):
         angle = 2 * math.pi * turn / 3
         x, y = math.cos(angle), math.sin(angle)
-        table.rod([(at + 0.19 * x, 0.19 * y, 0.0), (at + 0.1 * x, 0.1 * y, top - 0.025)], 0.014,
-                  "wood_dark", solid=True)  # fmt: skip
+        table.rod(
+            [(at + 0.19 * x, 0.19 * y, 0.0), (at + 0.1 * x, 0.1 * y, top - 0.025)],
+            0.014,
+            "wood_dark",
+            solid=True,
+        )
     if lamp:
         table_lamp(table, at - 0.06, 0.0, top)
     table.frame("tabletop", (at + 0.1, 0.0, top), "free part of the top")
@@ -288,16 +320,3 @@ def make_floor_lamp(setting: Setting) -> Piece:
     )
     lamp.solid(Shape(kind="cylinder", at=(x, 0.0, 1.45), radius=0.17, length=0.3))
     return lamp.piece()
-
-
-__all__ = [
-    "fill_books",
-    "make_armchair",
-    "make_bookshelf",
-    "make_coffee_table",
-    "make_floor_lamp",
-    "make_recliner",
-    "make_side_table",
-    "make_sofa",
-    "make_tv_stand",
-]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rcare_marl.urdf import Shape, Triple
+from rcare_marl.model.shape import Shape, Triple
 
 from .joinery import Joinery
 from .stock import box, rod, solid_rods
@@ -257,14 +257,3 @@ def tiled_panel(assembly: Joinery, low: Triple, high: Triple) -> None:
         (high[0] + rim, high[1] + rim, high[2] + 0.012),
     )
     assembly.draw(cap)
-
-
-__all__ = [
-    "disc",
-    "drain",
-    "grab_bar",
-    "hand_shower",
-    "tap",
-    "tiled_panel",
-    "trap",
-]

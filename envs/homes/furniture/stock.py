@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rcare_marl.urdf import ZERO, Shape, Triple
+from rcare_marl.model.shape import ZERO, Shape, Triple
 
 
 def box(
@@ -46,6 +46,3 @@ def _between(a: Triple, b: Triple, share: float) -> Triple:
 def towards(quarter: float) -> Triple:
     """Return the turn [rad] that lays the axis of a lathe along x (0) or y (1)."""
     return (0.0, math.pi / 2, 0.0) if quarter == 0 else (-math.pi / 2, 0.0, 0.0)
-
-
-__all__ = ["box", "rod", "solid_rods", "towards"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, maker
-from ..rectangle import Rectangle
 from .bedroom import hang_clothes
 from .joinery import BOARD, Joinery
 
@@ -181,6 +181,3 @@ def make_plant_stand(setting: Setting, *, width: float = 0.8) -> Piece:
                 at = (x + out * math.cos(turn), y + out * math.sin(turn), z + 0.1 + up)
                 stand.slab(at, (0.005, 0.035, tall), "leaf", rpy=(0.0, lean, turn), solid=False)
     return stand.piece()
-
-
-__all__ = ["make_closet_shelves", "make_pantry_shelves", "make_plant_stand", "make_workbench"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from rcare_marl.urdf import Shape
+from rcare_marl.model.shape import Shape
 
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, maker
-from ..rectangle import Rectangle
 from .joinery import BOARD, Joinery
 
 
@@ -31,8 +31,12 @@ def make_desk(
     low = 0.05 + BOARD
     step = (under - low) / 3
     for k in range(3):
-        desk.drawer(f"drawer_{3 - k}", (0.05, y0 + BOARD, low + k * step),
-                    (depth - 0.03, y1 - BOARD, low + (k + 1) * step), "front")  # fmt: skip
+        desk.drawer(
+            f"drawer_{3 - k}",
+            (0.05, y0 + BOARD, low + k * step),
+            (depth - 0.03, y1 - BOARD, low + (k + 1) * step),
+            "front",
+        )
     seat = 0.5 * (-half + 0.045 + y0)  # in the middle of the knee space
     if monitor:
         _computer(desk, seat, top)
@@ -76,14 +80,27 @@ def make_office_chair(setting: Setting) -> Piece:
             solid=True,
         )
     chair.rod([(x, 0.0, 0.08), (x, 0.0, top - 0.12)], 0.03, "metal_dark", solid=True)
-    chair.moving("turn", "revolute", (x, 0.0, top - 0.1), (0.0, 0.0, 1.0), math.pi, density=100.0,
-                 damping=0.3)  # fmt: skip
+    chair.moving(
+        "turn",
+        "revolute",
+        (x, 0.0, top - 0.1),
+        (0.0, 0.0, 1.0),
+        math.pi,
+        density=100.0,
+        damping=0.3,
+    )
     chair.box(
         (x - 0.23, -0.24, top - 0.08), (x + 0.25, 0.24, top), "fabric", link="turn", bevel=0.035
     )
     chair.box((x - 0.12, -0.1, top - 0.11), (x + 0.12, 0.1, top - 0.08), "metal_dark", link="turn")
-    chair.slab((x - 0.24, 0.0, top + 0.36), (0.06, 0.44, 0.46), "fabric", rpy=(0.0, -0.12, 0.0), link="turn",
-               bevel=0.028)  # fmt: skip
+    chair.slab(
+        (x - 0.24, 0.0, top + 0.36),
+        (0.06, 0.44, 0.46),
+        "fabric",
+        rpy=(0.0, -0.12, 0.0),
+        link="turn",
+        bevel=0.028,
+    )
     chair.slab(
         (x - 0.255, 0.0, top + 0.05),
         (0.02, 0.08, 0.36),
@@ -92,8 +109,13 @@ def make_office_chair(setting: Setting) -> Piece:
         link="turn",
     )
     for y in (-0.28, 0.28):
-        chair.rod([(x, 0.75 * y, top - 0.09), (x, y, top - 0.05), (x, y, top + 0.19)], 0.013, "metal_dark",
-                  link="turn", solid=True)  # fmt: skip
+        chair.rod(
+            [(x, 0.75 * y, top - 0.09), (x, y, top - 0.05), (x, y, top + 0.19)],
+            0.013,
+            "metal_dark",
+            link="turn",
+            solid=True,
+        )
         chair.box(
             (x - 0.12, y - 0.03, top + 0.19),
             (x + 0.14, y + 0.03, top + 0.22),
@@ -126,8 +148,16 @@ def make_piano(setting: Setting) -> Piece:
             y = -keys + (k + 1) * 2 * keys / 36
             piano.box((0.43, y - 0.008, 0.7), (0.52, y + 0.008, 0.71), "black", solid=False)
     # The lid lies over the keys; friction holds it wherever it is left.
-    piano.moving("lid", "revolute", (0.39, 0.0, 0.775), (0.0, -1.0, 0.0), math.radians(88.0), density=300.0,
-                 damping=0.3, friction=1.9)  # fmt: skip
+    piano.moving(
+        "lid",
+        "revolute",
+        (0.39, 0.0, 0.775),
+        (0.0, -1.0, 0.0),
+        math.radians(88.0),
+        density=300.0,
+        damping=0.3,
+        friction=1.9,
+    )
     piano.box((0.39, -keys, 0.765), (0.595, keys, 0.78), "wood_dark", link="lid")
     piano.box((0.34, -keys, 0.76), (0.386, keys, 0.78), "wood_dark")
     piano.frame("handle_lid", (0.595, 0.0, 0.77), "front edge of the lid")
@@ -140,10 +170,13 @@ def make_piano(setting: Setting) -> Piece:
     piano.frame(
         "seat", (1.02, 0.0, top), "middle of the stool, x away from the keys", yaw_deg=180.0
     )
-    piano.draw(Shape(kind="lathe", material="leaf", at=(0.15, -0.5, high),
-                    profile=((0.05, 0.0), (0.07, 0.1), (0.035, 0.18), (0.045, 0.22))))  # fmt: skip
+    piano.draw(
+        Shape(
+            kind="lathe",
+            material="leaf",
+            at=(0.15, -0.5, high),
+            profile=((0.05, 0.0), (0.07, 0.1), (0.035, 0.18), (0.045, 0.22)),
+        )
+    )
     piano.stand_zone(-0.5, 0.5, 0.5, x=1.18)
     return piano.piece()
-
-
-__all__ = ["make_desk", "make_office_chair", "make_piano"]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from rcare_marl.urdf import Link, Model, Shape
+from rcare_marl.model.shape import Shape
+from rcare_marl.model.urdf import Link, Model
 
-from ...devices.device import Frame
+from ...devices import Frame
+from ...rectangle import Rectangle
 from ..piece import Piece, Setting, maker
-from ..rectangle import Rectangle
 
 # Plates of rocker switches are 2 3/4 by 4 1/2 in: common US sizes, from memory [m].
 PLATE = (0.07, 0.115, 0.006)  # wide, high, thick
@@ -47,6 +48,3 @@ def make_light_switch(setting: Setting) -> Piece:
         measures={"switch_height": height},
         blocks=False,
     )
-
-
-__all__ = ["PLATE", "make_light_switch"]

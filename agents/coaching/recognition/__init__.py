@@ -1,0 +1,1 @@
+"""Recognition of exercises: repetitions found in a stream of frames, and judged."""

@@ -1,0 +1,461 @@
+"""Judges one repetition by rules: how far, which way, how even, how fast, and what else moved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from ...people.motion.clip import rotation_between
+from ..exercise import Demand
+from .feature import ANGLE_COLUMN, COLUMN, VECTORS
+from .recogniser import Repetition
+from .segmenter import Segment
+from .template import MOVING, RATE, STARTED, Template, Way, arc, between, off_path
+
+Array = npt.NDArray[np.float64]
+
+# All our own choice.
+MOSTLY = 92  # percentile that stands for the greatest of something that may be noisy
+BEST_FRAMES = 4  # so many frames must have got as far
+SMOOTHED = 5  # frames of the running mean
+ATTEMPTED = 0.3  # share of the way below which a key pose was not tried
+ALIKE, MUCH_MORE_ALIKE = 0.6, 0.25  # when a movement is another exercise
+UNLIKE = 0.3  # below this it is no attempt at an exercise
+SEEN = 0.5  # share of frames in which a part has to be seen
+ALL = 1.05  # share of the way from which it was gone
+FURTHEST = 1.3  # share of the way beyond which it went too far, if it left the path, too
+OUT = 0.6  # share of the greatest excursion from which a movement is out
+WIDTH = math.radians(50)  # of the path in a likeness
+GENTLE = (
+    0.6  # a movement that leaves the path by less than this share of what is allowed keeps to it
+)
+
+# Columns of a row that a source sees or misses together: upper arms, wrists and elbows, head, trunk.
+PARTS_OF_ROW = (
+    *(np.r_[COLUMN[f"{side}_arm"]] for side in ("left", "right")),
+    *(np.r_[COLUMN[f"{side}_wrist"], ANGLE_COLUMN[f"{side}_elbow"]] for side in ("left", "right")),
+    np.r_[COLUMN["head"], COLUMN["crown"]],
+    np.r_[COLUMN["trunk"]],
+    np.r_[ANGLE_COLUMN["trunk_rotation"]],
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A segment at an even rate, smoothed; of each vector its directions [n, 3], NaN if it was not seen."""
+
+    vectors: Mapping[str, Array]
+    angles: Mapping[str, Array]
+    rest: Mapping[str, Array]
+    rest_angles: Mapping[str, float]
+
+    @classmethod
+    def of(cls, segment: Segment) -> Motion:
+        """Return the motion of a segment."""
+        times = np.arange(segment.times[0], segment.times[-1] + 0.5 / RATE, 1 / RATE)
+        rows = np.full((len(times), segment.rows.shape[1]), np.nan)
+        known = np.isfinite(segment.rows)
+        for columns in PARTS_OF_ROW:  # what is seen together is missing together
+            seen = known[:, columns].all(axis=1)
+            if seen.mean() < SEEN:
+                continue
+            rows[:, columns] = _resampled(
+                times, segment.times[seen], segment.rows[seen][:, columns]
+            )
+        rows = _smooth(rows)
+        vectors = {}
+        for name in VECTORS:
+            values = rows[:, COLUMN[name]]
+            if not name.endswith("wrist"):
+                values = values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-9)
+            vectors[name] = values
+        rest = {}
+        for name in VECTORS:
+            value = segment.rest[COLUMN[name]]
+            is_unit = not name.endswith("wrist") and np.isfinite(value).all()
+            rest[name] = value / max(float(np.linalg.norm(value)), 1e-9) if is_unit else value
+        angles = {name: rows[:, column] for name, column in ANGLE_COLUMN.items()}
+        at_rest = {name: float(segment.rest[column]) for name, column in ANGLE_COLUMN.items()}
+        return cls(vectors, angles, rest, at_rest)
+
+    def seen(self, part: str) -> bool:
+        """Return whether a part was seen."""
+        return bool(np.isfinite(self.vectors[part]).all() and np.isfinite(self.rest[part]).all())
+
+    def excursion(self, part: str) -> Array:
+        """Return how far a part was from rest [rad], shape [n]; 0 if it was not seen."""
+        if not self.seen(part):
+            return np.zeros(len(self.vectors[part]))
+        return between(self.vectors[part], self.rest[part])
+
+    def wrist_excursion(self, side: str) -> float:
+        """Return how far a wrist went from rest as a share of the arm's length; 0 if it was not seen."""
+        gap = self.vectors[f"{side}_wrist"] - self.rest[f"{side}_wrist"]
+        return most(np.linalg.norm(gap, axis=1)) if np.isfinite(gap).all() else 0.0
+
+
+def _resampled(times: Array, at: Array, rows: Array) -> Array:
+    """Return rows [n, columns], known at times [n], at other times, on straight lines between."""
+    if len(at) < 2:
+        return np.repeat(rows[:1], len(times), axis=0)
+    k = np.clip(np.searchsorted(at, times) - 1, 0, len(at) - 2)
+    share = np.clip((times - at[k]) / (at[k + 1] - at[k]), 0.0, 1.0)[:, None]
+    return np.asarray(rows[k] + share * (rows[k + 1] - rows[k]))
+
+
+def _smooth(rows: Array) -> Array:
+    """Return the running mean of `SMOOTHED` frames of a running median of three."""
+    if len(rows) < 3:
+        return rows
+    padded = np.pad(rows, ((1, 1), (0, 0)), mode="edge")
+    a, b, c = padded[:-2], padded[1:-1], padded[2:]
+    middle = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+    half = SMOOTHED // 2
+    padded = np.pad(middle, ((half, half), (0, 0)), mode="edge")
+    total = np.cumsum(np.pad(padded, ((1, 0), (0, 0))), axis=0)
+    return np.asarray((total[SMOOTHED:] - total[:-SMOOTHED]) / SMOOTHED)
+
+
+def most(values: Array) -> float:
+    """Return nearly the greatest of values, such that a few bad frames do not count."""
+    if not len(values):
+        return 0.0
+    k = int(MOSTLY / 100 * (len(values) - 1))
+    return float(np.partition(values, k)[k])
+
+
+@dataclass(frozen=True)
+class WayMeasure:
+    """What one part made of its way.
+
+    Attributes:
+        shares: Of the way to each key pose.
+        away: How far it left the path [rad].
+        allowed: How far it may [rad].
+        reached: When it was half way to the first key pose, in frames; -1 if it was not.
+        excursion: How far it got from its rest [rad].
+        against: How far it went the other way, as a share of the first phase.
+    """
+
+    shares: tuple[float, ...]
+    away: float
+    allowed: float
+    reached: int
+    excursion: float
+    against: float
+
+    @property
+    def least(self) -> float:
+        """The share of the key pose that was reached worst."""
+        return min(self.shares, default=1.0)
+
+    @property
+    def greatest(self) -> float:
+        """The share of the key pose that was reached best."""
+        return max(self.shares, default=1.0)
+
+    @property
+    def likeness(self) -> float:
+        """How much it was like the way asked for, 0 to 1."""
+        went = float(np.mean([min(max(share, 0.0), 1.0) for share in self.shares] or [1.0]))
+        return went * math.exp(-((self.away / WIDTH) ** 2))
+
+
+def measure_way(way: Way, motion: Motion, demand: Demand) -> WayMeasure:
+    """Measure what a part made of its way."""
+    directions, rest = motion.vectors[way.part], motion.rest[way.part]
+    if way.part == "head":  # where somebody looks at rest is ahead
+        directions, rest = directions @ rotation_between(rest, way.rest).T, way.rest
+    shares: list[float] = []
+    reached, against, since = -1, 0.0, 0
+    for k, phase in enumerate(way.phases):
+        if shares and shares[-1] < ATTEMPTED:
+            shares.append(0.0)  # without the key pose before it, it was not tried
+            continue
+        share, first = _attained(phase.share(directions[since:], phase.scale_from(rest)))
+        if k == 0:
+            # Who rests with an arm forward is on the way already.
+            begun = float(np.clip(phase.share(rest), 0.0, 0.8))
+            half = np.flatnonzero(phase.share(directions) >= 0.5 * (begun + 1.0))
+            reached = int(half[0]) if len(half) else -1
+            against = most(-phase.share(directions))
+        shares.append(share)
+        since += first
+    # Everybody comes from their own rest and goes back to it: they join the path a third of the way out.
+    out = np.flatnonzero(between(way.path, way.rest) >= 0.35 * way.excursion)
+    ends = (way.path[out[0]], way.path[out[-1]]) if len(out) else (way.rest, way.rest)
+    path = np.concatenate((way.path, arc(rest, ends[0]), arc(ends[1], rest)))
+    moving = motion.excursion(way.part)
+    away = most(off_path(directions[moving > 0.3 * moving.max(initial=0.0)], path))
+    allowed = min(math.radians(demand.plane_deg), max(0.6 * way.excursion, math.radians(12)))
+    return WayMeasure(
+        tuple(shares), away, allowed, reached, float(moving.max(initial=0.0)), against
+    )
+
+
+def _attained(shares: Array) -> tuple[float, int]:
+    """Return the share of a phase that was reached, and after how many frames it nearly was."""
+    count = min(BEST_FRAMES, len(shares))
+    best = float(np.partition(shares, len(shares) - count)[-count]) if count else 0.0
+    near = np.flatnonzero(shares >= 0.9 * min(best, 1.0))
+    return best, int(near[0]) if len(near) and best > ATTEMPTED else 0
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What was measured of a repetition against one exercise.
+
+    Attributes:
+        ways: Of each part that had to move and was seen.
+        unseen: Parts that had to move and were not seen.
+        tempo: Duration against the one shown.
+        elbow: How much more than shown an elbow was bent at worst [rad].
+        lean: How far the trunk leaned [rad].
+        turn: How far it turned [rad].
+        head: How far the head turned, nodded or tilted that had no part [rad].
+        arm: How far an arm moved that had no part [rad].
+    """
+
+    ways: Mapping[str, WayMeasure]
+    unseen: tuple[str, ...]
+    tempo: float
+    elbow: float
+    lean: float
+    turn: float
+    head: float
+    arm: float
+    demand: Demand = field(default_factory=Demand)
+
+    @property
+    def likeness(self) -> float:
+        """How much the movement is like the exercise, 0 to 1."""
+        found = [way.likeness for way in self.ways.values()]
+        return float(np.mean(found or [0.0])) * _undisturbed(self.arm, self.demand)
+
+    @property
+    def keeps_to_path(self) -> bool:
+        """Whether what moved was on the way."""
+        moved = [way for way in self.ways.values() if way.greatest > ATTEMPTED]
+        return bool(moved) and all(way.away < GENTLE * way.allowed for way in moved)
+
+    def measures(self) -> dict[str, float]:
+        """Return the numbers by name, angles in degrees."""
+        out = {
+            "tempo": self.tempo,
+            "likeness": self.likeness,
+            "elbow_deg": math.degrees(self.elbow),
+            "lean_deg": math.degrees(self.lean),
+            "turn_deg": math.degrees(self.turn),
+            "head_deg": math.degrees(self.head),
+            "arm_deg": math.degrees(self.arm),
+        }
+        for part, way in self.ways.items():
+            out[f"{part}_range"] = way.least
+            out[f"{part}_away_deg"] = math.degrees(way.away)
+        if len(self.ways) == 2:
+            left, right = self.ways.values()
+            out["uneven"] = _unevenness(left.shares, right.shares)
+        return out
+
+
+def _likeness(template: Template, motion: Motion) -> float:
+    """Return how much a motion is like an exercise, 0 to 1."""
+    if not all(motion.seen(part) for part in template.ways):
+        return 0.0
+    demand = template.exercise.judged
+    found = [measure_way(way, motion, demand).likeness for way in template.ways.values()]
+    idle = (p for p in MOVING if p != "head" and p not in template.ways)
+    arm = max((most(motion.excursion(part)) for part in idle), default=0.0)
+    return float(np.mean(found)) * _undisturbed(arm, demand)
+
+
+def _undisturbed(arm: float, demand: Demand) -> float:
+    """Return 1, or less the further an arm moved [rad] that had no part in an exercise."""
+    besides = max(arm - math.radians(demand.still_deg), 0.0)
+    return math.exp(-((besides / WIDTH) ** 2))
+
+
+def assess(template: Template, motion: Motion) -> Assessment:
+    """Measure a motion against an exercise."""
+    demand = template.exercise.judged
+    seen = {part: way for part, way in template.ways.items() if motion.seen(part)}
+    ways = {part: measure_way(way, motion, demand) for part, way in seen.items()}
+    idle_arms = [p for p in MOVING if p != "head" and p not in template.ways]
+    head = max(most(motion.excursion("head")), most(motion.excursion("crown")))
+    return Assessment(
+        ways=ways,
+        unseen=tuple(part for part in template.ways if part not in seen),
+        tempo=_moving_time(motion, ways) / template.moving_time,
+        elbow=max((_bend(template, motion, p) for p in template.arms), default=0.0),
+        lean=most(motion.excursion("trunk")),
+        turn=_turn(motion, ways),
+        head=0.0 if "head" in template.ways else head,
+        arm=max((_arm_excursion(motion, part) for part in idle_arms), default=0.0),
+        demand=demand,
+    )
+
+
+def _moving_time(motion: Motion, ways: Iterable[str]) -> float:
+    """Return the time from where a movement has begun to where it is nearly back [s]."""
+    excursions = [motion.excursion(part) for part in ways]
+    shares = [e / e.max() for e in excursions if e.max(initial=0.0) > math.radians(8)]
+    moved = np.flatnonzero(np.max(shares, axis=0) > STARTED) if shares else np.zeros(1)
+    return float(moved[-1] - moved[0] + 1) / RATE
+
+
+def _bend(template: Template, motion: Motion, part: str) -> float:
+    """Return how much more than shown an elbow was bent where its arm was raised most [rad]."""
+    side = part.removesuffix("_arm")
+    flexion, raised = motion.angles[f"{side}_elbow"], motion.excursion(part)
+    if not np.isfinite(flexion).all() or raised.max(initial=0.0) < math.radians(20):
+        return 0.0
+    return float(np.median(flexion[raised > 0.8 * raised.max()])) - template.elbows[side]
+
+
+def _turn(motion: Motion, ways: Iterable[str]) -> float:
+    """Return how far the trunk was turned while the movement was out, not only in passing [rad]."""
+    turned = np.abs(motion.angles["trunk_rotation"] - motion.rest_angles["trunk_rotation"])
+    if not np.isfinite(turned).all():
+        return 0.0
+    excursions = [motion.excursion(part) for part in ways]
+    out = np.max(excursions, axis=0) if excursions else turned
+    return float(np.percentile(turned[out >= OUT * out.max()], 75))
+
+
+def _arm_excursion(motion: Motion, part: str) -> float:
+    upper = most(motion.excursion(part))
+    return max(upper, motion.wrist_excursion(part.removesuffix("_arm")))
+
+
+def faults(found: Assessment, best: float) -> tuple[str, ...]:
+    """Return what was wrong with a repetition, names of `ERRORS`, the one to speak of first.
+
+    Args:
+        found: It against the exercise asked for.
+        best: How much it is like the most alike of the other exercises there are, 0 to 1.
+    """
+    if found.unseen:
+        return ("not_seen",)
+    likeness = found.likeness
+    is_other = best > ALIKE and best > likeness + MUCH_MORE_ALIKE and not found.keeps_to_path
+    if not any(way.greatest > ATTEMPTED for way in found.ways.values()):
+        return _not_attempted(found, best, is_other=is_other)
+    if is_other:
+        return ("other_exercise",)
+    if likeness < UNLIKE and best < ALIKE and not found.keeps_to_path:
+        one_sided = len(found.ways) > 1 and any(w.likeness > ALIKE for w in found.ways.values())
+        if not one_sided:
+            return ("unknown_movement",)
+    return (*_way_faults(found), *_other_faults(found))
+
+
+def _not_attempted(found: Assessment, best: float, *, is_other: bool) -> tuple[str, ...]:
+    asks_head = "head" in found.ways
+    arm_moved = found.arm > math.radians(found.demand.still_deg)
+    if not asks_head and arm_moved and best <= ALIKE:
+        return ("wrong_side",)
+    if asks_head and found.ways["head"].against > ATTEMPTED:
+        return ("wrong_side",)
+    if is_other or best > ALIKE:
+        return ("other_exercise",)
+    if asks_head and arm_moved:
+        return ("arms_only",)
+    if not asks_head and found.head > math.radians(15):
+        return ("head_only",)
+    if max(way.excursion for way in found.ways.values()) > math.radians(25):
+        return ("unknown_movement",)
+    return ("range", *_other_faults(found))
+
+
+def _way_faults(found: Assessment) -> list[str]:
+    demand, ways, out = found.demand, found.ways, []
+    short = [way for way in ways.values() if way.least < demand.range_share]
+    arms = [ways[part] for part in ("left_arm", "right_arm") if part in ways]
+    if len(arms) == 2:
+        uneven = _unevenness(arms[0].shares, arms[1].shares)
+        reached = [arm.reached for arm in arms]
+        late = abs(reached[0] - reached[1]) / RATE if min(reached) >= 0 else 0.0
+        if min(arm.greatest for arm in arms) < ATTEMPTED:
+            out.append("one_side")
+        elif uneven > demand.symmetry or late > demand.lag_s:
+            out.append("asymmetric")
+    if short:
+        missed = any(w.shares[0] >= ATTEMPTED > w.least for w in short if len(w.shares) > 1)
+        out.append("part_missing" if missed else "range")
+    strayed = [way for way in ways.values() if way.away > way.allowed]
+    if strayed:
+        far = any(way.greatest > FURTHEST for way in strayed)
+        out.append("too_far" if far else "direction")
+    return out
+
+
+def _unevenness(left: tuple[float, ...], right: tuple[float, ...]) -> float:
+    """Return by which share one arm fell behind the other on the way to some key pose."""
+    worst = 0.0
+    for a, b in zip(left, right, strict=False):
+        more, less = min(max(a, b), ALL), min(a, b)  # who goes too far leaves nobody behind
+        if more > ATTEMPTED:
+            worst = max(worst, 1.0 - max(less, 0.0) / more)
+    return worst
+
+
+def _other_faults(found: Assessment) -> list[str]:
+    demand = found.demand
+    # What was left out takes no time.
+    whole = all(way.least > ATTEMPTED for way in found.ways.values())
+    tests = (
+        ("too_fast", whole and found.tempo < demand.tempo[0]),
+        ("too_slow", found.tempo > demand.tempo[1]),
+        ("trunk_lean", found.lean > math.radians(demand.lean_deg)),
+        ("trunk_turn", found.turn > math.radians(demand.turn_deg)),
+        ("bent_elbows", found.elbow > math.radians(demand.elbow_deg)),
+        ("head_moved", found.head > math.radians(demand.head_deg)),
+        ("arm_moved", found.arm > math.radians(demand.still_deg)),
+    )
+    return [error for error, is_so in tests if is_so]
+
+
+def _is_next_to_nothing(found: Assessment, motion: Motion) -> bool:
+    """Return whether nobody would call it a movement: somebody shifts, or looks about."""
+    if any(way.greatest > ATTEMPTED for way in found.ways.values()):
+        return False
+    parts = [most(motion.excursion(part)) for part in MOVING]
+    wrists = [motion.wrist_excursion(side) for side in ("left", "right")]
+    is_small = max(parts) < math.radians(20) and max(wrists) < 0.4
+    return is_small and found.lean < math.radians(10) and found.turn < math.radians(15)
+
+
+def judge(
+    template: Template, others: Mapping[str, Template], segment: Segment
+) -> Repetition | None:
+    """Judge a repetition; None if hardly anything moved.
+
+    Args:
+        template: The exercise asked for.
+        others: The other exercises there are, by name.
+        segment: What was seen.
+    """
+    motion = Motion.of(segment)
+    found = assess(template, motion)
+    if _is_next_to_nothing(found, motion):
+        return None
+    best = 0.0
+    if found.likeness < 1 - MUCH_MORE_ALIKE and not found.unseen:  # else no other can be more alike
+        best = max((_likeness(other, motion) for other in others.values()), default=0.0)
+    errors = faults(found, best)
+    if not errors and not segment.returned:
+        errors = ("too_slow",)
+    # How near to what was shown: the mean of range and direction, less a quarter for each fault.
+    went = [min(max(way.least, 0.0), 1.0) for way in found.ways.values()]
+    kept = [max(0.0, 1.0 - 0.5 * way.away / way.allowed) for way in found.ways.values()]
+    score = 0.5 * float(np.mean(went or [0.0]) + np.mean(kept or [0.0]))
+    if set(errors) & {"other_exercise", "unknown_movement", "wrong_side", "head_only", "arms_only"}:
+        score = 0.0
+    score = max(0.0, score - 0.25 * len(errors))
+    return Repetition(
+        segment.start, segment.end, not errors, errors, round(score, 3), found.measures()
+    )

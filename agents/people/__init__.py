@@ -1,0 +1,1 @@
+"""People: avatars, bodies, muscles, motion, behaviour, physiology."""

@@ -1,0 +1,112 @@
+"""What drives the joints of a person, and the angles that a person pursues."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.observable import Observable
+
+Array = npt.NDArray[np.float64]
+
+MAX_SPEED = 0.8  # [rad/s] of a target angle at full action; our own choice: an unhurried movement
+
+
+class TargetAngles:
+    """Pursued angles. An action has one value in [-1, 1] for each, and moves it by that times `MAX_SPEED`.
+
+    Attributes:
+        values: The angles [rad], shape [n]; active movement ends at the active range.
+        action_names: What each action value moves, with its unit.
+    """
+
+    def __init__(self, names: Sequence[str], values: Array, limits: Array) -> None:
+        """Take the DoFs, room for their angles [rad], shape [n], and their range [rad], shape [n, 2]."""
+        self.values = values
+        self._lowest, self._highest = np.ascontiguousarray(limits.T)
+        self._index = {dof: i for i, dof in enumerate(names)}
+        self.action_names = tuple(f"{dof} [{MAX_SPEED} rad/s]" for dof in names)
+
+    def move(self, action: Array, duration: float) -> None:
+        """Follow an action for a control step of `duration` [s]."""
+        values = self.values
+        values += action * (MAX_SPEED * duration)
+        np.maximum(values, self._lowest, out=values)
+        np.minimum(values, self._highest, out=values)
+
+    def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
+        """Return the action that moves some targets towards `angles` [rad]; the others stay."""
+        action = np.zeros(len(self.values))
+        for dof, angle in angles.items():
+            i = self._index[dof]
+            action[i] = (angle - self.values[i]) / (MAX_SPEED * duration)
+        return np.clip(action, -1.0, 1.0)
+
+
+class Actuation(Protocol):
+    """Turns the actions of a person into joint torques, and wishes into actions.
+
+    Attributes:
+        names: The n moving DoFs.
+        target: Angle that each DoF pursues [rad], shape [n].
+        action_low: Least value of an action, 0 or -1; the greatest is 1.
+        action_names: What each action value moves, with its unit.
+    """
+
+    names: tuple[str, ...]
+    target: Array
+    action_low: float
+    action_names: tuple[str, ...]
+
+    @property
+    def strength(self) -> Array:
+        """Greatest torque against and along each DoF when rested [N·m], shape [n, 2]."""
+
+    def reset(self, rng: np.random.Generator, gravity: Array) -> None:
+        """Begin an episode in the start posture, with nothing commanded.
+
+        Args:
+            rng: Source of all that is random.
+            gravity: Gravity in the frame of the pelvis [m/s²], shape [3].
+        """
+
+    def lay(self, index: int, angle: float) -> None:
+        """Let a DoF pursue `angle` [rad], and furniture hold it there, until the next `reset`."""
+
+    def command(self, action: Array, duration: float) -> None:
+        """Accept an action for the coming control step of `duration` [s].
+
+        What follows is a function of the action and of the state, of nothing else that was called.
+        """
+
+    def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
+        """Return the action that pursues `angles` [rad] of some DoFs, the others staying as they are.
+
+        It changes nothing: only to `command` the action does.
+        """
+
+    def slack_action(self, duration: float) -> Array:
+        """Return the action by which the muscles slacken; it changes nothing."""
+
+    def torques(
+        self, positions: list[float], velocities: list[float], gravity: Array
+    ) -> list[float]:
+        """Return joint torques for the coming physics step [N·m], length n.
+
+        Args:
+            positions: Joint angles [rad], length n.
+            velocities: Joint rates [rad/s], length n.
+            gravity: Gravity in the frame of the pelvis [m/s²], shape [3].
+        """
+
+    def muscle_torques(self) -> Array:
+        """Return what the muscles willed in the last physics step [N·m], shape [n]."""
+
+    def weaken(self, fresh: Array) -> None:
+        """Leave each DoF's muscles a share of their strength, in [0, 1], shape [n]; 1 is rested."""
+
+    def observables(self) -> Sequence[Observable]:
+        """Return what a person senses of the drive."""

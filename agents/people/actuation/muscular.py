@@ -1,0 +1,311 @@
+"""The muscular drive: joint torques from excitations of Hill muscles.
+
+Each physics step finds paths, activations and tensions, and the torques that they make by virtual work.
+Muscles are stiff and damp strongly for the light parts of a body, so tension is taken at the end of
+the coming step: it is continued with the rate and the acceleration of each path's length, and the
+accelerations are found with the mass matrix of all moving parts, as in `skeletal.py`. (A linearly
+implicit step; so 1/240 s is stable for a finger under full contraction.)
+
+Discs of the spine resist bending. Ligaments tighten over the last few degrees of the passive range, to
+what the muscles can pull with at its end; the hard stop there is the physics engine's.
+
+What a person wills ends at the active range: the net active torque that would lead further out fades
+over the last few degrees. Passive movement by others goes on to the end of the passive range.
+
+Where furniture holds a limb that is too weak, it does so as in `skeletal.py`; a limb that it carries it
+keeps from sagging below the start posture. A degree of freedom that no muscle crosses, such as those
+of the eyes, is held where the posture has it, or where the person wants it.
+
+An action is an excitation for each muscle (`unit`) or for each group of muscles (`group`), held over the
+control step; or the change of the angle that each degree of freedom pursues (`posture`), as with the
+skeletal drive. Then a controller, which is a part of the body, finds excitations 60 times a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.observable import Observable
+from rcare_marl.tree.dynamics import WEIGHT, part_table
+from rcare_marl.tree.joint_tree import JointTree
+
+from . import closed_loop as loop
+from . import muscle_kernel as kernel
+from .actuation import MAX_SPEED, TargetAngles
+from .disorder import Shaking
+from .muscle_control import DAMPING_RATIO, FREQUENCY, Felt, MuscleController
+from .muscle_model import MuscleModel
+from .skeletal import MAX_FREQUENCY, STIFFNESS_PER_TORQUE, TISSUE_DAMPING_PER_TORQUE
+
+Array = npt.NDArray[np.float64]
+
+# Our own choices.
+LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligaments tighten ...
+LIGAMENT_SHARE = 0.3  # ... or this share of a narrower range
+# [N·m/rad] of bending, without muscles. A lumbar segment has some 1 to 2 N·m per degree, from memory;
+# one joint here stands for several in a row, stiffened by the weight on them.
+DISC_STIFFNESS = {"spine1": 60.0, "spine2": 60.0, "spine3": 60.0, "neck": 6.0, "head": 6.0}
+FRICTION_SHARE = 0.1  # of normal torque: less than this does not move a limb that rests
+CONTROL_INTERVAL = 4  # physics steps between two looks of the controller: 60 Hz at 1/240 s
+LIFTED = 1e-3  # [rad] of a pursued angle from where the limb was laid: the person wants to move it
+REST_REACH = 0.05  # [rad] from where a limb was laid down: further away it rests no longer
+# [rad] from where a limb is to where excitations alone should bring it: at this the spring of the
+# controller moves it with about MAX_SPEED.
+LEAD = MAX_SPEED * 2 * DAMPING_RATIO / FREQUENCY
+
+Excitation = Literal["unit", "group", "posture"]
+
+
+class MuscleDrive:
+    """Torques of a person's moving DoFs from excitations of muscles: an `Actuation`.
+
+    An action is by `excitation`: for each muscle that crosses a moving DoF one value in [0, 1] (`unit`), or
+    for each named group of such muscles (`group`), which they are told for the whole control step; or for
+    each moving DoF one in [-1, 1], which moves the angle that it pursues (`posture`, see `TargetAngles`).
+
+    Attributes:
+        names: The moving DoFs.
+        target: Angle that each DoF pursues [rad], shape [n]; that of the start but in `posture`.
+        model: The muscles, m of them.
+        state: Their state, shape [STATE_ROWS, m]; rows are named in `muscle_kernel.py`.
+        excitation: What each muscle is told now, shape [m].
+    """
+
+    def __init__(
+        self,
+        chain: JointTree,
+        model: MuscleModel,
+        *,
+        excitation: Excitation,
+        groups: Mapping[str, Sequence[int]],
+        normal_strength: Array,
+        supported: npt.NDArray[np.bool_],
+        carried: npt.NDArray[np.bool_],
+        resting: npt.NDArray[np.bool_],
+        willed: npt.NDArray[np.bool_],
+        posture: Array,
+        limits: Array,
+        passive: Array,
+        physics_dt: float,
+        shaking: Shaking | None = None,
+    ) -> None:
+        """Prepare the tables of the kernel.
+
+        Args:
+            chain: The moving parts, n of them.
+            model: The muscles that cross them.
+            excitation: What an action is.
+            groups: Muscles of each named group.
+            normal_strength: Torque of a healthy person, the scale of stiffness [N·m], shape [n].
+            supported: Whether furniture holds the limb, shape [n].
+            carried: Whether it only bears it from below, shape [n].
+            resting: Whether the limb lies on something until the person wishes to move it, shape [n].
+            willed: Whether the person could move it at all, shape [n].
+            posture: Angles of the start [rad], shape [n].
+            limits: Where active movement ends [rad], shape [n, 2].
+            passive: Where passive movement ends [rad], shape [n, 2].
+            physics_dt: Physics step [s].
+            shaking: Involuntary excitation of the muscles.
+        """
+        count = len(chain.names)
+        self.names, self.model = chain.names, model
+        self._dt, self._shaking = physics_dt, shaking
+        inertia = np.diag(chain.mass_matrix(posture))
+        table = part_table(chain.arrays, loop.COLUMNS)
+        table[:, loop.STIFFNESS] = np.minimum(
+            STIFFNESS_PER_TORQUE * normal_strength, inertia * MAX_FREQUENCY**2
+        )
+        table[:, loop.DAMPING] = 2 * np.sqrt(table[:, loop.STIFFNESS] * inertia)
+        table[:, loop.TISSUE] = TISSUE_DAMPING_PER_TORQUE * normal_strength
+        uncrossed = np.ones(count, np.bool_)
+        uncrossed[model.layout.crossings[:-1, 0]] = False
+        self._uncrossed = np.flatnonzero(uncrossed & willed)
+        held = supported | uncrossed
+        table[:, loop.SUPPORT], table[:, loop.CARRIED] = held, carried & ~held
+        table[:, loop.LOWEST], table[:, loop.HIGHEST] = limits.T
+        table[:, loop.POSTURE], table[:, loop.INERTIA] = posture, inertia
+        _tighten(table, passive, normal_strength, model, posture)
+        self._table = table
+        self._posture = posture.copy()
+        self._targets = TargetAngles(chain.names, posture.copy(), limits)
+        self.target = self._targets.values
+        self._take_actions(excitation, groups)
+        self.excitation = np.zeros(len(model.units))
+        self._rested = model.table[:, kernel.VOLUNTARY].copy()
+        self._start = model.settled_state(posture)
+        self.state = self._start.copy()
+        self._grip = np.where(resting & ~held, FRICTION_SHARE * normal_strength, 0.0)
+        self._elastic = np.array([DISC_STIFFNESS.get(n.split("_")[0], 0.0) for n in chain.names])
+        table[:, loop.ELASTIC] = self._elastic
+        # What rests on furniture does not drift by the tension of resting muscles.
+        table[:, loop.SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
+        self._controller = MuscleController(
+            model, inertia, normal_strength=normal_strength, limits=limits
+        )
+        axial = ("spine", "neck", "head")
+        self._is_axial = np.array([name.startswith(axial) for name in chain.names], np.bool_)
+        self._laid, self._resting = resting, resting.copy()
+        self._carried = self._bears = table[:, loop.CARRIED].copy()
+        self._beyond = _descendants(chain.arrays.parents)
+        self._is_pursuing = True  # until the first command they hold still
+        self._tick = 0
+        self._muscles = kernel.make_muscles(table, chain.arrays.parents, model.layout, model.table)
+        self._measured, self._out = np.zeros((2, count)), np.zeros(count)
+
+    def _take_actions(self, excitation: Excitation, groups: Mapping[str, Sequence[int]]) -> None:
+        """Set up what an action is; `_source` says which of its values excites each muscle."""
+        self._is_posture = excitation == "posture"
+        self.action_low = -1.0 if self._is_posture else 0.0
+        self.action_names = self._targets.action_names
+        self._source = np.arange(len(self.model.units))
+        if self._is_posture:
+            return
+        if excitation == "group":
+            for k, members in enumerate(groups.values()):
+                self._source[list(members)] = k
+        names = groups if excitation == "group" else self.model.names
+        self.action_names = tuple(f"{name} [excitation]" for name in names)
+
+    def reset(self, rng: np.random.Generator, gravity: Array) -> None:
+        self.target[:] = self._table[:, loop.POSTURE] = self._posture
+        self._table[:, loop.GRIP] = self._grip
+        self._resting[:] = self._laid
+        self.state[:] = self._start
+        self.excitation[:] = 0.0
+        self._is_pursuing, self._tick = True, 0
+        if self._shaking is not None:
+            self._shaking.reset(rng)
+        self._look(gravity)
+        self._table[:, loop.BORNE] = borne = self._muscles.work[:, WEIGHT]
+        # A backrest pushes forwards only.
+        self._bears = np.where(self._is_axial & (borne <= 0.0), 0.0, self._carried)
+        self._table[:, loop.CARRIED] = self._bears
+
+    def lay(self, index: int, angle: float) -> None:
+        self.target[index] = self._table[index, loop.POSTURE] = angle
+
+    def command(self, action: Array, duration: float) -> None:
+        self._is_pursuing = self._is_posture
+        if not self._is_posture:
+            self.excitation[:] = action[self._source]
+            return
+        self._targets.move(action, duration)
+        wanted = np.abs(self.target - self._table[:, loop.POSTURE]) > LIFTED
+        for i in np.flatnonzero(wanted & self._resting):
+            self._lift(int(i))
+        self._table[self._uncrossed, loop.POSTURE] = self.target[self._uncrossed]
+
+    def _lift(self, dof: int) -> None:
+        """Let a limb and what hangs on it leave the furniture: from now on muscles hold it."""
+        beyond = self._beyond[dof]
+        if self._resting[beyond].any():
+            self._resting[beyond] = False
+            self._table[beyond, loop.GRIP] = self._table[beyond, loop.CARRIED] = 0.0
+            self._table[dof, loop.CARRIED] = self._bears[dof]
+
+    def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
+        if self._is_posture:
+            return self._targets.action_towards(angles, duration)
+        felt = self._feel()
+        target = felt.positions.copy()
+        for dof, angle in angles.items():
+            i = self.names.index(dof)
+            target[i] += min(max(angle - target[i], -LEAD), LEAD)
+            felt.resting[self._beyond[i]] = False
+        excitation = self.excitation.copy()
+        self._controller.solve(target, felt, excitation, hold=duration)
+        count = np.bincount(self._source)
+        return np.bincount(self._source, weights=excitation) / count
+
+    def slack_action(self, duration: float) -> Array:
+        if not self._is_posture:
+            return np.zeros(len(self.action_names))
+        felt = self._feel()
+        give = self._controller.slack_target(felt, duration) - self.target
+        action = np.clip(give / (MAX_SPEED * duration), -1.0, 1.0)
+        return np.where(felt.resting, 0.0, action)
+
+    def _feel(self) -> Felt:
+        """Return the body after the last physics step."""
+        muscles, (positions, velocities) = self._muscles, self._measured
+        moved = np.abs(positions - self._table[:, loop.POSTURE])
+        passive = muscles.torques[1] - self._elastic * positions
+        load = muscles.work[:, WEIGHT] * (1.0 - muscles.work[:, loop.HELD]) - passive
+        resting = self._resting & (moved < REST_REACH)
+        return Felt(positions, velocities, load, muscles.arms, self.state, resting)
+
+    @property
+    def strength(self) -> Array:
+        """Greatest torque against and along each DoF in the start posture [N·m], shape [n, 2]."""
+        pull = self._start[kernel.CAPACITY] * self._rested
+        arms = self.model.moment_arms(self._posture)
+        return np.column_stack((np.maximum(-arms, 0.0).T @ pull, np.maximum(arms, 0.0).T @ pull))
+
+    def muscle_torques(self) -> Array:
+        """Return what the muscles willed in the last physics step [N·m], shape [n]."""
+        return self._muscles.torques[2].copy()
+
+    def weaken(self, fresh: Array) -> None:
+        layout = self.model.layout
+        starts, dofs = layout.starts[:-1, 1], layout.crossings[:-1, 0]
+        # The tiredest region that a muscle crosses tells.
+        self.model.table[:, kernel.VOLUNTARY] = self._rested * np.minimum.reduceat(
+            fresh[dofs], starts
+        )
+
+    def observables(self) -> Sequence[Observable]:
+        state, count = self.state, len(self.model.units)
+        pursued = Observable("joint_target", "rad", len(self.names), lambda: self.target)
+        return [
+            *([pursued] if self._is_posture else []),
+            Observable("muscle_activation", "1", count, lambda: state[kernel.ACTIVATION]),
+            Observable("muscle_length", "m", count, lambda: state[kernel.LENGTH]),
+            Observable(
+                "muscle_force", "N", count, lambda: state[kernel.ACTIVE] + state[kernel.PASSIVE]
+            ),
+        ]
+
+    def _look(self, gravity: Array) -> None:
+        """Find lengths, moment arms and weights in the start posture, without any time passing."""
+        self._measured[0], self._measured[1] = self._posture, 0.0
+        state, mode = self.state, self.model.mode
+        loop.observe(self._muscles, self._measured, self.excitation, gravity, state, 0.0, mode)
+
+    def torques(
+        self, positions: list[float], velocities: list[float], gravity: Array
+    ) -> list[float]:
+        self._measured[0], self._measured[1] = positions, velocities
+        if self._is_pursuing and self._tick % CONTROL_INTERVAL == 0:
+            self._controller.solve(self.target, self._feel(), self.excitation)
+        self._tick += 1
+        excitation = self.excitation
+        if self._shaking is not None:
+            excitation = np.clip(excitation + self._shaking.after(self._dt), 0.0, 1.0)
+        step = gravity, self.state, self._dt, self.model.mode, self._out
+        loop.drive(self._muscles, self._measured, excitation, *step)
+        result: list[float] = self._out.tolist()
+        return result
+
+
+def _tighten(
+    table: Array, passive: Array, normal_strength: Array, model: MuscleModel, posture: Array
+) -> None:
+    """Write where ligaments tighten, and to what."""
+    table[:, loop.LEAST], table[:, loop.MOST] = passive.T
+    width = np.maximum(passive[:, 1] - passive[:, 0], 1e-3)
+    table[:, loop.ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
+    pulls = np.abs(model.moment_arms(posture)).T @ model.table[:, kernel.FORCE]
+    table[:, loop.LIGAMENT] = np.maximum(normal_strength, pulls)
+
+
+def _descendants(parents: npt.NDArray[np.int64]) -> list[list[int]]:
+    """Return for each part itself and all that hangs on it."""
+    out: list[list[int]] = [[i] for i in range(len(parents))]
+    for i in range(len(parents) - 1, -1, -1):
+        if parents[i] >= 0:
+            out[parents[i]].extend(out[i])
+    return out

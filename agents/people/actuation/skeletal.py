@@ -1,0 +1,255 @@
+"""The skeletal drive: joint torques that pursue target angles, within a person's strength and range.
+
+The torque of a degree of freedom is the sum of
+
+* muscle: holds the limb against gravity and pulls towards the target (a stable proportional-
+  derivative law), but never beyond the strength of the muscles on that side of the joint;
+* support: where a posture rests a limb on furniture and the muscles are too weak to hold it, the
+  furniture carries its weight and holds it in the posture by the same law, without a limit; the
+  muscles pull against it with what strength they have;
+* reflex: spastic muscles resist being stretched, in proportion to the speed; tremor shakes;
+* tissue: damping everywhere. The passive range ends at a hard stop, which is the physics engine's.
+
+Stiffness and damping act at the end of the coming step (Tan, Liu & Turk, "Stable proportional-
+derivative controllers", IEEE CG&A 2011): each step solves for the accelerations that they will meet,
+with the mass matrix of all moving parts (`dynamics.py`). So the law stays stable at 1/240 s for a
+trunk as for a fingertip, and where two axes of a shoulder align.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.observable import Observable
+from rcare_marl.tree.dynamics import (
+    PART_COLUMNS,
+    SCRATCH_COLUMNS,
+    WEIGHT,
+    mass_matrix,
+    packed_matrix,
+    part_table,
+    place_frames,
+    place_masses,
+    solve,
+    tree_depths,
+)
+from rcare_marl.tree.joint_tree import JointTree
+
+from .actuation import MAX_SPEED, TargetAngles
+from .disorder import Shaking
+
+Array = npt.NDArray[np.float64]
+
+# Our own choices; no measurement of everyday joint impedance covers all 112 degrees of freedom.
+STIFFNESS_PER_TORQUE = 2.5  # [1/rad]: full strength answers an error of 0.4 rad
+TISSUE_DAMPING_PER_TORQUE = 0.02  # [s/rad]
+MAX_FREQUENCY = (
+    40.0  # [rad/s] of a joint on its own stiffness: a finger's strength is not its stiffness
+)
+
+STRETCH_THRESHOLD = 0.2  # [rad/s] above which a spastic muscle resists; our own choice
+# [N·m/rad] by which a target is moved so that its muscle slackens: more than the stiffness of most joints,
+# so that it does not overshoot; our own choice.
+SLACKENING = 200.0
+
+# Columns of the kernel's table after those of the parts, one row a DoF.
+_STIFFNESS, _DAMPING, _TISSUE = PART_COLUMNS, PART_COLUMNS + 1, PART_COLUMNS + 2
+_STRENGTH_AGAINST, _STRENGTH_ALONG, _SUPPORT, _REFLEX_AGAINST, _REFLEX_ALONG = 31, 32, 33, 34, 35
+_COLUMNS = 36
+_CLIPPED = 32  # of the scratch: 0, or the sign of the strength that is spent
+
+
+class SkeletalDrive:
+    """Torques of a person's moving DoFs from target angles: an `Actuation`.
+
+    An action moves the target angles, see `TargetAngles`.
+
+    Attributes:
+        names: The moving DoFs.
+        target: Angle that each DoF pursues [rad], shape [n]; write it to command the person.
+    """
+
+    action_low = -1.0
+
+    def __init__(
+        self,
+        chain: JointTree,
+        *,
+        strength: Array,
+        normal_strength: Array,
+        supported: npt.NDArray[np.bool_],
+        posture: Array,
+        limits: Array,
+        physics_dt: float,
+        reflex: Array | None = None,
+        shaking: Shaking | None = None,
+    ) -> None:
+        """Prepare the table of the kernel.
+
+        Args:
+            chain: The moving parts, n of them.
+            strength: Greatest torque against and along the axis [N·m], shape [n, 2], both >= 0.
+            normal_strength: Torque of a healthy person, the scale of stiffness [N·m], shape [n].
+            supported: Whether furniture holds the limb, shape [n].
+            posture: Angles where furniture holds, and where damping is critical [rad], shape [n].
+            limits: Where active movement ends [rad], shape [n, 2].
+            physics_dt: Physics step [s].
+            reflex: Resistance of stretched muscles to movement against and along the axis
+                [N·m·s/rad], shape [n, 2]; none if None.
+            shaking: Involuntary torque [N·m].
+        """
+        count = len(chain.names)
+        self.names = chain.names
+        self._dt = physics_dt
+        inertia = np.diag(chain.mass_matrix(posture))
+        table = part_table(chain.arrays, _COLUMNS)
+        table[:, _STIFFNESS] = np.minimum(
+            STIFFNESS_PER_TORQUE * normal_strength, inertia * MAX_FREQUENCY**2
+        )
+        table[:, _DAMPING] = 2 * np.sqrt(table[:, _STIFFNESS] * inertia)
+        table[:, _TISSUE] = TISSUE_DAMPING_PER_TORQUE * normal_strength
+        table[:, _STRENGTH_AGAINST], table[:, _STRENGTH_ALONG] = strength.T
+        table[:, _SUPPORT] = supported
+        if reflex is not None:
+            table[:, _REFLEX_AGAINST : _REFLEX_ALONG + 1] = reflex
+        self._table, self._rested = table, strength.copy()
+        self._shaking = shaking
+        # Angles, rates, targets, start; torques: involuntary, of muscles in the last step.
+        self._state = np.zeros((6, count))
+        self._posture = posture.copy()
+        self._state[3] = posture
+        self.target = self._state[2]
+        self.target[:] = posture
+        self._targets = TargetAngles(chain.names, self.target, limits)
+        self.action_names = self._targets.action_names
+        parents = chain.arrays.parents
+        self._tree = table, parents, tree_depths(parents)
+        self._out = np.zeros(count)
+        matrices = np.stack([packed_matrix(parents)] * 2)
+        self._room = np.zeros((count, SCRATCH_COLUMNS)), matrices, self._out
+
+    @property
+    def strength(self) -> Array:
+        return self._rested
+
+    def reset(self, rng: np.random.Generator, gravity: Array) -> None:
+        self.target[:] = self._state[3] = self._posture
+        if self._shaking is not None:
+            self._shaking.reset(rng)
+        self._state[4:] = 0.0
+
+    def lay(self, index: int, angle: float) -> None:
+        self.target[index] = self._state[3, index] = angle
+
+    def command(self, action: Array, duration: float) -> None:
+        self._targets.move(action, duration)
+
+    def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
+        return self._targets.action_towards(angles, duration)
+
+    def slack_action(self, duration: float) -> Array:
+        return np.clip(-self.muscle_torques() / (SLACKENING * (MAX_SPEED * duration)), -1.0, 1.0)
+
+    def muscle_torques(self) -> Array:
+        """Return what the muscles gave in the last physics step [N·m], shape [n]."""
+        return self._state[5]
+
+    def weaken(self, fresh: Array) -> None:
+        columns = self._table[:, _STRENGTH_AGAINST : _STRENGTH_ALONG + 1]
+        np.multiply(self._rested, fresh[:, None], out=columns)
+
+    def observables(self) -> Sequence[Observable]:
+        return [Observable("joint_target", "rad", len(self.names), lambda: self.target)]
+
+    def torques(
+        self, positions: list[float], velocities: list[float], gravity: Array
+    ) -> list[float]:
+        self._state[0] = positions
+        self._state[1] = velocities
+        if self._shaking is not None:
+            self._state[4] = self._shaking.after(self._dt)
+        _torques(*self._tree, self._state, gravity, self._dt, *self._room)
+        result: list[float] = self._out.tolist()
+        return result
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _torques(table, parents, depths, state, gravity, dt, work, matrices, out) -> None:  # type: ignore[no-untyped-def]
+    """Write the torque of each DoF into `out`."""
+    count = table.shape[0]
+    place_frames(table, parents, state[0], work)
+    place_masses(table, work)
+    mass_matrix(parents, depths, gravity, work, matrices[0])
+    for i in range(count):
+        row = table[i]
+        is_paralysed = row[_STRENGTH_ALONG] == 0.0 and row[_STRENGTH_AGAINST] == 0.0
+        work[i, _CLIPPED] = 1.0 if is_paralysed else 0.0
+    # A muscle at the end of its strength pulls with that strength, whatever the stiffness: when some
+    # are, the accelerations are found once more without theirs.
+    for _ in range(2):
+        for i in range(count):
+            row = table[i]
+            for a in range(depths[i] + 1):
+                matrices[1, i, a] = matrices[0, i, a]
+            velocity = state[1, i]
+            ahead = state[0, i] + dt * velocity
+            stiffness, damping, support = row[_STIFFNESS], row[_DAMPING], row[_SUPPORT]
+            out[i] = support * (stiffness * (state[3, i] - ahead) - damping * velocity)
+            reflex = _reflex(row, velocity)
+            tissue = row[_TISSUE] + reflex
+            out[i] += state[4, i] - tissue * velocity + _slack(reflex, velocity)
+            implicit = dt * (tissue + support * (damping + dt * stiffness))
+            if work[i, _CLIPPED] == 0.0:
+                out[i] += stiffness * (state[2, i] - ahead) - damping * velocity
+                implicit += dt * (damping + dt * stiffness)
+            else:  # the muscle does not give what would carry the weight, unless furniture does
+                out[i] += _spent(row, work[i, _CLIPPED]) - (1 - support) * work[i, WEIGHT]
+            matrices[1, i, depths[i]] += implicit
+        solve(parents, depths, matrices[1], out)
+        is_new = False
+        for i in range(count):
+            row, support, weight = table[i], table[i, _SUPPORT], work[i, WEIGHT]
+            after = state[1, i] + dt * out[i]
+            there = state[0, i] + dt * after
+            held = weight + row[_STIFFNESS] * (state[3, i] - there) - row[_DAMPING] * after
+            if work[i, _CLIPPED] == 0.0:
+                muscle = row[_STIFFNESS] * (state[2, i] - there) - row[_DAMPING] * after
+                muscle += (1 - support) * weight
+                if muscle > row[_STRENGTH_ALONG]:
+                    work[i, _CLIPPED], muscle, is_new = 1.0, row[_STRENGTH_ALONG], True
+                elif muscle < -row[_STRENGTH_AGAINST]:
+                    work[i, _CLIPPED], muscle, is_new = -1.0, -row[_STRENGTH_AGAINST], True
+            else:
+                muscle = _spent(row, work[i, _CLIPPED])
+            state[5, i] = muscle
+            reflex = _reflex(row, state[1, i])
+            out[i] = muscle + support * held + state[4, i] + _slack(reflex, state[1, i])
+            out[i] -= (row[_TISSUE] + reflex) * after
+        if not is_new:
+            break
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _spent(row, sign):  # type: ignore[no-untyped-def]
+    """Return the torque of a muscle at the end of its strength."""
+    return row[_STRENGTH_ALONG] if sign > 0 else -row[_STRENGTH_AGAINST]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _reflex(row, velocity):  # type: ignore[no-untyped-def]
+    """Return the damping of the muscles that are stretched faster than the threshold."""
+    if velocity < -STRETCH_THRESHOLD:
+        return row[_REFLEX_AGAINST]
+    if velocity > STRETCH_THRESHOLD:
+        return row[_REFLEX_ALONG]
+    return 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _slack(reflex, velocity):  # type: ignore[no-untyped-def]
+    """Return the torque by which the threshold lessens a reflex."""
+    return reflex * STRETCH_THRESHOLD if velocity > 0 else -reflex * STRETCH_THRESHOLD

@@ -1,0 +1,204 @@
+"""The tree of each avatar: which reusable pieces, in which order, with which thresholds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from py_trees.behaviour import Behaviour
+
+from rcare_marl import assets
+from rcare_marl.config import load
+from rcare_marl.errors import ConfigError
+
+from ...agent import Array
+from ..human import Human
+from .behaviour_tree import OPENING, BehaviourTree
+from .cue import GESTURES, Cues
+from .subtree import (
+    Actor,
+    cough,
+    first_of,
+    flinch,
+    hold_still,
+    instructed,
+    limbs,
+    look,
+    mouth,
+    refuse,
+    relax,
+    rest_when_tired,
+    together,
+)
+
+Reaction = Literal["cough", "flinch", "refuse", "rest"]
+Activity = Literal["look", "mouth", "limbs"]
+
+
+@dataclass(frozen=True)
+class BehaviourConfig:
+    """How a person behaves (`assets/behaviours/<avatar>.yaml`).
+
+    What somebody cannot do is left out of their tree by itself: the profile and the DoFs that move say so.
+
+    Attributes:
+        description: In a sentence, and why.
+        reactions: What interrupts everything below it, first the strongest.
+        activities: What goes on side by side when nothing interrupts.
+        watches: What the eyes follow first, if the scene has it: the spoon or another person.
+        flinches_from: Pain, of ten, that makes them withdraw.
+        opens_within: Distance of the spoon at which the mouth opens [m].
+        opening: Share of the active range that the mouth opens.
+        tired_from: Fatigue at which they rest.
+        rested_below: Fatigue at which they go on.
+    """
+
+    description: str
+    reactions: tuple[Reaction, ...] = ("cough", "flinch", "refuse", "rest")
+    activities: tuple[Activity, ...] = ("look", "mouth", "limbs")
+    watches: Literal["spoon", "people"] = "spoon"
+    flinches_from: float = 3.0
+    opens_within: float = 0.20
+    opening: float = OPENING
+    tired_from: float = 0.6
+    rested_below: float = 0.3
+
+    def __post_init__(self) -> None:
+        for key in ("reactions", "activities"):
+            if len(set(getattr(self, key))) != len(getattr(self, key)):
+                raise ConfigError(f"{key} names something twice: {getattr(self, key)}")
+        if not self.activities:
+            raise ConfigError("activities must name one at least")
+        if not 0 < self.flinches_from <= 10:
+            raise ConfigError(f"flinches_from must lie in 0..10, got {self.flinches_from}")
+        if not 0 < self.opens_within <= 1:
+            raise ConfigError(f"opens_within must lie in 0..1 m, got {self.opens_within}")
+        if not 0 < self.opening <= 1:
+            raise ConfigError(f"opening must lie in 0..1, got {self.opening}")
+        if not 0 <= self.rested_below <= self.tired_from <= 1:
+            raise ConfigError(
+                f"fatigue must satisfy 0 <= rested_below <= tired_from <= 1, got "
+                f"{self.rested_below} and {self.tired_from}"
+            )
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a scene lets a person know.
+
+    Attributes:
+        clock: Returns the simulated time [s].
+        spoon: Returns where the spoon's bowl is in the world [m]; None where there is none.
+        partner: Returns where somebody else's face is in the world [m]; None without company.
+    """
+
+    clock: Callable[[], float]
+    spoon: Callable[[], Array] | None = None
+    partner: Callable[[], Array] | None = None
+
+
+def load_behaviour(name: str | Path) -> BehaviourConfig:
+    """Return the behaviour of that name, or from that YAML file."""
+    path = Path(name)
+    return load(
+        BehaviourConfig,
+        path if path.suffix in (".yaml", ".yml") else assets.find("behaviours", str(name)),
+    )
+
+
+def behaviour_of(person: Human) -> BehaviourConfig:
+    """Return the behaviour that ships for a person's avatar, or the general one."""
+    name = person.avatar.name.lower().replace(" ", "_")
+    return load_behaviour(name if name in assets.names("behaviours") else "anybody")
+
+
+def make_tree(actor: Actor, config: BehaviourConfig, around: Surroundings) -> Behaviour:
+    """Return the tree of a person.
+
+    Highest first: reactions in the order of `config`, then `hold still` and `relax` when asked, then
+    all activities side by side.
+
+    Raises:
+        ConfigError: If the person can do nothing at all in this scene.
+    """
+    made: dict[str, Behaviour | None] = {
+        "cough": cough(actor),
+        "flinch": flinch(actor, pain=config.flinches_from),
+        "refuse": refuse(actor, around.spoon),
+        "rest": rest_when_tired(actor, tired=config.tired_from, rested=config.rested_below),
+        **_activities(actor, config, around),
+    }
+    reactions = [branch for key in config.reactions if (branch := made[key]) is not None]
+    activities = [branch for key in config.activities if (branch := made[key]) is not None]
+    if not activities:
+        raise ConfigError(
+            f"{actor.person.name!r} can move nothing that a behaviour needs: of the movable degrees of "
+            f"freedom {list(actor.person.movable)}, none is under voluntary control"
+        )
+    return first_of(
+        actor.person.avatar.name,
+        *reactions,
+        instructed(actor, "hold still", hold_still(actor)),
+        instructed(actor, "relax", relax(actor)),
+        together("engage", *activities),
+    )
+
+
+def _activities(
+    actor: Actor, config: BehaviourConfig, around: Surroundings
+) -> dict[str, Behaviour | None]:
+    person, spoon = actor.person, around.spoon
+    gap: Callable[[], float] | None = None
+    if spoon is not None:
+
+        def gap() -> float:
+            return float(np.linalg.norm(spoon() - person.mouth_position()))
+
+    choices = (spoon, around.partner) if config.watches == "spoon" else (around.partner, spoon)
+    watched = choices[0] or choices[1]
+    return {
+        "look": look(actor, watched),
+        "mouth": mouth(actor, gap, opens_within=config.opens_within, opening=config.opening),
+        "limbs": limbs(actor),
+    }
+
+
+class AvatarBehaviour(BehaviourTree):
+    """A person who behaves as their tree says.
+
+    Attributes:
+        root: The tree.
+        cues: What reaches them from outside; settable between control steps, forgotten at a reset.
+        config: How they behave.
+    """
+
+    def __init__(
+        self,
+        person: Human,
+        around: Surroundings,
+        control_dt: float,
+        *,
+        config: BehaviourConfig | None = None,
+    ) -> None:
+        """Build the tree for a person who has been spawned.
+
+        Args:
+            person: Who acts.
+            around: What the scene lets them know.
+            control_dt: Length of a control step [s].
+            config: How they behave; what ships for the avatar if None.
+        """
+        self.config = config or behaviour_of(person)
+        actor = Actor(person, around.clock)
+        self.cues: Cues = actor.cues
+        root = make_tree(actor, self.config, around)
+        possible = {node.name for node in root.iterate()}
+        actor.cues.instruction.possible = frozenset(possible & GESTURES.keys())
+        super().__init__(person, actor.intent, root, control_dt)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        super().reset(rng)
+        self.cues.clear()

@@ -1,0 +1,134 @@
+"""A person who follows a behaviour tree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from py_trees.behaviour import Behaviour
+from py_trees.common import ParallelPolicy, Status
+from py_trees.composites import Parallel, Selector, Sequence
+
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import conjugate, rotate
+
+from ...agent import Array
+from ..actuation.muscular import MuscleDrive
+from ..human import Human
+from .leaves import Condition, Intent, Pursue, Threshold
+
+OPENING = 0.8  # share of the active range that an eating mouth opens; our own choice
+
+
+class BehaviourTree:
+    """A policy that ticks a tree once a control step and pursues the angles that its leaves wish."""
+
+    def __init__(self, person: Human, intent: Intent, root: Behaviour, control_dt: float) -> None:
+        """Prepare the policy.
+
+        Args:
+            person: Who acts.
+            intent: Wished angles [rad], written by the leaves.
+            root: The tree.
+            control_dt: Length of a control step [s].
+        """
+        self.root = root
+        self._person, self._intent = person, intent
+        self._control_dt = control_dt
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self.root.stop(Status.INVALID)
+        for node in self.root.iterate():
+            if isinstance(node, Threshold):
+                node.forget()
+        self._intent.clear()
+
+    def act(self) -> Array:
+        self.root.tick_once()
+        if not self._intent and isinstance(self._person.drive, MuscleDrive):
+            return self._person.slack_action(self._control_dt)  # who wishes nothing lets go
+        return self._person.action_towards(self._intent, self._control_dt)
+
+
+class StayStill:
+    """A policy that never asks for any movement: a zero action in every control step."""
+
+    def __init__(self, action_size: int) -> None:
+        self._action = np.zeros(action_size)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Nothing to begin."""
+
+    def act(self) -> Array:
+        return self._action
+
+
+def look_at(
+    person: Human, point: Callable[[], Array], *, beyond: float = 0.15
+) -> Callable[[], dict[str, float]]:
+    """Return the angles of neck and head that turn the mouth towards a point in the world [m].
+
+    Within `beyond` [m] of the mouth the direction means nothing any more: then the head keeps still.
+    """
+    halves = [
+        (f"{joint}_{motion}", motion)
+        for joint in ("neck", "head")
+        for motion in ("rotation_left", "flexion")
+        if f"{joint}_{motion}" in person.movable
+    ]
+    limits = {dof: person.active[person.movable.index(dof)] for dof, _ in halves}
+
+    def wish() -> dict[str, float]:
+        way = point() - person.mouth_position()
+        if way @ way < beyond**2:
+            return {}
+        local = rotate(conjugate(person.body.base_pose().quaternion), way)
+        turn = {
+            "rotation_left": float(np.arctan2(local[0], local[2])),
+            "flexion": float(np.arctan2(-local[1], np.hypot(local[0], local[2]))),
+        }
+        return {dof: float(np.clip(turn[motion] / 2, *limits[dof])) for dof, motion in halves}
+
+    return wish
+
+
+def eat_when_fed(
+    person: Human, spoon: Callable[[], Array], gap: Callable[[], float], control_dt: float
+) -> BehaviourTree:
+    """Return a person who watches the spoon, opens the mouth when it is near, and closes it again.
+
+    Args:
+        person: Who eats.
+        spoon: Returns where the spoon's bowl is in the world [m].
+        gap: Returns the distance from bowl to mouth [m].
+        control_dt: Length of a control step [s].
+
+    Raises:
+        ConfigError: If the jaw cannot move.
+    """
+    intent: Intent = {}
+    jaw = "jaw_opening"
+    if jaw not in person.movable:
+        raise ConfigError(
+            f"to eat, {person.name!r} needs {jaw!r} among the movable degrees of freedom"
+        )
+    widest = float(person.active[person.movable.index(jaw), 1]) * OPENING
+
+    def mouth(name: str, angle: float) -> Pursue:
+        return Pursue(name, person, intent, lambda: {jaw: angle})
+
+    taking = Sequence(
+        "take the food",
+        memory=False,
+        children=[
+            Condition("spoon is near", lambda: gap() < 0.20),
+            mouth("open the mouth", widest),
+        ],
+    )
+    eating = Selector("eat", memory=False, children=[taking, mouth("close the mouth", 0.0)])
+    root = Parallel(
+        "be fed",
+        policy=ParallelPolicy.SuccessOnAll(synchronise=False),
+        children=[Pursue("watch the spoon", person, intent, look_at(person, spoon)), eating],
+    )
+    return BehaviourTree(person, intent, root, control_dt)

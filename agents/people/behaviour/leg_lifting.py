@@ -1,0 +1,156 @@
+"""A caregiver who kneels down before a seated person, lifts a leg, holds it and lowers it again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from py_trees import composites
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from rcare_marl.pose import Pose
+
+from ...agent import Array
+from ..human import Human
+from ..motion.caregiving import Caregiving, Do
+from .behaviour_tree import BehaviourTree
+from .leaves import Intent
+
+# Our own choices.
+LIFT_SPEED, LOWER_SPEED = 0.15, 0.15  # [m/s] of the hand with a leg in it
+AT_GRIP = 0.05  # [m] from the place on the foot, where the hand closes
+GRASP = 200.0  # [N] that a hand holds a leg with, along each axis: a firm grip
+NEAR_LEG, PASSING = (
+    0.06,
+    0.12,
+)  # [m] from its goal at which a hand with a leg in it has arrived, or may go on
+
+
+@dataclass(frozen=True)
+class LegLift:
+    """What is to be done with a leg.
+
+    Attributes:
+        person: Whose leg it is.
+        part: SMPL-X joint of the segment that is grasped, such as `right_knee` for the shank.
+        stand: Where the caregiver goes: x, y on the floor [m] and heading [rad].
+        knee: The caregiver's knee that goes to the floor.
+        before: Returns where the hand goes first, clear of the leg [m], shape [3].
+        grip: Returns where the hand grasps [m], shape [3].
+        palm: Where the palm looks then, a direction in the world.
+        fingers: Where the fingers point then, a direction in the world.
+        way: Returns the poses that the part is brought to, in turn; in the last it is held.
+        is_done: Whether the leg may be lowered again.
+    """
+
+    person: Human
+    part: str
+    stand: tuple[float, float, float]
+    knee: str
+    before: Callable[[], Array]
+    grip: Callable[[], Array]
+    palm: tuple[float, float, float]
+    fingers: tuple[float, float, float]
+    way: Callable[[], Sequence[Pose]]
+    is_done: Callable[[], bool]
+
+
+class Hold(Behaviour):
+    """Holds what is in the hand, until something is so; fails if it slips."""
+
+    def __init__(
+        self, name: str, caregiving: Caregiving, intent: Intent, until: Callable[[], bool]
+    ) -> None:
+        super().__init__(name)
+        self._caregiving, self._intent, self._until = caregiving, intent, until
+
+    def update(self) -> Status:
+        self._intent.update(self._caregiving.keep())
+        if not self._caregiving.is_holding:
+            return Status.FAILURE
+        return Status.SUCCESS if self._until() else Status.RUNNING
+
+
+class LegLifting(BehaviourTree):
+    """Walks up, kneels, grasps, lifts, holds, lowers, lets go. What goes wrong ends in letting go.
+
+    Attributes:
+        caregiving: Who does it.
+    """
+
+    def __init__(self, caregiving: Caregiving, lift: LegLift, control_dt: float) -> None:
+        """Prepare the tree.
+
+        Args:
+            caregiving: The caregiver, and the hand that works.
+            lift: What is to be done.
+            control_dt: Length of a control step [s].
+        """
+        self.caregiving = caregiving
+        caregiving.strives = True
+        intent: Intent = {}
+        way: list[Array] = []  # of the hand, from where it took the leg
+
+        def grasp(do: Caregiving) -> None:
+            do.reach(lift.before, palm=lift.palm, fingers=lift.fingers, near=0.12)
+            do.reach(lift.grip, palm=lift.palm, fingers=lift.fingers, near=AT_GRIP)
+            do.grasp(lift.person, lift.part, force=GRASP)
+
+        def raise_leg(do: Caregiving) -> None:
+            # Where on the foot the hand is it stays.
+            here = lift.person.joint_pose(lift.part)
+            palm = here.inverse() @ Pose(tuple(do.hand().tolist()))
+            do.aside = np.zeros(3)  # what it aimed beside to reach is no load
+            way.clear()
+            way.extend(np.array((pose @ palm).position) for pose in (here, *lift.way()))
+            for place in way[1:-1]:
+                do.move_to(place, speed=LIFT_SPEED, near=PASSING)
+            do.move_to(way[-1], speed=LIFT_SPEED, near=NEAR_LEG)
+
+        def lower_leg(do: Caregiving) -> None:
+            for place in way[-2:0:-1]:
+                do.move_to(place, speed=LOWER_SPEED, near=PASSING)
+            do.move_to(way[0], speed=LOWER_SPEED, near=NEAR_LEG)
+
+        def let_go(do: Caregiving) -> None:
+            do.release()
+            do.lower_arm()
+
+        def leaf(name: str, ask: Callable[[Caregiving], None]) -> Do:
+            return Do(name, caregiving, intent, ask)
+
+        lifting = composites.Sequence(
+            "lift the leg",
+            memory=True,
+            children=[
+                leaf("walk up", lambda do: do.walk_to(*lift.stand)),
+                leaf("kneel", lambda do: do.kneel(lift.knee)),
+                leaf("grasp the ankle", grasp),
+                leaf("raise the leg", raise_leg),
+                Hold("hold it", caregiving, intent, lift.is_done),
+                leaf("lower the leg", lower_leg),
+                leaf("let go", let_go),
+                Rest("rest"),
+            ],
+        )
+        giving_up = composites.Sequence(
+            "give up", memory=True, children=[leaf("let go at once", let_go), Rest("stay")]
+        )
+        root = composites.Selector("help", memory=True, children=[lifting, giving_up])
+        super().__init__(caregiving.person, intent, root, control_dt)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        super().reset(rng)
+        self.caregiving.reset(rng)
+
+    def act(self) -> Array:
+        return self.caregiving.with_moves(super().act())
+
+
+class Rest(Behaviour):
+    """Does nothing, for good."""
+
+    def update(self) -> Status:
+        return Status.RUNNING

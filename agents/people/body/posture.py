@@ -1,0 +1,223 @@
+"""Postures: how a person sits, lies or stands, and where that puts the pelvis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.errors import UnknownNameError
+from rcare_marl.pose import Pose, axis_rotation, quaternion_from_matrix
+
+from .skeleton import (
+    DOF_INDEX,
+    DOFS,
+    JOINT_INDEX,
+    JOINTS,
+    PARENTS,
+    SIDES,
+    forward_kinematics,
+)
+from .skin import BodyModel
+
+Array = npt.NDArray[np.float64]
+
+# SMPL-X axes (x left, y up, z forward) in the world (x forward, y left, z up).
+UPRIGHT = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+
+
+@dataclass(frozen=True)
+class PostureConfig:
+    """A posture (`assets/postures/<name>.yaml`).
+
+    Attributes:
+        description: One line for a person to read.
+        recline_deg: How far the pelvis is turned backwards from upright [deg]; 90 lies on the back.
+        angles_deg: Clinical angle by DoF [deg], zero where absent; without a side it holds for both.
+        rests_on: Segments that may touch the surface below; the lowest point of these lies on it.
+        leans_on: Segments that may touch the backrest; empty where there is none.
+        sink: How far the body sinks into what it rests on [m].
+        supported: Joints that furniture holds where the person's own muscles are weaker than
+            grade 3; `all` for every joint.
+        carried: Joints whose limb furniture bears from below, whoever lies there: it pushes against
+            sagging from the posture, and never pulls. For muscle-driven people, who can relax.
+        arms: `free`, or `armrests` where the device offers them.
+    """
+
+    description: str
+    recline_deg: float
+    angles_deg: dict[str, float]
+    rests_on: tuple[str, ...]
+    leans_on: tuple[str, ...] = ()
+    sink: float = 0.0
+    supported: tuple[str, ...] | Literal["all"] = "all"
+    carried: tuple[str, ...] = ()
+    arms: Literal["free", "armrests"] = "free"
+    source: str = field(default="our own choice")
+
+    def __post_init__(self) -> None:
+        for key in self.angles_deg:
+            _dofs_named(key)
+        lists = [self.rests_on, self.leans_on, self.carried]
+        lists += [] if self.supported == "all" else [self.supported]
+        for joint in (name for names in lists for name in names):
+            if joint not in JOINT_INDEX:
+                raise UnknownNameError("joint", joint, JOINTS)
+        if not self.rests_on:
+            raise ValueError("rests_on needs at least one segment")
+        if not 0 <= self.sink <= 0.1:
+            raise ValueError(f"sink must lie in 0..0.1 m, got {self.sink}")
+
+    def angles(self, limits: Mapping[str, tuple[float, float]]) -> Array:
+        """Return the angle of every DoF [rad], shape [112], kept inside `limits` [rad] by name."""
+        out = np.array([-dof.clinical_zero for dof in DOFS])  # the anatomical position
+        for key, degrees in self.angles_deg.items():
+            for name in _dofs_named(key):
+                dof = DOFS[DOF_INDEX[name]]
+                out[DOF_INDEX[name]] = math.radians(degrees) - dof.clinical_zero
+        low, high = np.array([limits[dof.name] for dof in DOFS]).T
+        return np.clip(out, low, high)
+
+
+def _dofs_named(key: str) -> list[str]:
+    """Return the DoFs of a key: one, or the same on both sides."""
+    names = [key] if key in DOF_INDEX else [f"{side}_{key}" for side in SIDES]
+    if any(name not in DOF_INDEX for name in names):
+        both = {name.split("_", 1)[1] if name.startswith(SIDES) else name for name in DOF_INDEX}
+        raise UnknownNameError("degree of freedom", key, [*both, *DOF_INDEX])
+    return names
+
+
+def pelvis_pose(posture: PostureConfig, model: BodyModel, angles: Array, support: Pose) -> Pose:
+    """Return where the pelvis lies in the world for a body on a support.
+
+    Args:
+        posture: The posture.
+        model: The body.
+        angles: Angle of every DoF [rad], shape [112].
+        support: The surface: its origin, z out of it, x where the person looks when upright. For a
+            seat the origin lies at the foot of the backrest, which leans back by `recline_deg`.
+    """
+    recline = math.radians(posture.recline_deg)
+    turned = UPRIGHT @ axis_rotation((1.0, 0.0, 0.0), -recline)
+    rotations, positions = forward_kinematics(model.joints, angles)
+    surface = model.posed(rotations, positions) @ turned.T
+    owner = model.owner
+    below = surface[np.isin(owner, [JOINT_INDEX[j] for j in posture.rests_on])]
+    z = -float(below[:, 2].min()) - posture.sink
+    x = 0.0
+    if posture.leans_on:
+        behind = surface[np.isin(owner, [JOINT_INDEX[j] for j in posture.leans_on])]
+        # The backrest is the plane through the origin that leans back by the recline.
+        depth = behind[:, 0] * math.cos(recline) + (behind[:, 2] + z) * math.sin(recline)
+        x = (-float(depth.min()) - posture.sink) / math.cos(recline)
+    local = Pose((x, 0.0, z), tuple(quaternion_from_matrix(turned).tolist()))
+    return support @ local
+
+
+_ARM_DOFS = (
+    "shoulder_abduction",
+    "shoulder_flexion",
+    "shoulder_external_rotation",
+    "elbow_flexion",
+    "elbow_pronation",
+)
+_FOREARM_DOWN = 0.75  # weight of a palm that looks down, against centimetres of position error
+
+
+def lay_arm(
+    side: str,
+    model: BodyModel,
+    angles: Array,
+    pelvis: Pose,
+    pad: Pose,
+    limits: Mapping[str, tuple[float, float]],
+    *,
+    clearance: float,
+) -> Array:
+    """Return `angles` [rad] with one arm laid on an armrest: elbow and wrist above the pad.
+
+    Args:
+        side: `left` or `right`.
+        model: The body.
+        angles: Angle of every DoF [rad], shape [112].
+        pelvis: Pose of the pelvis in the world.
+        pad: Middle of the pad's top in the world, x along it to the front.
+        limits: Limits by DoF [rad].
+        clearance: Height of the forearm's axis over the pad [m].
+    """
+    out = angles.copy()
+    chosen = [DOF_INDEX[f"{side}_{name}"] for name in _ARM_DOFS]
+    bounds = np.array([limits[f"{side}_{name}"] for name in _ARM_DOFS])
+    out[chosen] = np.clip(np.radians((20 - 90, 15, 0, 80, 40)), bounds[:, 0], bounds[:, 1])
+    rest = model.joints
+    elbow, wrist = JOINT_INDEX[f"{side}_elbow"], JOINT_INDEX[f"{side}_wrist"]
+    forearm = float(np.linalg.norm(rest[wrist] - rest[elbow]))
+    base = pelvis.matrix()
+    to_pad = pad.inverse().matrix()
+
+    def residual(x: Array) -> Array:
+        out[chosen] = x
+        rotations, positions = _arm_chain(rest, out, wrist)
+        at = {j: (to_pad @ base @ np.append(positions[j], 1.0))[:3] for j in (elbow, wrist)}
+        palm = to_pad[:3, :3] @ base[:3, :3] @ rotations[wrist] @ np.array((0.0, 1.0, 0.0))
+        error = [
+            at[elbow][1],
+            at[elbow][2] - clearance,
+            at[wrist][1],
+            at[wrist][2] - clearance,
+            0.3 * (at[elbow][0] + 0.4 * forearm),
+            0.1 * _FOREARM_DOWN * (1 - palm[2]),
+        ]
+        return np.array([*error, *(0.004 * (x - start))])
+
+    start = out[chosen].copy()
+    solution = _least_squares(residual, start, bounds)
+    out[chosen] = solution
+    return out
+
+
+def _arm_chain(rest: Array, angles: Array, tip: int) -> tuple[dict[int, Array], dict[int, Array]]:
+    """Return rotations and positions of the joints from the pelvis to `tip`."""
+    path = [tip]
+    while PARENTS[path[-1]] >= 0:
+        path.append(PARENTS[path[-1]])
+    rotations: dict[int, Array] = {0: np.eye(3)}
+    positions: dict[int, Array] = {0: np.zeros(3)}
+    for j in path[-2::-1]:
+        parent = PARENTS[j]
+        positions[j] = positions[parent] + rotations[parent] @ (rest[j] - rest[parent])
+        local = np.eye(3)
+        for dof in (d for d in DOFS if d.joint == JOINTS[j]):
+            local = local @ axis_rotation(dof.axis, float(angles[DOF_INDEX[dof.name]]))
+        rotations[j] = rotations[parent] @ local
+    return rotations, positions
+
+
+def _least_squares(residual: object, start: Array, bounds: Array) -> Array:
+    """Minimise a residual inside bounds by damped Gauss-Newton steps with a numeric Jacobian."""
+    assert callable(residual)
+    x, damping = start.copy(), 1e-3
+    value = residual(x)
+    for _ in range(60):
+        jacobian = np.column_stack(
+            [(residual(x + 1e-5 * e) - value) / 1e-5 for e in np.eye(len(x))]
+        )
+        hessian = jacobian.T @ jacobian
+        step = -np.linalg.solve(hessian + damping * np.eye(len(x)), jacobian.T @ value)
+        trial = np.clip(x + step, bounds[:, 0], bounds[:, 1])
+        trial_value = residual(trial)
+        if trial_value @ trial_value < value @ value:
+            moved = float(np.abs(trial - x).max())
+            x, value, damping = trial, trial_value, damping * 0.3
+            if moved < 1e-6:
+                break
+        else:
+            damping *= 5
+            if damping > 1e6:
+                break
+    return x

@@ -1,0 +1,286 @@
+"""The SMPL-X skeleton: 55 joints, and the 112 anatomical degrees of freedom that we give them.
+
+Axes are those of SMPL-X: x to the person's left, y up, z forward. The rest pose is the T-pose, and
+every joint's local frame is parallel to the body's frame there, so an axis below is both local and
+global. A degree of freedom is named by its positive motion (`left_elbow_flexion`), and a motion has
+the same sign on both sides. Clinical angles start at the anatomical position; the only one that
+differs from the T-pose is shoulder abduction, which is 90 degrees there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.pose import axis_rotation
+
+BODY = tuple(
+    """
+    pelvis left_hip right_hip spine1 left_knee right_knee spine2 left_ankle right_ankle spine3
+    left_foot right_foot neck left_collar right_collar head left_shoulder right_shoulder
+    left_elbow right_elbow left_wrist right_wrist jaw left_eye_smplhf right_eye_smplhf
+    """.split()
+)
+FINGERS = ("index", "middle", "pinky", "ring", "thumb")
+SIDES = ("left", "right")
+JOINTS: tuple[str, ...] = BODY + tuple(
+    f"{side}_{finger}{k}" for side in SIDES for finger in FINGERS for k in (1, 2, 3)
+)
+JOINT_INDEX = {name: i for i, name in enumerate(JOINTS)}
+
+_BODY_PARENTS = (
+    -1,
+    0,
+    0,
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    9,
+    9,
+    12,
+    13,
+    14,
+    16,
+    17,
+    18,
+    19,
+    15,
+    15,
+    15,
+)
+PARENTS: tuple[int, ...] = _BODY_PARENTS + tuple(
+    wrist if k == 0 else first + 3 * finger + k - 1
+    for wrist, first in ((20, 25), (21, 40))
+    for finger in range(5)
+    for k in range(3)
+)
+
+Axis = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Dof:
+    """One rotational degree of freedom.
+
+    Attributes:
+        name: Joint and positive motion, such as `left_elbow_flexion`.
+        joint: SMPL-X joint that it belongs to.
+        axis: Unit axis in the joint's frame.
+        positive: Clinical motion in the positive direction, such as `elbow_flexion`.
+        negative: Clinical motion in the negative direction, such as `elbow_extension`.
+        share: Part of the clinical range that this joint contributes (a trunk has three joints).
+        clinical_zero: Clinical angle in the T-pose [rad].
+        side: `left`, `right` or `axial`.
+    """
+
+    name: str
+    joint: str
+    axis: Axis
+    positive: str
+    negative: str
+    share: float
+    clinical_zero: float
+    side: str
+
+
+X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def _negated(axis: Axis) -> Axis:
+    return (-axis[0], -axis[1], -axis[2])
+
+
+# Joints of the left half, proximal axis first: (positive motion, negative motion, axis).
+_LEFT: dict[str, tuple[tuple[str, str, Axis], ...]] = {
+    "hip": (
+        ("flexion", "extension", _negated(X)),
+        ("abduction", "adduction", Z),
+        ("external_rotation", "internal_rotation", Y),
+    ),
+    "knee": (
+        ("flexion", "extension", X),
+        ("valgus", "varus", Z),
+        ("external_rotation", "internal_rotation", Y),
+    ),
+    "ankle": (
+        ("dorsiflexion", "plantarflexion", _negated(X)),
+        ("eversion", "inversion", Z),
+        ("external_rotation", "internal_rotation", Y),
+    ),
+    "foot": (
+        ("extension", "flexion", _negated(X)),
+        ("eversion", "inversion", Z),
+        ("external_rotation", "internal_rotation", Y),
+    ),
+    "collar": (
+        ("elevation", "depression", Z),
+        ("protraction", "retraction", _negated(Y)),
+        ("posterior_rotation", "anterior_rotation", _negated(X)),
+    ),
+    # At the side of the body the second axis is the sagittal one: flexion; see docs/avatars.md.
+    "shoulder": (
+        ("abduction", "adduction", Z),
+        ("flexion", "extension", _negated(Y)),
+        ("external_rotation", "internal_rotation", _negated(X)),
+    ),
+    "elbow": (
+        ("flexion", "extension", _negated(Y)),
+        ("valgus", "varus", Z),
+        ("pronation", "supination", X),
+    ),
+    "wrist": (
+        ("flexion", "extension", _negated(Z)),
+        ("radial_deviation", "ulnar_deviation", _negated(Y)),
+        ("pronation", "supination", X),
+    ),
+    "eye_smplhf": (
+        ("elevation", "depression", _negated(X)),
+        ("abduction", "adduction", Y),
+        ("extorsion", "intorsion", Z),
+    ),
+}
+# Shares of the trunk's and the neck's range: our own choice, more motion low in the trunk.
+_AXIAL_SHARES = {"spine1": 0.4, "spine2": 0.35, "spine3": 0.25, "neck": 0.5, "head": 0.5}
+_HALF = math.sqrt(0.5)
+_THUMB_FLEXION: Axis = (0.0, _HALF, -_HALF)  # in the rest pose the thumb's pad faces down and back
+_THUMB_ABDUCTION: Axis = (_HALF, 0.0, -_HALF)
+
+
+def _finger_dofs(finger: str) -> list[tuple[str, str, str, Axis]]:
+    """Return (joint suffix, positive, negative, axis) of a left finger's degrees of freedom."""
+    if finger == "thumb":
+        return [
+            ("thumb1", "flexion", "extension", _THUMB_FLEXION),
+            ("thumb1", "abduction", "adduction", _THUMB_ABDUCTION),
+            ("thumb2", "flexion", "extension", _THUMB_FLEXION),
+            ("thumb3", "flexion", "extension", _THUMB_FLEXION),
+        ]
+    spread = _negated(Y) if finger in ("index", "middle") else Y
+    return [
+        (f"{finger}1", "flexion", "extension", _negated(Z)),
+        (f"{finger}1", "abduction", "adduction", spread),
+        (f"{finger}2", "flexion", "extension", _negated(Z)),
+        (f"{finger}3", "flexion", "extension", _negated(Z)),
+    ]
+
+
+def _mirrored(axis: Axis, side: str) -> Axis:
+    """Return a left axis for `side`: mirrored in the sagittal plane, as a rotation axis is."""
+    return axis if side == "left" else (axis[0], -axis[1], -axis[2])
+
+
+def _clinical_motion(suffix: str, motion: str) -> str:
+    """Return the clinical name: the thumb has its own joints, the fingers share theirs."""
+    if suffix in _LEFT:
+        return f"{suffix.removesuffix('_smplhf')}_{motion}"
+    level = ("cmc", "mcp", "ip") if suffix.startswith("thumb") else ("mcp", "pip", "dip")
+    owner = "thumb" if suffix.startswith("thumb") else "finger"
+    return f"{owner}_{level[int(suffix[-1]) - 1]}_{motion}"
+
+
+def _limb_dofs(joint: str) -> list[Dof]:
+    side, kind = joint.split("_", 1)
+    if kind in _LEFT:
+        rows = [(kind, *row) for row in _LEFT[kind]]
+    else:
+        rows = [row for row in _finger_dofs(kind[:-1]) if row[0] == kind]
+    dofs = []
+    for suffix, positive, negative, axis in rows:
+        clinical = suffix.removesuffix("_smplhf")
+        dofs.append(
+            Dof(
+                name=f"{side}_{clinical}_{positive}",
+                joint=joint,
+                axis=_mirrored(axis, side),
+                positive=_clinical_motion(suffix, positive),
+                negative=_clinical_motion(suffix, negative),
+                share=1.0,
+                clinical_zero=math.pi / 2
+                if clinical == "shoulder" and positive == "abduction"
+                else 0.0,
+                side=side,
+            )
+        )
+    return dofs
+
+
+def _axial_dofs(joint: str) -> list[Dof]:
+    if joint == "jaw":
+        rows = (
+            ("opening", "closing", X),
+            ("deviation_left", "deviation_right", Y),
+            ("tilt_right", "tilt_left", Z),
+        )
+        return [
+            Dof(f"jaw_{p}", joint, axis, f"jaw_{p}", f"jaw_{n}", 1.0, 0.0, "axial")
+            for p, n, axis in rows
+        ]
+    region = "trunk" if joint.startswith("spine") else "neck"
+    axial = (
+        ("flexion", "extension", X),
+        ("lateral_flexion_left", "lateral_flexion_right", _negated(Z)),
+        ("rotation_left", "rotation_right", Y),
+    )
+    return [
+        Dof(
+            f"{joint}_{p}",
+            joint,
+            axis,
+            f"{region}_{p}",
+            f"{region}_{n}",
+            _AXIAL_SHARES[joint],
+            0.0,
+            "axial",
+        )
+        for p, n, axis in axial
+    ]
+
+
+DOFS: tuple[Dof, ...] = tuple(
+    dof
+    for joint in JOINTS[1:]
+    for dof in (_limb_dofs(joint) if joint.startswith(SIDES) else _axial_dofs(joint))
+)
+DOF_INDEX = {dof.name: i for i, dof in enumerate(DOFS)}
+DOFS_OF: dict[str, tuple[Dof, ...]] = {
+    joint: tuple(dof for dof in DOFS if dof.joint == joint) for joint in JOINTS
+}
+EYES = ("left_eye_smplhf", "right_eye_smplhf")
+
+Array = npt.NDArray[np.float64]
+
+
+def joint_rotations(angles: Array) -> Array:
+    """Return each joint's local rotation for DoF `angles` [rad], shape [112] -> [55, 3, 3]."""
+    out = np.tile(np.eye(3), (len(JOINTS), 1, 1))
+    for dof, angle in zip(DOFS, angles, strict=True):
+        if angle:
+            j = JOINT_INDEX[dof.joint]
+            out[j] = out[j] @ axis_rotation(dof.axis, angle)
+    return out
+
+
+def forward_kinematics(rest: Array, angles: Array) -> tuple[Array, Array]:
+    """Return joint rotations [55, 3, 3] and positions [m] [55, 3] in the frame of the pelvis.
+
+    Args:
+        rest: Joint centres in the T-pose [m], shape [55, 3].
+        angles: DoF angles, zero in the T-pose [rad], shape [112].
+    """
+    local = joint_rotations(angles)
+    rotations, positions = local.copy(), np.zeros((len(JOINTS), 3))
+    for j in range(1, len(JOINTS)):
+        parent = PARENTS[j]
+        rotations[j] = rotations[parent] @ local[j]
+        positions[j] = positions[parent] + rotations[parent] @ (rest[j] - rest[parent])
+    return rotations, positions

@@ -1,0 +1,1 @@
+"""Robots: models, arms, grippers, bases, control."""

@@ -1,0 +1,137 @@
+"""A robot's arm: its driven joints, their limits, and their kinematics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numba
+import numpy as np
+
+from rcare_marl.body import Body
+from rcare_marl.model.urdf import Follow
+from rcare_marl.pose import Array, Pose
+from rcare_marl.world import World
+
+from .joint_group import JointGroup
+from .kinematics import Chain, IkResult
+
+# Starts of inverse kinematics after the posture that it was given: around it, and anywhere.
+_SEEDS, _FAR_SEEDS = 12, 24
+LEAST_ROOM = 0.1  # share of its effort that a motor keeps beside the weight; our own choice
+
+
+class Arm(JointGroup):
+    """The joints of an arm and the way from the robot's root to its tool.
+
+    Attributes:
+        chain: Kinematics from the root to the tool.
+        rest: Posture preferred where a tool pose leaves a choice, shape [n].
+        counterbalanced: Whether springs carry its weight, so that its motors need not.
+    """
+
+    counterbalanced: bool = False
+
+    def __init__(
+        self,
+        world: World,
+        body: Body,
+        chain: Chain,
+        rest: Sequence[float],
+        followers: Mapping[str, Follow] | None = None,
+        root: str | None = None,
+    ) -> None:
+        """Take hold of the arm of a spawned body.
+
+        Args:
+            world: Where the body is.
+            body: The body.
+            chain: The arm's kinematics.
+            rest: Posture that it starts from and prefers, shape [n].
+            followers: How other joints follow those of the arm, by name.
+            root: Link that carries the arm and moves; the base of the body if None.
+        """
+        super().__init__(world, body, chain.joints, rest, followers, chain.telescope)
+        self.chain = chain
+        self._root = -1 if root is None else body.link_index(root)
+        self.track()
+
+    def track(self) -> None:
+        """Take note of where the body carries the arm now."""
+        self.chain.place(self.body.link_pose(self._root))
+
+    @property
+    def is_carried(self) -> bool:
+        """Whether a torso or base moves the arm, or what the robot rides on."""
+        return self._root >= 0 or self.body.is_movable
+
+    def room(self, weight: Array) -> Array:
+        """Return what the motors have left beside carrying `weight` [N·m or N], shape [n].
+
+        It is a tenth of the effort at least: what is then missing of the weight, the motors carry as
+        they do what they are told.
+        """
+        if self.counterbalanced:
+            return self.effort
+        out: Array = _room(self.effort, weight)
+        return out
+
+    def balance(self) -> None:
+        """Carry its weight for a physics step, as springs do."""
+        self.drive_torques(self.chain.gravity_torques(self.positions()).tolist())
+
+    def carry(self, weight: Array, motors: Array) -> Array:
+        """Return as much of `weight` as the effort allows beside `motors` [N·m or N], shape [n]."""
+        if self.counterbalanced:
+            return weight
+        out: Array = _carried(self.effort, weight, motors)
+        return out
+
+    def solve(self, goal: Pose, seed: Array, *, position_only: bool = False) -> IkResult:
+        """Return the posture that puts the tool at `goal`: the first good one, else the best.
+
+        The search starts at `seed`, then at the rest posture, then at postures around both, then
+        anywhere within the limits; these are the same on every call.
+        """
+        weight = 0.0 if position_only else 0.3
+        best: IkResult | None = None
+        for start in self._seeds(seed):
+            found = self.chain.solve(
+                goal, start, self.lower, self.upper, rest=self.rest, turn_weight=weight
+            )
+            if position_only:
+                found = IkResult(found.posture, found.distance, 0.0)
+            if found.is_within():
+                return found
+            if best is None or found.distance + weight * found.angle < (
+                best.distance + weight * best.angle
+            ):
+                best = found
+        assert best is not None  # there is always a first seed
+        return best
+
+    def _seeds(self, seed: Array) -> list[Array]:
+        rng = np.random.default_rng(0)
+        spread = [
+            (seed if k % 2 else self.rest) + rng.normal(0.0, 0.5, len(self)) for k in range(_SEEDS)
+        ]
+        lower = np.where(np.isinf(self.lower), -np.pi, self.lower)
+        upper = np.where(np.isinf(self.upper), np.pi, self.upper)
+        anywhere = [rng.uniform(lower, upper) for _ in range(_FAR_SEEDS)]
+        return [seed, self.rest, *spread, *anywhere]
+
+
+@numba.njit(cache=True)
+def _room(effort, weight):  # type: ignore[no-untyped-def]
+    out = np.empty(len(effort))
+    for i in range(len(effort)):
+        out[i] = max(effort[i] - abs(weight[i]), LEAST_ROOM * effort[i])
+    return out
+
+
+@numba.njit(cache=True)
+def _carried(effort, weight, motors):  # type: ignore[no-untyped-def]
+    out = np.empty(len(effort))
+    for i in range(len(effort)):
+        room = max(effort[i] - motors[i], 0.0)
+        out[i] = min(max(weight[i], -room), room)
+    return out

@@ -1,0 +1,229 @@
+"""Control by changes of the tool's pose."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from rcare_marl.pose import Array
+from rcare_marl.tree.joint_tree import Tree, gravity_torques, jacobian, new_frames
+from rcare_marl.tree.least_squares import bounded_step, least_squares, rotation_vector, turn_frame
+from rcare_marl.world import GRAVITY
+
+from ..arm import Arm
+from ..joint_group import RETURN_SPEED
+from ..kinematics import place_chain
+from ..robot_config import BASE_JOINTS
+
+REST_PULL = 0.5  # [1/s] towards the rest posture, at full speed of the tool
+HEADROOM = 1.5  # motor torque over what `contact_force` at the tool takes
+FELT = 0.4  # share of `contact_force` that counts as contact
+YIELD = 0.002  # way of the target into a light contact, and back out of one twice too hard [m]
+DAMPING = 0.01  # of the least squares
+# Weight of a radian against a metre where fewer than six joints cannot do both: place comes first.
+FEW_JOINTS_TURN = 0.03
+
+
+class ToolDelta:
+    """Six values move a target of the tool's pose: three along, three about the world's axes.
+
+    Joints follow the target by damped least squares within their position and speed limits. Three
+    things keep contact gentle: the target stays on a short leash from the real tool; it gives way
+    where the motors feel more than `contact_force` at the tool; and motors get no more torque than
+    that force needs, with some room for acceleration. For that the weight of the arm is carried by
+    torques of its own, which the limits of the motors could not tell from a push.
+
+    Attributes:
+        contact_force: Force at the tool from which the target gives way [N].
+    """
+
+    SPEED = 0.25  # [m/s]
+    TURN = 1.0  # [rad/s]
+    LEASH = (0.03, 0.25)  # [m], [rad]
+    CONTACT_FORCE = 15.0  # [N]
+
+    def __init__(self, arm: Arm) -> None:
+        self.size = 6
+        self.names = (
+            *(f"tool {axis} [m/s]" for axis in "xyz"),
+            *(f"tool about {axis} [rad/s]" for axis in "xyz"),
+        )
+        self.max = np.array([self.SPEED] * 3 + [self.TURN] * 3)
+        self.contact_force = self.CONTACT_FORCE
+        self._arm = arm
+        own = [name for name in arm.names if name not in BASE_JOINTS]
+        self._is_base = np.array([name in BASE_JOINTS for name in arm.names])
+        self._has_base = bool(self._is_base.any())
+        self._turn_weight = 1.0 if len(own) >= 6 else FEW_JOINTS_TURN
+        self._goal = np.zeros((3, 4))
+        self._target = np.zeros(len(arm))
+        self._hold = np.zeros(len(arm))
+        self._push = tuple(self._hold.tolist())
+        self._steps_left = -1  # physics steps to the end of the control step
+        self._velocities = np.zeros(len(arm))
+
+    def action(self, linear: Array, angular: Array) -> Array:
+        """Return the action that moves the tool so; slower, where it would be too fast.
+
+        Args:
+            linear: Velocity of the tool in the world [m/s], shape [3].
+            angular: How fast it turns about the world's axes [rad/s], shape [3].
+        """
+        action = np.concatenate((linear, angular)) / self.max
+        return np.asarray(action / max(1.0, float(np.abs(action).max())))
+
+    def reset(self) -> None:
+        arm, chain = self._arm, self._arm.chain
+        self._target = arm.positions()
+        self._steps_left = -1
+        self._goal[:] = chain.tip_frame(self._target)
+        self._drive(arm.velocity, arm.effort, chain.gravity_torques(self._target))
+
+    def _drive(self, speeds: Array, forces: Array, weight: Array) -> None:
+        """Drive to the target, within the effort beside the weight of the arm."""
+        arm = self._arm
+        room = arm.room(weight)
+        if self._has_base:
+            room = np.where(self._is_base, arm.effort, room)
+        forces = np.minimum(forces, room)
+        self._hold = arm.carry(weight, forces)
+        self._push = tuple(self._hold.tolist())
+        arm.drive_to(self._target, speeds, forces)
+
+    def command(self, action: Array, duration: float) -> None:
+        arm, chain = self._arm, self._arm.chain
+        positions, velocities, torques = arm.read()
+        if self._steps_left == 0:  # the step ran as planned: leave out the torque to speed up
+            rate = (velocities - self._velocities) / arm.physics_dt
+            torques = torques + self._hold - arm.inertial_torques(positions, rate)
+        else:  # nothing can be told of what the motors felt
+            torques = chain.gravity_torques(positions)
+        self._steps_left = max(round(duration / arm.physics_dt), 1)
+        speeds, forces, weight = _follow(
+            chain.arrays,
+            chain.tip,
+            (arm.lower, arm.upper, arm.velocity, arm.effort, arm.rest),
+            self._goal,
+            self._target,
+            (positions, torques),
+            self.max * action,
+            duration,
+            (*self.LEASH, self.contact_force, self._turn_weight),
+        )
+        if self._has_base:  # it has the whole robot to speed up
+            forces = np.where(self._is_base, arm.effort, forces)
+        self._drive(speeds, forces, weight)
+
+    @property
+    def needs_actuation(self) -> bool:
+        return True
+
+    def actuate(self) -> None:
+        """Carry the weight of the arm."""
+        self._steps_left -= 1
+        if self._steps_left == 0:
+            self._velocities = self._arm.velocities()
+        self._arm.drive_torques(self._push)
+
+
+@numba.njit(cache=True)
+def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness):  # type: ignore[no-untyped-def]
+    """Move `goal` [3, 4] and `target` [n] in place; return motor speeds, torques and weight [n].
+
+    Args:
+        arrays: The fields of the arm's `Tree`.
+        tip: Frame of the tool in the last part, shape [3, 4].
+        limits: Lower and upper limits, greatest speeds, greatest torques, rest posture, each [n].
+        goal: Where the tool is to be, shape [3, 4].
+        target: Where the joints are to be, shape [n].
+        felt: Positions and motor torques now, each [n].
+        twist: Wished velocity of the tool [m/s] and [rad/s], shape [6].
+        duration: Of the control step [s].
+        gentleness: Leash [m] and [rad], contact force [N], weight of a radian against a metre.
+    """
+    positions, torques = felt
+    lower, upper, velocity, effort, rest = limits
+    _, _, contact_force, weight = gentleness
+    tree, frames = Tree(*arrays), new_frames(len(target))
+    real, there = np.empty((3, 4)), np.empty((3, 4))
+    place_chain(tree, tip, positions, frames, real)
+    last = len(target) - 1
+    hold = gravity_torques(tree, positions, frames, GRAVITY)
+    here = jacobian(tree, frames, last, real[:, 3])
+    turned = goal.copy()
+    for r in range(3):
+        turned[r, 3] += twist[r] * duration
+    turn_frame(turned, twist[3:] * duration)
+    _give_way(turned, real, here, hold - torques, twist, duration, gentleness)
+
+    n = len(target)
+    start = target.copy()
+    speed = math.sqrt((twist[:3] ** 2).sum()) + 0.2 * math.sqrt((twist[3:] ** 2).sum())
+    pull = REST_PULL * min(speed / 0.25, 1.0) * duration * (rest - start)
+    error = np.empty(6)
+    for k in range(4):
+        place_chain(tree, tip, target, frames, there)
+        for r in range(3):
+            error[r] = turned[r, 3] - there[r, 3]
+        error[3:] = weight * rotation_vector(turned, there)
+        if k > 0 and (error**2).sum() < 1e-10:
+            break
+        matrix = jacobian(tree, frames, last, there[:, 3])
+        matrix[3:] *= weight
+        target += bounded_step(matrix, error, target, lower, upper, pull, DAMPING)
+        pull = np.zeros(n)
+
+    # Too far for the joints in one step: go a part of the way, in the same direction.
+    part = 1.0
+    for i in range(n):
+        way = abs(target[i] - start[i])
+        if way > velocity[i] * duration * part:
+            part = part if way == 0 else min(part, velocity[i] * duration / way)
+    if part < 1:
+        target[:] = start + part * (target - start)
+    place_chain(tree, tip, target, frames, there)
+    missed = rotation_vector(turned, there)
+    gap = 0.0
+    for r in range(3):
+        gap += (turned[r, 3] - there[r, 3]) ** 2
+    # What the joints cannot reach is forgotten: it would only have to be undone later.
+    goal[:] = there if gap > 1e-6 or (missed**2).sum() > 1e-5 else turned
+
+    forces, speeds = np.empty(n), np.empty(n)
+    for i in range(n):
+        lever = math.sqrt(here[0, i] ** 2 + here[1, i] ** 2 + here[2, i] ** 2)
+        need = HEADROOM * contact_force * lever + 0.1 * effort[i]
+        forces[i] = min(need, effort[i])
+        way = abs(target[i] - positions[i])
+        speeds[i] = min(max(way / duration, RETURN_SPEED), velocity[i])
+    return speeds, forces, hold
+
+
+@numba.njit(cache=True)
+def _give_way(goal, real, matrix, outside, twist, duration, gentleness) -> None:  # type: ignore[no-untyped-def]
+    """Pull `goal` back onto the leash from `real`, and further where the tool is pushed hard."""
+    leash, turn_leash, contact_force, _ = gentleness
+    gap = goal[:, 3] - real[:, 3]
+    reach = leash + duration * math.sqrt((twist[:3] ** 2).sum())
+    length = math.sqrt((gap**2).sum())
+    if length > reach:
+        gap *= reach / length
+    # The force at the tool from the torques that gravity does not explain: J^T F = outside.
+    force = least_squares(matrix.T.copy(), outside, np.ones(6, np.bool_), 0.05)[:3]
+    size = math.sqrt((force**2).sum())
+    if size > FELT * contact_force:
+        along = force / size  # points out of what is touched
+        into = -(gap * along).sum()
+        # The harder the contact the smaller the way into it, and beyond the limit a way back.
+        allowed = max(1 - size / contact_force, -2.0) * YIELD
+        if into > allowed:
+            gap += (into - allowed) * along
+    goal[:, 3] = real[:, 3] + gap
+    turn = rotation_vector(goal, real)
+    angle = math.sqrt((turn**2).sum())
+    most = turn_leash + duration * math.sqrt((twist[3:] ** 2).sum())
+    if angle > most:
+        goal[:, :3] = real[:, :3]
+        turn_frame(goal, turn * (most / angle))

@@ -1,0 +1,1 @@
+"""The benchmarks behind `rcare-marl bench`: environments, people, homes, learning."""

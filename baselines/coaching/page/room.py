@@ -1,0 +1,297 @@
+"""One session of one person at the page: messages in, what the page shows out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.agents.coaching.exercise import Exercise, Reach, load_exercises
+from rcare_marl.agents.coaching.recognition.recogniser import ERRORS, Frame, Repetition
+from rcare_marl.agents.coaching.recognition.rule_recogniser import PRAISED_FOR, RuleRecogniser
+from rcare_marl.agents.coaching.session import Session, programme
+from rcare_marl.agents.coaching.tree import Coach
+from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES, UpperBody
+from rcare_marl.errors import ConfigError
+
+from .message import Begin, Command, Consent, Hands, Landmarks, Message, MessageError, Simulate
+from .page_body import PageBody
+from .recording import Recorder, Step
+from .sight import Camera, Sight
+
+Array = npt.NDArray[np.float64]
+Phase = Literal["waiting", "settling", "explaining", "exercising", "paused", "resting", "over"]
+
+STEP = 1 / 30  # of a session [s]
+LONGEST_STEP = 0.2  # where the computer was busy [s]
+FIGURE = UpperBody.of_height(1.6)  # of the coach; the page draws it as a small robot
+NOTHING_SEEN = "I cannot see you. Please check the headset, the hands or the camera."
+
+
+class Watcher(RuleRecogniser):
+    """Recognises by rules, and can drop half a repetition."""
+
+    def begin(self, exercise: Exercise) -> None:
+        super().begin(exercise)
+        self._expected = exercise
+
+    def begin_anew(self) -> None:
+        """Expect the same exercise, at the same tempo, from now on; once one has begun."""
+        self.begin(self._expected)
+
+
+class Room:
+    """A session: begun, watched, interrupted and ended by messages of one page.
+
+    Attributes:
+        recorder: Keeps the session once the person consented; None where recording is off.
+    """
+
+    def __init__(self, *, recorder: Recorder | None = None, camera: Camera | None = None) -> None:
+        self.recorder, self._camera = recorder, camera
+        self._session: Session | None = None
+        self._number = 0  # of the session, counted from 1
+        self._user: dict[str, Any] | None = None
+
+    @property
+    def is_on(self) -> bool:
+        """Whether a session is on: begun, and not over."""
+        return self._session is not None and not self._session.is_over
+
+    def receive(self, message: Message, now: float) -> None:
+        """Take a message of the page at a time [s] of our clock.
+
+        Raises:
+            MessageError: If it does not fit what is going on.
+        """
+        if isinstance(message, Begin):
+            self._begin(message, now)
+        elif isinstance(message, Consent):
+            if self.recorder is None:
+                raise MessageError("recording is off: start the coach with --record FOLDER")
+            if self._session is None:
+                raise MessageError("no session has begun")
+            self.recorder.consent(given=message.given)
+        elif self._session is None:
+            raise MessageError("no session has begun")
+        elif isinstance(message, (Hands, Landmarks)):
+            self._sight.take(message, now)
+        elif isinstance(message, Simulate):
+            if self._sight.user is None:
+                raise MessageError("this session has no simulated person")
+            self._sight.user.mistake = message.mistake
+        else:
+            self._obey(message, self._session)
+
+    def _begin(self, begin: Begin, now: float) -> None:
+        try:
+            exercises = programme(load_exercises(begin.exercises), _reach(begin), speed=math.inf)
+        except ConfigError as error:
+            raise MessageError(str(error)) from error
+        sight = Sight(begin, self._camera)
+        exercises = tuple(exercise.faster(begin.tempo) for exercise in exercises)
+        watcher = Watcher()
+        session = Session(exercises, watcher, repetitions=begin.repetitions)
+        if self.recorder is not None:
+            self.recorder.begin(begin, exercises)
+        self._session, self._sight, self._watcher = session, sight, watcher
+        self._number += 1
+        self._body = PageBody(exercises[0].angles(0.0))
+        self._coach = Coach(session, self._body)
+        self._began, self._stepped = now, now - STEP
+        self._watches, self._settled, self._user, self._trouble = False, False, None, ""
+        self._unwatched = 0.0  # taken out of the clock of frames [s]
+        self._frame_at: float | None = None  # time of the last one [s]
+        self._last: Repetition | None = None
+        self._praised_until = -math.inf
+
+    def _obey(self, command: Command, session: Session) -> None:
+        wish = command.wish
+        if wish == "stop":
+            session.must_stop = True
+        elif wish == "pause":
+            session.must_pause = True
+        elif wish == "rest":
+            session.must_rest = True
+        elif wish == "resume":
+            session.must_pause = session.must_rest = False
+        elif wish == "skip":
+            session.must_skip = True
+            session.must_pause = session.must_rest = False
+        else:
+            self._sight.recentre()
+            self._watcher.begin_anew()  # half a repetition as seen from elsewhere would be judged
+            self._settled, self._user = False, None
+
+    def step(self, now: float) -> dict[str, Any]:
+        """Go on to a time [s] of our clock; return what the page shows, ready for JSON."""
+        session = self._session
+        if session is None:
+            return {"type": "state", "phase": "waiting", "session": 0, **self._recording()}
+        duration = min(now - self._stepped, LONGEST_STEP)
+        self._stepped = now
+        if not session.is_over:
+            self._go_on(session, now, duration)
+        return self._state(session, now)
+
+    def _go_on(self, session: Session, now: float, duration: float) -> None:
+        self._body.rest = session.exercise.angles(0.0)
+        try:
+            frame = self._sight.frame(self._body.angles, self._body.rest, now)
+        except ConfigError as error:  # what was seen while it settled fits no body: again
+            self._sight.recentre()
+            frame, self._trouble = None, f"{error}. Please sit upright and look ahead."
+        if frame is not None:
+            self._settled, self._trouble = True, ""
+            self._user = _points(self._sight.body, frame.angles)
+        elif not self._sight.sees(now):
+            self._user = None
+        if not self._settled:  # the coach waits until it knows how the person sits
+            return
+        watched = self._watched(frame)
+        before, count = session.index, len(session.repetitions)
+        if watched is not None:
+            exercise = session.exercise
+        order = self._coach.step(watched, now - self._began, duration)
+        self._watches = order.act == "show"
+        # The judgement itself is gone where the coach has gone on to the next exercise.
+        found = session.repetitions[-1] if len(session.repetitions) > count else None
+        if found is not None:
+            self._last = found
+            self._praised_until = now + PRAISED_FOR if found.right else -math.inf
+        if session.index != before:
+            self._last = None if found is None else found
+        if watched is not None and self.recorder is not None:
+            green = self._is_green(session, now) or (found is not None and found.right)
+            progress = session.judgement.progress
+            self.recorder.add(
+                Step(now - self._began, exercise.name, watched.angles, green, progress, found)
+            )
+
+    def _watched(self, frame: Frame | None) -> Frame | None:
+        """Return the frame as the recogniser gets it: none of the time in which nothing is asked.
+
+        That time is taken out of its clock, or a pause would count as standing still.
+        """
+        if frame is None:
+            return None
+        if not self._watches:
+            if self._frame_at is not None:
+                self._unwatched += frame.time - self._frame_at
+            self._frame_at = frame.time
+            return None
+        self._frame_at = frame.time
+        return Frame(frame.time - self._unwatched, frame.angles)
+
+    def _phase(self, session: Session) -> Phase:
+        if session.is_over:
+            return "over"
+        if session.must_pause:
+            return "paused"
+        if self._coach.demonstration.is_resting:
+            return "resting"
+        if not self._settled:
+            return "settling"
+        return "exercising" if self._watches else "explaining"
+
+    def _state(self, session: Session, now: float) -> dict[str, Any]:
+        k = min(session.index, len(session.exercises) - 1)
+        last = self._last
+        sees = self._sight.sees(now) or session.is_over
+        return {
+            "type": "state",
+            "session": self._number,
+            "phase": self._phase(session),
+            "time": round(now - self._began, 2),
+            "exercise": {
+                "name": session.exercise.name,
+                "title": session.exercise.title,
+                "number": k + 1,
+                "of": len(session.exercises),
+            },
+            "right": session.right[k],
+            "wrong": session.wrong[k],
+            "wanted": session.wanted[k],
+            "following": self._is_green(session, now) and sees,
+            "progress": round(session.judgement.progress, 2),
+            "last": None if last is None else _told(last, len(session.repetitions)),
+            "said": self._body.said,
+            "count": self._body.count,
+            "hint": self._hint(session, sees=sees),
+            "seen": sees,
+            "coach": _points(FIGURE, self._body.angles),
+            "user": self._user,
+            "over": _summary(session) if session.is_over else None,
+            **self._recording(),
+        }
+
+    def _is_green(self, session: Session, now: float) -> bool:
+        """Return whether the window is green: the way has been gone as far as it counts, without a fault.
+
+        The recogniser's `following` opens as soon as the way out is begun; half of it would turn green, too.
+        """
+        judgement = session.judgement
+        if not (judgement.following and self._watches):
+            return False
+        far = judgement.progress >= session.exercise.judged.range_share
+        return far or now < self._praised_until
+
+    def _hint(self, session: Session, *, sees: bool) -> str:
+        if self._trouble:
+            return self._trouble
+        return session.hint if sees or not self._settled else NOTHING_SEEN
+
+    def _recording(self) -> dict[str, Any]:
+        if self.recorder is None:
+            return {"recording": None}
+        report = self.recorder.report
+        return {
+            "recording": {
+                "folder": str(self.recorder.folder),
+                "consent": self.recorder.has_consent,
+                "report": None if report is None else str(report),
+            }
+        }
+
+
+def _told(repetition: Repetition, number: int) -> dict[str, Any]:
+    return {
+        "number": number,
+        "right": repetition.right,
+        "score": round(100 * repetition.score),
+        "errors": list(repetition.errors),
+        "why": ERRORS[repetition.errors[0]] if repetition.errors else "",
+    }
+
+
+def _summary(session: Session) -> dict[str, Any]:
+    return {
+        "complete": session.is_complete,
+        "exercises": [
+            {"title": exercise.title, "right": right, "wanted": wanted, "wrong": wrong}
+            for exercise, right, wanted, wrong in zip(
+                session.exercises, session.right, session.wanted, session.wrong, strict=True
+            )
+        ],
+    }
+
+
+def _points(body: UpperBody, angles: Array) -> dict[str, list[float] | None]:
+    """Return the points of a body [m], None for those that are not known."""
+    return {
+        name: np.round(point, 3).tolist() if np.isfinite(point).all() else None
+        for name, point in body.points(angles).items()
+    }
+
+
+def _reach(begin: Begin) -> Reach:
+    """Return what somebody says that they can do; all else is free."""
+    high = np.full(len(MOTIONS), math.radians(200))
+    low = -high
+    turn = MOTION_INDEX["neck_rotation_left"]
+    high[turn], low[turn] = math.radians(begin.turn_deg), -math.radians(begin.turn_deg)
+    for side, most in zip(SIDES, (begin.lift_left_deg, begin.lift_right_deg), strict=True):
+        high[ARM[side].start] = math.radians(most)
+    return Reach(low, high)

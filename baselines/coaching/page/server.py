@@ -1,0 +1,322 @@
+"""The server of the page: its files, and one websocket a session.
+
+It answers this computer alone unless told otherwise. A page of somebody else in the same browser must not
+talk to it either, so the host that was asked for and the origin of a websocket are checked (a foreign name
+that resolves to this computer is refused), and the page may load nothing from elsewhere. Nor must other
+users of this computer: all but the files of the page wants a token that only the address of whoever
+started the coach has.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import ipaddress
+import json
+import logging
+import secrets
+import ssl
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from rcare_marl.agents.coaching.exercise import load_exercises
+from rcare_marl.errors import RcareError
+
+from .limiter import Limiter
+from .message import LARGEST, MISTAKES, Message, MessageError, parse
+from .recording import Recorder
+from .room import STEP, Room
+from .sight import Camera
+from .three import FILES, WEB
+
+PAGE = ("style.css", "page.js", "figure.js", "canvas.js", "headset.js", "scene.js")
+TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
+ROOMS = 8  # sessions at once; our own choice
+CLOSED_ABOVE = 64 * LARGEST  # a websocket that sends more at once is closed [bytes]
+SILENT = 20.0  # between two signs of life that are asked of the page [s]
+TOKEN = 24  # random bytes of a token: 192 bits, which nobody guesses
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "Permissions-Policy": "camera=(), microphone=(), geolocation=(), xr-spatial-tracking=(self)",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+logger = logging.getLogger(__name__)
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@dataclass(frozen=True)
+class Service:
+    """What the server offers.
+
+    Attributes:
+        three: Folder with the files of three.js.
+        record: Folder for recordings; None switches recording off.
+        camera: The webcam, where there is one.
+        host: Address that is bound.
+        is_secure: Whether it is served by HTTPS.
+        token: What a page has to know; random if left out.
+        clock: Time of sessions [s], which only grows.
+    """
+
+    three: Path
+    record: Path | None = None
+    camera: Camera | None = None
+    host: str = "127.0.0.1"
+    is_secure: bool = False
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(TOKEN), repr=False)
+    clock: Callable[[], float] = time.monotonic
+
+
+class Server:
+    """Serves the page and its sessions.
+
+    Attributes:
+        app: The application, for aiohttp.
+    """
+
+    def __init__(self, service: Service) -> None:
+        self._service, self._rooms = service, 0
+        self._sockets: set[web.WebSocketResponse] = set()
+        self._tickets: set[str] = set()
+        self._notes = Limiter(rate=5, burst=20)  # the log is no place for floods
+        self.app = web.Application(middlewares=[self._guard], client_max_size=1024)
+        self.app.router.add_get("/", self._index)
+        self.app.router.add_get("/setting", self._setting)
+        self.app.router.add_get("/session", self._session)
+        self.app.router.add_get("/web/{name}", self._file)
+        self.app.router.add_get("/three/{name}", self._file)
+        self.app.on_shutdown.append(self._leave)
+
+    def ticket(self) -> str:
+        """Return a token that opens the page once.
+
+        Other users of the computer can read what programs are started with, so this one is for a browser.
+        """
+        ticket = secrets.token_urlsafe(TOKEN)
+        self._tickets.add(ticket)
+        return ticket
+
+    def _check_token(self, request: web.Request, *, takes_ticket: bool = False) -> None:
+        given = request.query.get("token", "")
+        if _is_same(given, self._service.token):
+            return
+        for ticket in tuple(self._tickets) if takes_ticket else ():
+            if _is_same(given, ticket):
+                self._tickets.discard(ticket)
+                return
+        self._note("refused a request without the token of this start")
+        raise web.HTTPForbidden(text="the token is missing, or not of this start of the coach")
+
+    def _note(self, what: str) -> None:
+        if self._notes.lets(time.monotonic()):
+            logger.warning(what)
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        if not _is_ours(request.host, self._service.host):
+            self._note("refused a request for a host that is not ours")
+            raise web.HTTPForbidden(text="this host name is not served", headers=HEADERS)
+        other = request.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
+        if other and request.headers.get("Sec-Fetch-Mode") != "navigate":
+            self._note("refused a request of another page")
+            raise web.HTTPForbidden(text="other pages may not ask", headers=HEADERS)
+        try:
+            response = await handler(request)
+        except web.HTTPException as error:
+            error.headers.update(HEADERS)
+            raise
+        if not response.prepared:
+            response.headers.update(HEADERS)
+        return response
+
+    async def _index(self, _: web.Request) -> web.StreamResponse:
+        return _answer(WEB / "index.html")
+
+    async def _file(self, request: web.Request) -> web.StreamResponse:
+        name = request.match_info["name"]
+        is_three = request.path.startswith("/three/")
+        if name not in (FILES if is_three else PAGE):
+            raise web.HTTPNotFound
+        return _answer((self._service.three if is_three else WEB) / name)
+
+    async def _setting(self, request: web.Request) -> web.StreamResponse:
+        """What the page offers, and the token for all that follows."""
+        self._check_token(request, takes_ticket=True)
+        record = self._service.record
+        return web.json_response(
+            {
+                "exercises": [
+                    {"name": each.name, "title": each.title, "about": each.about}
+                    for each in load_exercises()
+                ],
+                "mistakes": list(MISTAKES),
+                "webcam": self._service.camera is not None,
+                "record": None if record is None else str(record),
+                "token": self._service.token,
+            }
+        )
+
+    async def _session(self, request: web.Request) -> web.StreamResponse:
+        origin = f"{'https' if self._service.is_secure else 'http'}://{request.host}"
+        if request.headers.get("Origin") != origin:
+            self._note("refused a websocket of another origin")
+            raise web.HTTPForbidden(text="sessions are for the coach's own page")
+        self._check_token(request)
+        if self._rooms >= ROOMS:
+            raise web.HTTPServiceUnavailable(text=f"no more than {ROOMS} sessions at once")
+        self._rooms += 1
+        socket = web.WebSocketResponse(
+            max_msg_size=CLOSED_ABOVE, compress=False, heartbeat=SILENT, timeout=2.0
+        )
+        try:
+            await socket.prepare(request)
+            self._sockets.add(socket)
+            await Conversation(socket, self._service).hold()
+        finally:
+            self._sockets.discard(socket)
+            self._rooms -= 1
+        return socket
+
+    async def _leave(self, _: web.Application) -> None:
+        for socket in tuple(self._sockets):
+            await socket.close()
+
+
+class Conversation:
+    """One page and its room, until the page goes."""
+
+    def __init__(self, socket: web.WebSocketResponse, service: Service) -> None:
+        recorder = None if service.record is None else Recorder(service.record)
+        self._socket, self._limiter = socket, Limiter()
+        # Neither answers nor log become a flood themselves.
+        self._complaints, self._notes = Limiter(rate=1, burst=1), Limiter(rate=5, burst=20)
+        self._room, self._clock = Room(recorder=recorder, camera=service.camera), service.clock
+
+    async def hold(self) -> None:
+        """Listen and tell, side by side."""
+        telling = asyncio.create_task(self._tell())
+        try:
+            async for item in self._socket:
+                now = time.monotonic()
+                if not self._limiter.lets(now):
+                    if self._complaints.lets(now):
+                        await self._refuse("too many messages; those beyond are dropped")
+                    continue
+                await self._take(item.type, item.data)
+        finally:
+            telling.cancel()
+            await asyncio.gather(telling, return_exceptions=True)
+            await self._write()
+
+    async def _take(self, kind: WSMsgType, data: object) -> None:
+        message: Message | None = None
+        try:
+            if kind is not WSMsgType.TEXT or not isinstance(data, str):
+                raise MessageError("messages are text")
+            message = parse(data)
+            self._room.receive(message, self._clock())
+        except RcareError as error:
+            await self._refuse(str(error), message)
+
+    async def _refuse(self, why: str, message: Message | None = None) -> None:
+        if self._notes.lets(time.monotonic()):
+            logger.warning("refused a message: %s", why)
+        what = "" if message is None else type(message).__name__.lower()
+        await self._send({"type": "refused", "what": what, "why": why})
+
+    async def _tell(self) -> None:
+        """Send what the page shows; a fault of ours ends the conversation, and is not hidden."""
+        try:
+            await self._tell_on()
+        except Exception:
+            logger.exception("a session broke off")
+            await self._socket.close(code=WSCloseCode.INTERNAL_ERROR)
+
+    async def _tell_on(self) -> None:
+        """Tell 30 times a second while a session is on, else four times."""
+        due = time.monotonic()
+        while not self._socket.closed:
+            await self._send(self._room.step(self._clock()))
+            if not self._room.is_on:
+                await self._write()
+            due = max(due + (STEP if self._room.is_on else 0.25), time.monotonic() + 0.005)
+            await asyncio.sleep(due - time.monotonic())
+
+    async def _write(self) -> None:
+        """Write the recording of a session that is over, if there is one."""
+        recorder = self._room.recorder
+        recording = None if recorder is None else recorder.take()
+        if recorder is None or recording is None:
+            return
+        try:
+            report = await asyncio.to_thread(recording.write, recorder.folder)
+        except RcareError as error:
+            logger.error("%s", error)
+            await self._send({"type": "refused", "why": str(error)})
+            return
+        recorder.written(report)
+
+    async def _send(self, data: dict[str, object]) -> None:
+        if not self._socket.closed:
+            try:
+                await self._socket.send_str(json.dumps(data, allow_nan=False))
+            except ConnectionError:
+                logger.info("the page went while it was being told")
+
+
+def _answer(file: Path) -> web.FileResponse:
+    return web.FileResponse(file, headers={"Content-Type": f"{TYPES[file.suffix]}; charset=utf-8"})
+
+
+def _is_same(given: str, wanted: str) -> bool:
+    """Compare two tokens in a time that does not tell how much of them is the same."""
+    return hmac.compare_digest(given.encode("utf-8", "surrogatepass"), wanted.encode())
+
+
+def _is_ours(asked: str, bound: str) -> bool:
+    """Return whether the host of a request is this computer by a name that nobody else can give."""
+    name = asked.rsplit(":", 1)[0] if not asked.endswith("]") else asked
+    name = name.strip("[]").lower()
+    if name in ("localhost", "127.0.0.1", "::1", bound.lower()):
+        return True
+    if not _is_address(bound) or not ipaddress.ip_address(bound).is_unspecified:
+        return False
+    return _is_address(
+        name
+    )  # bound everywhere: any address, but no name that may be somebody else's
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether an address is reached from this computer alone."""
+    return host == "localhost" or (_is_address(host) and ipaddress.ip_address(host).is_loopback)
+
+
+def secured(certificate: Path, key: Path) -> ssl.SSLContext:
+    """Return what HTTPS needs.
+
+    Raises:
+        OSError: If the files cannot be read, or are no certificate and key.
+    """
+    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    context.load_cert_chain(certificate, key)
+    return context

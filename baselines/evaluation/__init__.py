@@ -1,0 +1,1 @@
+"""How policies are judged: seeded episodes, records, statistics, figures."""

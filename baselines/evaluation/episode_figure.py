@@ -1,0 +1,141 @@
+"""The figure of the demo: distance, force and joint torques over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from .evaluate import Episode
+from .recording import Recorder
+
+SIZE = (7.2, 7.6)  # [inch], the width of a page of text
+DPI = 200
+# Okabe and Ito's palette, which colour-blind readers can tell apart.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+FAINT, STRONG, GOOD, BAD, LIMIT = "#9FB3C4", "#0072B2", "#009E73", "#D55E00", "#B3261E"
+
+
+def draw(
+    path: Path,
+    episodes: Sequence[Episode],
+    records: Sequence[Recorder],
+    *,
+    title: str,
+    reach: float,
+    force_limit: float,
+    robot: str = "robot",
+) -> None:
+    """Write the figure as a PNG.
+
+    Args:
+        path: The file.
+        episodes: What came of each episode.
+        records: What happened in each.
+        title: What was done by whom.
+        reach: Distance from the mouth within which food is eaten [m].
+        force_limit: Force on the person that ends an episode as a failure [N].
+        robot: The role whose torques are shown.
+    """
+    figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+    axes: list[Axes] = list(figure.subplots(3, 1, sharex=True))
+    style(*axes)
+    figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left")
+    _draw_distances(axes[0], episodes, records, reach)
+    _draw_forces(axes[1], records, force_limit)
+    _draw_torques(axes[2], records[0], episodes[0], robot)
+    axes[2].set_xlabel("time [s]")
+    axes[2].set_xlim(0, max(float(record.time[-1]) for record in records) * 1.02)
+    figure.align_ylabels(axes)
+    figure.savefig(path, format="png")
+
+
+def style(*axes: Axes) -> None:
+    """Give axes a faint grid behind what is drawn, and no frame above and on the right."""
+    for axis in axes:
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.grid(color="0.92", linewidth=0.6)
+        axis.set_axisbelow(True)
+
+
+def _draw_distances(
+    axis: Axes, episodes: Sequence[Episode], records: Sequence[Recorder], reach: float
+) -> None:
+    for episode, record in zip(episodes, records, strict=True):
+        distance = 100 * record.metric("distance_m")
+        axis.plot(record.time, distance, **_style(episode is episodes[0]))
+        axis.plot(
+            record.time[-1],
+            distance[-1],
+            marker="o" if episode.success else "X",
+            color=GOOD if episode.success else BAD,
+            markeredgecolor="white",
+            markersize=7,
+            linestyle="none",
+            zorder=5,
+        )
+    axis.axhline(100 * reach, color="0.45", linewidth=0.9, linestyle=":")
+    axis.set_ylim(bottom=0)
+    axis.set_ylabel("spoon to mouth [cm]")
+    handles = [Line2D([], [], label=f"seed {episodes[0].seed}", **_style(True))]
+    if len(episodes) > 1:
+        handles.append(Line2D([], [], label="other seeds", **_style(False)))
+    outcomes = {episode.success for episode in episodes}
+    if True in outcomes:
+        handles.append(Line2D([], [], color=GOOD, marker="o", linestyle="none", label="success"))
+    if False in outcomes:
+        handles.append(Line2D([], [], color=BAD, marker="X", linestyle="none", label="no success"))
+    near = f"eaten within {100 * reach:g} cm"
+    handles.append(Line2D([], [], color="0.45", linestyle=":", label=near))
+    axis.legend(handles=handles, **_LEGEND)
+
+
+def _draw_forces(axis: Axes, records: Sequence[Recorder], limit: float) -> None:
+    peak = 0.0
+    for number, record in enumerate(records):
+        force = record.metric("force_n")
+        peak = max(peak, float(force.max()))
+        axis.plot(record.time, force, **_style(number == 0))
+    axis.axhline(limit, color=LIMIT, linewidth=1.1, linestyle="--")
+    axis.set_ylim(0, 1.15 * max(limit, peak))
+    axis.set_ylabel("force on the person [N]")
+    axis.legend(
+        handles=[
+            Line2D([], [], color=LIMIT, linestyle="--", label=f"limit, {limit:g} N"),
+            Line2D([], [], linestyle="none", label=f"greatest, {peak:.1f} N"),
+        ],
+        **_LEGEND,
+    )
+
+
+def _draw_torques(axis: Axes, record: Recorder, episode: Episode, robot: str) -> None:
+    torques = record.torques(robot)[1:]  # before the first step no motor has worked
+    for joint in range(torques.shape[1]):
+        axis.plot(
+            record.time[1:],
+            torques[:, joint],
+            color=PALETTE[joint % len(PALETTE)],
+            linewidth=1.1,
+            label=f"joint {joint + 1}",
+        )
+    axis.axhline(0, color="0.75", linewidth=0.6, zorder=1)
+    axis.set_ylabel("motor torque of joints [N·m]")
+    axis.legend(title=f"seed {episode.seed}", title_fontsize=8, **_LEGEND)
+
+
+_LEGEND: dict[str, Any] = {
+    "loc": "upper left",
+    "bbox_to_anchor": (1.0, 1.0),
+    "frameon": False,
+    "fontsize": 8,
+}
+
+
+def _style(is_first: bool) -> dict[str, Any]:
+    if is_first:
+        return {"color": STRONG, "linewidth": 1.6, "zorder": 4}
+    return {"color": FAINT, "linewidth": 0.8, "zorder": 2}

@@ -1,0 +1,365 @@
+"""Episodes as files: the seed and the actions of all roles, played again with no policy in the loop.
+
+Example:
+    >>> env = rcare_marl.make("feeding", policies={"robot": "scripted", "recipient": "cooperative"})
+    >>> recorder = EpisodeRecorder(env)
+    >>> env.reset(seed=0)
+    >>> while not env.is_over:
+    ...     env.step({})
+    >>> recorder.episode().save("feeding.npz")
+    >>> replay(RecordedEpisode.read("feeding.npz")).difference
+    ''
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.agents.agent import Array
+from rcare_marl.array_file import read_arrays, refused_if_damaged, write_arrays
+from rcare_marl.config import load, plain
+from rcare_marl.errors import ConfigError
+from rcare_marl.provenance import changes, versions
+
+from . import make
+from .care_env import CareEnv
+
+VERSION = 1  # of the format
+KIND = "episode"
+WHAT = "a recorded episode"
+SHOWN = 3  # parts, and numbers, that differ, in a message
+
+Digests = npt.NDArray[np.uint64]
+
+
+@dataclass(frozen=True)
+class Header:
+    """All of a recorded episode but its arrays.
+
+    Attributes:
+        setup: What `rcare_marl.make` was given, but policies: task, options, physics_dt, cast with place.
+        seed: Of the reset.
+        roles: Everybody who acted, learned or not.
+        parts: What the digests are of: each body, and what each role observes.
+        measures: What the numbers are: whether the episode is over, success, metrics, rewards.
+        eased: The settings of the task where a curriculum had changed them; None elsewhere.
+        policies: Names of the policies that played, as far as they were told; a replay needs none.
+        versions: Versions of what the numbers depend on.
+    """
+
+    setup: dict[str, Any]
+    seed: int
+    roles: tuple[str, ...]
+    parts: tuple[str, ...]
+    measures: tuple[str, ...]
+    eased: dict[str, Any] | None = None
+    policies: dict[str, str] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RecordedEpisode:
+    """An episode as it was played.
+
+    Attributes:
+        header: How it came about.
+        actions: Of each role, as they were obeyed, shape [steps, actions].
+        digests: Of the exact state of each part, shape [steps + 1, parts]; the first is that of the reset.
+        numbers: The measures, shape [steps + 1, measures].
+
+    Raises:
+        ConfigError: If the shapes do not fit each other, or a number of an action is not finite.
+    """
+
+    header: Header
+    actions: Mapping[str, Array]
+    digests: Digests
+    numbers: Array
+
+    def __post_init__(self) -> None:
+        if tuple(self.actions) != self.header.roles:
+            raise ConfigError(f"actions of {list(self.actions)} for {list(self.header.roles)}")
+        for role, rows in self.actions.items():
+            if rows.ndim != 2 or len(rows) != self.steps or not np.isfinite(rows).all():
+                raise ConfigError(
+                    f"actions of {role!r} must be {self.steps} rows of finite numbers, got {rows.shape}"
+                )
+        for name, found, columns in (
+            ("digests", self.digests, self.header.parts),
+            ("numbers", self.numbers, self.header.measures),
+        ):
+            if found.shape != (self.steps + 1, len(columns)):
+                raise ConfigError(
+                    f"{name} must have shape {(self.steps + 1, len(columns))}, got {found.shape}"
+                )
+
+    @property
+    def steps(self) -> int:
+        """Control steps."""
+        return len(self.digests) - 1
+
+    def save(self, path: str | Path) -> None:
+        """Write the file, whole or not at all; the same episode gives the same bytes.
+
+        Raises:
+            ConfigError: If it cannot be written, or the set-up holds objects such as a `RobotConfig`.
+        """
+        about = {**plain(dataclasses.asdict(self.header), "episode"), "kind": KIND}
+        arrays: dict[str, npt.NDArray[Any]] = {"digests": self.digests, "numbers": self.numbers}
+        for number, rows in enumerate(self.actions.values()):
+            brief = rows.astype(np.float32)  # those of a network are no longer than that
+            arrays[f"actions_{number}"] = brief if np.array_equal(brief, rows) else rows
+        write_arrays(Path(path), {**about, "version": VERSION}, arrays)
+
+    @classmethod
+    def read(cls, path: str | Path) -> RecordedEpisode:
+        """Return the episode in a file.
+
+        Raises:
+            ConfigError: If there is no such file, or it is damaged, of another kind or another version.
+        """
+        file = Path(path)
+        if not file.is_file():
+            near = sorted(each.name for each in file.parent.glob("*.npz"))
+            beside = f"; {file.parent} has {', '.join(near[:SHOWN])}" if near else ""
+            raise ConfigError(f"there is no file {file}{beside}")
+        about, arrays = read_arrays(file, WHAT, VERSION)
+        if about.pop("kind", None) != KIND:
+            raise ConfigError(f"{file} holds no recorded episode: is it the file of a policy?")
+        with refused_if_damaged(file, WHAT):
+            header = load(Header, about, "header")
+            digests = np.asarray(arrays["digests"])
+            if digests.dtype != np.uint64:
+                raise ConfigError(f"digests must be whole numbers of 64 bits, got {digests.dtype}")
+            actions = {
+                role: np.asarray(arrays[f"actions_{k}"], np.float64)
+                for k, role in enumerate(header.roles)
+            }
+            return cls(header, actions, digests, np.asarray(arrays["numbers"], np.float64))
+
+    def make(self, render_mode: str | None = None) -> CareEnv:
+        """Return the environment in which it was played, with every role left to be commanded.
+
+        Raises:
+            ConfigError: If it cannot be made here, or a role acts otherwise than it did.
+        """
+        setup = load(_Setup, self.header.setup, "set-up of the episode")
+        env = make(
+            setup.task,
+            options=setup.options,
+            physics_dt=setup.physics_dt,
+            render_mode=render_mode,
+            **setup.cast,
+        )
+        try:
+            self._check(env)
+            if self.header.eased is not None:
+                env.task.change_options(load(type(env.task).Options, self.header.eased, "eased"))
+        except BaseException:
+            env.close()
+            raise
+        return env
+
+    def _check(self, env: CareEnv) -> None:
+        if set(env.cast) != set(self.actions):
+            raise ConfigError(
+                f"the episode was played by {sorted(self.actions)}, the cast is {sorted(env.cast)}"
+            )
+        for role, rows in self.actions.items():
+            if rows.shape[1] != env.cast[role].action_size:
+                raise ConfigError(
+                    f"an action of {role!r} had {rows.shape[1]} values and has "
+                    f"{env.cast[role].action_size} here: it was another model, or another version of it"
+                )
+
+
+@dataclass(frozen=True)
+class _Setup:
+    """What `make` takes, so that a file can ask for nothing else."""
+
+    task: str
+    options: dict[str, Any]
+    physics_dt: float
+    cast: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        for name in ("task", "options", "policies", "physics_dt", "render_mode"):
+            if name in self.cast:
+                raise ConfigError(f"{name!r} is no role of a cast")
+
+
+class EpisodeRecorder:
+    """Notes every episode that an environment plays from now on, however it is driven."""
+
+    def __init__(self, env: CareEnv) -> None:
+        """Begin to watch."""
+        self._env = env
+        self._actions: list[dict[str, Array]] = []
+        self._digests: list[list[int]] = []
+        self._numbers: list[list[float]] = []
+        env.watchers.append(self._note)
+
+    def _note(self, env: CareEnv) -> None:
+        if env.world.step_count == 0:
+            self._actions, self._digests, self._numbers = [], [], []
+        else:
+            self._actions.append(env.commands)
+        self._digests.append(list(_digests(env).values()))
+        self._numbers.append(list(_numbers(env).values()))
+
+    def __len__(self) -> int:
+        """Return the control steps of the running or last episode."""
+        return len(self._actions)
+
+    def episode(self, policies: Mapping[str, str] | None = None) -> RecordedEpisode:
+        """Return the running or last episode, as far as it was played.
+
+        Args:
+            policies: Who decided for each role, for the reader; those of the environment if None.
+
+        Raises:
+            ConfigError: If no episode has begun since, or `rcare_marl.make` did not make the environment.
+        """
+        env = self._env
+        if not self._digests or not env.setup:
+            raise ConfigError(
+                "nothing to record: reset an environment of rcare_marl.make() after its recorder was "
+                "made"
+            )
+        setup = {**env.setup, "cast": {r: _played(entry) for r, entry in env.setup["cast"].items()}}
+        given = load(type(env.task).Options, env.setup["options"], "options")
+        header = Header(
+            setup=setup,
+            seed=env.seed,
+            roles=tuple(env.cast),
+            parts=tuple(_digests(env)),
+            measures=tuple(_numbers(env)),
+            eased=None if env.task.options == given else dataclasses.asdict(env.task.options),
+            policies=dict(policies or {}),
+            versions=versions(),
+        )
+        actions = {
+            role: np.array([step[role] for step in self._actions]).reshape(-1, agent.action_size)
+            for role, agent in env.cast.items()
+        }
+        return RecordedEpisode(
+            header, actions, np.array(self._digests, np.uint64), np.array(self._numbers, np.float64)
+        )
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What came of playing an episode again.
+
+    Attributes:
+        steps: Control steps that were played and are equal bit for bit.
+        recorded: Control steps of the recorded episode.
+        difference: What differs first, and in which step; empty if nothing does.
+        elsewhere: Versions that differ, as texts: what may explain it.
+    """
+
+    steps: int
+    recorded: int
+    difference: str
+    elsewhere: tuple[str, ...]
+
+
+def replay(
+    episode: RecordedEpisode,
+    *,
+    env: CareEnv | None = None,
+    on_step: Callable[[CareEnv], None] | None = None,
+) -> Replay:
+    """Play an episode again by its actions alone, and compare every step.
+
+    Args:
+        episode: The episode.
+        env: An environment of `RecordedEpisode.make`, left open; a new one if None.
+        on_step: Called after the reset and after each step, for pictures. With it the episode is played
+            to its end; without it the first difference ends it.
+
+    Raises:
+        ConfigError: If its environment cannot be made here.
+    """
+    own = env or episode.make()
+    difference, equal = "", 0
+    try:
+        own.reset(seed=episode.header.seed)
+        for step in range(episode.steps + 1):
+            if step:
+                own.step({role: rows[step - 1] for role, rows in episode.actions.items()})
+            if on_step is not None:
+                on_step(own)
+            if not difference:
+                difference = _difference(episode, step, own)
+                equal = step if not difference else equal
+            if own.is_over or (difference and on_step is None):
+                break
+    finally:
+        if env is None:
+            own.close()
+    elsewhere = changes(episode.header.versions, versions())
+    return Replay(equal, episode.steps, difference, elsewhere)
+
+
+def _difference(episode: RecordedEpisode, step: int, env: CareEnv) -> str:
+    """Return what is otherwise after a step than it was, empty if nothing is."""
+    digests, numbers = _digests(env), _numbers(env)
+    header = episode.header
+    then = dict(zip(header.parts, episode.digests[step].tolist(), strict=True))
+    parts = [name for name in {**then, **digests} if then.get(name) != digests.get(name)]
+    texts = []
+    was = dict(zip(header.measures, episode.numbers[step].tolist(), strict=True))
+    for name in {**was, **numbers}:
+        old, new = was.get(name), numbers.get(name)
+        if old != new and not (old != old and new != new):  # a number that is none equals another
+            texts.append(f"{name} is {new}, was {old}")
+    found = "; ".join(_brief(each) for each in (parts, texts) if each)
+    return f"step {step}: {found}" if found else ""
+
+
+def _brief(texts: Sequence[str]) -> str:
+    more = f" and {len(texts) - SHOWN} more" if len(texts) > SHOWN else ""
+    return ", ".join(texts[:SHOWN]) + more
+
+
+def _digests(env: CareEnv) -> dict[str, int]:
+    """Return digests of all that moves and of what each role observes, by name."""
+    states: dict[str, npt.NDArray[Any]]
+    states = {f"body {body.name}": body.state() for body in env.world.bodies}
+    ends = np.cumsum([env.describe(role)[-1][0].stop for role in env.cast])
+    seen = np.split(env.state(), ends[:-1])
+    states |= {f"what {role} observes": part for role, part in zip(env.cast, seen, strict=True)}
+    return {
+        name: int.from_bytes(hashlib.blake2b(state.tobytes(), digest_size=8).digest(), "little")
+        for name, state in states.items()
+    }
+
+
+def _numbers(env: CareEnv) -> dict[str, float]:
+    """Return the outcome so far by name: over, success, metrics, and the reward of each role."""
+    task = env.task
+    return {
+        "over": float(env.is_over),
+        "success": float(task.succeeded()),
+        **{name: float(value) for name, value in task.report().items()},
+        **{
+            f"reward of {role}": float(sum(task.rewards(role, task.state).values()))
+            for role in env.cast
+        },
+    }
+
+
+def _played(entry: Any) -> Any:
+    """Return a cast's entry without its policy."""
+    if not isinstance(entry, Mapping):
+        return entry
+    return {name: value for name, value in entry.items() if name != "policy"}

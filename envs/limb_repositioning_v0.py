@@ -1,9 +1,0 @@
-"""PettingZoo's way in: `limb_repositioning_v0.parallel_env()`, with arguments as for `rcare_marl.make`."""
-
-from functools import partial
-
-from . import make
-
-parallel_env = partial(make, "limb_repositioning")
-
-__all__ = ["parallel_env"]

@@ -1,0 +1,142 @@
+"""The command `coach evaluate`: synthetic people before a recogniser, and tables of what came of it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rcare_marl.agents.coaching.exercise import load_exercises
+from rcare_marl.atomic_file import write_whole
+from rcare_marl.baselines.coaching.evaluation import (
+    UNSEEN,
+    CoachEvaluation,
+    evaluate_coach,
+    noise_levels,
+)
+from rcare_marl.baselines.coaching.noise import NoiseModel
+from rcare_marl.baselines.coaching.performance import WRONG
+from rcare_marl.console import console, print_line, progress, table
+
+from .parameter import print_json
+
+SHARES = ("right recognised", "95 % interval", "of", "wrong detected", "95 %", "of ")
+SHOWN = 3  # verdicts on each kind of performance in the table of confusions
+
+
+def run(*, exercises: Sequence[str], noise: NoiseModel | None, **given: Any) -> CoachEvaluation:
+    """Return the evaluation of a recogniser, with a bar; arguments as for `evaluate_coach`."""
+    with progress(f"{given['recogniser']} by {given['source']}") as bar:
+        job = bar.add_task("", total=given["users"])
+        return evaluate_coach(
+            **given,
+            noise=noise,
+            exercises=load_exercises(tuple(exercises)) if exercises else None,
+            progress=lambda done: bar.update(job, completed=done),
+        )
+
+
+def evaluate(
+    *, levels: Sequence[float], plot: Path | None, output: Path | None, as_json: bool, **given: Any
+) -> None:
+    """Evaluate at usual noise, and at each level of it if there are any; print and write what came of it."""
+    from rcare_marl.baselines.coaching import noise_figure
+
+    begun = time.monotonic()
+    noises = noise_levels(given["source"], levels)
+    usual = run(**given, noise=None)
+    found = {
+        level: usual if level == 1 else run(**given, noise=noise) for level, noise in noises.items()
+    }
+    out = usual.to_dict()
+    if found:
+        out["levels"] = {f"{level:g}": _brief(each) for level, each in sorted(found.items())}
+    if output is not None:
+        write_whole(output, (json.dumps(out, indent=2) + "\n").encode())
+    if plot is not None:
+        write_whole(plot, noise_figure.draw(found))
+    if as_json:
+        print_json(out)
+    else:
+        show(usual, found)
+    for file in (output, plot):
+        if file is not None:
+            print_line(f"wrote {file}")
+    if not as_json:
+        print_line(f"took {time.monotonic() - begun:.0f} s")
+
+
+def _brief(found: CoachEvaluation) -> dict[str, Any]:
+    """Return what a level of the noise is summed up in."""
+    told = found.to_dict()
+    names = ("noise", "right_recognised", "right", "wrong_detected", "wrong", "latency")
+    return {name: told[name] for name in (*names, "false_alarms")}
+
+
+def _share(told: Mapping[str, Any]) -> tuple[str, str, str]:
+    low, high = told["interval"]
+    return f"{100 * told['share']:.1f} %", f"{100 * low:.1f} to {100 * high:.1f}", str(told["of"])
+
+
+def show(found: CoachEvaluation, levels: Mapping[float, CoachEvaluation]) -> None:
+    """Print an evaluation: shares, what was said of what, and how soon."""
+    told, screen = found.to_dict(), console()
+    title = f"{found.recogniser} by {found.source}: {found.users} people of seed {found.seed}, {found.split}"
+    columns: tuple[str, ...] = ("", *SHARES)
+    rows: list[tuple[str, ...]] = [("all", *_share(told["right"]), *_share(told["wrong"])), ()]
+    for name, each in told["exercises"].items():
+        shares = (*_share(each["right_recognised"]), *_share(each["wrong_detected"]))
+        rows.append((name.replace("_", " "), *shares))
+    screen.print(table(title, columns, rows, **dict.fromkeys(columns[1:], True)))
+    columns = ("done", "detected", "95 % interval", "of", "said first, how often")
+    kinds: list[tuple[str, ...]] = [
+        ("right", "", "", "", _said(told["confusion"].get("right", {})))
+    ]
+    for kind in (kind for kind in WRONG if kind in told["kinds"]):
+        said = _said(told["confusion"].get(kind, {}))
+        kinds.append((kind.replace("_", " "), *_share(told["kinds"][kind]), said))
+    screen.print(table("what was made of it", columns, kinds, **dict.fromkeys(columns[1:4], True)))
+    screen.print(table("on line", ("measure", "value"), _line_rows(told), value=True))
+    if levels:
+        columns = ("noise", *SHARES)
+        grown = ((level, one.to_dict()) for level, one in sorted(levels.items()))
+        rows = [
+            (f"x {level:g}", *_share(each["right"]), *_share(each["wrong"]))
+            for level, each in grown
+        ]
+        screen.print(table("as noise grows", columns, rows, **dict.fromkeys(columns[1:], True)))
+
+
+def _said(counts: Mapping[str, int]) -> str:
+    """Return the commonest verdicts as a text."""
+    names = {UNSEEN: "nothing"}
+    common = sorted(counts.items(), key=lambda item: -item[1])
+    out = [f"{names.get(name, name).replace('_', ' ')} {count}" for name, count in common[:SHOWN]]
+    left = sum(count for _, count in common[SHOWN:])
+    return ", ".join([*out, *([f"others {left}"] if left else [])])
+
+
+def _line_rows(told: Mapping[str, Any]) -> list[tuple[str, str]]:
+    latency, alarms, frame = told["latency"], told["false_alarms"], told["frame_ms"]
+    right = told["latency_of_right"]
+    rows = []
+    if latency:
+        rows += [
+            ("verdict after the end of a repetition, median", f"{latency['median_s']:.2f} s"),
+            ("95th percentile", f"{latency['p95_s']:.2f} s"),
+            ("longest", f"{latency['greatest_s']:.2f} s"),
+            ("within half a second", f"{100 * latency['within_half_a_second']:.1f} %"),
+            ("of right ones", f"{100 * right['within_half_a_second']:.1f} %" if right else ""),
+        ]
+    return [
+        *rows,
+        ("wrong verdicts a minute of right exercise", f"{alarms['while_right_per_minute']:.3f}"),
+        (
+            "right verdicts a minute of doing nothing of it",
+            f"{alarms['while_idle_per_minute']:.3f}",
+        ),
+        ("a frame, mean", f"{frame['mean']:.2f} ms"),
+        ("a frame, 99th percentile", f"{frame['p99']:.2f} ms"),
+    ]

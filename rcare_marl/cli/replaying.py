@@ -1,0 +1,123 @@
+"""The command `replay`: recorded episodes by their actions, records of evaluations by their policies."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.text import Text
+
+from rcare_marl.atomic_file import write_whole
+from rcare_marl.console import console, print_line
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.episode import RecordedEpisode, replay
+
+from .parameter import print_json
+
+RECORD = ".json"  # ending of a record of an evaluation
+
+
+def run(
+    files: Sequence[Path],
+    *,
+    film: Path | None,
+    picture: Path | None,
+    live: bool,
+    processes: int,
+    as_json: bool,
+) -> bool:
+    """Play files again and tell of each; return whether all came out equal."""
+    if (film or picture or live) and (len(files) > 1 or files[0].suffix == RECORD):
+        raise typer.BadParameter("film, picture and live page show one recorded episode (.npz)")
+    told, is_equal = [], True
+    for file in files:
+        if file.suffix == RECORD:
+            facts, same = _again(file, processes, quiet=as_json)
+        else:
+            facts, same = _episode(file, film=film, picture=picture, live=live, quiet=as_json)
+        told.append({"file": str(file), "equal": same, **facts})
+        is_equal = is_equal and same
+    if as_json:
+        print_json(told)
+    return is_equal
+
+
+def _again(file: Path, processes: int, *, quiet: bool) -> tuple[dict[str, Any], bool]:
+    from . import assessment
+
+    result = assessment.run_again(file, processes=processes)
+    if not quiet:
+        assessment.show_again(result)
+    return asdict(result), not result.differences
+
+
+def _episode(
+    file: Path, *, film: Path | None, picture: Path | None, live: bool, quiet: bool
+) -> tuple[dict[str, Any], bool]:
+    episode = RecordedEpisode.read(file)
+    with closing(episode.make("human" if live else None)) as env:
+        with tempfile.TemporaryDirectory() as scratch:
+            shown = _Shown(env, Path(scratch) / "film.mp4" if film else None, live)
+            watch: Callable[[CareEnv], None] | None = shown if film or picture or live else None
+            try:
+                result = replay(episode, env=env, on_step=watch)
+                pixels = shown.png() if picture else b""
+            finally:
+                shown.close()
+            if film:
+                write_whole(film, (Path(scratch) / "film.mp4").read_bytes())
+            if picture:
+                write_whole(picture, pixels)
+    if not quiet:
+        header, screen = episode.header, console()
+        what = f"{file}: {header.setup['task']}, seed {header.seed}: "
+        if result.difference:
+            text = f"differs at {result.difference}; equal before"
+            screen.print(Text(what + text, style="red"), soft_wrap=True)
+            for text in result.elsewhere:
+                screen.print(Text(f"  {text}", style="dim"), soft_wrap=True)
+        else:
+            screen.print(
+                Text(f"{what}equal for {result.steps} steps", style="green"), soft_wrap=True
+            )
+        for out in (film, picture):
+            if out is not None:
+                print_line(f"wrote {out}")
+    return asdict(result), not result.difference
+
+
+class _Shown:
+    """What is seen of a replay: a film, a picture of its end, a live page."""
+
+    def __init__(self, env: CareEnv, film: Path | None, live: bool) -> None:
+        self._env, self._film, self._told = env, None, not live
+        if film is not None:
+            from rcare_marl.rendering.film import Film
+
+            self._film = Film(film, env.world, fps=1 / env.task.control_dt)
+
+    def __call__(self, env: CareEnv) -> None:
+        if not self._told and env.viewer_url is not None:
+            self._told = True
+            print_line(f"watch at {env.viewer_url}  (Ctrl-C ends)")
+        if self._film is not None:
+            over = "success" if env.task.succeeded() else f"{env.world.time:.1f} s"
+            good = env.task.succeeded() if env.is_over else None
+            self._film.add(env.task.view(), f"replay of seed {env.seed}", over, good=good)
+
+    def png(self) -> bytes:
+        """Return a picture of the scene as it is now."""
+        from rcare_marl.rendering.portrait import encoded, snapshot
+
+        return encoded(snapshot(self._env.world, self._env.task.view()))
+
+    def close(self) -> None:
+        """Finish the film."""
+        if self._film is not None:
+            self._film.hold()
+            self._film.close()

@@ -1,0 +1,68 @@
+"""The tables of `docs/tasks.md`, from the classes: python -m rcare_marl.cli.task_table docs/tasks.md."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rcare_marl import assets
+from rcare_marl.envs.registry import task_class, task_names
+
+from .listing import first_line
+
+BEGIN, END = "<!-- from the classes: {} -->", "<!-- end -->"
+SUCCESS = re.compile(
+    r"\b(?:Success(?: and failure)?|Goal): (.*?)(?:\n\s*\w[\w ]*: |\n\n|$)", re.DOTALL
+)
+
+
+def tables() -> dict[str, str]:
+    """Return what stands between the marks of each table: `tasks` and `robots`, in Markdown."""
+    return {"tasks": _tasks(), "robots": _robots()}
+
+
+def filled(page: str) -> str:
+    """Return a page with its tables made anew."""
+    for name, table in tables().items():
+        begin = BEGIN.format(name)
+        head, _, rest = page.partition(begin)
+        _, _, tail = rest.partition(END)
+        page = f"{head}{begin}\n{table}\n{END}{tail}"
+    return page
+
+
+def _tasks() -> str:
+    rows = []
+    for name in task_names():
+        cls = task_class(name)
+        cast = "; ".join(part.default for part in cls.roles().values() if part.default)
+        text = inspect.getdoc(cls) or ""
+        found = SUCCESS.search(text)
+        ends = " ".join(found.group(1).split()).rstrip(".") if found else ""
+        rows.append((f"`{name}`", cast, first_line(cls), ends))
+    return _markdown(("task", "default cast", "what happens", "success"), rows)
+
+
+def _robots() -> str:
+    tasks = [name for name in task_names() if task_class(name).reachable_by is not None]
+    rows = [
+        (
+            f"`{robot}`",
+            *("yes" if robot in (task_class(t).reachable_by or ()) else "" for t in tasks),
+        )
+        for robot in assets.names("robots")
+    ]
+    return _markdown(("robot", *(name.replace("_", " ") for name in tasks)), rows)
+
+
+def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+if __name__ == "__main__":
+    for file in map(Path, sys.argv[1:]):
+        file.write_text(filled(file.read_text(encoding="utf-8")), encoding="utf-8")
