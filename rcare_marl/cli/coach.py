@@ -241,4 +241,7 @@ def bound(host: str, port: int | None) -> socket.socket:
             return socket.create_server((host, number), family=family, dualstack_ipv6=both)
         except OSError as error:
             fault = error
-    raise ConfigError(f"cannot serve: {fault.strerror}; --port 0 takes a free one") from fault
+    why = str(fault.strerror).partition(" (while")[0]
+    raise ConfigError(
+        f"cannot serve at {host}, port {number}: {why}; --port 0 takes a free one"
+    ) from fault
