@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numba
 import numpy as np
@@ -109,15 +109,16 @@ class Arm(JointGroup):
         assert best is not None  # there is always a first seed
         return best
 
-    def _seeds(self, seed: Array) -> list[Array]:
+    def _seeds(self, seed: Array) -> Iterator[Array]:
+        yield seed
+        yield self.rest
         rng = np.random.default_rng(0)
-        spread = [
-            (seed if k % 2 else self.rest) + rng.normal(0.0, 0.5, len(self)) for k in range(_SEEDS)
-        ]
+        for k in range(_SEEDS):
+            yield (seed if k % 2 else self.rest) + rng.normal(0.0, 0.5, len(self))
         lower = np.where(np.isinf(self.lower), -np.pi, self.lower)
         upper = np.where(np.isinf(self.upper), np.pi, self.upper)
-        anywhere = [rng.uniform(lower, upper) for _ in range(_FAR_SEEDS)]
-        return [seed, self.rest, *spread, *anywhere]
+        for _ in range(_FAR_SEEDS):
+            yield rng.uniform(lower, upper)
 
 
 @numba.njit(cache=True)
