@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -81,6 +81,17 @@ class RunPlan:
     oven: bool = True
     corner: str = ""
     window: tuple[float, float] | None = None
+
+
+def joined(units: Iterable[Unit]) -> list[tuple[float, float]]:
+    """Return the stretches along the wall [m] that units take, from the least y to the most."""
+    out: list[tuple[float, float]] = []
+    for unit in units:
+        if out and abs(out[-1][1] - unit.y0) < 1e-9:
+            out[-1] = (out[-1][0], unit.y1)
+        else:
+            out.append((unit.y0, unit.y1))
+    return out
 
 
 def lay_units(plan: RunPlan, rules: Rules) -> tuple[Unit, ...]:

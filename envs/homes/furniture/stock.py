@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import math
 
-from rcare_marl.model.shape import ZERO, Shape, Triple
+from rcare_marl.model.shape import Shape, Triple
 
 
-def box(
-    material: str, low: Triple, high: Triple, *, bevel: float = 0.0, rpy: Triple = ZERO
-) -> Shape:
-    """Return a box between two corners [m], turned by `rpy` [rad] about its middle."""
+def box(material: str, low: Triple, high: Triple, *, bevel: float = 0.0) -> Shape:
+    """Return a box between two corners [m]."""
     at = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
     size = (high[0] - low[0], high[1] - low[1], high[2] - low[2])
-    return Shape(kind="box", material=material, at=at, size=size, bevel=bevel, rpy=rpy)
-
-
-def rod(material: str, radius: float, *points: Triple, bend: float = 0.0) -> Shape:
-    """Return a round bar along `points` [m], its corners rounded by `bend` [m], for the eye."""
-    return Shape(kind="tube", material=material, radius=radius, points=points, bend=bend)
+    return Shape(kind="box", material=material, at=at, size=size, bevel=bevel)
 
 
 def solid_rods(radius: float, *points: Triple) -> tuple[Shape, ...]:
@@ -43,6 +36,7 @@ def _between(a: Triple, b: Triple, share: float) -> Triple:
     return (x, y, z)
 
 
-def towards(quarter: float) -> Triple:
-    """Return the turn [rad] that lays the axis of a lathe along x (0) or y (1)."""
-    return (0.0, math.pi / 2, 0.0) if quarter == 0 else (-math.pi / 2, 0.0, 0.0)
+def about(at: Triple, *reach: float) -> tuple[Triple, Triple]:
+    """Return the corners of the box that reaches so far to each side of its middle along x, y, z [m]."""
+    (x, y, z), (a, b, c) = at, reach
+    return (x - a, y - b, z - c), (x + a, y + b, z + c)
