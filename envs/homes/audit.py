@@ -12,7 +12,8 @@ from .audit_door import measure_openings
 from .audit_entrance import measure_entrance
 from .audit_furniture import measure_furniture, measure_sets
 from .audit_room import measure_rooms
-from .measurement import FurnishedHome, Measurement
+from .care_home import CareHome
+from .measurement import Measurement
 from .rule import Rule, Rules
 
 _NAMED = 4  # places that a row of the table names; the others are counted
@@ -110,7 +111,7 @@ class Audit:
 
 
 def audit(
-    home: FurnishedHome, level: int | None = None, *, measured: Iterable[Measurement] = ()
+    home: CareHome, level: int | None = None, *, measured: Iterable[Measurement] = ()
 ) -> Audit:
     """Check a home against the rules of a level.
 

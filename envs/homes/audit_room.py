@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from .care_home import CareHome
 from .doorway import gate
 from .ground import Ground
-from .measurement import FurnishedHome, Measurement, near
+from .measurement import Measurement, near
 from .plan import Room
 
 TURNING = ("kitchen", "bedroom", "bathroom", "living", "dining")
 REACHED_INTO = ("closet", "pantry")  # rooms that one reaches into, without ways of their own
 
 
-def measure_rooms(home: FurnishedHome) -> Iterator[Measurement]:
+def measure_rooms(home: CareHome) -> Iterator[Measurement]:
     """Yield what is measured of the floor of rooms."""
     for room in home.plan.rooms.values():
         if room.use == "hall":
@@ -29,7 +30,7 @@ def measure_rooms(home: FurnishedHome) -> Iterator[Measurement]:
                 yield Measurement("passage_width", room.name, room.name, width)
 
 
-def _passage(home: FurnishedHome, room: Room, ground: Ground) -> float | None:
+def _passage(home: CareHome, room: Room, ground: Ground) -> float | None:
     """Return the free width of the ways from each door of a room to its freest place [m].
 
     A way starts in line with its door, so a leaf that stands open there makes it narrower.

@@ -149,11 +149,5 @@ def _doorway(canvas: Canvas, opening: Opening) -> None:
 
 
 def _ground(canvas: Canvas, plan: Plan, rise: float) -> None:
-    outline = plan.outline
-    area = Rectangle(
-        min(a.x0 for a in outline),
-        min(a.y0 for a in outline),
-        max(a.x1 for a in outline),
-        max(a.y1 for a in outline),
-    ).grown(GARDEN)
+    area = Rectangle.around(plan.outline).grown(GARDEN)
     canvas.box("grass", area, (-rise - GROUND, -rise), solid=True)

@@ -269,7 +269,7 @@ class _Furnisher:
         """Return which places are free, shape [n]; zones of the piece `host` may be stood in."""
         turn = _pose(0.0, 0.0, yaw)
         body = _shifted(piece.footprint.moved(turn), at)
-        inside = _row(self.layout.room.inside.grown(1e-6))
+        inside = self.layout.room.inside.grown(1e-6).row
         ok: Mask = _within(body, inside)
         hidden = [
             area
@@ -413,13 +413,9 @@ def _ticks(low: float, high: float) -> Array:
     return out
 
 
-def _row(area: Rectangle) -> Array:
-    return np.array((area.x0, area.y0, area.x1, area.y1))
-
-
 def _shifted(area: Rectangle, at: Array) -> Array:
     """Return an area at many places, shape [n, 4]."""
-    out: Array = _row(area) + np.concatenate((at, at), axis=1)
+    out: Array = area.row + np.concatenate((at, at), axis=1)
     return out
 
 
@@ -433,7 +429,7 @@ def _meets(areas: Array, others: Sequence[Rectangle]) -> Mask:
     """Return which of the areas, shape [n, 4], overlap any of the others, shape [n]."""
     if not others:
         return np.zeros(len(areas), np.bool_)
-    rows = np.array([_row(other) for other in others])
+    rows = np.array([other.row for other in others])
     low = np.maximum(areas[:, None, :2], rows[None, :, :2])
     high = np.minimum(areas[:, None, 2:], rows[None, :, 2:])
     out: Mask = np.asarray(((high - low) > 1e-6).all(axis=2).any(axis=1), np.bool_)

@@ -16,27 +16,13 @@ from .layout_door import DoorConfig, Joiner, Request
 from .layout_size import OTHER_USES, least_size, room_kind_give
 from .layout_tree import Cell, Split, Tiling
 from .layout_wall import Masonry
-from .layout_window import LIVED_IN, set_windows
+from .layout_window import set_windows
 from .palette import Palette
 from .plan import OUTSIDE, ROOM_KINDS, Plan, Room, Wall
 from .rule import Rules
 
 _ENDINGS = (".yaml", ".yml")
 _SIDES = ("north", "east", "south", "west")
-_FLOORS = ("wood", "tile", "carpet")
-# What floors are made of where a house does not say; own choice.
-_USUAL_FLOORS = {
-    "kitchen": "tile",
-    "bathroom": "tile",
-    "laundry": "tile",
-    "entry": "tile",
-    "pantry": "tile",
-    "workshop": "tile",
-    "sunroom": "tile",
-    "bedroom": "carpet",
-    "closet": "carpet",
-}
-_REQUIRED = (*LIVED_IN, "bathroom")
 
 Wish = tuple[str, str] | DoorConfig
 
@@ -54,7 +40,6 @@ class HouseConfig:
         passages: Pairs of rooms that are open to each other.
         windows: Sides of rooms where windows are, for rooms where the usual rule does not do.
         palette: Colours that differ from the usual.
-        floors: `wood`, `tile` or `carpet` by use of room where it differs from the usual.
         name: Name of the file.
     """
 
@@ -66,7 +51,6 @@ class HouseConfig:
     passages: tuple[Wish, ...] = ()
     windows: dict[str, tuple[str, ...]] = field(default_factory=dict)
     palette: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
-    floors: dict[str, str] = field(default_factory=dict)
     name: str = "house"
 
     def __post_init__(self) -> None:
@@ -84,9 +68,6 @@ class HouseConfig:
             self._check_room(room)
             for side in wanted:
                 check_name("side of a room", side, _SIDES)
-        for use, finish in self.floors.items():
-            check_name("use of rooms", use, ROOM_KINDS[:-1] + OTHER_USES)
-            check_name("floor", finish, _FLOORS)
         self.colours()
 
     def _check_room(self, room: str) -> None:
@@ -104,11 +85,6 @@ class HouseConfig:
             if not all(0 <= part <= 1 for part in value):
                 raise ConfigError(f"colour {colour} must be within 0 and 1, got {value}")
         return dataclasses.replace(Palette(), **self.palette)
-
-    def floor(self, room: str) -> str:
-        """Return the colour of the `Palette` that the floor of a room has."""
-        use = use_of(room)
-        return "floor_" + self.floors.get(use, _USUAL_FLOORS.get(use, "wood"))
 
 
 def use_of(room: str) -> str:
@@ -187,11 +163,6 @@ def lay_out(house: HouseConfig, level: int) -> Plan:
     if lost:
         raise ConfigError(f"{house.name}: no way from the entrance to {', '.join(sorted(lost))}")
     return plan
-
-
-def required_rooms(plan: Plan) -> tuple[str, ...]:
-    """Return the rooms that everybody must reach: all but the closets, halls and other rooms."""
-    return tuple(room.name for room in plan.rooms.values() if room.kind in _REQUIRED)
 
 
 def reachable(plan: Plan, *, clear_width: float = 0.0) -> set[str]:

@@ -148,6 +148,10 @@ class Plan:
         check_name(f"room in {self.name}", name, self.rooms)
         return self.rooms[name]
 
+    def required_rooms(self) -> tuple[str, ...]:
+        """Return the rooms that everybody must reach: all but the closets, halls and other rooms."""
+        return tuple(room.name for room in self.rooms.values() if room.kind != "other")
+
     def openings_of(self, room: str) -> Iterable[Opening]:
         """Return the openings in the walls of a room."""
         return [opening for opening in self.openings.values() if room in opening.rooms]

@@ -74,13 +74,7 @@ def draw(
 
 def extent(home: CareHome) -> Rectangle:
     """Return the floor that a plan shows [m]."""
-    areas = home.plan.outline
-    return Rectangle(
-        min(a.x0 for a in areas),
-        min(a.y0 for a in areas),
-        max(a.x1 for a in areas),
-        max(a.y1 for a in areas),
-    ).grown(MARGIN)
+    return Rectangle.around(home.plan.outline).grown(MARGIN)
 
 
 def figure(home: CareHome, *, width: float = 11.0, route: Route | None = None) -> Figure:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ...rectangle import Rectangle
 from .bathroom_bar import bar_figures
 from .joinery import Joinery, front_zone, furniture
 from .plumbing import drain, grab_bar, hand_shower, tap
@@ -53,14 +54,10 @@ def _tub(made: Joinery, length: float, width: float) -> float:
     rim = made.ruled("bathtub_rim_height", _RIM_ELSE)
     half, top, level = 0.5 * length, rim - _RIM, made.rules.level
     made.box((0.0, -half, 0.0), (width, half, _FLOOR), "ceramic")
-    for low, high in (
-        ((0.0, -half), (_WALL, half)),
-        ((width - _WALL, -half), (width, half)),
-        ((_WALL, -half), (width - _WALL, _WALL - half)),
-        ((_WALL, half - _WALL), (width - _WALL, half)),
-    ):
-        made.show((*low, _FLOOR), (*high, top), "ceramic")
-        made.block((*low, _FLOOR), (*high, rim))
+    hollow = Rectangle(_WALL, _WALL - half, width - _WALL, half - _WALL)
+    for wall in Rectangle(0.0, -half, width, half).without(hollow):
+        made.show((wall.x0, wall.y0, _FLOOR), (wall.x1, wall.y1, top), "ceramic")
+        made.block((wall.x0, wall.y0, _FLOOR), (wall.x1, wall.y1, rim))
     start, (a, b), (c, d) = (_RIM, 0.0, top), (_RIM, width - _RIM), (_RIM - half, half - _RIM)
     corners = ((a, d, top), (b, d, top), (b, c, top), (a, c, top))
     made.rod((start, *corners, start), _RIM, "ceramic", bend=0.09)

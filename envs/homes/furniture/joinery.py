@@ -128,13 +128,9 @@ class Joinery(Assembly):
         solid: bool = True,
     ) -> None:
         """Add what is between two rectangles, from the lower to the upper height of `span` [m]."""
-        for a, b in (
-            ((outer.x0, outer.y0), (inner.x0, outer.y1)),
-            ((inner.x1, outer.y0), (outer.x1, outer.y1)),
-            ((inner.x0, outer.y0), (inner.x1, inner.y0)),
-            ((inner.x0, inner.y1), (inner.x1, outer.y1)),
-        ):
-            (self.box if solid else self.show)((*a, span[0]), (*b, span[1]), material)
+        for part in outer.without(inner):
+            low, high = (part.x0, part.y0, span[0]), (part.x1, part.y1, span[1])
+            (self.box if solid else self.show)(low, high, material)
 
     def slab(
         self,
