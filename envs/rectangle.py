@@ -33,6 +33,16 @@ class Rectangle:
             max(a.y1 for a in areas),
         )
 
+    @staticmethod
+    def of(axis: str, along: tuple[float, float], across: tuple[float, float]) -> Rectangle:
+        """Return the rectangle of two extents, along an axis and across it [m]."""
+        (a, b), (c, d) = along, across
+        return Rectangle(a, c, b, d) if axis == "x" else Rectangle(c, a, d, b)
+
+    def span(self, axis: str) -> tuple[float, float]:
+        """Return its extent along an axis [m]."""
+        return (self.x0, self.x1) if axis == "x" else (self.y0, self.y1)
+
     @property
     def row(self) -> Array:
         """Its lower and its upper corner, shape [4] [m]."""

@@ -287,6 +287,7 @@ def test_houses_differ_in_title_story_and_colours() -> None:
     houses = [load_house(name) for name in HOUSES]
     assert len({house.title for house in houses}) == len({h.story for h in houses}) == 16
     assert len({repr(house.colours()) for house in houses}) == 16
+    assert load_house("house_01").floor("bathroom_1") == "floor_tile"
 
 
 def small_house(**changes: Any) -> dict[str, Any]:

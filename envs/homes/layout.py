@@ -22,6 +22,13 @@ from .plan import OUTSIDE, ROOM_KINDS, Plan, Room, Wall
 from .rule import Rules
 
 _ENDINGS = (".yaml", ".yml")
+_FLOORS = ("wood", "tile", "carpet")
+# What floors are made of where a house does not say; own choice.
+_USUAL_FLOORS = {
+    **dict.fromkeys(("kitchen", "bathroom", "laundry", "entry"), "tile"),
+    **dict.fromkeys(("pantry", "workshop", "sunroom"), "tile"),
+    **dict.fromkeys(("bedroom", "closet"), "carpet"),
+}
 _SIDES = ("north", "east", "south", "west")
 
 Wish = tuple[str, str] | DoorConfig
@@ -40,6 +47,7 @@ class HouseConfig:
         passages: Pairs of rooms that are open to each other.
         windows: Sides of rooms where windows are, for rooms where the usual rule does not do.
         palette: Colours that differ from the usual.
+        floors: `wood`, `tile` or `carpet` by use of room where it differs from the usual.
         name: Name of the file.
     """
 
@@ -51,6 +59,7 @@ class HouseConfig:
     passages: tuple[Wish, ...] = ()
     windows: dict[str, tuple[str, ...]] = field(default_factory=dict)
     palette: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
+    floors: dict[str, str] = field(default_factory=dict)
     name: str = "house"
 
     def __post_init__(self) -> None:
@@ -68,6 +77,9 @@ class HouseConfig:
             self._check_room(room)
             for side in wanted:
                 check_name("side of a room", side, _SIDES)
+        for use, finish in self.floors.items():
+            check_name("use of rooms", use, ROOM_KINDS[:-1] + OTHER_USES)
+            check_name("floor", finish, _FLOORS)
         self.colours()
 
     def _check_room(self, room: str) -> None:
@@ -85,6 +97,11 @@ class HouseConfig:
             if not all(0 <= part <= 1 for part in value):
                 raise ConfigError(f"colour {colour} must be within 0 and 1, got {value}")
         return dataclasses.replace(Palette(), **self.palette)
+
+    def floor(self, room: str) -> str:
+        """Return the colour of the `Palette` that the floor of a room has."""
+        use = use_of(room)
+        return "floor_" + self.floors.get(use, _USUAL_FLOORS.get(use, "wood"))
 
 
 def use_of(room: str) -> str:

@@ -45,6 +45,9 @@ class Room:
     options: dict[str, object] = field(default_factory=dict)
 
 
+OpeningKind = Literal["door", "entrance", "passage", "window"]
+
+
 @dataclass(frozen=True)
 class Opening:
     """A gap in a wall: a door, a passage without a door, or a window.
@@ -68,7 +71,7 @@ class Opening:
     """
 
     name: str
-    kind: Literal["door", "entrance", "passage", "window"]
+    kind: OpeningKind
     rooms: tuple[str, str]
     axis: Literal["x", "y"]
     centre: tuple[float, float]

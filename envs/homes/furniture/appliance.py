@@ -34,15 +34,9 @@ Span = tuple[float, float]
 def fridge(made: Joinery, *, width: float = 0.0, hinge: str = "low") -> None:
     """Make a fridge with a freezer: below it at levels 1 and 2, beside it at level 3.
 
-    Side by side, both reach from low to high, so that something of each is within reach of a seat.
-
-    Args:
-        made: What it becomes.
-        width: 0.55 to 0.95 [m]; 0.6, and 0.75 at level 3, if zero.
-        hinge: The side of the hinges along y, `low` or `high`.
-
-    Raises:
-        ConfigError: If the width is out of range, or `hinge` is no side.
+    Side by side, both reach from low to high, so that something of each is within reach of a seat. It is
+    `width` [m] wide, 0.55 to 0.95; 0.6, and 0.75 at level 3, if zero. `hinge` is the side of its hinges
+    along y, `low` or `high`. ConfigError if the width is out of range, or `hinge` is no side.
     """
     by_side = made.rules.level == 3
     width = width or (0.75 if by_side else 0.6)

@@ -39,16 +39,9 @@ _FRONT_SPACE = (0.6, 0.76, 1.2)  # ADA 604.3.1: 56 in from the wall behind; leve
 def toilet(made: Joinery, *, wall: str = "left") -> None:
     """Make a toilet with tank, lid and seat on hinges, and what bars the rules want.
 
-    Its footprint ends at the wall beside it. Bars hang over clear floor, as ADA 604.3.2 lets them,
-    and are no part of it.
-
-    Args:
-        made: What it becomes.
-        wall: Side on which the wall beside it is, as one sits: `left`, `right` or `none`. Bars
-            beside it are on that wall; a bar that folds down is on the other side.
-
-    Raises:
-        ConfigError: If `wall` is none of these.
+    `wall` is the side on which the wall beside it is, as one sits: `left`, `right` or `none`; ConfigError
+    if it is none of these. Its footprint ends there. Bars beside it are on that wall; one that folds down
+    is on the other side. They hang over clear floor, as ADA 604.3.2 lets them, and are no part of it.
     """
     if wall not in ("left", "right", "none"):
         raise ConfigError(f"wall must be one of left, right, none, got {wall!r}")

@@ -24,14 +24,8 @@ def washbasin(made: Joinery, *, width: float | None = None) -> None:
 
     Level 1 is a cupboard with two doors under a basin with knobs, and a cabinet with mirrors over it;
     level 2 hangs on the wall over half a pedestal, level 3 alone, with an insulated trap and a mirror
-    that is tilted; both have a lever and room for knees.
-
-    Args:
-        made: What it becomes.
-        width: Along the wall [m]; 0.8 at level 1, 0.56 at level 2, 0.65 at level 3 if None.
-
-    Raises:
-        ConfigError: If it is less than 0.5 m, or 0.6 m at level 1.
+    that is tilted; both have a lever and room for knees. It is `width` [m] wide; 0.8 at level 1, 0.56 at
+    level 2, 0.65 at level 3 if None. ConfigError if that is less than 0.5, or 0.6 at level 1.
     """
     level = made.rules.level
     least = 0.6 if level == 1 else 0.5

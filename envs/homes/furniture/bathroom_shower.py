@@ -112,12 +112,7 @@ def _walls(made: Joinery, half: float, deep: float, signs: tuple[float, ...]) ->
 def transfer_shower(made: Joinery, *, seat: str = "left") -> None:
     """Make a shower to transfer into: a seat at one side, bars, water at the other.
 
-    Args:
-        made: What it becomes.
-        seat: Side of the seat, as seen from the wall behind: `left` or `right`.
-
-    Raises:
-        ConfigError: If `seat` is neither.
+    `seat` is its side as seen from the wall behind, `left` or `right`; ConfigError if it is neither.
     """
     if seat not in ("left", "right"):
         raise ConfigError(f"seat must be left or right, got {seat!r}")
@@ -147,15 +142,9 @@ def transfer_shower(made: Joinery, *, seat: str = "left") -> None:
 def roll_in_shower(made: Joinery, *, ends: str = "none") -> None:
     """Make a shower to roll into: a wet floor as high as the room's, a seat that folds, bars.
 
-    Its floor is room for knees: nothing on it stands in a wheelchair's way while the seat is up.
-
-    Args:
-        made: What it becomes.
-        ends: Where walls of the house stand at its ends, so that it needs none of its own: `none`,
-            `left`, `right` or `both`.
-
-    Raises:
-        ConfigError: If `ends` is none of these.
+    Its floor is room for knees: nothing on it stands in a wheelchair's way while the seat is up. `ends` is
+    where walls of the house stand, so that it needs none of its own there: `none`, `left`, `right` or
+    `both`; ConfigError if it is none of these.
     """
     if ends not in ("none", "left", "right", "both"):
         raise ConfigError(f"ends must be one of none, left, right, both, got {ends!r}")

@@ -25,14 +25,9 @@ def make_bed(
 ) -> None:
     """Make a bed with its head against the wall.
 
-    Args:
-        made: What it becomes.
-        width: Of the mattress [m]; from 1.3 on there are two pillows.
-        length: Of the mattress [m].
-        sides: Where one can get in at level 1; at levels 2 and 3 both sides are free.
-
-    Raises:
-        ConfigError: If it has no such sides, or is too small for anybody.
+    The mattress is `width` by `length` [m]; from a width of 1.3 on there are two pillows. `sides` says where
+    one can get in at level 1; at levels 2 and 3 both sides are free. ConfigError if it has no such sides,
+    or is too small for anybody.
     """
     if sides not in ("both", "left", "right"):
         raise ConfigError(f"the free sides of a bed are both, left or right, got {sides!r}")

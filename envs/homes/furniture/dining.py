@@ -29,14 +29,8 @@ _CHAIR = "where a chair goes"
 def dining_table(made: Joinery, *, seats: int = 6) -> None:
     """Make a dining table: on four legs, and on columns at level 3.
 
-    Its frames `place_1`, `place_2`, ... are where the frames of chairs go.
-
-    Args:
-        made: What it becomes.
-        seats: 4, 6 or 8.
-
-    Raises:
-        ConfigError: If there is no table for so many.
+    Its frames `place_1`, `place_2`, ... are where the frames of chairs go. It has 4, 6 or 8 `seats`;
+    ConfigError if there is no table for so many.
     """
     if seats not in TABLES:
         raise ConfigError(f"dining tables seat {', '.join(map(str, TABLES))}, got {seats!r}")
@@ -111,12 +105,7 @@ def _places(made: Joinery, seats: int, half: float, depth: float) -> None:
 def round_table(made: Joinery, *, diameter: float = 1.1) -> None:
     """Make a round table on one column, with four places.
 
-    Args:
-        made: What it becomes.
-        diameter: 0.7 to 1.5 [m].
-
-    Raises:
-        ConfigError: If the diameter is out of range.
+    It is `diameter` [m] wide; ConfigError unless that is 0.7 to 1.5.
     """
     if not 0.7 <= diameter <= 1.5:
         raise ConfigError(f"a round table is 0.7 to 1.5 m wide, got {diameter!r}")

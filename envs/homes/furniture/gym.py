@@ -64,16 +64,9 @@ def make_dumbbell_rack(made: Joinery) -> None:
 def make_parallel_bars(
     made: Joinery, *, length: float = 2.5, gap: float = 0.6, height: float = 0.86
 ) -> None:
-    """Make parallel bars to learn to walk between.
+    """Make parallel bars to learn to walk between, `length` [m] long, their tops at `height` [m].
 
-    Args:
-        made: What it becomes.
-        length: Of the bars [m].
-        gap: Free width between them [m].
-        height: Of their top [m].
-
-    Raises:
-        ConfigError: If nobody could walk between them.
+    Between them are `gap` [m]; ConfigError if nobody could walk there.
     """
     if gap < 0.4:
         raise ConfigError(f"nobody walks between bars {gap} m apart; 0.4 m is the least")

@@ -170,13 +170,7 @@ def kitchen_island(made: Joinery, *, length: float = 1.6) -> None:
     """Make an island: units that open along x, and worktop that hangs over behind them.
 
     The overhang takes stools at level 1; at levels 2 and 3 it is deep enough for knees and wheelchairs.
-
-    Args:
-        made: What it becomes.
-        length: 1.2 to 2.8 [m].
-
-    Raises:
-        ConfigError: If the length is out of range.
+    It is `length` [m] long; ConfigError unless that is 1.2 to 2.8.
     """
     if not 1.2 <= length <= 2.8:
         raise ConfigError(f"a kitchen island is 1.2 to 2.8 m long, got {length!r}")

@@ -19,13 +19,8 @@ CEILING = 2.5  # [m]
 def pendant_lamp(made: Joinery, *, bottom: float = LAMP_BOTTOM, ceiling: float = CEILING) -> None:
     """Make a lamp that hangs from the ceiling; its frame is on the floor at the back of its shade.
 
-    Args:
-        made: What it becomes.
-        bottom: Height of its lower edge, at least 1.9 [m].
-        ceiling: Height of the ceiling [m].
-
-    Raises:
-        ConfigError: If heads would strike it, or the ceiling is too low.
+    Its lower edge is at `bottom` [m], the ceiling at `ceiling` [m]; ConfigError if heads would strike it,
+    or the ceiling is too low.
     """
     if not LAMP_BOTTOM <= bottom <= ceiling - 0.3:
         raise ConfigError(
@@ -70,14 +65,8 @@ def rug(made: Joinery, *, width: float = 2.0, depth: float = 1.4) -> None:
 def picture(made: Joinery, *, width: float = 0.6, height: float = 0.45, motif: int = 0) -> None:
     """Make a picture in its frame, to hang on a wall with its middle at 1.5 m.
 
-    Args:
-        made: What it becomes.
-        width: Of the frame, 0.15 to 2 [m].
-        height: Of the frame, 0.15 to 1.6 [m].
-        motif: Which of three motifs, counted round: hills, fields of colour, a still life.
-
-    Raises:
-        ConfigError: If the size is out of range.
+    The frame is `width` [m] wide, 0.15 to 2, and `height` [m] high, 0.15 to 1.6; ConfigError if it is not.
+    `motif` chooses one of three, counted round: hills, fields of colour, a still life.
     """
     if not (0.15 <= width <= 2.0 and 0.15 <= height <= 1.6):
         raise ConfigError(
@@ -161,11 +150,7 @@ def wall_clock(made: Joinery, *, height: float = 1.8) -> None:
 
 @furniture("plant")
 def plant(made: Joinery, *, size: str = "large") -> None:
-    """Make a plant in a pot, `large` for the floor or `small` for a sill or table.
-
-    Raises:
-        ConfigError: If `size` is neither.
-    """
+    """Make a plant in a pot, `large` for the floor or `small` for a sill or table; else a ConfigError."""
     if size not in ("small", "large"):
         raise ConfigError(f"a plant is 'small' or 'large', got {size!r}")
     s = 1.0 if size == "large" else 0.36
