@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 
 from .arm_cradle import HOOK_SHARE, HOOK_SHARE_HANGING, ArmCradle
-from .assembly import Assembly, Part
 from .ceiling_lift import CeilingLift
 from .cup import Cup
 from .cushion import Cushion, lay_under, move_under
@@ -25,6 +24,7 @@ from .spoon import Spoon
 from .stand import add_stand
 from .transfer_bench import TransferBench
 from .wash_basin import WashBasin
+from .weight import volume, weigh, weighed
 from .wheelchair import Wheelchair, chair_for, spawn_fitted
 
 # Those that do more than `Device` does; all others are `Device` itself.
@@ -65,7 +65,6 @@ __all__ = [
     "HOOK_SHARE",
     "HOOK_SHARE_HANGING",
     "ArmCradle",
-    "Assembly",
     "CeilingLift",
     "Cup",
     "Cushion",
@@ -78,7 +77,6 @@ __all__ = [
     "Frame",
     "HospitalBed",
     "ManualWheelchair",
-    "Part",
     "PlatformLift",
     "PoweredWheelchair",
     "Sponge",
@@ -97,4 +95,7 @@ __all__ = [
     "load_device",
     "make_device",
     "move_under",
+    "volume",
+    "weigh",
+    "weighed",
 ]

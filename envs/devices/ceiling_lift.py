@@ -13,10 +13,10 @@ from rcare_marl.model.urdf import Joint, Link
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
-from .assembly import weighed
 from .device_model import DeviceModel, Frame
 from .lift import Lift
 from .telescope import Telescope
+from .weight import weighed
 
 _RAIL = 0.045  # edge of the wall rails of a room system [m]
 _END = 0.03  # length of an end stop [m]

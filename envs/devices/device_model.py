@@ -16,7 +16,7 @@ from rcare_marl.model.shape import MeshFile, Shape, Triple
 from rcare_marl.model.urdf import Link, Model, joint_pose
 from rcare_marl.pose import Pose, quaternion_from_rpy
 
-from .assembly import weighed
+from .weight import weighed
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ import numpy as np
 
 from rcare_marl.model.inertia import of_box
 from rcare_marl.model.shape import UNSTRETCHED, ZERO, Shape, Triple
-from rcare_marl.model.urdf import Joint
+from rcare_marl.model.urdf import Joint, Model
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 
-from ...devices import Assembly, Frame, Part
+from ...devices import Frame
 from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
-from .stock import box, solid_rods
+from .stock import Part, box, solid_rods
 
 BODY = "body"  # the root of every piece
 BOARD = 0.018  # [m] thickness of board; common, from memory
@@ -41,7 +41,7 @@ _AXES: dict[str, Triple] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.
 Corners = tuple[Triple, Triple]
 
 
-class Joinery(Assembly):
+class Joinery:
     """Puts a piece of furniture together; every place is told in the frame of the piece at rest.
 
     What is added goes with one link: with the body, or with the link that `joint`, `door` or `drawer`
@@ -49,6 +49,8 @@ class Joinery(Assembly):
 
     Attributes:
         link: The link that it is added to.
+        parts: Its links by name, the body first.
+        joints: Its joints by name.
         setting: What the piece is made for.
         rules: The rules of its level.
         frames: Named places on it, to be filled.
@@ -62,7 +64,8 @@ class Joinery(Assembly):
 
     def __init__(self, kind: str, setting: Setting) -> None:
         """Begin a piece of `kind`."""
-        super().__init__(BODY, 0.0)
+        self.parts = {BODY: Part(0.0)}
+        self.joints: dict[str, Joint] = {}
         self.kind, self.link = kind, BODY
         self.setting = setting
         self.rules = setting.rules
@@ -417,7 +420,13 @@ class Joinery(Assembly):
         footprint, height = self.footprint, self.height
         used = {shape.material for part in self.parts.values() for shape in part.visual}
         palette = self.setting.palette.materials()
-        model = self.model(self.kind, SOURCE, {name: palette[name] for name in sorted(used)})
+        model = Model(
+            name=self.kind,
+            source=SOURCE,
+            links={name: part.link() for name, part in self.parts.items()},
+            joints=self.joints,
+            materials={name: palette[name] for name in sorted(used)},
+        )
         if footprint is None or height is None:
             low, high = self._bounds()
             footprint = footprint or Rectangle(*low[:2].tolist(), *high[:2].tolist())
