@@ -20,22 +20,14 @@ _NAMED = 4  # places that a row of the table names; the others are counted
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Measurement):
     """One thing that was measured, and whether the rules allow it.
 
     Attributes:
-        rule: Name of the rule.
-        room: Name of the room; empty for what belongs to none.
-        what: What was measured.
-        value: In the unit of the rule, or a word; None for nothing of the kind.
         allowed: What the level allows, in words.
         ok: Whether it does.
     """
 
-    rule: str
-    room: str
-    what: str
-    value: float | str | None
     allowed: str
     ok: bool
 
@@ -137,23 +129,18 @@ def audit(
         *measure_sets(home),
         *measured,
     ]
-    judged = [_judge(measurement, rules) for measurement in taken]
+    judged = [
+        Finding(
+            **vars(each),
+            allowed=rules[each.rule].bounds(rules.level),
+            ok=rules[each.rule].allows(each.value, rules.level),
+        )
+        for each in taken
+    ]
     judged.sort(key=lambda finding: order[finding.rule])
     seen = {finding.rule for finding in judged}
     unmeasured = tuple(name for name in rules if name not in seen)
     return Audit(home.plan.name, home.level, rules.level, tuple(judged), unmeasured)
-
-
-def _judge(measurement: Measurement, rules: Rules) -> Finding:
-    rule = rules[measurement.rule]
-    return Finding(
-        measurement.rule,
-        measurement.room,
-        measurement.what,
-        measurement.value,
-        rule.bounds(rules.level),
-        rule.allows(measurement.value, rules.level),
-    )
 
 
 def _text(value: float | str | None, rule: Rule) -> str:

@@ -128,7 +128,7 @@ Group = tuple[tuple[UnitKind, float], ...]
 
 def _groups(plan: RunPlan, rules: Rules, room: float) -> list[Group]:
     """Return what stands together: the sink with the dishwasher, and the hob."""
-    knee = rules.figure("counter_knee_width") if rules.has("counter_knee_width") else 0.0
+    knee = rules.figure("counter_knee_width", 0.0)
     sink: Group = ((("knee_sink", knee) if knee else ("sink", APPLIANCE)),) if plan.sink else ()
     low: UnitKind = "oven_hob" if plan.oven else "hob"
     hobs: list[Group] = [((low, APPLIANCE),)] if plan.hob else [()]
