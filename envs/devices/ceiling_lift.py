@@ -109,15 +109,8 @@ def _with_track(model: DeviceModel, length: float) -> DeviceModel:
 def _on_rails(model: DeviceModel, span: float) -> DeviceModel:
     """Return a lift whose track rolls along y on two wall rails at its ends, `span` long [m]."""
     length, width, _ = model.links["track"].collision[0].size
-    rails = tuple(
-        Shape(
-            kind="box",
-            material="frame",
-            size=(_RAIL, span, _RAIL),
-            at=(sign * 0.5 * (length - _RAIL), 0.0, -0.5 * _RAIL),
-        )
-        for sign in (1, -1)
-    )
+    ends = ((sign * 0.5 * (length - _RAIL), 0.0, -0.5 * _RAIL) for sign in (1, -1))
+    rails = tuple(Shape("box", "frame", at, size=(_RAIL, span, _RAIL)) for at in ends)
     motor, aside = model.controls["traverse"], 0.5 * (span - width) - _END
     cross = Joint(
         "prismatic",
@@ -132,15 +125,16 @@ def _on_rails(model: DeviceModel, span: float) -> DeviceModel:
     )
     control = replace(motor, joint="cross", note="rolls the track along its wall rails")
 
-    def lowered(frame: Frame) -> Frame:
-        x, y, z = frame.position
-        return replace(frame, position=(x, y, z - _RAIL))
-
     model = model.without(["plates"])
     return replace(
         model,
         links=model.links | {"ceiling": Link(visual=rails, collision=rails)},
         joints=model.joints | {"cross": cross},
-        frames={name: lowered(frame) for name, frame in model.frames.items()},
+        frames={name: _moved(frame, z=-_RAIL) for name, frame in model.frames.items()},
         controls=model.controls | {"cross": control},
     )
+
+
+def _moved(frame: Frame, *, z: float) -> Frame:
+    x, y, height = frame.position
+    return replace(frame, position=(x, y, height + z))

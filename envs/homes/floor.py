@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 from rcare_marl.model.urdf import Model
 
 from ..rectangle import Rectangle
@@ -28,21 +26,10 @@ _CARPETED = ("bedroom", "library")
 _DEEP = -0.35  # renderers take what is flatter than 0.3 m for a floor without end
 
 
-def floor_model(
-    plan: Plan, rules: Rules, palette: Palette, *, rooms: Collection[str] | None = None
-) -> Model:
+def floor_model(plan: Plan, rules: Rules, palette: Palette) -> Model:
     """Return the floor of a house, thresholds, ground and way to the entrance, as one still link.
 
     Floors are at z = 0 and level, all of them one piece to whoever rolls over them.
-
-    Args:
-        plan: The floor plan.
-        rules: The rules of its level.
-        palette: The colours of the house.
-        rooms: Names of the rooms whose floor is finished; all if None.
-
-    Raises:
-        UnknownNameError: If there is no such room.
     """
     canvas = Canvas()
     rise = rules.figure("entrance_rise")
@@ -50,11 +37,10 @@ def floor_model(
         # Slabs overlap, so that no edge lies where the other's surface ends.
         canvas.box("", area, (-max(rise, 0.1), 0.0), solid=True)
         _plinth(canvas, area, rise)
-    chosen = tuple(plan.rooms) if rooms is None else tuple(rooms)
-    for name in chosen:
-        _finish(canvas, plan.room(name), is_plain=rules.level > 1)
+    for room in plan.rooms.values():
+        _finish(canvas, room, is_plain=rules.level > 1)
     for opening in plan.openings.values():
-        if opening.kind != "window" and set(opening.rooms) & set(chosen):
+        if opening.kind != "window":
             _doorway(canvas, opening)
     _ground(canvas, plan, rise)
     for opening in plan.openings.values():

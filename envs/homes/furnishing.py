@@ -322,15 +322,8 @@ class _Furnisher:
             elif wish in ("window", "no_window"):
                 score += (1.0 if wish == "window" else -1.0) * _meets(body, windows)
             elif wish == "corner":
-                edges = np.stack(
-                    [
-                        middle[:, 0] - inside.x0,
-                        inside.x1 - middle[:, 0],
-                        middle[:, 1] - inside.y0,
-                        inside.y1 - middle[:, 1],
-                    ]
-                )
-                score -= 2.0 * np.sort(edges, axis=0)[1] / scale
+                edges = np.hstack((middle - inside.row[:2], inside.row[2:] - middle))
+                score -= 2.0 * np.sort(edges, axis=1)[:, 1] / scale
             elif wish == "centre":
                 score -= 2.0 * np.abs(middle - inside.centre).sum(axis=1) / scale
             elif wish == "facing" and related:

@@ -12,7 +12,7 @@ from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, check_name
 
 from ..rectangle import Rectangle
-from .layout_door import DoorConfig, Joiner, Request
+from .layout_door import DoorConfig, DoorKind, Joiner, Request
 from .layout_size import OTHER_USES, least_size, room_kind_give
 from .layout_tree import Cell, Split, Tiling
 from .layout_wall import Masonry
@@ -201,16 +201,15 @@ def _wish(wish: Wish) -> DoorConfig:
 
 
 def _requests(house: HouseConfig, joiner: Joiner) -> list[Request]:
+    wanted: tuple[tuple[DoorKind, tuple[Wish, ...]], ...] = (
+        ("entrance", house.entrances),
+        ("passage", house.passages),
+        ("door", house.doors),
+    )
     return [
-        *(
-            joiner.request(f"entrance_{k}", "entrance", _wish(w))
-            for k, w in enumerate(house.entrances, 1)
-        ),
-        *(
-            joiner.request(f"passage_{k}", "passage", _wish(w))
-            for k, w in enumerate(house.passages, 1)
-        ),
-        *(joiner.request(f"door_{k}", "door", _wish(w)) for k, w in enumerate(house.doors, 1)),
+        joiner.request(f"{kind}_{k}", kind, _wish(wish))
+        for kind, wishes in wanted
+        for k, wish in enumerate(wishes, 1)
     ]
 
 

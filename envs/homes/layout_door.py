@@ -29,6 +29,9 @@ _SWINGS_LAST = ("bedroom", "bathroom")
 _SWINGS_OUT_OF = ("closet", "pantry")
 
 
+DoorKind = Literal["door", "entrance", "passage"]
+
+
 @dataclass(frozen=True)
 class DoorConfig:
     """A door or passage that a house wants.
@@ -57,7 +60,7 @@ class Request:
     """A door to be placed: its name and kind, what is wanted, and the wall for it."""
 
     name: str
-    kind: Literal["door", "entrance", "passage"]
+    kind: DoorKind
     wish: DoorConfig
     panels: tuple[Panel, ...]
     into: str
@@ -122,9 +125,7 @@ class Joiner:
         self._ahead = round(1000 * rules.figure("passage_width"))
         self._deepest, self._tries = 0, 0
 
-    def request(
-        self, name: str, kind: Literal["door", "entrance", "passage"], wish: DoorConfig
-    ) -> Request:
+    def request(self, name: str, kind: DoorKind, wish: DoorConfig) -> Request:
         """Return a request for a door.
 
         Raises:

@@ -5,19 +5,8 @@ from __future__ import annotations
 from .rule import Rules
 
 # What a room is for beside the kinds that are counted; own choice.
-OTHER_USES = (
-    "closet",
-    "entry",
-    "gym",
-    "hall",
-    "laundry",
-    "library",
-    "office",
-    "pantry",
-    "playroom",
-    "study",
-    "sunroom",
-    "workshop",
+OTHER_USES = tuple(
+    "closet entry gym hall laundry library office pantry playroom study sunroom workshop".split()
 )
 # How readily rooms take floor that is left over; own choice: halls never grow wider.
 _GIVE = {"bathroom": 0.2, "closet": 0.2, "pantry": 0.2, "laundry": 0.25, "entry": 0.2}

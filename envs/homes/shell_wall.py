@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from dataclasses import dataclass
 
 from ..rectangle import Rectangle
@@ -99,46 +98,27 @@ def _blocks(plan: Plan, number: int, wall: Wall, height: float) -> list[Block]:
 class Painter:
     """Paints the faces of walls, each stretch as the room wants it that it looks into."""
 
-    def __init__(self, plan: Plan, canvas: Canvas, rooms: Collection[str], height: float) -> None:
+    def __init__(self, plan: Plan, canvas: Canvas, height: float) -> None:
         self._plan, self._canvas, self._height = plan, canvas, height
-        self._chosen = [plan.room(name).inside for name in rooms]
         self._accents = {room.name: _accent(plan, room) for room in plan.rooms.values()}
-
-    def is_near(self, area: Rectangle, reach: float) -> bool:
-        """Return whether something is within `reach` [m] of a room that is built."""
-        return any(room.grown(reach).overlaps(area) for room in self._chosen)
 
     def paint(self, wall: Wall) -> None:
         """Paint both faces of a wall, its ends and its top."""
         across: Axis = "y" if wall.axis == "x" else "x"
         low, high = wall.area.span(across)
         openings = openings_in(self._plan, wall)
+        cuts = self._cuts(wall, openings)
         for at, sign in ((low, -1), (high, 1)):
-            cuts = self._cuts(wall, openings)
             for along in zip(cuts, cuts[1:], strict=False):
-                stretch = Rectangle.of(wall.axis, along, (low, high))
-                if self.is_near(stretch, high - low + 0.01):
-                    self._stretch_of_face(wall.axis, at, along, sign, openings)
+                self._stretch_of_face(wall.axis, at, along, sign, openings)
         start, end = wall.area.span(wall.axis)
         for at, sign in ((start, -1), (end, 1)):
-            if self.is_near(wall.area, high - low + 0.01):
-                self._plain(across, at, (low, high), sign)
-        for along in self._tops(wall):
-            self._canvas.level("trim", Rectangle.of(wall.axis, along, (low, high)), self._height)
-
-    def _tops(self, wall: Wall) -> list[Span]:
-        cuts = self._cuts(wall, openings_in(self._plan, wall))
-        thick = min(wall.area.width, wall.area.depth)
-        out = []
+            self._plain(across, at, (low, high), sign)
         for along in zip(cuts, cuts[1:], strict=False):
-            middle = 0.5 * (along[0] + along[1])
-            across = wall.area.span("y" if wall.axis == "x" else "x")
-            if not self.is_near(Rectangle.of(wall.axis, along, across), thick + 0.01):
-                continue
-            over = [o for o in openings_in(self._plan, wall) if _has(o, wall.axis, middle)]
+            over = [o for o in openings if _has(o, wall.axis, 0.5 * (along[0] + along[1]))]
             if all(o.head < self._height or o.sill >= self._height for o in over):
-                out.append(along)
-        return out
+                top = Rectangle.of(wall.axis, along, (low, high))
+                self._canvas.level("trim", top, self._height)
 
     def _cuts(self, wall: Wall, openings: list[Opening]) -> list[float]:
         """Where the look of a face may change along the wall [m]."""

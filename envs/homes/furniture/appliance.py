@@ -77,7 +77,7 @@ def _door(made: Joinery, name: str, y: Span, z: Span, hinge: str) -> None:
         (BODY, y[0], z[0]),
         (BODY + DOOR, y[1], z[1]),
         "plastic",
-        hinge="right" if hinge == "low" else "left",
+        left=hinge == "high",
         mass=12.0 * (y[1] - y[0]) * (z[1] - z[0]),  # 12 kg/m²: steel, foam, liner; from memory
         handle_z=min(max(1.05, z[0] + 0.12), z[1] - 0.12),
     )
@@ -144,7 +144,7 @@ def oven_tower(made: Joinery) -> None:
         oven_cavity(run, unit, z0, z1)
         low, high = (FACE - 0.03, -half, z0), (FACE, half, z1)
         # 5 kg: two panes and a frame, from memory; upright hinges carry all of it.
-        door = made.door("oven_door", low, high, "metal_dark", hinge="right", mass=5.0)
+        door = made.door("oven_door", low, high, "metal_dark", left=False, mass=5.0)
         door.show((FACE, -half + 0.09, z0 + 0.08), (FACE + 0.002, half - 0.09, z1 - 0.08), "black")
     else:
         oven_front(run, unit, z0, z1)
@@ -157,7 +157,7 @@ def oven_tower(made: Joinery) -> None:
         a, b = (CARCASS - 0.47, -half, low_z), (FACE, half, high_z)
         made.drawer(name, a, b, "front", travel=0.4, inner="trim", framed=True)
     a, b = (CARCASS, -half, over), (FACE, half, TALL)
-    made.door("door", a, b, "front", hinge="right", handle_z=z1 + 0.22, framed=True)
+    made.door("door", a, b, "front", left=False, handle_z=z1 + 0.22, framed=True)
     made.box((0.01, -half + 0.017, over), (0.5, half - 0.017, z1 + 0.116), "trim")
     stand_tall(made, half, SWEEP + 0.1)
 
@@ -177,7 +177,7 @@ def microwave(made: Joinery) -> None:
             made.post((x, y, 0.0), 0.01, 0.014, "rubber")
     made.post((0.17, -0.06, 0.024), 0.032, 0.13, "glass")
     low, top = (deep, -half, 0.01), (face, split, high)
-    door = made.door("door", low, top, "plastic", hinge="right", mass=1.2)
+    door = made.door("door", low, top, "plastic", left=False, mass=1.2)
     door.show((face, -half + 0.04, 0.05), (deep + 0.022, split - 0.06, high - 0.04), "black")
     made.show((face, split + 0.02, 0.2), (face + 0.002, half - 0.02, 0.24), "black")
     for z in (0.08, 0.14):

@@ -181,15 +181,16 @@ def fold_down(made: Joinery, y: float, *, top: float, length: float, diameter: f
     made.rod(((hinge, y - 0.038, z), (hinge, y + 0.038, z)), 0.016, "metal")
     made.solid(*solid_rods(0.03, (0.0, y, z), (hinge, y, z)))
     fills = ((hinge, y - radius, z - 0.15), (length, y + radius, z + radius))
+    name, pivot, turn, friction = "fold_down", (hinge, y, z), math.radians(95), _FOLD_FRICTION
     bar = made.joint(
-        "fold_down",
-        (hinge, y, z),
+        name,
+        pivot,
         "y",
-        math.radians(95),
+        turn,
         mass=2.5,
         fills=fills,
         slowing=0.1,
-        friction=_FOLD_FRICTION,
+        friction=friction,
         drawn_open=True,
     )
     front, below = length - radius, z - 0.14

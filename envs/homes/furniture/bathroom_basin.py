@@ -84,9 +84,9 @@ def _doors(
     """Hang two doors of a cupboard, given its depth, half its width, and their heights [m]."""
     (deep, half), (low, high) = front, span
     a, b = (deep - LEAF, 0.0, low), (deep, half, high)
-    made.door(f"{name}_left", a, b, material, hinge="left", handle_z=grip)
+    made.door(f"{name}_left", a, b, material, left=True, handle_z=grip)
     a, b = (deep - LEAF, -half, low), (deep, 0.0, high)
-    made.door(f"{name}_right", a, b, material, hinge="right", handle_z=grip)
+    made.door(f"{name}_right", a, b, material, left=False, handle_z=grip)
 
 
 def _mirror_cabinet(made: Joinery, half: float) -> None:

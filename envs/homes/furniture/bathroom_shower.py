@@ -48,15 +48,9 @@ def fold_seat(
     # Down from the wall is about z × out; folded, it leans five degrees back.
     down: Triple = (-dy, dx, 0.0) if folded else (dy, -dx, 0.0)
     hinge = (x + _HINGE * dx, y + _HINGE * dy, top - 0.5 * thick)
+    turn = math.radians(95)
     seat = made.joint(
-        "seat",
-        hinge,
-        down,
-        math.radians(95),
-        mass=4.0,
-        fills=board,
-        slowing=0.12,
-        drawn_open=folded,
+        "seat", hinge, down, turn, mass=4.0, fills=board, slowing=0.12, drawn_open=folded
     )
     count = 5
     each = (depth - _HINGE) / count

@@ -62,7 +62,7 @@ def bathroom_cabinet(
         ("door_high", levels[2] + 0.01, height - 0.002, 1.2),
     ):
         a, b = (depth - LEAF, -half, low), (depth, half, high)
-        made.door(name, a, b, "front", hinge="left", handle_z=grip)
+        made.door(name, a, b, "front", left=True, handle_z=grip)
     towels(made, (0.16, 0.0, levels[1] + BOARD), count=4, size=(0.24, 0.28))
     made.frame("shelf_open", (0.5 * depth, 0.0, levels[1] + BOARD), "open shelf")
     sweep = Zone(Rectangle(depth, -half, depth + width, half + 0.05), "sweep")

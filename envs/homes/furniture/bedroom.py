@@ -158,19 +158,13 @@ def _hinged_doors(made: Joinery, half: float, low: float, high: float, deep: flo
             post = (deep, y0 + 0.5 * BOARD, high - BOARD)
             made.box((0.02, y0 - 0.5 * BOARD, low), post, "wood_light")
         # Two doors on one post stop before their handles meet.
-        for number, a, b, is_left, is_outer in (
-            (2 * pair + 2, middle, y1, True, pair == last),
-            (2 * pair + 1, y0, middle, False, pair == 0),
+        for name, a, b, left in (
+            (f"door_{2 * pair + 2}", middle, y1, True),
+            (f"door_{2 * pair + 1}", y0, middle, False),
         ):
-            made.door(
-                f"door_{number}",
-                (deep, a, low),
-                (deep + 0.02, b, high),
-                "front",
-                hinge="left" if is_left else "right",
-                handle_z=1.05,
-                swing=_WIDE_SWING if is_outer else _SHORT_SWING,
-            )
+            at = (deep, a, low), (deep + 0.02, b, high)
+            swing = _WIDE_SWING if pair == (last if left else 0) else _SHORT_SWING
+            made.door(name, *at, "front", left=left, handle_z=1.05, swing=swing)
 
 
 def _sliding_doors(made: Joinery, half: float, low: float, high: float, inner: float) -> None:

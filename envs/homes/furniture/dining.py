@@ -206,7 +206,7 @@ def _body_of_drawers(made: Joinery, width: float, high: float, top: float) -> No
         a, b = (carcass - 0.36, y0, upper), (deep, y0 + step, high - 0.024)
         made.drawer(f"drawer_{k + 1}", a, b, "wood", travel=0.3)
         a, b, name = (carcass, y0, leg), (deep, y0 + step, upper), f"door_{k + 1}"
-        made.door(name, a, b, "wood", hinge="left" if k % 2 else "right", framed=True)
+        made.door(name, a, b, "wood", left=bool(k % 2), framed=True)
         z = leg + 0.5 * (upper - leg)
         made.box((0.012, y0, z), (carcass - 0.05, y0 + step, z + BOARD), "wood_light")
         z = leg + BOARD

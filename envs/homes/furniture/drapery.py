@@ -39,15 +39,9 @@ def make_blind(made: Joinery, *, width: float = 1.2, head: float = 2.1, drop: fl
     made.show((0.04, -half, low), (0.046, half, high), "curtain")
     density = 0.5 / (0.012 * 2 * half * (size + 0.02))
     # It weighs half a kilogram; the friction of its roll holds that.
+    at, way = (0.025, 0.0, low), 0.92 * size
     panel = made.joint(
-        "panel",
-        (0.025, 0.0, low),
-        "-z",
-        0.92 * size,
-        slides=True,
-        density=density,
-        damping=8.0,
-        friction=8.0,
+        "panel", at, "-z", way, slides=True, density=density, damping=8.0, friction=8.0
     )
     y, z = half - 0.01, low - 0.03
     panel.box((0.019, -half + 0.01, low - 0.02), (0.031, y, low + size), "fabric_light")

@@ -329,7 +329,7 @@ class Joinery:
         high: Triple,
         material: str,
         *,
-        hinge: Literal["left", "right"],
+        left: bool,
         mass: float | None = None,
         handle_z: float | None = None,
         swing: float = OPEN,
@@ -337,21 +337,21 @@ class Joinery:
     ) -> Joinery:
         """Hang a door that fills the opening from `low` to `high` [m] and looks along x.
 
-        `hinge` is the side seen along x: left is +y. It turns about the outer edge of its face, so
-        that it opens by `swing` [rad] within its own width, and has a handle on the other side.
+        Its hinges are on the `left`, +y, as seen along x, or on the right. It turns about the outer edge
+        of its face, so that it opens by `swing` [rad] within its own width, and has a handle on the other
+        side.
         """
         (x0, y0, z0), (x1, y1, z1) = low, high
-        sign = 1.0 if hinge == "left" else -1.0
-        pivot = (x1, y1 if hinge == "left" else y0, z0)
+        sign, pivot = (1.0, (x1, y1, z0)) if left else (-1.0, (x1, y0, z0))
         leaf = self.joint(name, pivot, (0.0, 0.0, sign), swing, mass=mass, damping=HINGE_DAMPING)
         low, high = (x0, y0 + GAP, z0 + GAP), (x1, y1 - GAP, z1 - GAP)
         leaf.front(low, high, material, framed=framed)
-        free = (y0 if hinge == "left" else y1) + sign * 0.035
+        free = (y0 if left else y1) + sign * 0.035
         z = 0.5 * (z0 + z1) if handle_z is None else handle_z
         leaf.handle((x1, free, z), upright=True)
         # A leaf past a right angle reaches beside the side that it hangs on.
         past = max(-math.cos(swing), 0.0) * (y1 - y0)
-        sides = (y0, y1 + past) if hinge == "left" else (y0 - past, y1)
+        sides = (y0, y1 + past) if left else (y0 - past, y1)
         self.sweep(Rectangle(x1, sides[0], x1 + y1 - y0, sides[1]))
         return leaf
 

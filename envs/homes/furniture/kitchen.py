@@ -9,16 +9,7 @@ from ...rectangle import Rectangle
 from ..piece import Zone
 from .joinery import Joinery, front_zone, furniture
 from .kitchen_layout import CORNER, LONGEST_RUN, SHORTEST_RUN, RunPlan, Unit, joined, lay_units
-from .kitchen_unit import (
-    CARCASS,
-    DEPTH,
-    FACE,
-    PLINTH,
-    Run,
-    add_boards,
-    add_unit,
-    add_worktop,
-)
+from .kitchen_unit import CARCASS, DEPTH, FACE, PLINTH, Run, add_units
 from .kitchen_wall import add_cabinets, add_hood, add_tiles
 
 SWEEP = 0.45  # [m] in front of a run where drawers and most doors move
@@ -79,7 +70,7 @@ def kitchen_run(
     rules, units = made.rules, lay_units(plan, made.rules)
     knee = (rules.figure(f"counter_knee_{side}", 0.0) for side in ("height", "depth"))
     run = Run(made, 0.0, made.ruled("counter_height"), *knee)
-    _fit(run, units)
+    add_units(run, units)
     _free_worktop(run, units, props=props and not plain)
     opened = [unit for unit in units if unit.is_open]
     if opened:
@@ -103,13 +94,6 @@ def kitchen_run(
         Zone(Rectangle(DEPTH, low, DEPTH + reach, high), why)
         for why, reach in (("use", rules.figure("kitchen_aisle")), ("sweep", SWEEP))
     ]
-
-
-def _fit(run: Run, units: tuple[Unit, ...], spare: float = 0.0) -> None:
-    for number, unit in enumerate(units, start=1):
-        add_unit(run, unit, number)
-    add_boards(run, units)
-    add_worktop(run, units, spare)
 
 
 def _free_worktop(run: Run, units: tuple[Unit, ...], *, props: bool) -> None:
@@ -183,7 +167,7 @@ def kitchen_island(made: Joinery, *, length: float = 1.6) -> None:
         Unit("drawers" if k % 2 else "doors", -half + k * width, -half + (k + 1) * width)
         for k in range(count)
     )
-    _fit(run, units, spare)
+    add_units(run, units, spare)
     made.box((back, -half, 0.0), (spare, half, run.under), "front")
     add_fruit(made, run.at(0.2, 0.25 * length, run.top))
     if rules.has("counter_knee_depth"):  # legs at the ends carry the overhang
@@ -220,15 +204,9 @@ def _tall(made: Joinery, width: float, joins: tuple[float, ...], *, is_pantry: b
     spans = [(-half, half)] if width <= 0.6 + 1e-9 else [(-half, 0.0), (0.0, half)]
     for place, (z0, z1) in enumerate(zip(joins, joins[1:], strict=False), start=1):
         for leaf, (y0, y1) in enumerate(spans):
-            made.door(
-                f"door_{place}" + (f"_{leaf + 1}" if len(spans) > 1 else ""),
-                (CARCASS, y0, z0),
-                (FACE, y1, z1),
-                "front",
-                hinge="left" if leaf else "right",
-                handle_z=min(max(1.05, z0 + 0.15), z1 - 0.15),
-                framed=True,
-            )
+            name = f"door_{place}" + (f"_{leaf + 1}" if len(spans) > 1 else "")
+            grip, at = min(max(1.05, z0 + 0.15), z1 - 0.15), ((CARCASS, y0, z0), (FACE, y1, z1))
+            made.door(name, *at, "front", left=leaf > 0, handle_z=grip, framed=True)
     for k, z in enumerate((0.45, 0.8, 1.15, 1.5, 1.8)):
         made.box((0.01, -half + 0.016, z), (0.48, half - 0.016, z + 0.016), "trim")
         (_groceries if is_pantry else _linen)(made, half, z + 0.016, k)

@@ -79,7 +79,15 @@ class Run:
         self.made.frame(name, self.at(*at), note, yaw_deg=yaw_deg)
 
 
-def add_unit(run: Run, unit: Unit, number: int) -> None:
+def add_units(run: Run, units: tuple[Unit, ...], front: float = 0.0) -> None:
+    """Add units with their worktop, of which `front` [m] more hangs over behind an island."""
+    for number, unit in enumerate(units, start=1):
+        _unit(run, unit, number)
+    _boards(run, units)
+    _worktop(run, units, front)
+
+
+def _unit(run: Run, unit: Unit, number: int) -> None:
     """Add what stands under the worktop at one unit, without the boards between units."""
     makers = {
         "drawers": _drawers,
@@ -99,7 +107,7 @@ def add_unit(run: Run, unit: Unit, number: int) -> None:
         _hob(run, unit)
 
 
-def add_boards(run: Run, units: tuple[Unit, ...]) -> None:
+def _boards(run: Run, units: tuple[Unit, ...]) -> None:
     """Add the boards between units, plinth and back."""
     top = run.under
     ends = [units[0].y0, *(unit.y1 for unit in units)]
@@ -120,8 +128,8 @@ def add_boards(run: Run, units: tuple[Unit, ...]) -> None:
         run.box((0.0, low, PLINTH), (SHELL, high, top), "trim")
 
 
-def add_worktop(run: Run, units: tuple[Unit, ...], front: float = 0.0) -> None:
-    """Add the worktop, with a hole for the bowl; `front` [m] more hangs over behind an island."""
+def _worktop(run: Run, units: tuple[Unit, ...], front: float) -> None:
+    """Add the worktop, with a hole for the bowl."""
     low, high, z0, z1 = units[0].y0, units[-1].y1, run.under, run.top
     sink = next((unit for unit in units if unit.kind.endswith("sink")), None)
     spans = [(-front, low, DEPTH, high)]
@@ -153,15 +161,9 @@ def _cupboard(run: Run, unit: Unit, number: int) -> None:
     is_single = unit.y1 - unit.y0 <= 0.5 + 1e-9 and not unit.kind.endswith("sink")
     spans = [(unit.y0, unit.y1)] if is_single else [(unit.y0, unit.middle), (unit.middle, unit.y1)]
     for place, (y0, y1) in enumerate(spans):
-        run.made.door(
-            f"door_{number}" if is_single else f"door_{number}_{place + 1}",
-            run.at(CARCASS, y0, low),
-            run.at(FACE, y1, high),
-            "front",
-            hinge="left" if place else "right",
-            handle_z=high - 0.12,
-            framed=True,
-        )
+        name = f"door_{number}" if is_single else f"door_{number}_{place + 1}"
+        a, b, z = run.at(CARCASS, y0, low), run.at(FACE, y1, high), high - 0.12
+        run.made.door(name, a, b, "front", left=place > 0, handle_z=z, framed=True)
     if unit.kind == "doors":
         z, y = 0.5 * (low + high), unit.y0 + 0.16
         run.box((0.01, unit.y0, z), (0.46, unit.y1, z + BOARD), "trim")

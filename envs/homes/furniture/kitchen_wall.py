@@ -66,15 +66,8 @@ def _cabinet(made: Joinery, y0: float, y1: float, bottom: float, number: int) ->
         ends = (a, a + width) if width <= 0.5 + 1e-9 else (a, a + 0.5 * width, a + width)
         for leaf, (c, d) in enumerate(zip(ends, ends[1:], strict=False)):
             number += 1
-            made.door(
-                f"wall_door_{number}",
-                (DEPTH, c, low),
-                (DEPTH + FRONT, d, top),
-                "front",
-                hinge="left" if leaf else "right",
-                handle_z=low + 0.12,
-                framed=True,
-            )
+            leaf_at, name = ((DEPTH, c, low), (DEPTH + FRONT, d, top)), f"wall_door_{number}"
+            made.door(name, *leaf_at, "front", left=leaf > 0, handle_z=low + 0.12, framed=True)
         # Crockery and food, for the eye only.
         y, over = 0.5 * (a + (a + width)), shelf + BOARD
         made.post((0.16, y - 0.08, bottom), bottom + 0.07, 0.10, "ceramic")

@@ -69,15 +69,10 @@ def _lever(made: Joinery, at: Triple) -> None:
     turn = made.joint("tap_turn", at, "z", math.radians(70), mass=0.1, fills=fills, slowing=0.05)
     turn.disc(at, 0.02, 0.026, "metal")
     end = (x + _LEVER, y, z + 0.032)
+    pivot, rise = (x, y, z + 0.014), math.radians(25)
+    fills = (x - 0.02, y - 0.01, z + 0.008), (x + _LEVER, y + 0.01, z + 0.03)
     lift = turn.joint(
-        "tap_lift",
-        (x, y, z + 0.014),
-        "-y",
-        math.radians(25),
-        mass=0.1,
-        fills=((x - 0.02, y - 0.01, z + 0.008), (x + _LEVER, y + 0.01, z + 0.03)),
-        slowing=0.02,
-        friction=_CARTRIDGE,
+        "tap_lift", pivot, "-y", rise, mass=0.1, fills=fills, slowing=0.02, friction=_CARTRIDGE
     )
     lift.rod(((x - 0.01, y, z + 0.018), end), 0.008, "metal", solid=True)
     for name in ("lift", "turn"):
@@ -104,16 +99,9 @@ def hand_shower(made: Joinery, wall: Triple, out: Triple, *, low: float, high: f
         ends = ((x, y, z + height), (x + 0.06 * dx, y + 0.06 * dy, z + height))
         made.rod(ends, 0.009, "metal")
     middle = point(0.06, 0.12)
+    name, way, fills = "shower_slider", high - low - 0.2, about(middle, 0.04, 0.04, 0.06)
     slider = made.joint(
-        "shower_slider",
-        middle,
-        "z",
-        high - low - 0.2,
-        slides=True,
-        mass=0.35,
-        fills=about(middle, 0.04, 0.04, 0.06),
-        slowing=0.05,
-        friction=7.0,
+        name, middle, "z", way, slides=True, mass=0.35, fills=fills, slowing=0.05, friction=7.0
     )
     grip, head = (point(0.1, 0.03), point(0.12, 0.2), point(0.17, 0.25)), point(0.19, 0.235)
     slider.rod((point(0.06, 0.09), point(0.06, 0.15)), 0.02, "metal")
@@ -139,16 +127,10 @@ def _mixer(made: Joinery, at: Triple, out: Triple, hose_end: Triple) -> None:
     hose = (away, point(0.06, sag, 0.02), point(0.12, sag, 0.08), hose_end)
     made.rod(hose, 0.007, "metal", bend=0.12)
     made.solid(*solid_rods(0.025, at, away))
-    a, b, _ = away
+    (a, b, _), name, turn = away, "shower_lever", math.radians(90)
+    fills = (a - 0.012, b - 0.012, z - 0.1), (a + 0.012, b + 0.012, z)
     lever = made.joint(
-        "shower_lever",
-        away,
-        out,
-        math.radians(90),
-        mass=0.12,
-        fills=((a - 0.012, b - 0.012, z - 0.1), (a + 0.012, b + 0.012, z)),
-        slowing=0.02,
-        friction=_CARTRIDGE,
+        name, away, out, turn, mass=0.12, fills=fills, slowing=0.02, friction=_CARTRIDGE
     )
     start, tip = (a + 0.008 * dx, b + 0.008 * dy, z), (a + 0.02 * dx, b + 0.02 * dy, z - 0.11)
     lever.rod((away, start), 0.028, "metal")

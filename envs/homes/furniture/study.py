@@ -92,15 +92,8 @@ def make_piano(made: Joinery) -> None:
             y = -keys + (k + 1) * 2 * keys / 36
             made.show((0.43, y - 0.008, 0.7), (0.52, y + 0.008, 0.71), "black")
     # The lid lies over the keys; friction holds it wherever it is left.
-    lid = made.joint(
-        "lid",
-        (0.39, 0.0, 0.775),
-        "-y",
-        math.radians(88.0),
-        density=300.0,
-        damping=0.3,
-        friction=1.9,
-    )
+    pivot, turn = (0.39, 0.0, 0.775), math.radians(88.0)
+    lid = made.joint("lid", pivot, "-y", turn, density=300.0, damping=0.3, friction=1.9)
     lid.box((0.39, -keys, 0.765), (0.595, keys, 0.78), wood)
     made.box((0.34, -keys, 0.76), (0.386, keys, 0.78), wood)
     made.frame("handle_lid", (0.595, 0.0, 0.77), "front edge of the lid")
