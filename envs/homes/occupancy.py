@@ -87,16 +87,6 @@ class Occupancy:
         )
         return rows, columns
 
-    def cell_of(self, x: float, y: float) -> tuple[int, int]:
-        """Return row and column of a point [m]; ConfigError if it is off the map."""
-        row, column = (
-            math.floor((value - start) / self.cell)
-            for value, start in zip((y, x), self.origin[::-1], strict=True)
-        )
-        if not (0 <= row < self.free.shape[0] and 0 <= column < self.free.shape[1]):
-            raise ConfigError(f"({x:.2f}, {y:.2f}) m lies off the map of the home")
-        return row, column
-
     def point(self, row: int, column: int) -> tuple[float, float]:
         """Return the middle of a cell [m]."""
         x0, y0 = self.origin

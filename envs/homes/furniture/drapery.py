@@ -1,8 +1,12 @@
-"""What hangs before windows. Sizes are our own choice."""
+"""What hangs before windows and beside doors. Sizes are our own choice where nothing else is said."""
 
 from __future__ import annotations
 
 from .joinery import Joinery, furniture
+
+# Plates of rocker switches are 2 3/4 by 4 1/2 in: common US sizes, from memory [m].
+PLATE = (0.07, 0.115, 0.006)  # wide, high, thick
+_ROCKER = (0.033, 0.066, 0.006)
 
 
 @furniture("curtain_window")
@@ -49,4 +53,18 @@ def make_blind(made: Joinery, *, width: float = 1.2, head: float = 2.1, drop: fl
     panel.post((0.03, 0.0, z), low - 0.12, 0.004, "paper")
     panel.post((0.03, 0.0, low - 0.16), low - 0.12, 0.01, "wood", solid=True)
     made.frame("handle_panel", (0.03, 0.0, low - 0.14), "toggle on the lower edge")
+    made.blocks = False
+
+
+@furniture("light_switch")
+def make_light_switch(made: Joinery) -> None:
+    """Make a light switch with a rocker, at the height that the level wants.
+
+    It has no solid shape: nobody bumps into a plate of 6 mm.
+    """
+    z, (wide, high, thick), (a, b, c) = made.ruled("switch_height"), PLATE, _ROCKER
+    made.slab((0.5 * thick, 0.0, z), (thick, wide, high), "trim", solid=False)
+    made.slab((thick + 0.5 * c, 0.0, z), (c, a, b), "white", solid=False)
+    made.frame("rocker", (thick + c, 0.0, z), "to press, x out of the wall")
+    made.outline(thick + c, 0.5 * wide, z + 0.5 * high)
     made.blocks = False
