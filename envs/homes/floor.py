@@ -9,7 +9,7 @@ from .entrance import build_entrance
 from .palette import Palette
 from .plan import Opening, Plan, Room
 from .rule import Rules
-from .shell_canvas import Canvas, shade
+from .shell_canvas import Axis, Canvas, shade
 from .shell_outline import maximal
 
 # Sizes of what floors are laid of [m]; common, from memory.
@@ -54,14 +54,10 @@ def floor_model(plan: Plan, rules: Rules, palette: Palette) -> Model:
 
 
 def _plinth(canvas: Canvas, area: Rectangle, rise: float) -> None:
-    x0, y0, x1, y1 = area.x0, area.y0, area.x1, area.y1
-    for axis, at, along, sign in (
-        ("x", y0, (x0, x1), -1),
-        ("x", y1, (x0, x1), 1),
-        ("y", x0, (y0, y1), -1),
-        ("y", x1, (y0, y1), 1),
-    ):
-        canvas.upright("paving", "x" if axis == "x" else "y", at, along, (-rise, 0.0), sign)
+    sides: tuple[tuple[Axis, Axis], ...] = (("x", "y"), ("y", "x"))
+    for axis, across in sides:
+        for at, sign in zip(area.span(across), (-1, 1), strict=True):
+            canvas.upright("paving", axis, at, area.span(axis), (-rise, 0.0), sign)
 
 
 def _finish(canvas: Canvas, room: Room, *, is_plain: bool) -> None:

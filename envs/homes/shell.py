@@ -11,7 +11,7 @@ from .plan import CEILING_HEIGHT, Plan
 from .shell_canvas import Canvas, shade
 from .shell_outline import maximal
 from .shell_wall import Painter, wall_boxes
-from .window import Fitter
+from .window import fit
 
 EAVES = 0.45  # [m] that the roof stands out
 PITCH = 0.42  # rise of the roof over its run; own choice
@@ -40,13 +40,13 @@ def shell_model(
     if not 0 < height <= CEILING_HEIGHT:
         raise ConfigError(f"wall_height must be within 0 and {CEILING_HEIGHT} m, got {height}")
     canvas = Canvas()
-    painter, fitter = Painter(plan, canvas, height), Fitter(canvas, height)
+    painter = Painter(plan, canvas, height)
     for block in wall_boxes(plan, height=height):
         canvas.box("", block.area, (block.low, block.high), solid=True)
     for wall in plan.walls:
         painter.paint(wall)
     for opening in plan.openings.values():
-        fitter.fit(opening)
+        fit(canvas, opening, height)
     if ceilings:
         for room in plan.rooms.values():
             canvas.level("ceiling", room.inside.grown(0.02), height, up=False)
