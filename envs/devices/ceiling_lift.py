@@ -13,7 +13,7 @@ from rcare_marl.model.urdf import Joint, Link
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
-from .device_model import DeviceModel, Frame
+from .device_model import DeviceModel
 from .lift import Lift
 from .telescope import Telescope
 from .weight import weighed
@@ -126,15 +126,11 @@ def _on_rails(model: DeviceModel, span: float) -> DeviceModel:
     control = replace(motor, joint="cross", note="rolls the track along its wall rails")
 
     model = model.without(["plates"])
+    places = {name: frame.position for name, frame in model.frames.items()}
+    lowered = {k: (x, y, z - _RAIL) for k, (x, y, z) in places.items()}
     return replace(
-        model,
+        model.with_frames(lowered),
         links=model.links | {"ceiling": Link(visual=rails, collision=rails)},
         joints=model.joints | {"cross": cross},
-        frames={name: _moved(frame, z=-_RAIL) for name, frame in model.frames.items()},
         controls=model.controls | {"cross": control},
     )
-
-
-def _moved(frame: Frame, *, z: float) -> Frame:
-    x, y, height = frame.position
-    return replace(frame, position=(x, y, height + z))

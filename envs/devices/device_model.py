@@ -160,6 +160,11 @@ class DeviceModel(Model):
         new = weighed(new) if collision is not None and new.mass else new
         return dataclasses.replace(self, links=self.links | {link: new})
 
+    def with_frames(self, places: Mapping[str, Triple]) -> DeviceModel:
+        """Return the device with frames at other places [m], turned as they were."""
+        moved = {k: dataclasses.replace(self.frames[k], position=at) for k, at in places.items()}
+        return dataclasses.replace(self, frames=self.frames | moved)
+
     def without(self, links: Iterable[str]) -> DeviceModel:
         """Return the device without some links that carry no others, and without their frames."""
         gone = set(links)
