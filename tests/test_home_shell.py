@@ -30,7 +30,7 @@ LEVELS = (1, 2, 3)
 
 def built(plan: Plan, **options: bool) -> tuple[World, Body, Body]:
     world = World()
-    walls = shell_model(plan, Palette(), **options)  # type: ignore[arg-type]
+    walls = shell_model(plan, Palette(), **options)
     floor = floor_model(plan, Rules(plan.level), Palette())
     bodies = [world.load_urdf(write(model, melt_except=())) for model in (walls, floor)]
     bullet.performCollisionDetection(physicsClientId=world.client)

@@ -45,7 +45,8 @@ class Joinery:
     """Puts a piece of furniture together; every place is told in the frame of the piece at rest.
 
     What is added goes with one link: with the body, or with the link that `joint`, `door` or `drawer`
-    made and whose view of the piece they return.
+    made and whose view of the piece they return. All views share what is gathered; footprint, height and
+    whether it blocks are told to the first.
 
     Attributes:
         link: The link that it is added to.
