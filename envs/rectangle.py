@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rcare_marl.pose import Pose, rotate
+import numpy as np
+
+from rcare_marl.pose import Array, Pose, rotate
 
 
 @dataclass(frozen=True)
@@ -19,6 +22,31 @@ class Rectangle:
     def __post_init__(self) -> None:
         if not (self.x0 <= self.x1 and self.y0 <= self.y1):
             raise ValueError(f"the corners of {self} are the wrong way round")
+
+    @staticmethod
+    def around(areas: Sequence[Rectangle]) -> Rectangle:
+        """Return the rectangle round some."""
+        return Rectangle(
+            min(a.x0 for a in areas),
+            min(a.y0 for a in areas),
+            max(a.x1 for a in areas),
+            max(a.y1 for a in areas),
+        )
+
+    @staticmethod
+    def of(axis: str, along: tuple[float, float], across: tuple[float, float]) -> Rectangle:
+        """Return the rectangle of two extents, along an axis and across it [m]."""
+        (a, b), (c, d) = along, across
+        return Rectangle(a, c, b, d) if axis == "x" else Rectangle(c, a, d, b)
+
+    def span(self, axis: str) -> tuple[float, float]:
+        """Return its extent along an axis [m]."""
+        return (self.x0, self.x1) if axis == "x" else (self.y0, self.y1)
+
+    @property
+    def row(self) -> Array:
+        """Its lower and its upper corner, shape [4] [m]."""
+        return np.array((self.x0, self.y0, self.x1, self.y1))
 
     @property
     def width(self) -> float:
@@ -77,6 +105,12 @@ class Rectangle:
             (x0, y1, x1, self.y1),
         ]
         return [Rectangle(*p) for p in parts if p[2] - p[0] > 1e-9 and p[3] - p[1] > 1e-9]
+
+    def common(self, other: Rectangle) -> Rectangle | None:
+        """Return what the two share; None if that is nothing."""
+        x0, y0 = max(self.x0, other.x0), max(self.y0, other.y0)
+        x1, y1 = min(self.x1, other.x1), min(self.y1, other.y1)
+        return Rectangle(x0, y0, x1, y1) if x0 <= x1 and y0 <= y1 else None
 
     def moved(self, pose: Pose) -> Rectangle:
         """Return the rectangle round it when it is carried by `pose`; exact for quarter turns."""

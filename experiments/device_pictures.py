@@ -167,19 +167,7 @@ def platform_lift() -> Scene:
     return world, [lift.body, chair.body, person.body], (0.75, -0.8, 0.35)
 
 
-SCENES: dict[str, Callable[[], Scene]] = {
-    scene.__name__: scene
-    for scene in (
-        hoyer_lift_sling,
-        hoyer_lift_transfer,
-        ceiling_lift,
-        manual_wheelchair,
-        transfer_bench,
-        slide_board,
-        hospital_bed,
-        platform_lift,
-    )
-}
+SCENES: dict[str, Callable[[], Scene]] = {kind: globals()[kind] for kind in device_kinds()}
 
 
 def sheet(names: Sequence[str]) -> Image.Image:

@@ -17,7 +17,6 @@ from rcare_marl.envs.homes.layout import (
     lay_out,
     load_house,
     reachable,
-    required_rooms,
     use_of,
 )
 from rcare_marl.envs.homes.plan import JAMB, OUTSIDE, Opening, Plan
@@ -234,7 +233,7 @@ def test_all_rooms_are_reached_and_none_through_somebody_elses_bedroom_or_bath(l
 def test_level_3_is_reached_through_wide_ways_and_level_1_is_not() -> None:
     for name in HOUSES:
         wide = plan_of(name, 3)
-        assert set(required_rooms(wide)) <= reachable(wide, clear_width=0.915)
+        assert set(wide.required_rooms()) <= reachable(wide, clear_width=0.915)
         usual = plan_of(name, 1)
         assert len(reachable(usual, clear_width=0.815)) < len(usual.rooms)
 
@@ -275,7 +274,7 @@ def test_a_house_grows_with_its_level_and_keeps_its_rooms() -> None:
 
 def test_required_rooms_are_all_but_the_others() -> None:
     plan = plan_of("house_01", 1)
-    required = required_rooms(plan)
+    required = plan.required_rooms()
     assert "bedroom_4" in required and "hall_1" not in required
     assert len(required) == sum(room.kind != "other" for room in plan.rooms.values())
 

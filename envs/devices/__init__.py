@@ -6,26 +6,40 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from .arm_cradle import HOOK_SHARE, HOOK_SHARE_HANGING, ArmCradle
-from .assembly import Assembly, Part
-from .ceiling_lift import CeilingLift
-from .cup import Cup
-from .cushion import Cushion, lay_under, move_under
-from .device import Device
-from .device_model import DeviceControl, DeviceModel, Frame, Touch, load_device
-from .dressing_stand import DressingStand
-from .dry_friction import DryFriction, grip
-from .floor_lift import FloorLift
-from .hospital_bed import HospitalBed
-from .platform_lift import PlatformLift
-from .powered_wheelchair import PoweredWheelchair
-from .rolling_wheelchair import ManualWheelchair
-from .sponge import Sponge, SpongeBlock
-from .spoon import Spoon
-from .stand import add_stand
-from .transfer_bench import TransferBench
-from .wash_basin import WashBasin
-from .wheelchair import Wheelchair, chair_for, spawn_fitted
+from .arm_cradle import HOOK_SHARE as HOOK_SHARE
+from .arm_cradle import HOOK_SHARE_HANGING as HOOK_SHARE_HANGING
+from .arm_cradle import ArmCradle as ArmCradle
+from .ceiling_lift import CeilingLift as CeilingLift
+from .cup import Cup as Cup
+from .cushion import Cushion as Cushion
+from .cushion import lay_under as lay_under
+from .cushion import move_under as move_under
+from .device import Device as Device
+from .device_model import DeviceControl as DeviceControl
+from .device_model import DeviceModel as DeviceModel
+from .device_model import Frame as Frame
+from .device_model import Touch as Touch
+from .device_model import load_device as load_device
+from .dressing_stand import DressingStand as DressingStand
+from .dry_friction import DryFriction as DryFriction
+from .dry_friction import grip as grip
+from .floor_lift import FloorLift as FloorLift
+from .hospital_bed import HospitalBed as HospitalBed
+from .platform_lift import PlatformLift as PlatformLift
+from .powered_wheelchair import PoweredWheelchair as PoweredWheelchair
+from .rolling_wheelchair import ManualWheelchair as ManualWheelchair
+from .sponge import Sponge as Sponge
+from .sponge import SpongeBlock as SpongeBlock
+from .spoon import Spoon as Spoon
+from .stand import add_stand as add_stand
+from .transfer_bench import TransferBench as TransferBench
+from .wash_basin import WashBasin as WashBasin
+from .weight import volume as volume
+from .weight import weigh as weigh
+from .weight import weighed as weighed
+from .wheelchair import Wheelchair as Wheelchair
+from .wheelchair import chair_for as chair_for
+from .wheelchair import spawn_fitted as spawn_fitted
 
 # Those that do more than `Device` does; all others are `Device` itself.
 _CLASSES: Mapping[str, Callable[[], Device]] = {
@@ -59,42 +73,3 @@ def make_device(source: str | Path) -> Device:
         ConfigError: If the file cannot be read, or a value in it is missing or impossible.
     """
     return _CLASSES[str(source)]() if source in _CLASSES else Device(source)
-
-
-__all__ = [
-    "HOOK_SHARE",
-    "HOOK_SHARE_HANGING",
-    "ArmCradle",
-    "Assembly",
-    "CeilingLift",
-    "Cup",
-    "Cushion",
-    "Device",
-    "DeviceControl",
-    "DeviceModel",
-    "DressingStand",
-    "DryFriction",
-    "FloorLift",
-    "Frame",
-    "HospitalBed",
-    "ManualWheelchair",
-    "Part",
-    "PlatformLift",
-    "PoweredWheelchair",
-    "Sponge",
-    "SpongeBlock",
-    "Spoon",
-    "Touch",
-    "TransferBench",
-    "WashBasin",
-    "Wheelchair",
-    "add_stand",
-    "chair_for",
-    "spawn_fitted",
-    "device_kinds",
-    "grip",
-    "lay_under",
-    "load_device",
-    "make_device",
-    "move_under",
-]

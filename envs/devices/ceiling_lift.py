@@ -13,10 +13,10 @@ from rcare_marl.model.urdf import Joint, Link
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
-from .assembly import weighed
-from .device_model import DeviceModel, Frame
+from .device_model import DeviceModel
 from .lift import Lift
 from .telescope import Telescope
+from .weight import weighed
 
 _RAIL = 0.045  # edge of the wall rails of a room system [m]
 _END = 0.03  # length of an end stop [m]
@@ -109,15 +109,8 @@ def _with_track(model: DeviceModel, length: float) -> DeviceModel:
 def _on_rails(model: DeviceModel, span: float) -> DeviceModel:
     """Return a lift whose track rolls along y on two wall rails at its ends, `span` long [m]."""
     length, width, _ = model.links["track"].collision[0].size
-    rails = tuple(
-        Shape(
-            kind="box",
-            material="frame",
-            size=(_RAIL, span, _RAIL),
-            at=(sign * 0.5 * (length - _RAIL), 0.0, -0.5 * _RAIL),
-        )
-        for sign in (1, -1)
-    )
+    ends = ((sign * 0.5 * (length - _RAIL), 0.0, -0.5 * _RAIL) for sign in (1, -1))
+    rails = tuple(Shape("box", "frame", at, size=(_RAIL, span, _RAIL)) for at in ends)
     motor, aside = model.controls["traverse"], 0.5 * (span - width) - _END
     cross = Joint(
         "prismatic",
@@ -132,15 +125,12 @@ def _on_rails(model: DeviceModel, span: float) -> DeviceModel:
     )
     control = replace(motor, joint="cross", note="rolls the track along its wall rails")
 
-    def lowered(frame: Frame) -> Frame:
-        x, y, z = frame.position
-        return replace(frame, position=(x, y, z - _RAIL))
-
     model = model.without(["plates"])
+    places = {name: frame.position for name, frame in model.frames.items()}
+    lowered = {k: (x, y, z - _RAIL) for k, (x, y, z) in places.items()}
     return replace(
-        model,
+        model.with_frames(lowered),
         links=model.links | {"ceiling": Link(visual=rails, collision=rails)},
         joints=model.joints | {"cross": cross},
-        frames={name: lowered(frame) for name, frame in model.frames.items()},
         controls=model.controls | {"cross": control},
     )

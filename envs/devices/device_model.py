@@ -16,7 +16,7 @@ from rcare_marl.model.shape import MeshFile, Shape, Triple
 from rcare_marl.model.urdf import Link, Model, joint_pose
 from rcare_marl.pose import Pose, quaternion_from_rpy
 
-from .assembly import weighed
+from .weight import weighed
 
 
 @dataclass(frozen=True)
@@ -159,6 +159,11 @@ class DeviceModel(Model):
         )
         new = weighed(new) if collision is not None and new.mass else new
         return dataclasses.replace(self, links=self.links | {link: new})
+
+    def with_frames(self, places: Mapping[str, Triple]) -> DeviceModel:
+        """Return the device with frames at other places [m], turned as they were."""
+        moved = {k: dataclasses.replace(self.frames[k], position=at) for k, at in places.items()}
+        return dataclasses.replace(self, frames=self.frames | moved)
 
     def without(self, links: Iterable[str]) -> DeviceModel:
         """Return the device without some links that carry no others, and without their frames."""

@@ -78,23 +78,16 @@ class PoweredWheelchair(Wheelchair):
 
     def fit_footplates(self, left: Vector, right: Vector) -> None:
         ahead, aside, up = plates_under(left, right)
-        frames = dict(self.model.frames)
-        for side, sign in SIDES.items():
-            name = f"footplate_{side}"
-            frames[name] = dataclasses.replace(frames[name], position=(ahead, sign * aside, up))
-        self.model = dataclasses.replace(self.model, frames=frames)
+        places = {f"footplate_{side}": (ahead, sign * aside, up) for side, sign in SIDES.items()}
+        self.model = self.model.with_frames(places)
         self._place_feet()
 
     def _place_feet(self) -> None:
         """Put footplate, longer than shoes, its hanger, and the guard before the toes under the feet."""
         f, frame = self.model.figure, self.model.frames["footplate_left"]
         ahead, aside, height = frame.position
-        tilt, width, long, tall = (
-            math.radians(-frame.rpy_deg[1]),
-            2 * aside + 0.16,
-            f("footplate_length"),
-            f("guard"),
-        )
+        tilt, width = math.radians(-frame.rpy_deg[1]), 2 * aside + 0.16
+        long, tall = f("footplate_length"), f("guard")
 
         def board(along: float, thick: float, length: float, up: float) -> Shape:
             """A board across both feet, in the plane of the soles."""
@@ -104,15 +97,11 @@ class PoweredWheelchair(Wheelchair):
             return Shape(kind="box", material="pad", at=at, rpy=rpy, size=size, bevel=0.005)
 
         low, high = height - 0.04, f("seat_height") - f("cushion")
+        hanger = (0.3, 0.0, 0.5 * (low + high))
         feet = [
             board(0.02, 0.015, long, -0.0075),
             board(0.02 + 0.5 * long, tall, 0.03, 0.5 * tall - 0.015),
-            Shape(
-                kind="box",
-                material="frame",
-                at=(0.3, 0.0, 0.5 * (low + high)),
-                size=(0.05, 0.1, high - low),
-            ),
+            Shape("box", "frame", hanger, size=(0.05, 0.1, high - low)),
         ]
         self.model = self.model.with_shapes("feet", feet, feet)
 

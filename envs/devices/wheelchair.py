@@ -58,8 +58,7 @@ def with_plates(model: DeviceModel, ahead: float, aside: float, up: float) -> De
             dataclasses.replace(hanger, points=points),
         )
         model = model.with_shapes(link, seen, [dataclasses.replace(solid, at=(a, b, c))])
-        moved = {name: dataclasses.replace(frame, position=place)}
-        model = dataclasses.replace(model, frames=model.frames | moved)
+        model = model.with_frames({name: place})
     return model
 
 
@@ -92,30 +91,19 @@ def with_posts(model: DeviceModel, mount: Triple, signs: Sequence[int]) -> Devic
             (x, y, z - 0.07),
         )
         rods = (("steel", 0.06, z - 0.012, z), ("frame", 0.025, z - 0.11, z - 0.012))
-        visual += [
-            Shape(
-                kind="cylinder", material=material, radius=radius, points=((x, y, low), (x, y, top))
-            )
-            for material, radius, low, top in rods
-        ]
-        visual += [
-            Shape(kind="tube", material="frame", radius=0.019, bend=0.06, points=arm),
-            Shape(kind="box", material="steel", at=arm[0], size=(0.06, 0.045, 0.05), bevel=0.008),
-        ]
+        for material, radius, low, top in rods:
+            ends = ((x, y, low), (x, y, top))
+            visual.append(Shape("cylinder", material, radius=radius, points=ends))
+        visual.append(Shape("tube", "frame", radius=0.019, bend=0.06, points=arm))
+        visual.append(Shape("box", "steel", arm[0], size=(0.06, 0.045, 0.05), bevel=0.008))
         ends = ((x, y, z - 0.15), (x, y, z - 0.002))
         solids.append(Shape(kind="cylinder", radius=0.06, points=ends))
     posts = Link(visual=tuple(visual), collision=tuple(solids))
-    mounts = {
-        f"mount_{side}": dataclasses.replace(
-            model.frames[f"mount_{side}"], position=(x, sign * aside, z)
-        )
-        for side, sign in SIDES.items()
-    }
+    mounts = {f"mount_{side}": (x, sign * aside, z) for side, sign in SIDES.items()}
     return dataclasses.replace(
-        model,
+        model.with_frames(mounts),
         links=model.links | {"posts": posts},
         joints=model.joints | {"posts": Joint("fixed", model.root, "posts")},
-        frames=model.frames | mounts,
     )
 
 

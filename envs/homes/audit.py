@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,30 +11,27 @@ from rich.table import Table
 from .audit_door import measure_openings
 from .audit_entrance import measure_entrance
 from .audit_furniture import measure_furniture, measure_sets
-from .audit_room import measure_rooms
-from .measurement import FurnishedHome, Measurement
+from .care_home import CareHome
+from .doorway import gate
+from .ground import Ground
+from .measurement import Measurement, near
+from .plan import Room
 from .rule import Rule, Rules
 
+TURNING = ("kitchen", "bedroom", "bathroom", "living", "dining")
+REACHED_INTO = ("closet", "pantry")  # rooms that one reaches into, without ways of their own
 _NAMED = 4  # places that a row of the table names; the others are counted
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Measurement):
     """One thing that was measured, and whether the rules allow it.
 
     Attributes:
-        rule: Name of the rule.
-        room: Name of the room; empty for what belongs to none.
-        what: What was measured.
-        value: In the unit of the rule, or a word; None for nothing of the kind.
         allowed: What the level allows, in words.
         ok: Whether it does.
     """
 
-    rule: str
-    room: str
-    what: str
-    value: float | str | None
     allowed: str
     ok: bool
 
@@ -110,7 +107,7 @@ class Audit:
 
 
 def audit(
-    home: FurnishedHome, level: int | None = None, *, measured: Iterable[Measurement] = ()
+    home: CareHome, level: int | None = None, *, measured: Iterable[Measurement] = ()
 ) -> Audit:
     """Check a home against the rules of a level.
 
@@ -131,28 +128,23 @@ def audit(
     taken = [
         *measure_openings(home),
         *measure_entrance(home),
-        *measure_rooms(home),
+        *_measure_rooms(home),
         *measure_furniture(home),
         *measure_sets(home),
         *measured,
     ]
-    judged = [_judge(measurement, rules) for measurement in taken]
+    judged = [
+        Finding(
+            **vars(each),
+            allowed=rules[each.rule].bounds(rules.level),
+            ok=rules[each.rule].allows(each.value, rules.level),
+        )
+        for each in taken
+    ]
     judged.sort(key=lambda finding: order[finding.rule])
     seen = {finding.rule for finding in judged}
     unmeasured = tuple(name for name in rules if name not in seen)
     return Audit(home.plan.name, home.level, rules.level, tuple(judged), unmeasured)
-
-
-def _judge(measurement: Measurement, rules: Rules) -> Finding:
-    rule = rules[measurement.rule]
-    return Finding(
-        measurement.rule,
-        measurement.room,
-        measurement.what,
-        measurement.value,
-        rule.bounds(rules.level),
-        rule.allows(measurement.value, rules.level),
-    )
 
 
 def _text(value: float | str | None, rule: Rule) -> str:
@@ -161,3 +153,29 @@ def _text(value: float | str | None, rule: Rule) -> str:
     if isinstance(value, str):
         return value.replace("_", " ")
     return f"{value:.3f}" if rule.unit == "1" else f"{value:.3f} {rule.unit}"
+
+
+def _measure_rooms(home: CareHome) -> Iterator[Measurement]:
+    """Yield what is measured of the floor of rooms."""
+    for room in home.plan.rooms.values():
+        if room.use == "hall":
+            narrow = min(room.inside.width, room.inside.depth)
+            yield Measurement("hallway_width", room.name, room.name, narrow)
+        things = [thing.area for thing in near(home.wheel_clearance, room.inside)]
+        ground = Ground(room.inside, things)
+        if room.kind in TURNING:
+            yield Measurement("turning_diameter", room.name, room.name, ground.circle[0])
+        if room.use not in REACHED_INTO:
+            width = _passage(home, room, ground)
+            if width is not None:
+                yield Measurement("passage_width", room.name, room.name, width)
+
+
+def _passage(home: CareHome, room: Room, ground: Ground) -> float | None:
+    """Return the free width of the ways from each door of a room to its freest place [m].
+
+    A way starts in line with its door, so a leaf that stands open there makes it narrower.
+    None for a room without doors.
+    """
+    ways = [o for o in home.plan.openings_of(room.name) if o.kind != "window"]
+    return ground.width([gate(way, room.name) for way in ways]) if ways else None

@@ -11,8 +11,9 @@ from rcare_marl.model.urdf import Model, joint_pose
 from rcare_marl.pose import Pose, rotate
 
 from ..rectangle import Rectangle
+from .care_home import CareHome
 from .furnishing import Placed
-from .measurement import FurnishedHome, Measurement
+from .measurement import Measurement
 
 BAR_KINDS = ("grab_bar", "fold_down_bar")
 BAR_RADIUS = (0.01, 0.03)  # [m] of what hands hold to hold themselves; own choice
@@ -86,7 +87,7 @@ def _bar(shape: Shape, pose: Pose, folds: bool) -> Bar | None:
     return Bar((a, b), shape.radius, length, folds)
 
 
-def bars_at(home: FurnishedHome, placed: Placed) -> list[Bar]:
+def bars_at(home: CareHome, placed: Placed) -> list[Bar]:
     """Return the bars on a piece, and those of their own beside it, in the frame of the piece."""
     found = list(bars(placed.piece.model))
     back, reach = placed.pose.inverse(), placed.footprint.grown(BAR_NEAR)
@@ -97,7 +98,7 @@ def bars_at(home: FurnishedHome, placed: Placed) -> list[Bar]:
     return found
 
 
-def measure_toilet_bars(home: FurnishedHome, toilet: Placed) -> Iterator[Measurement]:
+def measure_toilet_bars(home: CareHome, toilet: Placed) -> Iterator[Measurement]:
     """Yield which grab bars a toilet has, how long, thick and high they are, and how far off the wall."""
     found = bars_at(home, toilet)
     inside = home.plan.room(toilet.room).inside.moved(toilet.pose.inverse())

@@ -6,12 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rcare_marl.model.urdf import Model, joint_pose
+from rcare_marl.model.urdf import Model
 from rcare_marl.pose import Array, Pose
 
+from .care_home import CareHome
 from .door import door_model, hinge_side
 from .doorway import LATCH_DEPTH, OFF_WALL, latch_edge
-from .measurement import FurnishedHome, Measurement, Surroundings, near
+from .measurement import Measurement, Surroundings, near
+from .merging import link_poses
 from .palette import Palette
 from .plan import Opening
 
@@ -19,7 +21,7 @@ SLOWLY = 0.2  # [m/s] at which a hand moves a door; own choice
 _HANDLES = ("handle", "panel")  # links that hands take hold of
 
 
-def measure_openings(home: FurnishedHome) -> Iterator[Measurement]:
+def measure_openings(home: CareHome) -> Iterator[Measurement]:
     """Yield what is measured of doors, passages and the entrance."""
     for opening in home.plan.openings.values():
         if opening.kind == "window":
@@ -43,7 +45,7 @@ def measure_openings(home: FurnishedHome) -> Iterator[Measurement]:
             yield Measurement("latch_side_space", room, opening.name, _latch_side(home, opening))
 
 
-def _clear_width(home: FurnishedHome, opening: Opening) -> float:
+def _clear_width(home: CareHome, opening: Opening) -> float:
     """Return what is free between walls, lining and open leaf, at most what the door says itself [m]."""
     back, deep = opening.pose.inverse(), 0.5 * opening.thickness
     half = 0.5 * opening.width
@@ -59,7 +61,7 @@ def _clear_width(home: FurnishedHome, opening: Opening) -> float:
     return min(best, opening.clear_width)
 
 
-def _latch_side(home: FurnishedHome, opening: Opening) -> float:
+def _latch_side(home: CareHome, opening: Opening) -> float:
     """Return the free floor beside the latch, on the side to which the door is pulled [m]."""
     room = opening.rooms[0]
     around = Surroundings(home, room, opening.pose)
@@ -80,7 +82,7 @@ def door_force(door: Model) -> float:
     That is the larger of the force at the end of the handle against its spring, and the force there
     against friction and damping of the door.
     """
-    places = _places(door)
+    places = link_poses(door)
     forces = []
     for joint in door.joints.values():
         axis = places[joint.child].matrix()[:3, :3] @ np.array(joint.axis)
@@ -94,19 +96,12 @@ def door_force(door: Model) -> float:
     return max(forces)
 
 
-def _places(door: Model) -> dict[str, Pose]:
-    out = {door.root: Pose()}
-    for joint in door.joints.values():
-        out[joint.child] = out[joint.parent] @ joint_pose(joint)
-    return out
-
-
 def _grips(door: Model) -> list[Array]:
     """Return the ends of what a hand takes hold of, in the frame of the opening [m].
 
     Of a knob it is its rim.
     """
-    places, out = _places(door), []
+    places, out = link_poses(door), []
     for name in _HANDLES:
         link = door.links.get(name)
         for shape in link.collision if link is not None else ():

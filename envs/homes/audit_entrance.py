@@ -11,8 +11,9 @@ from rcare_marl.model.shape import Shape
 from rcare_marl.pose import Array
 
 from ..rectangle import Rectangle
+from .care_home import CareHome
 from .entrance import build_entrance
-from .measurement import FurnishedHome, Measurement
+from .measurement import Measurement
 from .plan import Plan
 from .shell_canvas import Canvas
 
@@ -21,7 +22,7 @@ RIM = 0.05  # [m] beyond a floor at which one looks for the house; own choice
 FLUSH = 0.013  # [m], most rise that is no step: ADA 303.3
 
 
-def measure_entrance(home: FurnishedHome) -> Iterator[Measurement]:
+def measure_entrance(home: CareHome) -> Iterator[Measurement]:
     """Yield how one comes up to each entrance, how high, how steep and how wide."""
     for opening in home.plan.openings.values():
         if opening.kind != "entrance":

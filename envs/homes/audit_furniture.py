@@ -6,13 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rcare_marl.model.shape import Shape
-from rcare_marl.model.urdf import Link, Model, joint_pose
+from rcare_marl.model.urdf import Link
 from rcare_marl.pose import Pose
 
 from .audit_bar import BAR_TOP, bars_at, measure_toilet_bars
+from .care_home import CareHome
 from .furnishing import Placed
-from .measurement import FAR, FurnishedHome, Measurement, Surroundings
+from .measurement import FAR, Measurement, Surroundings
+from .merging import link_poses
+from .partition import extent
 from .piece import Piece
 from .plan import Room
 
@@ -45,7 +47,7 @@ _BAR = 0.075  # [m], least length of a bar that opens a cupboard; own choice
 _SLIM = 0.025  # [m], most thickness of such a bar
 
 
-def measure_furniture(home: FurnishedHome) -> Iterator[Measurement]:
+def measure_furniture(home: CareHome) -> Iterator[Measurement]:
     """Yield what is measured of each piece of furniture."""
     for placed in home.placed:
         piece, room, name = placed.piece, placed.room, placed.name
@@ -76,7 +78,7 @@ def measure_furniture(home: FurnishedHome) -> Iterator[Measurement]:
             yield Measurement("cupboard_handle", room, name, handle)
 
 
-def measure_sets(home: FurnishedHome) -> Iterator[Measurement]:
+def measure_sets(home: CareHome) -> Iterator[Measurement]:
     """Yield what a room's furniture has together: where one washes, and one worktop to sit at."""
     for room in home.plan.rooms.values():
         pieces = [placed.piece for placed in home.placed if placed.room == room.name]
@@ -105,7 +107,7 @@ def _worktop(room: Room, pieces: list[Piece]) -> Iterator[Measurement]:
     yield Measurement("counter_knee_depth", room.name, room.name, area.width)
 
 
-def _toilet(home: FurnishedHome, placed: Placed) -> Iterator[Measurement]:
+def _toilet(home: CareHome, placed: Placed) -> Iterator[Measurement]:
     room, name = placed.room, placed.name
     around = Surroundings(home, room, placed.pose, but=(name,), kinds_but=LIGHT)
     wall = min(around.inside.y1, -around.inside.y0)
@@ -122,28 +124,14 @@ def _toilet(home: FurnishedHome, placed: Placed) -> Iterator[Measurement]:
 def _half_width(piece: Piece) -> tuple[float, float]:
     """Return the sides of a toilet's bowl below its seat, along y [m]."""
     seat = piece.measures["toilet_seat_height"]
-    boxes = [_extent(shape) for shape in piece.model.links[piece.model.root].collision]
-    sides = [corner[1] for low, high in boxes if low[2] < seat - 0.05 for corner in (low, high)]
+    boxes = [extent(shape) for shape in piece.model.links[piece.model.root].collision]
+    sides = [
+        float(corner[1]) for low, high in boxes if low[2] < seat - 0.05 for corner in (low, high)
+    ]
     return (min(sides), max(sides)) if sides else (piece.footprint.y0, piece.footprint.y1)
 
 
-def _extent(shape: Shape, pose: Pose = Pose()) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the lowest and highest corner of a box round a solid shape [m]."""
-    at = pose @ shape.pose()
-    turn = np.abs(at.matrix()[:3, :3])
-    r = shape.radius
-    halves = {
-        "box": tuple(0.5 * edge for edge in shape.size),
-        "sphere": (r, r, r),
-        "cylinder": (r, r, 0.5 * shape.span()),
-        "capsule": (r, r, 0.5 * shape.span() + r),
-    }
-    reach = turn @ np.array(halves[shape.kind])
-    middle = np.array(at.position)
-    return tuple((middle - reach).tolist()), tuple((middle + reach).tolist())
-
-
-def _beside_bed(home: FurnishedHome, placed: Placed) -> tuple[float, float]:
+def _beside_bed(home: CareHome, placed: Placed) -> tuple[float, float]:
     """Return the free floor beside a bed on its better and its worse side [m]."""
     around = Surroundings(home, placed.room, placed.pose, but=(placed.name,), kinds_but=LIGHT)
     bed = placed.piece.footprint
@@ -155,7 +143,7 @@ def _beside_bed(home: FurnishedHome, placed: Placed) -> tuple[float, float]:
     return max(sides), min(sides)
 
 
-def _aisle(home: FurnishedHome, placed: Placed) -> float:
+def _aisle(home: CareHome, placed: Placed) -> float:
     """Return the free floor before a piece of a kitchen, but for what is joined to it at a corner [m]."""
     around = Surroundings(home, placed.room, placed.pose, but=(placed.name,), kinds_but=LIGHT)
     front = placed.piece.footprint
@@ -166,7 +154,7 @@ def _aisle(home: FurnishedHome, placed: Placed) -> float:
 
 def tap_word(piece: Piece) -> str | None:
     """Return how the taps of a piece are worked, by how far from its axis one takes hold; None for none."""
-    places = _places(piece.model)
+    places = link_poses(piece.model)
     arms = []
     for name, joint in piece.model.joints.items():
         grip = piece.frames.get(f"handle_{name}")
@@ -183,7 +171,7 @@ def tap_word(piece: Piece) -> str | None:
 
 def handle_word(piece: Piece) -> str | None:
     """Return whether bars or knobs open a cupboard, by their shapes; None if nothing opens."""
-    places = _places(piece.model)
+    places = link_poses(piece.model)
     words = set()
     for name, joint in piece.model.joints.items():
         grip = piece.frames.get(f"handle_{name}")
@@ -199,17 +187,9 @@ def handle_word(piece: Piece) -> str | None:
 def _has_bar(link: Link, pose: Pose, grip: tuple[float, float, float]) -> bool:
     """Return whether a long slim solid lies where the link is gripped."""
     for shape in link.collision:
-        low, high = _extent(shape, pose)
+        low, high = extent(shape.moved(pose))
         edges = sorted(b - a for a, b in zip(low, high, strict=True))
         is_here = all(a - 0.02 <= at <= b + 0.02 for a, at, b in zip(low, grip, high, strict=True))
         if is_here and edges[2] >= _BAR and edges[1] <= _SLIM:
             return True
     return False
-
-
-def _places(model: Model) -> dict[str, Pose]:
-    """Return the pose of each link in the frame of the piece, with all joints at rest."""
-    out = {model.root: Pose()}
-    for joint in model.joints.values():
-        out[joint.child] = out[joint.parent] @ joint_pose(joint)
-    return out

@@ -32,8 +32,6 @@ from .spot import Spot, spots_of
 if TYPE_CHECKING:
     from .built import BuiltHome
 
-_NEEDED = ("kitchen", "bathroom", "bedroom", "living", "dining", "lounge")
-
 
 def home_names() -> tuple[str, ...]:
     """Return the names of the houses that come with the package, sorted."""
@@ -119,13 +117,7 @@ class CareHome:
         return self._map(knees=True)
 
     def _map(self, *, knees: bool) -> Occupancy:
-        outlines = self.plan.outline
-        bounds = Rectangle(
-            min(a.x0 for a in outlines),
-            min(a.y0 for a in outlines),
-            max(a.x1 for a in outlines),
-            max(a.y1 for a in outlines),
-        ).grown(BORDER)
+        bounds = Rectangle.around(self.plan.outline).grown(BORDER)
         things = [Obstacle(area, "wall") for area in self._walls()]
         for placed in self.placed:
             if placed.piece.blocks:
@@ -179,7 +171,7 @@ class CareHome:
 
     def required_rooms(self) -> tuple[str, ...]:
         """Return the rooms that everybody who lives there must be able to reach."""
-        return tuple(room.name for room in self.rooms() if room.kind in _NEEDED)
+        return self.plan.required_rooms()
 
     def spots(self, room: str) -> Mapping[str, Spot]:
         """Return the named places of a room where an agent can be put, such as `beside_bed`."""

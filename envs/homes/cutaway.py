@@ -40,11 +40,11 @@ def cutaway(home: CareHome, room: str, open_sides: str = "") -> CareHome:
         inside.x1 if "e" in open_sides else math.inf,
         inside.y1 if "n" in open_sides else math.inf,
     )
-    walls = []
-    for wall in home.plan.walls:
-        area = _common(wall.area, kept)
-        if area is not None:
-            walls.append(dataclasses.replace(wall, area=area))
+    walls = [
+        dataclasses.replace(wall, area=area)
+        for wall in home.plan.walls
+        if (area := wall.area.common(kept)) is not None and min(area.width, area.depth) > 0.01
+    ]
     openings = {
         o.name: o
         for o in home.plan.openings.values()
@@ -65,8 +65,3 @@ def cutaway(home: CareHome, room: str, open_sides: str = "") -> CareHome:
     }
     placed = tuple(p for p in home.placed if not any(gone[s](p.footprint) for s in open_sides))
     return dataclasses.replace(home, plan=plan, name=plan.name, placed=placed)
-
-
-def _common(a: Rectangle, b: Rectangle) -> Rectangle | None:
-    x0, y0, x1, y1 = max(a.x0, b.x0), max(a.y0, b.y0), min(a.x1, b.x1), min(a.y1, b.y1)
-    return Rectangle(x0, y0, x1, y1) if x1 - x0 > 0.01 and y1 - y0 > 0.01 else None

@@ -102,12 +102,10 @@ def _steps(canvas: Canvas, door: Pose, landing: Rectangle, rise: float) -> None:
         foot = landing.y0 - k * TREAD
         area = Rectangle(landing.x0, foot, landing.x1, foot + TREAD)
         canvas.box("paving", area.moved(door), (-rise, -rise * k / count), solid=True)
-    rail = _Rail(canvas, door)
-    rail.run((landing.x0 + 0.05, landing.y1 - 0.1, 0.0), (landing.x0 + 0.05, landing.y0, 0.0))
-    if foot < landing.y0:
-        rail.run(
-            (landing.x0 + 0.05, landing.y0, 0.0), (landing.x0 + 0.05, foot, -rise + rise / count)
-        )
+    x, edge = landing.x0 + 0.05, landing.y0
+    _rail(canvas, door, (x, landing.y1 - 0.1, 0.0), (x, edge, 0.0))
+    if foot < edge:
+        _rail(canvas, door, (x, edge, 0.0), (x, foot, -rise + rise / count))
     _path(canvas, door @ Pose((landing.centre[0], foot, 0.0), _turn(-90.0)), 1.2, rise)
 
 
@@ -143,8 +141,8 @@ def _ramp(canvas: Canvas, opening: Opening, landing: Rectangle, plan: Plan, rule
         canvas.box("paving", curb, (-_THICK, CURB[1]), solid=True, pose=tilted)
         low, high = (0.0, y[1], -rise), (run, y[1], -rise)
         canvas.face("paving", [_at(frame, p) for p in (low, high, high, (0.0, y[1], 0.0))])
-        rail = _Rail(canvas, frame)
-        rail.run((0.0, 0.5 * (y[0] + y[1]), 0.0), (run, 0.5 * (y[0] + y[1]), -rise))
+        middle_y = 0.5 * (y[0] + y[1])
+        _rail(canvas, frame, (0.0, middle_y, 0.0), (run, middle_y, -rise))
     _path(canvas, frame @ Pose((run, 0.0, 0.0)), outer, rise)
 
 
@@ -163,25 +161,17 @@ def _path(canvas: Canvas, frame: Pose, width: float, rise: float) -> None:
     canvas.box("paving", area, (-rise - 0.05, -rise + 0.004))
 
 
-class _Rail:
-    """Handrails on posts."""
-
-    def __init__(self, canvas: Canvas, frame: Pose) -> None:
-        self._canvas, self._frame = canvas, frame
-
-    def run(self, start: Triple, end: Triple) -> None:
-        """Set a rail above a line on the ground, in the frame [m]."""
-        length = math.dist(start, end)
-        count = max(math.ceil(length / POST_APART), 1)
-        for k in range(count + 1):
-            x, y, z = (a + (b - a) * k / count for a, b in zip(start, end, strict=True))
-            self._bar((x, y, z), (x, y, z + RAIL_HEIGHT), 0.016)
-        (x0, y0, z0), (x1, y1, z1) = start, end
-        self._bar((x0, y0, z0 + RAIL_HEIGHT), (x1, y1, z1 + RAIL_HEIGHT), RAIL_RADIUS)
-
-    def _bar(self, start: Triple, end: Triple, radius: float) -> None:
-        points = (_at(self._frame, start), _at(self._frame, end))
-        self._canvas.visual.append(
-            Shape(kind="tube", material="metal_dark", radius=radius, points=points)
-        )
-        self._canvas.solids.append(Shape(kind="capsule", radius=radius, points=points))
+def _rail(canvas: Canvas, frame: Pose, start: Triple, end: Triple) -> None:
+    """Set a handrail on posts above a line on the ground, in the frame [m]."""
+    count = max(math.ceil(math.dist(start, end) / POST_APART), 1)
+    feet = [
+        tuple(a + (b - a) * k / count for a, b in zip(start, end, strict=True))
+        for k in range(count + 1)
+    ]
+    bars = [((x, y, z), (x, y, z + RAIL_HEIGHT), 0.016) for x, y, z in feet]
+    (x0, y0, z0), (x1, y1, z1) = start, end
+    bars.append(((x0, y0, z0 + RAIL_HEIGHT), (x1, y1, z1 + RAIL_HEIGHT), RAIL_RADIUS))
+    for a, b, radius in bars:
+        points = (_at(frame, a), _at(frame, b))
+        canvas.visual.append(Shape("tube", "metal_dark", radius=radius, points=points))
+        canvas.solids.append(Shape("capsule", radius=radius, points=points))

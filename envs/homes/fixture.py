@@ -75,17 +75,14 @@ def build_door(
         "door", "door", ("beyond", "here"), "x", (0.0, 0.0),
         (clear_width or rules.figure("door_clear_width")) + loss, INNER_WALL, hardware=hardware, hinge=hinge,
     )  # fmt: skip
-    half = 0.5 * opening.width
-    pieces = (
-        ((LENGTH, INNER_WALL, HEIGHT), (-half - 0.5 * LENGTH, 0.0, 0.5 * HEIGHT)),
-        ((LENGTH, INNER_WALL, HEIGHT), (half + 0.5 * LENGTH, 0.0, 0.5 * HEIGHT)),
-        (
-            (2 * half, INNER_WALL, HEIGHT - opening.head),
-            (0.0, 0.0, 0.5 * (HEIGHT + opening.head)),
-        ),
-    )
-    for size, at in pieces:
-        world.add_box(size, Pose(at), name="wall", rgba=WALL_RGBA)
+    half, head = 0.5 * opening.width, opening.head
+    for wide, x, low in (
+        (LENGTH, -half - 0.5 * LENGTH, 0.0),
+        (LENGTH, half + 0.5 * LENGTH, 0.0),
+        (2 * half, 0.0, head),
+    ):
+        size, at = (wide, INNER_WALL, HEIGHT - low), Pose((x, 0.0, 0.5 * (HEIGHT + low)))
+        world.add_box(size, at, name="wall", rgba=WALL_RGBA)
     door = Door(opening, rules)
     door.spawn(world)
     world.sleeping.add(door.body)

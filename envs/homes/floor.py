@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 from rcare_marl.model.urdf import Model
 
 from ..rectangle import Rectangle
@@ -11,7 +9,7 @@ from .entrance import build_entrance
 from .palette import Palette
 from .plan import Opening, Plan, Room
 from .rule import Rules
-from .shell_canvas import Canvas, shade
+from .shell_canvas import Axis, Canvas, shade
 from .shell_outline import maximal
 
 # Sizes of what floors are laid of [m]; common, from memory.
@@ -28,21 +26,10 @@ _CARPETED = ("bedroom", "library")
 _DEEP = -0.35  # renderers take what is flatter than 0.3 m for a floor without end
 
 
-def floor_model(
-    plan: Plan, rules: Rules, palette: Palette, *, rooms: Collection[str] | None = None
-) -> Model:
+def floor_model(plan: Plan, rules: Rules, palette: Palette) -> Model:
     """Return the floor of a house, thresholds, ground and way to the entrance, as one still link.
 
     Floors are at z = 0 and level, all of them one piece to whoever rolls over them.
-
-    Args:
-        plan: The floor plan.
-        rules: The rules of its level.
-        palette: The colours of the house.
-        rooms: Names of the rooms whose floor is finished; all if None.
-
-    Raises:
-        UnknownNameError: If there is no such room.
     """
     canvas = Canvas()
     rise = rules.figure("entrance_rise")
@@ -50,11 +37,10 @@ def floor_model(
         # Slabs overlap, so that no edge lies where the other's surface ends.
         canvas.box("", area, (-max(rise, 0.1), 0.0), solid=True)
         _plinth(canvas, area, rise)
-    chosen = tuple(plan.rooms) if rooms is None else tuple(rooms)
-    for name in chosen:
-        _finish(canvas, plan.room(name), is_plain=rules.level > 1)
+    for room in plan.rooms.values():
+        _finish(canvas, room, is_plain=rules.level > 1)
     for opening in plan.openings.values():
-        if opening.kind != "window" and set(opening.rooms) & set(chosen):
+        if opening.kind != "window":
             _doorway(canvas, opening)
     _ground(canvas, plan, rise)
     for opening in plan.openings.values():
@@ -68,14 +54,10 @@ def floor_model(
 
 
 def _plinth(canvas: Canvas, area: Rectangle, rise: float) -> None:
-    x0, y0, x1, y1 = area.x0, area.y0, area.x1, area.y1
-    for axis, at, along, sign in (
-        ("x", y0, (x0, x1), -1),
-        ("x", y1, (x0, x1), 1),
-        ("y", x0, (y0, y1), -1),
-        ("y", x1, (y0, y1), 1),
-    ):
-        canvas.upright("paving", "x" if axis == "x" else "y", at, along, (-rise, 0.0), sign)
+    sides: tuple[tuple[Axis, Axis], ...] = (("x", "y"), ("y", "x"))
+    for axis, across in sides:
+        for at, sign in zip(area.span(across), (-1, 1), strict=True):
+            canvas.upright("paving", axis, at, area.span(axis), (-rise, 0.0), sign)
 
 
 def _finish(canvas: Canvas, room: Room, *, is_plain: bool) -> None:
@@ -149,11 +131,5 @@ def _doorway(canvas: Canvas, opening: Opening) -> None:
 
 
 def _ground(canvas: Canvas, plan: Plan, rise: float) -> None:
-    outline = plan.outline
-    area = Rectangle(
-        min(a.x0 for a in outline),
-        min(a.y0 for a in outline),
-        max(a.x1 for a in outline),
-        max(a.y1 for a in outline),
-    ).grown(GARDEN)
+    area = Rectangle.around(plan.outline).grown(GARDEN)
     canvas.box("grass", area, (-rise - GROUND, -rise), solid=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -83,18 +83,6 @@ class Placed:
         return self.pose @ self.piece.frames[name].pose
 
 
-@dataclass
-class _Layout:
-    """A room while it is being furnished; all areas in the house."""
-
-    room: Room
-    leaves: list[Rectangle] = field(default_factory=list)
-    keep_free: list[Rectangle] = field(default_factory=list)
-    gates: list[Gate] = field(default_factory=list)
-    windows: list[tuple[Rectangle, float]] = field(default_factory=list)
-    standing: list[Placed] = field(default_factory=list)
-
-
 def furnish(
     plan: Plan, room: Room, setting: Setting, made: dict[str, Piece] | None = None
 ) -> tuple[Placed, ...]:
@@ -120,7 +108,7 @@ def furnish(
         missing = furnisher.run()
         if not missing:
             furnisher.put_switch()
-            return tuple(furnisher.layout.standing)
+            return tuple(furnisher.standing)
     inside = room.inside
     raise ConfigError(
         f"{room.name!r} of {plan.name!r}, {inside.width:.2f} x {inside.depth:.2f} m, has no place for "
@@ -129,7 +117,7 @@ def furnish(
 
 
 class _Furnisher:
-    """One try at a room."""
+    """One try at a room; all areas in the house."""
 
     def __init__(
         self,
@@ -141,7 +129,9 @@ class _Furnisher:
         made: dict[str, Piece],
         rng: np.random.Generator,
     ) -> None:
-        self.layout = _Layout(room)
+        self.room, self.leaves, self.keep_free = room, list[Rectangle](), list[Rectangle]()
+        self.windows, self.gates = list[tuple[Rectangle, float]](), list[Gate]()
+        self.standing: list[Placed] = []
         self._plan, self._attempt, self._made = plan, attempt, made
         self._setting, self._recipe, self._rng = setting, recipe, rng
         self._passage = setting.rules.figure("passage_width")
@@ -152,17 +142,17 @@ class _Furnisher:
                 side = 1.0 if opening.rooms[0] == room.name else -1.0
                 low, high = sorted((side * near, side * (near + WINDOW_REACH)))
                 area = Rectangle(-half, low, half, high).moved(opening.pose)
-                self.layout.windows.append((area, opening.sill))
+                self.windows.append((area, opening.sill))
             else:
-                self.layout.keep_free += doorway(opening, room.name, setting.rules)
-                self.layout.gates.append(gate(opening, room.name))
+                self.keep_free += doorway(opening, room.name, setting.rules)
+                self.gates.append(gate(opening, room.name))
                 self._passage = min(self._passage, opening.clear_width - SPARE)
-                self.layout.leaves += narrowing(opening)
+                self.leaves += narrowing(opening)
 
     def run(self) -> list[str]:
         """Furnish; return what is required and found no place."""
         missing = []
-        for entry, count in self._recipe.wanted(self.layout.room, self._setting.rules.level):
+        for entry, count in self._recipe.wanted(self.room, self._setting.rules.level):
             for _ in range(count):
                 if not self._add(entry):
                     if entry.required:
@@ -172,12 +162,12 @@ class _Furnisher:
 
     def put_switch(self) -> None:
         """Hang a light switch beside a door, where nothing stands before it."""
-        piece, room = self._make("light_switch", {}), self.layout.room
+        piece, room = self._make("light_switch", {}), self.room
         low = piece.frames["rocker"].position[2] - ELBOW
         ways = [o for o in self._plan.openings_of(room.name) if o.kind != "window"]
-        taken = [p.footprint for p in self.layout.standing if p.piece.height > low]
-        taken += [*self.layout.leaves, *(way.gap for way in ways)]
-        taken += [area for area, sill in self.layout.windows if sill < piece.height]
+        taken = [p.footprint for p in self.standing if p.piece.height > low]
+        taken += [*self.leaves, *(way.gap for way in ways)]
+        taken += [area for area, sill in self.windows if sill < piece.height]
         poses: list[Pose] = []
         costs: list[float] = []
         for yaw in QUARTERS:
@@ -208,17 +198,17 @@ class _Furnisher:
         return self._made[key]
 
     def _put(self, piece: Piece, pose: Pose) -> None:
-        room = self.layout.room.name
-        taken = {placed.name for placed in self.layout.standing}
+        room = self.room.name
+        taken = {placed.name for placed in self.standing}
         name, number = f"{room}.{piece.kind}", 1
         while name in taken:
             number += 1
             name = f"{room}.{piece.kind}_{number}"
-        self.layout.standing.append(Placed(name, piece, room, pose))
+        self.standing.append(Placed(name, piece, room, pose))
 
     def _places(self, entry: Entry, piece: Piece) -> Iterator[tuple[Pose, str]]:
         """Yield places to try, the best first, with the name of the piece that it belongs to."""
-        related = [p for p in self.layout.standing if p.piece.kind == entry.to]
+        related = [p for p in self.standing if p.piece.kind == entry.to]
         if entry.at in ("beside", "before", "around", "under"):
             for host in related:
                 for pose in self._beside(entry, piece, host):
@@ -239,7 +229,7 @@ class _Furnisher:
 
     def _grid(self, entry: Entry, piece: Piece, yaw: float) -> Array:
         """Return where the origin of a piece that looks along `yaw` could be [m], shape [n, 2]."""
-        inside = self.layout.room.inside
+        inside = self.room.inside
         area = piece.footprint.moved(_pose(0.0, 0.0, yaw))
         xs = _ticks(inside.x0 - area.x0, inside.x1 - area.x1)
         ys = _ticks(inside.y0 - area.y0, inside.y1 - area.y1)
@@ -269,11 +259,11 @@ class _Furnisher:
         """Return which places are free, shape [n]; zones of the piece `host` may be stood in."""
         turn = _pose(0.0, 0.0, yaw)
         body = _shifted(piece.footprint.moved(turn), at)
-        inside = _row(self.layout.room.inside.grown(1e-6))
+        inside = self.room.inside.grown(1e-6).row
         ok: Mask = _within(body, inside)
         hidden = [
             area
-            for area, sill in self.layout.windows
+            for area, sill in self.windows
             if sill < HIGH_SILL and piece.height > sill + OVER_SILL
         ]
         ok &= ~_meets(body, hidden)
@@ -282,19 +272,19 @@ class _Furnisher:
         if not piece.blocks:
             return ok
         # A chair is pushed under its table.
-        solids = [p.footprint for p in self.layout.standing if p.piece.blocks and p.name != host]
-        ok &= ~_meets(body, solids + self.layout.keep_free)
+        solids = [p.footprint for p in self.standing if p.piece.blocks and p.name != host]
+        ok &= ~_meets(body, solids + self.keep_free)
         # Others stand where they like beside a host, such as chairs in the zone of a table.
         others = [
             zone.area.moved(p.pose)
-            for p in self.layout.standing
+            for p in self.standing
             if p.name != host
             for zone in p.piece.zones
         ]
         ok &= ~_meets(body, others)
         things = [
             area
-            for p in self.layout.standing
+            for p in self.standing
             if p.piece.blocks and p.name != host
             for area in p.wheel_footprint
         ]
@@ -305,25 +295,25 @@ class _Furnisher:
 
     def _high_things(self, piece: Piece) -> list[Rectangle]:
         """Return what a thing on the wall must not hang in front of, or behind."""
-        high = [p.footprint for p in self.layout.standing if p.piece.height > 1.2]
+        high = [p.footprint for p in self.standing if p.piece.height > 1.2]
         flat = [
             p.footprint.grown(APART)
-            for p in self.layout.standing
+            for p in self.standing
             if not p.piece.blocks and p.piece.height > 1.0
         ]
-        return high + flat + [area.grown(0.1) for area in self.layout.keep_free]
+        return high + flat + [area.grown(0.1) for area in self.keep_free]
 
     def _scores(
         self, entry: Entry, piece: Piece, yaw: float, at: Array, related: Sequence[Placed]
     ) -> Array:
-        inside = self.layout.room.inside
+        inside = self.room.inside
         turn = _pose(0.0, 0.0, yaw)
         middle = np.array(piece.footprint.moved(turn).centre) + at
         # The later the attempt, the less wishes count against chance.
         score: Array = self._rng.uniform(0.0, 0.6 + 0.4 * self._attempt, len(at))
-        doors = np.array([g.line.centre for g in self.layout.gates] or [inside.centre])
+        doors = np.array([g.line.centre for g in self.gates] or [inside.centre])
         to_door = np.linalg.norm(middle[:, None] - doors[None], axis=2).min(axis=1)
-        windows = [area for area, _ in self.layout.windows]
+        windows = [area for area, _ in self.windows]
         body = _shifted(piece.footprint.moved(turn), at)
         scale = max(inside.width, inside.depth)
         for wish in entry.prefer:
@@ -332,15 +322,8 @@ class _Furnisher:
             elif wish in ("window", "no_window"):
                 score += (1.0 if wish == "window" else -1.0) * _meets(body, windows)
             elif wish == "corner":
-                edges = np.stack(
-                    [
-                        middle[:, 0] - inside.x0,
-                        inside.x1 - middle[:, 0],
-                        middle[:, 1] - inside.y0,
-                        inside.y1 - middle[:, 1],
-                    ]
-                )
-                score -= 2.0 * np.sort(edges, axis=0)[1] / scale
+                edges = np.hstack((middle - inside.row[:2], inside.row[2:] - middle))
+                score -= 2.0 * np.sort(edges, axis=1)[:, 1] / scale
             elif wish == "centre":
                 score -= 2.0 * np.abs(middle - inside.centre).sum(axis=1) / scale
             elif wish == "facing" and related:
@@ -385,16 +368,16 @@ class _Furnisher:
         """Return whether one can turn, and get from there to each door and wherever one is to stand."""
         if not piece.blocks:
             return True
-        standing = [p for p in self.layout.standing if p.piece.blocks]
-        standing.append(Placed("", piece, self.layout.room.name, pose))
+        standing = [p for p in self.standing if p.piece.blocks]
+        standing.append(Placed("", piece, self.room.name, pose))
         things = [area for placed in standing for area in placed.wheel_footprint]
-        ground = Ground(self.layout.room.inside, [*self.layout.leaves, *things])
+        ground = Ground(self.room.inside, [*self.leaves, *things])
         diameter, middle = ground.circle
         if self._recipe.turning and self._setting.rules.has("turning_diameter"):
             if diameter < self._setting.rules.figure("turning_diameter") + SPARE:
                 return False
         width = self._passage + SPARE
-        if not ground.joins([g.place(width) for g in self.layout.gates], middle, width):
+        if not ground.joins([g.place(width) for g in self.gates], middle, width):
             return False
         stands = [area for placed in standing for area in placed.stands]
         return ground.joins(stands, middle, min(CHAIR, self._passage))
@@ -413,13 +396,9 @@ def _ticks(low: float, high: float) -> Array:
     return out
 
 
-def _row(area: Rectangle) -> Array:
-    return np.array((area.x0, area.y0, area.x1, area.y1))
-
-
 def _shifted(area: Rectangle, at: Array) -> Array:
     """Return an area at many places, shape [n, 4]."""
-    out: Array = _row(area) + np.concatenate((at, at), axis=1)
+    out: Array = area.row + np.concatenate((at, at), axis=1)
     return out
 
 
@@ -433,7 +412,7 @@ def _meets(areas: Array, others: Sequence[Rectangle]) -> Mask:
     """Return which of the areas, shape [n, 4], overlap any of the others, shape [n]."""
     if not others:
         return np.zeros(len(areas), np.bool_)
-    rows = np.array([_row(other) for other in others])
+    rows = np.array([other.row for other in others])
     low = np.maximum(areas[:, None, :2], rows[None, :, :2])
     high = np.minimum(areas[:, None, 2:], rows[None, :, 2:])
     out: Mask = np.asarray(((high - low) > 1e-6).all(axis=2).any(axis=1), np.bool_)

@@ -67,8 +67,8 @@ class Ground:
             things: What stands there [m].
         """
         self.inside = inside
-        rows = [(t.x0, t.y0, t.x1, t.y1) for t in things if t.overlaps(inside)]
-        self._things: Array = np.array(rows, np.float64).reshape(-1, 4)
+        rows = [thing.row for thing in things if thing.overlaps(inside)]
+        self._things: Array = np.array(rows).reshape(-1, 4)
 
     @cached_property
     def circle(self) -> tuple[float, tuple[float, float]]:
@@ -127,7 +127,7 @@ class Ground:
     ) -> tuple[Array, Array]:
         """Return where something round of a width may have its middle, along x and y [m]."""
         inside, r, out = self.inside, 0.5 * width, []
-        rims = np.array([(p.x0, p.y0, p.x1, p.y1) for p in places]).reshape(-1, 4)
+        rims = np.array([place.row for place in places]).reshape(-1, 4)
         for low, high, axis in ((inside.x0, inside.x1, 0), (inside.y0, inside.y1, 1)):
             edges = (self._things[:, axis] - r, self._things[:, axis + 2] + r)
             ends = np.array((low + r, high - r, goal[axis]))

@@ -189,7 +189,7 @@ def _in_room(
         return _at_fixture(home, room, footprint, site)
     inside = room.inside.grown(-0.02)
     standing, cost = _standing(home, room)
-    rows = np.array([_row(p.footprint) for p in standing]).reshape(-1, 4)
+    rows = np.array([p.footprint.row for p in standing]).reshape(-1, 4)
     best: tuple[float, Pose, list[Placed]] | None = None
     for yaw in QUARTERS:
         turn = Pose((0, 0, 0), tuple(quaternion_from_rpy(0, 0, yaw).tolist()))
@@ -199,7 +199,7 @@ def _in_room(
         if not len(xs) or not len(ys):
             continue
         at = np.stack([axis.ravel() for axis in np.meshgrid(xs, ys)], axis=1)
-        areas = _row(area) + np.concatenate((at, at), axis=1)
+        areas = area.row + np.concatenate((at, at), axis=1)
         low = np.maximum(areas[:, None, :2], rows[None, :, :2])
         high = np.minimum(areas[:, None, 2:], rows[None, :, 2:])
         hit = ((high - low) > 1e-6).all(axis=2)
@@ -285,7 +285,3 @@ def _place(
     kept = tuple(p for p in home.placed if p.name not in aside)
     kept_home = dataclasses.replace(home, placed=kept)
     return HomePlace(kept_home, room, pose, footprint.moved(pose), aside)
-
-
-def _row(area: Rectangle) -> Array:
-    return np.array((area.x0, area.y0, area.x1, area.y1))

@@ -12,31 +12,24 @@ from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, check_name
 
 from ..rectangle import Rectangle
-from .layout_door import DoorConfig, Joiner, Request
+from .layout_door import DoorConfig, DoorKind, Joiner, Request
 from .layout_size import OTHER_USES, least_size, room_kind_give
 from .layout_tree import Cell, Split, Tiling
 from .layout_wall import Masonry
-from .layout_window import LIVED_IN, set_windows
+from .layout_window import set_windows
 from .palette import Palette
 from .plan import OUTSIDE, ROOM_KINDS, Plan, Room, Wall
 from .rule import Rules
 
 _ENDINGS = (".yaml", ".yml")
-_SIDES = ("north", "east", "south", "west")
 _FLOORS = ("wood", "tile", "carpet")
 # What floors are made of where a house does not say; own choice.
 _USUAL_FLOORS = {
-    "kitchen": "tile",
-    "bathroom": "tile",
-    "laundry": "tile",
-    "entry": "tile",
-    "pantry": "tile",
-    "workshop": "tile",
-    "sunroom": "tile",
-    "bedroom": "carpet",
-    "closet": "carpet",
+    **dict.fromkeys(("kitchen", "bathroom", "laundry", "entry"), "tile"),
+    **dict.fromkeys(("pantry", "workshop", "sunroom"), "tile"),
+    **dict.fromkeys(("bedroom", "closet"), "carpet"),
 }
-_REQUIRED = (*LIVED_IN, "bathroom")
+_SIDES = ("north", "east", "south", "west")
 
 Wish = tuple[str, str] | DoorConfig
 
@@ -189,11 +182,6 @@ def lay_out(house: HouseConfig, level: int) -> Plan:
     return plan
 
 
-def required_rooms(plan: Plan) -> tuple[str, ...]:
-    """Return the rooms that everybody must reach: all but the closets, halls and other rooms."""
-    return tuple(room.name for room in plan.rooms.values() if room.kind in _REQUIRED)
-
-
 def reachable(plan: Plan, *, clear_width: float = 0.0) -> set[str]:
     """Return the rooms that can be reached from the entrances through doors of a clear width [m]."""
     ways = [
@@ -213,16 +201,15 @@ def _wish(wish: Wish) -> DoorConfig:
 
 
 def _requests(house: HouseConfig, joiner: Joiner) -> list[Request]:
+    wanted: tuple[tuple[DoorKind, tuple[Wish, ...]], ...] = (
+        ("entrance", house.entrances),
+        ("passage", house.passages),
+        ("door", house.doors),
+    )
     return [
-        *(
-            joiner.request(f"entrance_{k}", "entrance", _wish(w))
-            for k, w in enumerate(house.entrances, 1)
-        ),
-        *(
-            joiner.request(f"passage_{k}", "passage", _wish(w))
-            for k, w in enumerate(house.passages, 1)
-        ),
-        *(joiner.request(f"door_{k}", "door", _wish(w)) for k, w in enumerate(house.doors, 1)),
+        joiner.request(f"{kind}_{k}", kind, _wish(wish))
+        for kind, wishes in wanted
+        for k, wish in enumerate(wishes, 1)
     ]
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 from rcare_marl.errors import ConfigError
 
 from .layout_tree import Cell
-from .layout_wall import Masonry, Panel, Run, span
+from .layout_wall import Masonry, Panel, Run
 from .plan import DOOR_HEIGHT, HINGED_LOSS, JAMB, OUTSIDE, SLIDING_LOSS, Opening
 from .rule import Rules
 
@@ -27,6 +27,9 @@ _TRIES = 200_000
 _SWINGS_INTO = ("hall", "entry", "living", "lounge", "dining", "kitchen", "sunroom")
 _SWINGS_LAST = ("bedroom", "bathroom")
 _SWINGS_OUT_OF = ("closet", "pantry")
+
+
+DoorKind = Literal["door", "entrance", "passage"]
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ class Request:
     """A door to be placed: its name and kind, what is wanted, and the wall for it."""
 
     name: str
-    kind: Literal["door", "entrance", "passage"]
+    kind: DoorKind
     wish: DoorConfig
     panels: tuple[Panel, ...]
     into: str
@@ -87,11 +90,9 @@ class Place:
         """Where the leaf stands when it is open at a right angle; None for what does not swing."""
         if self.sweep is None:
             return None
-        if self.panel.axis == "x":
-            x = self.sweep.x0 if self.hinge == "low" else self.sweep.x1
-            return Cell(x - LEAF_ROOM, self.sweep.y0, x + LEAF_ROOM, self.sweep.y1)
-        y = self.sweep.y0 if self.hinge == "low" else self.sweep.y1
-        return Cell(self.sweep.x0, y - LEAF_ROOM, self.sweep.x1, y + LEAF_ROOM)
+        axis = self.panel.axis
+        at = self.sweep.span(axis)[self.hinge == "high"]
+        return Cell.of(axis, (at - LEAF_ROOM, at + LEAF_ROOM), self.sweep.across(axis))
 
     def meets(self, other: Place) -> bool:
         """Return whether the two are in each other's way."""
@@ -111,16 +112,9 @@ class Place:
         )
 
     def _fronts(self, depth: int) -> tuple[Cell, Cell]:
-        area = self.panel.area
-        if self.panel.axis == "x":
-            return (
-                Cell(self.low, area.y0 - depth, self.high, area.y0),
-                Cell(self.low, area.y1, self.high, area.y1 + depth),
-            )
-        return (
-            Cell(area.x0 - depth, self.low, area.x0, self.high),
-            Cell(area.x1, self.low, area.x1 + depth, self.high),
-        )
+        axis, gap = self.panel.axis, (self.low, self.high)
+        near, far = self.panel.area.across(axis)
+        return Cell.of(axis, gap, (near - depth, near)), Cell.of(axis, gap, (far, far + depth))
 
 
 class Joiner:
@@ -131,9 +125,7 @@ class Joiner:
         self._ahead = round(1000 * rules.figure("passage_width"))
         self._deepest, self._tries = 0, 0
 
-    def request(
-        self, name: str, kind: Literal["door", "entrance", "passage"], wish: DoorConfig
-    ) -> Request:
+    def request(self, name: str, kind: DoorKind, wish: DoorConfig) -> Request:
         """Return a request for a door.
 
         Raises:
@@ -264,12 +256,12 @@ class Joiner:
     ) -> Place | None:
         """Return a door in a place, or None if it does not fit there."""
         inside = self._masonry.insides[request.into]
-        ends, width = span(inside, panel.axis), gap[1] - gap[0]
+        ends, width = inside.span(panel.axis), gap[1] - gap[0]
         cost = self._away(request.wish.at, panel.span, gap)
         if hardware == "slider":
             reach = width + POCKET_SPARE
             taken = (gap[0] - reach, gap[1]) if hinge == "low" else (gap[0], gap[1] + reach)
-            whole = span(run.area, panel.axis)
+            whole = run.area.span(panel.axis)
             if taken[0] < whole[0] or taken[1] > whole[1]:
                 return None
             # A pocket along the same two rooms costs no third room a wall to hang things on.
@@ -311,8 +303,6 @@ class Joiner:
     def opening(self, place: Place) -> Opening:
         """Return the opening that a place stands for."""
         request, panel = place.request, place.panel
-        area, middle = panel.area, (place.low + place.high) / 2000
-        across = (area.y0 + area.y1) / 2000 if panel.axis == "x" else (area.x0 + area.x1) / 2000
         normal, rooms = panel.normal, panel.rooms
         if request.into == rooms[1]:
             normal, rooms = (-normal[0], -normal[1]), (rooms[1], rooms[0])
@@ -321,14 +311,12 @@ class Joiner:
         if request.kind == "entrance":
             rule = "entrance_threshold"
         is_passage = request.kind == "passage"
-        return Opening(
-            name=request.name,
-            kind=request.kind,
+        return panel.opening(
+            request.name,
+            request.kind,
+            place.low,
+            place.high,
             rooms=rooms,
-            axis=panel.axis,
-            centre=(middle, across) if panel.axis == "x" else (across, middle),
-            width=(place.high - place.low) / 1000,
-            thickness=(area.y1 - area.y0 if panel.axis == "x" else area.x1 - area.x0) / 1000,
             head=PASSAGE_HEAD if is_passage else DOOR_HEIGHT,
             hardware=place.hardware,
             hinge=place.hinge,
@@ -339,23 +327,8 @@ class Joiner:
 
 def _sweep(panel: Panel, inside: Cell, gap: tuple[int, int], hinge: str) -> Cell | None:
     """Return the square that a leaf sweeps in a room, or None if it would strike the far wall."""
-    jamb = round(1000 * JAMB)
+    jamb, axis = round(1000 * JAMB), panel.axis
     low, high = gap[0] + jamb, gap[1] - jamb
-    leaf, area = high - low, panel.area
-    if panel.axis == "x":
-        up = inside.y0 >= area.y1
-        out = (
-            Cell(low, area.y1, high, area.y1 + leaf)
-            if up
-            else Cell(low, area.y0 - leaf, high, area.y0)
-        )
-        fits = out.y0 >= inside.y0 and out.y1 <= inside.y1
-    else:
-        up = inside.x0 >= area.x1
-        out = (
-            Cell(area.x1, low, area.x1 + leaf, high)
-            if up
-            else Cell(area.x0 - leaf, low, area.x0, high)
-        )
-        fits = out.x0 >= inside.x0 and out.x1 <= inside.x1
-    return out if fits else None
+    (near, far), (start, end) = panel.area.across(axis), inside.across(axis)
+    across = (far, far + high - low) if start >= far else (near - high + low, near)
+    return Cell.of(axis, (low, high), across) if start <= across[0] and across[1] <= end else None

@@ -5,19 +5,8 @@ from __future__ import annotations
 from .rule import Rules
 
 # What a room is for beside the kinds that are counted; own choice.
-OTHER_USES = (
-    "closet",
-    "entry",
-    "gym",
-    "hall",
-    "laundry",
-    "library",
-    "office",
-    "pantry",
-    "playroom",
-    "study",
-    "sunroom",
-    "workshop",
+OTHER_USES = tuple(
+    "closet entry gym hall laundry library office pantry playroom study sunroom workshop".split()
 )
 # How readily rooms take floor that is left over; own choice: halls never grow wider.
 _GIVE = {"bathroom": 0.2, "closet": 0.2, "pantry": 0.2, "laundry": 0.25, "entry": 0.2}
@@ -45,7 +34,7 @@ def least_size(use: str, rules: Rules) -> tuple[float, float]:
 
     Halls have no least length. Furniture and ways between are own choice; all else is by the rules.
     """
-    turn = rules.figure("turning_diameter") if rules.has("turning_diameter") else 0.0
+    turn = rules.figure("turning_diameter", 0.0)
     way = rules.figure("passage_width")
     room = max(way, turn)
     if use == "hall":
@@ -55,7 +44,7 @@ def least_size(use: str, rules: Rules) -> tuple[float, float]:
     if use == "bedroom":
         return _BED[0] + 2 * rules.figure("bed_side_space"), _BED[1] + room + 0.3
     if use == "kitchen":
-        knee = rules.figure("counter_knee_width") if rules.has("counter_knee_width") else 0.0
+        knee = rules.figure("counter_knee_width", 0.0)
         return 2 * _UNITS + max(rules.figure("kitchen_aisle"), turn), _KITCHEN_RUN + knee
     if use == "living":
         return _SOFA_GROUP[0] + way, _SOFA_GROUP[1] + room
@@ -70,8 +59,8 @@ def least_size(use: str, rules: Rules) -> tuple[float, float]:
 
 def _bathroom(rules: Rules, room: float) -> tuple[float, float]:
     """Toilet and basin along one wall, bath or shower along the next, room to turn between."""
-    depth = rules.figure("shower_depth") if rules.has("shower_depth") else _TUB_DEPTH
-    beside = rules.figure("toilet_side_space") if rules.has("toilet_side_space") else 0.2
+    depth = rules.figure("shower_depth", _TUB_DEPTH)
+    beside = rules.figure("toilet_side_space", 0.2)
     latch = rules.figure("latch_side_space")
     wall = rules.figure("toilet_centre_to_wall") + _HALF_TOILET + beside + _BASIN_WIDTH + latch
     spare = _BATH_SPARE if rules.has("turning_diameter") else 0.0

@@ -21,14 +21,29 @@ class Cell(NamedTuple):
     x1: int
     y1: int
 
+    @staticmethod
+    def of(axis: str, along: tuple[int, int], across: tuple[int, int]) -> Cell:
+        """Return the rectangle of two extents, along an axis and across it [mm]."""
+        (a, b), (c, d) = along, across
+        return Cell(a, c, b, d) if axis == "x" else Cell(c, a, d, b)
+
+    def span(self, axis: str) -> tuple[int, int]:
+        """Return its extent along an axis [mm]."""
+        return (self.x0, self.x1) if axis == "x" else (self.y0, self.y1)
+
+    def across(self, axis: str) -> tuple[int, int]:
+        """Return its extent across an axis [mm]."""
+        return self.span("y" if axis == "x" else "x")
+
     def grown(self, by: int) -> Cell:
         """Return it with each side moved outwards by `by` [mm]."""
         return Cell(self.x0 - by, self.y0 - by, self.x1 + by, self.y1 + by)
 
     def overlaps(self, other: Cell) -> bool:
         """Return whether the two share floor."""
-        return min(self.x1, other.x1) > max(self.x0, other.x0) and min(self.y1, other.y1) > max(
-            self.y0, other.y0
+        return all(
+            min(a[1], b[1]) > max(a[0], b[0])
+            for a, b in ((self.span(axis), other.span(axis)) for axis in "xy")
         )
 
 
@@ -126,17 +141,13 @@ class Tiling:
         if part.room:
             self.cells.append((part, cell))
             return
-        axis = 0 if part.row else 1
-        low, high = (cell.x0, cell.x1) if part.row else (cell.y0, cell.y1)
+        axis = "x" if part.row else "y"
+        low, high = cell.span(axis)
         parts = part.row or part.column[::-1]
-        extents = self._share(parts, axis, high - low)
+        extents = self._share(parts, "xy".index(axis), high - low)
         for inner, extent in zip(parts, extents, strict=True):
-            span = low, low + extent
+            self._place(inner, Cell.of(axis, (low, low + extent), cell.across(axis)))
             low += extent
-            if axis == 0:
-                self._place(inner, Cell(span[0], cell.y0, span[1], cell.y1))
-            else:
-                self._place(inner, Cell(cell.x0, span[0], cell.x1, span[1]))
 
     def _share(self, parts: tuple[Split, ...], axis: int, total: int) -> list[int]:
         needs = [self._need(part, axis) for part in parts]

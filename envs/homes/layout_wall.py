@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .layout_tree import HALF, Cell
-from .plan import INNER_WALL, OUTER_WALL, OUTSIDE
+from .plan import INNER_WALL, OUTER_WALL, OUTSIDE, Opening, OpeningKind
 
 BEYOND = round(1000 * OUTER_WALL) - HALF  # [mm] of an outer wall beyond the line of the cells
 Grid = NDArray[np.bool_]
@@ -36,7 +36,21 @@ class Panel:
     @property
     def span(self) -> tuple[int, int]:
         """Where it begins and ends along its axis [mm]."""
-        return span(self.area, self.axis)
+        return self.area.span(self.axis)
+
+    def opening(self, name: str, kind: OpeningKind, low: int, high: int, **look: Any) -> Opening:
+        """Return an opening in it from `low` to `high` [mm]; `look` has the other fields."""
+        near, far = self.area.across(self.axis)
+        middle, across = (low + high) / 2000, (near + far) / 2000
+        return Opening(
+            name,
+            kind,
+            axis=self.axis,
+            centre=(middle, across) if self.axis == "x" else (across, middle),
+            width=(high - low) / 1000,
+            thickness=(far - near) / 1000,
+            **{"rooms": self.rooms, "normal": self.normal} | look,
+        )
 
     @property
     def side(self) -> str:
@@ -51,11 +65,6 @@ class Run:
     area: Cell
     axis: Literal["x", "y"]
     is_outer: bool
-
-
-def span(area: Cell, axis: str) -> tuple[int, int]:
-    """Return the extent of a rectangle along an axis [mm]."""
-    return (area.x0, area.x1) if axis == "x" else (area.y0, area.y1)
 
 
 class Masonry:
@@ -107,7 +116,7 @@ class Masonry:
         for step in sides.values():
             axis: Literal["x", "y"] = "x" if step[0] == 0 else "y"
             lines = self._xs if axis == "x" else self._ys
-            low, high = span(inside, axis)
+            low, high = inside.span(axis)
             found: list[tuple[str, int, int]] = []
             for k in range(bisect_left(lines, low), bisect_left(lines, high)):
                 other = self._behind(inside, step, lines[k])
@@ -131,7 +140,7 @@ class Masonry:
             i, j = bisect_left(self._xs, strip.x0 + 1) - 1, bisect_left(self._ys, strip.y0 + 1) - 1
             line = self._grid[i, :] if step[0] == 0 else self._grid[:, j]
             places = self._ys if step[0] == 0 else self._xs
-            low, high = span(strip, "y" if step[0] == 0 else "x")
+            low, high = strip.across("x" if step[0] == 0 else "y")
             first, last = bisect_left(places, low), bisect_left(places, high)
             if last >= len(places) or places[last] != high or (line[first:last] != _WALL).any():
                 continue
@@ -174,22 +183,17 @@ class Masonry:
 
     def _trimmed(self, area: Cell, panel: Panel) -> Cell:
         """Return a wall without an end that juts into a wall which goes on past it on both sides."""
-        thick = _length(area, "y" if panel.axis == "x" else "x")
-        low, high = span(area, panel.axis)
+        (low, high), (near, far) = area.span(panel.axis), area.across(panel.axis)
+        thick = far - near
         ends = {low: (low, low + thick), high: (high - thick, high)}
         for end, (a, b) in ends.items():
             beyond = a >= panel.span[1] if end == high else b <= panel.span[0]
             if not beyond:
                 continue
-            if panel.axis == "x":
-                sides = Cell(a, area.y0 - 1, b, area.y0), Cell(a, area.y1, b, area.y1 + 1)
-            else:
-                sides = Cell(area.x0 - 1, a, area.x0, b), Cell(area.x1, a, area.x1 + 1, b)
-            if all(self._is_wall(side) for side in sides):
+            sides = (near - 1, near), (far, far + 1)
+            if all(self._is_wall(Cell.of(panel.axis, (a, b), side)) for side in sides):
                 low, high = (low, a) if end == high else (b, high)
-        if panel.axis == "x":
-            return Cell(low, area.y0, high, area.y1)
-        return Cell(area.x0, low, area.x1, high)
+        return Cell.of(panel.axis, (low, high), (near, far))
 
     def _is_wall(self, strip: Cell) -> bool:
         """Return whether a strip, which need not end on lines, is wall all over."""
@@ -206,18 +210,15 @@ class Masonry:
 
 
 def _length(area: Cell, axis: str) -> int:
-    low, high = span(area, axis)
+    low, high = area.span(axis)
     return high - low
 
 
 def _behind(inside: Cell, step: tuple[int, int], start: int, end: int, depth: float) -> Cell:
     """Return the strip of a depth [mm] behind one side of a room."""
-    far = round(depth)
-    if step[0] == 0:
-        y = (inside.y1, inside.y1 + far) if step[1] > 0 else (inside.y0 - far, inside.y0)
-        return Cell(start, y[0], end, y[1])
-    x = (inside.x1, inside.x1 + far) if step[0] > 0 else (inside.x0 - far, inside.x0)
-    return Cell(x[0], start, x[1], end)
+    axis, far = "x" if step[0] == 0 else "y", round(depth)
+    low, high = inside.across(axis)
+    return Cell.of(axis, (start, end), (high, high + far) if sum(step) > 0 else (low - far, low))
 
 
 def _widened(free: Grid, part: slice) -> slice:

@@ -69,7 +69,8 @@ def set_windows(
         for panel in panels:
             for low, high in _free(panel, doors):
                 for start, width in _fit(low, high, sash):
-                    out.append(_window(f"window_{len(out) + 1}", panel, start, width, sash))
+                    ends, name = (start, start + width), f"window_{len(out) + 1}"
+                    out.append(panel.opening(name, "window", *ends, sill=sash.sill, head=sash.head))
         if use in LIVED_IN and len(out) == before:
             raise ConfigError(f"{room} has no outer wall for a window")
     return out
@@ -84,7 +85,7 @@ def _free(panel: Panel, doors: list[Place]) -> list[tuple[int, int]]:
             taken.append((door.low - _MARGIN, door.high + _MARGIN))
         leaf = door.leaf
         if leaf is not None and leaf.overlaps(panel.area.grown(250)):
-            taken.append((leaf.x0, leaf.x1) if panel.axis == "x" else (leaf.y0, leaf.y1))
+            taken.append(leaf.span(panel.axis))
     out, start = [], low
     for a, b in sorted(taken):
         if b <= low or a >= high:
@@ -105,25 +106,3 @@ def _fit(low: int, high: int, sash: Sash) -> list[tuple[int, int]]:
         return [(low + k * step + (step - sash.widest) // 2, sash.widest) for k in range(2)]
     width = min(sash.widest, (length - 2 * _MARGIN) // 50 * 50)
     return [(low + (length - width) // 2, width)] if width >= sash.narrowest else []
-
-
-def _window(name: str, panel: Panel, start: int, width: int, sash: Sash) -> Opening:
-    area, middle = panel.area, (2 * start + width) / 2000
-    centre = (
-        (middle, (area.y0 + area.y1) / 2000)
-        if panel.axis == "x"
-        else ((area.x0 + area.x1) / 2000, middle)
-    )
-    thickness = area.y1 - area.y0 if panel.axis == "x" else area.x1 - area.x0
-    return Opening(
-        name,
-        "window",
-        panel.rooms,
-        panel.axis,
-        centre,
-        width / 1000,
-        thickness / 1000,
-        sill=sash.sill,
-        head=sash.head,
-        normal=panel.normal,
-    )

@@ -4,45 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 from rcare_marl.pose import Pose
 
 from ..rectangle import Rectangle
-from .furnishing import Placed
+from .care_home import CareHome
 from .occupancy import Obstacle, Occupancy
-from .plan import Plan
-from .rule import Rules
 
 FAR = 5.0  # [m]; what is free further than this is not measured
-
-
-class FurnishedHome(Protocol):
-    """A home that can be audited; `CareHome` is one."""
-
-    @property
-    def plan(self) -> Plan:
-        """Rooms, walls and openings."""
-
-    @property
-    def rules(self) -> Rules:
-        """The rules that it is built by."""
-
-    @property
-    def level(self) -> int:
-        """The level that it is built for."""
-
-    @property
-    def placed(self) -> tuple[Placed, ...]:
-        """All furniture."""
-
-    @property
-    def clearance(self) -> Occupancy:
-        """The map of free floor, for somebody on foot."""
-
-    @property
-    def wheel_clearance(self) -> Occupancy:
-        """The map of free floor, where wheelchairs may reach under what has room for knees."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +41,7 @@ class Surroundings:
 
     def __init__(
         self,
-        home: FurnishedHome,
+        home: CareHome,
         room: str,
         pose: Pose,
         *,

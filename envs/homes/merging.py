@@ -11,6 +11,17 @@ from rcare_marl.pose import Pose
 Part = tuple[Model, Pose, Mapping[str, float]]  # model, its place, positions of joints [rad or m]
 
 
+def link_poses(
+    model: Model, pose: Pose = Pose(), positions: Mapping[str, float] | None = None
+) -> dict[str, Pose]:
+    """Return where the links of a model at `pose` are; joints at zero, but for `positions` [rad or m]."""
+    places = {model.root: pose}
+    for name, joint in model.joints.items():
+        there = joint_pose(joint, (positions or {}).get(name, 0.0))
+        places[joint.child] = places[joint.parent] @ there
+    return places
+
+
 def merged(name: str, parts: Iterable[Part]) -> Model:
     """Return one link with the shapes of all models, each at its pose with its joints as given."""
     visual: list[Shape] = []
@@ -20,10 +31,7 @@ def merged(name: str, parts: Iterable[Part]) -> Model:
         names = {m: _named(m, rgba, materials) for m, rgba in model.materials.items()}
         used = {s.material for link in model.links.values() for s in link.visual}
         materials |= {names[m]: rgba for m, rgba in model.materials.items() if m in used}
-        places = {model.root: pose}
-        for joint_name, joint in model.joints.items():
-            there = joint_pose(joint, positions.get(joint_name, 0.0))
-            places[joint.child] = places[joint.parent] @ there
+        places = link_poses(model, pose, positions)
         for link_name, link in model.links.items():
             at = places[link_name]
             visual += [s.moved(at, material=names[s.material]) for s in link.visual]
@@ -39,8 +47,3 @@ def _named(material: str, rgba: tuple[float, ...], known: Mapping[str, tuple[flo
         number += 1
         name = f"{material}_{number}"
     return name
-
-
-def moved(shape: Shape, pose: Pose) -> Shape:
-    """Return a shape, given in the frame `pose`, in the frame that `pose` is given in."""
-    return shape.moved(pose)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,13 +30,11 @@ class Obstacle:
         area: The floor that it takes.
         name: What it is.
         room: Where it stands; empty for walls and doors.
-        is_knee: Whether knees go under it, so that a wheelchair's front may too.
     """
 
     area: Rectangle
     name: str
     room: str = ""
-    is_knee: bool = False
 
 
 class Occupancy:
@@ -66,9 +64,7 @@ class Occupancy:
             raise ConfigError(f"a cell must have a positive width, got {cell} m")
         self.obstacles, self.cell = tuple(obstacles), cell
         self.origin = (bounds.x0, bounds.y0)
-        self._corners = np.array(
-            [(o.area.x0, o.area.y0, o.area.x1, o.area.y1) for o in self.obstacles], np.float64
-        ).reshape(-1, 4)
+        self._corners = np.array([o.area.row for o in self.obstacles]).reshape(-1, 4)
         shape = (math.ceil(bounds.depth / cell), math.ceil(bounds.width / cell))
         self.free: Mask = np.ones(shape, np.bool_)
         for obstacle in self.obstacles:
@@ -90,16 +86,6 @@ class Occupancy:
             for a, b, n in zip(low, high, self.free.shape, strict=True)
         )
         return rows, columns
-
-    def cell_of(self, x: float, y: float) -> tuple[int, int]:
-        """Return row and column of a point [m]; ConfigError if it is off the map."""
-        row, column = (
-            math.floor((value - start) / self.cell)
-            for value, start in zip((y, x), self.origin[::-1], strict=True)
-        )
-        if not (0 <= row < self.free.shape[0] and 0 <= column < self.free.shape[1]):
-            raise ConfigError(f"({x:.2f}, {y:.2f}) m lies off the map of the home")
-        return row, column
 
     def point(self, row: int, column: int) -> tuple[float, float]:
         """Return the middle of a cell [m]."""
@@ -134,7 +120,3 @@ class Occupancy:
         x, y = self.point(rows.start + int(row), columns.start + int(column))
         inside = min(x - area.x0, area.x1 - x, y - area.y0, area.y1 - y)
         return 2 * min(self.clearance(x, y), inside), (x, y)
-
-    def is_free(self, area: Rectangle, *, but: Collection[str] = ()) -> bool:
-        """Return whether no obstacle, but those named, reaches into `area`."""
-        return not any(o.area.overlaps(area) for o in self.obstacles if o.name not in but)

@@ -45,6 +45,9 @@ class Room:
     options: dict[str, object] = field(default_factory=dict)
 
 
+OpeningKind = Literal["door", "entrance", "passage", "window"]
+
+
 @dataclass(frozen=True)
 class Opening:
     """A gap in a wall: a door, a passage without a door, or a window.
@@ -68,7 +71,7 @@ class Opening:
     """
 
     name: str
-    kind: Literal["door", "entrance", "passage", "window"]
+    kind: OpeningKind
     rooms: tuple[str, str]
     axis: Literal["x", "y"]
     centre: tuple[float, float]
@@ -147,6 +150,10 @@ class Plan:
         """Return a room by name; UnknownNameError if there is none."""
         check_name(f"room in {self.name}", name, self.rooms)
         return self.rooms[name]
+
+    def required_rooms(self) -> tuple[str, ...]:
+        """Return the rooms that everybody must reach: all but the closets, halls and other rooms."""
+        return tuple(room.name for room in self.rooms.values() if room.kind != "other")
 
     def openings_of(self, room: str) -> Iterable[Opening]:
         """Return the openings in the walls of a room."""

@@ -65,10 +65,6 @@ class Way:
         """Return the numbers of the connected regions that reach into `area`."""
         return set(np.unique(self._labels[self._map.window(area)]).tolist()) - {0}
 
-    def connects(self, a: Rectangle, b: Rectangle) -> bool:
-        """Return whether there is a way from somewhere in `a` to somewhere in `b`."""
-        return bool(self.regions_in(a) & self.regions_in(b))
-
     def route(self, start: Rectangle, goal: Rectangle) -> Route | None:
         """Return a short way from the freest place in `start` to that in `goal`; None if there is none.
 

@@ -115,9 +115,14 @@ class Rules(Mapping[str, Rule]):
     def __len__(self) -> int:
         return len(self._table)
 
-    def figure(self, name: str) -> float:
-        """Return what is built at this level, a number; ConfigError where nothing is built."""
+    def figure(self, name: str, otherwise: float | None = None) -> float:
+        """Return what is built at this level, a number.
+
+        Where nothing is built it is `otherwise`, or a ConfigError if that is None.
+        """
         value = self[name].built[self.level - 1]
+        if value is None and otherwise is not None:
+            return otherwise
         if value is None or isinstance(value, str):
             raise ConfigError(f"rule {name!r} has no figure at level {self.level}: {value!r}")
         return float(value)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 from rcare_marl.errors import ConfigError
 from rcare_marl.model.urdf import Model
 
@@ -13,7 +11,7 @@ from .plan import CEILING_HEIGHT, Plan
 from .shell_canvas import Canvas, shade
 from .shell_outline import maximal
 from .shell_wall import Painter, wall_boxes
-from .window import Fitter
+from .window import fit
 
 EAVES = 0.45  # [m] that the roof stands out
 PITCH = 0.42  # rise of the roof over its run; own choice
@@ -24,7 +22,6 @@ def shell_model(
     plan: Plan,
     palette: Palette,
     *,
-    rooms: Collection[str] | None = None,
     ceilings: bool = True,
     wall_height: float | None = None,
 ) -> Model:
@@ -33,38 +30,32 @@ def shell_model(
     Args:
         plan: The floor plan.
         palette: The colours of the house.
-        rooms: Names of the rooms whose walls are built; all if None.
         ceilings: Whether to build ceilings, and over a whole house a roof.
         wall_height: Where to cut walls [m]; at the ceiling if None.
 
     Raises:
         ConfigError: If `wall_height` is not above the floor and below the ceiling.
-        UnknownNameError: If there is no such room.
     """
     height = CEILING_HEIGHT if wall_height is None else wall_height
     if not 0 < height <= CEILING_HEIGHT:
         raise ConfigError(f"wall_height must be within 0 and {CEILING_HEIGHT} m, got {height}")
-    chosen = tuple(plan.rooms) if rooms is None else tuple(rooms)
     canvas = Canvas()
-    painter, fitter = Painter(plan, canvas, chosen, height), Fitter(canvas, height)
+    painter = Painter(plan, canvas, height)
     for block in wall_boxes(plan, height=height):
-        area = plan.walls[block.wall].area
-        if painter.is_near(block.area, min(area.width, area.depth) + 0.01):
-            canvas.box("", block.area, (block.low, block.high), solid=True)
+        canvas.box("", block.area, (block.low, block.high), solid=True)
     for wall in plan.walls:
         painter.paint(wall)
     for opening in plan.openings.values():
-        if set(opening.rooms) & set(chosen):
-            fitter.fit(opening)
+        fit(canvas, opening, height)
     if ceilings:
-        for name in chosen:
-            canvas.level("ceiling", plan.room(name).inside.grown(0.02), height, up=False)
-            area = plan.room(name).inside.grown(0.06)
+        for room in plan.rooms.values():
+            canvas.level("ceiling", room.inside.grown(0.02), height, up=False)
+            area = room.inside.grown(0.06)
             x, y = area.centre
             # Renderers take what is flatter than 0.3 m for a floor: reach up at one place.
             canvas.upright("ceiling", "x", y, (x, x + 0.001), (height, height + 0.35), 1)
             canvas.box("", area, (height, height + CEILING), solid=True)
-        if rooms is None and wall_height is None:
+        if wall_height is None:
             for area in maximal(plan.outline):
                 _roof(canvas, area.grown(EAVES), height)
     tones = {"grout": shade(palette.wall_tile, 0.8)}

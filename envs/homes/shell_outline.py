@@ -24,20 +24,15 @@ def maximal(areas: Iterable[Rectangle]) -> tuple[Rectangle, ...]:
 
 def _stretched(area: Rectangle, axis: str, parts: tuple[Rectangle, ...]) -> Rectangle:
     """Return a rectangle made as long along an axis as the parts together cover it."""
-    edges = {e for p in parts for e in ((p.x0, p.x1) if axis == "x" else (p.y0, p.y1))}
-    best = area
-    for low in sorted(edges):
-        for high in sorted(edges):
-            if axis == "x":
-                if low > area.x0 or high < area.x1:
-                    continue
-                tried = Rectangle(low, area.y0, high, area.y1)
-            else:
-                if low > area.y0 or high < area.y1:
-                    continue
-                tried = Rectangle(area.x0, low, area.x1, high)
-            if tried.area > best.area and _covers(parts, tried):
-                best = tried
+    edges = sorted({edge for part in parts for edge in part.span(axis)})
+    start, end = area.span(axis)
+    best, across = area, area.span("y" if axis == "x" else "x")
+    for low in edges:
+        for high in edges:
+            if low <= start and end <= high:
+                tried = Rectangle.of(axis, (low, high), across)
+                if tried.area > best.area and _covers(parts, tried):
+                    best = tried
     return best
 
 

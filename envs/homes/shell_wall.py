@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from dataclasses import dataclass
 
 from ..rectangle import Rectangle
@@ -38,21 +37,10 @@ class Block:
     high: float
 
 
-def span(area: Rectangle, axis: Axis) -> Span:
-    """Return where a rectangle begins and ends along an axis [m]."""
-    return (area.x0, area.x1) if axis == "x" else (area.y0, area.y1)
-
-
-def _stretch(axis: Axis, along: Span, across: Span) -> Rectangle:
-    if axis == "x":
-        return Rectangle(along[0], across[0], along[1], across[1])
-    return Rectangle(across[0], along[0], across[1], along[1])
-
-
 def openings_in(plan: Plan, wall: Wall) -> list[Opening]:
     """Return the openings in a wall, in the order in which they come along it."""
     found = [o for o in plan.openings.values() if o.axis == wall.axis and wall.area.has(*o.centre)]
-    return sorted(found, key=lambda o: span(o.gap, o.axis))
+    return sorted(found, key=lambda o: o.gap.span(o.axis))
 
 
 def pocket(opening: Opening) -> Rectangle | None:
@@ -77,21 +65,21 @@ def wall_boxes(plan: Plan, *, height: float = CEILING_HEIGHT) -> tuple[Block, ..
 
 
 def _blocks(plan: Plan, number: int, wall: Wall, height: float) -> list[Block]:
-    start, end = span(wall.area, wall.axis)
-    across = span(wall.area, "y" if wall.axis == "x" else "x")
+    start, end = wall.area.span(wall.axis)
+    across = wall.area.span("y" if wall.axis == "x" else "x")
     skin = 0.5 * (across[1] - across[0] - CAVITY)
     out, at = [], start
 
     def add(along: Span, low: float, high: float, over: Span = across) -> None:
-        area = _stretch(wall.axis, along, over)
+        area = Rectangle.of(wall.axis, along, over)
         out.append(Block(number, area, low, min(high, height)))
 
     voids: list[tuple[Span, Opening, bool]] = []
     for opening in openings_in(plan, wall):
-        voids.append((span(opening.gap, wall.axis), opening, False))
+        voids.append((opening.gap.span(wall.axis), opening, False))
         slot = pocket(opening)
         if slot is not None:
-            voids.append((span(slot, wall.axis), opening, True))
+            voids.append((slot.span(wall.axis), opening, True))
     for along, opening, is_pocket in sorted(voids, key=lambda v: v[0]):
         if along[0] - at > 1e-6:
             add((at, along[0]), 0.0, height)
@@ -110,60 +98,41 @@ def _blocks(plan: Plan, number: int, wall: Wall, height: float) -> list[Block]:
 class Painter:
     """Paints the faces of walls, each stretch as the room wants it that it looks into."""
 
-    def __init__(self, plan: Plan, canvas: Canvas, rooms: Collection[str], height: float) -> None:
+    def __init__(self, plan: Plan, canvas: Canvas, height: float) -> None:
         self._plan, self._canvas, self._height = plan, canvas, height
-        self._chosen = [plan.room(name).inside for name in rooms]
         self._accents = {room.name: _accent(plan, room) for room in plan.rooms.values()}
-
-    def is_near(self, area: Rectangle, reach: float) -> bool:
-        """Return whether something is within `reach` [m] of a room that is built."""
-        return any(room.grown(reach).overlaps(area) for room in self._chosen)
 
     def paint(self, wall: Wall) -> None:
         """Paint both faces of a wall, its ends and its top."""
         across: Axis = "y" if wall.axis == "x" else "x"
-        low, high = span(wall.area, across)
+        low, high = wall.area.span(across)
         openings = openings_in(self._plan, wall)
+        cuts = self._cuts(wall, openings)
         for at, sign in ((low, -1), (high, 1)):
-            cuts = self._cuts(wall, openings)
             for along in zip(cuts, cuts[1:], strict=False):
-                stretch = _stretch(wall.axis, along, (low, high))
-                if self.is_near(stretch, high - low + 0.01):
-                    self._stretch_of_face(wall.axis, at, along, sign, openings)
-        start, end = span(wall.area, wall.axis)
+                self._stretch_of_face(wall.axis, at, along, sign, openings)
+        start, end = wall.area.span(wall.axis)
         for at, sign in ((start, -1), (end, 1)):
-            if self.is_near(wall.area, high - low + 0.01):
-                self._plain(across, at, (low, high), sign)
-        for along in self._tops(wall):
-            self._canvas.level("trim", _stretch(wall.axis, along, (low, high)), self._height)
-
-    def _tops(self, wall: Wall) -> list[Span]:
-        cuts = self._cuts(wall, openings_in(self._plan, wall))
-        thick = min(wall.area.width, wall.area.depth)
-        out = []
+            self._plain(across, at, (low, high), sign)
         for along in zip(cuts, cuts[1:], strict=False):
-            middle = 0.5 * (along[0] + along[1])
-            across = span(wall.area, "y" if wall.axis == "x" else "x")
-            if not self.is_near(_stretch(wall.axis, along, across), thick + 0.01):
-                continue
-            over = [o for o in openings_in(self._plan, wall) if _has(o, wall.axis, middle)]
+            over = [o for o in openings if _has(o, wall.axis, 0.5 * (along[0] + along[1]))]
             if all(o.head < self._height or o.sill >= self._height for o in over):
-                out.append(along)
-        return out
+                top = Rectangle.of(wall.axis, along, (low, high))
+                self._canvas.level("trim", top, self._height)
 
     def _cuts(self, wall: Wall, openings: list[Opening]) -> list[float]:
         """Where the look of a face may change along the wall [m]."""
-        start, end = span(wall.area, wall.axis)
+        start, end = wall.area.span(wall.axis)
         near = wall.area.grown(0.05)
         cuts = {start, end}
         for room in self._plan.rooms.values():
             if room.inside.overlaps(near):
-                cuts.update(span(room.inside, wall.axis))
+                cuts.update(room.inside.span(wall.axis))
         for other in self._plan.walls:
             if other is not wall and other.area.overlaps(near):
-                cuts.update(span(other.area, wall.axis))
+                cuts.update(other.area.span(wall.axis))
         for opening in openings:
-            cuts.update(span(opening.gap, wall.axis))
+            cuts.update(opening.gap.span(wall.axis))
         inside = sorted(cut for cut in cuts if start <= cut <= end)
         return [
             c for c, before in zip(inside, [-math.inf, *inside], strict=False) if c - before > 1e-6
@@ -190,7 +159,7 @@ class Painter:
             front = at + sign * out
             self._canvas.upright("trim", axis, front, along, (0.0, tall), sign)
             ledge = (min(at, front), max(at, front))
-            self._canvas.level("trim", _stretch(axis, along, ledge), tall)
+            self._canvas.level("trim", Rectangle.of(axis, along, ledge), tall)
 
     def _plain(self, axis: Axis, at: float, along: Span, sign: int) -> None:
         """Paint the end of a wall, where it is not against another."""
@@ -235,7 +204,7 @@ class Painter:
 
 
 def _has(opening: Opening, axis: Axis, at: float) -> bool:
-    low, high = span(opening.gap, axis)
+    low, high = opening.gap.span(axis)
     return low < at < high
 
 

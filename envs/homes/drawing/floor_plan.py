@@ -15,6 +15,7 @@ from matplotlib.patches import Arc, Circle
 from matplotlib.patches import Rectangle as Patch
 
 from rcare_marl.envs.homes.care_home import CareHome
+from rcare_marl.envs.homes.door import hinge_side
 from rcare_marl.envs.homes.plan import JAMB, Opening, Room
 from rcare_marl.envs.homes.route import Route
 from rcare_marl.envs.rectangle import Rectangle
@@ -74,13 +75,7 @@ def draw(
 
 def extent(home: CareHome) -> Rectangle:
     """Return the floor that a plan shows [m]."""
-    areas = home.plan.outline
-    return Rectangle(
-        min(a.x0 for a in areas),
-        min(a.y0 for a in areas),
-        max(a.x1 for a in areas),
-        max(a.y1 for a in areas),
-    ).grown(MARGIN)
+    return Rectangle.around(home.plan.outline).grown(MARGIN)
 
 
 def figure(home: CareHome, *, width: float = 11.0, route: Route | None = None) -> Figure:
@@ -140,8 +135,7 @@ def _opening(axes: Axes, opening: Opening, weight: float) -> None:
         return
     frame = opening.pose
     turn, at = frame.matrix()[:2, :2], np.array(frame.position[:2])
-    is_along = float(turn[:, 0] @ ((1, 0) if opening.axis == "x" else (0, 1))) > 0
-    hinge = -1.0 if (opening.hinge == "low") == is_along else 1.0
+    hinge = hinge_side(opening)
     half = 0.5 * opening.width - JAMB
     if opening.hardware == "slider":
         ends = np.array(((hinge * half, 0.0), (hinge * (half + opening.width), 0.0)))

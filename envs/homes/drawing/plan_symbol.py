@@ -167,7 +167,7 @@ def _lamp(pen: Pen, piece: Piece, area: Rectangle) -> None:
 def _kitchen(pen: Pen, piece: Piece, area: Rectangle) -> None:
     pen.box(area, STEEL)
     for knee in piece.knee:
-        pen.box(_within(knee, area), "#f4f5f7", ls=":")
+        pen.box(knee.common(area) or knee, "#f4f5f7", ls=":")
     if "basin" in piece.frames:
         x, y = piece.frames["basin"].pose.position[:2]
         pen.box(Rectangle(x - 0.2, y - 0.26, x + 0.2, y + 0.26), WATER, rounding=0.06)
@@ -238,15 +238,6 @@ def _piano(pen: Pen, piece: Piece, area: Rectangle) -> None:
 def _fire(pen: Pen, piece: Piece, area: Rectangle) -> None:
     pen.box(area, STEEL)
     pen.polygon([(0.12, -0.35), (0.12, 0.35), (0.45, 0.22), (0.45, -0.22)], "#e8a25c")
-
-
-def _within(area: Rectangle, bounds: Rectangle) -> Rectangle:
-    return Rectangle(
-        max(area.x0, bounds.x0),
-        max(area.y0, bounds.y0),
-        min(area.x1, bounds.x1),
-        min(area.y1, bounds.y1),
-    )
 
 
 # Which pieces each symbol stands for.

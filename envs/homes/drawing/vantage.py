@@ -105,16 +105,8 @@ def _vantages(inside: Rectangle, view: str) -> Iterator[Vantage]:
             x = corner[0] + sx * back + (aside if sx == 0 else 0.0)
             y = corner[1] + sy * back + (aside if sx != 0 else 0.0)
             yaw = math.atan2(cy - y, cx - x)
-            sides = "".join(
-                letter
-                for letter, is_out in (
-                    ("s", y < inside.y0 + 0.1),
-                    ("w", x < inside.x0 + 0.1),
-                    ("n", y > inside.y1 - 0.1),
-                    ("e", x > inside.x1 - 0.1),
-                )
-                if is_out
-            )
+            sides = "s" * (y < inside.y0 + 0.1) + "w" * (x < inside.x0 + 0.1)
+            sides += "n" * (y > inside.y1 - 0.1) + "e" * (x > inside.x1 - 0.1)
             for turn in TURNS:
                 yield Vantage((x, y, EYE), yaw + turn, sides)
 
@@ -169,18 +161,13 @@ class _Scene:
     def _ends(self, open_sides: str) -> Array:
         """Return where walls end that are taken away, beyond which there is nothing, shape [n, 3]."""
         a = self._inside
-        return np.array(
-            [
-                (x, y, EYE)
-                for x, y, sides in (
-                    (a.x0, a.y0, "sw"),
-                    (a.x1, a.y0, "se"),
-                    (a.x0, a.y1, "nw"),
-                    (a.x1, a.y1, "ne"),
-                )
-                if set(sides) & set(open_sides)
-            ]
-        ).reshape(-1, 3)
+        ends = [
+            (x, y, EYE)
+            for x, side in ((a.x0, "w"), (a.x1, "e"))
+            for y, end in ((a.y0, "s"), (a.y1, "n"))
+            if side in open_sides or end in open_sides
+        ]
+        return np.array(ends).reshape(-1, 3)
 
     def _hidden(self, eye: Array, points: Array, own: int) -> Mask:
         """Return which points something else is before, shape [n]."""

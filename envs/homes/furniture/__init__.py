@@ -11,7 +11,6 @@ from . import bathroom_storage as bathroom_storage
 from . import bedroom as bedroom
 from . import dining as dining
 from . import drapery as drapery
-from . import garden as garden
 from . import gym as gym
 from . import hall as hall
 from . import hearth as hearth
@@ -21,4 +20,3 @@ from . import laundry as laundry
 from . import living as living
 from . import storage as storage
 from . import study as study
-from . import switch as switch

@@ -51,17 +51,11 @@ def at_rest(model: Model, shift: Triple, positions: Mapping[str, float]) -> Mode
 
 def _moved(frames: Mapping[str, Frame], by: Triple) -> dict[str, Frame]:
     """Return frames moved by `by` [m]."""
-    return {
-        name: dataclasses.replace(
-            frame,
-            position=(
-                frame.position[0] + by[0],
-                frame.position[1] + by[1],
-                frame.position[2] + by[2],
-            ),
-        )
-        for name, frame in frames.items()
-    }
+    out = {}
+    for name, frame in frames.items():
+        x, y, z = (a + b for a, b in zip(frame.position, by, strict=True))
+        out[name] = dataclasses.replace(frame, position=(x, y, z))
+    return out
 
 
 @maker("hospital_bed")

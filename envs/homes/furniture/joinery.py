@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
 
 import numpy as np
 
 from rcare_marl.model.inertia import of_box
-from rcare_marl.model.shape import ZERO, Shape, Triple
-from rcare_marl.model.urdf import Joint
+from rcare_marl.model.shape import UNSTRETCHED, ZERO, Shape, Triple
+from rcare_marl.model.urdf import Joint, Model
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 
-from ...devices import Assembly, Frame, Part
+from ...devices import Frame
 from ...rectangle import Rectangle
-from ..piece import Piece, Setting, Zone
-from .stock import box, solid_rods
+from ..piece import Piece, Setting, Zone, maker
+from .stock import Part, box, solid_rods
 
 BODY = "body"  # the root of every piece
 BOARD = 0.018  # [m] thickness of board; common, from memory
@@ -35,57 +36,105 @@ HINGE_DAMPING = 0.5  # [N·m·s/rad]
 SLIDE_DAMPING = 12.0  # [N·s/m]
 # What joints are made for: greatest effort [N·m, N] and speed [rad/s, m/s]; own choice.
 _MADE_FOR = {"revolute": (60.0, 6.0), "prismatic": (120.0, 2.0)}
+_AXES: dict[str, Triple] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+Corners = tuple[Triple, Triple]
 
 
-class Joinery(Assembly):
+class Joinery:
     """Puts a piece of furniture together; every place is told in the frame of the piece at rest.
 
+    What is added goes with one link: with the body, or with the link that `joint`, `door` or `drawer`
+    made and whose view of the piece they return. All views share what is gathered; footprint, height and
+    whether it blocks are told to the first.
+
     Attributes:
+        link: The link that it is added to.
+        parts: Its links by name, the body first.
+        joints: Its joints by name.
         setting: What the piece is made for.
         rules: The rules of its level.
         frames: Named places on it, to be filled.
         measures: Dimensions that rules are about, to be filled [m].
         zones: Floor that it needs, to be filled.
         knee: Floor under it that is free for knees, to be filled.
+        footprint: The floor that it covers; what its shapes cover if None.
+        height: Of its highest point [m]; that of its shapes if None.
+        blocks: Whether it keeps people from walking there.
     """
 
     def __init__(self, kind: str, setting: Setting) -> None:
         """Begin a piece of `kind`."""
-        super().__init__(BODY, 0.0)
-        self.kind = kind
+        self.parts = {BODY: Part(0.0)}
+        self.joints: dict[str, Joint] = {}
+        self.kind, self.link = kind, BODY
         self.setting = setting
         self.rules = setting.rules
         self.frames: dict[str, Frame] = {}
         self.measures: dict[str, float] = {}
         self.zones: list[Zone] = []
         self.knee: list[Rectangle] = []
+        self.footprint: Rectangle | None = None
+        self.height: float | None = None
+        self.blocks = True
 
-    def draw(self, *shapes: Shape, link: str = BODY) -> None:
-        """Add shapes for the eye to a link."""
-        self.parts[link].visual += [shape.coarse() for shape in shapes]
+    def ruled(self, name: str, otherwise: float | None = None) -> float:
+        """Return what the rules build, see `Rules.figure`, and note it as a measure of the piece [m]."""
+        self.measures[name] = self.rules.figure(name, otherwise)
+        return self.measures[name]
 
-    def solid(self, *shapes: Shape, link: str = BODY) -> None:
-        """Add shapes to collide with to a link."""
-        self.parts[link].collision += shapes
+    def on(self, link: str) -> Joinery:
+        """Return the same piece to which is added on another link."""
+        view = copy.copy(self)
+        view.link = link
+        return view
 
-    def add(self, *shapes: Shape, link: str = BODY) -> None:
-        """Add shapes to a link, to look at and to collide with."""
-        self.draw(*shapes, link=link)
-        self.solid(*shapes, link=link)
+    def draw(self, *shapes: Shape) -> None:
+        """Add shapes for the eye."""
+        self.parts[self.link].visual += [shape.coarse() for shape in shapes]
 
-    def box(
+    def solid(self, *shapes: Shape) -> None:
+        """Add shapes to collide with."""
+        self.parts[self.link].collision += shapes
+
+    def add(self, *shapes: Shape) -> None:
+        """Add shapes to look at and to collide with."""
+        self.draw(*shapes)
+        self.solid(*shapes)
+
+    def box(self, low: Triple, high: Triple, material: str, *, bevel: float = 0.0) -> None:
+        """Add a box between two corners [m]."""
+        self.add(box(material, low, high, bevel=bevel))
+
+    def show(self, low: Triple, high: Triple, material: str, *, bevel: float = 0.0) -> None:
+        """Add a box between two corners [m] for the eye."""
+        self.draw(box(material, low, high, bevel=bevel))
+
+    def block(self, low: Triple, high: Triple) -> None:
+        """Add a box between two corners [m] to collide with."""
+        self.solid(box("", low, high))
+
+    def sides(
+        self, low: Triple, high: Triple, thick: float, material: str, *, solid: bool = True
+    ) -> None:
+        """Add the two boards `thick` [m] that close the box between two corners [m] along y."""
+        for y in (low[1], high[1] - thick):
+            a, b = (low[0], y, low[2]), (high[0], y + thick, high[2])
+            (self.box if solid else self.show)(a, b, material)
+
+    def ring(
         self,
-        low: Triple,
-        high: Triple,
+        outer: Rectangle,
+        inner: Rectangle,
+        span: tuple[float, float],
         material: str,
         *,
-        link: str = BODY,
-        bevel: float = 0.0,
         solid: bool = True,
-        seen: bool = True,
     ) -> None:
-        """Add a box between two corners [m]."""
-        self._place(box(material, low, high, bevel=bevel), link, solid=solid, seen=seen)
+        """Add what is between two rectangles, from the lower to the upper height of `span` [m]."""
+        for part in outer.without(inner):
+            low, high = (part.x0, part.y0, span[0]), (part.x1, part.y1, span[1])
+            (self.box if solid else self.show)(low, high, material)
 
     def slab(
         self,
@@ -94,14 +143,16 @@ class Joinery(Assembly):
         material: str,
         *,
         rpy: Triple = ZERO,
-        link: str = BODY,
         bevel: float = 0.0,
         solid: bool = True,
         seen: bool = True,
     ) -> None:
         """Add a box about its middle `at` [m], turned by `rpy` [rad]."""
-        shape = Shape(kind="box", material=material, at=at, rpy=rpy, size=size, bevel=bevel)
-        self._place(shape, link, solid=solid, seen=seen)
+        shape = Shape("box", material, at, rpy, size=size, bevel=bevel)
+        if seen:
+            self.draw(shape)
+        if solid:
+            self.solid(shape)
 
     def rod(
         self,
@@ -109,17 +160,47 @@ class Joinery(Assembly):
         radius: float,
         material: str,
         *,
-        link: str = BODY,
         bend: float = 0.0,
         solid: bool = False,
     ) -> None:
         """Add a round rod along `points` [m], its corners rounded by `bend` [m] for the eye."""
-        path = tuple(points)
-        self.draw(
-            Shape(kind="tube", material=material, points=path, radius=radius, bend=bend), link=link
-        )
+        self.draw(Shape("tube", material, points=tuple(points), radius=radius, bend=bend))
         if solid:
-            self.solid(*solid_rods(radius, *path), link=link)
+            self.solid(*solid_rods(radius, *points))
+
+    def post(
+        self, foot: Triple, top: float, radius: float, material: str, *, solid: bool = False
+    ) -> None:
+        """Add an upright rod from `foot` up to the height `top` [m]."""
+        self.rod((foot, (foot[0], foot[1], top)), radius, material, solid=solid)
+
+    def disc(
+        self, at: Triple, radius: float, thick: float, material: str, *, along: str = "z"
+    ) -> None:
+        """Add a flat disc about `at` [m] for the eye, its axis along x, y or z."""
+        half = [0.5 * thick * a for a in _AXES[along]]
+        ends = _triple(np.subtract(at, half).tolist()), _triple(np.add(at, half).tolist())
+        self.rod(ends, radius, material)
+
+    def cylinder(
+        self, at: Triple, radius: float, length: float, *, material: str | None = None
+    ) -> None:
+        """Add an upright cylinder about `at` [m] to collide with; to see as well if it has a material."""
+        self.solid(Shape("cylinder", "", at, radius=radius, length=length))
+        if material is not None:
+            self.draw(Shape("cylinder", material, at, radius=radius, length=length))
+
+    def lathe(
+        self,
+        at: Triple,
+        profile: Sequence[tuple[float, float]],
+        material: str,
+        *,
+        rpy: Triple = ZERO,
+        scale: Triple = UNSTRETCHED,
+    ) -> None:
+        """Add a turned body for the eye: radii and heights over `at` [m], turned by `rpy` [rad]."""
+        self.draw(Shape("lathe", material, at, rpy, profile=tuple(profile), scale=scale))
 
     def legs(self, area: Rectangle, top: float, side: float, material: str) -> None:
         """Add four square legs of thickness `side` in the corners of `area`, up to `top` [m]."""
@@ -127,34 +208,30 @@ class Joinery(Assembly):
             for y in (area.y0, area.y1 - side):
                 self.box((x, y, 0.0), (x + side, y + side, top), material)
 
-    def moving(
+    def joint(
         self,
         link: str,
-        kind: Literal["revolute", "prismatic"],
         at: Triple,
-        axis: Triple,
+        axis: str | Triple,
         upper: float,
         *,
-        parent: str = BODY,
-        joint: str = "",
+        slides: bool = False,
         mass: float | None = None,
         density: float = WOOD,
-        fills: tuple[Triple, Triple] | None = None,
+        fills: Corners | None = None,
         damping: float = 0.0,
         slowing: float = 0.0,
         friction: float = 0.0,
         drawn_open: bool = False,
-    ) -> None:
-        """Add a link that turns about, or slides along, `axis` through `at` from 0 to `upper`.
+    ) -> Joinery:
+        """Hang a link on this one, by a joint of the same name from 0 to `upper`, and return it.
 
         Args:
             link: Its name.
-            kind: Kind of joint.
             at: Origin of the link in the piece [m].
-            axis: Direction of the joint in the piece; x, y or z for what is `drawn_open`.
+            axis: Direction of the joint in the piece, such as `-y`.
             upper: Upper limit [rad or m].
-            parent: Link that carries it.
-            joint: Name of its joint; that of the link if empty.
+            slides: Whether it slides along the axis; else it turns about it.
             mass: Of the link [kg]; that of its solids if None.
             density: Of its solids [kg/m³].
             fills: Corners of the box that its mass fills evenly [m]; its solids if None.
@@ -164,6 +241,10 @@ class Joinery(Assembly):
             friction: See `Joint` [N·m or N].
             drawn_open: Whether its shapes are told for the upper end of its joint.
         """
+        if isinstance(axis, str):
+            sign = -1.0 if axis.startswith("-") else 1.0
+            axis = _triple([sign * a if a else 0.0 for a in _AXES[axis[-1]]])
+        kind: Literal["revolute", "prismatic"] = "prismatic" if slides else "revolute"
         part = Part(mass, origin=at, density=density)
         if mass is not None and fills is not None:
             size, middle = np.subtract(fills[1], fills[0]), 0.5 * np.add(*fills) - at
@@ -176,10 +257,10 @@ class Joinery(Assembly):
         self.parts[link] = part
         closed = _triple([-upper * a for a in axis]) if drawn_open else ZERO
         effort, velocity = _MADE_FOR[kind]
-        here = self.parts[parent].origin
-        self.joints[joint or link] = Joint(
+        here = self.parts[self.link].origin
+        self.joints[link] = Joint(
             kind=kind,
-            parent=parent,
+            parent=self.link,
             child=link,
             at=_minus(at, here),
             rpy=closed,
@@ -191,10 +272,10 @@ class Joinery(Assembly):
             damping=damping,
             friction=friction,
         )
+        return self.on(link)
 
     def handle(
         self,
-        joint: str,
         at: Triple,
         *,
         length: float = 0.16,
@@ -202,10 +283,9 @@ class Joinery(Assembly):
         style: str = "",
         material: str = "metal",
     ) -> None:
-        """Add a handle to a front that looks along x, and the frame `handle_<joint>`, its grip.
+        """Add a handle to a front that looks along x, and the frame `handle_<link>`, its grip.
 
         Args:
-            joint: The joint that it is for.
             at: Middle of the handle on the front [m].
             length: Of a bar [m].
             upright: Whether a bar stands upright.
@@ -213,38 +293,35 @@ class Joinery(Assembly):
             material: Its colour.
         """
         x, y, z = at
-        link = self.joints[joint].child
         style = style or self.rules.choice("cupboard_handle")
         if style == "knob":
             tip = x + KNOB_REACH
-            self.rod([at, (x + 0.012, y, z)], 0.006, material, link=link)
-            self.rod([(x + 0.010, y, z), (tip, y, z)], 0.015, material, link=link)
-            self.solid(Shape("cylinder", points=(at, (tip, y, z)), radius=0.015), link=link)
+            self.rod([at, (x + 0.012, y, z)], 0.006, material)
+            self.rod([(x + 0.010, y, z), (tip, y, z)], 0.015, material)
+            self.solid(Shape("cylinder", points=(at, (tip, y, z)), radius=0.015))
         else:
             half, tip, thick = 0.5 * length, x + BAR_REACH, 0.010
             dy, dz = (0.006, half) if upright else (half, 0.006)
-            low, high = (tip - thick, y - dy, z - dz), (tip, y + dy, z + dz)
-            self.box(low, high, material, link=link)
+            self.box((tip - thick, y - dy, z - dz), (tip, y + dy, z + dz), material)
             for side in (-1, 1):
                 py, pz = (y, z + side * (half - 0.02)) if upright else (y + side * (half - 0.02), z)
                 a, b = (x, py - 0.005, pz - 0.005), (tip - thick, py + 0.005, pz + 0.005)
-                self.box(a, b, material, link=link, solid=False)
-        self.frame(f"handle_{joint}", (tip - 0.005, y, z), f"{style} of {joint}, x out of it")
+                self.show(a, b, material)
+        self.on(BODY).frame(
+            f"handle_{self.link}", (tip - 0.005, y, z), f"{style} of {self.link}, x out of it"
+        )
 
-    def front(
-        self, low: Triple, high: Triple, material: str, *, link: str, framed: bool = True
-    ) -> None:
+    def front(self, low: Triple, high: Triple, material: str, *, framed: bool = True) -> None:
         """Add a board whose face looks along x; framed, with a raised rim as panelled fronts have."""
         if not framed:
-            self.box(low, high, material, link=link)
+            self.box(low, high, material)
             return
         rim, face = 0.055, high[0] - 0.005
-        self.box(low, (face, high[1], high[2]), material, link=link)
+        self.box(low, (face, high[1], high[2]), material)
         for y0, y1 in ((low[1], low[1] + rim), (high[1] - rim, high[1])):
-            self.box((face, y0, low[2]), (high[0], y1, high[2]), material, link=link, solid=False)
+            self.show((face, y0, low[2]), (high[0], y1, high[2]), material)
         for z0, z1 in ((low[2], low[2] + rim), (high[2] - rim, high[2])):
-            a, b = (face, low[1] + rim, z0), (high[0], high[1] - rim, z1)
-            self.box(a, b, material, link=link, solid=False)
+            self.show((face, low[1] + rim, z0), (high[0], high[1] - rim, z1), material)
 
     def door(
         self,
@@ -253,32 +330,31 @@ class Joinery(Assembly):
         high: Triple,
         material: str,
         *,
-        hinge: Literal["left", "right"],
+        left: bool,
         mass: float | None = None,
         handle_z: float | None = None,
         swing: float = OPEN,
         framed: bool = False,
-    ) -> None:
+    ) -> Joinery:
         """Hang a door that fills the opening from `low` to `high` [m] and looks along x.
 
-        `hinge` is the side seen along x: left is +y. It turns about the outer edge of its face, so
-        that it opens by `swing` [rad] within its own width, and has a handle on the other side.
+        Its hinges are on the `left`, +y, as seen along x, or on the right. It turns about the outer edge
+        of its face, so that it opens by `swing` [rad] within its own width, and has a handle on the other
+        side.
         """
         (x0, y0, z0), (x1, y1, z1) = low, high
-        sign = 1.0 if hinge == "left" else -1.0
-        pivot = (x1, y1 if hinge == "left" else y0, z0)
-        self.moving(
-            name, "revolute", pivot, (0.0, 0.0, sign), swing, mass=mass, damping=HINGE_DAMPING
-        )
+        sign, pivot = (1.0, (x1, y1, z0)) if left else (-1.0, (x1, y0, z0))
+        leaf = self.joint(name, pivot, (0.0, 0.0, sign), swing, mass=mass, damping=HINGE_DAMPING)
         low, high = (x0, y0 + GAP, z0 + GAP), (x1, y1 - GAP, z1 - GAP)
-        self.front(low, high, material, link=name, framed=framed)
-        free = (y0 if hinge == "left" else y1) + sign * 0.035
+        leaf.front(low, high, material, framed=framed)
+        free = (y0 if left else y1) + sign * 0.035
         z = 0.5 * (z0 + z1) if handle_z is None else handle_z
-        self.handle(name, (x1, free, z), upright=True)
+        leaf.handle((x1, free, z), upright=True)
         # A leaf past a right angle reaches beside the side that it hangs on.
         past = max(-math.cos(swing), 0.0) * (y1 - y0)
-        sides = (y0, y1 + past) if hinge == "left" else (y0 - past, y1)
+        sides = (y0, y1 + past) if left else (y0 - past, y1)
         self.sweep(Rectangle(x1, sides[0], x1 + y1 - y0, sides[1]))
+        return leaf
 
     def drawer(
         self,
@@ -290,7 +366,7 @@ class Joinery(Assembly):
         travel: float = 0.0,
         inner: str = "wood_light",
         framed: bool = False,
-    ) -> None:
+    ) -> Joinery:
         """Put in an open drawer that fills the space from `low` to `high` [m], its front along x.
 
         It comes out by `travel` [m], three quarters of its length if 0.
@@ -299,35 +375,27 @@ class Joinery(Assembly):
         thin, tall = 0.012, z1 - z0
         travel = travel or 0.75 * (x1 - x0)
         front, middle = x1 - BOARD, 0.5 * (y0 + y1)
-        self.moving(
-            name,
-            "prismatic",
-            (x1, middle, 0.5 * (z0 + z1)),
-            (1.0, 0.0, 0.0),
-            travel,
-            damping=SLIDE_DAMPING,
-        )
+        at = (x1, middle, 0.5 * (z0 + z1))
+        box = self.joint(name, at, "x", travel, slides=True, damping=SLIDE_DAMPING)
         a, b = (front, y0 + GAP, z0 + GAP), (x1, y1 - GAP, z1 - GAP)
-        self.front(a, b, material, link=name, framed=framed)
+        box.front(a, b, material, framed=framed)
         side, other, floor, top = y0 + 0.02, y1 - 0.02, z0 + 0.02, z0 + 0.75 * tall
-        self.box((x0, side, floor), (front, other, floor + thin), inner, link=name)
-        for y in (side, other - thin):
-            self.box((x0, y, floor + thin), (front, y + thin, top), inner, link=name)
+        box.box((x0, side, floor), (front, other, floor + thin), inner)
+        box.sides((x0, side, floor + thin), (front, other, top), thin, inner)
         a, b = (x0, side + thin, floor + thin), (x0 + thin, other - thin, top)
-        self.box(a, b, inner, link=name)
+        box.box(a, b, inner)
         z = 0.5 * (z0 + z1) if tall < 0.25 else z1 - 0.07
-        self.handle(name, (x1, middle, z), length=min(0.3, 0.5 * (y1 - y0)))
+        box.handle((x1, middle, z), length=min(0.3, 0.5 * (y1 - y0)))
         self.sweep(Rectangle(x1, y0, x1 + travel, y1))
+        return box
 
-    def frame(
-        self, name: str, at: Triple, note: str = "", *, yaw_deg: float = 0.0, link: str = BODY
-    ) -> None:
+    def frame(self, name: str, at: Triple, note: str = "", *, yaw_deg: float = 0.0) -> None:
         """Name a place on the piece [m]; on a link that is drawn open, it is kept where that rests."""
-        for joint in self.joints.values():
-            if joint.child == link and joint.rpy != ZERO:
-                pivot = self.parts[link].origin
-                turn = Pose(pivot, tuple(quaternion_from_rpy(*joint.rpy).tolist()))
-                at = _triple((turn @ Pose(_minus(at, pivot))).position)
+        joint = self.joints.get(self.link)
+        if joint is not None and joint.rpy != ZERO:
+            pivot = self.parts[self.link].origin
+            turn = Pose(pivot, tuple(quaternion_from_rpy(*joint.rpy).tolist()))
+            at = _triple((turn @ Pose(_minus(at, pivot))).position)
         self.frames[name] = Frame(at, (0.0, 0.0, yaw_deg), note)
 
     def sweep(self, area: Rectangle) -> None:
@@ -339,25 +407,27 @@ class Joinery(Assembly):
         """Keep floor free in front of the piece from `x` on, between `low` and `high` along y [m]."""
         self.zones.append(Zone(Rectangle(x, low, x + depth, high)))
 
-    def piece(
-        self,
-        footprint: Rectangle | None = None,
-        height: float | None = None,
-        *,
-        zones: Sequence[Zone] | None = None,
-        blocks: bool = True,
-    ) -> Piece:
-        """Return the piece.
+    def outline(self, depth: float, half: float, height: float, *zones: Zone) -> None:
+        """Say what floor it covers, from the wall to `depth` and `half` to each side, and its height [m].
 
-        Args:
-            footprint: The floor that it covers; what its shapes cover if None.
-            height: Of its highest point [m]; that of its shapes if None.
-            zones: The floor that it needs; what has been gathered if None.
-            blocks: Whether it keeps people from walking there.
+        Zones, if any are given, take the place of those that have been gathered.
         """
+        self.footprint, self.height = Rectangle(0.0, -half, depth, half), height
+        if zones:
+            self.zones = list(zones)
+
+    def piece(self) -> Piece:
+        """Return the piece."""
+        footprint, height = self.footprint, self.height
         used = {shape.material for part in self.parts.values() for shape in part.visual}
         palette = self.setting.palette.materials()
-        model = self.model(self.kind, SOURCE, {name: palette[name] for name in sorted(used)})
+        model = Model(
+            name=self.kind,
+            source=SOURCE,
+            links={name: part.link() for name, part in self.parts.items()},
+            joints=self.joints,
+            materials={name: palette[name] for name in sorted(used)},
+        )
         if footprint is None or height is None:
             low, high = self._bounds()
             footprint = footprint or Rectangle(*low[:2].tolist(), *high[:2].tolist())
@@ -367,18 +437,12 @@ class Joinery(Assembly):
             model=model,
             footprint=footprint,
             height=height,
-            zones=tuple(self.zones if zones is None else zones),
+            zones=tuple(self.zones),
             frames=self.frames,
             measures=self.measures,
             knee=tuple(self.knee),
-            blocks=blocks,
+            blocks=self.blocks,
         )
-
-    def _place(self, shape: Shape, link: str, *, solid: bool, seen: bool) -> None:
-        if seen:
-            self.draw(shape, link=link)
-        if solid:
-            self.solid(shape, link=link)
 
     def _bounds(self) -> tuple[Array, Array]:
         """Return the corners round all shapes; along x and y only of those below 2 m [m]."""
@@ -394,14 +458,27 @@ class Joinery(Assembly):
         return np.minimum(low, (0.0, np.inf, np.inf)), np.array((high[0], high[1], max(tops)))
 
 
-def wall_strip(depth: float, width: float) -> Rectangle:
-    """Return the floor from the wall to `depth` [m], `width` [m] wide about the middle."""
-    return Rectangle(0.0, -0.5 * width, depth, 0.5 * width)
+def front_zone(depth: float, half: float, reach: float, why: str = "use") -> Zone:
+    """Return the floor before a piece that is `depth` deep, `half` to each side and `reach` deep [m]."""
+    return Zone(Rectangle(depth, -half, depth + reach, half), why)
 
 
-def front_zone(depth: float, width: float, reach: float, why: str = "use") -> Zone:
-    """Return the floor in front of a piece as wide as it is, up to `reach` [m] from its front."""
-    return Zone(Rectangle(depth, -0.5 * width, depth + reach, 0.5 * width), why)
+def furniture(kind: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator that makes a maker of pieces known as `kind` of what puts one together.
+
+    That takes an empty `Joinery` and keyword options with defaults.
+    """
+
+    def register(put_together: Callable[..., None]) -> Callable[..., None]:
+        @maker(kind)
+        def make(setting: Setting, **options: Any) -> Piece:
+            made = Joinery(kind, setting)
+            put_together(made, **options)
+            return made.piece()
+
+        return put_together
+
+    return register
 
 
 def _triple(values: Sequence[float]) -> Triple:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -83,6 +83,17 @@ class RunPlan:
     window: tuple[float, float] | None = None
 
 
+def joined(units: Iterable[Unit]) -> list[tuple[float, float]]:
+    """Return the stretches along the wall [m] that units take, from the least y to the most."""
+    out: list[tuple[float, float]] = []
+    for unit in units:
+        if out and abs(out[-1][1] - unit.y0) < 1e-9:
+            out[-1] = (out[-1][0], unit.y1)
+        else:
+            out.append((unit.y0, unit.y1))
+    return out
+
+
 def lay_units(plan: RunPlan, rules: Rules) -> tuple[Unit, ...]:
     """Return the units of a run, from least y to most, without gaps; y is 0 in its middle.
 
@@ -117,7 +128,7 @@ Group = tuple[tuple[UnitKind, float], ...]
 
 def _groups(plan: RunPlan, rules: Rules, room: float) -> list[Group]:
     """Return what stands together: the sink with the dishwasher, and the hob."""
-    knee = rules.figure("counter_knee_width") if rules.has("counter_knee_width") else 0.0
+    knee = rules.figure("counter_knee_width", 0.0)
     sink: Group = ((("knee_sink", knee) if knee else ("sink", APPLIANCE)),) if plan.sink else ()
     low: UnitKind = "oven_hob" if plan.oven else "hob"
     hobs: list[Group] = [((low, APPLIANCE),)] if plan.hob else [()]

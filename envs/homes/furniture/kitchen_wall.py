@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 from .joinery import Joinery
 from .kitchen_layout import CORNER, NARROWEST, WIDEST, RunPlan, Unit
@@ -18,7 +17,7 @@ HOOD_WIDTH = 0.6
 TILE = 0.2
 
 
-def add_cabinets(assembly: Joinery, plan: RunPlan, units: tuple[Unit, ...], bottom: float) -> float:
+def add_cabinets(made: Joinery, plan: RunPlan, units: tuple[Unit, ...], bottom: float) -> float:
     """Hang cabinets with their lowest shelf at `bottom` [m] and return the height of their tops [m].
 
     They leave free the window and the hood over the hob; into a corner they go as open shelves.
@@ -33,9 +32,9 @@ def add_cabinets(assembly: Joinery, plan: RunPlan, units: tuple[Unit, ...], bott
     corner = (half - CORNER, half) if plan.corner == "left" else (-half, CORNER - half)
     number = 0
     for y0, y1 in _free(-half, half, [*taken, corner] if plan.corner else taken):
-        number = _cabinet(assembly, y0, y1, bottom, number)
+        number = _cabinet(made, y0, y1, bottom, number)
     if plan.corner and not any(low < corner[1] and high > corner[0] for low, high in taken):
-        _shelves(assembly, *corner, bottom)
+        _shelves(made, *corner, bottom)
     return bottom - BOARD + HEIGHT
 
 
@@ -49,87 +48,70 @@ def _free(low: float, high: float, taken: list[tuple[float, float]]) -> list[tup
     return out
 
 
-def _cabinet(add: Joinery, y0: float, y1: float, bottom: float, number: int) -> int:
+def _cabinet(made: Joinery, y0: float, y1: float, bottom: float, number: int) -> int:
     """Hang one row of cabinets and return the number of doors so far."""
     low, top = bottom - BOARD, bottom - BOARD + HEIGHT
     for z in (low, top - BOARD):
-        add.box((0.0, y0, z), (DEPTH, y1, z + BOARD), "front")
+        made.box((0.0, y0, z), (DEPTH, y1, z + BOARD), "front")
     shelf = low + 0.5 * HEIGHT
-    add.box((0.0, y0, shelf), (DEPTH - 0.03, y1, shelf + BOARD), "trim")
-    add.box((0.0, y0, low), (0.006, y1, top), "trim", solid=False)
+    made.box((0.0, y0, shelf), (DEPTH - 0.03, y1, shelf + BOARD), "trim")
+    made.show((0.0, y0, low), (0.006, y1, top), "trim")
     count = math.ceil((y1 - y0 - 1e-9) / WIDEST)
     width = (y1 - y0) / count
     for place in range(count + 1):
         y = min(max(y0 + place * width, y0 + 0.5 * BOARD), y1 - 0.5 * BOARD)
-        add.box((0.0, y - 0.5 * BOARD, low), (DEPTH, y + 0.5 * BOARD, top), "front")
+        made.box((0.0, y - 0.5 * BOARD, low), (DEPTH, y + 0.5 * BOARD, top), "front")
     for place in range(count):
         a = y0 + place * width
-        leaves = (
-            [(a, a + width)]
-            if width <= 0.5 + 1e-9
-            else [
-                (a, a + 0.5 * width),
-                (a + 0.5 * width, a + width),
-            ]
-        )
-        for leaf, (c, d) in enumerate(leaves):
+        ends = (a, a + width) if width <= 0.5 + 1e-9 else (a, a + 0.5 * width, a + width)
+        for leaf, (c, d) in enumerate(zip(ends, ends[1:], strict=False)):
             number += 1
-            at = ((DEPTH, c, low), (DEPTH + FRONT, d, top))
-            hinge: Literal["left", "right"] = "left" if leaf else "right"
-            name = f"wall_door_{number}"
-            add.door(name, *at, "front", hinge=hinge, handle_z=low + 0.12, framed=True)
-        _stores(add, a, a + width, bottom, shelf + BOARD)
+            leaf_at, name = ((DEPTH, c, low), (DEPTH + FRONT, d, top)), f"wall_door_{number}"
+            made.door(name, *leaf_at, "front", left=leaf > 0, handle_z=low + 0.12, framed=True)
+        # Crockery and food, for the eye only.
+        y, over = 0.5 * (a + (a + width)), shelf + BOARD
+        made.post((0.16, y - 0.08, bottom), bottom + 0.07, 0.10, "ceramic")
+        for k, material in enumerate(("glass", "clay", "accent", "paper")):
+            at = (0.12, a + 0.06 + k * (a + width - a - 0.12) / 3, over)
+            made.post(at, over + 0.12 + 0.03 * (k % 2), 0.035, material)
     return number
 
 
-def _stores(add: Joinery, y0: float, y1: float, low: float, high: float) -> None:
-    """Put crockery and food into a cabinet, for the eye only."""
-    y = 0.5 * (y0 + y1)
-    add.rod(((0.16, y - 0.08, low), (0.16, y - 0.08, low + 0.07)), 0.10, "ceramic")
-    for k, material in enumerate(("glass", "clay", "accent", "paper")):
-        at = y0 + 0.06 + k * (y1 - y0 - 0.12) / 3
-        add.rod(((0.12, at, high), (0.12, at, high + 0.12 + 0.03 * (k % 2))), 0.035, material)
-
-
-def _shelves(add: Joinery, y0: float, y1: float, bottom: float) -> None:
+def _shelves(made: Joinery, y0: float, y1: float, bottom: float) -> None:
     for z in (bottom - BOARD, bottom - BOARD + 0.5 * HEIGHT):
-        add.box((0.0, y0, z), (0.24, y1, z + BOARD), "wood")
+        made.box((0.0, y0, z), (0.24, y1, z + BOARD), "wood")
         for k, material in enumerate(("clay", "ceramic", "glass", "accent")):
-            y = y0 + 0.09 + k * (y1 - y0 - 0.18) / 3
+            foot = (0.12, y0 + 0.09 + k * (y1 - y0 - 0.18) / 3, z + BOARD)
             tall = (0.16, 0.09, 0.13, 0.11)[(k + (z > bottom)) % 4]
-            add.rod(((0.12, y, z + BOARD), (0.12, y, z + BOARD + tall)), 0.045, material)
+            made.post(foot, z + BOARD + tall, 0.045, material)
 
 
-def add_hood(add: Joinery, middle: float, worktop: float) -> float:
-    """Hang an extractor hood over the hob and return the height of its top [m]."""
+def add_hood(made: Joinery, y: float, worktop: float) -> float:
+    """Hang an extractor hood over the hob, its middle at `y`, and return the height of its top [m]."""
     z, half = worktop + HOOD_OVER_HOB, 0.5 * HOOD_WIDTH
     top = max(z + 0.45, 2.05)
-    add.box((0.0, middle - half, z), (0.46, middle + half, z + 0.05), "metal")
-    add.box((0.0, middle - 0.2, z + 0.05), (0.32, middle + 0.2, z + 0.11), "metal", solid=False)
-    add.box((0.0, middle - 0.13, z + 0.05), (0.26, middle + 0.13, top), "metal")
-    low, high = (0.06, middle - half + 0.05, z - 0.003), (0.42, middle + half - 0.05, z)
-    add.box(low, high, "metal_dark", solid=False)
+    made.box((0.0, y - half, z), (0.46, y + half, z + 0.05), "metal")
+    made.show((0.0, y - 0.2, z + 0.05), (0.32, y + 0.2, z + 0.11), "metal")
+    made.box((0.0, y - 0.13, z + 0.05), (0.26, y + 0.13, top), "metal")
+    made.show((0.06, y - half + 0.05, z - 0.003), (0.42, y + half - 0.05, z), "metal_dark")
     for side in (-1, 1):
-        at = (0.36, middle + 0.18 * side, z - 0.006)
-        add.rod((at, (at[0], at[1], z - 0.002)), 0.025, "lamp")
+        made.post((0.36, y + 0.18 * side, z - 0.006), z - 0.002, 0.025, "lamp")
     return top
 
 
-def add_tiles(add: Joinery, plan: RunPlan, low: float, high: float) -> None:
+def add_tiles(made: Joinery, plan: RunPlan, low: float, high: float) -> None:
     """Tile the wall over the worktop; under a window only a strip."""
     half = 0.5 * plan.length
     free = [(-half, half)]
     if plan.window is not None:
         a, b = plan.window[0] - half, plan.window[1] - half
-        add.box(
-            (0.0, max(a, -half), low), (0.006, min(b, half), low + 0.06), "wall_tile", solid=False
-        )
+        made.show((0.0, max(a, -half), low), (0.006, min(b, half), low + 0.06), "wall_tile")
         free = [span for span in ((-half, a), (b, half)) if span[1] - span[0] > 0.02]
     for y0, y1 in free:
-        add.box((0.0, y0, low), (0.006, y1, high), "wall_tile", solid=False)
+        made.show((0.0, y0, low), (0.006, y1, high), "wall_tile")
         for k in range(1, math.ceil((y1 - y0) / TILE - 1e-6)):
             y = y0 + k * TILE
-            add.box((0.006, y - 0.0015, low), (0.0068, y + 0.0015, high), "trim", solid=False)
+            made.show((0.006, y - 0.0015, low), (0.0068, y + 0.0015, high), "trim")
         for k in range(1, math.ceil((high - low) / TILE - 1e-6)):
             z = low + k * TILE
-            add.box((0.006, y0, z - 0.0015), (0.0068, y1, z + 0.0015), "trim", solid=False)
+            made.show((0.006, y0, z - 0.0015), (0.0068, y1, z + 0.0015), "trim")

@@ -1,24 +1,60 @@
-"""What furniture is made of: boxes and bars, given by where they begin and end."""
+"""What furniture is made of: boxes and bars, given by where they begin and end, and links of them."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from dataclasses import dataclass, field
 
+from rcare_marl.model.inertia import Inertia
 from rcare_marl.model.shape import ZERO, Shape, Triple
+from rcare_marl.model.urdf import Link
+from rcare_marl.pose import Pose
+
+from ...devices import volume, weigh, weighed
 
 
-def box(
-    material: str, low: Triple, high: Triple, *, bevel: float = 0.0, rpy: Triple = ZERO
-) -> Shape:
-    """Return a box between two corners [m], turned by `rpy` [rad] about its middle."""
+@dataclass
+class Part:
+    """A link while it is put together, all shapes in the frame of the piece.
+
+    Attributes:
+        mass: Mass [kg]; that of the solids if None.
+        origin: Where the link's frame is in the piece, not turned [m].
+        density: Of the solids where they tell the mass [kg/m³].
+        visual: What to draw.
+        collision: What to collide with.
+        inertia: Centre and inertia of the mass where the shapes do not tell it.
+    """
+
+    mass: float | None
+    origin: Triple = ZERO
+    density: float = 0.0
+    visual: list[Shape] = field(default_factory=list)
+    collision: list[Shape] = field(default_factory=list)
+    inertia: tuple[Triple, Inertia] | None = None
+
+    def link(self) -> Link:
+        """Return the link; without an inertia it weighs where its solids and tubes are."""
+        back = Pose((-self.origin[0], -self.origin[1], -self.origin[2]))
+        is_moved = self.origin != ZERO
+        visual, collision = (
+            tuple(shape.moved(back) if is_moved else shape for shape in shapes)
+            for shapes in (self.visual, self.collision)
+        )
+        mass = self.density * volume(collision) if self.mass is None else self.mass
+        link = Link(mass, visual=visual, collision=collision)
+        if mass == 0 or (self.mass is not None and self.inertia is None):
+            return weighed(link) if mass else link
+        com, inertia = self.inertia or weigh(mass, collision)
+        return dataclasses.replace(link, com=com, inertia=inertia)
+
+
+def box(material: str, low: Triple, high: Triple, *, bevel: float = 0.0) -> Shape:
+    """Return a box between two corners [m]."""
     at = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
     size = (high[0] - low[0], high[1] - low[1], high[2] - low[2])
-    return Shape(kind="box", material=material, at=at, size=size, bevel=bevel, rpy=rpy)
-
-
-def rod(material: str, radius: float, *points: Triple, bend: float = 0.0) -> Shape:
-    """Return a round bar along `points` [m], its corners rounded by `bend` [m], for the eye."""
-    return Shape(kind="tube", material=material, radius=radius, points=points, bend=bend)
+    return Shape(kind="box", material=material, at=at, size=size, bevel=bevel)
 
 
 def solid_rods(radius: float, *points: Triple) -> tuple[Shape, ...]:
@@ -43,6 +79,7 @@ def _between(a: Triple, b: Triple, share: float) -> Triple:
     return (x, y, z)
 
 
-def towards(quarter: float) -> Triple:
-    """Return the turn [rad] that lays the axis of a lathe along x (0) or y (1)."""
-    return (0.0, math.pi / 2, 0.0) if quarter == 0 else (-math.pi / 2, 0.0, 0.0)
+def about(at: Triple, *reach: float) -> tuple[Triple, Triple]:
+    """Return the corners of the box that reaches so far to each side of its middle along x, y, z [m]."""
+    (x, y, z), (a, b, c) = at, reach
+    return (x - a, y - b, z - c), (x + a, y + b, z + c)
