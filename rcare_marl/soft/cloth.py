@@ -16,12 +16,11 @@ from . import cloth_contact as contact
 from . import cloth_kernel as kernel
 from .cloth_contact import Drift, Impact, Pairs
 from .collider import Colliders, NearShapes, link_state
-from .constraint import SOFTNESS, make_constraints, vertex_masses
+from .constraint import SOFTNESS, make_constraints, torn, vertex_masses
 from .contact import BOX, CAPSULE, SIZE, SPHERE, Shapes, plain
-from .fabric import Fabric
 from .grip import FORCE, STIFFNESS, Grip
+from .material import Fabric
 from .soft_object import SoftContact, SoftObject
-from .tear import torn
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]

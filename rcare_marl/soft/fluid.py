@@ -16,7 +16,7 @@ from . import vessel_kernel
 from .cloth_contact import Drift, Impact, Pairs
 from .collider import Colliders, NearShapes
 from .contact import plain
-from .liquid import WATER, Liquid
+from .material import WATER, Liquid
 from .soft_object import SoftContact, SoftObject
 from .vessel import Vessel
 

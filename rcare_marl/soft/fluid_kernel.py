@@ -24,7 +24,6 @@ from .vessel_kernel import (
     SHIFT,
     SQUARES,
     WALL,
-    carry_vessels,
     contain,
     feel_walls,
     note,
@@ -407,7 +406,7 @@ def simulate(particles, neighbours, vessels, touching, impact, step) -> None:  #
     met, weights, feel = neighbours.met, neighbours.weights, neighbours.feel
     for _ in range(step.substeps):
         vessels.former[:] = vessels.now
-        carry_vessels(vessels.now, step.dt)
+        move_meetings(vessels.now, step.dt)
         if touching.size:
             move_meetings(impact.shapes.meetings, step.dt)
         _fall(particles, step)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import ConfigError, check_name
-from .fabric import Fabric
+from .material import Fabric
 from .pattern import Frame, Pattern, sheet, shirt, trousers
 
 Array = npt.NDArray[np.float64]

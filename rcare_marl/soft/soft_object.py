@@ -63,13 +63,12 @@ class SoftObject:
         near: The rigid shapes that it may touch; none before its world has looked.
     """
 
-    color: ClassVar[tuple[int, ...] | None] = (
-        None  # what it is drawn in by default; not at all if None
-    )
+    color: ClassVar[tuple[int, ...] | None] = None  # drawn in by default; not at all if None
+    carrier: Carrier | None = None
 
-    def __init__(self, name: str, carrier: Carrier | None = None) -> None:
+    def __init__(self, name: str) -> None:
         """Begin with no contacts."""
-        self.name, self.carrier = name, carrier
+        self.name = name
         self.ignored: list[Body] = []
         self.contacts: list[SoftContact] = []
         self.near: NearShapes | None = None

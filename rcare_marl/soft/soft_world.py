@@ -99,7 +99,7 @@ class SoftWorld:
         world, color = self._world, soft.color if color is None else color
         if isinstance(soft, SoftBody):
             self.bodies.append(soft)
-            if color is not None and soft.carrier is not None:
+            if color is not None:
                 # Renderers draw a skin in place of its body, but the carrier is to be seen as well: a
                 # second handle on the same body.
                 handle = Body(world, soft.carrier.body.uid, soft.carrier.body.name)
@@ -365,7 +365,7 @@ class SoftWorld:
                 soft.near = NearShapes(colliders, rows)
             if gap < WAKE:
                 soft.wake(frame, NearShapes(colliders, rows[gaps < WAKE]))
-            elif soft.is_awake and not soft.falls and soft.deviation() < SETTLED:
+            elif soft.is_awake and soft.deviation() < SETTLED:
                 soft.sleep()
             if not soft.is_awake:
                 least = min(least, gap)
@@ -397,11 +397,10 @@ class SoftWorld:
         """Simulate all awake soft bodies, and note how they push free links."""
         for row in self._answering:
             self._foresee(colliders.states[row], row, period)
-        client = self._world.client
         for soft in self.bodies:
             if not soft.is_awake:
                 continue
-            soft.advance(colliders, self._gravity, period, soft.frame(client), client)
+            soft.advance(colliders, period, soft.frame(self._world.client))
             for touch in soft.contacts:
                 row = colliders.row_of[touch.body, touch.link]
                 if row in self._masses:

@@ -12,11 +12,13 @@ import numba
 import numpy as np
 
 from .collider import carry, turning
+from .contact import PLACE, SLIDE, SPIN, TURN
 from .kernel import line_point
 
-# Columns of a vessel in the world: middle of its bottom [m], rotation row by row, velocities [m/s, rad/s],
-# then radii of the middle of the wall below and above [m], height [m], half the thickness of the wall [m].
-PLACE, TURN, SLIDE, SPIN, LOW, HIGH, TALL, HALF = 0, 3, 12, 15, 18, 19, 20, 21
+# Columns of a vessel in the world: middle of its bottom [m], rotation and velocities [m/s, rad/s] as those of
+# a shape in `contact`, then radii of the middle of the wall below and above [m], height [m], half its
+# thickness [m].
+LOW, HIGH, TALL, HALF = 18, 19, 20, 21
 VESSEL = 22
 # Columns of what a vessel got: impulse [N·s] and moment of impulse about the world's origin [N·m·s].
 IMPULSE, MOMENT = 0, 3
@@ -65,22 +67,6 @@ def sum_up(got, row, period, out) -> None:  # type: ignore[no-untyped-def]
         apart += (out[3 + k] - middle[k]) ** 2
     if apart > row[TALL] ** 2:  # hardly any force, and a couple
         out[3:] = middle
-
-
-@numba.njit(cache=True, error_model="numpy")
-def carry_vessels(vessels, dt) -> None:  # type: ignore[no-untyped-def]
-    """Move the vessels on by `dt` [s]."""
-    for c in range(vessels.shape[0]):
-        row = vessels[c]
-        wx, wy, wz = row[SPIN] * dt, row[SPIN + 1] * dt, row[SPIN + 2] * dt
-        for a in range(3):
-            row[PLACE + a] += row[SLIDE + a] * dt
-        for b in range(3):  # each axis a: a + w x a + w x (w x a) / 2
-            ax, ay, az = row[TURN + b], row[TURN + 3 + b], row[TURN + 6 + b]
-            ux, uy, uz = wy * az - wz * ay, wz * ax - wx * az, wx * ay - wy * ax
-            row[TURN + b] = ax + ux + 0.5 * (wy * uz - wz * uy)
-            row[TURN + 3 + b] = ay + uy + 0.5 * (wz * ux - wx * uz)
-            row[TURN + 6 + b] = az + uz + 0.5 * (wx * uy - wy * ux)
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
