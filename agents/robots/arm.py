@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numba
 import numpy as np
 
 from rcare_marl.body import Body
@@ -72,8 +71,7 @@ class Arm(JointGroup):
         """
         if self.counterbalanced:
             return self.effort
-        out: Array = _room(self.effort, weight)
-        return out
+        return np.maximum(self.effort - np.abs(weight), LEAST_ROOM * self.effort)
 
     def balance(self) -> None:
         """Carry its weight for a physics step, as springs do."""
@@ -83,8 +81,8 @@ class Arm(JointGroup):
         """Return as much of `weight` as the effort allows beside `motors` [N·m or N], shape [n]."""
         if self.counterbalanced:
             return weight
-        out: Array = _carried(self.effort, weight, motors)
-        return out
+        room = np.maximum(self.effort - motors, 0.0)
+        return np.minimum(np.maximum(weight, -room), room)
 
     def solve(self, goal: Pose, seed: Array, *, position_only: bool = False) -> IkResult:
         """Return the posture that puts the tool at `goal`: the first good one, else the best.
@@ -118,20 +116,3 @@ class Arm(JointGroup):
         upper = np.where(np.isinf(self.upper), np.pi, self.upper)
         anywhere = [rng.uniform(lower, upper) for _ in range(_FAR_SEEDS)]
         return [seed, self.rest, *spread, *anywhere]
-
-
-@numba.njit(cache=True)
-def _room(effort, weight):  # type: ignore[no-untyped-def]
-    out = np.empty(len(effort))
-    for i in range(len(effort)):
-        out[i] = max(effort[i] - abs(weight[i]), LEAST_ROOM * effort[i])
-    return out
-
-
-@numba.njit(cache=True)
-def _carried(effort, weight, motors):  # type: ignore[no-untyped-def]
-    out = np.empty(len(effort))
-    for i in range(len(effort)):
-        room = max(effort[i] - motors[i], 0.0)
-        out[i] = min(max(weight[i], -room), room)
-    return out

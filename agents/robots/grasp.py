@@ -36,9 +36,7 @@ class Grasp:
         held = self._world.attach(self._body, self._tool_link, thing, thing_in_tool, force=force)
         gripper = self._gripper
         if gripper is not None and gripper.is_movable:
-            widest = gripper.width(gripper.config.opened)
-            gap = min(gripper.width(gripper.start) + RELEASE, widest)
-            self._least_closing = gripper.fraction(gripper.position_for(gap))
+            self._least_closing = gripper.least_closing(gripper.start, RELEASE)
             self._held.append(held)
         return held
 

@@ -123,6 +123,11 @@ class Gripper:
                 narrow = middle
         return 0.5 * (wide + narrow)
 
+    def least_closing(self, position: float, wider: float) -> float:
+        """Return how far it is closed where the gap is `wider` [m] than at `position`, or wide open."""
+        gap = min(self.width(position) + wider, self.width(self.config.opened))
+        return self.fraction(self.position_for(gap))
+
     def bind(self, body: Body) -> None:
         """Take hold of the joints of a spawned body; frozen ones are not among them."""
         names = [name for name in self.joints if name in body.joints]
@@ -188,7 +193,7 @@ class Gripper:
 
     def position(self) -> float:
         """Return where the driven joint is [rad or m]."""
-        return self._body.joint_states(self._indices[:1])[0][0] if self._indices else self.target
+        return self._body.joint_states(self._lead)[0][0] if self._indices else self.target
 
     def closing(self) -> float:
         """Return how far it is closed: 0 is open, 1 is closed."""

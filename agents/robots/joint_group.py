@@ -165,8 +165,7 @@ class JointGroup:
             self.body.set_joints(self._follower_indices, self._followed(positions))
 
     def _followed(self, positions: Array) -> Array:
-        out: Array = self._multipliers * positions[self._leaders] + self._offsets
-        return out
+        return np.asarray(self._multipliers * positions[self._leaders] + self._offsets)
 
     def inertial_torques(self, positions: Array, acceleration: Array) -> Array:
         """Return the torques that accelerate the group [N·m or N], shape [n], without speed terms."""
@@ -181,10 +180,8 @@ class JointGroup:
         if self._block is not None:
             matrix = matrix[self._block]
         if not self._segments:
-            out: Array = matrix @ acceleration
-            return out
-        coupled: Array = self._along.T @ matrix @ self._along @ acceleration
-        return coupled
+            return np.asarray(matrix @ acceleration)
+        return np.asarray(self._along.T @ matrix @ self._along @ acceleration)
 
     def drive_to(
         self, targets: Array, speeds: Array, forces: Array, *, only: Mask | None = None
@@ -220,15 +217,9 @@ class JointGroup:
         ):
             tell(uid, index, mode, target, 0.0, force, gains[index], 1.0, speed, client)
 
-    def drive_towards(self, targets: Array, duration: float, forces: Array) -> None:
-        """Drive joints so that they reach `targets` [rad or m] in `duration` [s]."""
-        way = np.abs(targets - self.positions())
-        self.drive_to(targets, self.speeds_for(way, duration), forces)
-
     def speeds_for(self, way: Array, duration: float) -> Array:
         """Return motor speeds that cover `way` [rad or m] in `duration` [s], within limits."""
-        speeds: Array = np.minimum(np.maximum(way / duration, RETURN_SPEED), self.velocity)
-        return speeds
+        return np.minimum(np.maximum(way / duration, RETURN_SPEED), self.velocity)
 
     def drive_velocities(self, speeds: Array, forces: Array) -> None:
         """Drive joints at `speeds` [rad/s or m/s] with at most `forces` [N·m or N].

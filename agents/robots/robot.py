@@ -114,8 +114,8 @@ class Robot(Agent):
             MissingPackageError: If meshes are required and not installed.
         """
         check_name("control mode", control, CONTROLS)
-        if isinstance(posture, str) and posture not in config.postures:
-            raise UnknownNameError("posture", posture, config.postures)
+        if isinstance(posture, str):
+            check_name("posture", posture, config.postures)
         check_name("use of a gripper", gripper, ("held", "free", "commanded"))
         if not 0 < contact_force < math.inf:
             raise ConfigError(f"contact_force must be positive, got {contact_force} N")
@@ -126,8 +126,8 @@ class Robot(Agent):
         self._noise, self._contact_force = posture_noise, contact_force
         self._grip_width, self._meshes = grip_width, meshes
         self._self_collision = self_collision
-        if isinstance(mount, str) and mount not in config.mounts:
-            raise UnknownNameError("mount", mount, config.mounts)
+        if isinstance(mount, str):
+            check_name("mount", mount, config.mounts)
         self.chosen_mount = mount
         self._posture: str | Mapping[str, float] = "home" if posture is None else posture
         self._posture_is_chosen = posture is not None

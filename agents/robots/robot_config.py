@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -207,9 +207,10 @@ class RobotConfig:
         return next(iter(self.arms))
 
     @property
-    def is_urdf(self) -> bool:
-        """Whether the model is a URDF of the user's own."""
-        return Path(self.model).suffix.lower() in (".urdf", ".xml", ".xacro")
+    def urdf(self) -> str | None:
+        """The URDF of the user's own that is the model; None if it is another file."""
+        is_urdf = Path(self.model).suffix.lower() in (".urdf", ".xml", ".xacro")
+        return self.model if is_urdf else None
 
     def parts_beside_groups(self) -> tuple[str, ...]:
         """Return the names of arms, grippers and base."""
@@ -255,11 +256,7 @@ def load_robot(name: str | Path) -> RobotConfig:
         return load(RobotConfig, assets.find("robots", str(name)))
     config = load(RobotConfig, path)
     beside = path.parent / config.model
-    if not beside.is_file():
-        return config
-    from dataclasses import replace
-
-    return replace(config, model=str(beside.resolve()))
+    return replace(config, model=str(beside.resolve())) if beside.is_file() else config
 
 
 def urdf_robot(

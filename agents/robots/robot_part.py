@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from rcare_marl.observable import Observable
-from rcare_marl.pose import Array, Pose, rotation_vector
+from rcare_marl.pose import Pose, rotation_vector
 
 from .arm import Arm
 from .control import Control, GripperClosing
@@ -78,8 +78,8 @@ class Part:
         prefix = f"{self._prefix}joint" if isinstance(self.joints, Arm) else self.name
         count = len(self.joints)
         out = [
-            Observable(f"{prefix}_position", unit, count, self._read_positions),
-            Observable(f"{prefix}_velocity", rate, count, self._read_velocities),
+            Observable(f"{prefix}_position", unit, count, lambda: self._positions),
+            Observable(f"{prefix}_velocity", rate, count, lambda: self._velocities),
         ]
         if self._tool is not None:
             place, turn = (f"{self._prefix}tool_{what}" for what in ("position", "rotation"))
@@ -88,12 +88,6 @@ class Part:
                 Observable(turn, "rad", 3, lambda: self._tool_rotation),
             ]
         return out
-
-    def _read_positions(self) -> Array:
-        return self._positions
-
-    def _read_velocities(self) -> Array:
-        return self._velocities
 
 
 def closing(name: str, gripper: Gripper) -> Observable:

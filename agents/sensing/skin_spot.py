@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.world import World
 
@@ -48,8 +48,7 @@ def lie_on_skin(
         UnknownNameError: If there is no such joint.
         ConfigError: If `at` lies on the bone, or no skin is there.
     """
-    if joint not in JOINT_INDEX:
-        raise UnknownNameError("segment of a person", joint, JOINTS)
+    check_name("segment of a person", joint, JOINTS)
     index = JOINT_INDEX[joint]
     skin = next(s for s in world.skins if s.body is person.body and isinstance(s, PersonSkin))
     rotations, positions = skin.joint_transforms()

@@ -17,11 +17,10 @@ from ..agent import Agent
 from ..people.body.skeleton import JOINT_INDEX
 from ..people.human import Human
 from ..robots.robot import Robot
-from .contact_force import LinkChoice
+from .contact_force import LinkChoice, TouchConfig, TouchSensor
 from .place import Place, default_link, find_place, kept_links, wrist_link
 from .sensor import Channel
-from .surface import Surface, spread_over_link
-from .touch_sensor import TouchConfig, TouchSensor
+from .surface import spread, spread_over_link
 
 FACING = 0.1  # least cosine between a taxel and a contact that it can feel, our own choice
 
@@ -146,7 +145,7 @@ class TaxelMap(TouchSensor):
         joint, model = JOINT_INDEX[name], agent.model
         faces = model.faces[model.owner[model.faces[:, 0]] == joint]
         skin = model.vertices.astype(np.float64) - model.joints[joint]
-        return Surface(skin[faces].reshape(-1, 3, 3)).spread(self.config.spacing)
+        return spread(skin[faces].reshape(-1, 3, 3), self.config.spacing)
 
     def present(self) -> Array:
         out = np.zeros((len(self.positions), 1))
@@ -212,7 +211,6 @@ class FleshPatch:
         """Relate the particles of the surface at rest to the taxels of `patch`, in the same frame."""
         self.patch, self._soft = patch, soft
         self._nodes = np.flatnonzero(soft.areas > 0)
-        assert soft.carrier is not None
         inside = patch.place.pose.inverse() @ soft.carrier.pose
         turn = matrix_from_quaternion(inside.quaternion)
         rest = soft.rest[self._nodes].astype(np.float64) @ turn.T + inside.position

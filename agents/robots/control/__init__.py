@@ -3,48 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 from rcare_marl.errors import ConfigError, check_name
-from rcare_marl.pose import Array
 
 from ..arm import Arm
 from ..joint_group import JointGroup
 from .base_velocity import BaseVelocity
+from .control import Control
 from .gripper_closing import GripperClosing
-from .joint_delta import JointDelta
-from .joint_position import JointPosition
-from .joint_torque import JointTorque
-from .joint_velocity import JointVelocity
+from .joint_control import JointDelta, JointPosition, JointTorque, JointVelocity
 from .tool_delta import ToolDelta
-
-
-class Control(Protocol):
-    """Turns actions into motor commands.
-
-    Attributes:
-        size: Number of action values.
-        names: What each value moves, with its unit.
-        max: What a value of 1 means in that unit, shape [size].
-    """
-
-    size: int
-    names: tuple[str, ...]
-    max: Array
-
-    def reset(self) -> None:
-        """Take the present posture as the one to hold, and hold it."""
-
-    def command(self, action: Array, duration: float) -> None:
-        """Accept an action, each value in [-1, 1], for the coming `duration` [s]."""
-
-    @property
-    def needs_actuation(self) -> bool:
-        """Whether `actuate` must be called before every physics step."""
-
-    def actuate(self) -> None:
-        """Act before each physics step, where motors cannot hold the command by themselves."""
-
 
 CONTROLS: dict[str, Callable[[Arm], Control]] = {
     "joint_delta": JointDelta,

@@ -7,9 +7,10 @@ import numpy as np
 from rcare_marl.pose import Array
 
 from ..mobile_base import MobileBase
+from .control import Control
 
 
-class BaseVelocity:
+class BaseVelocity(Control):
     """Action values are speeds in the robot's own frame: forward, to the left if it can, and turning.
 
     The base takes `RAMP` to come from rest to its full speed, since a jolt would throw arms and head
@@ -17,6 +18,7 @@ class BaseVelocity:
     """
 
     RAMP = 0.2  # [s]; our own choice
+    needs_actuation = True
 
     def __init__(self, base: MobileBase, name: str = "base") -> None:
         self._base = base
@@ -42,10 +44,6 @@ class BaseVelocity:
             wanted[:2] *= config.speed / along
         change = np.array((config.speed, config.speed, config.turn)) * duration / self.RAMP
         self._velocity = np.clip(wanted, self._velocity - change, self._velocity + change)
-
-    @property
-    def needs_actuation(self) -> bool:
-        return True
 
     def actuate(self) -> None:
         """Drive on along the present heading."""

@@ -7,9 +7,10 @@ import numpy as np
 from rcare_marl.pose import Array
 
 from ..gripper import Gripper
+from .control import Control
 
 
-class GripperClosing:
+class GripperClosing(Control):
     """One value closes the gripper (1) or opens it (-1), at its greatest speed.
 
     Attributes:
@@ -20,7 +21,7 @@ class GripperClosing:
 
     def __init__(self, gripper: Gripper, name: str) -> None:
         self.gripper = gripper
-        self.names: tuple[str, ...] = (f"{name} closing [1]",)
+        self.names = (f"{name} closing [1]",)
         self.max = np.array([1.0])
 
     def reset(self) -> None:
@@ -28,10 +29,3 @@ class GripperClosing:
 
     def command(self, action: Array, duration: float) -> None:
         self.gripper.advance(float(action[0]), duration)
-
-    @property
-    def needs_actuation(self) -> bool:
-        return False
-
-    def actuate(self) -> None:
-        """Do nothing: the motors hold their targets."""

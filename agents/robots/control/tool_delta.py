@@ -16,6 +16,7 @@ from ..arm import Arm
 from ..joint_group import RETURN_SPEED
 from ..kinematics import place_chain
 from ..robot_config import BASE_JOINTS
+from .control import Control
 
 REST_PULL = 0.5  # [1/s] towards the rest posture, at full speed of the tool
 HEADROOM = 1.5  # motor torque over what `contact_force` at the tool takes
@@ -26,7 +27,7 @@ DAMPING = 0.01  # of the least squares
 FEW_JOINTS_TURN = 0.03
 
 
-class ToolDelta:
+class ToolDelta(Control):
     """Six values move a target of the tool's pose: three along, three about the world's axes.
 
     Joints follow the target by damped least squares within their position and speed limits. Three
@@ -43,6 +44,7 @@ class ToolDelta:
     TURN = 1.0  # [rad/s]
     LEASH = (0.03, 0.25)  # [m], [rad]
     CONTACT_FORCE = 15.0  # [N]
+    needs_actuation = True
 
     def __init__(self, arm: Arm) -> None:
         self.size = 6
@@ -115,10 +117,6 @@ class ToolDelta:
         if self._has_base:  # it has the whole robot to speed up
             forces = np.where(self._is_base, arm.effort, forces)
         self._drive(speeds, forces, weight)
-
-    @property
-    def needs_actuation(self) -> bool:
-        return True
 
     def actuate(self) -> None:
         """Carry the weight of the arm."""
