@@ -196,10 +196,8 @@ class Body:
 
         Cheaper than `base_pose`; see `in_centre_frame`.
         """
-        pose: tuple[tuple[float, ...], tuple[float, ...]] = bullet.getBasePositionAndOrientation(
-            self.uid, physicsClientId=self._client
-        )
-        return pose
+        position, turn = bullet.getBasePositionAndOrientation(self.uid, self._client)
+        return position, turn
 
     def inertial_pose(self, index: int) -> Pose:
         """Return where the centre of mass of a link is in its frame, and how its axes are turned."""
@@ -257,8 +255,7 @@ class Body:
     def wake(self) -> None:
         """Wake it if it sleeps."""
         if self.may_sleep:
-            up = bullet.ACTIVATION_STATE_WAKE_UP
-            bullet.changeDynamics(self.uid, -1, activationState=up, physicsClientId=self._client)
+            self._change((-1,), activationState=bullet.ACTIVATION_STATE_WAKE_UP)
 
     def set_joints(self, indices: Sequence[int], positions: Vector) -> None:
         """Teleport joints to `positions` [rad or m] at rest."""
@@ -371,29 +368,20 @@ class Body:
 
     def set_damping(self, *, linear: float = 0.0, angular: float = 0.0, joint: float = 0.0) -> None:
         """Replace Bullet's default damping of every link: shares per second, and [N·m·s/rad]."""
-        for link in range(-1, self.link_count):
-            bullet.changeDynamics(
-                self.uid,
-                link,
-                linearDamping=linear,
-                angularDamping=angular,
-                jointDamping=joint,
-                physicsClientId=self._client,
-            )
+        self._change(None, linearDamping=linear, angularDamping=angular, jointDamping=joint)
+
+    def _change(self, links: Iterable[int] | None, **values: float) -> None:
+        """Change the dynamics of links, all if None, as Bullet calls them."""
+        for link in range(-1, self.link_count) if links is None else links:
+            bullet.changeDynamics(self.uid, link, physicsClientId=self._client, **values)
 
     def set_friction(
         self, links: Iterable[int], *, lateral: float, rolling: float = 0.0, spinning: float = 0.0
     ) -> None:
         """Set the friction coefficients of `links`: sliding [1], rolling and spinning [m]."""
-        for link in links:
-            bullet.changeDynamics(
-                self.uid,
-                link,
-                lateralFriction=lateral,
-                rollingFriction=rolling,
-                spinningFriction=spinning,
-                physicsClientId=self._client,
-            )
+        self._change(
+            links, lateralFriction=lateral, rollingFriction=rolling, spinningFriction=spinning
+        )
 
     def exclude_own_links(self) -> None:
         """Take pairs of the body's own links out of the broad phase, where they cost time each step.
@@ -414,14 +402,7 @@ class Body:
         self, *, stiffness: float, damping: float, links: Iterable[int] | None = None
     ) -> None:
         """Let links, all if None, yield in contact: `stiffness` [N/m] and `damping` [N·s/m]."""
-        for link in range(-1, self.link_count) if links is None else links:
-            bullet.changeDynamics(
-                self.uid,
-                link,
-                contactStiffness=stiffness,
-                contactDamping=damping,
-                physicsClientId=self._client,
-            )
+        self._change(links, contactStiffness=stiffness, contactDamping=damping)
 
     def visual_shapes(self) -> list[VisualShape]:
         """Return the shapes to draw, each in the frame of its link."""

@@ -17,7 +17,7 @@ from rcare_marl.cache import cached_folder
 from rcare_marl.errors import check_name
 from rcare_marl.pose import Pose, quaternion_from_axis_angle, quaternion_from_rpy
 
-from . import hull, mesh, mesh_path
+from . import hull, inertia, mesh, mesh_path
 from . import shape as shape_module
 from .shape import SOLID, ZERO, MeshFile, Shape, Triple, surface, turn_rpy
 
@@ -253,15 +253,12 @@ def _combined(parts: Sequence[tuple[Link, Pose]]) -> Link:
     centre = centre / mass
     total = np.zeros((3, 3))
     for (link, pose), c in zip(parts, centres, strict=True):
-        xx, xy, xz, yy, yz, zz = link.inertia
         turn = pose.matrix()[:3, :3]
-        own = turn @ np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))) @ turn.T
+        own = turn @ inertia.matrix(link.inertia) @ turn.T
         arm = c - centre
         total += own + link.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    rows = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    xx, xy, xz, yy, yz, zz = (float(total[row]) for row in rows)
     x, y, z = centre.tolist()
-    return Link(mass, (x, y, z), (xx, xy, xz, yy, yz, zz))
+    return Link(mass, (x, y, z), inertia.values(total))
 
 
 def _inertial(element: xml.Element, link: Link) -> None:
@@ -319,14 +316,10 @@ def _hulls(element: xml.Element, name: str, link: Link, pose: Pose) -> dict[str,
 
 
 def _geometry(element: xml.Element, shape: Shape) -> None:
-    geometry = xml.SubElement(element, "geometry")
-    if shape.kind == "box":
-        xml.SubElement(geometry, "box", size=_text(shape.size))
-    elif shape.kind == "sphere":
-        xml.SubElement(geometry, "sphere", radius=repr(shape.radius))
-    else:
-        size = {"radius": repr(shape.radius), "length": repr(shape.span())}
-        xml.SubElement(geometry, shape.kind, size)
+    is_box, is_long = shape.kind == "box", shape.kind in ("cylinder", "capsule")
+    size = {"size": _text(shape.size)} if is_box else {"radius": repr(shape.radius)}
+    size |= {"length": repr(shape.span())} if is_long else {}
+    xml.SubElement(xml.SubElement(element, "geometry"), shape.kind, size)
 
 
 def _joint(

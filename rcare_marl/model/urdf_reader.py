@@ -13,11 +13,11 @@ import numpy as np
 
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 from rcare_marl.model.shape import SOLID, ZERO, MeshFile, Shape, Triple
-from rcare_marl.pose import Pose, quaternion_from_rpy, rpy_from_matrix
+from rcare_marl.pose import Pose, rpy_from_matrix
 
 from . import hull, inertia
 from .mesh_path import DRAWN, MeshPath
-from .urdf import FRAME_INERTIA, FRAME_MASS, Follow, Joint, Link, Model
+from .urdf import FRAME_INERTIA, FRAME_MASS, Follow, Joint, Link, Model, joint_pose
 from .urdf_document import Document
 from .urdf_tree import parents_first, resolved
 
@@ -108,8 +108,7 @@ def drawn_meshes(
         carrier, pose, seen = name, Pose(), {name}
         while rename.get(carrier, carrier) not in links and carrier in carriers:
             joint = carriers[carrier]
-            turn = tuple(quaternion_from_rpy(*joint.rpy).tolist())
-            carrier, pose = joint.parent, Pose(joint.at, turn) @ pose
+            carrier, pose = joint.parent, joint_pose(joint) @ pose
             if carrier in seen:
                 break
             seen.add(carrier)
@@ -135,8 +134,7 @@ def _moved(mesh: MeshFile, pose: Pose) -> MeshFile:
     if pose == Pose():
         return mesh
     placed = pose @ mesh.pose()
-    x, y, z = placed.position
-    return replace(mesh, at=(x, y, z), rpy=rpy_from_matrix(placed.matrix()[:3, :3]))
+    return replace(mesh, at=placed.position, rpy=rpy_from_matrix(placed.matrix()[:3, :3]))
 
 
 def check_driven(model: Model, joints: Iterable[str], where: object = "") -> None:
@@ -344,10 +342,7 @@ class _Reader:
         return values if count == 4 else (*values, 1.0)
 
     def _origin(self, element: xml.Element) -> tuple[Triple, Triple]:
-        origin = element.find("origin")
-        if origin is None:
-            return ZERO, ZERO
-        triple = self.document.triple
+        origin, triple = _child(element, "origin"), self.document.triple
         return triple(origin, "xyz", ZERO), triple(origin, "rpy", ZERO)
 
     def _joint(self, element: xml.Element) -> Joint:
@@ -357,32 +352,21 @@ class _Reader:
             raise self.document.fault(
                 element, f"a joint of a robot is one of {', '.join(_KINDS)}, got {kind!r}{hint}"
             )
+        document = self.document
         parent, child = (
-            self.document.text(self.document.child(element, tag), "link")
-            for tag in ("parent", "child")
+            document.text(document.child(element, tag), "link") for tag in ("parent", "child")
         )
         at, rpy = self._origin(element)
-        plain = Joint("fixed", parent, child, at, rpy)
         if kind == "fixed":
-            return plain
-        lower, upper, effort, velocity = self._limits(element, kind)
-        resistance = element.find("dynamics")
-        damping, friction = (
-            0.0 if resistance is None else self.document.number(resistance, word, 0.0)
-            for word in ("damping", "friction")
+            return Joint("fixed", parent, child, at, rpy)
+        axis, limits, follow = (
+            self._axis(element),
+            self._limits(element, kind),
+            self._follow(element),
         )
-        return replace(
-            plain,
-            kind=kind,  # type: ignore[arg-type]  # checked above
-            axis=self._axis(element),
-            lower=lower,
-            upper=upper,
-            effort=effort,
-            velocity=velocity,
-            follows=self._follow(element),
-            damping=damping,
-            friction=friction,
-        )
+        resistance = _child(element, "dynamics")
+        loss = (document.number(resistance, word, 0.0) for word in ("damping", "friction"))
+        return Joint(kind, parent, child, at, rpy, axis, *limits, follow, *loss)  # type: ignore[arg-type]
 
     def _axis(self, element: xml.Element) -> Triple:
         axis = element.find("axis")
@@ -397,10 +381,8 @@ class _Reader:
         return (x / length, y / length, z / length)
 
     def _limits(self, element: xml.Element, kind: str) -> tuple[float, float, float, float]:
-        limit = element.find("limit")
-        if limit is None:
-            if kind == "continuous":
-                return 0.0, 0.0, 0.0, 0.0
+        limit = _child(element, "limit")
+        if kind != "continuous" and element.find("limit") is None:
             raise self.document.fault(
                 element,
                 f'a {kind} joint needs <limit lower=".." upper=".." effort=".." velocity=".."/>',
@@ -426,6 +408,12 @@ class _Reader:
         number = self.document.number
         other = self.document.text(mimic, "joint")
         return Follow(other, number(mimic, "multiplier", 1.0), number(mimic, "offset", 0.0))
+
+
+def _child(element: xml.Element, tag: str) -> xml.Element:
+    """Return a child that need not be there: one without attributes, where it is not."""
+    found = element.find(tag)
+    return xml.Element(tag) if found is None else found
 
 
 def _with_possible_inertia(file: Path, links: dict[str, Link], repair: bool) -> dict[str, Link]:

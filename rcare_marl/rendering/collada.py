@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-Array = npt.NDArray[np.float64]
+from ..pose import Array, axis_rotation
+
 Part = tuple[Array, npt.NDArray[np.int32], npt.NDArray[np.uint8] | None]
 Element = ElementTree.Element
 Paint = npt.NDArray[np.uint8]
@@ -192,9 +193,7 @@ def _transform(node: Element) -> Array:
         elif step.tag == "scale":
             matrix[:3, :3] = np.diag(values)
         else:
-            x, y, z = values[:3] / np.linalg.norm(values[:3])
-            cross = np.array(((0, -z, y), (z, 0, -x), (-y, x, 0)))
-            angle = np.radians(values[3])
-            matrix[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+            axis, angle = values[:3] / np.linalg.norm(values[:3]), np.radians(values[3])
+            matrix[:3, :3] = axis_rotation(axis, float(angle))
         out = out @ matrix
     return out

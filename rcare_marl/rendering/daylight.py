@@ -5,14 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
-from .light import Light
-from .shot import Picture, Shot
+from .renderer import Renderer
+from .shot import Light, Shot
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))  # [rad]; points turned by it spread evenly over a disc
 # Steps within a pixel from picture to picture: Roberts' R2 sequence, from memory.
@@ -21,10 +20,6 @@ STEPS = (0.7548776662, 0.5698402910)
 
 BRIGHT = 96.0  # [%] of the pixels are not too bright; own choice
 GAINS = (0.7, 1.8)  # least and most that an exposure changes the light; own choice
-
-
-class _Reader(Protocol):
-    def read(self, shots: Sequence[Shot]) -> list[Picture]: ...
 
 
 def dome(light: Light, count: int, *, spread: float = 0.95) -> list[Light]:
@@ -45,10 +40,7 @@ def dome(light: Light, count: int, *, spread: float = 0.95) -> list[Light]:
 
 def disc(light: Light, count: int, *, radius: float = 0.03) -> list[Light]:
     """Return lights that together are like a light as wide as `radius` [rad]."""
-    middle = np.array(light.direction) / np.linalg.norm(light.direction)
-    right = np.cross((0.0, 0.0, 1.0) if abs(middle[2]) < 0.999 else (1.0, 0.0, 0.0), middle)
-    right /= np.linalg.norm(right)
-    up = np.cross(middle, right)
+    right, up, middle = light.axes()
     out = []
     for i in range(count):
         away, turn = radius * math.sqrt((i + 0.5) / count), GOLDEN_ANGLE * i
@@ -58,7 +50,7 @@ def disc(light: Light, count: int, *, radius: float = 0.03) -> list[Light]:
 
 
 def exposed(
-    renderer: _Reader,
+    renderer: Renderer,
     camera: Camera,
     lights: Sequence[Light],
     *,
@@ -77,7 +69,7 @@ def exposed(
             it; as the lights make it if None.
     """
     total = np.zeros((camera.height, camera.width, 3))
-    u, v = camera.center or (0.5 * (camera.width - 1), 0.5 * (camera.height - 1))
+    u, v = camera.principal
     for i, light in enumerate(lights):
         du, dv = (step * i % 1 - 0.5 for step in STEPS)
         moved = dataclasses.replace(camera, center=(u + du, v + dv))

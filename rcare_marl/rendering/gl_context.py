@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import MissingPackageError, RenderingError
+from .shading import HEAD
 
 _OPENED_BY: list[int] = []  # id of the process that first used OpenGL, if one did
 
@@ -60,7 +61,7 @@ def free_context(context: Any, opened_by: int) -> None:
 
 def make_program(gl: Any, source: tuple[str, str]) -> Any:
     """Return the program of a vertex and a fragment source."""
-    return gl.program(vertex_shader=source[0], fragment_shader=source[1])
+    return gl.program(vertex_shader=HEAD + source[0], fragment_shader=HEAD + source[1])
 
 
 def matrix_bytes(matrix: npt.NDArray[Any]) -> bytes:

@@ -11,13 +11,10 @@ import numpy as np
 from ..pose import Array
 from ..world import World
 from .camera import Camera
-from .detail import level_for
 from .geometry import FLOOR_RGBA, LAYOUTS, VERTEX, Geometry, Part, Pass, Run, world_parts
+from .gl_buffers import LineBuffers, SkinBuffers
 from .gl_context import make_program, matrix_bytes
-from .gl_lines import LineBuffers
-from .gl_skin import SkinBuffers
-from .light import Light
-from .mesh import Floats
+from .mesh import Floats, level_for
 from .shading import (
     DEPTH_FRAGMENT,
     DEPTH_VERTEX,
@@ -25,7 +22,7 @@ from .shading import (
     SURVEY_VERTEX,
     surface_program,
 )
-from .shot import Labels
+from .shot import Labels, Light
 
 _COARSENESS = 1.4  # [pixel], of the cells that vertices are joined in
 _COARSEST = 0.008  # [m], of these cells where shapes are measured

@@ -10,21 +10,31 @@ widens with the distance to what casts them.
 HORIZON = (0.83, 0.85, 0.87)  # sRGB
 ZENITH = (0.60, 0.68, 0.77)
 
-_HEAD = "#version 330\n"
+HEAD = "#version 330\n"  # of every program
 
 # Colours leave the vertex stage in linear light, by a gamma of 2, which is near sRGB and cheap.
 # Each slot of `transforms` holds three matrix rows.
-_VERTEX = (
-    _HEAD
-    + """
+_PLACED = """
 uniform mat4 view_projection;
-uniform mat4 light_matrix;
 uniform sampler2D transforms;
-uniform float shadow_texel;
 in vec3 in_position;
+in uint in_slot;
+
+vec4 row(int i) { return texelFetch(transforms, ivec2(i, int(in_slot)), 0); }
+vec3 turned(vec3 v) { return vec3(dot(row(0).xyz, v), dot(row(1).xyz, v), dot(row(2).xyz, v)); }
+vec4 placed() {
+    vec4 local = vec4(in_position, 1.0);
+    return vec4(dot(row(0), local), dot(row(1), local), dot(row(2), local), 1.0);
+}
+"""
+
+_VERTEX = (
+    _PLACED
+    + """
+uniform mat4 light_matrix;
+uniform float shadow_texel;
 in vec3 in_normal;
 in vec4 in_rgba;
-in uint in_slot;
 in int in_label;
 flat out int label;
 out vec3 normal;
@@ -33,13 +43,8 @@ out vec4 albedo;
 out vec3 in_light;
 
 void main() {
-    int row = int(in_slot);
-    vec4 r0 = texelFetch(transforms, ivec2(0, row), 0);
-    vec4 r1 = texelFetch(transforms, ivec2(1, row), 0);
-    vec4 r2 = texelFetch(transforms, ivec2(2, row), 0);
-    vec4 local = vec4(in_position, 1.0);
-    vec3 world = vec3(dot(r0, local), dot(r1, local), dot(r2, local));
-    normal = vec3(dot(r0.xyz, in_normal), dot(r1.xyz, in_normal), dot(r2.xyz, in_normal));
+    vec3 world = placed().xyz;
+    normal = turned(in_normal);
     position = world;
     label = in_label;
     albedo = vec4(in_rgba.rgb * in_rgba.rgb, in_rgba.a);
@@ -51,65 +56,42 @@ void main() {
 )
 
 DEPTH_VERTEX = (
-    _HEAD
+    _PLACED
     + """
-uniform mat4 view_projection;
-uniform sampler2D transforms;
-in vec3 in_position;
-in uint in_slot;
 out float height;
 void main() {
-    int row = int(in_slot);
-    vec4 local = vec4(in_position, 1.0);
-    vec4 world = vec4(dot(texelFetch(transforms, ivec2(0, row), 0), local),
-                      dot(texelFetch(transforms, ivec2(1, row), 0), local),
-                      dot(texelFetch(transforms, ivec2(2, row), 0), local), 1.0);
-    height = world.z;
-    gl_Position = view_projection * world;
+    height = placed().z;
+    gl_Position = view_projection * placed();
 }
 """
 )
 
-DEPTH_FRAGMENT = (
-    _HEAD
-    + """
+DEPTH_FRAGMENT = """
 uniform float lid;
 in float height;
 void main() { if (height > lid) discard; }
 """
-)
 
 # What is where: normal in the optical frame with the depth, and the label plus one; zero is nothing.
 SURVEY_VERTEX = (
-    _HEAD
+    _PLACED
     + """
-uniform mat4 view_projection;
 uniform mat3 optical;
-uniform sampler2D transforms;
-in vec3 in_position;
 in vec3 in_normal;
-in uint in_slot;
 in int in_label;
 out vec3 normal;
 out float depth;
 flat out int label;
 void main() {
-    int row = int(in_slot);
-    vec4 r0 = texelFetch(transforms, ivec2(0, row), 0);
-    vec4 r1 = texelFetch(transforms, ivec2(1, row), 0);
-    vec4 r2 = texelFetch(transforms, ivec2(2, row), 0);
-    vec4 local = vec4(in_position, 1.0);
-    normal = optical * vec3(dot(r0.xyz, in_normal), dot(r1.xyz, in_normal), dot(r2.xyz, in_normal));
+    normal = optical * turned(in_normal);
     label = in_label;
-    gl_Position = view_projection * vec4(dot(r0, local), dot(r1, local), dot(r2, local), 1.0);
+    gl_Position = view_projection * placed();
     depth = gl_Position.w;
 }
 """
 )
 
-SURVEY_FRAGMENT = (
-    _HEAD
-    + """
+SURVEY_FRAGMENT = """
 in vec3 normal;
 in float depth;
 flat in int label;
@@ -120,7 +102,6 @@ void main() {
     thing = float(label + 1);
 }
 """
-)
 
 # Where there is a second and a third attachment, they take what the survey does.
 _FRAGMENT = """
@@ -255,20 +236,15 @@ _FLOOR_FADE = """
     seen = mix(seen, horizon, smoothstep(FADE_NEAR, FADE_FAR, away));
 """
 
-SCREEN_VERTEX = (
-    _HEAD
-    + """
+SCREEN_VERTEX = """
 out vec2 uv;
 void main() {
     uv = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0;
     gl_Position = vec4(uv * 2.0 - 1.0, 1.0, 1.0);
 }
 """
-)
 
-BACKGROUND_FRAGMENT = (
-    _HEAD
-    + """
+BACKGROUND_FRAGMENT = """
 uniform mat4 from_clip;
 uniform vec3 horizon;
 uniform vec3 zenith;
@@ -281,7 +257,6 @@ void main() {
     color = vec4(mix(horizon, zenith, smoothstep(0.0, 0.75, ray.z)), 1.0);
 }
 """
-)
 
 # Writes (occlusion, distance) at half size. `projection` is (P00, P11, P02, P12) of the camera.
 OCCLUSION_FRAGMENT = """
@@ -330,9 +305,7 @@ void main() {
 """
 
 # The noise of the taps has a period of four pixels: a box of four by four removes it.
-BLUR_FRAGMENT = (
-    _HEAD
-    + """
+BLUR_FRAGMENT = """
 uniform sampler2D raw;
 in vec2 uv;
 out float result;
@@ -349,12 +322,9 @@ void main() {
     result = sum.x / sum.y;
 }
 """
-)
 
 # Row 0 of a picture is its top, row 0 of a texture its bottom: the last pass turns it over.
-FINAL_FRAGMENT = (
-    _HEAD
-    + """
+FINAL_FRAGMENT = """
 uniform sampler2D picture;
 uniform sampler2D occlusion;
 uniform float strength;
@@ -371,7 +341,6 @@ void main() {
     color = vec4(c, 1.0);
 }
 """
-)
 
 
 def surface_program(kind: str) -> tuple[str, str]:
@@ -387,11 +356,11 @@ def surface_program(kind: str) -> tuple[str, str]:
     defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
     body = _FRAGMENT.replace("SURFACE", surface)
     body = body.replace("    FADE\n", _FLOOR_FADE if kind == "floor" else "")
-    return _VERTEX, _HEAD + defines + body
+    return _VERTEX, defines + body
 
 
 def occlusion_program(*, multisampled: bool) -> tuple[str, str]:
     """Return the vertex and fragment source of the ambient occlusion pass."""
     sampler = "sampler2DMS" if multisampled else "sampler2D"
     defines = f"#define DEPTH_SAMPLER {sampler}\n#define TAPS 8\n#define RADIUS 0.25\n"
-    return SCREEN_VERTEX, _HEAD + defines + OCCLUSION_FRAGMENT
+    return SCREEN_VERTEX, defines + OCCLUSION_FRAGMENT

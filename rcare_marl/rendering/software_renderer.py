@@ -20,13 +20,12 @@ from ..pose import Pose
 from ..world import Skin, World
 from .camera import Camera
 from .geometry import FLOOR_RGBA, world_parts
-from .light import KEY_DIRECTION
 from .mesh import Floats, Ints
-from .piece import split_by_color
+from .piece import SkinCuts, split_by_color
 from .relief import normals_from_depth
+from .renderer import Renderer
 from .shading import HORIZON
-from .shot import Labels, Picture, Shot
-from .skin_cut import SkinCuts
+from .shot import KEY_DIRECTION, Labels, Picture, Shot
 from .stroke import paint, skin_opacity
 
 _FLOOR_HALF = 6.0  # [m]
@@ -35,7 +34,7 @@ _CLEAR = 0.99  # a shape that is less opaque is seen by colours alone
 _OUT_OF_SIGHT = Pose((0.0, 0.0, -1e4))
 
 
-class SoftwareRenderer:
+class SoftwareRenderer(Renderer):
     """Draws a world with PyBullet's TinyRenderer: slow and plain, but it works everywhere.
 
     Skins are drawn as rigid pieces that follow the links of their body, each of one colour; they
@@ -63,7 +62,8 @@ class SoftwareRenderer:
         Raises:
             WorldError: If PyBullet has no client left.
         """
-        self._world, self._shadows, self._floor = world, shadows, floor
+        super().__init__(world)
+        self._shadows, self._floor = shadows, floor
         self._client: int = bullet.connect(bullet.DIRECT)
         if self._client < 0:
             raise WorldError("PyBullet has no physics client left for the software renderer")
@@ -78,28 +78,8 @@ class SoftwareRenderer:
         self._known = ()
         self._cuts.forget()
 
-    def render(self, camera: Camera) -> npt.NDArray[np.uint8]:
-        """Return the picture that `camera` takes, shape [height, width, 3].
-
-        Raises:
-            WorldError: If the renderer or the world is closed.
-        """
-        return self.read([Shot(camera)])[0]["rgb"]
-
-    def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
-        """Return depths along the optical axis [m], shape [height, width]; inf for nothing.
-
-        Raises:
-            WorldError: If the renderer or the world is closed.
-        """
-        return self.read([Shot(camera, ("depth",))])[0]["depth"]
-
     def read(self, shots: Sequence[Shot]) -> list[Picture]:
-        """Return what each of several cameras sees at this moment, by output.
-
-        Raises:
-            WorldError: If the renderer or the world is closed.
-        """
+        self._check_open()
         self._update()
         out = []
         for shot in shots:
@@ -112,10 +92,6 @@ class SoftwareRenderer:
                 picture.update(self._survey(shot))
             out.append(picture)
         return out
-
-    def labels(self) -> dict[int, tuple[str, str]]:
-        """Return name of body and link by their number in segmentations."""
-        return Labels(self._world).names
 
     def _colors(self, shot: Shot) -> npt.NDArray[np.uint8]:
         camera = shot.camera
@@ -149,12 +125,12 @@ class SoftwareRenderer:
         self._closer()
         self._client = -1
 
+    @property
+    def _is_closed(self) -> bool:
+        return self._client < 0
+
     def _update(self) -> None:
         """Make the copies anew if there is anything new in the world."""
-        if self._client < 0:
-            raise WorldError("this renderer is closed: make a new one")
-        if self._world.client < 0:
-            raise WorldError("the world of this renderer is closed")
         known = (
             tuple(body.uid for body in self._world.bodies),
             tuple(id(part) for skin in self._world.skins for part in (skin, skin.faces)),
