@@ -271,7 +271,6 @@ class Body:
         forces: Vector,
         *,
         position_gain: float = 0.1,
-        velocity_gain: float = 1.0,
         velocities: Sequence[float] | None = None,
     ) -> None:
         """Drive joints to `targets` [rad or m] with at most `forces` [N·m or N].
@@ -291,7 +290,7 @@ class Body:
             targetVelocities=[0.0] * count if velocities is None else velocities,
             forces=forces,
             positionGains=[position_gain] * count,
-            velocityGains=[velocity_gain] * count,
+            velocityGains=[1.0] * count,
             physicsClientId=self._client,
         )
 
@@ -366,9 +365,9 @@ class Body:
         )
         bullet.resetBaseVelocity(self.uid, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
 
-    def set_damping(self, *, linear: float = 0.0, angular: float = 0.0, joint: float = 0.0) -> None:
-        """Replace Bullet's default damping of every link: shares per second, and [N·m·s/rad]."""
-        self._change(None, linearDamping=linear, angularDamping=angular, jointDamping=joint)
+    def set_damping(self) -> None:
+        """Take Bullet's default damping off every link."""
+        self._change(None, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0)
 
     def _change(self, links: Iterable[int] | None, **values: float) -> None:
         """Change the dynamics of links, all if None, as Bullet calls them."""

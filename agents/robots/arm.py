@@ -84,20 +84,18 @@ class Arm(JointGroup):
         room = np.maximum(self.effort - motors, 0.0)
         return np.minimum(np.maximum(weight, -room), room)
 
-    def solve(self, goal: Pose, seed: Array, *, position_only: bool = False) -> IkResult:
+    def solve(self, goal: Pose, seed: Array) -> IkResult:
         """Return the posture that puts the tool at `goal`: the first good one, else the best.
 
         The search starts at `seed`, then at the rest posture, then at postures around both, then
         anywhere within the limits; these are the same on every call.
         """
-        weight = 0.0 if position_only else 0.3
+        weight = 0.3  # of a radian against a metre
         best: IkResult | None = None
         for start in self._seeds(seed):
             found = self.chain.solve(
                 goal, start, self.lower, self.upper, rest=self.rest, turn_weight=weight
             )
-            if position_only:
-                found = IkResult(found.posture, found.distance, 0.0)
             if found.is_within():
                 return found
             if best is None or found.distance + weight * found.angle < (

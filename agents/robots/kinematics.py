@@ -27,6 +27,7 @@ from rcare_marl.tree.least_squares import bounded_step, rotation_vector
 from rcare_marl.world import GRAVITY
 
 DAMPING = 0.02  # of the least squares; keeps steps small near singular postures
+ITERATIONS = 60  # of inverse kinematics, at most
 
 
 @dataclass(frozen=True)
@@ -205,7 +206,6 @@ class Chain:
         *,
         rest: Array | None = None,
         turn_weight: float = 1.0,
-        iterations: int = 60,
     ) -> IkResult:
         """Move the tip to `goal` from the posture `seed` by damped least squares within limits.
 
@@ -216,14 +216,13 @@ class Chain:
             upper: Upper limits, shape [n].
             rest: Posture preferred where the goal leaves a choice; the seed if None.
             turn_weight: Weight of a radian against a metre; zero ignores orientation.
-            iterations: Greatest number of steps.
         """
         start = np.asarray(seed, np.float64)
         wished = start if rest is None else np.asarray(rest, np.float64)
         frame = np.ascontiguousarray(goal.matrix()[:3])
         return IkResult(
             *_solve(
-                self.arrays, self.tip, frame, start, lower, upper, wished, turn_weight, iterations
+                self.arrays, self.tip, frame, start, lower, upper, wished, turn_weight, ITERATIONS
             )
         )
 

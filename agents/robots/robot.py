@@ -424,7 +424,6 @@ class Robot(Agent):
         pose: Pose,
         *,
         seed: Sequence[float] | Array | None = None,
-        position_only: bool = False,
         arm: str | None = None,
     ) -> IkResult:
         """Return the posture that puts the tool at `pose`, within limits; nothing moves.
@@ -432,14 +431,13 @@ class Robot(Agent):
         Args:
             pose: The wished pose of the tool in the world.
             seed: Posture to start from; the present one if None.
-            position_only: Whether any orientation will do.
             arm: Which arm; the main one if None.
         """
         chosen = self._named_arm(arm)
         if chosen.is_carried:
             chosen.track()
         start = chosen.positions() if seed is None else np.asarray(seed, np.float64)
-        return chosen.solve(pose, start, position_only=position_only)
+        return chosen.solve(pose, start)
 
     def grasp(self, body: Body, body_in_tool: Pose = Pose(), *, force: float = 500.0) -> Attachment:
         """Put the base of `body` at `body_in_tool` in the main tool's frame and bond it there.

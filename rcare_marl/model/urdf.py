@@ -184,8 +184,8 @@ def write(
 @lru_cache
 def _makers() -> bytes:
     """Return the code that makes the files: other code makes other files."""
-    files = (__file__, shape_module.__file__, mesh.__file__, hull.__file__, mesh_path.__file__)
-    return b"".join(Path(file).read_bytes() for file in files)
+    made_by = (shape_module, mesh, hull, inertia, mesh_path)
+    return b"".join(Path(file).read_bytes() for file in (__file__, *(m.__file__ for m in made_by)))
 
 
 def _files(

@@ -134,7 +134,8 @@ def _moved(mesh: MeshFile, pose: Pose) -> MeshFile:
     if pose == Pose():
         return mesh
     placed = pose @ mesh.pose()
-    return replace(mesh, at=placed.position, rpy=rpy_from_matrix(placed.matrix()[:3, :3]))
+    x, y, z = placed.position
+    return replace(mesh, at=(x, y, z), rpy=rpy_from_matrix(placed.matrix()[:3, :3]))
 
 
 def check_driven(model: Model, joints: Iterable[str], where: object = "") -> None:

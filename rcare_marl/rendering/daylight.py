@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
-from .renderer import Renderer
-from .shot import Light, Shot
+from .shot import Light, Picture, Shot
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))  # [rad]; points turned by it spread evenly over a disc
 # Steps within a pixel from picture to picture: Roberts' R2 sequence, from memory.
@@ -20,6 +20,10 @@ STEPS = (0.7548776662, 0.5698402910)
 
 BRIGHT = 96.0  # [%] of the pixels are not too bright; own choice
 GAINS = (0.7, 1.8)  # least and most that an exposure changes the light; own choice
+
+
+class _Reader(Protocol):
+    def read(self, shots: Sequence[Shot]) -> list[Picture]: ...
 
 
 def dome(light: Light, count: int, *, spread: float = 0.95) -> list[Light]:
@@ -50,7 +54,7 @@ def disc(light: Light, count: int, *, radius: float = 0.03) -> list[Light]:
 
 
 def exposed(
-    renderer: Renderer,
+    renderer: _Reader,
     camera: Camera,
     lights: Sequence[Light],
     *,

@@ -47,7 +47,6 @@ class SoftwareRenderer(Renderer):
         self,
         world: World,
         *,
-        shadows: bool = True,
         floor: bool = True,
         cuts: SkinCuts | None = None,
     ) -> None:
@@ -55,7 +54,6 @@ class SoftwareRenderer(Renderer):
 
         Args:
             world: What to draw.
-            shadows: Whether to draw shadows; without them it is twice as fast.
             floor: Whether to draw a floor at z = 0 where the world has none.
             cuts: The pieces of its skins, measured earlier; where they lie now if None.
 
@@ -63,7 +61,7 @@ class SoftwareRenderer(Renderer):
             WorldError: If PyBullet has no client left.
         """
         super().__init__(world)
-        self._shadows, self._floor = shadows, floor
+        self._floor = floor
         self._client: int = bullet.connect(bullet.DIRECT)
         if self._client < 0:
             raise WorldError("PyBullet has no physics client left for the software renderer")
@@ -95,7 +93,7 @@ class SoftwareRenderer(Renderer):
 
     def _colors(self, shot: Shot) -> npt.NDArray[np.uint8]:
         camera = shot.camera
-        image = self._image(camera, shadows=self._shadows and shot.look == "full")
+        image = self._image(camera, shadows=shot.look == "full")
         seen = np.reshape(np.asarray(image[2], np.uint8), (camera.height, camera.width, 4))
         out = np.ascontiguousarray(seen[:, :, :3])
         distance = _distances(image, camera)

@@ -20,7 +20,7 @@ from .constraint import SOFTNESS, make_constraints, torn, vertex_masses
 from .contact import BOX, CAPSULE, SIZE, SPHERE, Shapes, plain
 from .grip import FORCE, STIFFNESS, Grip
 from .material import Fabric
-from .soft_object import SoftContact, SoftObject
+from .soft_object import ParticleObject, SoftContact
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -43,7 +43,7 @@ _CELLS = 16  # of the grid for finding them, per particle
 _CLOSE = 12  # particles of the cloth that one can be near, on average
 
 
-class Cloth(SoftObject):
+class Cloth(ParticleObject):
     """A mesh of particles in the frame of the world.
 
     Attributes:
@@ -71,7 +71,6 @@ class Cloth(SoftObject):
         grain: Array | Vector = (0.0, 0.0, 1.0),
         positions: Array | None = None,
         substeps: int = SUBSTEPS,
-        self_collision: bool = True,
     ) -> None:
         """Prepare a cloth that does not move.
 
@@ -83,7 +82,6 @@ class Cloth(SoftObject):
             grain: Direction of the warp at rest, one for all or one a particle, shape [3] or [n, 3].
             positions: Where it is in the world [m], shape [n, 3]; as at rest if None.
             substeps: Small steps in a physics step.
-            self_collision: Whether it stays out of itself.
 
         Raises:
             ConfigError: If `substeps` is below 1, a face has no area, a particle belongs to no face,
@@ -105,7 +103,6 @@ class Cloth(SoftObject):
         self.grain = np.array(np.broadcast_to(np.asarray(grain, np.float64), (count, 3)))
         self.grips: list[Grip] = []
         self.tears = 0
-        self._avoids_itself = self_collision
         self._client = -1
         self._mesh(given, np.zeros((count, 3)))
 
@@ -136,16 +133,6 @@ class Cloth(SoftObject):
         self.gap = CLOSENESS * self.spacing
 
     @property
-    def positions(self) -> Array:
-        """Present positions in the world [m], shape [n, 3]."""
-        return self._x[:, :3]
-
-    @property
-    def velocities(self) -> Array:
-        """Present velocities [m/s], shape [n, 3]."""
-        return self._v
-
-    @property
     def points(self) -> Array:
         """Positions [m] and inverse masses [1/kg], as the kernels know them, shape [n, 4]."""
         return self._x
@@ -167,16 +154,7 @@ class Cloth(SoftObject):
         self._client = client
 
     def place(self, positions: Array) -> None:
-        """Teleport all particles [m], shape [n, 3]; they stand still afterwards.
-
-        Raises:
-            ConfigError: If the shape is wrong or a value is not finite.
-        """
-        given = np.asarray(positions, np.float64)
-        if given.shape != self._v.shape or not np.isfinite(given).all():
-            raise ConfigError(f"positions must be finite and of the shape {self._v.shape}")
-        self._x[:, :3] = given
-        self._v[:] = 0
+        super().place(positions)
         self._close = self._close._replace(size=0)
 
     def nearest(self, point: Vector, radius: float) -> Indices:
@@ -248,31 +226,24 @@ class Cloth(SoftObject):
             rows: Those whose poses are fresh.
             wait: Until the next look [s].
         """
-        shapes = NearShapes(colliders, rows).in_world()
         drift = Drift(self.fabric.thickness_m + REACH + SHAPE_SPEED * wait, HURRY, wait)
-        low, high = self._x[:, :3].min(axis=0), self._x[:, :3].max(axis=0)
         near = self._near.rows
-        count = contact.find_near(self._x, self._v, low, high, tuple(shapes), tuple(drift), near)
-        met = np.zeros(len(rows), np.bool_)
-        met[near[:count, 1]] = True
-        near[:count, 1] = (np.cumsum(met) - 1)[near[:count, 1]]
-        self._near = Pairs(near, count)
-        sharp = is_sharp(shapes.kinds[met], shapes.meetings[met], self.spacing)
+        count, met = contact.find_pairs(self._x, self._v, colliders, rows, drift, near)
+        self._near, self.near = Pairs(near, count), NearShapes(colliders, rows[met])
+        shapes = self.near.in_world()
+        sharp = is_sharp(shapes.kinds, shapes.meetings, self.spacing)
         found = self._near_sharp.rows
         self._near_sharp = Pairs(
             found,
             contact.find_threads(tuple(self._near), sharp, self._threads_at, self._stamps, found),
         )
-        self.near = NearShapes(colliders, rows[met])
         kernel.feel_air(self._x, self.faces, AIR, self._particles.air)
-        close, count = self._close, 0
-        if self._avoids_itself:
-            way = self._v - self._v.mean(axis=0)
-            speed = math.sqrt(float(np.einsum("na,na->n", way, way).max()))
-            reach = self.gap + min(2 * speed * wait, self.gap)
-            count = kernel.find_close(
-                self._x, self.rest, self.gap, reach, tuple(self._grid), close.rows, close.gaps
-            )
+        close, way = self._close, self._v - self._v.mean(axis=0)
+        speed = math.sqrt(float(np.einsum("na,na->n", way, way).max()))
+        reach = self.gap + min(2 * speed * wait, self.gap)
+        count = kernel.find_close(
+            self._x, self.rest, self.gap, reach, tuple(self._grid), close.rows, close.gaps
+        )
         self._close = close._replace(size=count)
 
     def advance(self, colliders: Colliders, gravity: Array, period: float) -> None:

@@ -17,7 +17,7 @@ from .cloth_contact import Drift, Impact, Pairs
 from .collider import Colliders, NearShapes
 from .contact import plain
 from .material import WATER, Liquid
-from .soft_object import SoftContact, SoftObject
+from .soft_object import ParticleObject, SoftContact
 from .vessel import Vessel
 
 Array = npt.NDArray[np.float64]
@@ -38,7 +38,7 @@ _PAIRS = 60  # neighbours that one particle can have, on average
 _TOUCHES = 8  # shapes that one particle can be near, on average
 
 
-class Fluid(SoftObject):
+class Fluid(ParticleObject):
     """Particles of one liquid in the frame of the world.
 
     Attributes:
@@ -56,8 +56,6 @@ class Fluid(SoftObject):
         *,
         spacing: float,
         liquid: Liquid = WATER,
-        substeps: int = SUBSTEPS,
-        iterations: int = ITERATIONS,
     ) -> None:
         """Prepare a fluid that does not move.
 
@@ -66,22 +64,17 @@ class Fluid(SoftObject):
             positions: Where its particles are in the world [m], shape [n, 3].
             spacing: Edge of the cube of liquid that a particle stands for [m].
             liquid: What it is made of.
-            substeps: Small steps in a physics step.
-            iterations: How often each particle asks for its density in a small step.
 
         Raises:
-            ConfigError: If there are no particles, or spacing, substeps or iterations are not positive.
+            ConfigError: If there are no particles, or `spacing` is not positive.
         """
         given = np.asarray(positions, np.float64)
         if given.ndim != 2 or given.shape[1] != 3 or not len(given):
             raise ConfigError(f"positions must have the shape (n, 3), got {given.shape}")
-        if not spacing > 0 or substeps < 1 or iterations < 1:
-            raise ConfigError(
-                f"spacing, substeps and iterations must be above 0, got {spacing}, {substeps}, {iterations}"
-            )
+        if not spacing > 0:
+            raise ConfigError(f"spacing must be above 0, got {spacing}")
         super().__init__(name)
         self.spacing, self.liquid = spacing, liquid
-        self.substeps, self.iterations = substeps, iterations
         self.particle_mass = liquid.density_kg_m3 * spacing**3
         self._allocate(len(given))
         self.place(given)
@@ -118,16 +111,6 @@ class Fluid(SoftObject):
         return self.count * self.particle_mass
 
     @property
-    def positions(self) -> Array:
-        """Present positions of all particles in the world [m], shape [n, 3]; see `is_active`."""
-        return self._x[:, :3]
-
-    @property
-    def velocities(self) -> Array:
-        """Present velocities [m/s], shape [n, 3]."""
-        return self._v
-
-    @property
     def is_active(self) -> npt.NDArray[np.bool_]:
         """Which particles there are, without those taken away, shape [n]."""
         return self._is_active
@@ -138,18 +121,10 @@ class Fluid(SoftObject):
         return self._neighbours.feel[:, vessel_kernel.DENSITY]
 
     def place(self, positions: Array) -> None:
-        """Teleport all particles [m], shape [n, 3]; all are there again and stand still.
-
-        Raises:
-            ConfigError: If the shape is wrong or a value is not finite.
-        """
-        given = np.asarray(positions, np.float64)
-        if given.shape != self._v.shape or not np.isfinite(given).all():
-            raise ConfigError(f"positions must be finite and of the shape {self._v.shape}")
-        self._x[:, :3] = given
-        self._v[:] = 0
+        """Teleport all particles [m], shape [n, 3]; all are there again and stand still."""
+        super().place(positions)
         self._is_active[:] = True
-        self._active = np.arange(len(given))
+        self._active = np.arange(len(self._x))
         self._forget()
 
     def take(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.integer]) -> None:
@@ -180,16 +155,11 @@ class Fluid(SoftObject):
             outside: Those particles.
         """
         x, v = self._x[outside], self._v[outside]
-        low, high = x[:, :3].min(axis=0), x[:, :3].max(axis=0)
         drift = Drift(CONTACT * self.spacing + SHAPE_REACH + SHAPE_SPEED * wait, HURRY, wait)
         found = np.zeros((_TOUCHES * max(len(outside), 1), 2), np.uint32)
-        shapes = NearShapes(colliders, rows).in_world()
-        count = contact.find_near(x, v, low, high, tuple(shapes), tuple(drift), found)
-        met = np.zeros(len(rows), np.bool_)
-        met[found[:count, 1]] = True
+        count, met = contact.find_pairs(x, v, colliders, rows, drift, found)
         touching = self._touching.rows
-        touching[:count, 0] = outside[found[:count, 0]]
-        touching[:count, 1] = (np.cumsum(met) - 1)[found[:count, 1]]
+        touching[:count, 0], touching[:count, 1] = outside[found[:count, 0]], found[:count, 1]
         self._touching, self.near = Pairs(touching, count), NearShapes(colliders, rows[met])
 
     def ignore_shapes(self) -> None:
@@ -240,10 +210,10 @@ class Fluid(SoftObject):
             self._paired[:] = self._x[:, :3]
 
     def _step(self, gravity: Array, period: float) -> kernel.Step:
-        liquid, d, dt = self.liquid, self.spacing, period / self.substeps
+        liquid, d, dt = self.liquid, self.spacing, period / SUBSTEPS
         return kernel.Step(
-            substeps=self.substeps,
-            iterations=self.iterations,
+            substeps=SUBSTEPS,
+            iterations=ITERATIONS,
             dt=dt,
             reach=REACH * d,
             target=d**3 / REST_SUM,

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .cloth_contact import Impact, Pairs, touch_shapes
-from .contact import Shapes, move_meetings
+from .contact import Shapes, add, move_meetings, note
 from .vessel_kernel import (
     DENSITY,
     FACTOR,
@@ -26,7 +26,6 @@ from .vessel_kernel import (
     WALL,
     contain,
     feel_walls,
-    note,
     speed_at,
 )
 
@@ -239,9 +238,7 @@ def _fall(particles, step) -> None:  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def _gather(feel, i, x, y, z, squares, density) -> None:  # type: ignore[no-untyped-def]
-    feel[i, GRADIENT] += x
-    feel[i, GRADIENT + 1] += y
-    feel[i, GRADIENT + 2] += z
+    add(feel, i, GRADIENT, x, y, z)
     feel[i, SQUARES] += squares
     feel[i, DENSITY] += density
 
@@ -343,9 +340,7 @@ def _finish(particles, vessels, feel, step) -> None:  # type: ignore[no-untyped-
         along = ux * gx + uy * gy + uz * gz
         share = min(step.drag * size * h, 1.0)
         ux, uy, uz = share * (ux - along * gx), share * (uy - along * gy), share * (uz - along * gz)
-        v[i, 0] += ux
-        v[i, 1] += uy
-        v[i, 2] += uz
+        add(v, i, 0, ux, uy, uz)
         note(vessels.outcome, c, x[i, 0], x[i, 1], x[i, 2], -mass * ux, -mass * uy, -mass * uz)
 
 

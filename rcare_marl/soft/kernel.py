@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .collider import turning
+from .contact import note
 
 # Columns of what a shape got from a body in a step: force [N], moment about the body's origin [N·m] and
 # later a point of the line of action [m], then of the particles that it touches: middle [m], normal,
@@ -118,16 +119,11 @@ def share_out(motion, touch, damping, period, outcome) -> None:  # type: ignore[
                         square += (x[i, a] - outcome[c, MIDDLE + a]) ** 2
                     if square < nearest:
                         nearest, chosen = square, c
-        row, mass = outcome[chosen], 1.0 / x[i, 3]
+        mass = 1.0 / x[i, 3]
         fx = forces[i, 0] + mass * (-(v[i, 0] - start[i, 0]) / period - damping * v[i, 0])
         fy = forces[i, 1] + mass * (-(v[i, 1] - start[i, 1]) / period - damping * v[i, 1])
         fz = forces[i, 2] + mass * (-(v[i, 2] - start[i, 2]) / period - damping * v[i, 2])
-        row[FORCE] += fx
-        row[FORCE + 1] += fy
-        row[FORCE + 2] += fz
-        row[MOMENT] += x[i, 1] * fz - x[i, 2] * fy
-        row[MOMENT + 1] += x[i, 2] * fx - x[i, 0] * fz
-        row[MOMENT + 2] += x[i, 0] * fy - x[i, 1] * fx
+        note(outcome, chosen, x[i, 0], x[i, 1], x[i, 2], fx, fy, fz)
 
 
 @numba.njit(cache=True)

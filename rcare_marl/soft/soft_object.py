@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..body import Body
+from ..errors import ConfigError
 from ..pose import Pose
 from .collider import NearShapes
 
@@ -100,3 +101,31 @@ class SoftObject:
             touch.body.apply_force(touch.link, touch.force.tolist(), touch.point.tolist())
         if self.carrier is not None:
             self.carrier.body.apply_force(self.carrier.link, -touch.force, touch.point)
+
+
+class ParticleObject(SoftObject):
+    """Particles in the frame of the world: a cloth or a fluid."""
+
+    _x: Array  # positions [m] and inverse masses [1/kg], shape [n, 4]
+    _v: Array  # velocities [m/s], shape [n, 3]
+
+    @property
+    def positions(self) -> Array:
+        """Present positions of all particles in the world [m], shape [n, 3]."""
+        return self._x[:, :3]
+
+    @property
+    def velocities(self) -> Array:
+        """Present velocities [m/s], shape [n, 3]."""
+        return self._v
+
+    def place(self, positions: Array) -> None:
+        """Teleport all particles [m], shape [n, 3]; they stand still afterwards.
+
+        Raises:
+            ConfigError: If the shape is wrong or a value is not finite.
+        """
+        given = np.asarray(positions, np.float64)
+        if given.shape != self._v.shape or not np.isfinite(given).all():
+            raise ConfigError(f"positions must be finite and of the shape {self._v.shape}")
+        self._x[:, :3], self._v[:] = given, 0

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from .collider import carry, turning
-from .contact import PLACE, SLIDE, SPIN, TURN
+from .contact import PLACE, SLIDE, SPIN, TURN, add, note
 from .kernel import line_point
 
 # Columns of a vessel in the world: middle of its bottom [m], rotation and velocities [m/s, rad/s] as those of
@@ -20,9 +20,9 @@ from .kernel import line_point
 # thickness [m].
 LOW, HIGH, TALL, HALF = 18, 19, 20, 21
 VESSEL = 22
-# Columns of what a vessel got: impulse [N·s] and moment of impulse about the world's origin [N·m·s].
-IMPULSE, MOMENT = 0, 3
-OUTCOME = 6
+OUTCOME = (
+    6  # columns of what a vessel got: impulse [N·s], its moment about the world's origin [N·m·s]
+)
 # Columns of what a particle feels: gradient of its density, sum of squares, density, multiplier; gradient
 # by walls [1/m]; shift [m].
 GRADIENT, SQUARES, DENSITY, FACTOR, WALL, SHIFT = 0, 3, 4, 5, 6, 9
@@ -172,17 +172,6 @@ def feel_walls(x, active, near, vessels, h, feel) -> None:  # type: ignore[no-un
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def note(outcome, c, x, y, z, jx, jy, jz) -> None:  # type: ignore[no-untyped-def]
-    """Add an impulse at a point of the world to what a vessel got."""
-    outcome[c, IMPULSE] += jx
-    outcome[c, IMPULSE + 1] += jy
-    outcome[c, IMPULSE + 2] += jz
-    outcome[c, MOMENT] += y * jz - z * jy
-    outcome[c, MOMENT + 1] += z * jx - x * jz
-    outcome[c, MOMENT + 2] += x * jy - y * jx
-
-
-@numba.njit(cache=True, error_model="numpy", inline="always")
 def _way_out(table, former, c, x, previous, i, radius):  # type: ignore[no-untyped-def]
     """Return how deep a particle is in a vessel's wall or bottom [m], and the way out in the vessel's frame.
 
@@ -249,9 +238,5 @@ def contain(x, previous, active, tables, step) -> None:  # type: ignore[no-untyp
                 quiet = depth - push
                 jolt = -pull * push
                 note(outcome, c, x[i, 0], x[i, 1], x[i, 2], jolt * nx, jolt * ny, jolt * nz)
-                x[i, 0] += depth * nx
-                x[i, 1] += depth * ny
-                x[i, 2] += depth * nz
-                previous[i, 0] += quiet * nx
-                previous[i, 1] += quiet * ny
-                previous[i, 2] += quiet * nz
+                add(x, i, 0, depth * nx, depth * ny, depth * nz)
+                add(previous, i, 0, quiet * nx, quiet * ny, quiet * nz)
