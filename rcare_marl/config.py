@@ -54,8 +54,7 @@ class _Loader(_FASTEST):  # type: ignore[misc]  # mypy does not know which of th
                 raise yaml.constructor.ConstructorError(
                     None, None, f"key {key!r} stands twice", node.start_mark
                 )
-        out: dict[Any, Any] = super().construct_mapping(node, deep)
-        return out
+        return super().construct_mapping(node, deep)
 
 
 def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") -> T:

@@ -104,7 +104,7 @@ def dress(
         Path(name).stem,
         garment.rest,
         garment.faces,
-        fabric=garment.fabric,
+        fabric=garment.config.fabric,
         grain=garment.grain,
         positions=positions,
         substeps=substeps,

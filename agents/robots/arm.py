@@ -25,6 +25,7 @@ class Arm(JointGroup):
     Attributes:
         chain: Kinematics from the root to the tool.
         rest: Posture preferred where a tool pose leaves a choice, shape [n].
+        is_carried: Whether a torso or base moves the arm, or what the robot rides on.
         counterbalanced: Whether springs carry its weight, so that its motors need not.
     """
 
@@ -52,16 +53,12 @@ class Arm(JointGroup):
         super().__init__(world, body, chain.joints, rest, followers, chain.telescope)
         self.chain = chain
         self._root = -1 if root is None else body.link_index(root)
+        self.is_carried = self._root >= 0 or body.is_movable
         self.track()
 
     def track(self) -> None:
         """Take note of where the body carries the arm now."""
         self.chain.place(self.body.link_pose(self._root))
-
-    @property
-    def is_carried(self) -> bool:
-        """Whether a torso or base moves the arm, or what the robot rides on."""
-        return self._root >= 0 or self.body.is_movable
 
     def room(self, weight: Array) -> Array:
         """Return what the motors have left beside carrying `weight` [N·m or N], shape [n].

@@ -41,6 +41,7 @@ class JointGroup:
         effort: Greatest torques or forces [N·m or N], shape [n].
         rest: Start posture, shape [n].
         units: Unit of each position, `rad` or `m`.
+        has_followers: Whether other joints with motors of their own follow those of the group.
     """
 
     def __init__(
@@ -116,15 +117,11 @@ class JointGroup:
         self._leaders = [self.names.index(rule.joint) for rule in others.values()]
         self._multipliers = np.array([rule.multiplier for rule in others.values()])
         self._offsets = np.array([rule.offset for rule in others.values()])
+        self.has_followers = bool(others)
         self._own_effort = np.array([joint.effort for joint in joints])
 
     def __len__(self) -> int:
         return len(self.names)
-
-    @property
-    def has_followers(self) -> bool:
-        """Whether other joints with motors of their own follow those of the group."""
-        return bool(self._leaders)
 
     def read(self) -> tuple[Array, Array, Array]:
         """Return positions, velocities and motor torques of the last step, each of shape [n].

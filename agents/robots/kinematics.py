@@ -179,8 +179,7 @@ class Chain:
 
     def tip_frame(self, positions: Array) -> Array:
         """Return the frame of the tip at joint `positions` [rad or m], shape [3, 4]."""
-        out: Array = _tip_frame(self.arrays, self.tip, positions)
-        return out
+        return _tip_frame(self.arrays, self.tip, positions)
 
     def tip_pose(self, positions: Array) -> Pose:
         """Return the pose of the tip at joint `positions` [rad or m], shape [n]."""
@@ -189,13 +188,11 @@ class Chain:
 
     def jacobian(self, positions: Array) -> Array:
         """Return the geometric Jacobian of the tip, three linear rows first, shape [6, n]."""
-        out: Array = _jacobian(self.arrays, self.tip, positions)
-        return out
+        return _jacobian(self.arrays, self.tip, positions)
 
     def gravity_torques(self, positions: Array) -> Array:
         """Return the torques that hold the chain still [N·m or N], shape [n]."""
-        out: Array = _gravity_torques(self.arrays, positions)
-        return out
+        return _gravity_torques(self.arrays, positions)
 
     def solve(
         self,

@@ -9,8 +9,7 @@ from rcare_marl.soft.cloth import Cloth
 from rcare_marl.soft.grip import Grip
 from rcare_marl.world import World
 
-from .grasp import RELEASE
-from .gripper import Gripper
+from .gripper import RELEASE, Gripper
 from .robot import Robot
 
 LEAST_PRESS = 0.3  # [N] of each finger on the thing before it counts as taken; our own choice
@@ -35,7 +34,7 @@ class Pinch:
     """Holds one thing while the fingers of a robot are closed on it.
 
     Nothing jumps into the hand: the thing is bonded as it lies between the fingers, when both press on
-    it. It is let go of when the gap between them has grown by `grasp.RELEASE`.
+    it. It is let go of when the gap between them has grown by `gripper.RELEASE`.
     """
 
     def __init__(self, world: World, robot: Robot, thing: Body) -> None:

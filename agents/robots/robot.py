@@ -29,8 +29,7 @@ from .control import (
     make_group_control,
     moving_tool,
 )
-from .grasp import Grasp
-from .gripper import Gripper
+from .gripper import Grasp, Gripper
 from .joint_group import JointGroup
 from .kinematics import IkResult
 from .mobile_base import MobileBase
@@ -443,7 +442,7 @@ class Robot(Agent):
         """Put the base of `body` at `body_in_tool` in the main tool's frame and bond it there.
 
         The robot and what it holds do not collide from then on. A gripper that is commanded lets go
-        of it once the gap between its fingers is wider by `grasp.RELEASE` than at the start.
+        of it once the gap between its fingers is wider by `gripper.RELEASE` than at the start.
         """
         pose = self.tool_pose() @ body_in_tool
         arm = self._main

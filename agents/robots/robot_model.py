@@ -18,10 +18,10 @@ from typing import Literal
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, MissingPackageError
-from rcare_marl.model.shape import ZERO, MeshFile, Triple
+from rcare_marl.model.shape import GREY, MeshFile
 from rcare_marl.model.urdf import Model, write
 from rcare_marl.model.urdf_document import Document
-from rcare_marl.model.urdf_reader import GREY, MOST_JOINTS, check_driven, drawn_meshes, read
+from rcare_marl.model.urdf_reader import MOST_JOINTS, check_driven, drawn_meshes, read
 
 Meshes = Literal["auto", "never", "required"] | str | Path
 """`never`: our own shapes; `auto`: real meshes where there are any; `required`: those or an error;
@@ -31,25 +31,6 @@ MESH_FOLDERS = "RCARE_MARL_MESHES"
 """Environment variable: folders in which `<robot>.urdf` are a user's own copies, for the look."""
 
 _LOG = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class MeshPart:
-    """A mesh file of a package, drawn with a link.
-
-    Attributes:
-        file: End of the file's path in the package.
-        at: Origin of the mesh in the link [m].
-        rpy: Turn of the mesh in the link, fixed axes [rad].
-        scale: Factor on the file's numbers, one an axis.
-        rgba: Colour where the file has none.
-    """
-
-    file: str
-    at: Triple = ZERO
-    rpy: Triple = ZERO
-    scale: Triple = (1.0, 1.0, 1.0)
-    rgba: tuple[float, float, float, float] = GREY
 
 
 @dataclass(frozen=True)
@@ -64,7 +45,8 @@ class MeshPackage:
         package_root: A folder on that path in which `package://` names are looked for, where they
             are not found by the rules of `MeshPath`.
         licence: Licence of the meshes.
-        meshes: Files by the link that they are drawn with; this wins over the URDF.
+        meshes: Files by the link that they are drawn with, each by the end of its path in the package;
+            this wins over the URDF.
         rename: Our name of a link by the URDF's, where they differ.
     """
 
@@ -74,7 +56,7 @@ class MeshPackage:
     urdf: str = ""
     package_root: str = ""
     licence: str = ""
-    meshes: dict[str, tuple[MeshPart, ...]] = field(default_factory=dict)
+    meshes: dict[str, tuple[MeshFile, ...]] = field(default_factory=dict)
     rename: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -210,7 +192,8 @@ def _painted(drawn: _Drawn, model: Model) -> _Drawn:
     out = {}
     for name, meshes in drawn.items():
         shapes = model.links[name].visual if name in model.links else ()
-        ours = model.materials[shapes[0].material] if shapes else GREY
+        red, green, blue, alpha = model.materials[shapes[0].material] if shapes else GREY
+        ours = (red, green, blue, alpha)
         out[name] = tuple(
             replace(mesh, rgba=ours) if _is_unchosen(mesh.rgba) else mesh for mesh in meshes
         )
@@ -249,8 +232,7 @@ def _package_meshes(package: MeshPackage, model: Model) -> tuple[_Drawn, str]:
         )
     for link, parts in package.meshes.items():
         drawn[link] = tuple(
-            MeshFile(str(_installed(package, part.file)), part.rgba, part.scale, part.at, part.rpy)
-            for part in parts
+            replace(part, file=str(_installed(package, part.file))) for part in parts
         )
     return drawn, f"meshes of {package.distribution} {version} ({package.licence})"
 

@@ -113,8 +113,7 @@ def _faces_of(person: Human, index: int) -> Ints:
     """Return the faces of the skin of a segment and its neighbours, shape [m, 3]."""
     near = {index, PARENTS[index], *(c for c, parent in enumerate(PARENTS) if parent == index)}
     faces = person.model.faces.astype(np.int64)
-    out: Ints = faces[np.isin(person.model.owner[faces], list(near)).all(axis=1)]
-    return out
+    return faces[np.isin(person.model.owner[faces], list(near)).all(axis=1)]
 
 
 def _outermost(corners: Array, start: Array, ray: Array) -> Array | None:
@@ -134,8 +133,7 @@ def _outermost(corners: Array, start: Array, ray: Array) -> Array | None:
     hits = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0)
     if not hits.any():
         return None
-    out: Array = start + distance[hits].max() * ray
-    return out
+    return start + distance[hits].max() * ray
 
 
 def _turned(corners: Array, hit: Array, ray: Array, bone: Array, edge: float) -> Array:

@@ -19,12 +19,11 @@ from rcare_marl.world import World
 from .camera import CameraSensor
 from .contact_force import ContactForce
 from .imu import Imu
-from .joint_load import JointTorque, JointWrench
+from .joint_load import JointTorque, JointWrench, WristWrench
 from .marker_sensor import MarkerSensor
 from .proximity import Proximity
 from .sensor import Channel, Sensor
 from .taxel_map import TaxelMap
-from .wrist_wrench import WristWrench
 
 if TYPE_CHECKING:
     from ..agent import Agent

@@ -66,7 +66,7 @@ class GownStand:
         turn = (0.0, 0.0, math.sin(half), math.cos(half))
         body = self.stand.spawn(world, Pose((float(armhole[0]), float(armhole[1]), 0.0), turn))
         self.cloth = Cloth(
-            GARMENT, garment.rest, self.gown.faces, fabric=garment.fabric, grain=garment.grain,
+            GARMENT, garment.rest, self.gown.faces, fabric=garment.config.fabric, grain=garment.grain,
             positions=self.gown.placed(self.stand.frame_in_world("armhole")),
         )  # fmt: skip
         soft_world = SoftWorld.of(world)

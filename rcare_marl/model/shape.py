@@ -25,6 +25,8 @@ from . import mesh
 from .mesh import Mesh
 
 Triple = tuple[float, float, float]
+Rgba = tuple[float, float, float, float]
+GREY: Rgba = (0.75, 0.75, 0.75, 1.0)  # what has no colour
 ZERO: Triple = (0.0, 0.0, 0.0)
 UNSTRETCHED: Triple = (1.0, 1.0, 1.0)
 UNMOVED = Pose()
@@ -238,7 +240,7 @@ class MeshFile:
     """A mesh file to draw, or to collide with by its convex hull.
 
     Attributes:
-        file: Absolute path.
+        file: Absolute path, once it is found.
         rgba: Colour where the file has none.
         scale: Factor on the file's numbers, one an axis.
         at: Origin of the mesh in the link [m].
@@ -246,7 +248,7 @@ class MeshFile:
     """
 
     file: str
-    rgba: tuple[float, ...] = (0.75, 0.75, 0.75, 1.0)
+    rgba: Rgba = GREY
     scale: Triple = UNSTRETCHED
     at: Triple = ZERO
     rpy: Triple = ZERO

@@ -17,7 +17,7 @@ from rcare_marl.cache import cached_folder
 from rcare_marl.errors import check_name
 from rcare_marl.pose import Pose, quaternion_from_axis_angle, quaternion_from_rpy
 
-from . import hull, inertia, mesh, mesh_path
+from . import inertia, mesh, mesh_file
 from . import shape as shape_module
 from .shape import SOLID, ZERO, MeshFile, Shape, Triple, surface, turn_rpy
 
@@ -175,7 +175,7 @@ def write(
     recipe += _makers()
     used = [m for link in model.links.values() for m in (*link.hulls, *link.meshes)]
     used += [m for drawn in visuals.values() for m in drawn]
-    recipe += mesh_path.stamp(m.file for m in used)
+    recipe += mesh_file.stamp(m.file for m in used)
     name = _plain(model.name)
     made = cached_folder(name, recipe, lambda: _files(model, fixed_joints, visuals, kept))
     return made / f"{name}.urdf"
@@ -184,8 +184,8 @@ def write(
 @lru_cache
 def _makers() -> bytes:
     """Return the code that makes the files: other code makes other files."""
-    made_by = (shape_module, mesh, hull, inertia, mesh_path)
-    return b"".join(Path(file).read_bytes() for file in (__file__, *(m.__file__ for m in made_by)))
+    makers = (shape_module.__file__, mesh.__file__, inertia.__file__, mesh_file.__file__)
+    return b"".join(Path(file).read_bytes() for file in (__file__, *makers))
 
 
 def _files(
@@ -297,7 +297,7 @@ def _mesh_visual(element: xml.Element, drawn: MeshFile, pose: Pose) -> None:
     shape = xml.SubElement(visual, "geometry")
     xml.SubElement(shape, "mesh", filename=drawn.file, scale=_text(drawn.scale))
     # Where the file has colours, as RViz takes them, white lets them through to the renderers.
-    rgba = (1.0, 1.0, 1.0, drawn.rgba[3]) if mesh_path.has_colors(drawn.file) else drawn.rgba
+    rgba = (1.0, 1.0, 1.0, drawn.rgba[3]) if mesh_file.has_colors(drawn.file) else drawn.rgba
     painted = xml.SubElement(visual, "material", name=f"{Path(drawn.file).stem}_{rgba}")
     xml.SubElement(painted, "color", rgba=_text(rgba))
 
@@ -306,9 +306,9 @@ def _hulls(element: xml.Element, name: str, link: Link, pose: Pose) -> dict[str,
     """Let a link collide by the convex hulls of its mesh files; return the hulls' files."""
     files: dict[str, str] = {}
     for solid in link.hulls:
-        for corners in hull.hulls(solid.file):
+        for corners in mesh_file.hulls(solid.file):
             file = f"{_plain(name)}_hull_{len(files)}.obj"
-            files[file] = hull.obj(corners * solid.scale)
+            files[file] = mesh_file.hull_obj(corners * solid.scale)
             collision = xml.SubElement(element, "collision")
             _origin(collision, pose @ solid.pose())
             xml.SubElement(xml.SubElement(collision, "geometry"), "mesh", filename=file)

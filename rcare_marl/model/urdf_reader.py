@@ -12,17 +12,16 @@ from xml.etree import ElementTree as xml
 import numpy as np
 
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
-from rcare_marl.model.shape import SOLID, ZERO, MeshFile, Shape, Triple
+from rcare_marl.model.shape import GREY, SOLID, ZERO, MeshFile, Rgba, Shape, Triple
 from rcare_marl.pose import Pose, rpy_from_matrix
 
-from . import hull, inertia
-from .mesh_path import DRAWN, MeshPath
+from . import inertia
+from .mesh_file import DRAWN, MeshPath, hulls
 from .urdf import FRAME_INERTIA, FRAME_MASS, Follow, Joint, Link, Model, joint_pose
 from .urdf_document import Document
 from .urdf_tree import parents_first, resolved
 
 MOST_JOINTS = 127  # Bullet answers no questions about links beyond, and drops motors in silence
-GREY = (0.75, 0.75, 0.75, 1.0)  # what has no colour
 _SIZES = {
     "box": ("size",),
     "sphere": ("radius",),
@@ -191,7 +190,7 @@ class _Reader:
         self._paths = MeshPath(self.document.path, self.packages)
         self._missing: dict[str, str] = {}
         self.materials: dict[str, tuple[float, ...]] = {}
-        self._colors: dict[str, tuple[float, ...]] = {}
+        self._colors: dict[str, Rgba] = {}
         for element in self.document.root.iter("material"):
             color = element.find("color")
             if color is not None:
@@ -324,23 +323,19 @@ class _Reader:
         at, rpy = self._origin(element)
         return MeshFile(str(found), self._paint(element), scale, at, rpy)
 
-    def _paint(self, element: xml.Element) -> tuple[float, ...]:
-        material = element.find("material")
-        if material is None:
-            return GREY
+    def _paint(self, element: xml.Element) -> Rgba:
+        material = _child(element, "material")
         color = material.find("color")
-        return (
-            self._colors.get(material.get("name", ""), GREY)
-            if color is None
-            else (self._rgba(color))
-        )
+        named = self._colors.get(material.get("name", ""), GREY)
+        return named if color is None else self._rgba(color)
 
-    def _rgba(self, color: xml.Element) -> tuple[float, ...]:
+    def _rgba(self, color: xml.Element) -> Rgba:
         count = 3 if len(color.get("rgba", "").split()) == 3 else 4  # opaque, where nothing is said
         values = self.document.numbers(color, "rgba", count)
         if not all(0 <= value <= 1 for value in values):
             raise self.document.fault(color, f"rgba must lie between 0 and 1, got {values}")
-        return values if count == 4 else (*values, 1.0)
+        red, green, blue, *alpha = values
+        return red, green, blue, alpha[0] if alpha else 1.0
 
     def _origin(self, element: xml.Element) -> tuple[Triple, Triple]:
         origin, triple = _child(element, "origin"), self.document.triple
@@ -449,7 +444,7 @@ def _of_shape(link: Link) -> inertia.Inertia:
         clouds = [shape.mesh().vertices for shape in shapes]
         for mesh in meshes:
             pose = mesh.pose().matrix()
-            for corners in hull.hulls(mesh.file):
+            for corners in hulls(mesh.file):
                 clouds.append(corners * mesh.scale @ pose[:3, :3].T + pose[:3, 3])
         if clouds:
             return inertia.of_box(link.mass, np.ptp(np.concatenate(clouds), axis=0))

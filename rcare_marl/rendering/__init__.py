@@ -9,8 +9,8 @@ from typing import Literal
 from ..errors import ConfigError, MissingPackageError, RenderingError
 from ..world import World
 from .camera import Camera
-from .gl_context import check_process
 from .gl_renderer import GLRenderer
+from .gl_target import check_process
 from .piece import SkinCuts
 from .renderer import Renderer
 from .shot import LOOKS, OUTPUTS, Light, Look, Output, Picture, Shot

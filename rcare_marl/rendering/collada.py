@@ -79,8 +79,7 @@ class _Reader:
             text = diffuse.findtext("color")
             if text:
                 rgb = np.array([float(x) for x in text.split()[:3]])
-                rounded: Paint = np.round(rgb.clip(0, 1) * 255).astype(np.uint8)
-                return rounded
+                return np.round(rgb.clip(0, 1) * 255).astype(np.uint8)
             texture = diffuse.find("texture")
             if texture is not None:
                 return self._picture(effect, texture.get("texture", ""))

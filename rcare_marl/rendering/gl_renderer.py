@@ -13,9 +13,17 @@ import numpy as np
 from ..pose import Array
 from ..world import World
 from .camera import Camera, look, orthographic
-from .gl_context import check_process, create_context, free_context, make_program, matrix_bytes
 from .gl_scene import GLScene
-from .gl_target import Finisher, SurveyTarget, Target
+from .gl_target import (
+    Finisher,
+    SurveyTarget,
+    Target,
+    check_process,
+    create_context,
+    free_context,
+    make_program,
+    matrix_bytes,
+)
 from .renderer import Renderer
 from .shading import BACKGROUND_FRAGMENT, HORIZON, SCREEN_VERTEX, ZENITH
 from .shot import Light, Look, Picture, Shot

@@ -13,7 +13,7 @@ from ..world import World
 from .camera import Camera
 from .geometry import FLOOR_RGBA, LAYOUTS, VERTEX, Geometry, Part, Pass, Run, world_parts
 from .gl_buffers import LineBuffers, SkinBuffers
-from .gl_context import make_program, matrix_bytes
+from .gl_target import make_program, matrix_bytes
 from .mesh import Floats, level_for
 from .shading import (
     DEPTH_FRAGMENT,
@@ -246,8 +246,7 @@ class GLScene:
 
     def _center(self, run: Run) -> Floats:
         matrix = self.geometry.transforms[run.slot]
-        center: Floats = matrix[:, :3] @ run.center + matrix[:, 3]
-        return center
+        return matrix[:, :3] @ run.center + matrix[:, 3]
 
     def _release_made(self) -> None:
         for thing in self._made:

@@ -105,6 +105,7 @@ void main() {
 
 # Where there is a second and a third attachment, they take what the survey does.
 _FRAGMENT = """
+const float EXPOSURE = 0.51, ROUGHNESS = 0.42, SOFTNESS = 40.0, FADE_NEAR = 2.5, FADE_FAR = 8.0;
 uniform vec3 eye;
 uniform mat3 optical;
 uniform vec3 key;
@@ -346,17 +347,9 @@ void main() {
 def surface_program(kind: str) -> tuple[str, str]:
     """Return the vertex and fragment source of a surface: `plastic`, `skin`, `line` or `floor`."""
     surface = {"plastic": _PLASTIC, "skin": _SKIN, "line": _LINE, "floor": _FLOOR}[kind]
-    constants = {
-        "EXPOSURE": "0.51",
-        "ROUGHNESS": "0.42",
-        "SOFTNESS": "40.0",
-        "FADE_NEAR": "2.5",
-        "FADE_FAR": "8.0",
-    }
-    defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
     body = _FRAGMENT.replace("SURFACE", surface)
     body = body.replace("    FADE\n", _FLOOR_FADE if kind == "floor" else "")
-    return _VERTEX, defines + body
+    return _VERTEX, body
 
 
 def occlusion_program(*, multisampled: bool) -> tuple[str, str]:

@@ -141,7 +141,7 @@ class SoftwareRenderer(Renderer):
         # It samples pixels at their lower left corner: the picture is shifted so that these are the middles.
         u, v = camera.principal
         shifted = replace(camera, center=(u - 0.5, v + 0.5))
-        image: tuple[Any, ...] = bullet.getCameraImage(
+        return bullet.getCameraImage(
             camera.width,
             camera.height,
             viewMatrix=camera.view().T.ravel().tolist(),
@@ -156,7 +156,6 @@ class SoftwareRenderer(Renderer):
             renderer=bullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )
-        return image
 
     def _build(self) -> None:
         bullet.resetSimulation(physicsClientId=self._client)
@@ -204,8 +203,7 @@ class SoftwareRenderer(Renderer):
             rgbaColor=[value / 255 for value in rgba],
             physicsClientId=self._client,
         )
-        uid: int = bullet.createMultiBody(0, -1, visual, physicsClientId=self._client)
-        return uid
+        return bullet.createMultiBody(0, -1, visual, physicsClientId=self._client)
 
     def _add_floor(self, height: float) -> int:
         visual = bullet.createVisualShape(
@@ -215,8 +213,7 @@ class SoftwareRenderer(Renderer):
             physicsClientId=self._client,
         )
         at = (0, 0, height - 0.01)
-        uid: int = bullet.createMultiBody(0, -1, visual, at, physicsClientId=self._client)
-        return uid
+        return bullet.createMultiBody(0, -1, visual, at, physicsClientId=self._client)
 
     def _follow(self, *, transparent: bool) -> None:
         """Move the copies to where their links are; what is transparent, perhaps out of sight."""

@@ -112,11 +112,11 @@ class Cloth(ParticleObject):
         masses = vertex_masses(self.rest, self.faces, self.fabric)
         self.constraints = make_constraints(self.rest, self.faces, self.grain, self.fabric)
         threads = len(self.constraints.threads)
-        self._x = np.empty((count, 4))
-        self._x[:, :3], self._x[:, 3] = positions, 1 / masses
-        self._v = np.ascontiguousarray(velocities)
+        self.points = np.empty((count, 4))
+        self.points[:, :3], self.points[:, 3] = positions, 1 / masses
+        self.velocities = np.ascontiguousarray(velocities)
         self._particles = kernel.Particles(
-            self._x, self._v, np.zeros((count, 3)), np.zeros((count, 4))
+            self.points, self.velocities, np.zeros((count, 3)), np.zeros((count, 4))
         )
         self._near, self._touching = (_pairs(_PAIRS * count) for _ in range(2))
         self._near_sharp, self._touching_sharp = (_pairs(_SHARP * threads) for _ in range(2))
@@ -133,19 +133,14 @@ class Cloth(ParticleObject):
         self.gap = CLOSENESS * self.spacing
 
     @property
-    def points(self) -> Array:
-        """Positions [m] and inverse masses [1/kg], as the kernels know them, shape [n, 4]."""
-        return self._x
-
-    @property
     def mass(self) -> float:
         """Mass [kg]."""
-        return float((1 / self._x[:, 3]).sum())
+        return float((1 / self.points[:, 3]).sum())
 
     @property
     def strain(self) -> Array:
         """Present strain of each thread, shape [t]."""
-        ends = self._x[self.constraints.threads, :3]
+        ends = self.points[self.constraints.threads, :3]
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         return np.asarray(lengths / self.constraints.thread_table[:, 0] - 1)
 
@@ -159,7 +154,7 @@ class Cloth(ParticleObject):
 
     def nearest(self, point: Vector, radius: float) -> Indices:
         """Return the particles within `radius` [m] of a point in the world [m]."""
-        apart = self._x[:, :3] - np.asarray(point, np.float64)
+        apart = self.points[:, :3] - np.asarray(point, np.float64)
         return np.flatnonzero(np.einsum("na,na->n", apart, apart) <= radius**2).astype(np.int32)
 
     def grasp(
@@ -207,7 +202,7 @@ class Cloth(ParticleObject):
         index = body.link_index(link) if isinstance(link, str) else link
         chosen = np.asarray(particles, np.int32)
         state = np.array(link_state(body, index, self._client))
-        points = self._x[chosen, :3].copy()
+        points = self.points[chosen, :3].copy()
         grip = Grip(body, index, chosen, points, state, force=force, stiffness=stiffness)
         self.grips.append(grip)
         return grip
@@ -228,7 +223,7 @@ class Cloth(ParticleObject):
         """
         drift = Drift(self.fabric.thickness_m + REACH + SHAPE_SPEED * wait, HURRY, wait)
         near = self._near.rows
-        count, met = contact.find_pairs(self._x, self._v, colliders, rows, drift, near)
+        count, met = contact.find_pairs(self.points, self.velocities, colliders, rows, drift, near)
         self._near, self.near = Pairs(near, count), NearShapes(colliders, rows[met])
         shapes = self.near.in_world()
         sharp = is_sharp(shapes.kinds, shapes.meetings, self.spacing)
@@ -237,12 +232,12 @@ class Cloth(ParticleObject):
             found,
             contact.find_threads(tuple(self._near), sharp, self._threads_at, self._stamps, found),
         )
-        kernel.feel_air(self._x, self.faces, AIR, self._particles.air)
-        close, way = self._close, self._v - self._v.mean(axis=0)
+        kernel.feel_air(self.points, self.faces, AIR, self._particles.air)
+        close, way = self._close, self.velocities - self.velocities.mean(axis=0)
         speed = math.sqrt(float(np.einsum("na,na->n", way, way).max()))
         reach = self.gap + min(2 * speed * wait, self.gap)
         count = kernel.find_close(
-            self._x, self.rest, self.gap, reach, tuple(self._grid), close.rows, close.gaps
+            self.points, self.rest, self.gap, reach, tuple(self._grid), close.rows, close.gaps
         )
         self._close = close._replace(size=count)
 
@@ -281,10 +276,14 @@ class Cloth(ParticleObject):
         rows, threads = self._touching.rows, self._touching_sharp.rows
         count = few = 0
         if self._near.size:
-            count = contact.narrow(self._x, self._v, tuple(self._near), tables, drift, rows)
+            count = contact.narrow(
+                self.points, self.velocities, tuple(self._near), tables, drift, rows
+            )
             if self._near_sharp.size:
                 middles = (self._middles, self._drift)
-                contact.find_middles(self._x, self._v, self.constraints.threads, *middles)
+                contact.find_middles(
+                    self.points, self.velocities, self.constraints.threads, *middles
+                )
                 few = contact.narrow(*middles, tuple(self._near_sharp), tables, drift, threads)
         return kernel.Touching(Pairs(rows, count), Pairs(threads, few))
 
@@ -302,7 +301,7 @@ class Cloth(ParticleObject):
         first = 0
         for grip in self.grips:
             last = first + len(grip.particles)
-            point = grip.settle(pins[first:last], self._x, period)
+            point = grip.settle(pins[first:last], self.points, period)
             first = last
             if point is not None and (grip.body.is_movable or grip.body.joints):
                 grip.body.apply_force(grip.link, grip.pull, point)
@@ -317,19 +316,19 @@ class Cloth(ParticleObject):
         worst = np.argsort(-strain, kind="stable")[: int((strain > limit).sum())]
         tension = strain / self.constraints.thread_table[:, SOFTNESS]
         held = np.concatenate([g.particles for g in self.grips] or [np.zeros(0, np.int32)])
-        found = torn(self._x[:, :3], self.faces, self.constraints.threads, worst, tension, held)
+        found = torn(self.points[:, :3], self.faces, self.constraints.threads, worst, tension, held)
         if found is None:
             return
         self.faces, parents = found
         self.tears += len(parents)
         chosen = np.concatenate((np.arange(len(self.rest)), parents))
         self.rest, self.grain = self.rest[chosen], self.grain[chosen]
-        self._mesh(self._x[chosen, :3], self._v[chosen])
+        self._mesh(self.points[chosen, :3], self.velocities[chosen])
 
     def save(self) -> tuple[Any, ...]:
         grips = [(grip, grip.save()) for grip in self.grips]
         mesh = (self.rest, self.faces, self.grain, self.tears)
-        return (self._x.copy(), self._v.copy(), mesh, grips, list(self.contacts))
+        return (self.points.copy(), self.velocities.copy(), mesh, grips, list(self.contacts))
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
         x, v, mesh, grips, contacts = snapshot
@@ -337,7 +336,7 @@ class Cloth(ParticleObject):
         self.rest, self.faces, self.grain, self.tears = mesh
         if is_mended:
             self._mesh(x[:, :3], v.copy())
-        self._x[:], self._v[:] = x, v
+        self.points[:], self.velocities[:] = x, v
         for held in self.grips:
             held.let_go()
         for grip, saved in grips:

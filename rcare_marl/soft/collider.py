@@ -191,12 +191,6 @@ class Colliders:
             found += zip(rows, states, strict=True)
         return found
 
-    @staticmethod
-    def place_of(frame: Array, point: Array) -> tuple[float, float, float]:
-        """Return a point of a frame in the world [m], for the state of the frame."""
-        place: tuple[float, float, float] = _place_of(frame, point)
-        return place
-
 
 class NearShapes:
     """Shapes that one soft object may touch.
@@ -304,7 +298,8 @@ def carry(state, place, out) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _place_of(frame, point):  # type: ignore[no-untyped-def]
+def place_of(frame, point):  # type: ignore[no-untyped-def]
+    """Return a point of a frame in the world [m], for the state of the frame."""
     r, (x, y, z) = turning(frame[3:7]), (point[0], point[1], point[2])
     return (
         frame[0] + r[0] * x + r[1] * y + r[2] * z,

@@ -12,13 +12,13 @@ from ..errors import ConfigError
 from ..pose import rotate
 from . import cloth_contact as contact
 from . import fluid_kernel as kernel
-from . import vessel_kernel
 from .cloth_contact import Drift, Impact, Pairs
 from .collider import Colliders, NearShapes
 from .contact import plain
 from .material import WATER, Liquid
 from .soft_object import ParticleObject, SoftContact
-from .vessel import Vessel
+from .vessel import DENSITY, FEELING, Vessel, find_outside, sum_up
+from .vessel import OUTCOME as VESSEL_OUTCOME
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
@@ -45,6 +45,7 @@ class Fluid(ParticleObject):
         spacing: Edge of the cube of liquid that a particle stands for [m].
         liquid: What it is made of.
         particle_mass: Mass of a particle [kg].
+        is_active: Which particles there are, without those taken away, shape [n].
     """
 
     color = (70, 140, 215, 255)
@@ -80,16 +81,16 @@ class Fluid(ParticleObject):
         self.place(given)
 
     def _allocate(self, count: int) -> None:
-        self._x = np.empty((count, 4))
-        self._x[:, 3] = 1 / self.particle_mass
-        self._v, self._previous, self._paired = (np.zeros((count, 3)) for _ in range(3))
-        self._is_active = np.ones(count, np.bool_)
+        self.points = np.empty((count, 4))
+        self.points[:, 3] = 1 / self.particle_mass
+        self.velocities, self._previous, self._paired = (np.zeros((count, 3)) for _ in range(3))
+        self.is_active = np.ones(count, np.bool_)
         self._active = np.arange(count)
         self._at_vessel, self._outside = (np.zeros(count, np.int64) for _ in range(2))
         # Without a sign an index needs no check whether it counts from the end.
         pairs, met = (np.zeros((_PAIRS * count, 2), np.uint32) for _ in range(2))
         weights = np.zeros((_PAIRS * count, 4), np.float32)
-        feel = np.zeros((count, vessel_kernel.FEELING), np.float32)
+        feel = np.zeros((count, FEELING), np.float32)
         self._neighbours = kernel.Neighbours(pairs, -1, met, weights, feel)
         starts = np.zeros(2 + 2 ** math.ceil(math.log2(2 * count + 1)), np.int64)
         self._grid = kernel.Grid(starts, np.zeros(count, np.int64), np.zeros((count, 4), np.int64))
@@ -103,7 +104,7 @@ class Fluid(ParticleObject):
     @property
     def size(self) -> int:
         """How many particles there were at first."""
-        return len(self._x)
+        return len(self.points)
 
     @property
     def mass(self) -> float:
@@ -111,28 +112,23 @@ class Fluid(ParticleObject):
         return self.count * self.particle_mass
 
     @property
-    def is_active(self) -> npt.NDArray[np.bool_]:
-        """Which particles there are, without those taken away, shape [n]."""
-        return self._is_active
-
-    @property
     def densities(self) -> npt.NDArray[np.float32]:
         """Density at each particle in the last step, 1 at rest, shape [n]; of active ones only."""
-        return self._neighbours.feel[:, vessel_kernel.DENSITY]
+        return self._neighbours.feel[:, DENSITY]
 
     def place(self, positions: Array) -> None:
         """Teleport all particles [m], shape [n, 3]; all are there again and stand still."""
         super().place(positions)
-        self._is_active[:] = True
-        self._active = np.arange(len(self._x))
+        self.is_active[:] = True
+        self._active = np.arange(len(self.points))
         self._forget()
 
     def take(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.integer]) -> None:
         """Take particles out of the world: a mask or their numbers."""
-        self._is_active[chosen] = False
-        self._x[chosen, :3], self._v[chosen] = PARKED, 0
+        self.is_active[chosen] = False
+        self.points[chosen, :3], self.velocities[chosen] = PARKED, 0
         # Pairs with them are too far apart from now on: no need to find all pairs anew.
-        self._active = np.flatnonzero(self._is_active)
+        self._active = np.flatnonzero(self.is_active)
 
     def _forget(self) -> None:
         self._neighbours = self._neighbours._replace(size=-1)
@@ -140,8 +136,8 @@ class Fluid(ParticleObject):
 
     def find_outside(self, vessels: Array) -> Rows:
         """Return the particles that are in no vessel, or near its rim."""
-        count = vessel_kernel.find_outside(
-            self._x, self._active, vessels, REACH * self.spacing, self._outside
+        count = find_outside(
+            self.points, self._active, vessels, REACH * self.spacing, self._outside
         )
         return self._outside[:count].copy()
 
@@ -154,7 +150,7 @@ class Fluid(ParticleObject):
             wait: Until the next look [s].
             outside: Those particles.
         """
-        x, v = self._x[outside], self._v[outside]
+        x, v = self.points[outside], self.velocities[outside]
         drift = Drift(CONTACT * self.spacing + SHAPE_REACH + SHAPE_SPEED * wait, HURRY, wait)
         found = np.zeros((_TOUCHES * max(len(outside), 1), 2), np.uint32)
         count, met = contact.find_pairs(x, v, colliders, rows, drift, found)
@@ -182,8 +178,8 @@ class Fluid(ParticleObject):
         is_touching = self._touching.size > 0
         shapes = near.in_world(self.liquid.friction) if is_touching else colliders.no_shapes
         impact = Impact(shapes, step.dt, step.radius, 1.0, met)
-        outcome = np.zeros((len(table), vessel_kernel.OUTCOME))
-        particles = (self._x, self._v, self._previous, self._active, self._at_vessel)
+        outcome = np.zeros((len(table), VESSEL_OUTCOME))
+        particles = (self.points, self.velocities, self._previous, self._active, self._at_vessel)
         inside = (table.copy(), table.copy(), outcome)
         tables = (particles, self._neighbours, inside, self._touching, impact, step)
         kernel.simulate(*plain(tables))
@@ -191,7 +187,7 @@ class Fluid(ParticleObject):
         for vessel, row, got in zip(vessels, table, outcome, strict=True):
             if got.any():
                 sums = np.empty(6)
-                vessel_kernel.sum_up(got, row, period, sums)
+                sum_up(got, row, period, sums)
                 self._push(SoftContact(vessel.body, vessel.link, sums[:3], sums[3:]))
         if is_touching:
             for link, got in contact.forces_on(near, met, period):
@@ -200,14 +196,14 @@ class Fluid(ParticleObject):
     def _find_pairs(self, period: float) -> None:
         """Find who can be neighbours, if those found before are too far from where they were."""
         reach = REACH * self.spacing
-        ahead = (self._x, self._v, self._paired, self._active, period)
+        ahead = (self.points, self.velocities, self._paired, self._active, period)
         if self._neighbours.size < 0 or 2 * kernel.drift(*ahead) > (MARGIN - 1) * reach:
             pairs = self._neighbours.pairs
             count = kernel.find_pairs(
-                self._x, self._active, MARGIN * reach, tuple(self._grid), pairs
+                self.points, self._active, MARGIN * reach, tuple(self._grid), pairs
             )
             self._neighbours = self._neighbours._replace(size=count)
-            self._paired[:] = self._x[:, :3]
+            self._paired[:] = self.points[:, :3]
 
     def _step(self, gravity: Array, period: float) -> kernel.Step:
         liquid, d, dt = self.liquid, self.spacing, period / SUBSTEPS
@@ -228,12 +224,17 @@ class Fluid(ParticleObject):
         )
 
     def save(self) -> tuple[Any, ...]:
-        return (self._x.copy(), self._v.copy(), self._is_active.copy(), list(self.contacts))
+        return (
+            self.points.copy(),
+            self.velocities.copy(),
+            self.is_active.copy(),
+            list(self.contacts),
+        )
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
-        self._x[:], self._v[:], self._is_active[:], contacts = snapshot
+        self.points[:], self.velocities[:], self.is_active[:], contacts = snapshot
         self.contacts = list(contacts)
-        self._active = np.flatnonzero(self._is_active)
+        self._active = np.flatnonzero(self.is_active)
         self._forget()
 
 

@@ -1,7 +1,7 @@
 """What moves a fluid's particles: density as a constraint, and viscosity.
 
 M. Macklin and M. Müller, "Position Based Fluids" (SIGGRAPH 2013): each particle asks that the density at
-its place is that of the fluid at rest. Vessels join in, see `vessel_kernel`.
+its place is that of the fluid at rest. Vessels join in, see `vessel`.
 
 The kernel of all sums is W = 15 / (pi h³) (1 - q)³ with q = distance / h < 1; its integral is one.
 """
@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from .cloth_contact import Impact, Pairs, touch_shapes
 from .contact import Shapes, add, move_meetings, note
-from .vessel_kernel import (
+from .vessel import (
     DENSITY,
     FACTOR,
     GRADIENT,

@@ -101,11 +101,6 @@ class Garment:
     grain: Array
     rings: dict[str, Indices] = field(default_factory=dict)
 
-    @property
-    def fabric(self) -> Fabric:
-        """What it is made of."""
-        return self.config.fabric
-
 
 def cut_garment(
     config: GarmentConfig, measures: Mapping[str, float], frame: Frame = Frame()

@@ -40,6 +40,11 @@ class SoftBody(SoftObject):
         faces: Surface, shape [m, 3].
         material: What it is made of.
         is_awake: Whether it is being simulated.
+        points: Positions [m] and inverse masses [1/kg] in its frame, as kernels know them, shape
+            [n + SPARE, 4].
+        skin: Particles of the surface that can move, shape [s].
+        areas: Area of the surface around each particle at rest [m²], shape [n]; zero inside.
+        normals: The way out of what each particle touches, in the frame of the body, shape [n, 3].
         pressure: On each particle [Pa], shape [n]; zero inside.
         carrier: What it rides on.
         middle: Of a sphere around it at rest [m], shape [3].
@@ -112,9 +117,9 @@ class SoftBody(SoftObject):
     def _make_state(self, count: int, free: npt.NDArray[np.bool_]) -> None:
         """Make the arrays that change, for particles that are `free` to move or not."""
         self._rest = self.rest.astype(np.float32)
-        self._x = np.zeros((count + SPARE, 4), np.float32)
-        self._x[:count, :3] = self._rest
-        self._x[count + 1 :, :3] = np.eye(3)  # the tetrahedron that fills unused lanes
+        self.points = np.zeros((count + SPARE, 4), np.float32)
+        self.points[:count, :3] = self._rest
+        self.points[count + 1 :, :3] = np.eye(3)  # the tetrahedron that fills unused lanes
         self._active = np.zeros(count, np.bool_)
         self._run = np.zeros(0, np.int64)
         if self.focus is None:
@@ -122,14 +127,15 @@ class SoftBody(SoftObject):
             self._attend_to_active()
         self._v, previous, self._start = (np.zeros((count, 3), np.float32) for _ in range(3))
         self._forces = np.zeros((count + SPARE, 3), np.float32)
-        self._motion = kernel.Motion(self._x, self._v, previous, self._start, self._forces)
+        self._motion = kernel.Motion(self.points, self._v, previous, self._start, self._forces)
         skin = np.unique(self.faces)
-        self._surface = contact.Surface(
+        self.skin, self.areas = (
             skin[free[skin]].astype(np.int32),
             vertex_areas(self.rest, self.faces),
-            np.zeros(count, np.int32),
-            np.zeros((count, 3), np.float32),
         )
+        self.normals = np.zeros((count, 3), np.float32)
+        touch = np.zeros(count, np.int32)
+        self._surface = contact.Surface(self.skin, self.areas, touch, self.normals)
         self._pairs = np.zeros((_PAIRS * len(self.skin) + 1, 2), np.int32)
         self.pressure = np.zeros(count, np.float32)
         self._last = np.zeros((0, 7))  # of each shape in the last step, see `kernel.smooth`
@@ -137,7 +143,7 @@ class SoftBody(SoftObject):
     def _attend_to_active(self) -> None:
         """Let active particles move, hold all others, and run the tetrahedra around them."""
         count = len(self.rest)
-        self._x[:count, 3] = np.where(self._active, self._lightness, 0)
+        self.points[:count, 3] = np.where(self._active, self._lightness, 0)
         padded = np.append(self._active & (self._lightness > 0), [False] * SPARE)
         self._run = np.flatnonzero(padded[self.tetrahedra.packed.particles].any(axis=1))
 
@@ -147,33 +153,13 @@ class SoftBody(SoftObject):
         if self.focus is None or not len(touching.rows):
             return
         inner, outer = np.float32(self.focus - FOCUS_MARGIN), np.float32(self.focus)
-        if contact.widen(self._x, tuple(touching.seen_from(frame)), inner, outer, self._active):
+        if contact.widen(self.points, tuple(touching.seen_from(frame)), inner, outer, self._active):
             self._attend_to_active()
 
     @property
     def positions(self) -> Floats:
         """Present positions in the frame of the body [m], shape [n, 3]."""
-        return self._x[: len(self.rest), :3]
-
-    @property
-    def points(self) -> Floats:
-        """Positions [m] and inverse masses [1/kg], as the kernels know them, shape [n + SPARE, 4]."""
-        return self._x
-
-    @property
-    def skin(self) -> Indices:
-        """Particles of the surface that can move, shape [s]."""
-        return self._surface.skin
-
-    @property
-    def normals(self) -> Floats:
-        """The way out of what each particle touches, in the frame of the body, shape [n, 3]."""
-        return self._surface.normals
-
-    @property
-    def areas(self) -> Floats:
-        """Area of the surface around each particle at rest [m²], shape [n]; zero inside."""
-        return self._surface.areas
+        return self.points[: len(self.rest), :3]
 
     def held_load(self) -> Array:
         """Return the elastic force on all held particles in the frame of the body [N], shape [3].
@@ -181,7 +167,7 @@ class SoftBody(SoftObject):
         At rest it is what the carrier bears.
         """
         self._read_elastic(0.0)
-        held = self._x[: len(self.rest), 3] == 0
+        held = self.points[: len(self.rest), 3] == 0
         return self._forces[: len(self.rest)][held].astype(np.float64).sum(axis=0)
 
     def least_volume_ratio(self) -> float:
@@ -190,7 +176,7 @@ class SoftBody(SoftObject):
 
     def deviation(self) -> float:
         """Return how far any particle is from rest [m]."""
-        return float(kernel.farthest_from(self._x, self._rest))
+        return float(kernel.farthest_from(self.points, self._rest))
 
     def frame(self, client: int) -> Array:
         """Return the state of the body's frame, as that of a link in `collider`, shape [13]."""
@@ -218,7 +204,7 @@ class SoftBody(SoftObject):
         keep = np.float32(math.exp(-self.material.damping_per_s * period / self.substeps))
         self._start[:] = self._v
         self._surface.touch[:] = 0
-        x, previous, count = self._x, self._motion.previous, 0
+        x, previous, count = self.points, self._motion.previous, 0
         if len(near.rows):
             count = contact.find_pairs(x, self.skin, tables, np.float32(REACH), self._pairs)
         for _ in range(self.substeps):
@@ -255,16 +241,16 @@ class SoftBody(SoftObject):
 
     def _read_elastic(self, ahead: float) -> None:
         """Read the forces where the particles will be after `ahead` [s] at their present velocities."""
-        at = self._x
+        at = self.points
         if ahead > 0:
-            at = self._x.copy()
+            at = self.points.copy()
             at[: len(self.rest), :3] += np.float32(ahead) * self._v
         self._forces[:] = 0
         add_elastic_forces(at, self._run, tuple(self.tetrahedra.packed), self._forces)
 
     def sleep(self) -> None:
         """Come to rest at once; from here on the body rides with its carrier and costs nothing."""
-        self._x[: len(self.rest), :3] = self._rest
+        self.points[: len(self.rest), :3] = self._rest
         self._v[:] = 0
         self._surface.touch[:] = 0
         self.pressure[:] = 0
@@ -276,7 +262,7 @@ class SoftBody(SoftObject):
 
     def _changing(self) -> tuple[npt.NDArray[Any], ...]:
         _, _, touch, normals = self._surface
-        return self._x, self._v, self._forces, touch, normals, self.pressure, self._active
+        return self.points, self._v, self._forces, touch, normals, self.pressure, self._active
 
     def save(self) -> tuple[Any, ...]:
         copies = (array.copy() for array in self._changing())

@@ -104,20 +104,20 @@ class SoftObject:
 
 
 class ParticleObject(SoftObject):
-    """Particles in the frame of the world: a cloth or a fluid."""
+    """Particles in the frame of the world: a cloth or a fluid.
 
-    _x: Array  # positions [m] and inverse masses [1/kg], shape [n, 4]
-    _v: Array  # velocities [m/s], shape [n, 3]
+    Attributes:
+        points: Positions [m] and inverse masses [1/kg], as the kernels know them, shape [n, 4].
+        velocities: Present velocities [m/s], shape [n, 3].
+    """
+
+    points: Array
+    velocities: Array
 
     @property
     def positions(self) -> Array:
         """Present positions of all particles in the world [m], shape [n, 3]."""
-        return self._x[:, :3]
-
-    @property
-    def velocities(self) -> Array:
-        """Present velocities [m/s], shape [n, 3]."""
-        return self._v
+        return self.points[:, :3]
 
     def place(self, positions: Array) -> None:
         """Teleport all particles [m], shape [n, 3]; they stand still afterwards.
@@ -126,6 +126,6 @@ class ParticleObject(SoftObject):
             ConfigError: If the shape is wrong or a value is not finite.
         """
         given = np.asarray(positions, np.float64)
-        if given.shape != self._v.shape or not np.isfinite(given).all():
-            raise ConfigError(f"positions must be finite and of the shape {self._v.shape}")
-        self._x[:, :3], self._v[:] = given, 0
+        if given.shape != self.velocities.shape or not np.isfinite(given).all():
+            raise ConfigError(f"positions must be finite and of the shape {self.velocities.shape}")
+        self.points[:, :3], self.velocities[:] = given, 0

@@ -15,14 +15,14 @@ from ..contact import Contact
 from ..errors import ConfigError
 from ..pose import conjugate, multiply, rotation_vector
 from ..world import GRAVITY, Skin, World
-from . import kernel, vessel_kernel
+from . import kernel
 from .cloth import FASTEST, SHAPE_SPEED, Cloth
-from .collider import Colliders, Links, NearShapes, State
+from .collider import Colliders, Links, NearShapes, State, place_of
 from .fluid import HURRY, Fluid
 from .soft_body import SETTLED, SoftBody
 from .soft_object import SoftObject
 from .soft_skin import ClothSkin, FluidSkin, SoftBodySkin
-from .vessel import Vessel
+from .vessel import VESSEL, Vessel
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
@@ -280,7 +280,7 @@ class SoftWorld:
     def _write_vessels(self, colliders: Colliders) -> Array:
         """Return the kernel's table of vessels."""
         self._fetch(colliders, self._vessel_rows)
-        table = np.empty((len(self.vessels), vessel_kernel.VESSEL))
+        table = np.empty((len(self.vessels), VESSEL))
         for row, vessel in zip(table, self.vessels, strict=True):
             vessel.write(row, colliders.states[colliders.row_of[vessel.body, vessel.link]])
         return table
@@ -347,7 +347,7 @@ class SoftWorld:
         """Find what is near each soft body, wake and put to sleep, and say when to look again."""
         frames = [soft.frame(self._world.client) for soft in self.bodies]
         spheres = [
-            (colliders.place_of(frame, soft.middle), soft.radius)
+            (place_of(frame, soft.middle), soft.radius)
             for soft, frame in zip(self.bodies, frames, strict=True)
         ]
         places = self._places[SoftBody]
@@ -425,4 +425,4 @@ class SoftWorld:
 
 
 _NO_PUSH = np.zeros(6)
-_NO_VESSELS = np.empty((0, vessel_kernel.VESSEL))
+_NO_VESSELS = np.empty((0, VESSEL))

@@ -8,9 +8,7 @@ from rcare_marl.errors import ConfigError, check_name
 
 from ..arm import Arm
 from ..joint_group import JointGroup
-from .base_velocity import BaseVelocity
-from .control import Control
-from .gripper_closing import GripperClosing
+from .control import BaseVelocity, Control, GripperClosing
 from .joint_control import JointDelta, JointPosition, JointTorque, JointVelocity
 from .tool_delta import ToolDelta
 

@@ -1,10 +1,15 @@
-"""What all control modes have in common."""
+"""What all control modes have in common, and those of a base and of a gripper."""
 
 from __future__ import annotations
 
 import abc
 
+import numpy as np
+
 from rcare_marl.pose import Array
+
+from ..gripper import Gripper
+from ..mobile_base import MobileBase
 
 
 class Control(abc.ABC):
@@ -32,3 +37,64 @@ class Control(abc.ABC):
 
     def actuate(self) -> None:
         """Act before each physics step, where motors cannot hold the command by themselves."""
+
+
+class BaseVelocity(Control):
+    """Action values are speeds in the robot's own frame: forward, to the left if it can, and turning.
+
+    The base takes `RAMP` to come from rest to its full speed, since a jolt would throw arms and head
+    about.
+    """
+
+    RAMP = 0.2  # [s]; our own choice
+    needs_actuation = True
+
+    def __init__(self, base: MobileBase, name: str = "base") -> None:
+        self._base = base
+        config = base.config
+        slides = ("forward", "left") if config.kind == "omnidirectional" else ("forward",)
+        self.size = len(slides) + 1
+        self.names = (*(f"{name} {way} [m/s]" for way in slides), f"{name} turning [rad/s]")
+        self.max = np.array([config.speed] * len(slides) + [config.turn])
+        self._velocity = np.zeros(3)
+
+    def reset(self) -> None:
+        self._velocity = np.zeros(3)
+        self._base.drive(self._velocity)
+
+    def command(self, action: Array, duration: float) -> None:
+        speeds = self.max * action
+        left = float(speeds[1]) if self.size == 3 else 0.0
+        wanted = np.array((speeds[0], left, speeds[-1]))
+        config = self._base.config
+        # Going aslant is no faster than going straight.
+        along = float(np.hypot(wanted[0], wanted[1]))
+        if along > config.speed:
+            wanted[:2] *= config.speed / along
+        change = np.array((config.speed, config.speed, config.turn)) * duration / self.RAMP
+        self._velocity = np.clip(wanted, self._velocity - change, self._velocity + change)
+
+    def actuate(self) -> None:
+        """Drive on along the present heading."""
+        self._base.drive(self._velocity)
+
+
+class GripperClosing(Control):
+    """One value closes the gripper (1) or opens it (-1), at its greatest speed.
+
+    Attributes:
+        gripper: The gripper.
+    """
+
+    size = 1
+
+    def __init__(self, gripper: Gripper, name: str) -> None:
+        self.gripper = gripper
+        self.names = (f"{name} closing [1]",)
+        self.max = np.array([1.0])
+
+    def reset(self) -> None:
+        self.gripper.drive(self.gripper.target)
+
+    def command(self, action: Array, duration: float) -> None:
+        self.gripper.advance(float(action[0]), duration)

@@ -85,8 +85,7 @@ class JointPosition(JointControl):
         """Return the action that asks for joint `positions` [rad or m], shape [n]."""
         offset = positions - self.middle
         wrapped = offset - 2 * np.pi * np.rint(offset / (2 * np.pi))
-        out: Array = np.where(self._turns, wrapped, offset) / np.maximum(self.max, 1e-12)
-        return out
+        return np.where(self._turns, wrapped, offset) / np.maximum(self.max, 1e-12)
 
     def command(self, action: Array, duration: float) -> None:
         arm = self._arm
