@@ -120,8 +120,7 @@ class Body:
 
     def joint_torques(self, indices: Sequence[int]) -> list[float]:
         """Return what the motors of joints applied in the last physics step [N·m or N]."""
-        states = bullet.getJointStates(self.uid, indices, physicsClientId=self._client)
-        return [s[3] for s in states]
+        return [s[3] for s in bullet.getJointStates(self.uid, indices, self._client)]
 
     @cached_property
     def feedback(self) -> JointFeedback:
@@ -138,16 +137,12 @@ class Body:
         For each position [m], quaternion of the principal axes, velocity [m/s] and rate of turning
         [rad/s], as Bullet gives them: many are read of which few are used.
         """
-        states = bullet.getLinkStates(
-            self.uid, links, 1, computeForwardKinematics=1, physicsClientId=self._client
-        )
+        states = bullet.getLinkStates(self.uid, links, 1, 1, self._client)
         return [(s[0], s[1], s[6], s[7]) for s in states]
 
     def link_centres(self, links: Sequence[int]) -> Array:
         """Return the centres of mass of `links` in the world [m], shape [n, 3]; not of the base."""
-        states = bullet.getLinkStates(
-            self.uid, links, computeForwardKinematics=1, physicsClientId=self._client
-        )
+        states = bullet.getLinkStates(self.uid, links, 0, 1, self._client)
         return np.array([state[0] for state in states]).reshape(-1, 3)
 
     def carried_by(self, link: int) -> list[int]:
@@ -201,8 +196,7 @@ class Body:
 
     def inertial_pose(self, index: int) -> Pose:
         """Return where the centre of mass of a link is in its frame, and how its axes are turned."""
-        info = bullet.getDynamicsInfo(self.uid, index, physicsClientId=self._client)
-        return Pose(info[3], info[4])
+        return Pose(*bullet.getDynamicsInfo(self.uid, index, self._client)[3:5])
 
     def mass_and_inertia(self, index: int) -> tuple[float, Array]:
         """Return mass [kg] and principal moments of inertia [kg·m²], shape [3], of a link."""
@@ -242,12 +236,7 @@ class Body:
         quaternions = np.empty((self.link_count + 1, 4))
         positions[0], quaternions[0] = base.position, base.quaternion
         if self.link_count:
-            states = bullet.getLinkStates(
-                self.uid,
-                range(self.link_count),
-                computeForwardKinematics=1,
-                physicsClientId=self._client,
-            )
+            states = bullet.getLinkStates(self.uid, range(self.link_count), 0, 1, self._client)
             positions[1:] = [s[4] for s in states]
             quaternions[1:] = [s[5] for s in states]
         return positions, quaternions

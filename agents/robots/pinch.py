@@ -5,8 +5,7 @@ from __future__ import annotations
 from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
-from rcare_marl.soft.cloth import Cloth
-from rcare_marl.soft.grip import Grip
+from rcare_marl.soft.cloth import Cloth, Grip
 from rcare_marl.world import World
 
 from .gripper import RELEASE, Gripper

@@ -20,13 +20,13 @@ from ..agent import Agent, Array
 from .arm import Arm
 from .control import (
     CONTROLS,
+    GROUP_CONTROLS,
     WEIGHT_CARRYING,
     BaseVelocity,
     Control,
     GripperClosing,
+    JointDelta,
     ToolDelta,
-    make_control,
-    make_group_control,
     moving_tool,
 )
 from .gripper import Grasp, Gripper
@@ -317,7 +317,7 @@ class Robot(Agent):
             )  # fmt: skip
             arm.counterbalanced = config.arms[name].counterbalanced
             self.arms[name] = arm
-            control = make_control(self._control_name, arm)
+            control = CONTROLS[self._control_name](arm)
             if isinstance(control, ToolDelta):
                 control.contact_force = self._contact_force
             tool = self.body.link_index(assembly.tools[name])
@@ -333,7 +333,8 @@ class Robot(Agent):
             rest = [assembly.start[j] for j in joints]
             group = JointGroup(world, self.body, joints, rest, _following(assembly, joints))
             self.groups[name] = group
-            return Part(name, make_group_control(self._control_name, group), joints=group)
+            make = GROUP_CONTROLS.get(self._control_name, JointDelta)
+            return Part(name, make(group), joints=group)
         if name == "base":
             assert config.base is not None  # or `base` would be no part
             self.base = MobileBase(self.body, config.base)

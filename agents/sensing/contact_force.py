@@ -48,19 +48,14 @@ class TouchSensor(Sensor):
     def begin(self, rows: int, width: int) -> None:
         """Say how much there is to read, when it is bound."""
         self._seen, self._gathered = np.zeros((rows, width)), np.zeros((rows, width))
+        self.watches = self.config.statistic != "last"
         self.reset()
 
     def reset(self) -> None:
         self._begun, self._count = self._world.step_count, 0
         self._seen = np.zeros_like(self._seen)
 
-    @property
-    def watches(self) -> bool:
-        return self.config.statistic != "last"
-
     def after_substep(self) -> None:
-        if not self.watches:
-            return
         now = self.present()
         if self._count == 0:
             self._gathered[:] = now
@@ -71,7 +66,7 @@ class TouchSensor(Sensor):
             self._gathered[greater] = now[greater]
         self._count += 1
 
-    def gathered(self) -> Array:
+    def measure(self) -> Sequence[Array]:
         """Return the statistic since it was last asked for, in rows; zeros before the first step."""
         if not self.watches:
             if self._world.step_count != self._begun:  # what Bullet tells is of the last episode
@@ -79,7 +74,7 @@ class TouchSensor(Sensor):
         elif self._count:
             share = self._count if self.config.statistic == "mean" else 1
             self._seen, self._count = self._gathered / share, 0
-        return self._seen
+        return (self._seen,)
 
 
 @dataclass(frozen=True)
@@ -176,6 +171,3 @@ class ContactForce(TouchSensor):
         if self.config.per_link:
             shape = (len(self.names), 3) if self._width == 3 else (len(self.names),)
         return (Channel("force", "N", shape),)
-
-    def measure(self) -> Sequence[Array]:
-        return (self.gathered(),)

@@ -234,19 +234,15 @@ class WristWrench(Sensor):
         body.feedback.enable([self._wrist])
         self._weight = OwnWeight(body, [self._wrist])
         self._motion = OwnMotion(body, body.carried_by(self._wrist))
+        self.watches = self.config.tare_inertia
         self.reset()
 
     def reset(self) -> None:
         self._begun = self._world.step_count
         self._motion.reset()
 
-    @property
-    def watches(self) -> bool:
-        return self.config.tare_inertia
-
     def after_substep(self) -> None:
-        if self.config.tare_inertia:
-            self._motion.after_substep()
+        self._motion.after_substep()
 
     def channels(self) -> Sequence[Channel]:
         return Channel("force", "N", (3,)), Channel("torque", "N·m", (3,))

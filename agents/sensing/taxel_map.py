@@ -182,9 +182,6 @@ class TaxelMap(TouchSensor):
     def channels(self) -> Sequence[Channel]:
         return (Channel("force", "N", (len(self.positions),), low=0.0),)
 
-    def measure(self) -> Sequence[Array]:
-        return (self.gathered()[:, 0],)
-
     def placed(self) -> tuple[Array, Array]:
         """Return where the taxels are in the world now [m], and their normals, each of shape [n, 3]."""
         places, normals = np.empty_like(self.positions), np.empty_like(self.normals)

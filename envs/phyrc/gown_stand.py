@@ -10,8 +10,7 @@ from rcare_marl.agents.people.garment import tailor
 from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
 from rcare_marl.pose import Array, Pose
-from rcare_marl.soft.cloth import Cloth
-from rcare_marl.soft.grip import Grip
+from rcare_marl.soft.cloth import Cloth, Grip
 from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import World
 

@@ -76,9 +76,8 @@ class _Reader:
         if effect is None:
             return None
         for diffuse in effect.iter("diffuse"):
-            text = diffuse.findtext("color")
-            if text:
-                rgb = np.array([float(x) for x in text.split()[:3]])
+            rgb = np.array(diffuse.findtext("color", "").split()[:3], np.float64)
+            if len(rgb):
                 return np.round(rgb.clip(0, 1) * 255).astype(np.uint8)
             texture = diffuse.find("texture")
             if texture is not None:
@@ -107,7 +106,7 @@ class _Reader:
     ) -> list[Part]:
         out: list[Part] = []
         mesh = geometry.find("mesh")
-        for kind in ("triangles", "polylist", "polygons") if mesh is not None else ():
+        for kind in ("triangles", "polylist", "polygons"):
             for primitive in mesh.iterfind(kind) if mesh is not None else ():
                 rows, corners = self._corners(primitive)
                 if not len(corners):

@@ -344,8 +344,9 @@ def forces_on(near: NearShapes, outcome: Array, period: float) -> Iterator[tuple
         outcome: What each of them got, shape [m, OUTCOME].
         period: Length of the physics step [s].
     """
-    sums = np.empty((len(near.links), 7))
-    _sum_by_link(outcome, near.owners, period, sums)
-    for row, got in zip(near.links, sums, strict=True):
+    links, owners = near.by_link
+    sums = np.empty((len(links), 7))
+    _sum_by_link(outcome, owners, period, sums)
+    for row, got in zip(links, sums, strict=True):
         if got[6] > 0:
             yield row, got

@@ -211,19 +211,10 @@ class NearShapes:
         )
 
     @cached_property
-    def _by_link(self) -> tuple[Rows, npt.NDArray[np.intp]]:
+    def by_link(self) -> tuple[list[int], npt.NDArray[np.intp]]:
+        """Rows of the links that carry them, each once, and the place of each shape's link among these."""
         found, owners = np.unique(self._colliders.shape_links[self.rows], return_inverse=True)
-        return found, owners.ravel()
-
-    @property
-    def links(self) -> list[int]:
-        """Rows of the links that carry them, each once."""
-        return self._by_link[0].tolist()
-
-    @property
-    def owners(self) -> npt.NDArray[np.intp]:
-        """Place of the link of each shape in `links`, shape [m]."""
-        return self._by_link[1]
+        return found.tolist(), owners.ravel()
 
     def seen_from(self, frame: Array, friction: float = 1.0) -> Shapes:
         """Return them as seen from a moving frame, in single precision.

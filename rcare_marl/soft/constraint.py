@@ -45,10 +45,15 @@ def face_areas(positions: Array, faces: Indices) -> Array:
 
 def vertex_masses(positions: Array, faces: Indices, fabric: Fabric) -> Array:
     """Return a third of the mass of the faces around each vertex [kg], shape [n]."""
-    out = np.zeros(len(positions))
     share = face_areas(positions, faces) * fabric.area_density_kg_m2 / 3
-    for k in range(3):
-        np.add.at(out, faces[:, k], share)
+    return summed(faces, share, len(positions))
+
+
+def summed(members: Indices, shares: Array, count: int) -> Array:
+    """Return what particles get if each member of a row, shape [m, k], gets its share [m], shape [count]."""
+    out = np.zeros(count)
+    for column in members.T:
+        np.add.at(out, column, shares)
     return out
 
 

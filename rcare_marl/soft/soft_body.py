@@ -13,6 +13,7 @@ from ..errors import ConfigError
 from ..pose import matrix_from_quaternion
 from . import contact, kernel
 from .collider import STATE, Colliders, NearShapes, carry, link_state
+from .constraint import face_areas, summed
 from .material import Material
 from .soft_object import Carrier, SoftContact, SoftObject
 from .tetrahedron import SPARE, Tetrahedra, add_elastic_forces, boundary, solve_tetrahedra
@@ -278,10 +279,4 @@ class SoftBody(SoftObject):
 
 def vertex_areas(positions: Array, faces: Indices) -> Floats:
     """Return a third of the area of all faces around each vertex [m²], shape [n]."""
-    corners = positions[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(normal, axis=1) / 6
-    out = np.zeros(len(positions))
-    for k in range(3):
-        np.add.at(out, faces[:, k], area)
-    return out.astype(np.float32)
+    return summed(faces, face_areas(positions, faces) / 3, len(positions)).astype(np.float32)

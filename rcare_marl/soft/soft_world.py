@@ -311,9 +311,9 @@ class SoftWorld:
         awake = [body for body in self.bodies if body.is_awake]
         near = [s.near for s in (*self.cloths, *self.fluids) if s.near is not None]
         near_bodies = [body.near for body in awake if body.near is not None]
-        rows = {row for shapes in near_bodies for row in shapes.links}
+        rows = {row for shapes in near_bodies for row in shapes.by_link[0]}
         self._answering = sorted(rows & self._masses.keys())
-        rows.update(row for shapes in near for row in shapes.links)
+        rows.update(row for shapes in near for row in shapes.by_link[0])
         self._wanted = colliders.by_body(sorted(rows))
 
     def _look_of_cloths(self, colliders: Colliders, wait: float) -> None:

@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from ..errors import ConfigError
 from .colouring import colours, groups
+from .constraint import summed
 from .material import Material
 
 Array = npt.NDArray[np.float64]
@@ -171,10 +172,7 @@ class Tetrahedra:
 
     def lumped_masses(self, count: int) -> Array:
         """Return a quarter of each tetrahedron's mass at each of its particles [kg], shape [count]."""
-        out = np.zeros(count)
-        for k in range(4):
-            np.add.at(out, self.members[:, k], self._material.density_kg_m3 * self.volumes / 4)
-        return out
+        return summed(self.members, self._material.density_kg_m3 * self.volumes / 4, count)
 
 
 @numba.njit(inline="always")

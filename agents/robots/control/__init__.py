@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.errors import ConfigError
 
 from ..arm import Arm
 from ..joint_group import JointGroup
@@ -20,16 +20,11 @@ CONTROLS: dict[str, Callable[[Arm], Control]] = {
     "tool_delta": ToolDelta,
 }
 WEIGHT_CARRYING = ("joint_torque", "tool_delta")  # modes that carry the arm's weight by themselves
-_GROUP_CONTROLS: dict[str, Callable[[JointGroup], Control]] = {
+# Of a head or torso beside arms; modes that need an arm's kinematics leave such groups to `joint_delta`.
+GROUP_CONTROLS: dict[str, Callable[[JointGroup], Control]] = {
     "joint_position": JointPosition,
     "joint_velocity": JointVelocity,
 }
-
-
-def make_control(name: str, arm: Arm) -> Control:
-    """Return the control mode `name` for an arm; UnknownNameError if there is none."""
-    check_name("control mode", name, CONTROLS)
-    return CONTROLS[name](arm)
 
 
 def moving_tool(control: Control) -> ToolDelta:
@@ -42,16 +37,9 @@ def moving_tool(control: Control) -> ToolDelta:
     return control
 
 
-def make_group_control(name: str, group: JointGroup) -> Control:
-    """Return the control of a head or torso beside arms under the mode `name`.
-
-    Modes that need an arm's kinematics leave such groups to `joint_delta`.
-    """
-    return _GROUP_CONTROLS.get(name, JointDelta)(group)
-
-
 __all__ = [
     "CONTROLS",
+    "GROUP_CONTROLS",
     "WEIGHT_CARRYING",
     "BaseVelocity",
     "Control",
@@ -61,7 +49,5 @@ __all__ = [
     "JointTorque",
     "JointVelocity",
     "ToolDelta",
-    "make_control",
-    "make_group_control",
     "moving_tool",
 ]

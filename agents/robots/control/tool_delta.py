@@ -151,8 +151,7 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
     hold = gravity_torques(tree, positions, frames, GRAVITY)
     here = jacobian(tree, frames, last, real[:, 3])
     turned = goal.copy()
-    for r in range(3):
-        turned[r, 3] += twist[r] * duration
+    turned[:, 3] += twist[:3] * duration
     turn_frame(turned, twist[3:] * duration)
     _give_way(turned, real, here, hold - torques, twist, duration, gentleness)
 
@@ -163,8 +162,7 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
     error = np.empty(6)
     for k in range(4):
         place_chain(tree, tip, target, frames, there)
-        for r in range(3):
-            error[r] = turned[r, 3] - there[r, 3]
+        error[:3] = turned[:, 3] - there[:, 3]
         error[3:] = weight * rotation_vector(turned, there)
         if k > 0 and (error**2).sum() < 1e-10:
             break
@@ -183,9 +181,7 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
         target[:] = start + part * (target - start)
     place_chain(tree, tip, target, frames, there)
     missed = rotation_vector(turned, there)
-    gap = 0.0
-    for r in range(3):
-        gap += (turned[r, 3] - there[r, 3]) ** 2
+    gap = ((turned[:, 3] - there[:, 3]) ** 2).sum()
     # What the joints cannot reach is forgotten: it would only have to be undone later.
     goal[:] = there if gap > 1e-6 or (missed**2).sum() > 1e-5 else turned
 
