@@ -84,12 +84,7 @@ class Chain:
         """
         self.joints = tuple(joints)
         frozen, n = dict(others or {}), len(self.joints)
-        carried_by = {joint.child: (name, joint) for name, joint in model.joints.items()}
-        path: list[tuple[str, Joint]] = []
-        link = tip
-        while link in carried_by and link != root:
-            path.insert(0, carried_by[link])
-            link = path[0][1].parent
+        path = [(name, model.joints[name]) for name in reversed(model.way(tip, root))]
         if [name for name, _ in path if name in self.joints] != list(self.joints):
             raise ConfigError(f"joints {joints} do not lie, in order, between the root and {tip!r}")
         moving = [model.joints[name] for name in self.joints]

@@ -143,20 +143,10 @@ def _moved_arms(config: RobotConfig, model: Model, moves: Sequence[str]) -> dict
     between = {joint for name in moves for joint in config.groups.get(name, ())}
     for name in (part for part in moves if part in config.arms):
         arm = config.arms[name]
-        way = set(_way(model, arm.tool_link))
+        way = set(model.way(arm.tool_link))
         if out or "base" in moves or between & way:
             arm = replace(arm, base_joints=())
         out[name] = arm
-    return out
-
-
-def _way(model: Model, link: str) -> list[str]:
-    """Return the joints from `link` back to the root."""
-    carried_by = {joint.child: name for name, joint in model.joints.items()}
-    out = []
-    while link in carried_by:
-        out.append(carried_by[link])
-        link = model.joints[out[-1]].parent
     return out
 
 
@@ -242,7 +232,7 @@ def _start(model: Model, posture: Mapping[str, float]) -> dict[str, float]:
 def _moving_root(model: Model, arm: ArmConfig, moving: Collection[str]) -> str | None:
     """Return the last link before an arm that another part moves; None if nothing moves it."""
     own = set(_arm_joints(arm))
-    for name in _way(model, model.joints[arm.joints[0]].parent):
+    for name in model.way(model.joints[arm.joints[0]].parent):
         if name in moving and name not in own:
             return model.joints[name].child
     return None

@@ -42,21 +42,18 @@ class MeshPath:
         name = name.strip().replace("\\", "/")
         scheme, _, rest = name.partition("://")
         if not rest:
-            yield from self._relative(name)
+            yield from self._above(name)
         elif scheme == "file":
             # file:///path is absolute; file://path, though wrong, is used as relative.
             for text in dict.fromkeys((rest, unquote(rest))):
-                yield from self._relative(text)
+                yield from self._above(text)
         elif scheme in ("package", "model"):
             package, _, inside = rest.partition("/")
             yield from self._in_package(package, inside)
 
-    def _above(self) -> list[Path]:
-        return [self._folder, *self._folder.parents]
-
-    def _relative(self, name: str) -> Iterator[Path]:
-        for folder in self._above():  # an absolute name replaces the folder
-            yield folder / name
+    def _above(self, name: str = "") -> list[Path]:
+        """Return a name in the description's folder and all above; an absolute one stays as it is."""
+        return [folder / name for folder in (self._folder, *self._folder.parents)]
 
     def _in_package(self, package: str, inside: str) -> Iterator[Path]:
         for given in self._given:

@@ -139,6 +139,14 @@ class Model:
         """Name of the root link."""
         return next(iter(self.links))
 
+    def way(self, link: str, root: str | None = None) -> list[str]:
+        """Return the joints from a link back to another, to the root of the model if None."""
+        carried_by, out = {joint.child: name for name, joint in self.joints.items()}, list[str]()
+        while link in carried_by and link != root:
+            out.append(carried_by[link])
+            link = self.joints[out[-1]].parent
+        return out
+
     @property
     def mass(self) -> float:
         """Mass of all links [kg]."""

@@ -142,16 +142,16 @@ class GLRenderer(Renderer):
 
     def _follow(self) -> None:
         """Bring the scene up to date with the world, if it may have changed."""
-        world = self._world
-        skins = [(id(skin), id(skin.faces), id(skin.colors)) for skin in world.skins]
-        seen = (world.step_count, world.teleports, len(world.bodies), *skins)
-        if seen == self._seen:
+        if self._moment() == self._seen:
             self._scene.update_lines()
             return
         self._is_shadow_stale |= self._scene.update()
-        # A skin may have given itself new colours on the way.
+        self._seen = self._moment()  # a skin may have given itself new colours on the way
+
+    def _moment(self) -> tuple[Any, ...]:
+        world = self._world
         skins = [(id(skin), id(skin.faces), id(skin.colors)) for skin in world.skins]
-        self._seen = (world.step_count, world.teleports, len(world.bodies), *skins)
+        return (world.step_count, world.teleports, len(world.bodies), *skins)
 
     def _draw(self, shot: Shot, used: Counter[tuple[Any, ...]]) -> Target:
         """Draw colours into a target that nothing else of this reading is drawn into."""

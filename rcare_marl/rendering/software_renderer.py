@@ -16,12 +16,12 @@ import pybullet as bullet
 
 from ..body import Body
 from ..errors import WorldError
-from ..pose import Pose
+from ..pose import Pose, Vector
 from ..world import Skin, World
 from .camera import Camera
 from .geometry import FLOOR_RGBA, world_parts
-from .mesh import Floats, Ints
-from .piece import SkinCuts, split_by_color
+from .mesh import Floats
+from .piece import Piece, SkinCuts, split_by_color
 from .relief import normals_from_depth
 from .renderer import Renderer
 from .shading import HORIZON
@@ -172,7 +172,7 @@ class SoftwareRenderer(Renderer):
             for piece in split_by_color(part.mesh.faces, part.rgba[:, :3]):
                 vertices = part.mesh.vertices[piece.source]
                 normals = part.mesh.normals[piece.source]
-                uid = self._add(vertices, normals, piece.faces, (*piece.rgb, part.alpha * 255))
+                uid = self._add_piece(vertices, normals, piece, part.alpha)
                 self._copies.append(_Copy(uid, part.body, link, at, part.alpha < _CLEAR))
                 numbers[uid] = part.label
         for skin in self._world.skins:
@@ -184,36 +184,25 @@ class SoftwareRenderer(Renderer):
     def _add_skin(self, skin: Skin, labels: Labels, numbers: dict[int, int]) -> None:
         is_clear = skin_opacity(skin) < 1
         for link, vertices, normals, piece in self._cuts.of(skin):
-            uid = self._add(vertices, normals, piece.faces, (*piece.rgb, 255))
+            uid = self._add_piece(vertices, normals, piece, 1.0)
             self._copies.append(_Copy(uid, skin.body, link, Pose(), is_clear))
             numbers[uid] = labels.of(skin.body.uid, link)
 
-    def _add(
-        self,
-        vertices: Floats,
-        normals: Floats,
-        faces: Ints,
-        rgba: tuple[float, float, float, float],
-    ) -> int:
-        visual = bullet.createVisualShape(
-            bullet.GEOM_MESH,
-            vertices=vertices.tolist(),
-            indices=faces.ravel().tolist(),
-            normals=normals.tolist(),
-            rgbaColor=[value / 255 for value in rgba],
-            physicsClientId=self._client,
-        )
-        return bullet.createMultiBody(0, -1, visual, physicsClientId=self._client)
+    def _add_piece(self, vertices: Floats, normals: Floats, piece: Piece, alpha: float) -> int:
+        mesh = {"vertices": vertices.tolist(), "indices": piece.faces.ravel().tolist()}
+        mesh["normals"] = normals.tolist()
+        return self._add(bullet.GEOM_MESH, mesh, (*piece.rgb, alpha * 255))
 
     def _add_floor(self, height: float) -> int:
-        visual = bullet.createVisualShape(
-            bullet.GEOM_BOX,
-            halfExtents=(_FLOOR_HALF, _FLOOR_HALF, 0.01),
-            rgbaColor=[value / 255 for value in FLOOR_RGBA],
-            physicsClientId=self._client,
-        )
-        at = (0, 0, height - 0.01)
-        return bullet.createMultiBody(0, -1, visual, at, physicsClientId=self._client)
+        slab = {"halfExtents": (_FLOOR_HALF, _FLOOR_HALF, 0.01)}
+        return self._add(bullet.GEOM_BOX, slab, FLOOR_RGBA, (0, 0, height - 0.01))
+
+    def _add(
+        self, kind: int, geometry: dict[str, Any], rgba: Sequence[float], at: Vector = (0, 0, 0)
+    ) -> int:
+        color, client = [value / 255 for value in rgba], self._client
+        visual = bullet.createVisualShape(kind, **geometry, rgbaColor=color, physicsClientId=client)
+        return bullet.createMultiBody(0, -1, visual, at, physicsClientId=client)
 
     def _follow(self, *, transparent: bool) -> None:
         """Move the copies to where their links are; what is transparent, perhaps out of sight."""

@@ -11,20 +11,16 @@ import numpy.typing as npt
 
 from ..body import Body
 from ..errors import ConfigError, WorldError
-from ..pose import Vector, matrix_from_quaternion
+from ..pose import Array, Vector, matrix_from_quaternion
 from . import cloth_contact as contact
 from . import cloth_kernel as kernel
 from .cloth_contact import Drift, Impact, Pairs
 from .collider import Colliders, NearShapes, link_state
 from .constraint import SOFTNESS, make_constraints, torn, vertex_masses
-from .contact import BOX, CAPSULE, SIZE, SPHERE, Shapes, plain
+from .contact import BOX, CAPSULE, SIZE, SPHERE, Indices, Rows, Shapes, plain
 from .kernel import line_point
 from .material import Fabric
 from .soft_object import ParticleObject, SoftContact
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int32]
-Rows = npt.NDArray[np.int64]
 
 SUBSTEPS = 10  # in a physics step of 1/240 s
 # A particle goes no faster: with 5 mm a small step it passes through no limb. Less would cut the force with

@@ -9,8 +9,21 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from ..pose import Array
 from .collider import Colliders, NearShapes
-from .contact import GRIP, LEAST_DOUBLE, PLACE, SLIDE, SPIN, Shapes, add, distance_in, note
+from .contact import (
+    GRIP,
+    LEAST_DOUBLE,
+    PLACE,
+    SLIDE,
+    SPIN,
+    Numbers,
+    Rows,
+    Shapes,
+    add,
+    distance_in,
+    note,
+)
 from .kernel import line_point
 
 # Columns of what a shape got from a cloth in a step: impulse [N·s], moment of impulse about the world's
@@ -21,10 +34,6 @@ OUTCOME = 11
 # Distance from what was touched, from where a point is none [m]: forces all round that cancel leave a
 # couple, which no line can give.
 FAR = 0.5
-
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
-Numbers = npt.NDArray[np.uint32]
 
 
 class Pairs(NamedTuple):

@@ -19,10 +19,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from ..pose import Array
 from .cloth_contact import Impact, Pairs, touch_shapes, touch_sharp
 from .contact import Shapes, add, move_meetings
-
-Array = npt.NDArray[np.float64]
 
 # Columns of a pin: where it is [m], its way in a small step [m], compliance [m/N], greatest force [N], and
 # the impulse on the particle in this step [N·s].

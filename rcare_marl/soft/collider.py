@@ -12,14 +12,11 @@ import numpy.typing as npt
 import pybullet as bullet
 
 from ..body import Body
-from ..pose import matrix_from_quaternion
+from ..pose import Array, matrix_from_quaternion
 from . import contact
-from .contact import Shapes
+from .contact import Floats, Rows, Shapes
 from .rigid_shape import reach_of, read_shapes
 
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float32]
 Skin = npt.NDArray[np.int32]
 State = tuple[float, ...]  # as a row of `Colliders.states`
 Links = tuple[Body, list[int], list[int]]  # links of a body, and their rows

@@ -20,11 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import ConfigError
+from ..pose import Array
 from .colouring import colours
+from .contact import Indices
 from .material import Fabric
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int32]
 Ints = npt.NDArray[np.int64]
 Unsigned = npt.NDArray[np.uint32]
 

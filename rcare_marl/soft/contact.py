@@ -11,6 +11,11 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+Floats = npt.NDArray[np.float32]
+Indices = npt.NDArray[np.int32]
+Rows = npt.NDArray[np.int64]
+Numbers = npt.NDArray[np.uint32]
+
 SPHERE, BOX, CAPSULE, CYLINDER, HULL = range(5)
 
 # Columns of the table of shapes as one body meets them, in its own frame.

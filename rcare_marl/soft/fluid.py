@@ -9,19 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import ConfigError
-from ..pose import rotate
+from ..pose import Array, rotate
 from . import cloth_contact as contact
 from . import fluid_kernel as kernel
 from .cloth_contact import Drift, Impact, Pairs
 from .collider import Colliders, NearShapes
-from .contact import plain
+from .contact import Rows, plain
 from .material import WATER, Liquid
 from .soft_object import ParticleObject, SoftContact
 from .vessel import DENSITY, FEELING, Vessel, find_outside, sum_up
 from .vessel import OUTCOME as VESSEL_OUTCOME
-
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
 
 SUBSTEPS, ITERATIONS = 1, 2  # in a physics step of 1/240 s; fewer boil, more cost in proportion
 REACH = 2.0  # of the kernel, in spacings: about 30 neighbours

@@ -14,8 +14,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from ..pose import Array
 from .cloth_contact import Impact, Pairs, touch_shapes
-from .contact import Shapes, add, move_meetings, note
+from .contact import Floats, Shapes, add, move_meetings, note
 from .vessel import (
     DENSITY,
     FACTOR,
@@ -28,9 +29,6 @@ from .vessel import (
     feel_walls,
     speed_at,
 )
-
-Array = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
 
 _LEAST = 1e-12
 

@@ -13,13 +13,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from ..errors import ConfigError, check_name
+from ..pose import Array
+from .contact import Indices
 from .material import Fabric
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int32]
 
 Row = list[int]
 

@@ -10,18 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import ConfigError
-from ..pose import matrix_from_quaternion
+from ..pose import Array, matrix_from_quaternion
 from . import contact, kernel
 from .collider import STATE, Colliders, NearShapes, carry, link_state
 from .constraint import face_areas, summed
+from .contact import Floats, Indices, Rows
 from .material import Material
 from .soft_object import Carrier, SoftContact, SoftObject
 from .tetrahedron import SPARE, Tetrahedra, add_elastic_forces, boundary, solve_tetrahedra
-
-Array = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
-Indices = npt.NDArray[np.int32]
-Rows = npt.NDArray[np.int64]
 
 SUBSTEPS = 5  # in a physics step of 1/240 s: 20 in a frame of 1/60 s
 REACH = 0.004  # [m] from a shape at rest; more for a fast one

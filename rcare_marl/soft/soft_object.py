@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from ..body import Body
 from ..errors import ConfigError
-from ..pose import Pose
+from ..pose import Array, Pose
 from .collider import NearShapes
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,10 @@ from ..pose import Array
 from ..rendering.mesh import SmoothNormals
 from ..world import Skin
 from .cloth import Cloth
+from .contact import Floats
 from .fluid import Fluid
 from .soft_body import SoftBody
 
-Floats = npt.NDArray[np.float32]
 Faces = npt.NDArray[np.int32]
 
 _CLEAR = 0.008  # [m] off the skin beneath, so that it does not show between particles

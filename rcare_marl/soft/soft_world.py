@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ..body import Body
 from ..contact import Contact
 from ..errors import ConfigError
-from ..pose import conjugate, multiply, rotation_vector
+from ..pose import Array, conjugate, multiply, rotation_vector
 from ..world import GRAVITY, Skin, World
 from . import kernel
 from .cloth import FASTEST, SHAPE_SPEED, Cloth
@@ -24,8 +24,6 @@ from .soft_object import SoftObject
 from .soft_skin import ClothSkin, FluidSkin, SoftBodySkin
 from .vessel import VESSEL, Vessel
 
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
 Kind = type[Cloth] | type[Fluid] | type[SoftBody]
 S = TypeVar("S", bound=SoftObject)
 

@@ -22,16 +22,13 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from ..errors import ConfigError
+from ..pose import Array
 from .colouring import colours, groups
 from .constraint import summed
+from .contact import Floats, Indices
 from .material import Material
-
-Array = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
-Indices = npt.NDArray[np.int32]
 
 LANES = 8
 SPARE = 4  # particles behind the last one, a tetrahedron at rest that fills unused lanes
