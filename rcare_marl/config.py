@@ -89,9 +89,7 @@ def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") 
     values = {k: _convert(hints[k], v, f"{where}.{k}") for k, v in data.items()}
     try:
         return cls(**values)
-    except (ConfigError, UnknownNameError) as error:
-        raise ConfigError(f"{where}: {error}") from error
-    except (TypeError, ValueError) as error:
+    except (UnknownNameError, TypeError, ValueError) as error:
         raise ConfigError(f"{where}: {error}") from error
 
 

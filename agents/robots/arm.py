@@ -88,19 +88,15 @@ class Arm(JointGroup):
         anywhere within the limits; these are the same on every call.
         """
         weight = 0.3  # of a radian against a metre
-        best: IkResult | None = None
+        others = []
         for start in self._seeds(seed):
             found = self.chain.solve(
                 goal, start, self.lower, self.upper, rest=self.rest, turn_weight=weight
             )
             if found.is_within():
                 return found
-            if best is None or found.distance + weight * found.angle < (
-                best.distance + weight * best.angle
-            ):
-                best = found
-        assert best is not None  # there is always a first seed
-        return best
+            others.append(found)
+        return min(others, key=lambda result: result.distance + weight * result.angle)
 
     def _seeds(self, seed: Array) -> list[Array]:
         rng = np.random.default_rng(0)

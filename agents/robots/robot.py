@@ -157,11 +157,8 @@ class Robot(Agent):
 
     def _assemble(self) -> Assembly:
         config, posture = self.config, self._posture
-        free = [
-            arm
-            for arm in config.arms
-            if self._gripper_use == "free" or gripper_name(arm) in self.moves
-        ]
+        is_free = self._gripper_use == "free"
+        free = [arm for arm in config.arms if is_free or gripper_name(arm) in self.moves]
         return assemble(
             config,
             moves=self.moves,

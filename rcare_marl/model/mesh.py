@@ -155,8 +155,7 @@ def loft(sections: Sequence[Sequence[float]], segments: int = 36) -> Mesh:
         np.column_stack((cx + rx * x, cy + ry * y, np.full(segments, z)))
         for z, cx, cy, rx, ry in rows
     ]
-    ends = [np.tile(ring.mean(axis=0), (segments, 1)) for ring in (rings[0], rings[-1])]
-    return _skin([ends[0], *rings, ends[1]]).shaded(_crease(segments))
+    return _capped(rings)
 
 
 def box(size: Vector, bevel: float = 0.0, steps: int = 4) -> Mesh:
@@ -252,8 +251,7 @@ def tube(
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)[:, None]
     around = np.cos(angle) * sides[:, None] + np.sin(angle) * others[:, None]
     rings = list(path[:, None] + radius * around)
-    ends = [np.broadcast_to(ring.mean(axis=0), ring.shape) for ring in (rings[0], rings[-1])]
-    return _skin([ends[0], *rings, ends[1]]).shaded(_crease(segments))
+    return _capped(rings)
 
 
 def _untwisted(tangents: Array) -> Array:
@@ -318,6 +316,12 @@ def _skin(rings: Sequence[Array]) -> Mesh:
     welded = index[np.concatenate(faces)]
     a, b, c = welded.T
     return Mesh(vertices[first], welded[(a != b) & (b != c) & (c != a)])
+
+
+def _capped(rings: Sequence[Array]) -> Mesh:
+    """Join rings of equally many points and close both ends flat."""
+    ends = [np.broadcast_to(ring.mean(axis=0), ring.shape) for ring in (rings[0], rings[-1])]
+    return _skin([ends[0], *rings, ends[1]]).shaded(_crease(len(rings[0])))
 
 
 def _crease(segments: int) -> float:

@@ -21,11 +21,10 @@ from .gl_target import (
     check_process,
     create_context,
     free_context,
-    make_program,
     matrix_bytes,
 )
 from .renderer import Renderer
-from .shading import BACKGROUND_FRAGMENT, HORIZON, SCREEN_VERTEX, ZENITH
+from .shading import HORIZON, ZENITH, make_program
 from .shot import Light, Look, Picture, Shot
 
 _TARGETS_KEPT = 16
@@ -77,7 +76,7 @@ class GLRenderer(Renderer):
                 )
                 for look, count in self._samples.items()
             }
-            self._background = make_program(gl, (SCREEN_VERTEX, BACKGROUND_FRAGMENT))
+            self._background = make_program(gl, "screen", "background")
             self._background_array = gl.vertex_array(self._background, [])
         self._seen: tuple[Any, ...] = ()
         self._is_shadow_stale = True

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ..errors import MissingPackageError, RenderingError
 from .camera import Camera
-from .shading import BLUR_FRAGMENT, FINAL_FRAGMENT, HEAD, SCREEN_VERTEX, occlusion_program
+from .shading import make_program
 from .shot import Picture
 
 _STRENGTH = 0.8  # of the ambient occlusion
@@ -63,11 +63,6 @@ def free_context(context: Any, opened_by: int) -> None:
         context.release()
 
 
-def make_program(gl: Any, source: tuple[str, str]) -> Any:
-    """Return the program of a vertex and a fragment source."""
-    return gl.program(vertex_shader=HEAD + source[0], fragment_shader=HEAD + source[1])
-
-
 def matrix_bytes(matrix: npt.NDArray[Any]) -> bytes:
     """Return a matrix as OpenGL wants it: by columns, in single precision."""
     return bytes(matrix.T.astype(np.float32).tobytes())
@@ -79,10 +74,11 @@ class Finisher:
     def __init__(self, gl: Any, *, samples: int, ambient_occlusion: bool) -> None:
         self._gl, self._occludes = gl, ambient_occlusion
         self._samples = samples
+        depth = f"uniform {'sampler2DMS' if samples else 'sampler2D'} depth;\n"
         self._programs = {
-            "occlusion": make_program(gl, occlusion_program(multisampled=samples > 0)),
-            "blur": make_program(gl, (SCREEN_VERTEX, BLUR_FRAGMENT)),
-            "final": make_program(gl, (SCREEN_VERTEX, FINAL_FRAGMENT)),
+            "occlusion": make_program(gl, "screen", "occlusion", DEPTH=depth),
+            "blur": make_program(gl, "screen", "blur"),
+            "final": make_program(gl, "screen", "final"),
         }
         self._arrays = {name: gl.vertex_array(p, []) for name, p in self._programs.items()}
 
