@@ -18,8 +18,7 @@ from rcare_marl.pose import Pose, rpy_from_matrix
 from . import inertia
 from .mesh_file import DRAWN, MeshPath, hulls
 from .urdf import FRAME_INERTIA, FRAME_MASS, Follow, Joint, Link, Model, joint_pose
-from .urdf_document import Document
-from .urdf_tree import parents_first, resolved
+from .urdf_document import Document, parents_first, resolved
 
 MOST_JOINTS = 127  # Bullet answers no questions about links beyond, and drops motors in silence
 _SIZES = {

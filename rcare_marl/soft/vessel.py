@@ -8,6 +8,8 @@ wall, where the integral has a closed form.
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY, dataclass
+
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +39,7 @@ _LEAST = 1e-12
 _NARROW = 1.2  # of what a wall hides as a continuum: whole layers miss more; measured
 
 
+@dataclass(eq=False)
 class Vessel:
     """The inside of a cup on a link, as fluids know it: a signed distance, open at the top.
 
@@ -45,35 +48,30 @@ class Vessel:
     Attributes:
         body: The body that carries it.
         link: Its link; -1 for the base.
+        pose: Of the vessel's frame in that of the link.
         bottom_radius: Of the inside, at the bottom [m].
         rim_radius: Of the inside, at the rim [m].
         depth: From the inside of the bottom to the rim [m].
         wall: Thickness of wall and bottom [m].
+
+    Raises:
+        ConfigError: If a size is not above 0.
     """
 
-    def __init__(
-        self,
-        body: Body,
-        link: int,
-        pose: Pose,
-        *,
-        bottom_radius: float,
-        rim_radius: float,
-        depth: float,
-        wall: float,
-    ) -> None:
-        """Take sizes [m] and the pose of the vessel's frame in that of the link.
+    body: Body
+    link: int
+    pose: Pose
+    _: KW_ONLY
+    bottom_radius: float
+    rim_radius: float
+    depth: float
+    wall: float
 
-        Raises:
-            ConfigError: If a size is not above 0.
-        """
-        sizes = (bottom_radius, rim_radius, depth, wall)
+    def __post_init__(self) -> None:
+        sizes = (self.bottom_radius, self.rim_radius, self.depth, self.wall)
         if not min(sizes) > 0:
             raise ConfigError(f"radii, depth and wall of a vessel must be above 0, got {sizes}")
-        self.body, self.link, self.pose = body, link, pose
-        self.bottom_radius, self.rim_radius = bottom_radius, rim_radius
-        self.depth, self.wall = depth, wall
-        at = body.inertial_pose(link).inverse() @ pose
+        at = self.body.inertial_pose(self.link).inverse() @ self.pose
         self._place = np.array((*at.position, *at.quaternion))
 
     @property
