@@ -11,14 +11,14 @@ from typing import Any, Literal
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.model.shape import ZERO as ZERO
+from rcare_marl.model.shape import Triple as Triple
 from rcare_marl.pose import Pose, quaternion_from_rpy
 
 from .gripper import GripperConfig
 from .robot_model import MeshPackage
 
-Triple = tuple[float, float, float]
 BASE_JOINTS = ("base_x", "base_y", "base_turn")  # in front of the root of a robot that drives
-ZERO: Triple = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,7 @@ def _locate(
     dictionary: str,
 ) -> Detection | None:
     """Return how a marker lies whose corners are near `corners` [pixel]; None for a false one."""
-    fit = MarkerFit(grey, lens, cells(dictionary, number), size)
+    fit = MarkerFit(grey, lens, _cells(dictionary, number), size)
     fits = [f for f in (fit.fit(*pose) for pose in two_poses(corners, size, lens)) if f is not None]
     if not fits:
         return None
@@ -171,6 +171,11 @@ def _angle(a: Fit, b: Fit) -> float:
     """Return the angle between two poses [rad]."""
     cosine = (float(np.sum(a.rotation * b.rotation)) - 1) / 2
     return math.acos(min(max(cosine, -1.0), 1.0))
+
+
+@lru_cache
+def _cells(name: str, number: int) -> Array:
+    return cells(name, number)
 
 
 @lru_cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +41,10 @@ def dictionary_size(name: str) -> int:
     return int(dictionary(name).bytesList.shape[0])
 
 
-@lru_cache
 def cells(name: str, number: int) -> Array:
     """Return the cells of a marker with its black border and white margin, 1 for white.
 
-    Rows go down and columns go right in the print, shape [n, n]; do not write into it.
+    Rows go down and columns go right in the print, shape [n, n].
     """
     import cv2
 

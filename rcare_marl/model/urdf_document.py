@@ -12,9 +12,9 @@ from xml.parsers import expat
 
 from rcare_marl.errors import ConfigError, UnknownNameError
 
+from .shape import Triple
 from .urdf import Follow, Joint
 
-Triple = tuple[float, float, float]
 _NAMED = ("link", "joint", "material")
 _DEFINITIONS = ("xacro:property", "xacro:arg")
 

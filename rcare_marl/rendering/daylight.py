@@ -73,10 +73,8 @@ def exposed(
             it; as the lights make it if None.
     """
     total = np.zeros((camera.height, camera.width, 3))
-    u, v = camera.principal
     for i, light in enumerate(lights):
-        du, dv = (step * i % 1 - 0.5 for step in STEPS)
-        moved = dataclasses.replace(camera, center=(u + du, v + dv))
+        moved = camera.shifted(*(step * i % 1 - 0.5 for step in STEPS))
         seen = renderer.read([Shot(moved, light=light)])[0]["rgb"] / 255
         total += seen * seen  # the mean of light, not of its encoding
     mean = total / len(lights)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -141,13 +141,11 @@ class SoftwareRenderer(Renderer):
 
     def _image(self, camera: Camera, *, shadows: bool) -> tuple[Any, ...]:
         # It samples pixels at their lower left corner: the picture is shifted so that these are the middles.
-        u, v = camera.principal
-        shifted = replace(camera, center=(u - 0.5, v + 0.5))
         return bullet.getCameraImage(
             camera.width,
             camera.height,
             viewMatrix=camera.view().T.ravel().tolist(),
-            projectionMatrix=shifted.projection().T.ravel().tolist(),
+            projectionMatrix=camera.shifted(-0.5, 0.5).projection().T.ravel().tolist(),
             lightDirection=KEY_DIRECTION,
             lightColor=(1, 1, 1),
             lightDistance=6.0,
