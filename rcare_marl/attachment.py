@@ -41,17 +41,12 @@ class Attachment:
 
     def _make(self) -> None:
         client = self._world.client
-        link_inertial = bullet.getDynamicsInfo(self.parent.uid, self.link, physicsClientId=client)
-        child_inertial = bullet.getDynamicsInfo(
-            self.child.uid, self.child_link, physicsClientId=client
-        )
-        # Bullet's frames are relative to centres of mass.
-        in_parent = Pose(link_inertial[3], link_inertial[4]).inverse() @ self.child_in_link
-        in_child = Pose(child_inertial[3], child_inertial[4]).inverse()
+        in_parent, in_child = self.child_in_link, Pose()
         if self.pivot is not None:  # the same point of both
-            point = self.child_in_link.inverse() @ Pose(self.pivot)
-            in_parent = Pose(link_inertial[3], link_inertial[4]).inverse() @ Pose(self.pivot)
-            in_child = in_child @ point
+            in_parent, in_child = Pose(self.pivot), in_parent.inverse() @ Pose(self.pivot)
+        # Bullet's frames are relative to centres of mass.
+        in_parent = self.parent.inertial_pose(self.link).inverse() @ in_parent
+        in_child = self.child.inertial_pose(self.child_link).inverse() @ in_child
         self._uid = bullet.createConstraint(
             self.parent.uid,
             self.link,

@@ -120,8 +120,7 @@ class Body:
 
     def joint_torques(self, indices: Sequence[int]) -> list[float]:
         """Return what the motors of joints applied in the last physics step [N·m or N]."""
-        states = bullet.getJointStates(self.uid, indices, physicsClientId=self._client)
-        return [s[3] for s in states]
+        return [s[3] for s in bullet.getJointStates(self.uid, indices, self._client)]
 
     @cached_property
     def feedback(self) -> JointFeedback:
@@ -138,16 +137,12 @@ class Body:
         For each position [m], quaternion of the principal axes, velocity [m/s] and rate of turning
         [rad/s], as Bullet gives them: many are read of which few are used.
         """
-        states = bullet.getLinkStates(
-            self.uid, links, 1, computeForwardKinematics=1, physicsClientId=self._client
-        )
+        states = bullet.getLinkStates(self.uid, links, 1, 1, self._client)
         return [(s[0], s[1], s[6], s[7]) for s in states]
 
     def link_centres(self, links: Sequence[int]) -> Array:
         """Return the centres of mass of `links` in the world [m], shape [n, 3]; not of the base."""
-        states = bullet.getLinkStates(
-            self.uid, links, computeForwardKinematics=1, physicsClientId=self._client
-        )
+        states = bullet.getLinkStates(self.uid, links, 0, 1, self._client)
         return np.array([state[0] for state in states]).reshape(-1, 3)
 
     def carried_by(self, link: int) -> list[int]:
@@ -196,15 +191,12 @@ class Body:
 
         Cheaper than `base_pose`; see `in_centre_frame`.
         """
-        pose: tuple[tuple[float, ...], tuple[float, ...]] = bullet.getBasePositionAndOrientation(
-            self.uid, physicsClientId=self._client
-        )
-        return pose
+        position, turn = bullet.getBasePositionAndOrientation(self.uid, self._client)
+        return position, turn
 
     def inertial_pose(self, index: int) -> Pose:
         """Return where the centre of mass of a link is in its frame, and how its axes are turned."""
-        info = bullet.getDynamicsInfo(self.uid, index, physicsClientId=self._client)
-        return Pose(info[3], info[4])
+        return Pose(*bullet.getDynamicsInfo(self.uid, index, self._client)[3:5])
 
     def mass_and_inertia(self, index: int) -> tuple[float, Array]:
         """Return mass [kg] and principal moments of inertia [kg·m²], shape [3], of a link."""
@@ -244,12 +236,7 @@ class Body:
         quaternions = np.empty((self.link_count + 1, 4))
         positions[0], quaternions[0] = base.position, base.quaternion
         if self.link_count:
-            states = bullet.getLinkStates(
-                self.uid,
-                range(self.link_count),
-                computeForwardKinematics=1,
-                physicsClientId=self._client,
-            )
+            states = bullet.getLinkStates(self.uid, range(self.link_count), 0, 1, self._client)
             positions[1:] = [s[4] for s in states]
             quaternions[1:] = [s[5] for s in states]
         return positions, quaternions
@@ -257,8 +244,7 @@ class Body:
     def wake(self) -> None:
         """Wake it if it sleeps."""
         if self.may_sleep:
-            up = bullet.ACTIVATION_STATE_WAKE_UP
-            bullet.changeDynamics(self.uid, -1, activationState=up, physicsClientId=self._client)
+            self._change((-1,), activationState=bullet.ACTIVATION_STATE_WAKE_UP)
 
     def set_joints(self, indices: Sequence[int], positions: Vector) -> None:
         """Teleport joints to `positions` [rad or m] at rest."""
@@ -274,7 +260,6 @@ class Body:
         forces: Vector,
         *,
         position_gain: float = 0.1,
-        velocity_gain: float = 1.0,
         velocities: Sequence[float] | None = None,
     ) -> None:
         """Drive joints to `targets` [rad or m] with at most `forces` [N·m or N].
@@ -294,7 +279,7 @@ class Body:
             targetVelocities=[0.0] * count if velocities is None else velocities,
             forces=forces,
             positionGains=[position_gain] * count,
-            velocityGains=[velocity_gain] * count,
+            velocityGains=[1.0] * count,
             physicsClientId=self._client,
         )
 
@@ -369,31 +354,22 @@ class Body:
         )
         bullet.resetBaseVelocity(self.uid, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
 
-    def set_damping(self, *, linear: float = 0.0, angular: float = 0.0, joint: float = 0.0) -> None:
-        """Replace Bullet's default damping of every link: shares per second, and [N·m·s/rad]."""
-        for link in range(-1, self.link_count):
-            bullet.changeDynamics(
-                self.uid,
-                link,
-                linearDamping=linear,
-                angularDamping=angular,
-                jointDamping=joint,
-                physicsClientId=self._client,
-            )
+    def set_damping(self) -> None:
+        """Take Bullet's default damping off every link."""
+        self._change(None, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0)
+
+    def _change(self, links: Iterable[int] | None, **values: float) -> None:
+        """Change the dynamics of links, all if None, as Bullet calls them."""
+        for link in range(-1, self.link_count) if links is None else links:
+            bullet.changeDynamics(self.uid, link, physicsClientId=self._client, **values)
 
     def set_friction(
         self, links: Iterable[int], *, lateral: float, rolling: float = 0.0, spinning: float = 0.0
     ) -> None:
         """Set the friction coefficients of `links`: sliding [1], rolling and spinning [m]."""
-        for link in links:
-            bullet.changeDynamics(
-                self.uid,
-                link,
-                lateralFriction=lateral,
-                rollingFriction=rolling,
-                spinningFriction=spinning,
-                physicsClientId=self._client,
-            )
+        self._change(
+            links, lateralFriction=lateral, rollingFriction=rolling, spinningFriction=spinning
+        )
 
     def exclude_own_links(self) -> None:
         """Take pairs of the body's own links out of the broad phase, where they cost time each step.
@@ -414,14 +390,7 @@ class Body:
         self, *, stiffness: float, damping: float, links: Iterable[int] | None = None
     ) -> None:
         """Let links, all if None, yield in contact: `stiffness` [N/m] and `damping` [N·s/m]."""
-        for link in range(-1, self.link_count) if links is None else links:
-            bullet.changeDynamics(
-                self.uid,
-                link,
-                contactStiffness=stiffness,
-                contactDamping=damping,
-                physicsClientId=self._client,
-            )
+        self._change(links, contactStiffness=stiffness, contactDamping=damping)
 
     def visual_shapes(self) -> list[VisualShape]:
         """Return the shapes to draw, each in the frame of its link."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import shutil
 import sys
-import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
+from .atomic_file import draft, write_whole
 from .errors import ConfigError
 
 
@@ -45,17 +45,8 @@ def cached(name: str, suffix: str, content: str | bytes) -> Path:
     file = folder / f"{plain}-{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
     if file.is_file():
         return file
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=folder, suffix=suffix, delete=False) as temporary:
-            temporary.write(data)
-        os.chmod(temporary.name, 0o644)
-        os.replace(temporary.name, file)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write generated files to {folder}: {error}. Set RCARE_MARL_CACHE to a folder "
-            "that you may write"
-        ) from error
+    with _writable(folder):
+        write_whole(file, data)
     return file
 
 
@@ -76,21 +67,24 @@ def cached_folder(name: str, recipe: bytes, make: Callable[[], Mapping[str, str]
     if folder.is_dir():
         return folder
     files = make()
-    scratch: Path | None = None
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    with _writable(folder), draft(folder) as made:
         for file, text in files.items():
-            (scratch / file).write_text(text, encoding="utf-8")
-        scratch.chmod(0o755)
-        os.replace(scratch, folder)
-    except OSError as error:
-        if not folder.is_dir():  # else another process was first: its files are the same
-            raise ConfigError(
-                f"cannot write generated files to {folder}: {error}. Set RCARE_MARL_CACHE to a "
-                "folder that you may write"
-            ) from error
-    finally:
-        if scratch is not None:
-            shutil.rmtree(scratch, ignore_errors=True)
+            (made.path / file).write_text(text, encoding="utf-8")
+        try:
+            made.publish()
+        except OSError:
+            if not folder.is_dir():  # else another process was first: its files are the same
+                raise
     return folder
+
+
+@contextmanager
+def _writable(folder: Path) -> Iterator[None]:
+    """Say in an error what to do where a folder cannot be written."""
+    try:
+        yield
+    except (ConfigError, OSError) as error:
+        raise ConfigError(
+            f"cannot write generated files to {folder}: {error}. Set RCARE_MARL_CACHE to a folder "
+            "that you may write"
+        ) from error

@@ -54,8 +54,7 @@ class _Loader(_FASTEST):  # type: ignore[misc]  # mypy does not know which of th
                 raise yaml.constructor.ConstructorError(
                     None, None, f"key {key!r} stands twice", node.start_mark
                 )
-        out: dict[Any, Any] = super().construct_mapping(node, deep)
-        return out
+        return super().construct_mapping(node, deep)
 
 
 def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") -> T:
@@ -90,9 +89,7 @@ def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") 
     values = {k: _convert(hints[k], v, f"{where}.{k}") for k, v in data.items()}
     try:
         return cls(**values)
-    except (ConfigError, UnknownNameError) as error:
-        raise ConfigError(f"{where}: {error}") from error
-    except (TypeError, ValueError) as error:
+    except (UnknownNameError, TypeError, ValueError) as error:
         raise ConfigError(f"{where}: {error}") from error
 
 

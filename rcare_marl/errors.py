@@ -68,6 +68,20 @@ class UnknownNameError(RcareError, KeyError):
         return str(self.args[0])
 
 
+def check_positive(owner: object, *names: str) -> None:
+    """Raise a ConfigError where an attribute is not above 0."""
+    for name in names:
+        if not getattr(owner, name) > 0:
+            raise ConfigError(f"{name} must be above 0, got {getattr(owner, name)}")
+
+
+def check_not_negative(owner: object, *names: str) -> None:
+    """Raise a ConfigError where an attribute is below 0."""
+    for name in names:
+        if not getattr(owner, name) >= 0:
+            raise ConfigError(f"{name} must not be negative, got {getattr(owner, name)}")
+
+
 def check_name(kind: str, name: str, known: Collection[str]) -> None:
     """Raise an UnknownNameError, of a kind of name, where a name is none of those that are known."""
     if name not in known:

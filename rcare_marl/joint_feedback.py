@@ -100,8 +100,7 @@ class JointFeedback:
         Torque about the axis of a joint that turns, force along that of one that slides; shape [n].
         """
         axes = np.array([self._felt[link][2] for link in links]).reshape(-1, 6)
-        out: Array = (wrenches * axes).sum(axis=1)
-        return out
+        return (wrenches * axes).sum(axis=1)
 
     def _excess(self) -> tuple[Array, Array] | None:
         """Return principal axes of all links as columns, and torque and force told twice, in the world.
@@ -128,13 +127,6 @@ class JointFeedback:
             self._parents, self._axes, self._inertias, turns, places, rates, arms, speeds
         )
         return turns[1:], extra
-
-
-@numba.njit(cache=True)
-def _cross(a, b):  # type: ignore[no-untyped-def]
-    return np.array(
-        (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    )
 
 
 @numba.njit(cache=True)
@@ -177,10 +169,10 @@ def _coriolis_wrenches(  # type: ignore[no-untyped-def]
         whole[i + 1] = _inertia(inertias[i + 1], turns[i + 1])
         about = turns[i + 1] @ axes[i, :3].copy()
         motion[i, :3] = about
-        motion[i, 3:] = turns[i + 1] @ axes[i, 3:].copy() + _cross(about, arms[i])
+        motion[i, 3:] = turns[i + 1] @ axes[i, 3:].copy() + np.cross(about, arms[i])
         step = motion[i] * speeds[i]
-        coriolis[i, :3] = _cross(rates[i, :3], step[:3])
-        coriolis[i, 3:] = _cross(rates[i, :3], step[3:]) + _cross(rates[i, 3:], step[:3])
+        coriolis[i, :3] = np.cross(rates[i, :3], step[:3])
+        coriolis[i, 3:] = np.cross(rates[i, :3], step[3:]) + np.cross(rates[i, 3:], step[:3])
     reach, grip, push = np.zeros((count, 6)), np.zeros(count), np.zeros(count)
     for i in range(count - 1, -1, -1):
         reach[i] = whole[i + 1] @ motion[i]

@@ -31,7 +31,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 @cache
 def gl_missing() -> str:
     """Return why nothing can be drawn with OpenGL here, empty if it can."""
-    from rcare_marl.rendering.gl_context import create_context
+    from rcare_marl.rendering.gl_target import create_context
 
     try:
         create_context().release()

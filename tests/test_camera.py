@@ -13,7 +13,7 @@ from rcare_marl.errors import ConfigError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.rendering import Camera, GLRenderer, Output, Shot, SoftwareRenderer, make_renderer
 from rcare_marl.rendering.gl_scene import GLScene
-from rcare_marl.rendering.relief import normals_from_depth
+from rcare_marl.rendering.software_renderer import normals_from_depth
 from rcare_marl.world import World
 
 RED = (0.9, 0.05, 0.05, 1.0)

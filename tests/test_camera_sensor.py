@@ -22,7 +22,7 @@ from rcare_marl.errors import ConfigError, UnknownNameError, WorldError
 from rcare_marl.observable import Observation
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.rendering import Camera, GLRenderer, Picture, Renderer, Shot
-from rcare_marl.rendering.gl_context import free_context
+from rcare_marl.rendering.gl_target import free_context
 from rcare_marl.world import World
 
 

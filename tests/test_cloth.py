@@ -14,7 +14,7 @@ from rcare_marl.errors import ConfigError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_axis_angle
 from rcare_marl.soft.cloth import Cloth
 from rcare_marl.soft.constraint import FOLD_SOFTNESS, make_constraints
-from rcare_marl.soft.fabric import Fabric
+from rcare_marl.soft.material import Fabric
 from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import GRAVITY, World
 

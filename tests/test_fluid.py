@@ -15,11 +15,10 @@ from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose, matrix_from_quaternion, quaternion_from_axis_angle
 from rcare_marl.soft.fluid import PARKED, Fluid, fill
 from rcare_marl.soft.fluid_kernel import Grid, find_pairs
-from rcare_marl.soft.liquid import Liquid
+from rcare_marl.soft.material import Liquid
+from rcare_marl.soft.soft_skin import enclose
 from rcare_marl.soft.soft_world import SoftWorld
-from rcare_marl.soft.surface import enclose
-from rcare_marl.soft.vessel import Vessel
-from rcare_marl.soft.vessel_kernel import hidden
+from rcare_marl.soft.vessel import Vessel, hidden
 from rcare_marl.world import GRAVITY, World
 
 Array = npt.NDArray[np.float64]

@@ -68,7 +68,9 @@ def test_a_garment_is_whole_for_everybody(name: str) -> None:
         assert times.max() == 2
         assert set(garment.faces.ravel().tolist()) == set(range(len(garment.rest)))
         assert 120 < len(garment.rest) < 1700
-        constraints = make_constraints(garment.rest, garment.faces, garment.grain, garment.fabric)
+        constraints = make_constraints(
+            garment.rest, garment.faces, garment.grain, garment.config.fabric
+        )
         lengths = constraints.thread_table[:, 0] / garment.config.spacing_m
         assert 0.8 < np.median(lengths) < 1.2
         assert lengths.max() < 3.2

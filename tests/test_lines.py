@@ -30,8 +30,7 @@ from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose
 from rcare_marl.rendering import Camera, GLRenderer, Viewer
 from rcare_marl.rendering.mesh import SmoothNormals
-from rcare_marl.rendering.stroke import segments
-from rcare_marl.rendering.tube import TubeMesh
+from rcare_marl.rendering.stroke import TubeMesh, segments
 from rcare_marl.world import World
 
 Floats = npt.NDArray[np.float64]

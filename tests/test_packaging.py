@@ -67,6 +67,8 @@ def test_the_wheel_holds_every_module_and_asset_once(wheel: Path, source: Path) 
             if file.is_file() and file.suffix in (".py", ".yaml", ".npz"):
                 assert f"rcare_marl/{file.relative_to(source)}" in names
     assert "rcare_marl/py.typed" in names
+    for file in (source / "rcare_marl" / "rendering" / "glsl").iterdir():
+        assert str(file.relative_to(source)) in names
     assert not any(name.startswith(("tests/", "experiments/", "agents/")) for name in names)
 
 

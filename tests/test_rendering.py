@@ -16,8 +16,7 @@ from rcare_marl.errors import ConfigError, RenderingError, WorldError
 from rcare_marl.pose import Pose
 from rcare_marl.rendering import Camera, GLRenderer, Renderer, SoftwareRenderer, Viewer
 from rcare_marl.rendering.collada import read_collada
-from rcare_marl.rendering.detail import detail_levels
-from rcare_marl.rendering.mesh import SmoothNormals, smoothed
+from rcare_marl.rendering.mesh import SmoothNormals, detail_levels, smoothed
 from rcare_marl.rendering.piece import split_by_color
 from rcare_marl.world import World
 

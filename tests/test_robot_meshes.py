@@ -18,10 +18,11 @@ from scipy.spatial import ConvexHull  # type: ignore[import-untyped]
 
 from rcare_marl import assets
 from rcare_marl.agents.robots import robot_model as loader
-from rcare_marl.agents.robots.robot_model import MESH_FOLDERS, MeshPackage, MeshPart, robot_files
+from rcare_marl.agents.robots.robot_model import MESH_FOLDERS, MeshPackage, robot_files
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError
-from rcare_marl.model.hull import MOST_CORNERS, hulls
+from rcare_marl.model.mesh_file import MOST_CORNERS, hulls
+from rcare_marl.model.shape import MeshFile
 from rcare_marl.model.urdf import Model
 from rcare_marl.pose import Pose
 from rcare_marl.rendering import Camera
@@ -32,7 +33,7 @@ from rcare_marl.world import World
 MODEL = "kinova_gen3/model.yaml"
 ROBOTS = sorted(path.stem for path in (assets.ROOT / "robots").glob("*.yaml"))
 DISTRIBUTION = "rcare-test-meshes"
-TABLE = {"base_link": (MeshPart("meshes/cube.stl", scale=(2.0, 2.0, 2.0), rgba=(1.0, 0, 0, 1)),)}
+TABLE = {"base_link": (MeshFile("meshes/cube.stl", scale=(2.0, 2.0, 2.0), rgba=(1.0, 0, 0, 1)),)}
 DAE = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><unit meter="1"/><up_axis>Z_UP</up_axis></asset>
@@ -176,7 +177,7 @@ def test_a_table_can_be_written_in_yaml() -> None:
     meshes: {base_link: [{file: a/b.stl, at: [0, 0, 1], rpy: [0, 0, 0], scale: [1, 1, 1]}]}
     """
     given = load(MeshPackage, yaml.safe_load(text))
-    assert given.meshes["base_link"][0] == MeshPart("a/b.stl", at=(0.0, 0.0, 1.0))
+    assert given.meshes["base_link"][0] == MeshFile("a/b.stl", at=(0.0, 0.0, 1.0))
     with pytest.raises(ConfigError, match="needs a `urdf` or `meshes`"):
         load(MeshPackage, {"distribution": "a", "version": "1"})
 
@@ -387,7 +388,7 @@ def test_meshes_without_a_colour_of_their_own_get_ours(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     install(tmp_path, monkeypatch)
-    plain = package(meshes={"base_link": (MeshPart("meshes/cube.stl"),)})
+    plain = package(meshes={"base_link": (MeshFile("meshes/cube.stl"),)})
     model = load(Model, assets.ROOT / "robots" / MODEL)
     world = World()
     body = world.load_urdf(robot_files(MODEL, plain, meshes="required").urdf)

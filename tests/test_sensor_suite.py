@@ -12,9 +12,8 @@ from sensor_scene import POSTURES, Array, Scene
 
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import load_robot
-from rcare_marl.agents.sensing.sampler import Sampler
 from rcare_marl.agents.sensing.sensor import Channel, Sensor, SensorConfig
-from rcare_marl.agents.sensing.suite import Entry, SensorSuite
+from rcare_marl.agents.sensing.suite import Entry, Sampler, SensorSuite
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose

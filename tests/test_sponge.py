@@ -12,9 +12,8 @@ from rcare_marl.body import Body
 from rcare_marl.envs.devices import Sponge
 from rcare_marl.errors import ConfigError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_rpy
-from rcare_marl.soft.block import make_block
 from rcare_marl.soft.soft_world import SoftWorld
-from rcare_marl.soft.tetrahedron import boundary, signed_volumes
+from rcare_marl.soft.tetrahedron import boundary, make_block, signed_volumes
 from rcare_marl.world import GRAVITY, World
 
 DOWN = tuple(quaternion_from_rpy(math.pi, 0, 0).tolist())

@@ -80,7 +80,7 @@ class Retarget:
         Raises:
             ConfigError: If it has no arms and head of the kind that this knows.
         """
-        model = robot_model(config.model, urdf=config.model if config.is_urdf else None)
+        model = robot_model(config.model, urdf=config.urdf)
         self.joints = (*_arm_joints("left"), *_arm_joints("right"), *HEAD_JOINTS)
         missing = [joint for joint in self.joints if joint not in model.joints]
         if missing:

@@ -15,8 +15,7 @@ from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Vector
 from rcare_marl.rendering.mesh import SmoothNormals
 from rcare_marl.soft.cloth import SUBSTEPS, Cloth
-from rcare_marl.soft.garment import Garment, GarmentConfig, cut_garment
-from rcare_marl.soft.pattern import Frame
+from rcare_marl.soft.garment import Frame, Garment, GarmentConfig, cut_garment
 from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import World
 
@@ -104,7 +103,7 @@ def dress(
         Path(name).stem,
         garment.rest,
         garment.faces,
-        fabric=garment.fabric,
+        fabric=garment.config.fabric,
         grain=garment.grain,
         positions=positions,
         substeps=substeps,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-import numba
 import numpy as np
 
 from rcare_marl.body import Body
@@ -26,6 +25,7 @@ class Arm(JointGroup):
     Attributes:
         chain: Kinematics from the root to the tool.
         rest: Posture preferred where a tool pose leaves a choice, shape [n].
+        is_carried: Whether a torso or base moves the arm, or what the robot rides on.
         counterbalanced: Whether springs carry its weight, so that its motors need not.
     """
 
@@ -53,16 +53,12 @@ class Arm(JointGroup):
         super().__init__(world, body, chain.joints, rest, followers, chain.telescope)
         self.chain = chain
         self._root = -1 if root is None else body.link_index(root)
+        self.is_carried = self._root >= 0 or body.is_movable
         self.track()
 
     def track(self) -> None:
         """Take note of where the body carries the arm now."""
         self.chain.place(self.body.link_pose(self._root))
-
-    @property
-    def is_carried(self) -> bool:
-        """Whether a torso or base moves the arm, or what the robot rides on."""
-        return self._root >= 0 or self.body.is_movable
 
     def room(self, weight: Array) -> Array:
         """Return what the motors have left beside carrying `weight` [N·m or N], shape [n].
@@ -72,8 +68,7 @@ class Arm(JointGroup):
         """
         if self.counterbalanced:
             return self.effort
-        out: Array = _room(self.effort, weight)
-        return out
+        return np.maximum(self.effort - np.abs(weight), LEAST_ROOM * self.effort)
 
     def balance(self) -> None:
         """Carry its weight for a physics step, as springs do."""
@@ -83,31 +78,25 @@ class Arm(JointGroup):
         """Return as much of `weight` as the effort allows beside `motors` [N·m or N], shape [n]."""
         if self.counterbalanced:
             return weight
-        out: Array = _carried(self.effort, weight, motors)
-        return out
+        room = np.maximum(self.effort - motors, 0.0)
+        return np.minimum(np.maximum(weight, -room), room)
 
-    def solve(self, goal: Pose, seed: Array, *, position_only: bool = False) -> IkResult:
+    def solve(self, goal: Pose, seed: Array) -> IkResult:
         """Return the posture that puts the tool at `goal`: the first good one, else the best.
 
         The search starts at `seed`, then at the rest posture, then at postures around both, then
         anywhere within the limits; these are the same on every call.
         """
-        weight = 0.0 if position_only else 0.3
-        best: IkResult | None = None
+        weight = 0.3  # of a radian against a metre
+        others = []
         for start in self._seeds(seed):
             found = self.chain.solve(
                 goal, start, self.lower, self.upper, rest=self.rest, turn_weight=weight
             )
-            if position_only:
-                found = IkResult(found.posture, found.distance, 0.0)
             if found.is_within():
                 return found
-            if best is None or found.distance + weight * found.angle < (
-                best.distance + weight * best.angle
-            ):
-                best = found
-        assert best is not None  # there is always a first seed
-        return best
+            others.append(found)
+        return min(others, key=lambda result: result.distance + weight * result.angle)
 
     def _seeds(self, seed: Array) -> Iterator[Array]:
         yield seed
@@ -119,20 +108,3 @@ class Arm(JointGroup):
         upper = np.where(np.isinf(self.upper), np.pi, self.upper)
         for _ in range(_FAR_SEEDS):
             yield rng.uniform(lower, upper)
-
-
-@numba.njit(cache=True)
-def _room(effort, weight):  # type: ignore[no-untyped-def]
-    out = np.empty(len(effort))
-    for i in range(len(effort)):
-        out[i] = max(effort[i] - abs(weight[i]), LEAST_ROOM * effort[i])
-    return out
-
-
-@numba.njit(cache=True)
-def _carried(effort, weight, motors):  # type: ignore[no-untyped-def]
-    out = np.empty(len(effort))
-    for i in range(len(effort)):
-        room = max(effort[i] - motors[i], 0.0)
-        out[i] = min(max(weight[i], -room), room)
-    return out

@@ -1,4 +1,4 @@
-"""Grippers of one driven joint and joints that follow it.
+"""Grippers of one driven joint and joints that follow it, and what is bonded to a tool.
 
 Bullet ignores `<mimic>`, so we drive all of them.
 """
@@ -10,11 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.model.urdf import Model, joint_pose
 from rcare_marl.pose import Pose
+from rcare_marl.world import World
 
+RELEASE = 0.01  # [m] that the gap of a gripper grows before it lets go; our own choice
 LINKAGE_GAIN = 0.1  # share of a follower's position error that is removed in one physics step
 
 
@@ -123,6 +126,11 @@ class Gripper:
                 narrow = middle
         return 0.5 * (wide + narrow)
 
+    def least_closing(self, position: float, wider: float) -> float:
+        """Return how far it is closed where the gap is `wider` [m] than at `position`, or wide open."""
+        gap = min(self.width(position) + wider, self.width(self.config.opened))
+        return self.fraction(self.position_for(gap))
+
     def bind(self, body: Body) -> None:
         """Take hold of the joints of a spawned body; frozen ones are not among them."""
         names = [name for name in self.joints if name in body.joints]
@@ -188,7 +196,7 @@ class Gripper:
 
     def position(self) -> float:
         """Return where the driven joint is [rad or m]."""
-        return self._body.joint_states(self._indices[:1])[0][0] if self._indices else self.target
+        return self._body.joint_states(self._lead)[0][0] if self._indices else self.target
 
     def closing(self) -> float:
         """Return how far it is closed: 0 is open, 1 is closed."""
@@ -197,3 +205,40 @@ class Gripper:
     def fraction(self, position: float) -> float:
         """Return how far it is closed with the driven joint at `position` [rad or m]."""
         return (position - self.config.opened) / (self.config.closed - self.config.opened)
+
+
+class Grasp:
+    """The bonds of one tool. Their state is in the world, and comes back with it."""
+
+    def __init__(self, world: World, body: Body, tool_link: str, gripper: Gripper | None) -> None:
+        self._world, self._body, self._tool_link = world, body, tool_link
+        self._gripper = gripper
+        self._held: list[Attachment] = []
+
+    def take(self, thing: Body, pose: Pose, thing_in_tool: Pose, *, force: float) -> Attachment:
+        """Put the base of `thing` at `pose` in the world and bond it to the tool.
+
+        The robot and what it holds do not collide from then on.
+
+        Args:
+            thing: What to hold.
+            pose: Where its base goes.
+            thing_in_tool: The same place in the frame of the tool.
+            force: Greatest force of the bond [N].
+        """
+        thing.set_base(pose)
+        self._world.set_collision(self._body, thing, False)
+        held = self._world.attach(self._body, self._tool_link, thing, thing_in_tool, force=force)
+        gripper = self._gripper
+        if gripper is not None and gripper.is_movable:
+            self._least_closing = gripper.least_closing(gripper.start, RELEASE)
+            self._held.append(held)
+        return held
+
+    def update(self) -> None:
+        """Let go of everything if the gripper has opened too far to hold it."""
+        if not self._held or self._gripper is None:
+            return
+        if self._gripper.closing() < self._least_closing:
+            for held in self._held:
+                self._world.detach(held)

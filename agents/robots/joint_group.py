@@ -41,6 +41,7 @@ class JointGroup:
         effort: Greatest torques or forces [N·m or N], shape [n].
         rest: Start posture, shape [n].
         units: Unit of each position, `rad` or `m`.
+        has_followers: Whether other joints with motors of their own follow those of the group.
     """
 
     def __init__(
@@ -116,15 +117,11 @@ class JointGroup:
         self._leaders = [self.names.index(rule.joint) for rule in others.values()]
         self._multipliers = np.array([rule.multiplier for rule in others.values()])
         self._offsets = np.array([rule.offset for rule in others.values()])
+        self.has_followers = bool(others)
         self._own_effort = np.array([joint.effort for joint in joints])
 
     def __len__(self) -> int:
         return len(self.names)
-
-    @property
-    def has_followers(self) -> bool:
-        """Whether other joints with motors of their own follow those of the group."""
-        return bool(self._leaders)
 
     def read(self) -> tuple[Array, Array, Array]:
         """Return positions, velocities and motor torques of the last step, each of shape [n].
@@ -165,8 +162,7 @@ class JointGroup:
             self.body.set_joints(self._follower_indices, self._followed(positions))
 
     def _followed(self, positions: Array) -> Array:
-        out: Array = self._multipliers * positions[self._leaders] + self._offsets
-        return out
+        return np.asarray(self._multipliers * positions[self._leaders] + self._offsets)
 
     def inertial_torques(self, positions: Array, acceleration: Array) -> Array:
         """Return the torques that accelerate the group [N·m or N], shape [n], without speed terms."""
@@ -181,10 +177,8 @@ class JointGroup:
         if self._block is not None:
             matrix = matrix[self._block]
         if not self._segments:
-            out: Array = matrix @ acceleration
-            return out
-        coupled: Array = self._along.T @ matrix @ self._along @ acceleration
-        return coupled
+            return np.asarray(matrix @ acceleration)
+        return np.asarray(self._along.T @ matrix @ self._along @ acceleration)
 
     def drive_to(
         self, targets: Array, speeds: Array, forces: Array, *, only: Mask | None = None
@@ -220,15 +214,9 @@ class JointGroup:
         ):
             tell(uid, index, mode, target, 0.0, force, gains[index], 1.0, speed, client)
 
-    def drive_towards(self, targets: Array, duration: float, forces: Array) -> None:
-        """Drive joints so that they reach `targets` [rad or m] in `duration` [s]."""
-        way = np.abs(targets - self.positions())
-        self.drive_to(targets, self.speeds_for(way, duration), forces)
-
     def speeds_for(self, way: Array, duration: float) -> Array:
         """Return motor speeds that cover `way` [rad or m] in `duration` [s], within limits."""
-        speeds: Array = np.minimum(np.maximum(way / duration, RETURN_SPEED), self.velocity)
-        return speeds
+        return np.minimum(np.maximum(way / duration, RETURN_SPEED), self.velocity)
 
     def drive_velocities(self, speeds: Array, forces: Array) -> None:
         """Drive joints at `speeds` [rad/s or m/s] with at most `forces` [N·m or N].

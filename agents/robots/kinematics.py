@@ -27,6 +27,7 @@ from rcare_marl.tree.least_squares import bounded_step, rotation_vector
 from rcare_marl.world import GRAVITY
 
 DAMPING = 0.02  # of the least squares; keeps steps small near singular postures
+ITERATIONS = 60  # of inverse kinematics, at most
 
 
 @dataclass(frozen=True)
@@ -83,12 +84,7 @@ class Chain:
         """
         self.joints = tuple(joints)
         frozen, n = dict(others or {}), len(self.joints)
-        carried_by = {joint.child: (name, joint) for name, joint in model.joints.items()}
-        path: list[tuple[str, Joint]] = []
-        link = tip
-        while link in carried_by and link != root:
-            path.insert(0, carried_by[link])
-            link = path[0][1].parent
+        path = [(name, model.joints[name]) for name in reversed(model.way(tip, root))]
         if [name for name, _ in path if name in self.joints] != list(self.joints):
             raise ConfigError(f"joints {joints} do not lie, in order, between the root and {tip!r}")
         moving = [model.joints[name] for name in self.joints]
@@ -178,8 +174,7 @@ class Chain:
 
     def tip_frame(self, positions: Array) -> Array:
         """Return the frame of the tip at joint `positions` [rad or m], shape [3, 4]."""
-        out: Array = _tip_frame(self.arrays, self.tip, positions)
-        return out
+        return _tip_frame(self.arrays, self.tip, positions)
 
     def tip_pose(self, positions: Array) -> Pose:
         """Return the pose of the tip at joint `positions` [rad or m], shape [n]."""
@@ -188,13 +183,11 @@ class Chain:
 
     def jacobian(self, positions: Array) -> Array:
         """Return the geometric Jacobian of the tip, three linear rows first, shape [6, n]."""
-        out: Array = _jacobian(self.arrays, self.tip, positions)
-        return out
+        return _jacobian(self.arrays, self.tip, positions)
 
     def gravity_torques(self, positions: Array) -> Array:
         """Return the torques that hold the chain still [N·m or N], shape [n]."""
-        out: Array = _gravity_torques(self.arrays, positions)
-        return out
+        return _gravity_torques(self.arrays, positions)
 
     def solve(
         self,
@@ -205,7 +198,6 @@ class Chain:
         *,
         rest: Array | None = None,
         turn_weight: float = 1.0,
-        iterations: int = 60,
     ) -> IkResult:
         """Move the tip to `goal` from the posture `seed` by damped least squares within limits.
 
@@ -216,14 +208,13 @@ class Chain:
             upper: Upper limits, shape [n].
             rest: Posture preferred where the goal leaves a choice; the seed if None.
             turn_weight: Weight of a radian against a metre; zero ignores orientation.
-            iterations: Greatest number of steps.
         """
         start = np.asarray(seed, np.float64)
         wished = start if rest is None else np.asarray(rest, np.float64)
         frame = np.ascontiguousarray(goal.matrix()[:3])
         return IkResult(
             *_solve(
-                self.arrays, self.tip, frame, start, lower, upper, wished, turn_weight, iterations
+                self.arrays, self.tip, frame, start, lower, upper, wished, turn_weight, ITERATIONS
             )
         )
 

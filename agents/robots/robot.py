@@ -20,17 +20,16 @@ from ..agent import Agent, Array
 from .arm import Arm
 from .control import (
     CONTROLS,
+    GROUP_CONTROLS,
     WEIGHT_CARRYING,
     BaseVelocity,
     Control,
     GripperClosing,
+    JointDelta,
     ToolDelta,
-    make_control,
-    make_group_control,
     moving_tool,
 )
-from .grasp import Grasp
-from .gripper import Gripper
+from .gripper import Grasp, Gripper
 from .joint_group import JointGroup
 from .kinematics import IkResult
 from .mobile_base import MobileBase
@@ -114,8 +113,8 @@ class Robot(Agent):
             MissingPackageError: If meshes are required and not installed.
         """
         check_name("control mode", control, CONTROLS)
-        if isinstance(posture, str) and posture not in config.postures:
-            raise UnknownNameError("posture", posture, config.postures)
+        if isinstance(posture, str):
+            check_name("posture", posture, config.postures)
         check_name("use of a gripper", gripper, ("held", "free", "commanded"))
         if not 0 < contact_force < math.inf:
             raise ConfigError(f"contact_force must be positive, got {contact_force} N")
@@ -126,8 +125,8 @@ class Robot(Agent):
         self._noise, self._contact_force = posture_noise, contact_force
         self._grip_width, self._meshes = grip_width, meshes
         self._self_collision = self_collision
-        if isinstance(mount, str) and mount not in config.mounts:
-            raise UnknownNameError("mount", mount, config.mounts)
+        if isinstance(mount, str):
+            check_name("mount", mount, config.mounts)
         self.chosen_mount = mount
         self._posture: str | Mapping[str, float] = "home" if posture is None else posture
         self._posture_is_chosen = posture is not None
@@ -158,11 +157,8 @@ class Robot(Agent):
 
     def _assemble(self) -> Assembly:
         config, posture = self.config, self._posture
-        free = [
-            arm
-            for arm in config.arms
-            if self._gripper_use == "free" or gripper_name(arm) in self.moves
-        ]
+        is_free = self._gripper_use == "free"
+        free = [arm for arm in config.arms if is_free or gripper_name(arm) in self.moves]
         return assemble(
             config,
             moves=self.moves,
@@ -318,7 +314,7 @@ class Robot(Agent):
             )  # fmt: skip
             arm.counterbalanced = config.arms[name].counterbalanced
             self.arms[name] = arm
-            control = make_control(self._control_name, arm)
+            control = CONTROLS[self._control_name](arm)
             if isinstance(control, ToolDelta):
                 control.contact_force = self._contact_force
             tool = self.body.link_index(assembly.tools[name])
@@ -334,7 +330,8 @@ class Robot(Agent):
             rest = [assembly.start[j] for j in joints]
             group = JointGroup(world, self.body, joints, rest, _following(assembly, joints))
             self.groups[name] = group
-            return Part(name, make_group_control(self._control_name, group), joints=group)
+            make = GROUP_CONTROLS.get(self._control_name, JointDelta)
+            return Part(name, make(group), joints=group)
         if name == "base":
             assert config.base is not None  # or `base` would be no part
             self.base = MobileBase(self.body, config.base)
@@ -424,7 +421,6 @@ class Robot(Agent):
         pose: Pose,
         *,
         seed: Sequence[float] | Array | None = None,
-        position_only: bool = False,
         arm: str | None = None,
     ) -> IkResult:
         """Return the posture that puts the tool at `pose`, within limits; nothing moves.
@@ -432,20 +428,19 @@ class Robot(Agent):
         Args:
             pose: The wished pose of the tool in the world.
             seed: Posture to start from; the present one if None.
-            position_only: Whether any orientation will do.
             arm: Which arm; the main one if None.
         """
         chosen = self._named_arm(arm)
         if chosen.is_carried:
             chosen.track()
         start = chosen.positions() if seed is None else np.asarray(seed, np.float64)
-        return chosen.solve(pose, start, position_only=position_only)
+        return chosen.solve(pose, start)
 
     def grasp(self, body: Body, body_in_tool: Pose = Pose(), *, force: float = 500.0) -> Attachment:
         """Put the base of `body` at `body_in_tool` in the main tool's frame and bond it there.
 
         The robot and what it holds do not collide from then on. A gripper that is commanded lets go
-        of it once the gap between its fingers is wider by `grasp.RELEASE` than at the start.
+        of it once the gap between its fingers is wider by `gripper.RELEASE` than at the start.
         """
         pose = self.tool_pose() @ body_in_tool
         arm = self._main

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.model.urdf import Follow, Joint, Link, Model
 from rcare_marl.pose import rpy_from_matrix
 
@@ -70,7 +70,7 @@ def assemble(
         UnknownNameError: If the model lacks a joint or a link that `config` or `posture` names.
         ConfigError: If the model cannot be used, or the gripper does not open so far.
     """
-    own = robot_model(config.model, urdf=config.model if config.is_urdf else None)
+    own = robot_model(config.model, urdf=config.urdf)
     _check_names(config, own, posture)
     arms = _moved_arms(config, own, moves)
     model = _adapted(own, config, moves, arms)
@@ -97,13 +97,12 @@ def assemble(
     }
     tools = {name: _tool_link(name, arm) for name, arm in arms.items()}
     kept = {*kept_links, *tools.values()}
-    unknown = next((link for link in kept if link not in model.links), None)
-    if unknown is not None:
-        raise UnknownNameError("link", unknown, model.links)
+    for link in kept:
+        check_name("link", link, model.links)
     files = robot_files(
         config.model,
         config.package,
-        urdf=config.model if config.is_urdf else None,
+        urdf=config.urdf,
         meshes=meshes,
         fixed_joints=frozen,
         melt_except=None if free_grippers else tuple(sorted(kept)),
@@ -144,20 +143,10 @@ def _moved_arms(config: RobotConfig, model: Model, moves: Sequence[str]) -> dict
     between = {joint for name in moves for joint in config.groups.get(name, ())}
     for name in (part for part in moves if part in config.arms):
         arm = config.arms[name]
-        way = set(_way(model, arm.tool_link))
+        way = set(model.way(arm.tool_link))
         if out or "base" in moves or between & way:
             arm = replace(arm, base_joints=())
         out[name] = arm
-    return out
-
-
-def _way(model: Model, link: str) -> list[str]:
-    """Return the joints from `link` back to the root."""
-    carried_by = {joint.child: name for name, joint in model.joints.items()}
-    out = []
-    while link in carried_by:
-        out.append(carried_by[link])
-        link = model.joints[out[-1]].parent
     return out
 
 
@@ -175,8 +164,8 @@ def _check_names(config: RobotConfig, model: Model, posture: Mapping[str, float]
         for name in arm.joints:
             _check_joint(name, model)
         for link in (arm.tool_link, arm.wrist_link):
-            if link is not None and link not in model.links:
-                raise UnknownNameError("link", link, model.links)
+            if link is not None:
+                check_name("link", link, model.links)
     for joints in config.groups.values():
         for name in joints:
             _check_joint(name, model)
@@ -243,7 +232,7 @@ def _start(model: Model, posture: Mapping[str, float]) -> dict[str, float]:
 def _moving_root(model: Model, arm: ArmConfig, moving: Collection[str]) -> str | None:
     """Return the last link before an arm that another part moves; None if nothing moves it."""
     own = set(_arm_joints(arm))
-    for name in _way(model, model.joints[arm.joints[0]].parent):
+    for name in model.way(model.joints[arm.joints[0]].parent):
         if name in moving and name not in own:
             return model.joints[name].child
     return None

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.model.shape import ZERO as ZERO
+from rcare_marl.model.shape import Triple as Triple
 from rcare_marl.pose import Pose, quaternion_from_rpy
 
 from .gripper import GripperConfig
 from .robot_model import MeshPackage
 
-Triple = tuple[float, float, float]
 BASE_JOINTS = ("base_x", "base_y", "base_turn")  # in front of the root of a robot that drives
-ZERO: Triple = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -207,9 +207,10 @@ class RobotConfig:
         return next(iter(self.arms))
 
     @property
-    def is_urdf(self) -> bool:
-        """Whether the model is a URDF of the user's own."""
-        return Path(self.model).suffix.lower() in (".urdf", ".xml", ".xacro")
+    def urdf(self) -> str | None:
+        """The URDF of the user's own that is the model; None if it is another file."""
+        is_urdf = Path(self.model).suffix.lower() in (".urdf", ".xml", ".xacro")
+        return self.model if is_urdf else None
 
     def parts_beside_groups(self) -> tuple[str, ...]:
         """Return the names of arms, grippers and base."""
@@ -255,11 +256,7 @@ def load_robot(name: str | Path) -> RobotConfig:
         return load(RobotConfig, assets.find("robots", str(name)))
     config = load(RobotConfig, path)
     beside = path.parent / config.model
-    if not beside.is_file():
-        return config
-    from dataclasses import replace
-
-    return replace(config, model=str(beside.resolve()))
+    return replace(config, model=str(beside.resolve())) if beside.is_file() else config
 
 
 def urdf_robot(

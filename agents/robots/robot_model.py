@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.metadata as metadata
 import logging
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,10 +18,10 @@ from typing import Literal
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, MissingPackageError
-from rcare_marl.model.shape import ZERO, MeshFile, Triple
+from rcare_marl.model.shape import GREY, MeshFile
 from rcare_marl.model.urdf import Model, write
 from rcare_marl.model.urdf_document import Document
-from rcare_marl.model.urdf_reader import GREY, MOST_JOINTS, check_driven, drawn_meshes, read
+from rcare_marl.model.urdf_reader import MOST_JOINTS, check_driven, drawn_meshes, read
 
 Meshes = Literal["auto", "never", "required"] | str | Path
 """`never`: our own shapes; `auto`: real meshes where there are any; `required`: those or an error;
@@ -31,25 +31,6 @@ MESH_FOLDERS = "RCARE_MARL_MESHES"
 """Environment variable: folders in which `<robot>.urdf` are a user's own copies, for the look."""
 
 _LOG = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class MeshPart:
-    """A mesh file of a package, drawn with a link.
-
-    Attributes:
-        file: End of the file's path in the package.
-        at: Origin of the mesh in the link [m].
-        rpy: Turn of the mesh in the link, fixed axes [rad].
-        scale: Factor on the file's numbers, one an axis.
-        rgba: Colour where the file has none.
-    """
-
-    file: str
-    at: Triple = ZERO
-    rpy: Triple = ZERO
-    scale: Triple = (1.0, 1.0, 1.0)
-    rgba: tuple[float, float, float, float] = GREY
 
 
 @dataclass(frozen=True)
@@ -64,7 +45,8 @@ class MeshPackage:
         package_root: A folder on that path in which `package://` names are looked for, where they
             are not found by the rules of `MeshPath`.
         licence: Licence of the meshes.
-        meshes: Files by the link that they are drawn with; this wins over the URDF.
+        meshes: Files by the link that they are drawn with, each by the end of its path in the package;
+            this wins over the URDF.
         rename: Our name of a link by the URDF's, where they differ.
     """
 
@@ -74,7 +56,7 @@ class MeshPackage:
     urdf: str = ""
     package_root: str = ""
     licence: str = ""
-    meshes: dict[str, tuple[MeshPart, ...]] = field(default_factory=dict)
+    meshes: dict[str, tuple[MeshFile, ...]] = field(default_factory=dict)
     rename: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -99,26 +81,18 @@ class RobotFiles:
     visuals: str
 
 
-def robot_model(
-    model: str,
-    *,
-    urdf: str | Path | None = None,
-    packages: Iterable[str | Path] = (),
-    repair: bool = True,
-) -> Model:
+def robot_model(model: str, *, urdf: str | Path | None = None) -> Model:
     """Return the data of a robot; no file is made.
 
     Args:
         model: Model file below `assets/robots`, or a path of the user's own; not used with a URDF.
         urdf: A URDF of the user's own, which then replaces the model altogether.
-        packages: As for `rcare_marl.model.urdf_reader.read`.
-        repair: As for `rcare_marl.model.urdf_reader.read`.
 
     Raises:
         ConfigError: If the model or the user's URDF cannot be read or used.
     """
     if urdf is not None:
-        return read(urdf, packages=packages, repair=repair)
+        return read(urdf)
     shipped = assets.ROOT / "robots" / model
     return _model(shipped if shipped.is_file() else Path(model).resolve())
 
@@ -132,8 +106,6 @@ def robot_files(
     fixed_joints: Mapping[str, float] | None = None,
     melt_except: Collection[str] | None = None,
     adapt: Callable[[Model], Model] | None = None,
-    packages: Iterable[str | Path] = (),
-    repair: bool = True,
 ) -> RobotFiles:
     """Return the files of a robot, made now if they are not in the cache.
 
@@ -151,16 +123,13 @@ def robot_files(
             user's URDF, all others must be such that the physics can move them.
         melt_except: As for `rcare_marl.model.urdf.write`.
         adapt: What adds links and joints to the model before it is written, such as a driving base.
-        packages: Folders that `package://` names in the user's files are looked for in first.
-        repair: As for `rcare_marl.model.urdf_reader.read`.
 
     Raises:
         ConfigError: If the model, the user's URDF or the user's meshes cannot be read or used.
         UnknownNameError: If `fixed_joints` names a joint that is not there.
         MissingPackageError: If meshes are required and their package is not installed.
     """
-    packages = tuple(packages)
-    data = robot_model(model, urdf=urdf, packages=packages, repair=repair)
+    data = robot_model(model, urdf=urdf)
     if urdf is not None and fixed_joints is not None:
         driven = [n for n, j in data.joints.items() if j.kind != "fixed" and n not in fixed_joints]
         check_driven(data, driven, urdf)
@@ -169,9 +138,7 @@ def robot_files(
     _check_size(data, fixed_joints or {}, melt_except)
     plain = "generated shapes" if urdf is None else f"user's URDF {urdf}"
     physics = f"generated model; figures: {data.source}" if urdf is None else plain
-    drawn, look = _visuals(
-        data, package, "never" if urdf and meshes in _WORDS else meshes, packages
-    )
+    drawn, look = _visuals(data, package, "never" if urdf and meshes in _WORDS else meshes)
     drawn = _painted(drawn, data)
     file = write(data, fixed_joints=fixed_joints, visuals=drawn, melt_except=melt_except)
     _say_once(data.name, physics, look or plain)
@@ -183,9 +150,7 @@ _UNCHOSEN = (GREY, (0.79216, 0.81961, 0.93333, 1.0))  # none, and what SolidWork
 _Drawn = dict[str, tuple[MeshFile, ...]]
 
 
-def _visuals(
-    model: Model, package: MeshPackage | None, meshes: Meshes, packages: tuple[str | Path, ...]
-) -> tuple[_Drawn, str]:
+def _visuals(model: Model, package: MeshPackage | None, meshes: Meshes) -> tuple[_Drawn, str]:
     """Return the meshes to draw by link, and where they are from; empty for the model's own."""
     if meshes == "never":
         return {}, ""
@@ -195,7 +160,7 @@ def _visuals(
             raise ConfigError(
                 f"meshes must be one of {', '.join(_WORDS)}, or the path of a URDF, got {meshes!r}"
             )
-        return _own_meshes(Path(meshes), model, rename, packages)
+        return _own_meshes(Path(meshes), model, rename)
     if package is not None:
         try:
             return _package_meshes(package, model)
@@ -208,7 +173,7 @@ def _visuals(
     for folder in filter(None, os.environ.get(MESH_FOLDERS, "").split(os.pathsep)):
         own = Path(folder) / f"{model.name}.urdf"
         if own.is_file():
-            return _own_meshes(own, model, rename, packages)
+            return _own_meshes(own, model, rename)
     if meshes == "auto":
         return {}, ""
     if package is None:
@@ -227,7 +192,8 @@ def _painted(drawn: _Drawn, model: Model) -> _Drawn:
     out = {}
     for name, meshes in drawn.items():
         shapes = model.links[name].visual if name in model.links else ()
-        ours = model.materials[shapes[0].material] if shapes else GREY
+        red, green, blue, alpha = model.materials[shapes[0].material] if shapes else GREY
+        ours = (red, green, blue, alpha)
         out[name] = tuple(
             replace(mesh, rgba=ours) if _is_unchosen(mesh.rgba) else mesh for mesh in meshes
         )
@@ -238,12 +204,10 @@ def _is_unchosen(rgba: tuple[float, ...]) -> bool:
     return any(max(abs(a - b) for a, b in zip(rgba, c, strict=True)) < 1e-4 for c in _UNCHOSEN)
 
 
-def _own_meshes(
-    urdf: Path, model: Model, rename: Mapping[str, str], packages: tuple[str | Path, ...]
-) -> tuple[_Drawn, str]:
+def _own_meshes(urdf: Path, model: Model, rename: Mapping[str, str]) -> tuple[_Drawn, str]:
     theirs = Document(urdf).named("link")  # they may have the package's names, or ours
     rename = {old: new for old, new in rename.items() if old in theirs}
-    drawn = drawn_meshes(urdf, model.links, rename=rename, packages=packages)
+    drawn = drawn_meshes(urdf, model.links, rename=rename)
     return drawn, f"meshes of the user's {urdf}, {len(drawn)} links"
 
 
@@ -268,8 +232,7 @@ def _package_meshes(package: MeshPackage, model: Model) -> tuple[_Drawn, str]:
         )
     for link, parts in package.meshes.items():
         drawn[link] = tuple(
-            MeshFile(str(_installed(package, part.file)), part.rgba, part.scale, part.at, part.rpy)
-            for part in parts
+            replace(part, file=str(_installed(package, part.file))) for part in parts
         )
     return drawn, f"meshes of {package.distribution} {version} ({package.licence})"
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
 from rcare_marl.observable import Observable
-from rcare_marl.pose import Array, Pose, rotation_vector
+from rcare_marl.pose import Pose, rotation_vector
 
 from .arm import Arm
 from .control import Control, GripperClosing
@@ -16,6 +17,7 @@ from .joint_group import JointGroup
 from .mobile_base import MobileBase
 
 
+@dataclass(eq=False)
 class Part:
     """A part that moves, and what the robot senses of it.
 
@@ -23,33 +25,23 @@ class Part:
         name: Its name.
         control: Its control mode.
         joints: Its joints; None for a gripper or a base.
+        base: The base, if it is that.
+        tool: Returns the pose of its tool in the world, if it is an arm.
+        prefix: Begins the names of an arm's observables.
     """
 
-    def __init__(
-        self,
-        name: str,
-        control: Control,
-        *,
-        joints: JointGroup | None = None,
-        base: MobileBase | None = None,
-        tool: Callable[[], Pose] | None = None,
-        prefix: str = "",
-    ) -> None:
-        """Join a control mode and what it moves.
+    name: str
+    control: Control
+    _: KW_ONLY
+    joints: JointGroup | None = None
+    base: MobileBase | None = None
+    tool: Callable[[], Pose] | None = None
+    prefix: str = ""
 
-        Args:
-            name: Its name.
-            control: Its control mode.
-            joints: Its joints, if it is made of such.
-            base: The base, if it is that.
-            tool: Returns the pose of its tool in the world, if it is an arm.
-            prefix: Begins the names of an arm's observables.
-        """
-        self.name, self.control, self.joints = name, control, joints
-        self._base, self._tool, self._prefix = base, tool, prefix
-        if joints is not None:  # a continuous joint is at the same place every turn
-            self._turns = bool(np.isinf(joints.upper).any())
-            self._period = np.where(np.isinf(joints.upper), 2 * np.pi, 1e9)
+    def __post_init__(self) -> None:
+        if self.joints is not None:  # a continuous joint is at the same place every turn
+            self._turns = bool(np.isinf(self.joints.upper).any())
+            self._period = np.where(np.isinf(self.joints.upper), 2 * np.pi, 1e9)
 
     def sense(self) -> None:
         """Read the state once, for all observables."""
@@ -58,8 +50,8 @@ class Part:
             if self._turns:
                 turns = np.rint(self._positions / self._period)
                 self._positions = self._positions - self._period * turns
-        if self._tool is not None:
-            pose = self._tool()
+        if self.tool is not None:
+            pose = self.tool()
             self._tool_position = pose.position
             self._tool_rotation = rotation_vector(pose.quaternion)
 
@@ -67,33 +59,27 @@ class Part:
         """Return what the robot senses of it."""
         if isinstance(self.control, GripperClosing):
             return [closing(self.name, self.control.gripper)]
-        if self._base is not None:
+        if self.base is not None:
             return [
-                Observable(f"{self.name}_place", "m or rad", 3, self._base.place),
-                Observable(f"{self.name}_velocity", "m/s or rad/s", 3, self._base.velocity),
+                Observable(f"{self.name}_place", "m or rad", 3, self.base.place),
+                Observable(f"{self.name}_velocity", "m/s or rad/s", 3, self.base.velocity),
             ]
         assert self.joints is not None  # or it is a gripper or a base
         unit = "rad" if set(self.joints.units) == {"rad"} else "rad or m"
         rate = "rad/s" if unit == "rad" else "rad/s or m/s"
-        prefix = f"{self._prefix}joint" if isinstance(self.joints, Arm) else self.name
+        prefix = f"{self.prefix}joint" if isinstance(self.joints, Arm) else self.name
         count = len(self.joints)
         out = [
-            Observable(f"{prefix}_position", unit, count, self._read_positions),
-            Observable(f"{prefix}_velocity", rate, count, self._read_velocities),
+            Observable(f"{prefix}_position", unit, count, lambda: self._positions),
+            Observable(f"{prefix}_velocity", rate, count, lambda: self._velocities),
         ]
-        if self._tool is not None:
-            place, turn = (f"{self._prefix}tool_{what}" for what in ("position", "rotation"))
+        if self.tool is not None:
+            place, turn = (f"{self.prefix}tool_{what}" for what in ("position", "rotation"))
             out += [
                 Observable(place, "m", 3, lambda: self._tool_position),
                 Observable(turn, "rad", 3, lambda: self._tool_rotation),
             ]
         return out
-
-    def _read_positions(self) -> Array:
-        return self._positions
-
-    def _read_velocities(self) -> Array:
-        return self._velocities
 
 
 def closing(name: str, gripper: Gripper) -> Observable:

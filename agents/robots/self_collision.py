@@ -69,18 +69,9 @@ def touching_links(
     return out
 
 
-def _carrier(model: Model, link: str) -> str:
-    return next((j.parent for j in model.joints.values() if j.child == link), "")
-
-
 def _carried(model: Model, fingers: Sequence[str]) -> set[str]:
     """Return the links of a hand: all beyond the first link that carries both fingers."""
-    ways = []
-    for finger in fingers:
-        way = [finger]
-        while up := _carrier(model, way[-1]):
-            way.append(up)
-        ways.append(way)
+    ways = [[f, *(model.joints[joint].parent for joint in model.way(f))] for f in fingers]
     palm = next(link for link in ways[0] if link in ways[1])
     hand = {palm}
     for joint in model.joints.values():  # parents come before children

@@ -1,1 +1,1 @@
-"""Sensors that any agent can be given: kinds in `registry`, see docs/sensors.md."""
+"""Sensors that any agent can be given: kinds in `suite`, see docs/sensors.md."""

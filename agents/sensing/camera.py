@@ -33,12 +33,11 @@ VERTICAL = (
 
 
 @dataclass(frozen=True)
-class CameraConfig(SensorConfig):
-    """Options of `camera`.
+class LensConfig(SensorConfig):
+    """Options of what a sensor sees with.
 
     It is a camera of the robot, by its name in the robot's YAML file, or stands on a `link`, or in the
     room at `eye`: upright, or with the world's y up in the picture if it looks straight up or down.
-    `noise` [m] is that of depths, and so of points.
 
     Attributes:
         camera: A camera of the robot; its first if nothing says otherwise.
@@ -48,14 +47,11 @@ class CameraConfig(SensorConfig):
             y down in the picture.
         eye: Where in the world the camera stands instead [m].
         target: What it looks at from there [m].
-        outputs: What it gives: `rgb`, `depth`, `normals`, `segmentation`, `points`.
         width: Width of the picture [pixel].
         height: Height of the picture [pixel].
         fov_deg: Vertical field of view [degrees]; that of the robot's camera, or 45, if None.
         near: Least depth that is seen [m].
         far: Greatest depth that is seen [m].
-        noise_growth: Whether `noise` is the same at every depth, or `quadratic`: `noise` is then that at
-            1 m and grows with the square of the depth, as for stereo cameras.
         look: Of colours: `plain`, or `full` with shadows and smooth edges, several times as slow.
     """
 
@@ -65,13 +61,11 @@ class CameraConfig(SensorConfig):
     rpy_deg: Triple = ZERO
     eye: Triple | None = None
     target: Triple | None = None
-    outputs: tuple[CameraOutput, ...] = ("rgb",)
     width: int = 64
     height: int = 48
     fov_deg: float | None = None
     near: float = 0.02
     far: float = 10.0
-    noise_growth: Literal["constant", "quadratic"] = "constant"
     look: Look = "plain"
 
     def __post_init__(self) -> None:
@@ -83,10 +77,6 @@ class CameraConfig(SensorConfig):
             raise ConfigError(f"{where}: only one of camera, link, and eye with target")
         if not self.link and (self.at, self.rpy_deg) != (ZERO, ZERO):
             raise ConfigError(f"{where}: at and rpy_deg need a link")
-        if not self.outputs or len(set(self.outputs)) != len(self.outputs):
-            raise ConfigError(f"{where}: outputs must name some, each once, got {self.outputs}")
-        if self.noise and not {"depth", "points"} & set(self.outputs):
-            raise ConfigError(f"{where}: noise is for depth and points, which it does not give")
         fov_deg = FOV if self.fov_deg is None else self.fov_deg
         try:
             check_lens(fov_deg, self.width, self.height, self.near, self.far)
@@ -105,6 +95,28 @@ class CameraConfig(SensorConfig):
             self.eye, self.target, (0.0, 0.0, 1.0) if is_upright else (0.0, 1.0, 0.0)
         ).pose
 
+
+@dataclass(frozen=True)
+class CameraConfig(LensConfig):
+    """Options of `camera`. `noise` [m] is that of depths, and so of points.
+
+    Attributes:
+        outputs: What it gives: `rgb`, `depth`, `normals`, `segmentation`, `points`.
+        noise_growth: Whether `noise` is the same at every depth, or `quadratic`: `noise` is then that at
+            1 m and grows with the square of the depth, as for stereo cameras.
+    """
+
+    outputs: tuple[CameraOutput, ...] = ("rgb",)
+    noise_growth: Literal["constant", "quadratic"] = "constant"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        where = f"sensor {self.name!r}"
+        if not self.outputs or len(set(self.outputs)) != len(self.outputs):
+            raise ConfigError(f"{where}: outputs must name some, each once, got {self.outputs}")
+        if self.noise and not {"depth", "points"} & set(self.outputs):
+            raise ConfigError(f"{where}: noise is for depth and points, which it does not give")
+
     @property
     def read(self) -> tuple[Output, ...]:
         """What to read of the renderer."""
@@ -121,6 +133,9 @@ class CameraSensor(Sensor):
     `labels`, -1 for what belongs to no body; `points` [m] float32 [height * width, 3], row by row, in
     the frame of the robot's base or the person's pelvis, 0 where nothing is seen, with `valid` uint8
     [height * width], 1 where something is.
+
+    Attributes:
+        base: Link of the robot's base or the person's pelvis, once bound.
     """
 
     Config = CameraConfig
@@ -139,7 +154,7 @@ class CameraSensor(Sensor):
         config = self.config
         self._world, self._body = world, agent.body
         turn = agent.body.joints.get("base_turn")  # the base of a robot that drives is behind it
-        self._base = -1 if turn is None else turn.index
+        self.base = -1 if turn is None else turn.index
         self._fov = FOV if config.fov_deg is None else config.fov_deg
         self._place: Place | None = None
         if config.link:
@@ -193,17 +208,15 @@ class CameraSensor(Sensor):
         size = (config.height, config.width)
         count = config.height * config.width
         known = {
-            "rgb": _array("rgb", "1", (*size, 3), "uint8", 0, 255),
-            "depth": _array("depth", "m", size, "float32", 0, config.far, is_noisy=True),
-            "normals": _array("normals", "1", (*size, 3), "float32", -1, 1),
-            "segmentation": _array("segmentation", "1", size, "int32", -1, float("inf")),
-            "points": _array(
-                "points", "m", (count, 3), "float32", -float("inf"), float("inf"), is_noisy=True
-            ),
+            "rgb": Channel("rgb", "1", (*size, 3), True, "uint8", 0, 255, False),
+            "depth": Channel("depth", "m", size, True, low=0, high=config.far),
+            "normals": Channel("normals", "1", (*size, 3), True, low=-1, high=1, is_noisy=False),
+            "segmentation": Channel("segmentation", "1", size, True, "int32", -1, is_noisy=False),
+            "points": Channel("points", "m", (count, 3), True),
         }
         out = [known[output] for output in config.outputs]
         if "points" in config.outputs:
-            out.append(_array("valid", "1", (count,), "uint8", 0, 1))
+            out.append(Channel("valid", "1", (count,), True, "uint8", 0, 1, False))
         return out
 
     def measure(self) -> Readings:
@@ -213,7 +226,7 @@ class CameraSensor(Sensor):
             depth = picture["depth"]
             seen = (depth >= self.config.near) & (depth <= self.config.far)
             picture["depth"] = np.where(seen, depth, np.float32(0))
-        self._camera, self._base_pose = shot.camera, self._body.link_pose(self._base)
+        self._camera, self._base_pose = shot.camera, self._body.link_pose(self.base)
         self._picture = picture
         return self._readings(picture)
 
@@ -246,16 +259,3 @@ class CameraSensor(Sensor):
     def close(self) -> None:
         if self._viewpoint is not None:
             self._viewpoint.leave()
-
-
-def _array(
-    name: str,
-    unit: str,
-    shape: tuple[int, ...],
-    dtype: Literal["float32", "uint8", "int32"],
-    low: float,
-    high: float,
-    *,
-    is_noisy: bool = False,
-) -> Channel:
-    return Channel(name, unit, shape, True, dtype, low, high, is_noisy)

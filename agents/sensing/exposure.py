@@ -8,7 +8,6 @@ shifted by a part of a pixel, comes nearer to the truth.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,12 +27,9 @@ _R2 = np.array((0.7548776662466927, 0.5698402909980532))
 
 def exposures(camera: Camera, look: Look, count: int) -> list[Shot]:
     """Return the shots, shifted by parts of a pixel, whose mean is one picture; the first is not."""
-    return [
-        Shot(_shifted(camera, shift), ("rgb",), look)
-        if shift.any()
-        else Shot(camera, ("rgb",), look)
-        for shift in _shifts(count, look)
-    ]
+    shifts = _shifts(count, look).tolist()
+    cameras = [camera, *(camera.shifted(*shift) for shift in shifts[1:])]
+    return [Shot(each, ("rgb",), look) for each in cameras]
 
 
 def developed(
@@ -49,7 +45,7 @@ def developed(
     if len(images) == 1:
         return np.asarray(images[0], np.uint8), camera
     mean = np.rint(np.mean(images, axis=0, dtype=np.float32)).astype(np.uint8)
-    return mean, _shifted(camera, _shifts(len(images), look).mean(axis=0))
+    return mean, camera.shifted(*_shifts(len(images), look).mean(axis=0).tolist())
 
 
 def photograph(
@@ -64,8 +60,3 @@ def _shifts(count: int, look: Look) -> Array:
     """Return shifts of a picture [pixel], shape [count, 2], the first one none."""
     even = (0.5 + _R2 * np.arange(count)[:, None]) % 1.0 - 0.5
     return np.asarray(_SPREAD[look] * even, np.float64)
-
-
-def _shifted(camera: Camera, shift: Array) -> Camera:
-    u, v = np.add(camera.principal, shift).tolist()
-    return replace(camera, center=(u, v))

@@ -46,6 +46,7 @@ class Imu(Sensor):
 
     Config = ImuConfig
     config: ImuConfig
+    watches = True
 
     def links(self, agent: Agent) -> Sequence[str]:
         return kept_links(agent, self.config.link or default_link(agent))
@@ -57,10 +58,6 @@ class Imu(Sensor):
 
     def reset(self) -> None:
         self._poses.clear()
-
-    @property
-    def watches(self) -> bool:
-        return True
 
     def after_substep(self) -> None:
         if self._poses:  # before the first reading an agent may still be put in place

@@ -1,20 +1,25 @@
-"""What joints transmit: all six components, or the torque about their axes."""
+"""What joints transmit: six components, the torque about their axes, or what the wrist feels of the hand."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from rcare_marl.body import Body
-from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, conjugate, rotate
+from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.pose import Array, Pose, conjugate, matrix_from_quaternion, rotate
 from rcare_marl.world import GRAVITY, World
 
 from ..agent import Agent
 from ..robots.robot import Robot
+from ..robots.robot_config import ArmConfig, frame
+from .place import wrist_link
 from .sensor import Channel, Sensor, SensorConfig
+
+States = list[tuple[tuple[float, ...], ...]]  # see `Body.link_centre_states`
 
 
 @dataclass(frozen=True)
@@ -122,3 +127,146 @@ class JointTorque(JointWrench):
 
     def measure(self) -> Sequence[Array]:
         return (self._body.feedback.along_axes(self._indices, -self._wrenches()),)
+
+
+@dataclass(frozen=True)
+class WristWrenchConfig(SensorConfig):
+    """Options of `wrist_wrench`.
+
+    Attributes:
+        arm: Name of the arm; the main one if empty.
+        tare: Whether the weight of the hand is taken off: of all that the robot's own model has
+            beyond the wrist, in any posture.
+        tare_inertia: Whether the force that the hand's own motion needs is taken off as well, so that
+            a hand that is swung without a load reads zero.
+        about: Whether the torque is about the origin of the wrist's link or of the tool's frame.
+    """
+
+    arm: str = ""
+    tare: bool = False
+    tare_inertia: bool = False
+    about: Literal["wrist", "tool"] = "wrist"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.tare_inertia and not self.tare:
+            raise ConfigError("tare_inertia without tare: the weight would stay")
+
+
+class OwnMotion:
+    """What the motion of links needs: the change of their momentum over the last physics step."""
+
+    def __init__(self, body: Body, links: Sequence[int]) -> None:
+        """Read masses and inertias of `links`."""
+        self._body, self._links = body, list(links)
+        read = [body.mass_and_inertia(link) for link in links]
+        self._masses = np.array([mass for mass, _ in read])
+        self._inertias = np.array([inertia for _, inertia in read])
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin at rest."""
+        self._before: States | None = None
+        self._now: States | None = None
+
+    def after_substep(self) -> None:
+        """Remember how the links move after a physics step."""
+        self._before, self._now = self._now, self._body.link_centre_states(self._links)
+
+    def wrench(self, at: Pose, dt: float) -> Array:
+        """Return the force [N] and torque [N·m] that it needs, in the frame `at`, shape [6].
+
+        Args:
+            at: The frame; the torque is about its origin.
+            dt: Length of a physics step [s].
+        """
+        change = (self._momentum(self._now) - self._momentum(self._before)) / dt
+        force, torque = change[:3], change[3:] - np.cross(at.position, change[:3])
+        back = conjugate(at.quaternion)
+        return np.concatenate((rotate(back, force), rotate(back, torque)))
+
+    def _momentum(self, states: States | None) -> Array:
+        """Return momentum [kg·m/s] and angular momentum about the world's origin, shape [6]."""
+        if states is None:
+            return np.zeros(6)
+        places, linear, angular = (np.array([s[k] for s in states]) for k in (0, 2, 3))
+        turns = np.array([matrix_from_quaternion(s[1]) for s in states])
+        momenta = self._masses[:, None] * linear
+        spins = np.einsum("lba,lb->la", turns, angular) * self._inertias
+        spin = np.cross(places, momenta) + np.einsum("lab,lb->la", turns, spins)
+        return np.concatenate((momenta.sum(axis=0), spin.sum(axis=0)))
+
+
+class WristWrench(Sensor):
+    """Force [N] and torque [N·m] that the hand puts on the arm, felt in front of the wrist's link.
+
+    Channels: `force` and `torque`, three values each, in the axes of the tool's frame (z forward, x up
+    in the hand), about the origin of the wrist's link or of the tool. The sign is that of force-torque
+    sensors in ROS: what the outside does to the hand. A weight of 1 kg in the hand reads 9.81 N
+    downward; a table that the hand presses on reads upward. All beyond the wrist is felt: weight,
+    inertia, contacts, and what is held, be it bonded or by friction. Before the first physics step of
+    an episode it is the weight of the hand, or nothing with `tare`.
+    """
+
+    Config = WristWrenchConfig
+    config: WristWrenchConfig
+
+    def links(self, agent: Agent) -> Sequence[str]:
+        # All of an arm that does not move would melt together.
+        arm, robot = self._arm(agent)
+        return wrist_link(robot, self.config.arm), arm.tool_link
+
+    def _arm(self, agent: Agent) -> tuple[ArmConfig, Robot]:
+        if not isinstance(agent, Robot):
+            raise ConfigError(f"sensor {self.config.name!r}: {agent.name!r} is not a robot")
+        name = self.config.arm or agent.config.main_arm
+        check_name(f"arm of {agent.name!r}", name, agent.config.arms)
+        return agent.config.arms[name], agent
+
+    def bind(self, world: World, agent: Agent) -> None:
+        (arm, robot), body = self._arm(agent), agent.body
+        self._world, self._body = world, body
+        self._wrist = body.link_index(wrist_link(robot, self.config.arm))
+        if self._wrist < 0:
+            raise ConfigError(f"sensor {self.config.name!r}: the wrist cannot be the robot's base")
+        self._tool = body.link_index(arm.tool_link)
+        self._tool_in_link = frame(arm.tool_at, arm.tool_rpy_deg)
+        body.feedback.enable([self._wrist])
+        self._weight = OwnWeight(body, [self._wrist])
+        self._motion = OwnMotion(body, body.carried_by(self._wrist))
+        self.watches = self.config.tare_inertia
+        self.reset()
+
+    def reset(self) -> None:
+        self._begun = self._world.step_count
+        self._motion.reset()
+
+    def after_substep(self) -> None:
+        self._motion.after_substep()
+
+    def channels(self) -> Sequence[Channel]:
+        return Channel("force", "N", (3,)), Channel("torque", "N·m", (3,))
+
+    def measure(self) -> Sequence[Array]:
+        felt = self._felt()
+        wrist = self._body.link_pose(self._wrist)
+        tool = self._body.link_pose(self._tool) @ self._tool_in_link
+        tool_in_wrist = wrist.inverse() @ tool
+        force, torque = felt[:3], felt[3:]
+        if self.config.about == "tool":
+            torque = torque - np.cross(tool_in_wrist.position, force)
+        turn = matrix_from_quaternion(tool_in_wrist.quaternion).T
+        return turn @ force, turn @ torque
+
+    def _felt(self) -> Array:
+        """Return the wrench in the frame of the wrist's link, tared if so wished, shape [6]."""
+        if self._world.step_count == self._begun:  # what Bullet tells is of the last episode
+            return np.zeros(6) if self.config.tare else self._weight.wrenches()[0]
+        felt = self._body.feedback.wrenches([self._wrist])[0]
+        if self.config.tare:
+            felt = felt - self._weight.wrenches()[0]
+        if self.config.tare_inertia:
+            felt = felt + self._motion.wrench(
+                self._body.link_pose(self._wrist), self._world.physics_dt
+            )
+        return felt

@@ -50,8 +50,7 @@ def cells(name: str, number: int) -> Array:
 
     book = dictionary(name)
     inner = cv2.aruco.generateImageMarker(book, number, book.markerSize + 2)
-    out: Array = np.pad(np.asarray(inner, np.float64) / 255, MARGIN, constant_values=1.0)
-    return out
+    return np.pad(np.asarray(inner, np.float64) / 255, MARGIN, constant_values=1.0)
 
 
 def plate_edge(name: str, size: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Any, Literal
 
@@ -19,18 +19,17 @@ from rcare_marl.world import World
 
 from ..agent import Agent
 from ..robots.robot import Robot
-from ..robots.robot_config import ZERO, Triple
-from .camera import CameraConfig, CameraSensor
+from .camera import CameraConfig, CameraSensor, LensConfig
 from .exposure import developed, exposures
 from .marker_print import DICTIONARIES, dictionary_size
-from .sensor import Channel, Sensor, SensorConfig
+from .sensor import Channel, Sensor
 
 MOST_EXPOSURES = 64
 
 
 @dataclass(frozen=True)
-class MarkerSensorConfig(SensorConfig):
-    """Options of `markers`; those of the camera are as in `camera`.
+class MarkerSensorConfig(LensConfig):
+    """Options of `markers`; in `plain` pictures edges are jagged, which is faster and less exact.
 
     `noise` is on positions [m] and rotations [rad] alike.
 
@@ -41,18 +40,6 @@ class MarkerSensorConfig(SensorConfig):
         dictionary: Which family of markers, one of `marker_print.DICTIONARIES`.
         frame: In which frame poses are given: of the robot's `base`, its `tool`, the `camera` (z
             forward, x right and y down in the picture) or the `world`.
-        camera: A camera of the robot; its first if nothing says otherwise.
-        link: A link that carries the camera instead.
-        at: Where on that link [m].
-        rpy_deg: Turn of the camera in it, fixed-axis roll, pitch, yaw [degrees].
-        eye: Where in the world the camera stands instead [m].
-        target: What it looks at from there [m].
-        width: Width of the picture [pixel].
-        height: Height of the picture [pixel].
-        fov_deg: Vertical field of view [degrees]; that of the robot's camera, or 45, if None.
-        near: Least depth that is seen [m].
-        far: Greatest depth that is seen [m].
-        look: `full`, or `plain` with jagged edges, which is faster and less exact.
         exposures: Pictures, shifted by parts of a pixel, whose mean is looked at; see `exposure`.
     """
 
@@ -61,17 +48,8 @@ class MarkerSensorConfig(SensorConfig):
     sizes: dict[int, float] = field(default_factory=dict)
     dictionary: str = "4x4_50"
     frame: Literal["base", "camera", "world", "tool"] = "base"
-    camera: str = ""
-    link: str = ""
-    at: Triple = ZERO
-    rpy_deg: Triple = ZERO
-    eye: Triple | None = None
-    target: Triple | None = None
     width: int = 640
     height: int = 480
-    fov_deg: float | None = None
-    near: float = 0.02
-    far: float = 10.0
     look: Look = "full"
     exposures: int = 2
 
@@ -97,26 +75,11 @@ class MarkerSensorConfig(SensorConfig):
             )
         if self.latency > 0 and self.rate == 0:
             raise ConfigError(f"{where}: pictures with a latency need a rate too")
-        self.lens()
 
     def lens(self) -> CameraConfig:
-        """Return the options of the camera; raises ConfigError if they are impossible."""
-        return CameraConfig(
-            name=self.name,
-            rate=self.rate,
-            camera=self.camera,
-            link=self.link,
-            at=self.at,
-            rpy_deg=self.rpy_deg,
-            eye=self.eye,
-            target=self.target,
-            width=self.width,
-            height=self.height,
-            fov_deg=self.fov_deg,
-            near=self.near,
-            far=self.far,
-            look=self.look,
-        )
+        """Return the options of the camera."""
+        shared = {option.name: getattr(self, option.name) for option in fields(LensConfig)}
+        return CameraConfig(**shared | {"latency": 0.0, "noise": 0.0})
 
     def edges(self) -> dict[int, float]:
         """Return the edge of the black square of each marker [m]."""
@@ -150,8 +113,6 @@ class MarkerSensor(Sensor):
                 raise ConfigError(f"sensor {config.name!r}: {agent.name!r} has no tool")
             agent.tool_pose()  # raises where no arm moves
         self._agent = agent
-        turn = agent.body.joints.get("base_turn")  # the base of a robot that drives is behind it
-        self._base = -1 if turn is None else turn.index
         self._camera.bind(world, agent)
         studio = Studio.of(world)
         for number in range(1, config.exposures):
@@ -219,7 +180,7 @@ class MarkerSensor(Sensor):
         if self.config.frame == "camera":
             return camera.pose
         if self.config.frame == "base":
-            return self._agent.body.link_pose(self._base)
+            return self._agent.body.link_pose(self._camera.base)
         if self.config.frame == "tool":
             assert isinstance(self._agent, Robot)
             return self._agent.tool_pose()

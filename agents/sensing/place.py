@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.errors import check_name
 from rcare_marl.model.urdf import Model
 from rcare_marl.pose import Pose, quaternion_from_matrix
 
@@ -55,9 +55,8 @@ def kept_links(agent: Agent, *links: str) -> tuple[str, ...]:
     if not isinstance(agent, Robot):
         return ()
     known = _links(agent)
-    unknown = next((link for link in links if link not in known), None)
-    if unknown is not None:
-        raise UnknownNameError(f"link of {agent.name!r}", unknown, known)
+    for link in links:
+        check_name(f"link of {agent.name!r}", link, known)
     return links
 
 
@@ -71,7 +70,7 @@ def _links(robot: Robot) -> set[str]:
 
 
 def _model(config: RobotConfig) -> Model:
-    return robot_model(config.model, urdf=config.model if config.is_urdf else None)
+    return robot_model(config.model, urdf=config.urdf)
 
 
 def find_place(agent: Agent, link: str = "", at: Triple = ZERO, rpy_deg: Triple = ZERO) -> Place:
@@ -90,8 +89,7 @@ def find_place(agent: Agent, link: str = "", at: Triple = ZERO, rpy_deg: Triple 
     name, local = link or default_link(agent), frame(at, rpy_deg)
     if not isinstance(agent, Human):
         return Place(agent.body.link_index(name), local)
-    if name not in JOINT_INDEX:
-        raise UnknownNameError("segment of a person", name, JOINTS)
+    check_name("segment of a person", name, JOINTS)
     carrier = agent.frames[JOINT_INDEX[name]]
     turn = tuple(quaternion_from_matrix(carrier.rotation).tolist())
     return Place(carrier.link, Pose(tuple(carrier.offset.tolist()), turn) @ local)

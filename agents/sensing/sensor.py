@@ -90,10 +90,12 @@ class Sensor(abc.ABC):
     Attributes:
         Config: Class of its options.
         config: Its options.
+        watches: Whether `after_substep` must be called after every physics step.
     """
 
     Config: ClassVar[type[SensorConfig]] = SensorConfig
     config: SensorConfig
+    watches: bool = False
 
     def __init__(self, config: SensorConfig) -> None:
         self.config = config
@@ -129,11 +131,6 @@ class Sensor(abc.ABC):
 
     def reset(self) -> None:
         """Clear any memory of the last episode."""
-
-    @property
-    def watches(self) -> bool:
-        """Whether `after_substep` must be called after every physics step."""
-        return False
 
     def after_substep(self) -> None:
         """Look at the world after a physics step, for what is integrated or differentiated."""

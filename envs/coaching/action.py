@@ -35,13 +35,12 @@ def decode(action: Array) -> Order:
     return Order(act, word, 2.0 ** float(action[-1]))
 
 
-class Led:
+class Led(Control):
     """Control of a limb that the coach leads: it takes no action of its own."""
 
     size = 0
     names: tuple[str, ...] = ()
     max = np.zeros(0)
-    needs_actuation = False
 
     def __init__(self, control: Control) -> None:
         """Take what moves the limb."""
@@ -53,17 +52,13 @@ class Led:
     def command(self, action: Array, duration: float) -> None:
         """Do nothing: the coach leads."""
 
-    def actuate(self) -> None:
-        """Do nothing: motors hold their targets."""
 
-
-class Orders:
+class Orders(Control):
     """Control of a whole robot that coaches: an action is an `Order`, carried out with arms and head."""
 
     size = SIZE
     names = NAMES
     max = np.ones(SIZE)
-    needs_actuation = False
 
     def __init__(self, robot: Robot, body: RobotBody, demonstration: Demonstration) -> None:
         """Take the reins of a robot that has been spawned.
@@ -96,9 +91,6 @@ class Orders:
         for limb, control in self._limbs.items():
             wanted = self._body.target(limb, duration)
             control.command(control.action_for(wanted), duration)  # type: ignore[attr-defined]
-
-    def actuate(self) -> None:
-        """Do nothing: motors hold their targets."""
 
 
 class CoachPart(Part):

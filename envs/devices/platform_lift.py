@@ -8,7 +8,7 @@ import numpy as np
 
 from rcare_marl.cache import cached
 from rcare_marl.errors import ConfigError
-from rcare_marl.model import hull
+from rcare_marl.model import mesh_file
 from rcare_marl.model.shape import MeshFile, Shape
 
 from .device import Device
@@ -61,4 +61,4 @@ class PlatformLift(Device):
         reach, side = float(np.sqrt(ramp**2 - thick**2)), 0.5 * width - 0.01
         edges = ((-reach, _TIP - thick), (0.0, -_MARGIN), (0.0, -0.03))
         corners = [(x, y, z) for x, z in edges for y in (-side, side)]
-        return MeshFile(str(cached("ramp", ".obj", hull.obj(np.array(corners)))))
+        return MeshFile(str(cached("ramp", ".obj", mesh_file.hull_obj(np.array(corners)))))

@@ -13,11 +13,11 @@ from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, WorldError
 from rcare_marl.model.shape import Triple
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy
-from rcare_marl.soft.block import make_block
 from rcare_marl.soft.material import Material
 from rcare_marl.soft.soft_body import SoftBody
 from rcare_marl.soft.soft_object import Carrier
 from rcare_marl.soft.soft_world import SoftWorld
+from rcare_marl.soft.tetrahedron import make_block
 from rcare_marl.world import World
 
 from .device import Device

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcare_marl.agents.people.body.skeleton import SIDES
-from rcare_marl.agents.robots.cloth_pinch import ClothPinch
+from rcare_marl.agents.robots.pinch import ClothPinch
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.pose import Array
 

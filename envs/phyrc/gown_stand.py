@@ -10,8 +10,7 @@ from rcare_marl.agents.people.garment import tailor
 from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
 from rcare_marl.pose import Array, Pose
-from rcare_marl.soft.cloth import Cloth
-from rcare_marl.soft.grip import Grip
+from rcare_marl.soft.cloth import Cloth, Grip
 from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import World
 
@@ -66,7 +65,7 @@ class GownStand:
         turn = (0.0, 0.0, math.sin(half), math.cos(half))
         body = self.stand.spawn(world, Pose((float(armhole[0]), float(armhole[1]), 0.0), turn))
         self.cloth = Cloth(
-            GARMENT, garment.rest, self.gown.faces, fabric=garment.fabric, grain=garment.grain,
+            GARMENT, garment.rest, self.gown.faces, fabric=garment.config.fabric, grain=garment.grain,
             positions=self.gown.placed(self.stand.frame_in_world("armhole")),
         )  # fmt: skip
         soft_world = SoftWorld.of(world)

@@ -15,7 +15,7 @@ from rcare_marl.agents.people.garment import tailor
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.motion.caregiving import Caregiving
 from rcare_marl.agents.people.motion.gait import LEGS
-from rcare_marl.agents.robots.grasp import RELEASE
+from rcare_marl.agents.robots.gripper import RELEASE
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, quaternion_from_rpy

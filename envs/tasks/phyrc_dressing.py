@@ -12,7 +12,7 @@ import numpy as np
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX, JOINTS, SIDES
 from rcare_marl.agents.people.body.skin import PersonSkin
 from rcare_marl.agents.people.human import Human
-from rcare_marl.agents.robots.cloth_pinch import ClothPinch
+from rcare_marl.agents.robots.pinch import ClothPinch
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix

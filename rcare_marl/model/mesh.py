@@ -20,20 +20,8 @@ Faces = npt.NDArray[np.int64]
 
 # Of a box: its corners, in halves of its edges, and its sides.
 _CORNERS = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float64)
-_SIDES = np.array(
-    [
-        face
-        for a, b, c, d in (
-            (0, 2, 3, 1),
-            (4, 5, 7, 6),
-            (0, 1, 5, 4),
-            (2, 6, 7, 3),
-            (0, 4, 6, 2),
-            (1, 3, 7, 5),
-        )
-        for face in ((a, b, c), (a, c, d))
-    ]
-)
+_RINGS = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+_SIDES = np.array(_RINGS)[:, ((0, 1, 2), (0, 2, 3))].reshape(-1, 3)
 
 
 CREASE = math.radians(40)  # edges sharper than this stay sharp; own choice
@@ -167,8 +155,7 @@ def loft(sections: Sequence[Sequence[float]], segments: int = 36) -> Mesh:
         np.column_stack((cx + rx * x, cy + ry * y, np.full(segments, z)))
         for z, cx, cy, rx, ry in rows
     ]
-    ends = [np.tile(ring.mean(axis=0), (segments, 1)) for ring in (rings[0], rings[-1])]
-    return _skin([ends[0], *rings, ends[1]]).shaded(_crease(segments))
+    return _capped(rings)
 
 
 def box(size: Vector, bevel: float = 0.0, steps: int = 4) -> Mesh:
@@ -264,8 +251,7 @@ def tube(
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)[:, None]
     around = np.cos(angle) * sides[:, None] + np.sin(angle) * others[:, None]
     rings = list(path[:, None] + radius * around)
-    ends = [np.broadcast_to(ring.mean(axis=0), ring.shape) for ring in (rings[0], rings[-1])]
-    return _skin([ends[0], *rings, ends[1]]).shaded(_crease(segments))
+    return _capped(rings)
 
 
 def _untwisted(tangents: Array) -> Array:
@@ -305,13 +291,12 @@ def _monotone(at: Array, values: Array) -> Array:
     slopes[0], slopes[-1] = steps[0], steps[-1]
     i = np.minimum(at.astype(int), len(values) - 2)
     t = at - i
-    out: Array = (
+    return (
         (1 + 2 * t) * (1 - t) ** 2 * values[i]
         + t * (1 - t) ** 2 * slopes[i]
         + t**2 * (3 - 2 * t) * values[i + 1]
         + t**2 * (t - 1) * slopes[i + 1]
     )
-    return out
 
 
 def _skin(rings: Sequence[Array]) -> Mesh:
@@ -331,6 +316,12 @@ def _skin(rings: Sequence[Array]) -> Mesh:
     welded = index[np.concatenate(faces)]
     a, b, c = welded.T
     return Mesh(vertices[first], welded[(a != b) & (b != c) & (c != a)])
+
+
+def _capped(rings: Sequence[Array]) -> Mesh:
+    """Join rings of equally many points and close both ends flat."""
+    ends = [np.broadcast_to(ring.mean(axis=0), ring.shape) for ring in (rings[0], rings[-1])]
+    return _skin([ends[0], *rings, ends[1]]).shaded(_crease(len(rings[0])))
 
 
 def _crease(segments: int) -> float:
@@ -374,8 +365,7 @@ def corner_normals(places: npt.NDArray[Any], areas: Array, crease: float) -> Arr
 def _unit(normals: Array) -> Array:
     """Return vectors of length one; up where there is none."""
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    out: Array = np.where(length > 1e-300, normals / np.maximum(length, 1e-300), (0.0, 0.0, 1.0))
-    return out
+    return np.where(length > 1e-300, normals / np.maximum(length, 1e-300), (0.0, 0.0, 1.0))
 
 
 def _distinct(normals: Array) -> tuple[Array, Faces]:

@@ -25,6 +25,8 @@ from . import mesh
 from .mesh import Mesh
 
 Triple = tuple[float, float, float]
+Rgba = tuple[float, float, float, float]
+GREY: Rgba = (0.75, 0.75, 0.75, 1.0)  # what has no colour
 ZERO: Triple = (0.0, 0.0, 0.0)
 UNSTRETCHED: Triple = (1.0, 1.0, 1.0)
 UNMOVED = Pose()
@@ -127,19 +129,10 @@ class Shape:
         elif self.kind == "quads":
             made = mesh.quads(self.points)
         else:
-            span = self.span() if self.kind == "capsule" else 0.0
-            path = self.points if self.kind == "tube" else ()
-            made = _curved(
-                self.kind,
-                self.radius,
-                span,
-                self.profile,
-                self.sections,
-                path,
-                self.bend,
-                self._steps,
-                self._round,
-            )
+            bare = self._twin(material="", at=ZERO, rpy=ZERO, scale=UNSTRETCHED)
+            if self.kind == "capsule":
+                bare = bare._twin(points=(), length=self.span())
+            made = _curved(bare)
         if self.scale != UNSTRETCHED:
             made = made.stretched(self.scale)
         return made.moved(pose @ self.pose())
@@ -184,7 +177,10 @@ class Shape:
             place = pose @ self.pose()
             changed["at"] = place.position
             changed["rpy"] = self.rpy if pose.quaternion == IDENTITY else turn_rpy(place.quaternion)
-        # What has been checked needs no check again: a house has thousands of these.
+        return self._twin(**changed)
+
+    def _twin(self, **changed: object) -> Shape:
+        """Return it with changes that need no check: a house has thousands of these."""
         twin = object.__new__(Shape)
         twin.__dict__.update(self.__dict__, **changed)
         return twin
@@ -244,7 +240,7 @@ class MeshFile:
     """A mesh file to draw, or to collide with by its convex hull.
 
     Attributes:
-        file: Absolute path.
+        file: Absolute path, once it is found.
         rgba: Colour where the file has none.
         scale: Factor on the file's numbers, one an axis.
         at: Origin of the mesh in the link [m].
@@ -252,7 +248,7 @@ class MeshFile:
     """
 
     file: str
-    rgba: tuple[float, ...] = (0.75, 0.75, 0.75, 1.0)
+    rgba: Rgba = GREY
     scale: Triple = UNSTRETCHED
     at: Triple = ZERO
     rpy: Triple = ZERO
@@ -263,25 +259,15 @@ class MeshFile:
 
 
 @lru_cache(maxsize=4096)
-def _curved(
-    kind: str,
-    radius: float,
-    span: float,
-    profile: tuple[tuple[float, float], ...],
-    sections: tuple[tuple[float, ...], ...],
-    points: tuple[Triple, ...],
-    bend: float,
-    steps: int,
-    segments: int,
-) -> Mesh:
-    """Return a surface that takes long to make; the same one for the same shape."""
-    if kind == "lathe":
-        return mesh.lathe(profile, segments)
-    if kind == "loft":
-        return mesh.loft(sections, segments)
-    if kind == "capsule":
-        return mesh.capsule(radius, span, segments)
-    return mesh.tube(points, radius, bend, segments, steps)
+def _curved(shape: Shape) -> Mesh:
+    """Return a surface that takes long to make, in its own frame; the same one for the same shape."""
+    if shape.kind == "lathe":
+        return mesh.lathe(shape.profile, shape._round)
+    if shape.kind == "loft":
+        return mesh.loft(shape.sections, shape._round)
+    if shape.kind == "capsule":
+        return mesh.capsule(shape.radius, shape.span(), shape._round)
+    return mesh.tube(shape.points, shape.radius, shape.bend, shape._round, shape._steps)
 
 
 @lru_cache(maxsize=4096)

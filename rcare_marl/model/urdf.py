@@ -17,7 +17,7 @@ from rcare_marl.cache import cached_folder
 from rcare_marl.errors import check_name
 from rcare_marl.pose import Pose, quaternion_from_axis_angle, quaternion_from_rpy
 
-from . import hull, mesh, mesh_path
+from . import inertia, mesh, mesh_file
 from . import shape as shape_module
 from .shape import SOLID, ZERO, MeshFile, Shape, Triple, surface, turn_rpy
 
@@ -139,6 +139,14 @@ class Model:
         """Name of the root link."""
         return next(iter(self.links))
 
+    def way(self, link: str, root: str | None = None) -> list[str]:
+        """Return the joints from a link back to another, to the root of the model if None."""
+        carried_by, out = {joint.child: name for name, joint in self.joints.items()}, list[str]()
+        while link in carried_by and link != root:
+            out.append(carried_by[link])
+            link = self.joints[out[-1]].parent
+        return out
+
     @property
     def mass(self) -> float:
         """Mass of all links [kg]."""
@@ -175,7 +183,7 @@ def write(
     recipe += _makers()
     used = [m for link in model.links.values() for m in (*link.hulls, *link.meshes)]
     used += [m for drawn in visuals.values() for m in drawn]
-    recipe += mesh_path.stamp(m.file for m in used)
+    recipe += mesh_file.stamp(m.file for m in used)
     name = _plain(model.name)
     made = cached_folder(name, recipe, lambda: _files(model, fixed_joints, visuals, kept))
     return made / f"{name}.urdf"
@@ -184,8 +192,8 @@ def write(
 @lru_cache
 def _makers() -> bytes:
     """Return the code that makes the files: other code makes other files."""
-    files = (__file__, shape_module.__file__, mesh.__file__, hull.__file__, mesh_path.__file__)
-    return b"".join(Path(file).read_bytes() for file in files)
+    makers = (shape_module.__file__, mesh.__file__, inertia.__file__, mesh_file.__file__)
+    return b"".join(Path(file).read_bytes() for file in (__file__, *makers))
 
 
 def _files(
@@ -253,15 +261,12 @@ def _combined(parts: Sequence[tuple[Link, Pose]]) -> Link:
     centre = centre / mass
     total = np.zeros((3, 3))
     for (link, pose), c in zip(parts, centres, strict=True):
-        xx, xy, xz, yy, yz, zz = link.inertia
         turn = pose.matrix()[:3, :3]
-        own = turn @ np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))) @ turn.T
+        own = turn @ inertia.matrix(link.inertia) @ turn.T
         arm = c - centre
         total += own + link.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    rows = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    xx, xy, xz, yy, yz, zz = (float(total[row]) for row in rows)
     x, y, z = centre.tolist()
-    return Link(mass, (x, y, z), (xx, xy, xz, yy, yz, zz))
+    return Link(mass, (x, y, z), inertia.values(total))
 
 
 def _inertial(element: xml.Element, link: Link) -> None:
@@ -300,7 +305,7 @@ def _mesh_visual(element: xml.Element, drawn: MeshFile, pose: Pose) -> None:
     shape = xml.SubElement(visual, "geometry")
     xml.SubElement(shape, "mesh", filename=drawn.file, scale=_text(drawn.scale))
     # Where the file has colours, as RViz takes them, white lets them through to the renderers.
-    rgba = (1.0, 1.0, 1.0, drawn.rgba[3]) if mesh_path.has_colors(drawn.file) else drawn.rgba
+    rgba = (1.0, 1.0, 1.0, drawn.rgba[3]) if mesh_file.has_colors(drawn.file) else drawn.rgba
     painted = xml.SubElement(visual, "material", name=f"{Path(drawn.file).stem}_{rgba}")
     xml.SubElement(painted, "color", rgba=_text(rgba))
 
@@ -309,9 +314,9 @@ def _hulls(element: xml.Element, name: str, link: Link, pose: Pose) -> dict[str,
     """Let a link collide by the convex hulls of its mesh files; return the hulls' files."""
     files: dict[str, str] = {}
     for solid in link.hulls:
-        for corners in hull.hulls(solid.file):
+        for corners in mesh_file.hulls(solid.file):
             file = f"{_plain(name)}_hull_{len(files)}.obj"
-            files[file] = hull.obj(corners * solid.scale)
+            files[file] = mesh_file.hull_obj(corners * solid.scale)
             collision = xml.SubElement(element, "collision")
             _origin(collision, pose @ solid.pose())
             xml.SubElement(xml.SubElement(collision, "geometry"), "mesh", filename=file)
@@ -319,14 +324,10 @@ def _hulls(element: xml.Element, name: str, link: Link, pose: Pose) -> dict[str,
 
 
 def _geometry(element: xml.Element, shape: Shape) -> None:
-    geometry = xml.SubElement(element, "geometry")
-    if shape.kind == "box":
-        xml.SubElement(geometry, "box", size=_text(shape.size))
-    elif shape.kind == "sphere":
-        xml.SubElement(geometry, "sphere", radius=repr(shape.radius))
-    else:
-        size = {"radius": repr(shape.radius), "length": repr(shape.span())}
-        xml.SubElement(geometry, shape.kind, size)
+    is_box, is_long = shape.kind == "box", shape.kind in ("cylinder", "capsule")
+    size = {"size": _text(shape.size)} if is_box else {"radius": repr(shape.radius)}
+    size |= {"length": repr(shape.span())} if is_long else {}
+    xml.SubElement(xml.SubElement(element, "geometry"), shape.kind, size)
 
 
 def _joint(

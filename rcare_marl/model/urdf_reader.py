@@ -12,17 +12,15 @@ from xml.etree import ElementTree as xml
 import numpy as np
 
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
-from rcare_marl.model.shape import SOLID, ZERO, MeshFile, Shape, Triple
-from rcare_marl.pose import Pose, quaternion_from_rpy, rpy_from_matrix
+from rcare_marl.model.shape import GREY, SOLID, ZERO, MeshFile, Rgba, Shape, Triple
+from rcare_marl.pose import Pose, rpy_from_matrix
 
-from . import hull, inertia
-from .mesh_path import DRAWN, MeshPath
-from .urdf import FRAME_INERTIA, FRAME_MASS, Follow, Joint, Link, Model
-from .urdf_document import Document
-from .urdf_tree import parents_first, resolved
+from . import inertia
+from .mesh_file import DRAWN, MeshPath, hulls
+from .urdf import FRAME_INERTIA, FRAME_MASS, Follow, Joint, Link, Model, joint_pose
+from .urdf_document import Document, parents_first, resolved
 
 MOST_JOINTS = 127  # Bullet answers no questions about links beyond, and drops motors in silence
-GREY = (0.75, 0.75, 0.75, 1.0)  # what has no colour
 _SIZES = {
     "box": ("size",),
     "sphere": ("radius",),
@@ -108,8 +106,7 @@ def drawn_meshes(
         carrier, pose, seen = name, Pose(), {name}
         while rename.get(carrier, carrier) not in links and carrier in carriers:
             joint = carriers[carrier]
-            turn = tuple(quaternion_from_rpy(*joint.rpy).tolist())
-            carrier, pose = joint.parent, Pose(joint.at, turn) @ pose
+            carrier, pose = joint.parent, joint_pose(joint) @ pose
             if carrier in seen:
                 break
             seen.add(carrier)
@@ -192,7 +189,7 @@ class _Reader:
         self._paths = MeshPath(self.document.path, self.packages)
         self._missing: dict[str, str] = {}
         self.materials: dict[str, tuple[float, ...]] = {}
-        self._colors: dict[str, tuple[float, ...]] = {}
+        self._colors: dict[str, Rgba] = {}
         for element in self.document.root.iter("material"):
             color = element.find("color")
             if color is not None:
@@ -325,29 +322,22 @@ class _Reader:
         at, rpy = self._origin(element)
         return MeshFile(str(found), self._paint(element), scale, at, rpy)
 
-    def _paint(self, element: xml.Element) -> tuple[float, ...]:
-        material = element.find("material")
-        if material is None:
-            return GREY
+    def _paint(self, element: xml.Element) -> Rgba:
+        material = _child(element, "material")
         color = material.find("color")
-        return (
-            self._colors.get(material.get("name", ""), GREY)
-            if color is None
-            else (self._rgba(color))
-        )
+        named = self._colors.get(material.get("name", ""), GREY)
+        return named if color is None else self._rgba(color)
 
-    def _rgba(self, color: xml.Element) -> tuple[float, ...]:
+    def _rgba(self, color: xml.Element) -> Rgba:
         count = 3 if len(color.get("rgba", "").split()) == 3 else 4  # opaque, where nothing is said
         values = self.document.numbers(color, "rgba", count)
         if not all(0 <= value <= 1 for value in values):
             raise self.document.fault(color, f"rgba must lie between 0 and 1, got {values}")
-        return values if count == 4 else (*values, 1.0)
+        red, green, blue, *alpha = values
+        return red, green, blue, alpha[0] if alpha else 1.0
 
     def _origin(self, element: xml.Element) -> tuple[Triple, Triple]:
-        origin = element.find("origin")
-        if origin is None:
-            return ZERO, ZERO
-        triple = self.document.triple
+        origin, triple = _child(element, "origin"), self.document.triple
         return triple(origin, "xyz", ZERO), triple(origin, "rpy", ZERO)
 
     def _joint(self, element: xml.Element) -> Joint:
@@ -357,32 +347,21 @@ class _Reader:
             raise self.document.fault(
                 element, f"a joint of a robot is one of {', '.join(_KINDS)}, got {kind!r}{hint}"
             )
+        document = self.document
         parent, child = (
-            self.document.text(self.document.child(element, tag), "link")
-            for tag in ("parent", "child")
+            document.text(document.child(element, tag), "link") for tag in ("parent", "child")
         )
         at, rpy = self._origin(element)
-        plain = Joint("fixed", parent, child, at, rpy)
         if kind == "fixed":
-            return plain
-        lower, upper, effort, velocity = self._limits(element, kind)
-        resistance = element.find("dynamics")
-        damping, friction = (
-            0.0 if resistance is None else self.document.number(resistance, word, 0.0)
-            for word in ("damping", "friction")
+            return Joint("fixed", parent, child, at, rpy)
+        axis, limits, follow = (
+            self._axis(element),
+            self._limits(element, kind),
+            self._follow(element),
         )
-        return replace(
-            plain,
-            kind=kind,  # type: ignore[arg-type]  # checked above
-            axis=self._axis(element),
-            lower=lower,
-            upper=upper,
-            effort=effort,
-            velocity=velocity,
-            follows=self._follow(element),
-            damping=damping,
-            friction=friction,
-        )
+        resistance = _child(element, "dynamics")
+        loss = (document.number(resistance, word, 0.0) for word in ("damping", "friction"))
+        return Joint(kind, parent, child, at, rpy, axis, *limits, follow, *loss)  # type: ignore[arg-type]
 
     def _axis(self, element: xml.Element) -> Triple:
         axis = element.find("axis")
@@ -397,10 +376,8 @@ class _Reader:
         return (x / length, y / length, z / length)
 
     def _limits(self, element: xml.Element, kind: str) -> tuple[float, float, float, float]:
-        limit = element.find("limit")
-        if limit is None:
-            if kind == "continuous":
-                return 0.0, 0.0, 0.0, 0.0
+        limit = _child(element, "limit")
+        if kind != "continuous" and element.find("limit") is None:
             raise self.document.fault(
                 element,
                 f'a {kind} joint needs <limit lower=".." upper=".." effort=".." velocity=".."/>',
@@ -426,6 +403,12 @@ class _Reader:
         number = self.document.number
         other = self.document.text(mimic, "joint")
         return Follow(other, number(mimic, "multiplier", 1.0), number(mimic, "offset", 0.0))
+
+
+def _child(element: xml.Element, tag: str) -> xml.Element:
+    """Return a child that need not be there: one without attributes, where it is not."""
+    found = element.find(tag)
+    return xml.Element(tag) if found is None else found
 
 
 def _with_possible_inertia(file: Path, links: dict[str, Link], repair: bool) -> dict[str, Link]:
@@ -460,7 +443,7 @@ def _of_shape(link: Link) -> inertia.Inertia:
         clouds = [shape.mesh().vertices for shape in shapes]
         for mesh in meshes:
             pose = mesh.pose().matrix()
-            for corners in hull.hulls(mesh.file):
+            for corners in hulls(mesh.file):
                 clouds.append(corners * mesh.scale @ pose[:3, :3].T + pose[:3, 3])
         if clouds:
             return inertia.of_box(link.mass, np.ptp(np.concatenate(clouds), axis=0))

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Sequence
-from typing import Literal, Protocol
-
-import numpy as np
-import numpy.typing as npt
+from typing import Literal
 
 from ..errors import ConfigError, MissingPackageError, RenderingError
 from ..world import World
 from .camera import Camera
-from .gl_context import check_process
 from .gl_renderer import GLRenderer
-from .light import Light
-from .shot import LOOKS, OUTPUTS, Look, Output, Picture, Shot
-from .skin_cut import SkinCuts
+from .gl_target import check_process
+from .piece import SkinCuts
+from .renderer import Renderer
+from .shot import LOOKS, OUTPUTS, Light, Look, Output, Picture, Shot
 from .software_renderer import SoftwareRenderer
 from .viewer import Viewer
 
@@ -26,28 +22,6 @@ VARIABLE = "RCARE_MARL_RENDERER"
 
 _LOG = logging.getLogger(__name__)
 _WARNED: set[str] = set()
-
-
-class Renderer(Protocol):
-    """Takes pictures of one world; the physics is read, never changed."""
-
-    def render(self, camera: Camera) -> npt.NDArray[np.uint8]:
-        """Return the picture that `camera` takes, shape [height, width, 3]."""
-
-    def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
-        """Return depths along the optical axis [m], shape [height, width]; inf for nothing."""
-
-    def read(self, shots: Sequence[Shot]) -> list[Picture]:
-        """Return what each of several cameras sees at this moment, by output."""
-
-    def labels(self) -> dict[int, tuple[str, str]]:
-        """Return name of body and link by their number in segmentations."""
-
-    def refresh(self) -> None:
-        """Read the shapes and colours of all bodies again."""
-
-    def close(self) -> None:
-        """Free what the renderer holds; safe to call twice."""
 
 
 def chosen_backend(backend: str = "auto") -> str:

@@ -8,7 +8,7 @@ x right and y down in the picture.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -152,6 +152,11 @@ class Camera:
         """Extrinsics: pose of the optical frame in the world."""
         turn = quaternion_from_matrix(self.axes().T @ _OPTICAL)
         return Pose(tuple(map(float, self.eye)), tuple(turn.tolist()))
+
+    def shifted(self, u: float, v: float) -> Camera:
+        """Return a camera that sees everything `u` pixels farther right and `v` farther down."""
+        at_u, at_v = self.principal
+        return replace(self, center=(at_u + u, at_v + v))
 
     def axes(self) -> Array:
         """Return the camera's right, up and backward axes in the world as rows, shape [3, 3]."""

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-Array = npt.NDArray[np.float64]
+from ..pose import Array, axis_rotation
+
 Part = tuple[Array, npt.NDArray[np.int32], npt.NDArray[np.uint8] | None]
 Element = ElementTree.Element
 Paint = npt.NDArray[np.uint8]
@@ -75,11 +76,9 @@ class _Reader:
         if effect is None:
             return None
         for diffuse in effect.iter("diffuse"):
-            text = diffuse.findtext("color")
-            if text:
-                rgb = np.array([float(x) for x in text.split()[:3]])
-                rounded: Paint = np.round(rgb.clip(0, 1) * 255).astype(np.uint8)
-                return rounded
+            rgb = np.array(diffuse.findtext("color", "").split()[:3], np.float64)
+            if len(rgb):
+                return np.round(rgb.clip(0, 1) * 255).astype(np.uint8)
             texture = diffuse.find("texture")
             if texture is not None:
                 return self._picture(effect, texture.get("texture", ""))
@@ -107,7 +106,7 @@ class _Reader:
     ) -> list[Part]:
         out: list[Part] = []
         mesh = geometry.find("mesh")
-        for kind in ("triangles", "polylist", "polygons") if mesh is not None else ():
+        for kind in ("triangles", "polylist", "polygons"):
             for primitive in mesh.iterfind(kind) if mesh is not None else ():
                 rows, corners = self._corners(primitive)
                 if not len(corners):
@@ -192,9 +191,7 @@ def _transform(node: Element) -> Array:
         elif step.tag == "scale":
             matrix[:3, :3] = np.diag(values)
         else:
-            x, y, z = values[:3] / np.linalg.norm(values[:3])
-            cross = np.array(((0, -z, y), (z, 0, -x), (-y, x, 0)))
-            angle = np.radians(values[3])
-            matrix[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+            axis, angle = values[:3] / np.linalg.norm(values[:3]), np.radians(values[3])
+            matrix[:3, :3] = axis_rotation(axis, float(angle))
         out = out @ matrix
     return out

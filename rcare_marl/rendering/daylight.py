@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .camera import Camera
-from .light import Light
-from .shot import Picture, Shot
+from .shot import Light, Picture, Shot
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))  # [rad]; points turned by it spread evenly over a disc
 # Steps within a pixel from picture to picture: Roberts' R2 sequence, from memory.
@@ -45,10 +44,7 @@ def dome(light: Light, count: int, *, spread: float = 0.95) -> list[Light]:
 
 def disc(light: Light, count: int, *, radius: float = 0.03) -> list[Light]:
     """Return lights that together are like a light as wide as `radius` [rad]."""
-    middle = np.array(light.direction) / np.linalg.norm(light.direction)
-    right = np.cross((0.0, 0.0, 1.0) if abs(middle[2]) < 0.999 else (1.0, 0.0, 0.0), middle)
-    right /= np.linalg.norm(right)
-    up = np.cross(middle, right)
+    right, up, middle = light.axes()
     out = []
     for i in range(count):
         away, turn = radius * math.sqrt((i + 0.5) / count), GOLDEN_ANGLE * i
@@ -77,10 +73,8 @@ def exposed(
             it; as the lights make it if None.
     """
     total = np.zeros((camera.height, camera.width, 3))
-    u, v = camera.center or (0.5 * (camera.width - 1), 0.5 * (camera.height - 1))
     for i, light in enumerate(lights):
-        du, dv = (step * i % 1 - 0.5 for step in STEPS)
-        moved = dataclasses.replace(camera, center=(u + du, v + dv))
+        moved = camera.shifted(*(step * i % 1 - 0.5 for step in STEPS))
         seen = renderer.read([Shot(moved, light=light)])[0]["rgb"] / 255
         total += seen * seen  # the mean of light, not of its encoding
     mean = total / len(lights)

@@ -14,9 +14,9 @@ import pybullet as bullet
 
 from ..body import Body, VisualShape
 from ..model.mesh import Mesh
+from ..pose import matrix_from_quaternion
 from ..world import World
-from .detail import detail_levels
-from .mesh import Floats, Ints, shape_mesh
+from .mesh import Floats, Ints, detail_levels, shape_mesh
 from .shot import Labels
 
 VERTEX = np.dtype(
@@ -258,12 +258,7 @@ def _order(part: Part) -> tuple[bool, bool, bool, bool, bool]:
 
 def _matrices(positions: npt.NDArray[Any], quaternions: npt.NDArray[Any]) -> Floats:
     """Return rigid transforms without their last row, shape [n, 3, 4]."""
-    x, y, z, w = quaternions.T
     out = np.empty((len(positions), 3, 4), np.float32)
-    out[:, 0, 0], out[:, 0, 1] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w)
-    out[:, 0, 2], out[:, 1, 0] = 2 * (x * z + y * w), 2 * (x * y + z * w)
-    out[:, 1, 1], out[:, 1, 2] = 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
-    out[:, 2, 0], out[:, 2, 1] = 2 * (x * z - y * w), 2 * (y * z + x * w)
-    out[:, 2, 2] = 1 - 2 * (x * x + y * y)
+    out[:, :, :3] = matrix_from_quaternion(quaternions.T).transpose(2, 0, 1)
     out[:, :, 3] = positions
     return out

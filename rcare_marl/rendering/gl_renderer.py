@@ -9,23 +9,28 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ..errors import WorldError
 from ..pose import Array
 from ..world import World
 from .camera import Camera, look, orthographic
-from .gl_context import check_process, create_context, free_context, make_program, matrix_bytes
 from .gl_scene import GLScene
-from .gl_target import Finisher, SurveyTarget, Target
-from .light import Light
-from .shading import BACKGROUND_FRAGMENT, HORIZON, SCREEN_VERTEX, ZENITH
-from .shot import Labels, Look, Picture, Shot
+from .gl_target import (
+    Finisher,
+    SurveyTarget,
+    Target,
+    check_process,
+    create_context,
+    free_context,
+    matrix_bytes,
+)
+from .renderer import Renderer
+from .shading import HORIZON, ZENITH, make_program
+from .shot import Light, Look, Picture, Shot
 
 _TARGETS_KEPT = 16
 
 
-class GLRenderer:
+class GLRenderer(Renderer):
     """Draws a world with OpenGL: soft shadows, ambient occlusion, antialiased edges.
 
     Bodies that a skin of the world stands for are drawn as that skin. Bodies added later appear by
@@ -54,7 +59,7 @@ class GLRenderer:
             MissingPackageError: If moderngl is not installed.
             RenderingError: If no OpenGL 3.3 context can be had.
         """
-        self._world = world
+        super().__init__(world)
         self._gl: Any = create_context()
         self._process = os.getpid()
         # For who forgets to close it; at the end of the process the driver may be gone already.
@@ -71,7 +76,7 @@ class GLRenderer:
                 )
                 for look, count in self._samples.items()
             }
-            self._background = make_program(gl, (SCREEN_VERTEX, BACKGROUND_FRAGMENT))
+            self._background = make_program(gl, "screen", "background")
             self._background_array = gl.vertex_array(self._background, [])
         self._seen: tuple[Any, ...] = ()
         self._is_shadow_stale = True
@@ -81,34 +86,17 @@ class GLRenderer:
         self._scene.refresh()
         self._seen = ()
 
-    def render(self, camera: Camera) -> npt.NDArray[np.uint8]:
-        """Return the picture that `camera` takes, shape [height, width, 3].
-
-        Raises:
-            WorldError: If the renderer or the world is closed.
-        """
+    def _look_anew(self) -> None:
         self._seen = ()
-        return self.read([Shot(camera)])[0]["rgb"]
-
-    def depth(self, camera: Camera) -> npt.NDArray[np.float32]:
-        """Return depths along the optical axis [m], shape [height, width]; inf for nothing.
-
-        Raises:
-            WorldError: If the renderer or the world is closed.
-        """
-        self._seen = ()
-        return self.read([Shot(camera, ("depth",))])[0]["depth"]
 
     def read(self, shots: Sequence[Shot]) -> list[Picture]:
-        """Return what each of several cameras sees at this moment, by output.
+        """Return what each of several cameras sees, as every renderer.
 
         The scene is sent to the graphics card once for all, and not at all if no time has passed,
         nothing was teleported and nothing was added since the last picture.
-
-        Raises:
-            WorldError: If the renderer or the world is closed.
         """
         self._check_open()
+        check_process()
         out: list[Picture] = [{} for _ in shots]
         with self._gl:
             self._follow()
@@ -129,10 +117,6 @@ class GLRenderer:
                 self._targets.pop(next(iter(self._targets))).release()
         return out
 
-    def labels(self) -> dict[int, tuple[str, str]]:
-        """Return name of body and link by their number in segmentations."""
-        return Labels(self._world).names
-
     def close(self) -> None:
         """Free everything on the graphics card; safe to call twice."""
         if self._gl is None:
@@ -151,25 +135,22 @@ class GLRenderer:
         self._closer()
         self._gl = None
 
-    def _check_open(self) -> None:
-        if self._gl is None:
-            raise WorldError("this renderer is closed: make a new one")
-        check_process()
-        if self._world.client < 0:
-            raise WorldError("the world of this renderer is closed")
+    @property
+    def _is_closed(self) -> bool:
+        return self._gl is None
 
     def _follow(self) -> None:
         """Bring the scene up to date with the world, if it may have changed."""
-        world = self._world
-        skins = [(id(skin), id(skin.faces), id(skin.colors)) for skin in world.skins]
-        seen = (world.step_count, world.teleports, len(world.bodies), *skins)
-        if seen == self._seen:
+        if self._moment() == self._seen:
             self._scene.update_lines()
             return
         self._is_shadow_stale |= self._scene.update()
-        # A skin may have given itself new colours on the way.
+        self._seen = self._moment()  # a skin may have given itself new colours on the way
+
+    def _moment(self) -> tuple[Any, ...]:
+        world = self._world
         skins = [(id(skin), id(skin.faces), id(skin.colors)) for skin in world.skins]
-        self._seen = (world.step_count, world.teleports, len(world.bodies), *skins)
+        return (world.step_count, world.teleports, len(world.bodies), *skins)
 
     def _draw(self, shot: Shot, used: Counter[tuple[Any, ...]]) -> Target:
         """Draw colours into a target that nothing else of this reading is drawn into."""
@@ -236,7 +217,7 @@ class GLRenderer:
             "shadow_texel_uv": shadow.texel_uv,
             "eye": tuple(camera.eye),
             "optical": tuple((camera.axes() * ((1,), (-1,), (-1,))).T.ravel().tolist()),
-            "key": tuple(_light_axes(light)[2]),
+            "key": tuple(light.axes()[2]),
             "powers": (light.key, light.fill, light.bounce),
         }
         for kind, program in self._scene.programs.items():
@@ -292,7 +273,7 @@ class _ShadowMap:
         if light.lid is None:
             radius = min(max(round(1.6 * distance) / 2, 1.0), radius)
         center = np.round(np.asarray(camera.target) * 4) / 4
-        axes = _light_axes(light)
+        axes = light.axes()
         depth_range = 2 * radius + 8
         eye = center + axes[2] * (depth_range / 2)
         self.matrix = orthographic(radius, 0.0, depth_range) @ look(axes, eye)
@@ -328,11 +309,3 @@ class _ShadowMap:
         """Free everything."""
         for thing in (*self._targets, *self._depths, *self._unused, self._raw):
             thing.release()
-
-
-def _light_axes(light: Light) -> Array:
-    back = np.asarray(light.direction, np.float64)
-    back = back / np.linalg.norm(back)
-    right = np.cross((0.0, 0.0, 1.0) if abs(back[2]) < 0.999 else (1.0, 0.0, 0.0), back)
-    right /= np.linalg.norm(right)
-    return np.array((right, np.cross(back, right), back))

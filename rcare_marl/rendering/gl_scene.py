@@ -11,21 +11,12 @@ import numpy as np
 from ..pose import Array
 from ..world import World
 from .camera import Camera
-from .detail import level_for
 from .geometry import FLOOR_RGBA, LAYOUTS, VERTEX, Geometry, Part, Pass, Run, world_parts
-from .gl_context import make_program, matrix_bytes
-from .gl_lines import LineBuffers
-from .gl_skin import SkinBuffers
-from .light import Light
-from .mesh import Floats
-from .shading import (
-    DEPTH_FRAGMENT,
-    DEPTH_VERTEX,
-    SURVEY_FRAGMENT,
-    SURVEY_VERTEX,
-    surface_program,
-)
-from .shot import Labels
+from .gl_buffers import LineBuffers, SkinBuffers
+from .gl_target import matrix_bytes
+from .mesh import Floats, level_for
+from .shading import make_program, make_surface_program
+from .shot import Labels, Light
 
 _COARSENESS = 1.4  # [pixel], of the cells that vertices are joined in
 _COARSEST = 0.008  # [m], of these cells where shapes are measured
@@ -46,9 +37,9 @@ class GLScene:
     def __init__(self, gl: Any, world: World, *, floor: bool) -> None:
         self._gl, self._world, self._floor = gl, world, floor
         kinds = ("plastic", "skin", "line", "floor")
-        self.programs = {kind: make_program(gl, surface_program(kind)) for kind in kinds}
-        self.survey = make_program(gl, (SURVEY_VERTEX, SURVEY_FRAGMENT))
-        self._depth_program = make_program(gl, (DEPTH_VERTEX, DEPTH_FRAGMENT))
+        self.programs = {kind: make_surface_program(gl, kind) for kind in kinds}
+        self.survey = make_program(gl, "survey", "survey")
+        self._depth_program = make_program(gl, "depth", "depth")
         self._skins: dict[int, SkinBuffers] = {}
         self._lines: dict[int, LineBuffers] = {}
         self._made: list[Any] = []
@@ -249,8 +240,7 @@ class GLScene:
 
     def _center(self, run: Run) -> Floats:
         matrix = self.geometry.transforms[run.slot]
-        center: Floats = matrix[:, :3] @ run.center + matrix[:, 3]
-        return center
+        return matrix[:, :3] @ run.center + matrix[:, 3]
 
     def _release_made(self) -> None:
         for thing in self._made:

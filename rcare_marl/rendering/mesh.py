@@ -1,4 +1,4 @@
-"""Triangle meshes to draw: made from primitives, read from files, smoothed up to their creases."""
+"""Triangle meshes to draw: from primitives and files, smoothed up to creases, coarser where far away."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ..body import VisualShape
-from ..errors import MissingPackageError
 from ..model.mesh import Mesh, corner_normals, merge
 from .collada import read_collada
 
@@ -24,42 +23,34 @@ Bytes = npt.NDArray[np.uint8]
 
 CREASE = math.radians(35.0)  # [rad]; sharper edges stay edges
 _LOG = logging.getLogger(__package__)
+CELLS = (0.002, 0.004, 0.008, 0.016)  # [m], edge of a cell of each coarser level
+_FINEST = 0.08  # greatest cell, as a share of the size of the mesh
+_SMALLEST = 400  # faces; a mesh with fewer is always drawn as it is
 _BEVEL = 0.004  # [m], so that the edges of boxes catch light as real ones do
 
 
 def shape_mesh(shape: VisualShape) -> Mesh | None:
     """Return the mesh of a shape in the shape's own frame, or None if it cannot be read."""
     if shape.kind == "mesh":
-        return _file_mesh(shape.mesh, _triple(shape.size))
+        return _file_mesh(shape.mesh, tuple(shape.size[:3]))
     return _primitive(shape.kind, tuple(round(float(x), 6) for x in shape.size))
-
-
-def _triple(size: tuple[float, ...]) -> tuple[float, float, float]:
-    return (float(size[0]), float(size[1]), float(size[2])) if len(size) >= 3 else (1.0, 1.0, 1.0)
-
-
-def _trimesh() -> Any:
-    try:
-        import trimesh
-    except ImportError as error:
-        raise MissingPackageError("drawing", package="trimesh") from error
-    return trimesh
 
 
 @lru_cache(maxsize=512)
 def _primitive(kind: str, size: tuple[float, ...]) -> Mesh:
-    creation = _trimesh().creation
+    import trimesh
+
     if kind == "box":
         return _box(np.array(size[:3]))
     if kind == "plane":
-        made = creation.box((40.0, 40.0, 0.001))
+        made = trimesh.creation.box((40.0, 40.0, 0.001))
         made.apply_translation((0, 0, -0.0005))
     elif kind == "sphere":
-        made = creation.uv_sphere(radius=size[0], count=(24, 32))
+        made = trimesh.creation.uv_sphere(radius=size[0], count=(24, 32))
     elif kind == "cylinder":
-        made = creation.cylinder(radius=size[1], height=size[0], sections=40)
+        made = trimesh.creation.cylinder(radius=size[1], height=size[0], sections=40)
     else:
-        made = creation.capsule(height=size[0], radius=size[1], count=(24, 24))
+        made = trimesh.creation.capsule(height=size[0], radius=size[1], count=(24, 24))
         low, high = made.bounds
         made.apply_translation(-(low + high) / 2)
     return smoothed(np.asarray(made.vertices), np.asarray(made.faces), None, closed=True)
@@ -76,14 +67,16 @@ def _box(size: npt.NDArray[np.float64]) -> Mesh:
         vertices[axis::3] = signs * inset
         vertices[axis::3, axis] = signs[:, axis] * half[axis]
         normals[axis::3, axis] = signs[:, axis]
-    hull = _trimesh().convex.convex_hull(vertices)
+    import trimesh
+
+    hull = trimesh.convex.convex_hull(vertices)
     order = np.argmin(np.linalg.norm(hull.vertices[:, None] - vertices[None], axis=2), axis=1)
     faces = order[hull.faces].astype(np.int32)
     return Mesh(vertices.astype(np.float32), faces, normals.astype(np.float32), faces, None, True)
 
 
 @lru_cache(maxsize=1024)
-def _file_mesh(path: str, scale: tuple[float, float, float]) -> Mesh | None:
+def _file_mesh(path: str, scale: tuple[float, ...]) -> Mesh | None:
     if not os.path.isfile(path):
         import pybullet_data
 
@@ -115,7 +108,8 @@ def _read(path: str) -> list[Part]:
     """Return (vertices, faces, colours or None) of each part of a file."""
     if path.lower().endswith(".dae"):
         return read_collada(path)
-    trimesh = _trimesh()
+    import trimesh
+
     loaded = trimesh.load_scene(path, process=False, maintain_order=True)
     parts: list[Part] = []
     for mesh in loaded.dump():
@@ -262,3 +256,60 @@ def _add_normals(vertices, faces, out) -> None:  # type: ignore[no-untyped-def]
         length = np.sqrt(x * x + y * y + z * z)
         if length > 1e-20:
             out[v, 0], out[v, 1], out[v, 2] = x / length, y / length, z / length
+
+
+def detail_levels(
+    vertices: Floats, normals: Floats, faces: Ints, colors: Bytes | None
+) -> list[Ints]:
+    """Return the faces at full detail and then at each of `CELLS` that saves something.
+
+    Software OpenGL pays for each triangle, however small. Vertices that fall into one cell of a grid are
+    drawn as one (vertex clustering, after Rossignac and Borrel 1993): only new indices are needed.
+    Vertices of unlike normals or colours are kept apart, so creases and edges of clothes stay.
+    """
+    levels = [faces]
+    if len(faces) < _SMALLEST:
+        return levels
+    kind = np.argmax(np.abs(normals), axis=1)
+    kind = kind * 2 + (normals[np.arange(len(normals)), kind] > 0)
+    if colors is not None:
+        bins = (colors[:, :3] >> 5).astype(np.int64)
+        kind = ((kind * 8 + bins[:, 0]) * 8 + bins[:, 1]) * 8 + bins[:, 2]
+    low = vertices.min(axis=0)
+    size = float(np.ptp(vertices, axis=0).max())
+    for cell in CELLS:
+        if cell > _FINEST * size:  # or small things would vanish
+            break
+        grid = ((vertices - low) / cell).astype(np.int64)
+        place = (grid[:, 0] << 28) + (grid[:, 1] << 14) + grid[:, 2]
+        coarse = _clustered(vertices, low + (grid + 0.5) * cell, place, kind, faces)
+        levels.append(coarse if len(coarse) < 0.9 * len(levels[-1]) else levels[-1])
+    return levels
+
+
+def _clustered(
+    vertices: Floats,
+    centers: npt.NDArray[np.float64],
+    place: npt.NDArray[np.int64],
+    kind: npt.NDArray[np.int64],
+    faces: Ints,
+) -> Ints:
+    _, group = np.unique(np.stack((place, kind)), axis=1, return_inverse=True)
+    group = group.reshape(-1)
+    # The vertex nearest to the middle of the cell stands for all of them.
+    order = np.lexsort((np.linalg.norm(vertices - centers, axis=1), group))
+    first = np.flatnonzero(np.r_[True, np.diff(group[order]) > 0])
+    standing = order[first][group].astype(np.int32)
+    at = place[faces]
+    flat = (at[:, 0] == at[:, 1]) & (at[:, 1] == at[:, 2])
+    out = standing[faces[~flat]]
+    a, b, c = out.T
+    out = out[(a != b) & (b != c) & (c != a)]
+    # Of faces that became the same, one is enough.
+    _, once = np.unique(np.sort(out, axis=1) @ np.array((1 << 40, 1 << 20, 1)), return_index=True)
+    return np.ascontiguousarray(out[np.sort(once)])
+
+
+def level_for(size: float) -> int:
+    """Return the coarsest level whose cells are no larger than `size` [m]."""
+    return int(np.searchsorted(CELLS, size, side="right"))

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from ..errors import WorldError
 from ..world import World
-from .shot import Picture, Shot
-from .skin_cut import SkinCuts
-
-if TYPE_CHECKING:
-    from . import Renderer
+from .piece import SkinCuts
+from .renderer import Renderer
+from .shot import Labels, Picture, Shot
 
 Moment = tuple[int, int]  # physics steps, teleports
 
@@ -113,8 +110,6 @@ class Studio:
 
     def labels(self) -> dict[int, tuple[str, str]]:
         """Return name of body and link by their number in segmentations."""
-        from .shot import Labels
-
         return Labels(self._world).names
 
     def _leave(self, viewpoint: Viewpoint) -> None:

@@ -10,7 +10,6 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,21 +31,6 @@ _LINE_WIDTH = 3.0  # [pixel], where viser knows no other width
 _LONGEST_PAUSE = 0.2  # [s]; slower than that and the world is not made to catch up
 
 _LOG = logging.getLogger(__package__)
-
-
-@dataclass
-class _Node:
-    body: Body
-    link: int
-    local: Pose
-    handle: Any
-
-
-@dataclass
-class _Surface:
-    skin: Skin
-    faces: Any
-    pieces: list[tuple[Piece, Any]]
 
 
 class Viewer:
@@ -95,8 +79,8 @@ class Viewer:
         self.url = f"http://{host}:{self._server.get_port()}"
         self._running = threading.Event()
         self._running.set()
-        self._nodes: list[_Node] = []
-        self._surfaces: list[_Surface] = []
+        self._nodes: list[tuple[Body, int, Pose, Any]] = []  # body, link, place on it, handle
+        self._surfaces: list[tuple[Skin, list[tuple[Piece, Any]]]] = []
         self._strokes: list[tuple[Lines, Any, Any]] = []
         self._known: tuple[tuple[int, ...], ...] = ()
         self._anchor = (0.0, 0.0, 1.0)  # wall time, simulated time and speed to pace from
@@ -202,10 +186,10 @@ class Viewer:
         if now - self._sent_skins >= 1 / SKIN_RATE:
             self._sent_skins = now
             self._clock.value = f"{self._world.time:.1f}"
-            for surface in self._surfaces:
-                vertices = surface.skin.vertices()
+            for skin, pieces in self._surfaces:
+                vertices = skin.vertices()
                 with self._server.atomic():
-                    for piece, handle in surface.pieces:
+                    for piece, handle in pieces:
                         handle.vertices = vertices[piece.source]
             with self._server.atomic():
                 for lines, ends, handle in self._strokes:
@@ -214,12 +198,9 @@ class Viewer:
     def _build(self) -> None:
         """Make a node for each shape and each piece of a skin."""
         scene = self._server.scene
-        for node in self._nodes:
-            node.handle.remove()
-        for surface in self._surfaces:
-            for _, handle in surface.pieces:
-                handle.remove()
-        for _, _, handle in self._strokes:
+        skins = [handle for _, pieces in self._surfaces for _, handle in pieces]
+        others = [made[-1] for made in (*self._nodes, *self._strokes)]
+        for handle in (*others, *skins):
             handle.remove()
         self._nodes, self._surfaces, self._strokes = [], [], []
         parts = world_parts(self._world)
@@ -240,7 +221,7 @@ class Viewer:
                     opacity=part.alpha if part.alpha < 0.99 else None,
                     side="front" if part.mesh.closed else "double",
                 )
-                self._nodes.append(_Node(part.body, part.shape.link, part.shape.pose, handle))
+                self._nodes.append((part.body, part.shape.link, part.shape.pose, handle))
         self._add_skins()
         self._add_lines()
         self._sent_poses = self._sent_skins = -math.inf
@@ -272,19 +253,18 @@ class Viewer:
                     side="double",
                 )
                 made.append((piece, handle))
-            self._surfaces.append(_Surface(skin, skin.faces, made))
+            self._surfaces.append((skin, made))
 
     def _send_poses(self) -> None:
         poses: dict[int, Any] = {}
         with self._server.atomic():
-            for node in self._nodes:
-                if node.body.uid not in poses:
-                    poses[node.body.uid] = node.body.link_poses()
-                positions, quaternions = poses[node.body.uid]
-                link = node.link + 1
-                at = Pose(tuple(positions[link]), tuple(quaternions[link])) @ node.local
+            for body, link, local, handle in self._nodes:
+                if body.uid not in poses:
+                    poses[body.uid] = body.link_poses()
+                position, turn = (row[link + 1] for row in poses[body.uid])
+                at = Pose(tuple(position), tuple(turn)) @ local
                 x, y, z, w = at.quaternion
-                node.handle.position, node.handle.wxyz = at.position, (w, x, y, z)
+                handle.position, handle.wxyz = at.position, (w, x, y, z)
 
     def _pace(self) -> None:
         """Wait until the wall clock has caught up with the simulated one."""

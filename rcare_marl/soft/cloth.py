@@ -1,4 +1,4 @@
-"""A cloth: a mesh of particles that stretches, shears, bends, falls, and lies on rigid bodies."""
+"""A cloth: particles that stretch, shear, bend, fall, lie on rigid bodies and are held by them."""
 
 from __future__ import annotations
 
@@ -11,21 +11,16 @@ import numpy.typing as npt
 
 from ..body import Body
 from ..errors import ConfigError, WorldError
-from ..pose import Vector
+from ..pose import Array, Vector, matrix_from_quaternion
 from . import cloth_contact as contact
 from . import cloth_kernel as kernel
 from .cloth_contact import Drift, Impact, Pairs
 from .collider import Colliders, NearShapes, link_state
-from .constraint import SOFTNESS, make_constraints, vertex_masses
-from .contact import BOX, CAPSULE, SIZE, SPHERE, Shapes, plain
-from .fabric import Fabric
-from .grip import FORCE, STIFFNESS, Grip
-from .soft_object import SoftContact, SoftObject
-from .tear import torn
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int32]
-Rows = npt.NDArray[np.int64]
+from .constraint import SOFTNESS, make_constraints, torn, vertex_masses
+from .contact import BOX, CAPSULE, SIZE, SPHERE, Indices, Rows, Shapes, plain
+from .kernel import line_point
+from .material import Fabric
+from .soft_object import ParticleObject, SoftContact
 
 SUBSTEPS = 10  # in a physics step of 1/240 s
 # A particle goes no faster: with 5 mm a small step it passes through no limb. Less would cut the force with
@@ -37,6 +32,10 @@ CLOSENESS = 0.6  # least distance of particles of a cloth, as a share of the len
 REACH = 0.003  # [m] beyond what a particle and a shape move in a step
 HURRY = 1.0  # [m/s], speed that a particle may have before cloth looks around again
 SHAPE_SPEED = 2.0  # [m/s] of a shape, from pose to pose: nothing in care moves faster for long
+STIFFNESS = 2000.0  # [N/m] of a whole hold: a light finger at 1/240 s stays at rest; our own choice
+FORCE = 60.0  # [N] of a whole hold: a firm grip, our own choice
+_MORE = 1.5
+SLIP = 0.03  # [m] beyond what its spring yields, where a particle has slipped out; our own choice
 _PAIRS = 16  # shapes that one particle can be near, on average
 _SHARP = 4  # sharp shapes that the middle of a thread can be near, on average
 _BROAD = 0.5  # [m], half an edge of a box from where it is furniture, whose edges need no care
@@ -44,7 +43,120 @@ _CELLS = 16  # of the grid for finding them, per particle
 _CLOSE = 12  # particles of the cloth that one can be near, on average
 
 
-class Cloth(SoftObject):
+class Grip:
+    """Particles of a cloth that a link holds by springs, which together pull no harder than a hold can.
+
+    Attributes:
+        body: What holds.
+        link: Index of the link that holds.
+        particles: What is held, shape [p]; fewer when cloth has slipped out.
+        force: Greatest force of the whole hold [N].
+        pull: Force on the link in the last physics step, in the world [N], shape [3].
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        link: int,
+        particles: Indices,
+        points: Array,
+        state: Array,
+        *,
+        force: float,
+        stiffness: float,
+    ) -> None:
+        """Hold particles where they are.
+
+        Args:
+            body: What holds.
+            link: Index of its link.
+            particles: What is held, shape [p].
+            points: Where they are in the world [m], shape [p, 3].
+            state: Of the link, see `collider`.
+            force: Greatest force [N].
+            stiffness: Of the whole hold [N/m].
+        """
+        self.body, self.link, self.force = body, link, force
+        self.particles = particles
+        self.pull = np.zeros(3)
+        self._local = (points - state[:3]) @ matrix_from_quaternion(state[3:7])
+        self._pins = np.zeros((len(particles), kernel.PIN))
+        self._pins[:, :3] = points
+        self._pins[:, kernel.PIN_SOFTNESS] = max(len(particles), 1) / stiffness
+        self._pins[:, kernel.PIN_LIMIT] = force / max(len(particles), 1)
+
+    @property
+    def is_active(self) -> bool:
+        """Whether it still holds anything."""
+        return len(self.particles) > 0
+
+    @property
+    def load(self) -> float:
+        """Size of the force on the link in the last physics step [N]."""
+        return float(np.linalg.norm(self.pull))
+
+    def lead(self, state: Array, period: float, substeps: int) -> Array:
+        """Return the pins, on their way to where the link will be at the end of the step."""
+        arms = self._local @ matrix_from_quaternion(state[3:7]).T
+        turn = state[10:]
+        spun = arms[:, [2, 0, 1]] * turn[[1, 2, 0]] - arms[:, [1, 2, 0]] * turn[[2, 0, 1]]
+        ahead = state[:3] + arms + period * (state[7:10] + spun)
+        self._pins[:, kernel.WAY : kernel.WAY + 3] = (ahead - self._pins[:, :3]) / substeps
+        self._pins[:, kernel.PULL :] = 0
+        return self._pins
+
+    def settle(self, pins: Array, x: Array, period: float) -> Array | None:
+        """Take the pins back after a step and let go of what slipped.
+
+        Returns:
+            A point of the line of action of `pull` [m], shape [3]; None if there is no pull.
+        """
+        self._pins[:] = pins
+        forces, points = -pins[:, kernel.PULL :] / period, x[self.particles, :3]
+        self.pull = forces.sum(axis=0)
+        point = None
+        if self.pull @ self.pull > 1e-18:
+            point, moment = np.empty(3), np.cross(points, forces).sum(axis=0)
+            line_point(self.pull, moment, points.mean(axis=0), point)
+        sizes = np.linalg.norm(forces, axis=1)
+        self._share_out(sizes)
+        beyond = np.linalg.norm(points - pins[:, :3], axis=1) - sizes * pins[:, kernel.PIN_SOFTNESS]
+        kept = beyond < SLIP
+        if not kept.all():
+            self.particles, self._pins = self.particles[kept], self._pins[kept]
+            self._local = self._local[kept]
+        if not len(self.particles):
+            self.let_go()
+        return point
+
+    def _share_out(self, sizes: Array) -> None:
+        """Let each particle pull a little harder than it does, and all together as hard as they can.
+
+        Fingers press on all of it: what one corner does not need, another may have.
+        """
+        total = max(float(sizes.sum()), 1e-9)
+        limits = sizes * min(_MORE, self.force / total)
+        self._pins[:, kernel.PIN_LIMIT] = np.maximum(
+            limits, self.force / max(len(sizes), 1) / _MORE
+        )
+
+    def let_go(self) -> None:
+        """Hold nothing any more."""
+        self.particles, self._pins = self.particles[:0], self._pins[:0]
+        self._local, self.pull = self._local[:0], np.zeros(3)
+
+    def save(self) -> tuple[Any, ...]:
+        """Return a snapshot of everything that changes."""
+        return (self.particles, self._pins.copy(), self._local, self.pull)
+
+    def restore(self, snapshot: tuple[Any, ...]) -> None:
+        """Return to a snapshot, bit for bit."""
+        particles, pins, local, pull = snapshot
+        self.particles, self._pins = particles, pins.copy()
+        self._local, self.pull = local, pull
+
+
+class Cloth(ParticleObject):
     """A mesh of particles in the frame of the world.
 
     Attributes:
@@ -72,7 +184,6 @@ class Cloth(SoftObject):
         grain: Array | Vector = (0.0, 0.0, 1.0),
         positions: Array | None = None,
         substeps: int = SUBSTEPS,
-        self_collision: bool = True,
     ) -> None:
         """Prepare a cloth that does not move.
 
@@ -84,7 +195,6 @@ class Cloth(SoftObject):
             grain: Direction of the warp at rest, one for all or one a particle, shape [3] or [n, 3].
             positions: Where it is in the world [m], shape [n, 3]; as at rest if None.
             substeps: Small steps in a physics step.
-            self_collision: Whether it stays out of itself.
 
         Raises:
             ConfigError: If `substeps` is below 1, a face has no area, a particle belongs to no face,
@@ -106,7 +216,6 @@ class Cloth(SoftObject):
         self.grain = np.array(np.broadcast_to(np.asarray(grain, np.float64), (count, 3)))
         self.grips: list[Grip] = []
         self.tears = 0
-        self._avoids_itself = self_collision
         self._client = -1
         self._mesh(given, np.zeros((count, 3)))
 
@@ -116,11 +225,11 @@ class Cloth(SoftObject):
         masses = vertex_masses(self.rest, self.faces, self.fabric)
         self.constraints = make_constraints(self.rest, self.faces, self.grain, self.fabric)
         threads = len(self.constraints.threads)
-        self._x = np.empty((count, 4))
-        self._x[:, :3], self._x[:, 3] = positions, 1 / masses
-        self._v = np.ascontiguousarray(velocities)
+        self.points = np.empty((count, 4))
+        self.points[:, :3], self.points[:, 3] = positions, 1 / masses
+        self.velocities = np.ascontiguousarray(velocities)
         self._particles = kernel.Particles(
-            self._x, self._v, np.zeros((count, 3)), np.zeros((count, 4))
+            self.points, self.velocities, np.zeros((count, 3)), np.zeros((count, 4))
         )
         self._near, self._touching = (_pairs(_PAIRS * count) for _ in range(2))
         self._near_sharp, self._touching_sharp = (_pairs(_SHARP * threads) for _ in range(2))
@@ -137,29 +246,14 @@ class Cloth(SoftObject):
         self.gap = CLOSENESS * self.spacing
 
     @property
-    def positions(self) -> Array:
-        """Present positions in the world [m], shape [n, 3]."""
-        return self._x[:, :3]
-
-    @property
-    def velocities(self) -> Array:
-        """Present velocities [m/s], shape [n, 3]."""
-        return self._v
-
-    @property
-    def points(self) -> Array:
-        """Positions [m] and inverse masses [1/kg], as the kernels know them, shape [n, 4]."""
-        return self._x
-
-    @property
     def mass(self) -> float:
         """Mass [kg]."""
-        return float((1 / self._x[:, 3]).sum())
+        return float((1 / self.points[:, 3]).sum())
 
     @property
     def strain(self) -> Array:
         """Present strain of each thread, shape [t]."""
-        ends = self._x[self.constraints.threads, :3]
+        ends = self.points[self.constraints.threads, :3]
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         return np.asarray(lengths / self.constraints.thread_table[:, 0] - 1)
 
@@ -168,21 +262,12 @@ class Cloth(SoftObject):
         self._client = client
 
     def place(self, positions: Array) -> None:
-        """Teleport all particles [m], shape [n, 3]; they stand still afterwards.
-
-        Raises:
-            ConfigError: If the shape is wrong or a value is not finite.
-        """
-        given = np.asarray(positions, np.float64)
-        if given.shape != self._v.shape or not np.isfinite(given).all():
-            raise ConfigError(f"positions must be finite and of the shape {self._v.shape}")
-        self._x[:, :3] = given
-        self._v[:] = 0
+        super().place(positions)
         self._close = self._close._replace(size=0)
 
     def nearest(self, point: Vector, radius: float) -> Indices:
         """Return the particles within `radius` [m] of a point in the world [m]."""
-        apart = self._x[:, :3] - np.asarray(point, np.float64)
+        apart = self.points[:, :3] - np.asarray(point, np.float64)
         return np.flatnonzero(np.einsum("na,na->n", apart, apart) <= radius**2).astype(np.int32)
 
     def grasp(
@@ -230,7 +315,7 @@ class Cloth(SoftObject):
         index = body.link_index(link) if isinstance(link, str) else link
         chosen = np.asarray(particles, np.int32)
         state = np.array(link_state(body, index, self._client))
-        points = self._x[chosen, :3].copy()
+        points = self.points[chosen, :3].copy()
         grip = Grip(body, index, chosen, points, state, force=force, stiffness=stiffness)
         self.grips.append(grip)
         return grip
@@ -249,31 +334,24 @@ class Cloth(SoftObject):
             rows: Those whose poses are fresh.
             wait: Until the next look [s].
         """
-        shapes = NearShapes(colliders, rows).in_world()
         drift = Drift(self.fabric.thickness_m + REACH + SHAPE_SPEED * wait, HURRY, wait)
-        low, high = self._x[:, :3].min(axis=0), self._x[:, :3].max(axis=0)
         near = self._near.rows
-        count = contact.find_near(self._x, self._v, low, high, tuple(shapes), tuple(drift), near)
-        met = np.zeros(len(rows), np.bool_)
-        met[near[:count, 1]] = True
-        near[:count, 1] = (np.cumsum(met) - 1)[near[:count, 1]]
-        self._near = Pairs(near, count)
-        sharp = is_sharp(shapes.kinds[met], shapes.meetings[met], self.spacing)
+        count, met = contact.find_pairs(self.points, self.velocities, colliders, rows, drift, near)
+        self._near, self.near = Pairs(near, count), NearShapes(colliders, rows[met])
+        shapes = self.near.in_world()
+        sharp = is_sharp(shapes.kinds, shapes.meetings, self.spacing)
         found = self._near_sharp.rows
         self._near_sharp = Pairs(
             found,
             contact.find_threads(tuple(self._near), sharp, self._threads_at, self._stamps, found),
         )
-        self.near = NearShapes(colliders, rows[met])
-        kernel.feel_air(self._x, self.faces, AIR, self._particles.air)
-        close, count = self._close, 0
-        if self._avoids_itself:
-            way = self._v - self._v.mean(axis=0)
-            speed = math.sqrt(float(np.einsum("na,na->n", way, way).max()))
-            reach = self.gap + min(2 * speed * wait, self.gap)
-            count = kernel.find_close(
-                self._x, self.rest, self.gap, reach, tuple(self._grid), close.rows, close.gaps
-            )
+        kernel.feel_air(self.points, self.faces, AIR, self._particles.air)
+        close, way = self._close, self.velocities - self.velocities.mean(axis=0)
+        speed = math.sqrt(float(np.einsum("na,na->n", way, way).max()))
+        reach = self.gap + min(2 * speed * wait, self.gap)
+        count = kernel.find_close(
+            self.points, self.rest, self.gap, reach, tuple(self._grid), close.rows, close.gaps
+        )
         self._close = close._replace(size=count)
 
     def advance(self, colliders: Colliders, gravity: Array, period: float) -> None:
@@ -311,10 +389,14 @@ class Cloth(SoftObject):
         rows, threads = self._touching.rows, self._touching_sharp.rows
         count = few = 0
         if self._near.size:
-            count = contact.narrow(self._x, self._v, tuple(self._near), tables, drift, rows)
+            count = contact.narrow(
+                self.points, self.velocities, tuple(self._near), tables, drift, rows
+            )
             if self._near_sharp.size:
                 middles = (self._middles, self._drift)
-                contact.find_middles(self._x, self._v, self.constraints.threads, *middles)
+                contact.find_middles(
+                    self.points, self.velocities, self.constraints.threads, *middles
+                )
                 few = contact.narrow(*middles, tuple(self._near_sharp), tables, drift, threads)
         return kernel.Touching(Pairs(rows, count), Pairs(threads, few))
 
@@ -332,7 +414,7 @@ class Cloth(SoftObject):
         first = 0
         for grip in self.grips:
             last = first + len(grip.particles)
-            point = grip.settle(pins[first:last], self._x, period)
+            point = grip.settle(pins[first:last], self.points, period)
             first = last
             if point is not None and (grip.body.is_movable or grip.body.joints):
                 grip.body.apply_force(grip.link, grip.pull, point)
@@ -347,19 +429,19 @@ class Cloth(SoftObject):
         worst = np.argsort(-strain, kind="stable")[: int((strain > limit).sum())]
         tension = strain / self.constraints.thread_table[:, SOFTNESS]
         held = np.concatenate([g.particles for g in self.grips] or [np.zeros(0, np.int32)])
-        found = torn(self._x[:, :3], self.faces, self.constraints.threads, worst, tension, held)
+        found = torn(self.points[:, :3], self.faces, self.constraints.threads, worst, tension, held)
         if found is None:
             return
         self.faces, parents = found
         self.tears += len(parents)
         chosen = np.concatenate((np.arange(len(self.rest)), parents))
         self.rest, self.grain = self.rest[chosen], self.grain[chosen]
-        self._mesh(self._x[chosen, :3], self._v[chosen])
+        self._mesh(self.points[chosen, :3], self.velocities[chosen])
 
     def save(self) -> tuple[Any, ...]:
         grips = [(grip, grip.save()) for grip in self.grips]
         mesh = (self.rest, self.faces, self.grain, self.tears)
-        return (self._x.copy(), self._v.copy(), mesh, grips, list(self.contacts))
+        return (self.points.copy(), self.velocities.copy(), mesh, grips, list(self.contacts))
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
         x, v, mesh, grips, contacts = snapshot
@@ -367,7 +449,7 @@ class Cloth(SoftObject):
         self.rest, self.faces, self.grain, self.tears = mesh
         if is_mended:
             self._mesh(x[:, :3], v.copy())
-        self._x[:], self._v[:] = x, v
+        self.points[:], self.velocities[:] = x, v
         for held in self.grips:
             held.let_go()
         for grip, saved in grips:

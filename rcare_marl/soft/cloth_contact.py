@@ -9,21 +9,31 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from .collider import NearShapes
-from .contact import GRIP, LEAST_DOUBLE, PLACE, SLIDE, SPIN, Shapes, distance_in
+from ..pose import Array
+from .collider import Colliders, NearShapes
+from .contact import (
+    GRIP,
+    LEAST_DOUBLE,
+    PLACE,
+    SLIDE,
+    SPIN,
+    Numbers,
+    Rows,
+    Shapes,
+    add,
+    distance_in,
+    note,
+)
 from .kernel import line_point
 
 # Columns of what a shape got from a cloth in a step: impulse [N·s], moment of impulse about the world's
 # origin [N·m·s], then sums over touches: point times size of the normal impulse [m·N·s], count, and that
 # size [N·s].
-IMPULSE, MOMENT, MIDDLE, COUNT, LOAD = 0, 3, 6, 9, 10
+MOMENT, MIDDLE, COUNT, LOAD = 3, 6, 9, 10
 OUTCOME = 11
 # Distance from what was touched, from where a point is none [m]: forces all round that cancel leave a
 # couple, which no line can give.
 FAR = 0.5
-
-
-Array = npt.NDArray[np.float64]
 
 
 class Pairs(NamedTuple):
@@ -104,15 +114,8 @@ def _answer(  # type: ignore[no-untyped-def]
     fx, fy, fz = push * nx - held * sx, push * ny - held * sy, push * nz - held * sz
     load = push * mass / dt
     jx, jy, jz = -fx * mass / dt, -fy * mass / dt, -fz * mass / dt
-    outcome[c, IMPULSE] += jx
-    outcome[c, IMPULSE + 1] += jy
-    outcome[c, IMPULSE + 2] += jz
-    outcome[c, MOMENT] += y * jz - z * jy
-    outcome[c, MOMENT + 1] += z * jx - x * jz
-    outcome[c, MOMENT + 2] += x * jy - y * jx
-    outcome[c, MIDDLE] += load * x
-    outcome[c, MIDDLE + 1] += load * y
-    outcome[c, MIDDLE + 2] += load * z
+    note(outcome, c, x, y, z, jx, jy, jz)
+    add(outcome, c, MIDDLE, load * x, load * y, load * z)
     outcome[c, COUNT] += 1.0
     outcome[c, LOAD] += load
     return True, mx, my, mz, quiet * nx, quiet * ny, quiet * nz
@@ -127,16 +130,6 @@ def _meet(impact, c, point, before, mass):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _move(x, previous, i, dx, dy, dz, ox, oy, oz) -> None:  # type: ignore[no-untyped-def]
-    x[i, 0] += dx
-    x[i, 1] += dy
-    x[i, 2] += dz
-    previous[i, 0] += ox
-    previous[i, 1] += oy
-    previous[i, 2] += oz
-
-
 @numba.njit(cache=True, error_model="numpy")
 def touch_shapes(x, previous, pairs, impact) -> None:  # type: ignore[no-untyped-def]
     """Push particles out of the shapes, hold them back by friction, and note what shapes get."""
@@ -146,7 +139,8 @@ def touch_shapes(x, previous, pairs, impact) -> None:  # type: ignore[no-untyped
         before = (previous[i, 0], previous[i, 1], previous[i, 2])
         is_hit, dx, dy, dz, ox, oy, oz = _meet(impact, c, point, before, 1.0 / x[i, 3])
         if is_hit:
-            _move(x, previous, i, dx, dy, dz, ox, oy, oz)
+            add(x, i, 0, dx, dy, dz)
+            add(previous, i, 0, ox, oy, oz)
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -167,8 +161,9 @@ def touch_sharp(x, previous, threads, pairs, impact) -> None:  # type: ignore[no
         mass = 1.0 / x[i, 3] + 1.0 / x[j, 3]
         is_hit, dx, dy, dz, ox, oy, oz = _meet(impact, c, point, before, mass)
         if is_hit:
-            _move(x, previous, i, dx, dy, dz, ox, oy, oz)
-            _move(x, previous, j, dx, dy, dz, ox, oy, oz)
+            for k in (i, j):
+                add(x, k, 0, dx, dy, dz)
+                add(previous, k, 0, ox, oy, oz)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -325,6 +320,31 @@ def _sum_by_link(outcome, owners, period, sums) -> None:  # type: ignore[no-unty
         sums[k, 6] = load / period
 
 
+def find_pairs(
+    x: Array, v: Array, colliders: Colliders, rows: Rows, drift: Drift, pairs: Numbers
+) -> tuple[int, npt.NDArray[np.bool_]]:
+    """Write (particle, shape) for each particle that may come to a shape, numbered among those met.
+
+    Args:
+        x: Positions, shape [n, 4].
+        v: Velocities [m/s], shape [n, 3].
+        colliders: The rigid shapes.
+        rows: Those whose poses are fresh, shape [r].
+        drift: How near and for how long.
+        pairs: Out, shape [p, 2].
+
+    Returns:
+        How many there are, and which of `rows` are met, shape [r].
+    """
+    low, high = x[:, :3].min(axis=0), x[:, :3].max(axis=0)
+    shapes = tuple(NearShapes(colliders, rows).in_world())
+    count = find_near(x, v, low, high, shapes, tuple(drift), pairs)
+    met = np.zeros(len(rows), np.bool_)
+    met[pairs[:count, 1]] = True
+    pairs[:count, 1] = (np.cumsum(met) - 1)[pairs[:count, 1]]
+    return count, met
+
+
 def forces_on(near: NearShapes, outcome: Array, period: float) -> Iterator[tuple[int, Array]]:
     """Yield the row of each link that was touched in a step, and force [N], point [m] and load [N] on it.
 
@@ -333,8 +353,9 @@ def forces_on(near: NearShapes, outcome: Array, period: float) -> Iterator[tuple
         outcome: What each of them got, shape [m, OUTCOME].
         period: Length of the physics step [s].
     """
-    sums = np.empty((len(near.links), 7))
-    _sum_by_link(outcome, near.owners, period, sums)
-    for row, got in zip(near.links, sums, strict=True):
+    links, owners = near.by_link
+    sums = np.empty((len(links), 7))
+    _sum_by_link(outcome, owners, period, sums)
+    for row, got in zip(links, sums, strict=True):
         if got[6] > 0:
             yield row, got

@@ -19,10 +19,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from ..pose import Array
 from .cloth_contact import Impact, Pairs, touch_shapes, touch_sharp
-from .contact import Shapes, move_meetings
-
-Array = npt.NDArray[np.float64]
+from .contact import Shapes, add, move_meetings
 
 # Columns of a pin: where it is [m], its way in a small step [m], compliance [m/N], greatest force [N], and
 # the impulse on the particle in this step [N·s].
@@ -129,9 +128,7 @@ def _predict(x, v, previous, air, dt, field) -> None:  # type: ignore[no-untyped
         vy -= lost * air[i, 1]
         vz -= lost * air[i, 2]
         previous[i, 0], previous[i, 1], previous[i, 2] = x[i, 0], x[i, 1], x[i, 2]
-        x[i, 0] += dt * vx
-        x[i, 1] += dt * vy
-        x[i, 2] += dt * vz
+        add(x, i, 0, dt * vx, dt * vy, dt * vz)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -155,12 +152,8 @@ def _stretch(x, threads, table, dt, lock, factor) -> None:  # type: ignore[no-un
         total += max(softness * per_square - 0.5 * total, 0.0)
         pull = (length - rest) / (total * length)
         dx, dy, dz = pull * dx, pull * dy, pull * dz
-        x[i, 0] += wi * dx
-        x[i, 1] += wi * dy
-        x[i, 2] += wi * dz
-        x[j, 0] -= wj * dx
-        x[j, 1] -= wj * dy
-        x[j, 2] -= wj * dz
+        add(x, i, 0, wi * dx, wi * dy, wi * dz)
+        add(x, j, 0, -wj * dx, -wj * dy, -wj * dz)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -192,12 +185,9 @@ def _hold(x, pinned, pins, dt) -> None:  # type: ignore[no-untyped-def]
         share = w / (w + row[PIN_SOFTNESS] / (dt * dt))
         size = share * np.sqrt(dx * dx + dy * dy + dz * dz) + _LEAST
         share *= min(1.0, row[PIN_LIMIT] * w * dt * dt / size)
-        x[i, 0] += share * dx
-        x[i, 1] += share * dy
-        x[i, 2] += share * dz
-        row[PULL] += share * dx / (w * dt)
-        row[PULL + 1] += share * dy / (w * dt)
-        row[PULL + 2] += share * dz / (w * dt)
+        dx, dy, dz = share * dx, share * dy, share * dz
+        add(x, i, 0, dx, dy, dz)
+        add(pins, p, PULL, dx / (w * dt), dy / (w * dt), dz / (w * dt))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -224,18 +214,13 @@ def _part(x, previous, close, rub) -> None:  # type: ignore[no-untyped-def]
         slip = np.sqrt(sx * sx + sy * sy + sz * sz) + _LEAST
         held = min(1.0, rub * min(depth, max(-along * length, 0.0)) / slip) / (wi + wj)
         fx, fy, fz = held * sx - push * dx, held * sy - push * dy, held * sz - push * dz
-        x[i, 0] += wi * fx
-        x[i, 1] += wi * fy
-        x[i, 2] += wi * fz
-        x[j, 0] -= wj * fx
-        x[j, 1] -= wj * fy
-        x[j, 2] -= wj * fz
+        add(x, i, 0, wi * fx, wi * fy, wi * fz)
+        add(x, j, 0, -wj * fx, -wj * fy, -wj * fz)
         # What was too close before must not fly apart: only the approach of this step is an impulse.
         rest = push * (1.0 - min(depth, max(-along * length, 0.0)) / depth)
-        for a in range(3):
-            o = rest * (dx if a == 0 else (dy if a == 1 else dz))
-            previous[i, a] -= wi * o
-            previous[j, a] += wj * o
+        dx, dy, dz = rest * dx, rest * dy, rest * dz
+        add(previous, i, 0, -wi * dx, -wi * dy, -wi * dz)
+        add(previous, j, 0, wj * dx, wj * dy, wj * dz)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -350,10 +335,7 @@ def feel_air(x, faces, drag, air) -> None:  # type: ignore[no-untyped-def]
         bx, by, bz = x[k, 0] - x[i, 0], x[k, 1] - x[i, 1], x[k, 2] - x[i, 2]
         nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         for m in range(3):
-            row = air[faces[f, m]]
-            row[0] += nx
-            row[1] += ny
-            row[2] += nz
+            add(air, faces[f, m], 0, nx, ny, nz)
     for i in range(air.shape[0]):
         row = air[i]
         size = np.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]) + _LEAST

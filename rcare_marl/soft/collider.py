@@ -12,14 +12,11 @@ import numpy.typing as npt
 import pybullet as bullet
 
 from ..body import Body
-from ..pose import matrix_from_quaternion
+from ..pose import Array, matrix_from_quaternion
 from . import contact
-from .contact import Shapes
+from .contact import Floats, Rows, Shapes
 from .rigid_shape import reach_of, read_shapes
 
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float32]
 Skin = npt.NDArray[np.int32]
 State = tuple[float, ...]  # as a row of `Colliders.states`
 Links = tuple[Body, list[int], list[int]]  # links of a body, and their rows
@@ -191,12 +188,6 @@ class Colliders:
             found += zip(rows, states, strict=True)
         return found
 
-    @staticmethod
-    def place_of(frame: Array, point: Array) -> tuple[float, float, float]:
-        """Return a point of a frame in the world [m], for the state of the frame."""
-        place: tuple[float, float, float] = _place_of(frame, point)
-        return place
-
 
 class NearShapes:
     """Shapes that one soft object may touch.
@@ -217,19 +208,10 @@ class NearShapes:
         )
 
     @cached_property
-    def _by_link(self) -> tuple[Rows, npt.NDArray[np.intp]]:
+    def by_link(self) -> tuple[list[int], npt.NDArray[np.intp]]:
+        """Rows of the links that carry them, each once, and the place of each shape's link among these."""
         found, owners = np.unique(self._colliders.shape_links[self.rows], return_inverse=True)
-        return found, owners.ravel()
-
-    @property
-    def links(self) -> list[int]:
-        """Rows of the links that carry them, each once."""
-        return self._by_link[0].tolist()
-
-    @property
-    def owners(self) -> npt.NDArray[np.intp]:
-        """Place of the link of each shape in `links`, shape [m]."""
-        return self._by_link[1]
+        return found.tolist(), owners.ravel()
 
     def seen_from(self, frame: Array, friction: float = 1.0) -> Shapes:
         """Return them as seen from a moving frame, in single precision.
@@ -304,7 +286,8 @@ def carry(state, place, out) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _place_of(frame, point):  # type: ignore[no-untyped-def]
+def place_of(frame, point):  # type: ignore[no-untyped-def]
+    """Return a point of a frame in the world [m], for the state of the frame."""
     r, (x, y, z) = turning(frame[3:7]), (point[0], point[1], point[2])
     return (
         frame[0] + r[0] * x + r[1] * y + r[2] * z,

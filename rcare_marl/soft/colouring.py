@@ -38,10 +38,9 @@ def groups(colour: Ints, place: npt.NDArray[np.float64], lanes: int) -> Ints:
         lanes: How many constraints are solved at once.
     """
     rows = []
-    for k in range(int(colour.max()) + 1 if len(colour) else 0):
+    for k in range(int(colour.max()) + 1):
         members = np.flatnonzero(colour == k)
         members = members[np.argsort(place[members], kind="stable")]
         filler = np.full(-len(members) % lanes, -1, np.int64)
         rows.append(np.concatenate((members, filler)))
-    flat = np.concatenate(rows) if rows else np.empty(0, np.int64)
-    return flat.reshape(-1, lanes)
+    return np.concatenate(rows).reshape(-1, lanes)

@@ -1,4 +1,4 @@
-"""The constraints of a cloth: threads that stretch, and folds that bend.
+"""The constraints of a cloth: threads that stretch and tear, and folds that bend.
 
 A thread is an edge of the mesh. Along and across the grain it stands for the strip of cloth around it;
 between them, for shear: with the cell's two edges du, dv and its diagonal L, a shear g lengthens the
@@ -20,12 +20,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import ConfigError
+from ..pose import Array
 from .colouring import colours
-from .fabric import Fabric
-from .hinge import hinges
+from .contact import Indices
+from .material import Fabric
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int32]
+Ints = npt.NDArray[np.int64]
 Unsigned = npt.NDArray[np.uint32]
 
 ALONG = 0.9  # cosine of edge and grain, from where the edge is a thread and not a diagonal
@@ -34,6 +34,7 @@ ACROSS = (1 - ALONG**2) ** 0.5
 REST, SOFTNESS = range(2)
 # Columns of the table of folds: weights of the four particles, compliance [m/N].
 FOLD_SOFTNESS = 4
+AT_ONCE = 4  # particles that are split in one physics step: a tear runs, it does not burst
 
 
 def face_areas(positions: Array, faces: Indices) -> Array:
@@ -44,10 +45,15 @@ def face_areas(positions: Array, faces: Indices) -> Array:
 
 def vertex_masses(positions: Array, faces: Indices, fabric: Fabric) -> Array:
     """Return a third of the mass of the faces around each vertex [kg], shape [n]."""
-    out = np.zeros(len(positions))
     share = face_areas(positions, faces) * fabric.area_density_kg_m2 / 3
-    for k in range(3):
-        np.add.at(out, faces[:, k], share)
+    return summed(faces, share, len(positions))
+
+
+def summed(members: Indices, shares: Array, count: int) -> Array:
+    """Return what particles get if each member of a row, shape [m, k], gets its share [m], shape [count]."""
+    out = np.zeros(count)
+    for column in members.T:
+        np.add.at(out, column, shares)
     return out
 
 
@@ -120,8 +126,18 @@ def _slant(way: Array, grain: Array, ends: Indices) -> Array:
     return np.asarray(np.abs(np.einsum("ea,ea->e", way, along)) / np.linalg.norm(way, axis=1))
 
 
+def _hinges(faces: Indices) -> Indices:
+    """Return (edge start, edge end, opposite, opposite) of each inner edge of a mesh, shape [h, 4]."""
+    sides: dict[tuple[int, int], list[int]] = {}
+    for a, b, c in faces.tolist():
+        for start, end, across in ((a, b, c), (b, c, a), (c, a, b)):
+            sides.setdefault((min(start, end), max(start, end)), []).append(across)
+    rows = [(*edge, *across) for edge, across in sides.items() if len(across) == 2]
+    return np.array(rows, np.int32).reshape(-1, 4)
+
+
 def _folds(rest: Array, faces: Indices, grain: Array, fabric: Fabric) -> tuple[Unsigned, Array]:
-    members = hinges(faces)
+    members = _hinges(faces)
     p, q, a, b = (rest[members[:, k]] for k in range(4))
     edge = q - p
 
@@ -146,3 +162,51 @@ def _folds(rest: Array, faces: Indices, grain: Array, fabric: Fabric) -> tuple[U
     table[:, FOLD_SOFTNESS] = area / (np.where(diagonal, 0.5, 1.0) * fabric.bending_nm)
     order = np.argsort(colours(members, len(rest)), kind="stable")
     return np.ascontiguousarray(members[order], np.uint32), np.ascontiguousarray(table[order])
+
+
+def torn(
+    points: Array, faces: Indices, threads: Unsigned, worst: Ints, tension: Array, held: Indices
+) -> tuple[Indices, Ints] | None:
+    """Return the faces after tearing, and the particle that each new one was split from.
+
+    Of a thread the end that is pulled at harder gives way. The faces at it that lie on the far side of the
+    plane across the thread go to a new particle, if there are any on both sides and what remains at the
+    old one is in one piece with what it was: M. Müller, "Hierarchical Position Based Dynamics", and many
+    others tear cloth in this way.
+
+    Args:
+        points: Present positions [m], shape [n, 3].
+        faces: Shape [m, 3].
+        threads: Two particles each, shape [t, 2].
+        worst: Threads that are stretched too far, the worst first, shape [w].
+        tension: Of each thread, shape [t].
+        held: Particles that are held; they are not split.
+
+    Returns:
+        Faces and parents, or None if nothing could be torn.
+    """
+    count = len(points)
+    pull = np.zeros(count)
+    for k in range(2):
+        np.add.at(pull, threads[:, k], np.maximum(tension, 0.0))
+    pull[held] = -1.0
+    new, parents, touched = faces.copy(), list[int](), set[int]()
+    for row in worst.tolist():
+        i, j = threads[row].tolist()
+        for vertex, other in ((i, j), (j, i)) if pull[i] >= pull[j] else ((j, i), (i, j)):
+            around = np.flatnonzero((new == vertex).any(axis=1))
+            if pull[vertex] < 0 or touched & set(new[around].ravel().tolist()):
+                continue
+            way = points[other] - points[vertex]
+            # Faces with new corners are of no interest here: their particles are in `touched`.
+            side = (points[new[around]].mean(axis=1) - points[vertex]) @ way > 0
+            if side.all() or not side.any():
+                continue
+            moved = around[side]
+            touched.update(new[around].ravel().tolist())
+            new[moved] = np.where(new[moved] == vertex, count + len(parents), new[moved])
+            parents.append(vertex)
+            break
+        if len(parents) >= AT_ONCE:
+            break
+    return (new, np.array(parents, np.int64)) if parents else None

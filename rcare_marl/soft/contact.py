@@ -11,6 +11,11 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+Floats = npt.NDArray[np.float32]
+Indices = npt.NDArray[np.int32]
+Rows = npt.NDArray[np.int64]
+Numbers = npt.NDArray[np.uint32]
+
 SPHERE, BOX, CAPSULE, CYLINDER, HULL = range(5)
 
 # Columns of the table of shapes as one body meets them, in its own frame.
@@ -65,6 +70,21 @@ def plain(tables: tuple[Any, ...]) -> tuple[Any, ...]:
     Numba finds the type of a plain tuple at once, that of a named one in Python, which takes 25 µs.
     """
     return tuple(plain(value) if isinstance(value, tuple) else value for value in tables)
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def add(table, i, at, x, y, z) -> None:  # type: ignore[no-untyped-def]
+    """Add to three columns of a row, from column `at` on."""
+    table[i, at] += x
+    table[i, at + 1] += y
+    table[i, at + 2] += z
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def note(table, i, x, y, z, jx, jy, jz) -> None:  # type: ignore[no-untyped-def]
+    """Add a force or impulse at a point, and its moment about the origin, to the first six columns."""
+    add(table, i, 0, jx, jy, jz)
+    add(table, i, 3, y * jz - z * jy, z * jx - x * jz, x * jy - y * jx)
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -219,9 +239,7 @@ def solve_contacts(x, previous, pairs, count, shapes, dt, surface) -> None:  # t
             continue
         if softness[c] > _ZERO:
             d *= x[i, 3] / (x[i, 3] + _ONE / (softness[c] * areas[i] * dt * dt))
-        x[i, 0] -= d * nx
-        x[i, 1] -= d * ny
-        x[i, 2] -= d * nz
+        add(x, i, 0, -d * nx, -d * ny, -d * nz)
         touch[i] = c + 1
         normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
         rx, ry, rz = x[i, 0] - row[PLACE], x[i, 1] - row[PLACE + 1], x[i, 2] - row[PLACE + 2]
@@ -230,15 +248,11 @@ def solve_contacts(x, previous, pairs, count, shapes, dt, surface) -> None:  # t
         sz = x[i, 2] - previous[i, 2] - dt * (row[SLIDE + 2] + row[SPIN] * ry - row[SPIN + 1] * rx)
         along = sx * nx + sy * ny + sz * nz
         if along > _ZERO:  # it was inside before: coming out must not become speed
-            previous[i, 0] += along * nx
-            previous[i, 1] += along * ny
-            previous[i, 2] += along * nz
+            add(previous, i, 0, along * nx, along * ny, along * nz)
         sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
         slip = np.sqrt(sx * sx + sy * sy + sz * sz) + LEAST
         held = min(_ONE, -d * row[GRIP] / slip)
-        x[i, 0] -= held * sx
-        x[i, 1] -= held * sy
-        x[i, 2] -= held * sz
+        add(x, i, 0, -held * sx, -held * sy, -held * sz)
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -9,19 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import ConfigError
-from ..pose import rotate
+from ..pose import Array, rotate
 from . import cloth_contact as contact
 from . import fluid_kernel as kernel
-from . import vessel_kernel
 from .cloth_contact import Drift, Impact, Pairs
 from .collider import Colliders, NearShapes
-from .contact import plain
-from .liquid import WATER, Liquid
-from .soft_object import SoftContact, SoftObject
-from .vessel import Vessel
-
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
+from .contact import Rows, plain
+from .material import WATER, Liquid
+from .soft_object import ParticleObject, SoftContact
+from .vessel import DENSITY, FEELING, Vessel, find_outside, sum_up
+from .vessel import OUTCOME as VESSEL_OUTCOME
 
 SUBSTEPS, ITERATIONS = 1, 2  # in a physics step of 1/240 s; fewer boil, more cost in proportion
 REACH = 2.0  # of the kernel, in spacings: about 30 neighbours
@@ -38,13 +35,14 @@ _PAIRS = 60  # neighbours that one particle can have, on average
 _TOUCHES = 8  # shapes that one particle can be near, on average
 
 
-class Fluid(SoftObject):
+class Fluid(ParticleObject):
     """Particles of one liquid in the frame of the world.
 
     Attributes:
         spacing: Edge of the cube of liquid that a particle stands for [m].
         liquid: What it is made of.
         particle_mass: Mass of a particle [kg].
+        is_active: Which particles there are, without those taken away, shape [n].
     """
 
     color = (70, 140, 215, 255)
@@ -56,8 +54,6 @@ class Fluid(SoftObject):
         *,
         spacing: float,
         liquid: Liquid = WATER,
-        substeps: int = SUBSTEPS,
-        iterations: int = ITERATIONS,
     ) -> None:
         """Prepare a fluid that does not move.
 
@@ -66,37 +62,32 @@ class Fluid(SoftObject):
             positions: Where its particles are in the world [m], shape [n, 3].
             spacing: Edge of the cube of liquid that a particle stands for [m].
             liquid: What it is made of.
-            substeps: Small steps in a physics step.
-            iterations: How often each particle asks for its density in a small step.
 
         Raises:
-            ConfigError: If there are no particles, or spacing, substeps or iterations are not positive.
+            ConfigError: If there are no particles, or `spacing` is not positive.
         """
         given = np.asarray(positions, np.float64)
         if given.ndim != 2 or given.shape[1] != 3 or not len(given):
             raise ConfigError(f"positions must have the shape (n, 3), got {given.shape}")
-        if not spacing > 0 or substeps < 1 or iterations < 1:
-            raise ConfigError(
-                f"spacing, substeps and iterations must be above 0, got {spacing}, {substeps}, {iterations}"
-            )
+        if not spacing > 0:
+            raise ConfigError(f"spacing must be above 0, got {spacing}")
         super().__init__(name)
         self.spacing, self.liquid = spacing, liquid
-        self.substeps, self.iterations = substeps, iterations
         self.particle_mass = liquid.density_kg_m3 * spacing**3
         self._allocate(len(given))
         self.place(given)
 
     def _allocate(self, count: int) -> None:
-        self._x = np.empty((count, 4))
-        self._x[:, 3] = 1 / self.particle_mass
-        self._v, self._previous, self._paired = (np.zeros((count, 3)) for _ in range(3))
-        self._is_active = np.ones(count, np.bool_)
+        self.points = np.empty((count, 4))
+        self.points[:, 3] = 1 / self.particle_mass
+        self.velocities, self._previous, self._paired = (np.zeros((count, 3)) for _ in range(3))
+        self.is_active = np.ones(count, np.bool_)
         self._active = np.arange(count)
         self._at_vessel, self._outside = (np.zeros(count, np.int64) for _ in range(2))
         # Without a sign an index needs no check whether it counts from the end.
         pairs, met = (np.zeros((_PAIRS * count, 2), np.uint32) for _ in range(2))
         weights = np.zeros((_PAIRS * count, 4), np.float32)
-        feel = np.zeros((count, vessel_kernel.FEELING), np.float32)
+        feel = np.zeros((count, FEELING), np.float32)
         self._neighbours = kernel.Neighbours(pairs, -1, met, weights, feel)
         starts = np.zeros(2 + 2 ** math.ceil(math.log2(2 * count + 1)), np.int64)
         self._grid = kernel.Grid(starts, np.zeros(count, np.int64), np.zeros((count, 4), np.int64))
@@ -110,7 +101,7 @@ class Fluid(SoftObject):
     @property
     def size(self) -> int:
         """How many particles there were at first."""
-        return len(self._x)
+        return len(self.points)
 
     @property
     def mass(self) -> float:
@@ -118,46 +109,23 @@ class Fluid(SoftObject):
         return self.count * self.particle_mass
 
     @property
-    def positions(self) -> Array:
-        """Present positions of all particles in the world [m], shape [n, 3]; see `is_active`."""
-        return self._x[:, :3]
-
-    @property
-    def velocities(self) -> Array:
-        """Present velocities [m/s], shape [n, 3]."""
-        return self._v
-
-    @property
-    def is_active(self) -> npt.NDArray[np.bool_]:
-        """Which particles there are, without those taken away, shape [n]."""
-        return self._is_active
-
-    @property
     def densities(self) -> npt.NDArray[np.float32]:
         """Density at each particle in the last step, 1 at rest, shape [n]; of active ones only."""
-        return self._neighbours.feel[:, vessel_kernel.DENSITY]
+        return self._neighbours.feel[:, DENSITY]
 
     def place(self, positions: Array) -> None:
-        """Teleport all particles [m], shape [n, 3]; all are there again and stand still.
-
-        Raises:
-            ConfigError: If the shape is wrong or a value is not finite.
-        """
-        given = np.asarray(positions, np.float64)
-        if given.shape != self._v.shape or not np.isfinite(given).all():
-            raise ConfigError(f"positions must be finite and of the shape {self._v.shape}")
-        self._x[:, :3] = given
-        self._v[:] = 0
-        self._is_active[:] = True
-        self._active = np.arange(len(given))
+        """Teleport all particles [m], shape [n, 3]; all are there again and stand still."""
+        super().place(positions)
+        self.is_active[:] = True
+        self._active = np.arange(len(self.points))
         self._forget()
 
     def take(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.integer]) -> None:
         """Take particles out of the world: a mask or their numbers."""
-        self._is_active[chosen] = False
-        self._x[chosen, :3], self._v[chosen] = PARKED, 0
+        self.is_active[chosen] = False
+        self.points[chosen, :3], self.velocities[chosen] = PARKED, 0
         # Pairs with them are too far apart from now on: no need to find all pairs anew.
-        self._active = np.flatnonzero(self._is_active)
+        self._active = np.flatnonzero(self.is_active)
 
     def _forget(self) -> None:
         self._neighbours = self._neighbours._replace(size=-1)
@@ -165,8 +133,8 @@ class Fluid(SoftObject):
 
     def find_outside(self, vessels: Array) -> Rows:
         """Return the particles that are in no vessel, or near its rim."""
-        count = vessel_kernel.find_outside(
-            self._x, self._active, vessels, REACH * self.spacing, self._outside
+        count = find_outside(
+            self.points, self._active, vessels, REACH * self.spacing, self._outside
         )
         return self._outside[:count].copy()
 
@@ -179,17 +147,12 @@ class Fluid(SoftObject):
             wait: Until the next look [s].
             outside: Those particles.
         """
-        x, v = self._x[outside], self._v[outside]
-        low, high = x[:, :3].min(axis=0), x[:, :3].max(axis=0)
+        x, v = self.points[outside], self.velocities[outside]
         drift = Drift(CONTACT * self.spacing + SHAPE_REACH + SHAPE_SPEED * wait, HURRY, wait)
         found = np.zeros((_TOUCHES * max(len(outside), 1), 2), np.uint32)
-        shapes = NearShapes(colliders, rows).in_world()
-        count = contact.find_near(x, v, low, high, tuple(shapes), tuple(drift), found)
-        met = np.zeros(len(rows), np.bool_)
-        met[found[:count, 1]] = True
+        count, met = contact.find_pairs(x, v, colliders, rows, drift, found)
         touching = self._touching.rows
-        touching[:count, 0] = outside[found[:count, 0]]
-        touching[:count, 1] = (np.cumsum(met) - 1)[found[:count, 1]]
+        touching[:count, 0], touching[:count, 1] = outside[found[:count, 0]], found[:count, 1]
         self._touching, self.near = Pairs(touching, count), NearShapes(colliders, rows[met])
 
     def ignore_shapes(self) -> None:
@@ -212,8 +175,8 @@ class Fluid(SoftObject):
         is_touching = self._touching.size > 0
         shapes = near.in_world(self.liquid.friction) if is_touching else colliders.no_shapes
         impact = Impact(shapes, step.dt, step.radius, 1.0, met)
-        outcome = np.zeros((len(table), vessel_kernel.OUTCOME))
-        particles = (self._x, self._v, self._previous, self._active, self._at_vessel)
+        outcome = np.zeros((len(table), VESSEL_OUTCOME))
+        particles = (self.points, self.velocities, self._previous, self._active, self._at_vessel)
         inside = (table.copy(), table.copy(), outcome)
         tables = (particles, self._neighbours, inside, self._touching, impact, step)
         kernel.simulate(*plain(tables))
@@ -221,7 +184,7 @@ class Fluid(SoftObject):
         for vessel, row, got in zip(vessels, table, outcome, strict=True):
             if got.any():
                 sums = np.empty(6)
-                vessel_kernel.sum_up(got, row, period, sums)
+                sum_up(got, row, period, sums)
                 self._push(SoftContact(vessel.body, vessel.link, sums[:3], sums[3:]))
         if is_touching:
             for link, got in contact.forces_on(near, met, period):
@@ -230,20 +193,20 @@ class Fluid(SoftObject):
     def _find_pairs(self, period: float) -> None:
         """Find who can be neighbours, if those found before are too far from where they were."""
         reach = REACH * self.spacing
-        ahead = (self._x, self._v, self._paired, self._active, period)
+        ahead = (self.points, self.velocities, self._paired, self._active, period)
         if self._neighbours.size < 0 or 2 * kernel.drift(*ahead) > (MARGIN - 1) * reach:
             pairs = self._neighbours.pairs
             count = kernel.find_pairs(
-                self._x, self._active, MARGIN * reach, tuple(self._grid), pairs
+                self.points, self._active, MARGIN * reach, tuple(self._grid), pairs
             )
             self._neighbours = self._neighbours._replace(size=count)
-            self._paired[:] = self._x[:, :3]
+            self._paired[:] = self.points[:, :3]
 
     def _step(self, gravity: Array, period: float) -> kernel.Step:
-        liquid, d, dt = self.liquid, self.spacing, period / self.substeps
+        liquid, d, dt = self.liquid, self.spacing, period / SUBSTEPS
         return kernel.Step(
-            substeps=self.substeps,
-            iterations=self.iterations,
+            substeps=SUBSTEPS,
+            iterations=ITERATIONS,
             dt=dt,
             reach=REACH * d,
             target=d**3 / REST_SUM,
@@ -258,12 +221,17 @@ class Fluid(SoftObject):
         )
 
     def save(self) -> tuple[Any, ...]:
-        return (self._x.copy(), self._v.copy(), self._is_active.copy(), list(self.contacts))
+        return (
+            self.points.copy(),
+            self.velocities.copy(),
+            self.is_active.copy(),
+            list(self.contacts),
+        )
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
-        self._x[:], self._v[:], self._is_active[:], contacts = snapshot
+        self.points[:], self.velocities[:], self.is_active[:], contacts = snapshot
         self.contacts = list(contacts)
-        self._active = np.flatnonzero(self._is_active)
+        self._active = np.flatnonzero(self.is_active)
         self._forget()
 
 

@@ -1,7 +1,7 @@
 """What moves a fluid's particles: density as a constraint, and viscosity.
 
 M. Macklin and M. Müller, "Position Based Fluids" (SIGGRAPH 2013): each particle asks that the density at
-its place is that of the fluid at rest. Vessels join in, see `vessel_kernel`.
+its place is that of the fluid at rest. Vessels join in, see `vessel`.
 
 The kernel of all sums is W = 15 / (pi h³) (1 - q)³ with q = distance / h < 1; its integral is one.
 """
@@ -14,9 +14,10 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from ..pose import Array
 from .cloth_contact import Impact, Pairs, touch_shapes
-from .contact import Shapes, move_meetings
-from .vessel_kernel import (
+from .contact import Floats, Shapes, add, move_meetings, note
+from .vessel import (
     DENSITY,
     FACTOR,
     GRADIENT,
@@ -24,15 +25,10 @@ from .vessel_kernel import (
     SHIFT,
     SQUARES,
     WALL,
-    carry_vessels,
     contain,
     feel_walls,
-    note,
     speed_at,
 )
-
-Array = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
 
 _LEAST = 1e-12
 
@@ -240,9 +236,7 @@ def _fall(particles, step) -> None:  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def _gather(feel, i, x, y, z, squares, density) -> None:  # type: ignore[no-untyped-def]
-    feel[i, GRADIENT] += x
-    feel[i, GRADIENT + 1] += y
-    feel[i, GRADIENT + 2] += z
+    add(feel, i, GRADIENT, x, y, z)
     feel[i, SQUARES] += squares
     feel[i, DENSITY] += density
 
@@ -344,9 +338,7 @@ def _finish(particles, vessels, feel, step) -> None:  # type: ignore[no-untyped-
         along = ux * gx + uy * gy + uz * gz
         share = min(step.drag * size * h, 1.0)
         ux, uy, uz = share * (ux - along * gx), share * (uy - along * gy), share * (uz - along * gz)
-        v[i, 0] += ux
-        v[i, 1] += uy
-        v[i, 2] += uz
+        add(v, i, 0, ux, uy, uz)
         note(vessels.outcome, c, x[i, 0], x[i, 1], x[i, 2], -mass * ux, -mass * uy, -mass * uz)
 
 
@@ -407,7 +399,7 @@ def simulate(particles, neighbours, vessels, touching, impact, step) -> None:  #
     met, weights, feel = neighbours.met, neighbours.weights, neighbours.feel
     for _ in range(step.substeps):
         vessels.former[:] = vessels.now
-        carry_vessels(vessels.now, step.dt)
+        move_meetings(vessels.now, step.dt)
         if touching.size:
             move_meetings(impact.shapes.meetings, step.dt)
         _fall(particles, step)

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .collider import turning
+from .contact import note
 
 # Columns of what a shape got from a body in a step: force [N], moment about the body's origin [N·m] and
 # later a point of the line of action [m], then of the particles that it touches: middle [m], normal,
@@ -41,33 +42,15 @@ class Motion(NamedTuple):
     forces: npt.NDArray[np.float32]
 
 
-class Pinned(NamedTuple):
-    """Held particles that move, shape [p], and their displacement in a small step [m], shape [p, 3]."""
-
-    particles: npt.NDArray[np.int32]
-    steps: npt.NDArray[np.float32]
-
-
 @numba.njit(cache=True, error_model="numpy")
-def predict(motion, field, dt, pinned) -> None:  # type: ignore[no-untyped-def]
-    """Begin a small step: move particles on by their velocities, and pinned ones by their steps.
-
-    Args:
-        motion: `Motion`.
-        field: Gravity in the frame of the body [m/s²], shape [3].
-        dt: Length of a small step [s].
-        pinned: `Pinned`.
-    """
+def predict(motion, dt) -> None:  # type: ignore[no-untyped-def]
+    """Begin a small step of `dt` [s]: move particles on by their velocities."""
     x, v, previous, _, _ = motion
     for i in range(v.shape[0]):
         if x[i, 3] > _ZERO:
             for a in range(3):
                 previous[i, a] = x[i, a]
-                x[i, a] += dt * (v[i, a] + dt * field[a])
-    held, steps = pinned
-    for k in range(held.shape[0]):
-        for a in range(3):
-            x[held[k], a] += steps[k, a]
+                x[i, a] += dt * v[i, a]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -114,10 +97,10 @@ def find_touching(motion, surface, outcome) -> int:  # type: ignore[no-untyped-d
 
 
 @numba.njit(cache=True)
-def share_out(motion, touch, field, damping, period, outcome) -> None:  # type: ignore[no-untyped-def]
+def share_out(motion, touch, damping, period, outcome) -> None:  # type: ignore[no-untyped-def]
     """Add up what the particles press on each shape with: force [N] and moment [N·m].
 
-    What presses on a particle is what its elastic force, weight and drag leave of its change of
+    What presses on a particle is what its elastic force and drag leave of its change of
     momentum. The sum over all free particles is what presses on the body. A particle that touches a
     shape counts for that shape; the rest, which one iteration a step has not brought to balance,
     counts for the nearest shape that is touched.
@@ -136,16 +119,11 @@ def share_out(motion, touch, field, damping, period, outcome) -> None:  # type: 
                         square += (x[i, a] - outcome[c, MIDDLE + a]) ** 2
                     if square < nearest:
                         nearest, chosen = square, c
-        row, mass = outcome[chosen], 1.0 / x[i, 3]
-        fx = forces[i, 0] + mass * (field[0] - (v[i, 0] - start[i, 0]) / period - damping * v[i, 0])
-        fy = forces[i, 1] + mass * (field[1] - (v[i, 1] - start[i, 1]) / period - damping * v[i, 1])
-        fz = forces[i, 2] + mass * (field[2] - (v[i, 2] - start[i, 2]) / period - damping * v[i, 2])
-        row[FORCE] += fx
-        row[FORCE + 1] += fy
-        row[FORCE + 2] += fz
-        row[MOMENT] += x[i, 1] * fz - x[i, 2] * fy
-        row[MOMENT + 1] += x[i, 2] * fx - x[i, 0] * fz
-        row[MOMENT + 2] += x[i, 0] * fy - x[i, 1] * fx
+        mass = 1.0 / x[i, 3]
+        fx = forces[i, 0] + mass * (-(v[i, 0] - start[i, 0]) / period - damping * v[i, 0])
+        fy = forces[i, 1] + mass * (-(v[i, 1] - start[i, 1]) / period - damping * v[i, 1])
+        fz = forces[i, 2] + mass * (-(v[i, 2] - start[i, 2]) / period - damping * v[i, 2])
+        note(outcome, chosen, x[i, 0], x[i, 1], x[i, 2], fx, fy, fz)
 
 
 @numba.njit(cache=True)

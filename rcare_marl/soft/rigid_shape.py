@@ -8,17 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pybullet as bullet
 from scipy.spatial import ConvexHull  # type: ignore[import-untyped]
 
 from ..body import Body, VisualShape
 from ..errors import WorldError
-from ..pose import Pose, matrix_from_quaternion
+from ..pose import Array, Pose, matrix_from_quaternion
 from ..rendering.mesh import shape_mesh
 from . import contact
-
-Array = npt.NDArray[np.float64]
 
 _KINDS = {
     bullet.GEOM_SPHERE: contact.SPHERE,

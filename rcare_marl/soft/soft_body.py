@@ -9,21 +9,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..body import Body
 from ..errors import ConfigError
-from ..pose import Pose, matrix_from_quaternion
+from ..pose import Array, matrix_from_quaternion
 from . import contact, kernel
-from .collider import WORLD_FRAME, Colliders, NearShapes, carry, link_state
-from .hinge import Hinges, add_hinge_forces, solve_hinges
+from .collider import STATE, Colliders, NearShapes, carry, link_state
+from .constraint import face_areas, summed
+from .contact import Floats, Indices, Rows
 from .material import Material
 from .soft_object import Carrier, SoftContact, SoftObject
-from .spring import Springs, add_spring_forces, solve_springs
 from .tetrahedron import SPARE, Tetrahedra, add_elastic_forces, boundary, solve_tetrahedra
-
-Array = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
-Indices = npt.NDArray[np.int32]
-Rows = npt.NDArray[np.int64]
 
 SUBSTEPS = 5  # in a physics step of 1/240 s: 20 in a frame of 1/60 s
 REACH = 0.004  # [m] from a shape at rest; more for a fast one
@@ -33,20 +27,28 @@ _PAIRS = 4  # shapes that one particle can be near, on average
 
 
 class SoftBody(SoftObject):
-    """Particles in the frame of a carrier, or of the world, held together by XPBD constraints.
+    """Particles in the frame of a carrier, held together by XPBD constraints.
 
-    A body on a carrier moves with it by itself: motion of the carrier shakes nothing. That is meant for
-    flesh, whose mass and weight the carrier has already.
+    It moves with the carrier by itself: motion of that shakes nothing. The carrier has its mass and weight
+    already, as a bone has those of the flesh.
 
     Attributes:
         rest: Positions at rest in the frame of the body [m], shape [n, 3].
         faces: Surface, shape [m, 3].
         material: What it is made of.
         is_awake: Whether it is being simulated.
+        points: Positions [m] and inverse masses [1/kg] in its frame, as kernels know them, shape
+            [n + SPARE, 4].
+        skin: Particles of the surface that can move, shape [s].
+        areas: Area of the surface around each particle at rest [m²], shape [n]; zero inside.
+        normals: The way out of what each particle touches, in the frame of the body, shape [n, 3].
         pressure: On each particle [Pa], shape [n]; zero inside.
+        carrier: What it rides on.
         middle: Of a sphere around it at rest [m], shape [3].
         radius: Of that sphere [m].
     """
+
+    carrier: Carrier
 
     def __init__(
         self,
@@ -54,14 +56,10 @@ class SoftBody(SoftObject):
         rest: Array,
         *,
         material: Material,
-        tetrahedra: Indices | None = None,
-        springs: Springs | None = None,
-        hinges: Hinges | None = None,
+        tetrahedra: Indices,
+        carrier: Carrier,
         faces: Indices | None = None,
-        masses: Array | None = None,
         held: Sequence[int] | npt.NDArray[np.integer] = (),
-        carrier: Carrier | None = None,
-        falls: bool = False,
         substeps: int = SUBSTEPS,
         mass_factor: float = 1.0,
         focus: float | None = None,
@@ -70,16 +68,12 @@ class SoftBody(SoftObject):
 
         Args:
             name: Name.
-            rest: Positions at rest in the frame of the carrier, or in the world [m], shape [n, 3].
+            rest: Positions at rest in the frame of the carrier [m], shape [n, 3].
             material: What it is made of.
             tetrahedra: Elastic tetrahedra, shape [t, 4].
-            springs: Distance constraints.
-            hinges: Bending constraints.
+            carrier: What it rides on.
             faces: Surface; that of the tetrahedra if None.
-            masses: Of the particles [kg], shape [n]; from the tetrahedra if None.
             held: Particles that are fixed in the frame of the body.
-            carrier: What it rides on; the world if None.
-            falls: Whether gravity pulls at it.
             substeps: Small steps in a physics step.
             mass_factor: Factor of the masses that the solver sees. Where inertia does not matter, as
                 in flesh that is pressed slowly, more of it brings one iteration closer to balance.
@@ -94,43 +88,35 @@ class SoftBody(SoftObject):
             raise ConfigError(f"substeps must be at least 1, got {substeps}")
         if not mass_factor > 0:
             raise ConfigError(f"mass_factor must be above 0, got {mass_factor}")
-        if focus is not None and (not focus > 0 or falls):
-            raise ConfigError(f"focus must be above 0, and is for what does not fall; got {focus}")
-        super().__init__(name, carrier)
+        if focus is not None and not focus > 0:
+            raise ConfigError(f"focus must be above 0, got {focus}")
+        super().__init__(name)
         self.material = material
         self.rest = np.ascontiguousarray(rest, np.float64)
         count = len(self.rest)
-        self.tetrahedra = Tetrahedra(
-            self.rest, np.zeros((0, 4), np.int32) if tetrahedra is None else tetrahedra, material
-        )
-        self.springs = springs or Springs(self.rest, np.zeros((0, 2), np.int32), stiffness=1.0)
-        self.hinges = hinges or Hinges(self.rest, np.zeros((0, 4), np.int32), stiffness=1.0)
+        self.tetrahedra = Tetrahedra(self.rest, tetrahedra, material)
         self.faces = boundary(self.tetrahedra.members) if faces is None else faces
-        mass = self.tetrahedra.lumped_masses(count) if masses is None else masses
-        mass = mass_factor * np.asarray(mass, np.float64)
+        mass = mass_factor * self.tetrahedra.lumped_masses(count)
         free = np.ones(count, np.bool_)
         free[np.asarray(held, np.int64)] = False
         if (mass[free] <= 0).any():
             raise ConfigError(f"particle {int(np.argmax(free & (mass <= 0)))} has no mass")
-        self.falls, self.substeps, self.focus = falls, substeps, focus
+        self.substeps, self.focus = substeps, focus
         self._lightness = np.zeros(count, np.float32)  # inverse masses of all that can move
         self._lightness[free] = 1 / mass[free]
         self._make_state(count, free)
-        self._pins: list[tuple[Indices, Body, int, Array]] = []
-        self.is_awake = falls
+        self.is_awake = False
         middle = (self.rest.min(axis=0) + self.rest.max(axis=0)) / 2
         self.middle, self.radius = middle, float(np.linalg.norm(self.rest - middle, axis=1).max())
-        self._place = np.array((*Pose().position, *Pose().quaternion))
-        if carrier is not None:
-            pose = carrier.body.inertial_pose(carrier.link).inverse() @ carrier.pose
-            self._place[:] = (*pose.position, *pose.quaternion)
+        pose = carrier.body.inertial_pose(carrier.link).inverse() @ carrier.pose
+        self.carrier, self._place = carrier, np.array((*pose.position, *pose.quaternion))
 
     def _make_state(self, count: int, free: npt.NDArray[np.bool_]) -> None:
         """Make the arrays that change, for particles that are `free` to move or not."""
         self._rest = self.rest.astype(np.float32)
-        self._x = np.zeros((count + SPARE, 4), np.float32)
-        self._x[:count, :3] = self._rest
-        self._x[count + 1 :, :3] = np.eye(3)  # the tetrahedron that fills unused lanes
+        self.points = np.zeros((count + SPARE, 4), np.float32)
+        self.points[:count, :3] = self._rest
+        self.points[count + 1 :, :3] = np.eye(3)  # the tetrahedron that fills unused lanes
         self._active = np.zeros(count, np.bool_)
         self._run = np.zeros(0, np.int64)
         if self.focus is None:
@@ -138,23 +124,23 @@ class SoftBody(SoftObject):
             self._attend_to_active()
         self._v, previous, self._start = (np.zeros((count, 3), np.float32) for _ in range(3))
         self._forces = np.zeros((count + SPARE, 3), np.float32)
-        self._motion = kernel.Motion(self._x, self._v, previous, self._start, self._forces)
+        self._motion = kernel.Motion(self.points, self._v, previous, self._start, self._forces)
         skin = np.unique(self.faces)
-        self._surface = contact.Surface(
+        self.skin, self.areas = (
             skin[free[skin]].astype(np.int32),
             vertex_areas(self.rest, self.faces),
-            np.zeros(count, np.int32),
-            np.zeros((count, 3), np.float32),
         )
+        self.normals = np.zeros((count, 3), np.float32)
+        touch = np.zeros(count, np.int32)
+        self._surface = contact.Surface(self.skin, self.areas, touch, self.normals)
         self._pairs = np.zeros((_PAIRS * len(self.skin) + 1, 2), np.int32)
         self.pressure = np.zeros(count, np.float32)
-        self._gradient = np.zeros((4, 3))
         self._last = np.zeros((0, 7))  # of each shape in the last step, see `kernel.smooth`
 
     def _attend_to_active(self) -> None:
         """Let active particles move, hold all others, and run the tetrahedra around them."""
         count = len(self.rest)
-        self._x[:count, 3] = np.where(self._active, self._lightness, 0)
+        self.points[:count, 3] = np.where(self._active, self._lightness, 0)
         padded = np.append(self._active & (self._lightness > 0), [False] * SPARE)
         self._run = np.flatnonzero(padded[self.tetrahedra.packed.particles].any(axis=1))
 
@@ -164,33 +150,13 @@ class SoftBody(SoftObject):
         if self.focus is None or not len(touching.rows):
             return
         inner, outer = np.float32(self.focus - FOCUS_MARGIN), np.float32(self.focus)
-        if contact.widen(self._x, tuple(touching.seen_from(frame)), inner, outer, self._active):
+        if contact.widen(self.points, tuple(touching.seen_from(frame)), inner, outer, self._active):
             self._attend_to_active()
 
     @property
     def positions(self) -> Floats:
         """Present positions in the frame of the body [m], shape [n, 3]."""
-        return self._x[: len(self.rest), :3]
-
-    @property
-    def points(self) -> Floats:
-        """Positions [m] and inverse masses [1/kg], as the kernels know them, shape [n + SPARE, 4]."""
-        return self._x
-
-    @property
-    def skin(self) -> Indices:
-        """Particles of the surface that can move, shape [s]."""
-        return self._surface.skin
-
-    @property
-    def normals(self) -> Floats:
-        """The way out of what each particle touches, in the frame of the body, shape [n, 3]."""
-        return self._surface.normals
-
-    @property
-    def areas(self) -> Floats:
-        """Area of the surface around each particle at rest [m²], shape [n]; zero inside."""
-        return self._surface.areas
+        return self.points[: len(self.rest), :3]
 
     def held_load(self) -> Array:
         """Return the elastic force on all held particles in the frame of the body [N], shape [3].
@@ -198,7 +164,7 @@ class SoftBody(SoftObject):
         At rest it is what the carrier bears.
         """
         self._read_elastic(0.0)
-        held = self._x[: len(self.rest), 3] == 0
+        held = self.points[: len(self.rest), 3] == 0
         return self._forces[: len(self.rest)][held].astype(np.float64).sum(axis=0)
 
     def least_volume_ratio(self) -> float:
@@ -207,29 +173,12 @@ class SoftBody(SoftObject):
 
     def deviation(self) -> float:
         """Return how far any particle is from rest [m]."""
-        return float(kernel.farthest_from(self._x, self._rest))
-
-    def pin(self, particles: Sequence[int], body: Body, link: int, client: int) -> None:
-        """Fix particles to a link of another body, where they are; the world must be their frame."""
-        if self.carrier is not None:
-            raise ConfigError("only a body in the frame of the world can be pinned to links")
-        chosen = np.asarray(particles, np.int32)
-        state = np.array(link_state(body, link, client))
-        turn = matrix_from_quaternion(state[3:7])
-        local = (self.positions[chosen].astype(np.float64) - state[:3]) @ turn
-        self._lightness[chosen] = 0
-        self._attend_to_active()
-        self._v[chosen] = 0
-        skin = np.setdiff1d(self.skin, chosen).astype(np.int32)
-        self._surface = self._surface._replace(skin=skin)
-        self._pins.append((chosen, body, link, local))
+        return float(kernel.farthest_from(self.points, self._rest))
 
     def frame(self, client: int) -> Array:
         """Return the state of the body's frame, as that of a link in `collider`, shape [13]."""
-        out = WORLD_FRAME.copy()
-        if self.carrier is not None:
-            state = np.array(link_state(self.carrier.body, self.carrier.link, client))
-            carry(state, self._place, out)
+        out = np.empty(STATE)
+        carry(np.array(link_state(self.carrier.body, self.carrier.link, client)), self._place, out)
         return out
 
     def in_world(self, frame: Array) -> Array:
@@ -237,53 +186,40 @@ class SoftBody(SoftObject):
         turn = matrix_from_quaternion(frame[3:7])
         return self.positions @ turn.T + frame[:3]
 
-    def advance(
-        self, colliders: Colliders, gravity: Array, period: float, frame: Array, client: int
-    ) -> None:
+    def advance(self, colliders: Colliders, period: float, frame: Array) -> None:
         """Simulate one physics step of `period` [s] and push what it met, and its carrier the other way.
 
         Args:
             colliders: The rigid shapes; links must be fresh.
-            gravity: In the world [m/s²], shape [3].
             period: Length of the physics step [s].
             frame: State of its frame.
-            client: Id of the physics client.
         """
-        field = _WEIGHTLESS
-        if self.falls:
-            field = (matrix_from_quaternion(frame[3:7]).T @ gravity).astype(np.float32)
         near = self.near or colliders.none
         shapes = near.seen_from(frame, self.material.friction)
         tables, motion, surface = tuple(shapes), tuple(self._motion), tuple(self._surface)
         dt = np.float32(period / self.substeps)
         keep = np.float32(math.exp(-self.material.damping_per_s * period / self.substeps))
         self._start[:] = self._v
-        pinned = tuple(self._pin_paths(period, client))
         self._surface.touch[:] = 0
-        x, previous, count = self._x, self._motion.previous, 0
+        x, previous, count = self.points, self._motion.previous, 0
         if len(near.rows):
             count = contact.find_pairs(x, self.skin, tables, np.float32(REACH), self._pairs)
         for _ in range(self.substeps):
-            kernel.predict(motion, field, dt, pinned)
-            self._solve(dt)
+            kernel.predict(motion, dt)
+            solve_tetrahedra(x, self._run, tuple(self.tetrahedra.packed), dt)
             if count:
                 contact.move_meetings(shapes.meetings, dt)
                 contact.solve_contacts(x, previous, self._pairs, count, tables, dt, surface)
             kernel.finish(motion, keep, dt)
         self._read_elastic(self.material.damping_s)
-        outcome = self._conclude(frame, near.rows, len(colliders.kinds), field, period)
+        outcome = self._conclude(frame, near.rows, len(colliders.kinds), period)
         self.contacts = []
         for c in np.flatnonzero(outcome[:, kernel.COUNT]).tolist():
             (body, link), row = colliders.links[colliders.shape_links[near.rows[c]]], outcome[c]
             area = float(row[kernel.AREA])
             self._push(SoftContact(body, link, row[:3], row[3:6], area=area))
-        for body, link, force, point in self.pin_loads():
-            if body.is_movable or body.joints:
-                body.apply_force(link, force, point)
 
-    def _conclude(
-        self, frame: Array, rows: Rows, shape_count: int, field: Floats, period: float
-    ) -> Array:
+    def _conclude(self, frame: Array, rows: Rows, shape_count: int, period: float) -> Array:
         """Find force, point and pressure from the elastic forces at the end of a step."""
         outcome = np.zeros((len(rows), kernel.OUTCOME))
         motion, surface = tuple(self._motion), tuple(self._surface)
@@ -294,66 +230,24 @@ class SoftBody(SoftObject):
             self._last[:] = 0
             return outcome
         damping = self.material.damping_per_s
-        kernel.share_out(motion, self._surface.touch, field, damping, period, outcome)
+        kernel.share_out(motion, self._surface.touch, damping, period, outcome)
         kernel.smooth(outcome, rows, self._last)
         kernel.spread_pressure(self._forces, surface, outcome, self.pressure)
         kernel.to_world(outcome, frame)
         return outcome
 
-    def pin_loads(self) -> list[tuple[Body, int, Array, Array]]:
-        """Return body, link, force [N] and a point of its line [m] for each group of pins."""
-        out = []
-        for particles, body, link, _ in self._pins:
-            forces = self._forces[particles].astype(np.float64)
-            points = self._x[particles, :3].astype(np.float64)
-            total = forces.sum(axis=0)
-            if total @ total > 0:
-                moment, point = np.cross(points, forces).sum(axis=0), np.empty(3)
-                kernel.line_point(total, moment, points.mean(axis=0), point)
-                out.append((body, link, total, point))
-        return out
-
     def _read_elastic(self, ahead: float) -> None:
         """Read the forces where the particles will be after `ahead` [s] at their present velocities."""
-        at = self._x
+        at = self.points
         if ahead > 0:
-            at = self._x.copy()
+            at = self.points.copy()
             at[: len(self.rest), :3] += np.float32(ahead) * self._v
         self._forces[:] = 0
-        flesh, threads, folds = self.tetrahedra, self.springs, self.hinges
-        if len(flesh.members):
-            add_elastic_forces(at, self._run, tuple(flesh.packed), self._forces)
-        if len(threads.members):
-            add_spring_forces(at, threads.members, threads.table, self._forces)
-        if len(folds.members):
-            add_hinge_forces(at, folds.members, folds.table, self._gradient, self._forces)
-
-    def _solve(self, dt: np.float32) -> None:
-        """Solve every constraint once."""
-        flesh, threads, folds = self.tetrahedra, self.springs, self.hinges
-        if len(flesh.members):
-            solve_tetrahedra(self._x, self._run, tuple(flesh.packed), dt)
-        if len(threads.members):
-            solve_springs(self._x, threads.members, threads.table, dt)
-        if len(folds.members):
-            solve_hinges(self._x, folds.members, folds.table, dt, self._gradient)
-
-    def _pin_paths(self, period: float, client: int) -> kernel.Pinned:
-        """Return the pinned particles and their displacement in a small step [m]."""
-        if not self._pins:
-            return _NO_PINS
-        rows, steps = [], []
-        for particles, body, link, local in self._pins:
-            state = np.array(link_state(body, link, client))
-            arms = local @ matrix_from_quaternion(state[3:7]).T
-            ahead = state[:3] + arms + period * (state[7:10] + np.cross(state[10:], arms))
-            rows.append(particles)
-            steps.append((ahead - self._x[particles, :3]) / self.substeps)
-        return kernel.Pinned(np.concatenate(rows), np.concatenate(steps).astype(np.float32))
+        add_elastic_forces(at, self._run, tuple(self.tetrahedra.packed), self._forces)
 
     def sleep(self) -> None:
         """Come to rest at once; from here on the body rides with its carrier and costs nothing."""
-        self._x[: len(self.rest), :3] = self._rest
+        self.points[: len(self.rest), :3] = self._rest
         self._v[:] = 0
         self._surface.touch[:] = 0
         self.pressure[:] = 0
@@ -365,7 +259,7 @@ class SoftBody(SoftObject):
 
     def _changing(self) -> tuple[npt.NDArray[Any], ...]:
         _, _, touch, normals = self._surface
-        return self._x, self._v, self._forces, touch, normals, self.pressure, self._active
+        return self.points, self._v, self._forces, touch, normals, self.pressure, self._active
 
     def save(self) -> tuple[Any, ...]:
         copies = (array.copy() for array in self._changing())
@@ -379,16 +273,6 @@ class SoftBody(SoftObject):
         self.contacts, self.is_awake = list(snapshot[-2]), snapshot[-1]
 
 
-_WEIGHTLESS = np.zeros(3, np.float32)
-_NO_PINS = kernel.Pinned(np.zeros(0, np.int32), np.zeros((0, 3), np.float32))
-
-
 def vertex_areas(positions: Array, faces: Indices) -> Floats:
     """Return a third of the area of all faces around each vertex [m²], shape [n]."""
-    corners = positions[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(normal, axis=1) / 6
-    out = np.zeros(len(positions))
-    for k in range(3):
-        np.add.at(out, faces[:, k], area)
-    return out.astype(np.float32)
+    return summed(faces, face_areas(positions, faces) / 3, len(positions)).astype(np.float32)

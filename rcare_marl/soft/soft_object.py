@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from ..body import Body
-from ..pose import Pose
+from ..errors import ConfigError
+from ..pose import Array, Pose
 from .collider import NearShapes
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +61,12 @@ class SoftObject:
         near: The rigid shapes that it may touch; none before its world has looked.
     """
 
-    color: ClassVar[tuple[int, ...] | None] = (
-        None  # what it is drawn in by default; not at all if None
-    )
+    color: ClassVar[tuple[int, ...] | None] = None  # drawn in by default; not at all if None
+    carrier: Carrier | None = None
 
-    def __init__(self, name: str, carrier: Carrier | None = None) -> None:
+    def __init__(self, name: str) -> None:
         """Begin with no contacts."""
-        self.name, self.carrier = name, carrier
+        self.name = name
         self.ignored: list[Body] = []
         self.contacts: list[SoftContact] = []
         self.near: NearShapes | None = None
@@ -101,3 +98,31 @@ class SoftObject:
             touch.body.apply_force(touch.link, touch.force.tolist(), touch.point.tolist())
         if self.carrier is not None:
             self.carrier.body.apply_force(self.carrier.link, -touch.force, touch.point)
+
+
+class ParticleObject(SoftObject):
+    """Particles in the frame of the world: a cloth or a fluid.
+
+    Attributes:
+        points: Positions [m] and inverse masses [1/kg], as the kernels know them, shape [n, 4].
+        velocities: Present velocities [m/s], shape [n, 3].
+    """
+
+    points: Array
+    velocities: Array
+
+    @property
+    def positions(self) -> Array:
+        """Present positions of all particles in the world [m], shape [n, 3]."""
+        return self.points[:, :3]
+
+    def place(self, positions: Array) -> None:
+        """Teleport all particles [m], shape [n, 3]; they stand still afterwards.
+
+        Raises:
+            ConfigError: If the shape is wrong or a value is not finite.
+        """
+        given = np.asarray(positions, np.float64)
+        if given.shape != self.velocities.shape or not np.isfinite(given).all():
+            raise ConfigError(f"positions must be finite and of the shape {self.velocities.shape}")
+        self.points[:, :3], self.velocities[:] = given, 0

@@ -13,19 +13,17 @@ import numpy.typing as npt
 from ..body import Body
 from ..contact import Contact
 from ..errors import ConfigError
-from ..pose import conjugate, multiply, rotation_vector
+from ..pose import Array, conjugate, multiply, rotation_vector
 from ..world import GRAVITY, Skin, World
-from . import kernel, vessel_kernel
+from . import kernel
 from .cloth import FASTEST, SHAPE_SPEED, Cloth
-from .collider import Colliders, Links, NearShapes, State
+from .collider import Colliders, Links, NearShapes, State, place_of
 from .fluid import HURRY, Fluid
 from .soft_body import SETTLED, SoftBody
 from .soft_object import SoftObject
 from .soft_skin import ClothSkin, FluidSkin, SoftBodySkin
-from .vessel import Vessel
+from .vessel import VESSEL, Vessel
 
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
 Kind = type[Cloth] | type[Fluid] | type[SoftBody]
 S = TypeVar("S", bound=SoftObject)
 
@@ -99,7 +97,7 @@ class SoftWorld:
         world, color = self._world, soft.color if color is None else color
         if isinstance(soft, SoftBody):
             self.bodies.append(soft)
-            if color is not None and soft.carrier is not None:
+            if color is not None:
                 # Renderers draw a skin in place of its body, but the carrier is to be seen as well: a
                 # second handle on the same body.
                 handle = Body(world, soft.carrier.body.uid, soft.carrier.body.name)
@@ -280,7 +278,7 @@ class SoftWorld:
     def _write_vessels(self, colliders: Colliders) -> Array:
         """Return the kernel's table of vessels."""
         self._fetch(colliders, self._vessel_rows)
-        table = np.empty((len(self.vessels), vessel_kernel.VESSEL))
+        table = np.empty((len(self.vessels), VESSEL))
         for row, vessel in zip(table, self.vessels, strict=True):
             vessel.write(row, colliders.states[colliders.row_of[vessel.body, vessel.link]])
         return table
@@ -311,9 +309,9 @@ class SoftWorld:
         awake = [body for body in self.bodies if body.is_awake]
         near = [s.near for s in (*self.cloths, *self.fluids) if s.near is not None]
         near_bodies = [body.near for body in awake if body.near is not None]
-        rows = {row for shapes in near_bodies for row in shapes.links}
+        rows = {row for shapes in near_bodies for row in shapes.by_link[0]}
         self._answering = sorted(rows & self._masses.keys())
-        rows.update(row for shapes in near for row in shapes.links)
+        rows.update(row for shapes in near for row in shapes.by_link[0])
         self._wanted = colliders.by_body(sorted(rows))
 
     def _look_of_cloths(self, colliders: Colliders, wait: float) -> None:
@@ -347,7 +345,7 @@ class SoftWorld:
         """Find what is near each soft body, wake and put to sleep, and say when to look again."""
         frames = [soft.frame(self._world.client) for soft in self.bodies]
         spheres = [
-            (colliders.place_of(frame, soft.middle), soft.radius)
+            (place_of(frame, soft.middle), soft.radius)
             for soft, frame in zip(self.bodies, frames, strict=True)
         ]
         places = self._places[SoftBody]
@@ -365,7 +363,7 @@ class SoftWorld:
                 soft.near = NearShapes(colliders, rows)
             if gap < WAKE:
                 soft.wake(frame, NearShapes(colliders, rows[gaps < WAKE]))
-            elif soft.is_awake and not soft.falls and soft.deviation() < SETTLED:
+            elif soft.is_awake and soft.deviation() < SETTLED:
                 soft.sleep()
             if not soft.is_awake:
                 least = min(least, gap)
@@ -397,11 +395,10 @@ class SoftWorld:
         """Simulate all awake soft bodies, and note how they push free links."""
         for row in self._answering:
             self._foresee(colliders.states[row], row, period)
-        client = self._world.client
         for soft in self.bodies:
             if not soft.is_awake:
                 continue
-            soft.advance(colliders, self._gravity, period, soft.frame(client), client)
+            soft.advance(colliders, period, soft.frame(self._world.client))
             for touch in soft.contacts:
                 row = colliders.row_of[touch.body, touch.link]
                 if row in self._masses:
@@ -426,4 +423,4 @@ class SoftWorld:
 
 
 _NO_PUSH = np.zeros(6)
-_NO_VESSELS = np.empty((0, vessel_kernel.VESSEL))
+_NO_VESSELS = np.empty((0, VESSEL))

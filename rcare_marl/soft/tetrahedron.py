@@ -17,19 +17,18 @@ lanes therefore work on one scratch array at constant places, which a compiler c
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from ..errors import ConfigError
+from ..pose import Array
 from .colouring import colours, groups
+from .constraint import summed
+from .contact import Floats, Indices
 from .material import Material
-
-Array = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
-Indices = npt.NDArray[np.int32]
 
 LANES = 8
 SPARE = 4  # particles behind the last one, a tetrahedron at rest that fills unused lanes
@@ -39,6 +38,10 @@ _MASSES, _INVERSE, _SOFTNESS = 12, 16, 25
 _ROWS = 26
 _TABLE = _ROWS - _INVERSE  # of these rows, those that never change
 _ONE = np.float32(1.0)
+# Corners of a cell are numbered x + 2 y + 4 z. Neighbours are cut as mirror images, so that the
+# diagonals of their common face agree.
+_EVEN = ((0, 1, 2, 4), (3, 2, 1, 7), (5, 1, 4, 7), (6, 4, 2, 7), (1, 2, 4, 7))
+_ODD = ((1, 0, 5, 3), (2, 0, 3, 6), (4, 0, 6, 5), (7, 3, 5, 6), (0, 3, 5, 6))
 
 
 def signed_volumes(positions: Array, tetrahedra: Indices) -> Array:
@@ -49,6 +52,39 @@ def signed_volumes(positions: Array, tetrahedra: Indices) -> Array:
 def _edges(positions: Array, tetrahedra: Indices) -> Array:
     first = positions[tetrahedra[:, 0]]
     return np.stack([positions[tetrahedra[:, k]] - first for k in (1, 2, 3)], axis=2)
+
+
+def make_block(size: Sequence[float], cells: Sequence[int]) -> tuple[Array, Indices]:
+    """Return particles [m], shape [n, 3], and tetrahedra, shape [t, 4], of a block.
+
+    The block lies with the middle of its underside at the origin. Particles go layer by layer up z, so
+    the first `(cells[0] + 1) (cells[1] + 1)` of them are the underside, the last ones the top.
+
+    Args:
+        size: Edges along x, y, z [m].
+        cells: Number of cells along each.
+
+    Raises:
+        ConfigError: If an edge has no length or there is no cell along it.
+    """
+    if len(size) != 3 or len(cells) != 3 or min(size) <= 0 or min(cells) < 1:
+        raise ConfigError(f"a block has three edges and cells along each, got {size}, {cells}")
+    nx, ny, nz = cells
+    x, y = np.linspace(-0.5, 0.5, nx + 1) * size[0], np.linspace(-0.5, 0.5, ny + 1) * size[1]
+    z = np.linspace(0.0, 1.0, nz + 1) * size[2]
+    grid = np.stack(np.meshgrid(z, y, x, indexing="ij")[::-1], axis=-1)
+    row, layer = nx + 1, (nx + 1) * (ny + 1)
+    corners = np.array([a + b * row + c * layer for c in (0, 1) for b in (0, 1) for a in (0, 1)])
+    members = []
+    for k in range(nz):
+        for j in range(ny):
+            for i in range(nx):
+                cut = _ODD if (i + j + k) % 2 else _EVEN
+                members.append(i + j * row + k * layer + corners[np.array(cut)])
+    points, out = grid.reshape(-1, 3), np.concatenate(members).astype(np.int32)
+    inside_out = signed_volumes(points, out) < 0
+    out[inside_out, 2:] = out[inside_out, :1:-1]
+    return points, out
 
 
 def boundary(tetrahedra: Indices) -> Indices:
@@ -98,21 +134,21 @@ class Tetrahedra:
         """
         self.members = np.asarray(members, np.int32).reshape(-1, 4)
         self.volumes = signed_volumes(rest, self.members)
-        if len(self.members) and self.volumes.min() <= 0:
+        if self.volumes.min() <= 0:
             worst = int(np.argmin(self.volumes))
             raise ConfigError(f"tetrahedron {worst} has the volume {self.volumes[worst]} m³")
         self._inverse = np.linalg.inv(_edges(rest, self.members))
         self._material = material
         mu, lame = material.shear_modulus, material.bulk_parameter
-        if len(self.members) and lame <= 0:
+        if lame <= 0:
             raise ConfigError("neo-Hookean tetrahedra need a Poisson's ratio above 0")
-        ratio = np.float32(mu / lame) if lame > 0 else np.float32(0)
-        self.packed = Packed(*self._pack(rest, mu), ratio, np.zeros(_ROWS * LANES, np.float32))
+        scratch = np.zeros(_ROWS * LANES, np.float32)
+        self.packed = Packed(*self._pack(rest, mu), np.float32(mu / lame), scratch)
 
     def _pack(self, rest: Array, mu: float) -> tuple[Indices, Floats]:
         count = len(rest)
         centres = rest[self.members].mean(axis=1)
-        axis = int(np.argmax(np.ptp(centres, axis=0))) if len(centres) else 0
+        axis = int(np.argmax(np.ptp(centres, axis=0)))
         rows = groups(colours(self.members, count), centres[:, axis], LANES)
         used = rows >= 0
         particles = np.empty((len(rows), 4, LANES), np.int32)
@@ -124,8 +160,7 @@ class Tetrahedra:
         chosen = rows[used]
         particles[here, :, lane] = self.members[chosen]
         table[here, :9, lane] = self._inverse[chosen].reshape(-1, 9)
-        if len(chosen):
-            table[here, 9, lane] = 1 / (mu * self.volumes[chosen])
+        table[here, 9, lane] = 1 / (mu * self.volumes[chosen])
         return particles.reshape(-1, 4 * LANES), table.reshape(-1, _TABLE * LANES)
 
     def determinants(self, positions: Array) -> Array:
@@ -134,10 +169,7 @@ class Tetrahedra:
 
     def lumped_masses(self, count: int) -> Array:
         """Return a quarter of each tetrahedron's mass at each of its particles [kg], shape [count]."""
-        out = np.zeros(count)
-        for k in range(4):
-            np.add.at(out, self.members[:, k], self._material.density_kg_m3 * self.volumes / 4)
-        return out
+        return summed(self.members, self._material.density_kg_m3 * self.volumes / 4, count)
 
 
 @numba.njit(inline="always")

@@ -16,6 +16,7 @@ from ..arm import Arm
 from ..joint_group import RETURN_SPEED
 from ..kinematics import place_chain
 from ..robot_config import BASE_JOINTS
+from .control import Control
 
 REST_PULL = 0.5  # [1/s] towards the rest posture, at full speed of the tool
 HEADROOM = 1.5  # motor torque over what `contact_force` at the tool takes
@@ -26,7 +27,7 @@ DAMPING = 0.01  # of the least squares
 FEW_JOINTS_TURN = 0.03
 
 
-class ToolDelta:
+class ToolDelta(Control):
     """Six values move a target of the tool's pose: three along, three about the world's axes.
 
     Joints follow the target by damped least squares within their position and speed limits. Three
@@ -43,6 +44,7 @@ class ToolDelta:
     TURN = 1.0  # [rad/s]
     LEASH = (0.03, 0.25)  # [m], [rad]
     CONTACT_FORCE = 15.0  # [N]
+    needs_actuation = True
 
     def __init__(self, arm: Arm) -> None:
         self.size = 6
@@ -116,10 +118,6 @@ class ToolDelta:
             forces = np.where(self._is_base, arm.effort, forces)
         self._drive(speeds, forces, weight)
 
-    @property
-    def needs_actuation(self) -> bool:
-        return True
-
     def actuate(self) -> None:
         """Carry the weight of the arm."""
         self._steps_left -= 1
@@ -153,8 +151,7 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
     hold = gravity_torques(tree, positions, frames, GRAVITY)
     here = jacobian(tree, frames, last, real[:, 3])
     turned = goal.copy()
-    for r in range(3):
-        turned[r, 3] += twist[r] * duration
+    turned[:, 3] += twist[:3] * duration
     turn_frame(turned, twist[3:] * duration)
     _give_way(turned, real, here, hold - torques, twist, duration, gentleness)
 
@@ -165,8 +162,7 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
     error = np.empty(6)
     for k in range(4):
         place_chain(tree, tip, target, frames, there)
-        for r in range(3):
-            error[r] = turned[r, 3] - there[r, 3]
+        error[:3] = turned[:, 3] - there[:, 3]
         error[3:] = weight * rotation_vector(turned, there)
         if k > 0 and (error**2).sum() < 1e-10:
             break
@@ -185,9 +181,7 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
         target[:] = start + part * (target - start)
     place_chain(tree, tip, target, frames, there)
     missed = rotation_vector(turned, there)
-    gap = 0.0
-    for r in range(3):
-        gap += (turned[r, 3] - there[r, 3]) ** 2
+    gap = ((turned[:, 3] - there[:, 3]) ** 2).sum()
     # What the joints cannot reach is forgotten: it would only have to be undone later.
     goal[:] = there if gap > 1e-6 or (missed**2).sum() > 1e-5 else turned
 

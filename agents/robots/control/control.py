@@ -1,15 +1,45 @@
-"""Control of a driving base by its speeds."""
+"""What all control modes have in common, and those of a base and of a gripper."""
 
 from __future__ import annotations
+
+import abc
 
 import numpy as np
 
 from rcare_marl.pose import Array
 
+from ..gripper import Gripper
 from ..mobile_base import MobileBase
 
 
-class BaseVelocity:
+class Control(abc.ABC):
+    """Turns actions into motor commands.
+
+    Attributes:
+        size: Number of action values.
+        names: What each value moves, with its unit.
+        max: What a value of 1 means in that unit, shape [size].
+        needs_actuation: Whether `actuate` must be called before every physics step.
+    """
+
+    size: int
+    names: tuple[str, ...]
+    max: Array
+    needs_actuation: bool = False
+
+    @abc.abstractmethod
+    def reset(self) -> None:
+        """Take the present posture as the one to hold, and hold it."""
+
+    @abc.abstractmethod
+    def command(self, action: Array, duration: float) -> None:
+        """Accept an action, each value in [-1, 1], for the coming `duration` [s]."""
+
+    def actuate(self) -> None:
+        """Act before each physics step, where motors cannot hold the command by themselves."""
+
+
+class BaseVelocity(Control):
     """Action values are speeds in the robot's own frame: forward, to the left if it can, and turning.
 
     The base takes `RAMP` to come from rest to its full speed, since a jolt would throw arms and head
@@ -17,6 +47,7 @@ class BaseVelocity:
     """
 
     RAMP = 0.2  # [s]; our own choice
+    needs_actuation = True
 
     def __init__(self, base: MobileBase, name: str = "base") -> None:
         self._base = base
@@ -43,10 +74,27 @@ class BaseVelocity:
         change = np.array((config.speed, config.speed, config.turn)) * duration / self.RAMP
         self._velocity = np.clip(wanted, self._velocity - change, self._velocity + change)
 
-    @property
-    def needs_actuation(self) -> bool:
-        return True
-
     def actuate(self) -> None:
         """Drive on along the present heading."""
         self._base.drive(self._velocity)
+
+
+class GripperClosing(Control):
+    """One value closes the gripper (1) or opens it (-1), at its greatest speed.
+
+    Attributes:
+        gripper: The gripper.
+    """
+
+    size = 1
+
+    def __init__(self, gripper: Gripper, name: str) -> None:
+        self.gripper = gripper
+        self.names = (f"{name} closing [1]",)
+        self.max = np.array([1.0])
+
+    def reset(self) -> None:
+        self.gripper.drive(self.gripper.target)
+
+    def command(self, action: Array, duration: float) -> None:
+        self.gripper.advance(float(action[0]), duration)

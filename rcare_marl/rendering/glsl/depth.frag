@@ -1,0 +1,3 @@
+uniform float lid;
+in float height;
+void main() { if (height > lid) discard; }
