@@ -15,7 +15,7 @@ from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
-from tensordict.nn import TensorDictModuleBase
+from tensordict.nn import TensorDictModule, TensorDictModuleBase
 from torch import Tensor
 from torchrl.objectives import SACLoss, SoftUpdate
 
@@ -23,7 +23,8 @@ from rcare_marl.errors import ConfigError
 
 from .exploration import ExploringPolicy
 from .memory import Memory
-from .network import Actor, ActorArrays, GroupShape, Normaliser, group_shapes
+from .network import Actor, ActorArrays, GroupShape, Normaliser, actor_module, group_shapes
+from .shortcut import shorten
 
 CHUNK = 8  # minibatches drawn by one call: one indexing for many is quicker; our own choice
 
@@ -240,9 +241,33 @@ class OffPolicy(ABC):
         )
         self._steps, self._owed = 0, 0.0
 
+    def _learner(self, shape: GroupShape, prefix: tuple[str, ...] = ()) -> Learner:
+        """Build the networks, the loss and the optimiser of a group, whose keys have a prefix."""
+        actor = Actor.of(shape, self.config)
+        critics = self._critics(shape)
+        loss = self._loss(
+            actor_network=actor_module(actor, *prefix),
+            qvalue_network=critics,
+            num_qvalue_nets=len(critics),
+            alpha_init=self.config.alpha_init,
+            target_entropy=target_entropy(self.config, shape),
+        )
+        shorten(loss, actor, critics[0])
+        return Learner(actor, loss, self.config, prefix)
+
     @abstractmethod
-    def _learner(self, shape: GroupShape) -> Learner:
-        """Build the networks, the loss and the optimiser of a group."""
+    def _critics(self, shape: GroupShape) -> list[TensorDictModule]:
+        """Return the critics of a group, with their keys."""
+
+    def _loss(self, **parts: Any) -> SACLoss:
+        """Return TorchRL's loss over the networks; `parts` are arguments of it."""
+        return SACLoss(**parts, loss_function="l2")
+
+    def _after(self, batch: TensorDictBase, group: str) -> dict[str, Tensor]:
+        """Return what a step led a group to, with its rewards as they are learned from."""
+        after = batch["next", group]
+        found = {key: after[key] for key in ("observation", "reward", "terminated", "done")}
+        return {**found, "reward": found["reward"] * self.config.reward_scale}
 
     @abstractmethod
     def _transitions(self, batch: TensorDictBase) -> dict[str, TensorDict]:
