@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn
+from rich.progress import BarColumn, Progress, TextColumn
 from rich.text import Text
 
 from rcare_marl.console import console
@@ -19,31 +18,6 @@ if TYPE_CHECKING:
 EVERY = 30.0  # [s] between two lines where there is no terminal
 WINDOW = 30.0  # [s] over which the speed is measured
 Clock = Callable[[], float]
-
-
-class Pace:
-    """How fast the steps go by."""
-
-    def __init__(self, clock: Clock = time.monotonic) -> None:
-        self._clock = clock
-        self._seen: deque[tuple[float, int]] = deque()
-
-    def note(self, step: int) -> None:
-        """Take note of how far it is now; that it is still there tells nothing of its pace."""
-        now = self._clock()
-        if self._seen and self._seen[-1][1] == step:
-            self._seen.pop()
-        self._seen.append((now, step))
-        while len(self._seen) > 2 and self._seen[1][0] <= now - WINDOW:
-            self._seen.popleft()
-
-    @property
-    def speed(self) -> float | None:
-        """Steps per second, of late; None as long as there is nothing to measure."""
-        if len(self._seen) < 2:
-            return None
-        (begin, first), (end, last) = self._seen[0], self._seen[-1]
-        return (last - first) / (end - begin) if end > begin else None
 
 
 class TrainingReport:
@@ -57,44 +31,43 @@ class TrainingReport:
         """Take where to write, standard error if None, and what tells the time [s]."""
         self._screen = screen or console(stderr=True)
         self._clock = clock
-        self._pace = Pace(clock)
-        self._bar: Progress | None = None
-        self._job = TaskID(0)
-        self._said = clock()
-        self._total, self._latest, self._line = 0, dict[str, float](), ""
+        self._latest, self._line = dict[str, float](), ""
 
     def start(self, config: TrainConfig, total_steps: int, at_step: int) -> None:
         """Say what begins."""
-        self._total = total_steps
         begin = f"{config.task}, {config.algo}, seed {config.seed}: {total_steps:,} steps"
         self._say(begin + (f", going on at {at_step:,}" if at_step else ""))
-        if self._screen.is_terminal:
-            columns = [TextColumn(config.task), BarColumn(), TextColumn("{task.description}")]
-            self._bar = Progress(*columns, console=self._screen, transient=True)
-            self._job = self._bar.add_task("", total=total_steps, completed=at_step)
-            self._bar.start()
-        self._pace.note(at_step)
+        self._bar = Progress(
+            *(TextColumn(config.task), BarColumn(), TextColumn("{task.description}")),
+            console=self._screen,
+            transient=True,
+            disable=not self._screen.is_terminal,
+            speed_estimate_period=WINDOW,
+            get_time=self._clock,
+        )
+        self._job = self._bar.add_task("", total=total_steps, completed=at_step)
+        self._bar.start()
         self._said = self._clock()
 
     def report(self, step: int, metrics: Mapping[str, float]) -> None:
         """Show how far it is."""
-        self._pace.note(step)
         self._latest |= metrics
+        self._bar.update(self._job, completed=step)
         self._line = self._state(step)
-        if self._bar is not None:
-            self._bar.update(self._job, completed=step, description=self._line)
+        self._bar.update(self._job, description=self._line)
         if "eval_success" in metrics:
             self._say(f"{step:,} steps: evaluation {_evaluation(metrics)}")
-        elif self._bar is None and self._clock() - self._said >= EVERY:
+        elif self._bar.disable and self._clock() - self._said >= EVERY:
             self._said = self._clock()
             self._say(self._line)
 
     def _state(self, step: int) -> str:
         """Return in a line how it stands."""
-        parts = [f"{step:,}/{self._total:,}"]
-        if speed := self._pace.speed:
-            left = self._total - step
-            parts += [f"{duration(left / speed)} left"] if left > 0 else []
+        task = self._bar.tasks[0]
+        parts = [f"{step:,}/{task.total:,}"]
+        if speed := task.speed:
+            left = (task.remaining or 0.0) / speed
+            parts += [f"{duration(left)} left"] if left > 0 else []
             parts.append(f"{speed:,.0f} steps/s")
         if "return" in self._latest:
             parts.append(f"return {self._latest['return']:.3g}")
@@ -104,9 +77,7 @@ class TrainingReport:
 
     def close(self) -> None:
         """Remove the bar, and leave the last line; safe to call twice."""
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
+        self._bar.stop()
         if self._line:
             self._say(self._line)
             self._line = ""
