@@ -254,10 +254,10 @@ def test_a_file_that_holds_no_such_network_is_refused(tmp_path: Path) -> None:
         load_network(tmp_path / "nowhere.npz")
     broken = tmp_path / "broken.npz"
     broken.write_bytes(b"PK\x03\x04 no archive")
-    with pytest.raises(ConfigError, match="no network that judges repetitions"):
+    with pytest.raises(ConfigError, match="network that judges repetitions"):
         load_network(broken)
     np.savez(tmp_path / "other.npz", weights=np.zeros(3))
-    with pytest.raises(ConfigError, match="no network that judges repetitions"):
+    with pytest.raises(ConfigError, match="network that judges repetitions"):
         load_network(tmp_path / "other.npz")
 
 

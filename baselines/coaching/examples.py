@@ -20,10 +20,9 @@ from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SI
 
 from ..workers import run_all
 from .encoding import Floats, asked_rows, encode
-from .evaluation import judge_performance
+from .evaluation import judge_performance, make_sensor, usual_noise
 from .network import CLASSES
 from .performance import WRONG, Performance, idle, perform
-from .sensors import make_sensor, usual_noise
 from .synthetic_user import SPLITS, SyntheticUser, draw_person
 
 ERROR_OF = {

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import io
-import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from torch import nn
 
+from rcare_marl.array_file import read_arrays, write_arrays
 from rcare_marl.errors import ConfigError
 
 from .encoding import CHANNELS, FACTS
@@ -25,7 +22,7 @@ CLASSES = tuple(
     """.split()
 )
 WIDTH = 64  # our own choice
-ABOUT = "about"
+KIND, VERSION = "a network that judges repetitions", 1  # of its file
 
 
 class RepetitionNetwork(nn.Module):
@@ -62,11 +59,8 @@ class RepetitionNetwork(nn.Module):
 
 def save_network(network: RepetitionNetwork, about: Mapping[str, Any], file: Path) -> None:
     """Write a network and what there is to say of it as NPZ, without pickle."""
-    arrays: dict[str, Any] = {name: value.numpy() for name, value in network.state_dict().items()}
-    arrays[ABOUT] = np.array(json.dumps(dict(about)))
-    stream = io.BytesIO()
-    np.savez_compressed(stream, **arrays)
-    file.write_bytes(stream.getvalue())
+    arrays = {name: value.numpy() for name, value in network.state_dict().items()}
+    write_arrays(file, {**about, "version": VERSION}, arrays)
 
 
 def load_network(file: Path) -> tuple[RepetitionNetwork, dict[str, Any]]:
@@ -76,14 +70,10 @@ def load_network(file: Path) -> tuple[RepetitionNetwork, dict[str, Any]]:
         ConfigError: If the file cannot be read or holds no such network.
     """
     network = RepetitionNetwork()
+    about, arrays = read_arrays(file, KIND, VERSION)
     try:
-        with np.load(file, allow_pickle=False) as found:
-            about = json.loads(str(found[ABOUT]))
-            state = {n: torch.from_numpy(found[n]) for n in found.files if n != ABOUT}
-        network.load_state_dict(state)
-    except OSError as error:
-        raise ConfigError(f"cannot read {file}: {error.strerror or error}") from error
-    except (zipfile.BadZipFile, ValueError, KeyError, RuntimeError) as error:
-        raise ConfigError(f"{file} is no network that judges repetitions: {error}") from error
+        network.load_state_dict({name: torch.from_numpy(part) for name, part in arrays.items()})
+    except RuntimeError as error:
+        raise ConfigError(f"{file} is no file of {KIND}: {error}") from error
     network.eval()
     return network, about

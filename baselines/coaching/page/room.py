@@ -17,7 +17,6 @@ from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SI
 from rcare_marl.errors import ConfigError
 
 from .message import Begin, Command, Consent, Hands, Landmarks, Message, MessageError, Simulate
-from .page_body import PageBody
 from .recording import Recorder, Step
 from .sight import Camera, Sight
 
@@ -28,6 +27,32 @@ STEP = 1 / 30  # of a session [s]
 LONGEST_STEP = 0.2  # where the computer was busy [s]
 FIGURE = UpperBody.of_height(1.6)  # of the coach; the page draws it as a small robot
 NOTHING_SEEN = "I cannot see you. Please check the headset, the hands or the camera."
+
+
+class PageBody:
+    """Keeps what the page has to show and to say.
+
+    Attributes:
+        angles: What is shown [rad], shape [16].
+        rest: How it stands still [rad], shape [16].
+        said: What was said last; empty before.
+        count: How often something was said.
+    """
+
+    def __init__(self, rest: Array | None = None) -> None:
+        """Stand at rest [rad], shape [16]; with hanging arms if None."""
+        self.rest = np.zeros(len(MOTIONS)) if rest is None else rest
+        self.angles = self.rest
+        self.said, self.count = "", 0
+
+    def show(self, angles: Array) -> None:
+        self.angles = angles
+
+    def say(self, text: str) -> None:
+        self.said, self.count = text, self.count + 1
+
+    def stand_still(self) -> None:
+        self.angles = self.rest
 
 
 class Watcher(RuleRecogniser):
