@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 from ..upper_body import (
     ARM,
@@ -145,7 +146,9 @@ class BandPose:
         """Return this pose moved by a vector of `Layout`."""
         out, count = self.copy(), len(self.places)
         worn = step[self.layout.first :].reshape(count, 6)
-        turned = _turns(np.concatenate((step[:12].reshape(4, 3), worn[:, :3])))
+        turned = Rotation.from_rotvec(
+            np.concatenate((step[:12].reshape(4, 3), worn[:, :3]))
+        ).as_matrix()
         out.trunk, out.head = turned[0] @ self.trunk, turned[1] @ self.head
         out.shoulders, out.turns = turned[2:4] @ self.shoulders, turned[4:] @ self.turns
         out.elbows, out.forearms = self.elbows + step[12:14], self.forearms + step[14:16]
@@ -162,7 +165,7 @@ class BandPose:
         ) @ np.concatenate(((other.trunk, other.head), other.shoulders, other.turns)).transpose(
             0, 2, 1
         )
-        vectors = _vectors(turns)
+        vectors = Rotation.from_matrix(turns).as_rotvec()
         worn = np.concatenate((vectors[4:], self.places - other.places), axis=1)
         return np.concatenate(
             (
@@ -256,7 +259,6 @@ def _slopes(  # type: ignore[no-untyped-def]
         start = first + 6 * bands[n]
         here = turns[segment]
         for k in range(3):
-            turned = np.zeros(3)
             axis = np.zeros(3)
             axis[k] = 1.0
             turned = np.cross(axis, on_band[n])
@@ -275,29 +277,3 @@ def _turning(away, frame, out) -> None:  # type: ignore[no-untyped-def]
         out[0, k] = y * away[2] - z * away[1]
         out[1, k] = z * away[0] - x * away[2]
         out[2, k] = x * away[1] - y * away[0]
-
-
-def _turns(vectors: Array) -> Array:
-    """Return the rotations by axis times angle [rad], [n, 3], shape [n, 3, 3] (Rodrigues 1840)."""
-    angle = np.maximum(np.linalg.norm(vectors, axis=1), 1e-12)
-    x, y, z = (vectors / angle[:, None]).T
-    none = np.zeros(len(vectors))
-    cross = np.array(((none, -z, y), (z, none, -x), (-y, x, none))).transpose(2, 0, 1)
-    sine, rest = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
-    return np.asarray(np.eye(3) + sine * cross + rest * (cross @ cross))
-
-
-def _vectors(turns: Array) -> Array:
-    """Return axis times angle [rad] of rotations [n, 3, 3], all less than half a turn, shape [n, 3]."""
-    twice = np.stack(
-        (
-            turns[:, 2, 1] - turns[:, 1, 2],
-            turns[:, 0, 2] - turns[:, 2, 0],
-            turns[:, 1, 0] - turns[:, 0, 1],
-        ),
-        axis=1,
-    )
-    sine = 0.5 * np.linalg.norm(twice, axis=1)
-    angle = np.arctan2(sine, 0.5 * (np.trace(turns, axis1=1, axis2=2) - 1))
-    scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
-    return np.asarray(0.5 * twice * scale[:, None])
