@@ -181,9 +181,3 @@ def default_config(task: str, level: int | None = None) -> dict[str, Any]:
                 found["cast"] = {**found.get("cast", {}), "level": level}
             return found
     return {"task": task, **({"cast": {"level": level}} if level is not None else {})}
-
-
-def config_names() -> list[str]:
-    """Return the names of the configs that ship."""
-    folder = Path(str(files(CONFIGS)))
-    return sorted(path.stem for path in folder.glob("*.yaml"))

@@ -18,9 +18,8 @@ from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose, matrix_from_quaternion
 
 from ..recognition.recogniser import Frame
-from ..turn import axes_of, trunk_axes
 from ..upper_body import ARM, MOTIONS, SIDES, SIGN, UpperBody
-from .arm_pose import arm_motion, elbow_at
+from .arm_pose import arm_motion, axes_of, elbow_at, trunk_axes
 from .one_euro import OneEuro
 
 Array = npt.NDArray[np.float64]
