@@ -369,7 +369,7 @@ class _Evaluator:
     def __init__(self, config: TrainConfig) -> None:
         self._config = config
         env = LearnerEnv(config.recipe())
-        self._groups, self._observed = env.groups, env.observed
+        self._groups, self._observed = env.groups, env.layout.observed
         self._actions = {
             group: tuple(env.care_env.cast[roles[0]].action_names)
             for group, roles in env.groups.items()

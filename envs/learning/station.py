@@ -217,7 +217,8 @@ class Station:
         env = self._envs[k]
         env.reset(record.seed, record.stage)
         for number, row in enumerate(record.actions):
-            ends = np.cumsum([len(r) * env.action_sizes[g] for g, r in env.groups.items()])
+            sizes = env.layout.action_sizes
+            ends = np.cumsum([len(r) * sizes[g] for g, r in env.groups.items()])
             pieces = zip(env.groups.items(), np.split(row, ends[:-1]), strict=True)
             env.step({group: piece.reshape(len(roles), -1) for (group, roles), piece in pieces})
             if env.terminated or env.truncated:
