@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from rcare_marl.baselines.algorithms.exploration import ExploringPolicy
-from rcare_marl.baselines.algorithms.network import Actor, group_shapes
+from rcare_marl.baselines.algorithms.network import Actor, ExploringPolicy, group_shapes
 from rcare_marl.baselines.training.cluster import async_count
 from rcare_marl.baselines.training.collector import make_collector, shut_down
 from rcare_marl.baselines.training.config import TrainConfig

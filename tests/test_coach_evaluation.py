@@ -15,19 +15,19 @@ import torch
 from typer.testing import CliRunner
 
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
-from rcare_marl.agents.coaching.recognition.assessment import Motion
 from rcare_marl.agents.coaching.recognition.feature import features
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
 from rcare_marl.agents.coaching.recognition.segmenter import Segment
 from rcare_marl.agents.coaching.recognition.template import Template
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS
 from rcare_marl.baselines.coaching.camera_sensor import CameraSensor
-from rcare_marl.baselines.coaching.encoding import Floats, asked_rows, encode, mirrored
+from rcare_marl.baselines.coaching.encoding import Floats, encode, mirrored
 from rcare_marl.baselines.coaching.evaluation import evaluate_coach, noise_levels
 from rcare_marl.baselines.coaching.examples import WRONG_SOMEHOW, Examples, examples_of
-from rcare_marl.baselines.coaching.learned_recogniser import SHIPPED, LearnedRecogniser
-from rcare_marl.baselines.coaching.network import (
+from rcare_marl.baselines.coaching.learned_recogniser import (
     CLASSES,
+    SHIPPED,
+    LearnedRecogniser,
     RepetitionNetwork,
     load_network,
     save_network,
@@ -148,7 +148,7 @@ def segment_of(exercise: Exercise, path: Array) -> Segment:
 
 def encoded(exercise: Exercise, path: Array) -> tuple[Floats, Floats]:
     template, segment = Template(exercise), segment_of(exercise, path)
-    return encode(Motion.of(segment), segment, template, asked_rows(template))
+    return encode(segment, template)
 
 
 def mirror_image(

@@ -51,9 +51,11 @@ class Imitation:
     def __init__(self, limits: Limits) -> None:
         """Take the range [rad] of each degree of freedom that the person can use."""
         self._limits = dict(limits)
-        known = [*(dof for dofs in AXIAL.values() for dof in dofs), *_arm_dofs()]
+        arm = (*SHOULDER, "elbow_flexion", "elbow_pronation")
+        known = [dof for dofs in AXIAL.values() for dof in dofs]
+        known += [f"{side}_{name}" for side in SIDES for name in arm]
         self.dofs = tuple(dof for dof in known if dof in self._limits)
-        self._shoulders = {side: (HANGING, 0.0, 0.0) for side in SIDES}
+        self.reset()
 
     def reset(self) -> None:
         """Begin with hanging arms."""
@@ -165,8 +167,3 @@ def _near(angles: Array, before: Array) -> Array:
     """Return the same angles by whole turns nearest to others."""
     near: Array = angles - 2 * math.pi * np.rint((angles - before) / (2 * math.pi))
     return near
-
-
-def _arm_dofs() -> list[str]:
-    names = (*SHOULDER, "elbow_flexion", "elbow_pronation")
-    return [f"{side}_{name}" for side in SIDES for name in names]

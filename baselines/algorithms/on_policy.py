@@ -21,8 +21,16 @@ from torchrl.objectives.value import MultiAgentGAE
 
 from rcare_marl.errors import ConfigError
 
-from .exploration import ExploringPolicy
-from .network import Actor, ActorArrays, Critic, GroupShape, actor_module, group_shapes, meant
+from .network import (
+    Actor,
+    ActorArrays,
+    Critic,
+    ExploringPolicy,
+    GroupShape,
+    actor_module,
+    group_shapes,
+    meant,
+)
 
 LEAST_SPREAD = 1e-6  # returns that spread less are not rescaled
 AGENTS = -2  # axis of the agents in values [..., agents, 1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -36,32 +37,31 @@ _FACT_NAMES = ["tempo", "duration", "returned", *MOVING, *(f"{part} " for part i
 _SWAP_FACTS = np.array([_FACT_NAMES.index(_other(name)) for name in _FACT_NAMES])
 
 
+@lru_cache(maxsize=8)  # by template, of which a recogniser keeps one an exercise
 def asked_rows(template: Template) -> tuple[Array, Array]:
     """Return the features of what was asked, at `STEPS` times and at rest, shapes [48, 24] and [24]."""
     rest = feature(template.exercise.keys[0])
     return _at_steps(features(template.exercise.path(RATE))), rest
 
 
-def encode(
-    motion: Motion, segment: Segment, template: Template, asked: tuple[Array, Array]
-) -> tuple[Floats, Floats]:
+def encode(segment: Segment, template: Template) -> tuple[Floats, Floats]:
     """Return a repetition as a network takes it, shapes [96, 48] and [13].
 
     Args:
-        motion: The repetition at an even rate.
-        segment: The same as it was found.
+        segment: The repetition as it was found.
         template: What was asked.
-        asked: Of `asked_rows`.
     """
+    motion = Motion.of(segment)
     rows = np.concatenate([motion.vectors[name] for name in VECTORS], axis=1)
     rows = np.concatenate((rows, *(motion.angles[name][:, None] for name in ANGLES)), axis=1)
     rest = np.concatenate([motion.rest[name] for name in VECTORS])
     rest = np.concatenate((rest, [motion.rest_angles[name] for name in ANGLES]))
     seen = _at_steps(rows)
     away = seen - rest
-    path, path_rest = asked
+    path, path_rest = asked_rows(template)
     sequence = np.concatenate((seen, away, path, path - path_rest), axis=1).T
-    known = [bool(np.isfinite(_column(motion, part)).all()) for part in PARTS]
+    columns = {**motion.vectors, **motion.angles}
+    known = [bool(np.isfinite(columns[part]).all()) for part in PARTS]
     seconds = len(rows) / RATE
     facts = (
         math.log(seconds / template.exercise.duration),
@@ -78,10 +78,6 @@ def mirrored(sequences: Floats, facts: Floats) -> tuple[Floats, Floats]:
     blocks = sequences.reshape(len(sequences), 4, SIZE, STEPS)[:, :, _SWAP]
     turned = blocks * _SIGN[:, None].astype(np.float32)
     return turned.reshape(sequences.shape), facts[:, _SWAP_FACTS]
-
-
-def _column(motion: Motion, part: str) -> Array:
-    return motion.angles[part] if part in motion.angles else motion.vectors[part]
 
 
 def _at_steps(rows: Array) -> Array:

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.coaching.exercise import Exercise, Reach, exercise_names, load_exercises
-from rcare_marl.agents.coaching.recognition.assessment import Motion
 from rcare_marl.agents.coaching.recognition.recogniser import Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.recognition.segmenter import Segment
@@ -19,9 +18,9 @@ from rcare_marl.agents.coaching.recognition.template import Template
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES
 
 from ..workers import run_all
-from .encoding import Floats, asked_rows, encode
+from .encoding import Floats, encode
 from .evaluation import judge_performance, make_sensor, usual_noise
-from .network import CLASSES
+from .learned_recogniser import CLASSES
 from .performance import WRONG, Performance, idle, perform
 from .synthetic_user import SPLITS, SyntheticUser, draw_person
 
@@ -69,14 +68,12 @@ class _Watcher(RuleRecogniser):
 
     def begin(self, exercise: Exercise) -> None:
         super().begin(exercise)
-        self._asked = asked_rows(Template(exercise))
         self.kept: list[tuple[float, float, Floats, Floats]] = []
 
     def _judged(self, template: Template, segment: Segment) -> Repetition | None:
         found = super()._judged(template, segment)
         if found is not None and found.errors[:1] != ("not_seen",):
-            encoded = encode(Motion.of(segment), segment, template, self._asked)
-            self.kept.append((segment.start, segment.end, *encoded))
+            self.kept.append((segment.start, segment.end, *encode(segment, template)))
         return found
 
 

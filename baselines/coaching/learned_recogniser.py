@@ -6,25 +6,90 @@ window, how far and how even it was, and what is no movement at all stay with th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import torch
+from torch import nn
 
 from rcare_marl.agents.coaching.exercise import Exercise
-from rcare_marl.agents.coaching.recognition.assessment import Motion
 from rcare_marl.agents.coaching.recognition.recogniser import Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.recognition.segmenter import Segment
 from rcare_marl.agents.coaching.recognition.template import Template
+from rcare_marl.array_file import read_arrays, write_arrays
+from rcare_marl.errors import ConfigError
 
-from .encoding import asked_rows, encode
-from .network import CLASSES, RepetitionNetwork, load_network
+from .encoding import CHANNELS, FACTS, encode
 
 SHIPPED = Path(__file__).with_name("recogniser.npz")
 UNSEEN = "not_seen"
+# What a repetition may be; all but the first are names of `recogniser.ERRORS`.
+CLASSES = tuple(
+    """
+    right one_side range direction too_fast asymmetric head_only arms_only trunk_lean trunk_turn
+    bent_elbows unknown_movement wrong_side other_exercise
+    """.split()
+)
+WIDTH = 64  # our own choice
+KIND, VERSION = "a network that judges repetitions", 1  # of its file
+
+
+class RepetitionNetwork(nn.Module):
+    """Sees a repetition beside what was asked; says what it was."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.over_time = nn.Sequential(
+            nn.Conv1d(CHANNELS, WIDTH, 5, stride=2, padding=2),
+            nn.GELU(),
+            nn.Conv1d(WIDTH, WIDTH, 5, stride=2, padding=2),
+            nn.GELU(),
+            nn.Conv1d(WIDTH, WIDTH, 3, padding=1),
+            nn.GELU(),
+        )
+        self.told = nn.Sequential(
+            nn.Dropout(0.1),
+            nn.Linear(2 * WIDTH + FACTS, WIDTH),
+            nn.GELU(),
+            nn.Linear(WIDTH, len(CLASSES)),
+        )
+
+    def forward(self, sequences: torch.Tensor, facts: torch.Tensor) -> torch.Tensor:
+        """Return the logits of `CLASSES`, shape [n, classes].
+
+        Args:
+            sequences: Of `encoding.encode`, shape [n, 96, 48].
+            facts: Likewise, shape [n, 13].
+        """
+        found = self.over_time(sequences)
+        pooled = torch.cat((found.mean(dim=2), found.amax(dim=2), facts), dim=1)
+        return torch.as_tensor(self.told(pooled))
+
+
+def save_network(network: RepetitionNetwork, about: Mapping[str, Any], file: Path) -> None:
+    """Write a network and what there is to say of it as NPZ, without pickle."""
+    arrays = {name: value.numpy() for name, value in network.state_dict().items()}
+    write_arrays(file, {**about, "version": VERSION}, arrays)
+
+
+def load_network(file: Path) -> tuple[RepetitionNetwork, dict[str, Any]]:
+    """Return a network and what its file says of it.
+
+    Raises:
+        ConfigError: If the file cannot be read or holds no such network.
+    """
+    network = RepetitionNetwork()
+    about, arrays = read_arrays(file, KIND, VERSION)
+    try:
+        network.load_state_dict({name: torch.from_numpy(part) for name, part in arrays.items()})
+    except RuntimeError as error:
+        raise ConfigError(f"{file} is no file of {KIND}: {error}") from error
+    network.eval()
+    return network, about
 
 
 @cache
@@ -51,16 +116,11 @@ class LearnedRecogniser(RuleRecogniser):
         super().__init__(known=known)
         self._network = _network(file)
 
-    def begin(self, exercise: Exercise) -> None:
-        """Expect an exercise from now on."""
-        super().begin(exercise)
-        self._asked = asked_rows(Template(exercise))
-
     def _judged(self, template: Template, segment: Segment) -> Repetition | None:
         by_rules = super()._judged(template, segment)
         if by_rules is None or by_rules.errors[:1] == (UNSEEN,):
             return by_rules
-        sequence, facts = encode(Motion.of(segment), segment, template, self._asked)
+        sequence, facts = encode(segment, template)
         with torch.inference_mode():
             logits = self._network(torch.from_numpy(sequence)[None], torch.from_numpy(facts)[None])
         chances = torch.softmax(logits[0], dim=0).tolist()

@@ -19,8 +19,7 @@ from torch.nn import functional
 
 from .encoding import mirrored
 from .examples import WRONG_SOMEHOW, Examples, gather
-from .learned_recogniser import SHIPPED
-from .network import CLASSES, RepetitionNetwork, save_network
+from .learned_recogniser import CLASSES, SHIPPED, RepetitionNetwork, save_network
 
 # All our own choice.
 PEOPLE = {"hands": 100, "joints": 16, "camera": 4}

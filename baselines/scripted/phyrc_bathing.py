@@ -119,7 +119,8 @@ class ScriptedPhyrcBathing(ToolScript[PhyrcBathing]):
                 self._phase = "raise"
             return np.zeros(3)
         over = np.array(task.tool_for(task.scene.dipped()).position)
-        safe = task.scene.table.frame("top").position[2] + UP + (self._sponge_height())
+        height = float(task.scene.sponge.frame("face").position[2])  # of the handle over the face
+        safe = task.scene.table.frame("top").position[2] + UP + height
         if self._phase == "raise":
             if task.state.earned >= 1 and tool[2] > safe - NEAR:
                 self._phase = "carry"
@@ -140,10 +141,6 @@ class ScriptedPhyrcBathing(ToolScript[PhyrcBathing]):
     def _level_tool(self) -> Pose:
         """Return where the tool takes the sponge that lies there."""
         return self._task.tool_for(self._task.scene.sponge.pose)
-
-    def _sponge_height(self) -> float:
-        """Return how high the handle is over the face [m]."""
-        return float(self._task.scene.sponge.frame("face").position[2])
 
     def _towards(self, goal: Array, most: float) -> Array:
         return limited(GAIN * (goal - self._robot.tool_pose().position), most)

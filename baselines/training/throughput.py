@@ -39,8 +39,7 @@ import numpy as np
 import torch
 from tensordict.nn import TensorDictModuleBase
 
-from rcare_marl.baselines.algorithms.exploration import ExploringPolicy
-from rcare_marl.baselines.algorithms.network import Actor, group_shapes
+from rcare_marl.baselines.algorithms.network import Actor, ExploringPolicy, group_shapes
 from rcare_marl.baselines.algorithms.off_policy import OffPolicyConfig
 from rcare_marl.baselines.algorithms.sac import Sac
 from rcare_marl.config import load

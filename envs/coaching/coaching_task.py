@@ -22,9 +22,8 @@ from rcare_marl.world import World
 from ..state import Seen, State, Values
 from ..task import Role, Task
 from .action import LIMBS, CoachPart, Orders
-from .option import SocialCoachingOptions
 from .seat import Seat, stand
-from .trainee import Trainee, TraineeState, head_of, trainee_rewards
+from .trainee import SocialCoachingOptions, Trainee, TraineeState, head_of, trainee_rewards
 
 EXPLAINING = 8.0  # [s] of the time limit for each exercise of each person; our own choice
 GENEROUS = 3.0  # time limit over the duration of all right repetitions as shown; our own choice

@@ -39,6 +39,11 @@ class RuleRecogniser:
         self._segmenter = Segmenter()
         self._template: Template | None = None
 
+    def begin_anew(self) -> None:
+        """Drop half a repetition: expect the same exercise, at the same tempo, from now on."""
+        assert self._template is not None  # one has begun
+        self.begin(self._template.exercise)
+
     def begin(self, exercise: Exercise) -> None:
         """Expect an exercise from now on."""
         self._template = Template(exercise)

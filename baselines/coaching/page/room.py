@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.agents.coaching.exercise import Exercise, Reach, load_exercises
+from rcare_marl.agents.coaching.exercise import Reach, load_exercises
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS, Frame, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import PRAISED_FOR, RuleRecogniser
 from rcare_marl.agents.coaching.session import Session, programme
@@ -53,18 +53,6 @@ class PageBody:
 
     def stand_still(self) -> None:
         self.angles = self.rest
-
-
-class Watcher(RuleRecogniser):
-    """Recognises by rules, and can drop half a repetition."""
-
-    def begin(self, exercise: Exercise) -> None:
-        super().begin(exercise)
-        self._expected = exercise
-
-    def begin_anew(self) -> None:
-        """Expect the same exercise, at the same tempo, from now on; once one has begun."""
-        self.begin(self._expected)
 
 
 class Room:
@@ -117,11 +105,11 @@ class Room:
             raise MessageError(str(error)) from error
         sight = Sight(begin, self._camera)
         exercises = tuple(exercise.faster(begin.tempo) for exercise in exercises)
-        watcher = Watcher()
-        session = Session(exercises, watcher, repetitions=begin.repetitions)
+        recogniser = RuleRecogniser()
+        session = Session(exercises, recogniser, repetitions=begin.repetitions)
         if self.recorder is not None:
             self.recorder.begin(begin, exercises)
-        self._session, self._sight, self._watcher = session, sight, watcher
+        self._session, self._sight, self._recogniser = session, sight, recogniser
         self._number += 1
         self._body = PageBody(exercises[0].angles(0.0))
         self._coach = Coach(session, self._body)
@@ -147,7 +135,7 @@ class Room:
             session.must_pause = session.must_rest = False
         else:
             self._sight.recentre()
-            self._watcher.begin_anew()  # half a repetition as seen from elsewhere would be judged
+            self._recogniser.begin_anew()  # half a repetition as seen from elsewhere would be judged
             self._settled, self._user = False, None
 
     def step(self, now: float) -> dict[str, Any]:
