@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from rcare_marl.baselines.evaluation.cross_play import CrossPlay
@@ -23,8 +22,7 @@ from rcare_marl.baselines.evaluation.episode_figure import style
 from rcare_marl.baselines.evaluation.statistic import hierarchical_interval
 from rcare_marl.baselines.partners import TEMPERAMENTS
 from rcare_marl.console import markdown_table
-
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 AVATARS = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
 TREE, THROUGH_MUSCLES = "karan_cooperative", "karan_muscles"

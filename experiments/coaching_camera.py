@@ -39,11 +39,10 @@ from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.agents.sensing.camera import CameraSensor
 from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.envs.devices import Wheelchair
-from rcare_marl.pose import Pose, quaternion_from_rpy
+from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.rendering import Camera, make_renderer
 from rcare_marl.world import World
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 # Where the robot is, facing the chair: root of NAO on a table of 0.72 m, of Pepper on the floor [m], and
 # the pitch of its head [rad].

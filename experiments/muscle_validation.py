@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 import typer
 
 from rcare_marl.agents.people.actuation.drive import fitted_musculature
@@ -32,8 +31,7 @@ from rcare_marl.agents.people.body.person_tree import person_tree
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, EYES, SIDES
 from rcare_marl.agents.people.profile import ClinicalProfile, clinical_norms
 from rcare_marl.console import console, table
-
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 WANTED = {"moment_arm": 0.90, "torque": 0.85}
 STEPS = 25  # in which a motion is followed through its range

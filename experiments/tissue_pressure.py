@@ -11,7 +11,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import typer
 from PIL import Image
 
@@ -19,7 +18,7 @@ from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.body.tissue import Tissue
 from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Array, Pose
 from rcare_marl.rendering import Camera
 from rcare_marl.rendering.film import Film
 from rcare_marl.rendering.portrait import snapshot
@@ -32,8 +31,6 @@ SLIDE = 0.04  # [m]
 FPS = 30
 STEPS = 8  # physics steps a picture, so that the film runs in real time
 PRESS, HOLD, MOVE, LEAVE = 24, 12, 40, 24  # pictures
-
-Array = npt.NDArray[np.float64]
 
 
 def make_scene(avatar_name: str) -> tuple[World, Tissue, Body]:

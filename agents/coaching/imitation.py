@@ -11,14 +11,12 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 
 from ..people.body.skeleton import DOF_INDEX, DOFS, SIDES
 from .upper_body import ARM, MOTION_INDEX, MOTIONS, swing, turn_z
-
-Array = npt.NDArray[np.float64]
 
 Limits = Mapping[str, tuple[float, float]]
 

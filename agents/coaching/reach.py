@@ -10,15 +10,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..people.body.skeleton import DOF_INDEX, DOFS, SIDES
 from ..people.profile import ClinicalProfile
 from .exercise import Reach
 from .imitation import AXIAL
 from .upper_body import ARM, MOTION_INDEX, MOTIONS
-
-Array = npt.NDArray[np.float64]
 
 AGAINST_GRAVITY = 3.0  # grade from which a muscle moves a limb against its weight
 ACROSS = math.radians(45.0)  # how far an arm goes past the front, over the body; AAOS, from memory

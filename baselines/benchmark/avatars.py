@@ -37,7 +37,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pybullet as bullet
 
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
@@ -47,13 +46,12 @@ from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_post
 from rcare_marl.agents.people.human import Human
 from rcare_marl.console import console, table
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Array, Pose
 from rcare_marl.provenance import versions
 from rcare_marl.world import World
 
 from .environment import in_turns
 
-Array = npt.NDArray[np.float64]
 Block = Callable[[], tuple[float, float]]  # does its work and returns processor and clock time [s]
 
 POSTURE = "wheelchair"

@@ -12,8 +12,8 @@ from rcare_marl.agents.coaching.recognition.assessment import Motion
 from rcare_marl.agents.coaching.recognition.feature import ANGLES, SIZE, VECTORS, feature, features
 from rcare_marl.agents.coaching.recognition.segmenter import Segment
 from rcare_marl.agents.coaching.recognition.template import MOVING, RATE, Template
+from rcare_marl.pose import Array
 
-Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 
 STEPS = 48  # times at which a repetition is looked at; our own choice

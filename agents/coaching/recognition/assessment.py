@@ -7,8 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import median_filter, uniform_filter1d  # type: ignore[import-untyped]
+
+from rcare_marl.pose import Array
 
 from ...people.motion.clip import rotation_between
 from ..exercise import Demand
@@ -16,8 +17,6 @@ from .feature import ANGLE_COLUMN, COLUMN, VECTORS
 from .recogniser import Repetition
 from .segmenter import Segment
 from .template import MOVING, RATE, STARTED, Template, Way, arc, between, off_path
-
-Array = npt.NDArray[np.float64]
 
 # All our own choice.
 MOSTLY = 92  # percentile that stands for the greatest of something that may be noisy

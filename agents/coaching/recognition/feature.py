@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..upper_body import FOREARM, UPPER_ARM
-
-Array = npt.NDArray[np.float64]
 
 # Seven vectors in the frame of the trunk (the trunk's own: in that of the hips), then three angles [rad].
 VECTORS = ("left_arm", "right_arm", "head", "crown", "trunk", "left_wrist", "right_wrist")

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..exercise import Exercise, load_exercises
 from .assessment import judge
@@ -14,8 +15,6 @@ from .feature import COLUMN
 from .recogniser import ERRORS, Frame, Judgement, Repetition
 from .segmenter import Segment, Segmenter
 from .template import Template, off_path
-
-Array = npt.NDArray[np.float64]
 
 # All our own choice.
 WRONG_FOR = 0.3  # what is wrong so long closes the green window [s]

@@ -7,13 +7,12 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from .feature import VECTORS, feature
 from .recogniser import Frame
 from .template import Template
-
-Array = npt.NDArray[np.float64]
 
 # All our own choice.
 QUICK, SLOW = 0.06, 0.2  # time constants of two running means [s]

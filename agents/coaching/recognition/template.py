@@ -6,12 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..exercise import SMALLEST, Exercise
 from .feature import ANGLE_COLUMN, COLUMN, features
-
-Array = npt.NDArray[np.float64]
 
 MOVING = (
     "left_arm",

@@ -9,11 +9,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..upper_body import HAND_IN_FOREARM, SIGN
-
-Array = npt.NDArray[np.float64]
 
 STRAIGHT = math.radians(
     20

@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
+from rcare_marl.pose import Array
+
 from ..upper_body import (
     ARM,
     MOTIONS,
@@ -26,7 +28,6 @@ from ..upper_body import (
 )
 from .marker_band import SEGMENTS, Band
 
-Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 

@@ -15,13 +15,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..upper_body import ARM, SIDES, UpperBody
 from .band_pose import BandPose, Layout
 from .marker_band import Band
-
-Array = npt.NDArray[np.float64]
 
 # All our own choice.
 PIXEL = 0.6  # standard deviation of a corner [pixel]

@@ -13,18 +13,15 @@ from typing import Protocol
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Array, Pose
 
 from ..recognition.recogniser import Frame
 from ..upper_body import ARM, MOTIONS, SIDES, turn_y, turn_z
 from .band_tracker import BandTracker, View
 from .card_finder import CardFinder, Picture
 from .marker_band import Band, band_set
-
-Array = npt.NDArray[np.float64]
 
 # All our own choice.
 SETTLING = 1.0  # how long a person is watched before anything is told [s]

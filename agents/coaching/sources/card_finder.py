@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 
 from .marker_band import DICTIONARY
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 
 # All our own choice.

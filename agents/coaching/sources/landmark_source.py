@@ -10,16 +10,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 
 from ..recognition.recogniser import Frame
 from ..upper_body import ARM, MOTIONS, SIDES
 from .arm_pose import arm_motion
 from .one_euro import OneEuro
-
-Array = npt.NDArray[np.float64]
 
 COUNT = 33
 NOSE = 0

@@ -10,17 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.agents.coaching.exercise import Exercise
 from rcare_marl.agents.coaching.recognition.recogniser import Repetition
 from rcare_marl.agents.coaching.upper_body import MOTIONS
 from rcare_marl.atomic_file import write_whole
 from rcare_marl.errors import ConfigError, MissingPackageError
+from rcare_marl.pose import Array
 
 from .message import Begin
-
-Array = npt.NDArray[np.float64]
 
 LONGEST = 2 * 3600 * 30  # steps that are kept: two hours
 FORMAT = "rcare-marl coaching session 1"

@@ -15,11 +15,10 @@ from rcare_marl.agents.coaching.exercise import Exercise
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS
 from rcare_marl.agents.coaching.upper_body import MOTION_INDEX
 from rcare_marl.atomic_file import write_whole
+from rcare_marl.pose import Array
 
 if TYPE_CHECKING:
     from .recording import Recording, Step
-
-Array = npt.NDArray[np.float64]
 
 # What is drawn: label, motion, style; one line for each that the exercise moves.
 LINES = (

@@ -6,7 +6,6 @@ import math
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.agents.coaching.exercise import Reach, load_exercises
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS, Frame, Repetition
@@ -15,12 +14,12 @@ from rcare_marl.agents.coaching.session import Session, programme
 from rcare_marl.agents.coaching.tree import Coach
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES, UpperBody
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 
 from .message import Begin, Command, Consent, Hands, Landmarks, Message, MessageError, Simulate
 from .recording import Recorder, Step
 from .sight import Camera, Sight
 
-Array = npt.NDArray[np.float64]
 Phase = Literal["waiting", "settling", "explaining", "exercising", "paused", "resting", "over"]
 
 STEP = 1 / 30  # of a session [s]

@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.agents.coaching.recognition.recogniser import Frame
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
 from rcare_marl.agents.coaching.sources.landmark_source import LandmarkReading, LandmarkSource
 from rcare_marl.agents.coaching.upper_body import UpperBody
+from rcare_marl.pose import Array
 
 from .message import Begin, Hands, Landmarks, MessageError
 from .simulated_user import SimulatedUser
 from .webxr import reading
-
-Array = npt.NDArray[np.float64]
 
 SLACK = (
     1.0  # by how much the page's clock may gain on ours between two readings [s]; our own choice
