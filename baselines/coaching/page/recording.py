@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 import time
@@ -143,17 +144,13 @@ class Recording:
             import h5py  # type: ignore[import-untyped, unused-ignore]
         except ImportError as error:
             raise MissingPackageError("recording a session", "coach") from error
-        import io
-
         memory = io.BytesIO()
         with h5py.File(memory, "w") as data:
             data.attrs["format"] = FORMAT
             data.attrs["motions"] = list(MOTIONS)
             data.attrs["source"], data.attrs["height_m"] = self.begin.source, self.begin.height_m
-            data["time"] = np.array([step.time for step in self.steps])
-            data["angles"] = np.array([step.angles for step in self.steps])
-            data["following"] = np.array([step.following for step in self.steps])
-            data["progress"] = np.array([step.progress for step in self.steps])
+            for name in ("time", "angles", "following", "progress"):
+                data[name] = np.array([getattr(step, name) for step in self.steps])
             names = [exercise.name for exercise in self.exercises]
             data.attrs["exercises"] = names
             data["exercise"] = np.array([names.index(step.exercise) for step in self.steps])
