@@ -21,21 +21,28 @@ from rcare_marl.agents.coaching.recognition.segmenter import Segment
 from rcare_marl.agents.coaching.recognition.template import Template
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS
 from rcare_marl.baselines.coaching.camera_sensor import CameraSensor
-from rcare_marl.baselines.coaching.encoding import Floats, encode, mirrored
 from rcare_marl.baselines.coaching.evaluation import evaluate_coach, noise_levels
-from rcare_marl.baselines.coaching.examples import WRONG_SOMEHOW, Examples, examples_of
 from rcare_marl.baselines.coaching.learned_recogniser import (
     CLASSES,
     SHIPPED,
+    Floats,
     LearnedRecogniser,
     RepetitionNetwork,
+    encode,
     load_network,
+    mirrored,
     save_network,
 )
 from rcare_marl.baselines.coaching.noise import NoiseModel
 from rcare_marl.baselines.coaching.performance import perform
 from rcare_marl.baselines.coaching.synthetic_user import draw_person
-from rcare_marl.baselines.coaching.train_recogniser import loss_of, train
+from rcare_marl.baselines.coaching.train_recogniser import (
+    WRONG_SOMEHOW,
+    Examples,
+    examples_of,
+    loss_of,
+    train,
+)
 from rcare_marl.cli.app import app
 from rcare_marl.errors import ConfigError
 

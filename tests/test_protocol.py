@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 import rcare_marl
 from rcare_marl.baselines import trained
 from rcare_marl.baselines.evaluation import protocol
+from rcare_marl.baselines.evaluation.episode_figure import draw_record, labels
 from rcare_marl.baselines.evaluation.evaluate import Episode, Evaluation, evaluate
 from rcare_marl.baselines.evaluation.protocol import (
     Plan,
@@ -32,7 +33,6 @@ from rcare_marl.baselines.evaluation.protocol import (
     record_text,
     repeat,
 )
-from rcare_marl.baselines.evaluation.run_figure import draw, labels
 from rcare_marl.baselines.evaluation.statistic import hierarchical_interval
 from rcare_marl.baselines.policy_file import PolicyFile
 from rcare_marl.cli import app
@@ -333,7 +333,7 @@ def test_names_in_the_figure_leave_out_what_paths_share() -> None:
 def test_the_figure_is_a_picture_that_grows_with_the_policies(tmp_path: Path) -> None:
     heights = []
     for count in (1, 5):
-        (tmp_path / "a.png").write_bytes(draw(made_up([[True, False, True]] * count)))
+        (tmp_path / "a.png").write_bytes(draw_record(made_up([[True, False, True]] * count)))
         picture = Image.open(tmp_path / "a.png")
         assert picture.width > 1000 and np.asarray(picture.convert("L")).std() > 5
         heights.append(picture.height)

@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from rcare_marl.baselines.training.log import CURVE, TrainingLog
-from rcare_marl.cli.training_report import TrainingReport, duration
+from rcare_marl.cli.training import TrainingReport, duration
 from rcare_marl.errors import ConfigError
 
 

@@ -158,9 +158,9 @@ def report(
     if output is not None:
         write_whole(output, record_text(record.to_dict()).encode())
     if plot is not None:
-        from rcare_marl.baselines.evaluation import run_figure
+        from rcare_marl.baselines.evaluation import episode_figure
 
-        write_whole(plot, run_figure.draw(record))
+        write_whole(plot, episode_figure.draw_record(record))
     if as_json:
         brief = record.runs[0].to_dict() if of_one else record.to_dict()
         for entry in () if of_one else brief["policies"]:
