@@ -15,10 +15,9 @@ import torch
 from typer.testing import CliRunner
 
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
-from rcare_marl.agents.coaching.recognition.feature import features
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
 from rcare_marl.agents.coaching.recognition.segmenter import Segment
-from rcare_marl.agents.coaching.recognition.template import Template
+from rcare_marl.agents.coaching.recognition.template import Template, features
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS
 from rcare_marl.baselines.coaching.camera_sensor import CameraSensor
 from rcare_marl.baselines.coaching.evaluation import evaluate_coach, noise_levels

@@ -20,11 +20,19 @@ from torch import nn
 
 from rcare_marl.agents.coaching.exercise import Exercise
 from rcare_marl.agents.coaching.recognition.assessment import Motion
-from rcare_marl.agents.coaching.recognition.feature import ANGLES, SIZE, VECTORS, feature, features
 from rcare_marl.agents.coaching.recognition.recogniser import Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.recognition.segmenter import Segment
-from rcare_marl.agents.coaching.recognition.template import MOVING, RATE, Template
+from rcare_marl.agents.coaching.recognition.template import (
+    ANGLES,
+    MOVING,
+    RATE,
+    SIZE,
+    VECTORS,
+    Template,
+    feature,
+    features,
+)
 from rcare_marl.array_file import read_arrays, write_arrays
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array

@@ -26,8 +26,7 @@ from rcare_marl.provenance import machine, versions
 from ..evaluation.evaluate import Episode, run_episode
 from . import checkpoint
 from .collector import make_collector, set_stage, shut_down
-from .config import VALIDATION_SEED, TrainConfig
-from .curriculum import Curriculum
+from .config import VALIDATION_SEED, Curriculum, TrainConfig
 from .demonstration import demonstrate
 from .log import Reporter, TrainingLog
 

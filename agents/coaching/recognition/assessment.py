@@ -13,10 +13,21 @@ from rcare_marl.pose import Array
 
 from ...people.motion.clip import rotation_between
 from ..exercise import Demand
-from .feature import ANGLE_COLUMN, COLUMN, VECTORS
 from .recogniser import Repetition
 from .segmenter import Segment
-from .template import MOVING, RATE, STARTED, Template, Way, arc, between, off_path
+from .template import (
+    ANGLE_COLUMN,
+    COLUMN,
+    MOVING,
+    RATE,
+    STARTED,
+    VECTORS,
+    Template,
+    Way,
+    arc,
+    between,
+    off_path,
+)
 
 # All our own choice.
 MOSTLY = 92  # percentile that stands for the greatest of something that may be noisy

@@ -11,10 +11,9 @@ from rcare_marl.pose import Array
 
 from ..exercise import Exercise, load_exercises
 from .assessment import judge
-from .feature import COLUMN
 from .recogniser import ERRORS, Frame, Judgement, Repetition
 from .segmenter import Segment, Segmenter
-from .template import Template, off_path
+from .template import COLUMN, Template, off_path
 
 # All our own choice.
 WRONG_FOR = 0.3  # what is wrong so long closes the green window [s]

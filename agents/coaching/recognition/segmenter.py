@@ -10,9 +10,8 @@ import numpy as np
 
 from rcare_marl.pose import Array
 
-from .feature import VECTORS, feature
 from .recogniser import Frame
-from .template import Template
+from .template import VECTORS, Template, feature
 
 # All our own choice.
 QUICK, SLOW = 0.06, 0.2  # time constants of two running means [s]
