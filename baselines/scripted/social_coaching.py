@@ -6,8 +6,7 @@ import numpy as np
 
 from rcare_marl.agents.coaching.tree import CoachTree
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.coaching.action import encode
-from rcare_marl.envs.coaching.coaching_task import CoachingTask
+from rcare_marl.envs.coaching.coaching_task import CoachingTask, encode
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rcare_marl.agents.coaching.exercise import Exercise, Reach, exercise_names
-from rcare_marl.agents.coaching.reach import reach_of
+from rcare_marl.agents.coaching.imitation import reach_of
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.session import Session
