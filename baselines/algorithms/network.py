@@ -17,7 +17,7 @@ from tensordict import TensorDictBase
 from tensordict.nn import ProbabilisticTensorDictSequential, TensorDictModule, TensorDictModuleBase
 from torch import Tensor, nn
 from torchrl.envs.utils import ExplorationType, exploration_type
-from torchrl.modules import ProbabilisticActor, TanhNormal
+from torchrl.modules import MLP, ProbabilisticActor, TanhNormal
 
 from rcare_marl.errors import ConfigError
 
@@ -117,24 +117,6 @@ class Normaliser(nn.Module):
         return ((observation - self.mean) / self.scale).clamp(-CLIP, CLIP)
 
 
-def perceptron(sizes: Sequence[int], *, layer_norm: bool = False) -> nn.Sequential:
-    """Return linear layers with ReLU between them.
-
-    Args:
-        sizes: Of the input, the hidden layers, the output.
-        layer_norm: Normalise before each ReLU, which keeps critics from extrapolating wildly
-            (Ball et al. 2023, Efficient online reinforcement learning with offline data).
-    """
-    layers: list[nn.Module] = []
-    for fan_in, fan_out in zip(sizes[:-2], sizes[1:-1], strict=True):
-        layers.append(nn.Linear(fan_in, fan_out))
-        if layer_norm:
-            layers.append(nn.LayerNorm(fan_out))
-        layers.append(nn.ReLU())
-    layers.append(nn.Linear(sizes[-2], sizes[-1]))
-    return nn.Sequential(*layers)
-
-
 class Actor(nn.Module):
     """Observation to location and scale of a normal distribution, squashed by tanh afterwards.
 
@@ -157,7 +139,9 @@ class Actor(nn.Module):
         super().__init__()
         self.shape = shape
         self.normaliser = Normaliser(shape.observation)
-        self.layers = perceptron((shape.observation, *hidden, 2 * shape.action))
+        self.layers = MLP(
+            shape.observation, 2 * shape.action, num_cells=list(hidden), activation_class=nn.ReLU
+        )
         low, high = LOG_STD
         if not low < initial_log_std < high:
             raise ConfigError(f"initial_log_std must be in {LOG_STD}, got {initial_log_std}")
@@ -261,7 +245,8 @@ class Critic(nn.Module):
         done: Entries of the actions, all together; 0 for a value of the state alone.
         hidden: Sizes of the hidden layers.
         outputs: How many numbers to predict.
-        layer_norm: As of `perceptron`.
+        layer_norm: Normalise before each ReLU, which keeps critics from extrapolating wildly
+            (Ball et al. 2023, Efficient online reinforcement learning with offline data).
         per_agent: The outputs are one value of each agent of a group, so [..., outputs, 1].
     """
 
@@ -277,7 +262,14 @@ class Critic(nn.Module):
     ) -> None:
         super().__init__()
         self.normaliser = Normaliser(seen)
-        self.layers = perceptron((seen + done, *hidden, outputs), layer_norm=layer_norm)
+        self.layers = MLP(
+            seen + done,
+            outputs,
+            num_cells=list(hidden),
+            activation_class=nn.ReLU,
+            norm_class=nn.LayerNorm if layer_norm else None,
+            norm_kwargs=[{"normalized_shape": size} for size in hidden],
+        )
         self.per_agent = per_agent
 
     def forward(self, seen: Tensor, *actions: Tensor) -> Tensor:

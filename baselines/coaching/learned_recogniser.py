@@ -149,7 +149,7 @@ class RepetitionNetwork(nn.Module):
         """Return the logits of `CLASSES`, shape [n, classes].
 
         Args:
-            sequences: Of `encoding.encode`, shape [n, 96, 48].
+            sequences: Of `encode`, shape [n, 96, 48].
             facts: Likewise, shape [n, 13].
         """
         found = self.over_time(sequences)
