@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from rcare_marl.array_file import read_arrays, refused_if_damaged, write_arrays
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import policy_factory, register_policy_file, task_class
 from rcare_marl.envs.task import part_name
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, near_files
 from rcare_marl.observable import VECTOR
 
 SUFFIX = ".npz"
@@ -117,7 +116,7 @@ class PolicyFile:
         """
         file = Path(path)
         if not file.is_file():
-            raise ConfigError(_missing(file))
+            raise ConfigError(f"no policy at {file}.{near_files(file)}")
         about, arrays = read_arrays(file, "a policy", VERSION)
         with refused_if_damaged(file, "a policy"):
             mean, scale = (np.asarray(arrays.pop(name), np.float32) for name in ("mean", "scale"))
@@ -236,22 +235,6 @@ _ABOUT = tuple(
     task group roles observed action_size action_low residual actions recipe training
     """.split()
 )
-
-
-def _missing(file: Path) -> str:
-    """Return that a file is not there, and which of that folder or of its parent it could be."""
-    if not file.parent.is_dir():
-        return f"no policy at {file}: there is no folder {file.parent}"
-    found = sorted(each.name for each in file.parent.glob(f"*{SUFFIX}"))
-    near = get_close_matches(file.name, found, n=3)
-    if near:
-        return f"no policy at {file}. Did you mean {' or '.join(near)}?"
-    return f"no policy at {file}. There {_are(found)}"
-
-
-def _are(found: Iterable[str]) -> str:
-    names = ", ".join(found)
-    return f"are: {names}" if names else f"is no {SUFFIX} file in that folder"
 
 
 def _differences(learned: Iterable[tuple[str, int]], here: Iterable[tuple[str, int]]) -> list[str]:

@@ -28,9 +28,8 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
 from multiprocessing import get_context
@@ -141,34 +140,26 @@ def train_all(
 
     What has not ended `grace` minutes after its time is stopped; the policies of its latest interval count.
     """
-    waiting, failed = list(runs), []
-    running: dict[Run, tuple[subprocess.Popen[bytes], float]] = {}
     environment = {**os.environ, **dict.fromkeys(ONE_CORE, "1"), "RL_WARNINGS": "0"}
     (out / "logs").mkdir(parents=True, exist_ok=True)
-    while waiting or running:
-        while waiting and len(running) < processes:
-            run = waiting.pop(0)
-            command = [sys.executable, __file__, "train", "--scenario", run.scenario]
-            command += ["--seed", str(run.seed), "--minutes", str(minutes), "--out", str(out)]
-            with (out / "logs" / f"{run.name}.txt").open("wb") as log:
-                process = subprocess.Popen(
-                    command, stdout=log, stderr=subprocess.STDOUT, env=environment
-                )
-            running[run] = process, time.monotonic()
-        time.sleep(0.5)
-        for run, (process, since) in list(running.items()):
-            late = time.monotonic() - since > 60 * (minutes + grace)
-            if late:
-                process.kill()
-                process.wait()
-            if (code := process.poll()) is None:
-                continue
-            del running[run]
-            _say(f"{run.name}: {'stopped late' if late else f'ended with {code}'}")
-            if code != 0:
-                failed.append(run.name)
-                _collect(run, out)
-    return failed
+
+    def fails(run: Run) -> bool:
+        command = [sys.executable, __file__, "train", "--scenario", run.scenario]
+        command += ["--seed", str(run.seed), "--minutes", str(minutes), "--out", str(out)]
+        with (out / "logs" / f"{run.name}.txt").open("wb") as log:
+            told: dict[str, Any] = {"stdout": log, "stderr": subprocess.STDOUT, "env": environment}
+            try:
+                code = subprocess.run(command, timeout=60 * (minutes + grace), **told).returncode
+                _say(f"{run.name}: ended with {code}")
+            except subprocess.TimeoutExpired:
+                code = None
+                _say(f"{run.name}: stopped late")
+        if code != 0:
+            _collect(run, out)
+        return code != 0
+
+    with ThreadPoolExecutor(processes) as pool:
+        return [run.name for run, failed in zip(runs, pool.map(fails, runs), strict=True) if failed]
 
 
 def robots(out: Path, *prefixes: str) -> dict[str, str]:

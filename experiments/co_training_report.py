@@ -15,16 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from rcare_marl.baselines.evaluation.cross_play import CrossPlay
-from rcare_marl.baselines.evaluation.episode_figure import style
+from rcare_marl.baselines.evaluation.episode_figure import PALETTE, style
 from rcare_marl.baselines.evaluation.statistic import hierarchical_interval
 from rcare_marl.baselines.partners import TEMPERAMENTS
 from rcare_marl.console import markdown_table
-
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 AVATARS = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
 TREE, THROUGH_MUSCLES = "karan_cooperative", "karan_muscles"
@@ -36,13 +34,7 @@ WHO = {
     "d": "robot, recipient, caregiver (dressing)",
     "m": "recipient through muscles; scripted robot",
 }
-COLOURS = {
-    "a": "#0072B2",
-    "b": "#E69F00",
-    "c": "#D55E00",
-    "p": "#CC79A7",
-    "m": "#009E73",
-}  # Okabe and Ito
+COLOURS = {letter: PALETTE[k] for letter, k in zip("acmpb", range(5), strict=True)}
 RESAMPLES, BIG_PICTURE = 5000, ("co_training_cross_play", "co_training_leave_one_out")
 CURVES = "co_training_curves"
 
@@ -100,29 +92,20 @@ def _trainings(out: Path) -> str:
         letter = record["run"].split("_")[0]
         who = "robot; tree of five avatars" if letter == "without" else WHO[letter]
         config = record["config"]
-        rows.append(
-            (
-                record["run"],
-                who,
-                config["algo"].upper(),
-                f"{record['steps']:,}",
-                f"{record['minutes']:.1f}",
-                f"{100 * record['success']:.0f}",
-            )
-        )
-    head = (
-        "training",
-        "who learns; with whom",
-        "algorithm",
-        "steps",
-        "minutes",
-        "success at its best [%]",
-    )
-    return markdown_table(head, rows)
+        spent = (f"{record['steps']:,}", f"{record['minutes']:.1f}")
+        success = f"{100 * record['success']:.0f}"
+        rows.append((record["run"], who, config["algo"].upper(), *spent, success))
+    head = ("training", "who learns; with whom", "algorithm", "steps", "minutes")
+    return markdown_table((*head, "success at its best [%]"), rows)
 
 
 def _runs(found: CrossPlay, letter: str) -> list[str]:
     return [name for name in found.policies if name.startswith(f"{letter}_")]
+
+
+def _share(found: CrossPlay, letter: str, partners: Sequence[str]) -> float:
+    """Return the mean success of the robots of a scenario with some partners [%]."""
+    return 100 * float(found.select(_runs(found, letter), partners).success.mean())
 
 
 def _values(found: CrossPlay, policy: str, partners: Sequence[str], measure: str) -> list[float]:
@@ -194,19 +177,11 @@ def _verdict(found: CrossPlay, unseen: Sequence[str], new: str) -> str:
     rng = np.random.default_rng(0)
     draws = _resampled(sides[new], rng) - _resampled(sides["a"], rng)
     low, high = (100 * float(x) for x in np.percentile(draws, (2.5, 97.5)))
-    means = {
-        letter: 100 * float(np.mean([np.mean(r) for r in runs])) for letter, runs in sides.items()
-    }
+    means = {letter: _share(found, letter, unseen) for letter in sides}
     gain = means[new] - means["a"]
     said = "beats" if low > 0 else "is worse than" if high < 0 else "is not clearly different from"
     bodies = [name for name in unseen if not name.startswith(TREE.split("_")[0])]
-    others = {
-        letter: 100
-        * float(
-            np.mean([np.mean(_values(found, n, bodies, "success")) for n in _runs(found, letter)])
-        )
-        for letter in sides
-    }
+    others = {letter: _share(found, letter, bodies) for letter in sides}
     return (
         f"With the {len(unseen)} partners of the zoo that neither met in training, ({new}) {said} (a): "
         f"{means[new]:.1f} % against {means['a']:.1f} % success, a difference of {gain:+.1f} points "
@@ -290,12 +265,11 @@ def _held_out(found: CrossPlay) -> str:
 
 
 def _dressing(record: Mapping[str, Any]) -> str:
+    roles = ("robot", "recipient", "caregiver")
     rows = [
         (
             f"d_{row['seed']}",
-            row["robot"],
-            row["recipient"],
-            row["caregiver"],
+            *(row[role] for role in roles),
             f"{row['successes']} of {row['episodes']}",
             f"{row['peak_force_n']:.1f}",
             f"{row['steps_mean']:.0f}",
@@ -303,16 +277,7 @@ def _dressing(record: Mapping[str, Any]) -> str:
         )
         for row in record["rows"]
     ]
-    head = (
-        "training",
-        "robot",
-        "recipient",
-        "caregiver",
-        "success",
-        "greatest force [N]",
-        "steps",
-        "return",
-    )
+    head = ("training", *roles, "success", "greatest force [N]", "steps", "return")
     return markdown_table(head, rows)
 
 

@@ -25,7 +25,7 @@ from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.agents.coaching.imitation import Imitation
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
-from rcare_marl.agents.coaching.sources.band_pose import BandPose, Layout
+from rcare_marl.agents.coaching.sources.band_tracker import BandPose, Layout
 from rcare_marl.agents.coaching.sources.camera_source import CameraReading, CameraSource, resting
 from rcare_marl.agents.coaching.sources.joints_source import TO_BODY
 from rcare_marl.agents.coaching.sources.marker_band import SEGMENTS, band_set
@@ -39,11 +39,10 @@ from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.agents.sensing.camera import CameraSensor
 from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.envs.devices import Wheelchair
-from rcare_marl.pose import Pose, quaternion_from_rpy
+from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.rendering import Camera, make_renderer
 from rcare_marl.world import World
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 # Where the robot is, facing the chair: root of NAO on a table of 0.72 m, of Pepper on the floor [m], and
 # the pitch of its head [rad].

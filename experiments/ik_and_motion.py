@@ -8,7 +8,6 @@ Run: python experiments/ik_and_motion.py [--out FOLDER]
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import math
 import time
@@ -16,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import typer
 
 from rcare_marl.agents.people.avatar import body_model, body_segments, load_avatar, load_posture
 from rcare_marl.agents.people.body.goal import Gaze, Goal, Orientation, Position
@@ -271,20 +271,15 @@ def _standing(x: float, y: float, heading: float) -> Pose:
     return Pose((x, y, 0.0), tuple(quaternion_from_rpy(0, 0, heading).tolist()))
 
 
-def main() -> None:
-    """Measure, draw and film."""
-    parser = argparse.ArgumentParser(
-        description="Measure inverse kinematics; draw and film motion."
-    )
-    parser.add_argument("--out", type=Path, default=Path("runs/ik_and_motion"))
-    folder: Path = parser.parse_args().out
-    folder.mkdir(parents=True, exist_ok=True)
+def main(out: Path = Path("runs/ik_and_motion")) -> None:
+    """Measure inverse kinematics; draw and film motion."""
+    out.mkdir(parents=True, exist_ok=True)
     measure()
-    draw_reaching(folder)
-    draw_walk(folder)
-    film_care(folder)
-    console().print(f"pictures and film in {folder}")
+    draw_reaching(out)
+    draw_walk(out)
+    film_care(out)
+    console().print(f"pictures and film in {out}")
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

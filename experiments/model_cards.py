@@ -8,8 +8,10 @@ there.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from rcare_marl.baselines import trained
 from rcare_marl.baselines.evaluation.model_card import LIMITS, ModelCard
@@ -45,20 +47,16 @@ def page(text: str, found: list[ModelCard]) -> str:
     return f"{before}{begin}\n\n{body}\n{end}{after}"
 
 
-def main() -> None:
-    """Write the cards."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--folder", type=Path, default=trained.FOLDER)
-    parser.add_argument("--page", type=Path, default=PAGE)
-    chosen = parser.parse_args()
-    found = cards(chosen.folder)
+def main(
+    folder: Path = trained.FOLDER, into: Annotated[Path, typer.Option("--page")] = PAGE
+) -> None:
+    """Write the cards of a folder's policies, and their list into a page."""
+    found = cards(folder)
     for card in found:
-        (chosen.folder / f"{card.name}.yaml").write_text(card.to_yaml(), "utf-8")
-    chosen.page.write_text(page(chosen.page.read_text("utf-8"), found), "utf-8")
+        (folder / f"{card.name}.yaml").write_text(card.to_yaml(), "utf-8")
+    into.write_text(page(into.read_text("utf-8"), found), "utf-8")
     print(f"{len(found)} cards")
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

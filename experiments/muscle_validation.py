@@ -12,16 +12,15 @@ Run: python experiments/muscle_validation.py [--avatar NAME] [--rom] [--json]
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
+import typer
 
-from rcare_marl import assets
 from rcare_marl.agents.people.actuation.drive import fitted_musculature
 from rcare_marl.agents.people.actuation.hill import RESTING_ACTIVATION
 from rcare_marl.agents.people.actuation.muscle_model import MuscleModel
@@ -32,8 +31,7 @@ from rcare_marl.agents.people.body.person_tree import person_tree
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, EYES, SIDES
 from rcare_marl.agents.people.profile import ClinicalProfile, clinical_norms
 from rcare_marl.console import console, table
-
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 WANTED = {"moment_arm": 0.90, "torque": 0.85}
 STEPS = 25  # in which a motion is followed through its range
@@ -196,24 +194,21 @@ def show(rows: list[dict[str, str | float | bool]], who: str) -> None:
         )
 
 
-def main() -> None:
-    """Validate the reference skeleton's muscles, or an avatar's."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument(
-        "--avatar", choices=assets.names("avatars"), help="instead of the reference"
-    )
-    parser.add_argument("--rom", action="store_true", help="how far each motion comes, instead")
-    parser.add_argument("--json", action="store_true", help="print the rows as JSON")
-    chosen = parser.parse_args()
-    who = chosen.avatar or "the reference skeleton"
-    if chosen.json:
-        found = ranges(chosen.avatar) if chosen.rom else validate(chosen.avatar)
+def main(
+    avatar: str | None = None,
+    rom: bool = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
+) -> None:
+    """Validate the reference skeleton's muscles or an avatar's; or, with --rom, how far motions come."""
+    who = avatar or "the reference skeleton"
+    if as_json:
+        found = ranges(avatar) if rom else validate(avatar)
         print(json.dumps(found, indent=2, ensure_ascii=False))
-    elif chosen.rom:
-        show_ranges(ranges(chosen.avatar), who)
+    elif rom:
+        show_ranges(ranges(avatar), who)
     else:
-        show(validate(chosen.avatar), who)
+        show(validate(avatar), who)
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

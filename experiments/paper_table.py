@@ -9,11 +9,12 @@ episodes. --scripted runs those of the second kind that are missing, and leaves 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import typer
 
 from rcare_marl.baselines import trained
 from rcare_marl.baselines.evaluation.model_card import beginning
@@ -183,21 +184,18 @@ def _range(values: Sequence[float | None], form: str, none: str = "") -> str:
     return none if none and max(known) == 0 else text
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--markdown", action="store_true")
-    parser.add_argument("--scripted", action="store_true", help="run the scripted ones that miss")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--folder", type=Path, default=trained.FOLDER)
-    chosen = parser.parse_args()
-    if chosen.scripted:
+def main(
+    markdown: bool = False,
+    scripted: bool = False,
+    processes: int = 1,
+    folder: Path = trained.FOLDER,
+) -> None:
+    """Print the table; with --scripted the records of scripted policies that miss are made first."""
+    if scripted:
         for row in ROWS:
-            run_scripted(row, chosen.folder, chosen.processes)
-    rows = [cells(row, chosen.folder) for row in ROWS]
-    if chosen.markdown:
+            run_scripted(row, folder, processes)
+    rows = [cells(row, folder) for row in ROWS]
+    if markdown:
         print(markdown_table(HEADS, rows))
     else:
         wide = max(console().width, 170)
@@ -205,4 +203,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

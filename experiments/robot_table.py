@@ -7,8 +7,9 @@ Loading is timed in a process of its own, with an empty cache and again with a f
 
 from __future__ import annotations
 
-import argparse
 import math
+
+import typer
 
 import rcare_marl
 from rcare_marl import assets
@@ -86,19 +87,13 @@ def fed(name: str, config: RobotConfig, seeds: int) -> str:
     return f"{sum(episode.success for episode in found.episodes)} of {seeds}"
 
 
-def main() -> None:
-    """Print the table in Markdown, a row as soon as it is measured."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--robot", action="append", choices=assets.names("robots"))
-    parser.add_argument("--seeds", type=int, default=10, help="episodes of feeding")
-    chosen = parser.parse_args()
+def main(robot: list[str] = [], seeds: int = 10) -> None:  # noqa: B006  (typer's way)
+    """Print the table in Markdown, a row as soon as it is measured; `seeds` are episodes of feeding."""
     print("| " + " | ".join(HEADS) + " |")
     print("|" + "---|" * len(HEADS))
-    for name in chosen.robot or assets.names("robots"):
-        print("| " + " | ".join(row(name, chosen.seeds)) + " |", flush=True)
+    for name in robot or assets.names("robots"):
+        print("| " + " | ".join(row(name, seeds)) + " |", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -5,9 +5,9 @@ python experiments/storeys.py [--out FILE]
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
+import typer
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -42,8 +42,8 @@ def rooms(floor: str) -> dict[str, int]:
     return dict(sorted(found.items(), key=lambda room: -room[1]))
 
 
-def draw(out: Path) -> None:
-    """Draw all floors."""
+def draw(out: Path = OUT) -> None:
+    """Draw the floors of the package and their rooms, as large as they are."""
     figure = Figure(figsize=(12, 6.2), dpi=110)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.01, 0.01, 0.98, 0.98))
@@ -77,6 +77,4 @@ def draw(out: Path) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=OUT)
-    draw(parser.parse_args().out)
+    typer.run(draw)

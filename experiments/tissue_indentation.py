@@ -10,13 +10,13 @@ held, against what the sphere feels. The least volume ratio is det F; below 0 a 
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import time
+from typing import Annotated
 
 import numpy as np
+import typer
 
-from rcare_marl import assets
 from rcare_marl.agents.people.avatar import body_model, load_avatar, person_urdf
 from rcare_marl.agents.people.body.skin import JointFrame
 from rcare_marl.agents.people.body.tissue import Tissue, TissueConfig, attach_tissue, load_tissue
@@ -82,11 +82,8 @@ def press(
     return rows
 
 
-def main() -> None:
-    """Press from all sides and print one table."""
-    parser = argparse.ArgumentParser(description="Press a sphere into a forearm.")
-    parser.add_argument("avatar", nargs="?", default="karan", choices=assets.names("avatars"))
-    avatar: str = parser.parse_args().avatar
+def main(avatar: Annotated[str, typer.Argument()] = "karan") -> None:
+    """Press a sphere into a forearm from all sides, and print one table."""
     config = load_tissue()
     whole = dataclasses.replace(config, focus_m=None)
     stiff = dataclasses.replace(
@@ -123,4 +120,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -8,19 +8,17 @@ deep into the flesh, slides 4 cm along the forearm and leaves.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
+import typer
 from PIL import Image
 
-from rcare_marl import assets
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.body.tissue import Tissue
 from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Array, Pose
 from rcare_marl.rendering import Camera
 from rcare_marl.rendering.film import Film
 from rcare_marl.rendering.portrait import snapshot
@@ -33,8 +31,6 @@ SLIDE = 0.04  # [m]
 FPS = 30
 STEPS = 8  # physics steps a picture, so that the film runs in real time
 PRESS, HOLD, MOVE, LEAVE = 24, 12, 40, 24  # pictures
-
-Array = npt.NDArray[np.float64]
 
 
 def make_scene(avatar_name: str) -> tuple[World, Tissue, Body]:
@@ -67,21 +63,16 @@ def path(tissue: Tissue) -> list[tuple[Array, Array]]:
     return [(middle, out) for middle in middles]
 
 
-def main() -> None:
-    """Write the picture and the film."""
-    parser = argparse.ArgumentParser(description="Draw the pressure of a sphere on a forearm.")
-    parser.add_argument("--out", type=Path, default=Path("runs/tissue_pressure"))
-    parser.add_argument("--avatar", default="karan", choices=assets.names("avatars"))
-    chosen = parser.parse_args()
-    folder: Path = chosen.out
-    folder.mkdir(parents=True, exist_ok=True)
-    world, tissue, ball = make_scene(chosen.avatar)
+def main(out: Path = Path("runs/tissue_pressure"), avatar: str = "karan") -> None:
+    """Draw the pressure of a sphere on a forearm: the picture and the film."""
+    out.mkdir(parents=True, exist_ok=True)
+    world, tissue, ball = make_scene(avatar)
     course = path(tissue)
-    middle, out = course[PRESS + HOLD]
-    side = np.cross(out, (0.0, 0.0, 1.0)) + (0.4, 0.0, 0.0)
-    eye = middle + 0.28 * out + 0.16 * side
-    camera = Camera(eye=tuple(eye), target=tuple(middle - 0.02 * out), width=960, height=720)
-    film = Film(folder / "tissue_pressure.mp4", world, fps=FPS)
+    middle, way = course[PRESS + HOLD]
+    side = np.cross(way, (0.0, 0.0, 1.0)) + (0.4, 0.0, 0.0)
+    eye = middle + 0.28 * way + 0.16 * side
+    camera = Camera(eye=tuple(eye), target=tuple(middle - 0.02 * way), width=960, height=720)
+    film = Film(out / "tissue_pressure.mp4", world, fps=FPS)
     here = course[0][0]
     for k, (there, _) in enumerate(course):
         for step in range(STEPS):
@@ -93,9 +84,9 @@ def main() -> None:
         peak = float(tissue.pressure().max()) / 1e3
         film.add(camera, f"force {force:5.1f} N", f"greatest pressure {peak:5.1f} kPa")
         if k == PRESS + HOLD - 1:
-            Image.fromarray(snapshot(world, camera)).save(folder / "tissue_pressure.png")
+            Image.fromarray(snapshot(world, camera)).save(out / "tissue_pressure.png")
     film.close()
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 
@@ -86,3 +87,19 @@ def check_name(kind: str, name: str, known: Collection[str]) -> None:
     """Raise an UnknownNameError, of a kind of name, where a name is none of those that are known."""
     if name not in known:
         raise UnknownNameError(kind, name, known)
+
+
+def near_files(file: Path) -> str:
+    """Return a hint at what is there in place of a file that is missing; empty where nothing is."""
+    suffix, said = (
+        file.suffix,
+        "" if file.parent.is_dir() else f" There is no folder {file.parent}.",
+    )
+    while not file.parent.is_dir() and file.parent != file.parent.parent:
+        file = file.parent
+    there = [each for each in file.parent.iterdir() if not each.name.startswith(".")]
+    names = [each.name for each in there if each.is_dir() or each.suffix == suffix]
+    if near := get_close_matches(file.name, names, n=1):
+        return f"{said} Did you mean {file.parent / near[0]}?"
+    files = sorted(name for name in names if name.endswith(suffix))
+    return f"{said} In {file.parent} there are {', '.join(files)}." if files else said

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from rcare_marl.baselines.algorithms.exploration import ExploringPolicy
-from rcare_marl.baselines.algorithms.network import Actor, group_shapes
+from rcare_marl.baselines.algorithms.network import Actor, ExploringPolicy, group_shapes
 from rcare_marl.baselines.training.cluster import async_count
 from rcare_marl.baselines.training.collector import make_collector, shut_down
 from rcare_marl.baselines.training.config import TrainConfig
@@ -45,7 +44,7 @@ def test_who_learns_from_its_present_policy_only_is_refused() -> None:
 
 
 def test_a_curriculum_is_refused() -> None:
-    from rcare_marl.baselines.training.curriculum import CurriculumConfig, Stage
+    from rcare_marl.baselines.training.config import CurriculumConfig, Stage
 
     stages = CurriculumConfig(stages=(Stage(spread=0.5),))
     with pytest.raises(ConfigError, match="a curriculum cannot reach 'async://2'"):

@@ -85,13 +85,13 @@ def test_keys_and_shapes_are_those_promised() -> None:
     (step,) = played(env, range(1))
     seen = LearnerEnv(THREE)
     for group, roles in {"robots": 2, "recipients": 1}.items():
-        size, width = seen.observation_sizes[group], seen.action_sizes[group]
+        size, width = seen.layout.observation_sizes[group], seen.layout.action_sizes[group]
         assert step[group, "observation"].shape == (2, roles, size)
         assert step[group, "action"].shape == (2, roles, width)
         for key in ("reward", "cost", "done", "terminated", "truncated"):
             assert step["next", group, key].shape == (2, roles, 1), key
         assert step["next", group, "mask"].shape == (2, roles)
-    assert step["next", "state"].shape == (2, seen.state_size)
+    assert step["next", "state"].shape == (2, seen.layout.state_size)
     for key in ("success", "done", "terminated", "truncated"):
         assert step["next", key].shape == (2, 1), key
     seen.close()

@@ -15,9 +15,13 @@ from rcare_marl.agents.coaching.exercise import Exercise, exercise_names, load_e
 from rcare_marl.agents.coaching.imitation import Imitation
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
-from rcare_marl.agents.coaching.sources.band_pose import BandPose, Layout
-from rcare_marl.agents.coaching.sources.camera_source import CameraReading, CameraSource, resting
-from rcare_marl.agents.coaching.sources.card_finder import CardFinder
+from rcare_marl.agents.coaching.sources.band_tracker import BandPose, Layout
+from rcare_marl.agents.coaching.sources.camera_source import (
+    CameraReading,
+    CameraSource,
+    CardFinder,
+    resting,
+)
 from rcare_marl.agents.coaching.sources.marker_band import Band, band_set
 from rcare_marl.agents.coaching.sources.worn_band import wear
 from rcare_marl.agents.coaching.upper_body import (

@@ -15,27 +15,33 @@ import torch
 from typer.testing import CliRunner
 
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
-from rcare_marl.agents.coaching.recognition.assessment import Motion
-from rcare_marl.agents.coaching.recognition.feature import features
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
 from rcare_marl.agents.coaching.recognition.segmenter import Segment
-from rcare_marl.agents.coaching.recognition.template import Template
+from rcare_marl.agents.coaching.recognition.template import Template, features
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS
 from rcare_marl.baselines.coaching.camera_sensor import CameraSensor
-from rcare_marl.baselines.coaching.encoding import Floats, asked_rows, encode, mirrored
 from rcare_marl.baselines.coaching.evaluation import evaluate_coach, noise_levels
-from rcare_marl.baselines.coaching.examples import WRONG_SOMEHOW, Examples, examples_of
-from rcare_marl.baselines.coaching.learned_recogniser import SHIPPED, LearnedRecogniser
-from rcare_marl.baselines.coaching.network import (
+from rcare_marl.baselines.coaching.learned_recogniser import (
     CLASSES,
+    SHIPPED,
+    Floats,
+    LearnedRecogniser,
     RepetitionNetwork,
+    encode,
     load_network,
+    mirrored,
     save_network,
 )
 from rcare_marl.baselines.coaching.noise import NoiseModel
 from rcare_marl.baselines.coaching.performance import perform
 from rcare_marl.baselines.coaching.synthetic_user import draw_person
-from rcare_marl.baselines.coaching.train_recogniser import loss_of, train
+from rcare_marl.baselines.coaching.train_recogniser import (
+    WRONG_SOMEHOW,
+    Examples,
+    examples_of,
+    loss_of,
+    train,
+)
 from rcare_marl.cli.app import app
 from rcare_marl.errors import ConfigError
 
@@ -148,7 +154,7 @@ def segment_of(exercise: Exercise, path: Array) -> Segment:
 
 def encoded(exercise: Exercise, path: Array) -> tuple[Floats, Floats]:
     template, segment = Template(exercise), segment_of(exercise, path)
-    return encode(Motion.of(segment), segment, template, asked_rows(template))
+    return encode(segment, template)
 
 
 def mirror_image(
@@ -254,10 +260,10 @@ def test_a_file_that_holds_no_such_network_is_refused(tmp_path: Path) -> None:
         load_network(tmp_path / "nowhere.npz")
     broken = tmp_path / "broken.npz"
     broken.write_bytes(b"PK\x03\x04 no archive")
-    with pytest.raises(ConfigError, match="no network that judges repetitions"):
+    with pytest.raises(ConfigError, match="network that judges repetitions"):
         load_network(broken)
     np.savez(tmp_path / "other.npz", weights=np.zeros(3))
-    with pytest.raises(ConfigError, match="no network that judges repetitions"):
+    with pytest.raises(ConfigError, match="network that judges repetitions"):
         load_network(tmp_path / "other.npz")
 
 

@@ -14,7 +14,7 @@ from rcare_marl.agents.coaching.exercise import (
     load_exercise,
     load_exercises,
 )
-from rcare_marl.agents.coaching.reach import reach_of
+from rcare_marl.agents.coaching.imitation import reach_of
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Judgement, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.session import Demonstration, Order, Session, programme, top_speed
@@ -22,7 +22,7 @@ from rcare_marl.agents.coaching.tree import AGAIN, LONGEST_REST, MORE_TIRED, PAT
 from rcare_marl.agents.coaching.upper_body import MOTIONS
 from rcare_marl.agents.people.avatar import load_avatar
 from rcare_marl.agents.people.behaviour.tree_picture import TreePicture
-from rcare_marl.envs.coaching.action import SIZE, decode, encode
+from rcare_marl.envs.coaching.coaching_task import SIZE, decode, encode
 from rcare_marl.errors import ConfigError
 
 STEP = 0.1

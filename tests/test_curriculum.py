@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import rcare_marl
-from rcare_marl.baselines.training.curriculum import Curriculum, CurriculumConfig, Stage
+from rcare_marl.baselines.training.config import Curriculum, CurriculumConfig, Stage
 from rcare_marl.config import load
 from rcare_marl.envs import CareEnv, Role, Task, task_names
 from rcare_marl.envs.narrowed_rng import NarrowedRng

@@ -7,6 +7,7 @@ import pytest
 
 import rcare_marl
 from rcare_marl.agents.people.behaviour.sampled import RandomPolicy
+from rcare_marl.baselines.evaluation.episode_figure import Recorder
 from rcare_marl.baselines.evaluation.evaluate import (
     Evaluation,
     evaluate,
@@ -17,7 +18,6 @@ from rcare_marl.baselines.evaluation.evaluate import (
     run_episode,
     wilson_interval,
 )
-from rcare_marl.baselines.evaluation.recording import Recorder
 from rcare_marl.envs import CareEnv
 from rcare_marl.envs.safety import NOBODY
 from rcare_marl.errors import ConfigError, UnknownNameError

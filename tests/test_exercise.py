@@ -16,8 +16,14 @@ from rcare_marl.agents.coaching.exercise import (
     load_exercise,
     load_exercises,
 )
-from rcare_marl.agents.coaching.sources.arm_pose import arm_motion, elbow_at
-from rcare_marl.agents.coaching.turn import axes_of, forearm_axes, swing_axes, trunk_axes
+from rcare_marl.agents.coaching.sources.arm_pose import (
+    arm_motion,
+    axes_of,
+    elbow_at,
+    forearm_axes,
+    swing_axes,
+    trunk_axes,
+)
 from rcare_marl.agents.coaching.upper_body import (
     ARM,
     MOTION_INDEX,

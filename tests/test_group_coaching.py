@@ -12,7 +12,7 @@ import pytest
 import rcare_marl
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.agents.coaching.group_session import GroupSession, group_programme
-from rcare_marl.agents.coaching.reach import reach_of
+from rcare_marl.agents.coaching.imitation import reach_of
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Judgement, Repetition
 from rcare_marl.agents.coaching.session import Demonstration, Session
 from rcare_marl.agents.coaching.tree import CoachTree

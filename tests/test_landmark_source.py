@@ -13,8 +13,11 @@ import pytest
 
 from rcare_marl.agents.coaching.exercise import exercise_names, load_exercise
 from rcare_marl.agents.coaching.recognition.recogniser import Frame
-from rcare_marl.agents.coaching.sources.landmark_source import LandmarkReading, LandmarkSource
-from rcare_marl.agents.coaching.sources.pose_detector import PoseDetector
+from rcare_marl.agents.coaching.sources.landmark_source import (
+    LandmarkReading,
+    LandmarkSource,
+    PoseDetector,
+)
 from rcare_marl.agents.coaching.upper_body import (
     ARM,
     MOTION_INDEX,

@@ -24,7 +24,7 @@ CAMERA = {"kind": "camera", "width": 16, "height": 12}
 
 def zeros(env: LearnerEnv) -> dict[str, Any]:
     return {
-        group: np.zeros((len(roles), env.action_sizes[group]), np.float32)
+        group: np.zeros((len(roles), env.layout.action_sizes[group]), np.float32)
         for group, roles in env.groups.items()
     }
 
@@ -100,9 +100,12 @@ def test_groups_hold_what_the_environment_tells_each_role() -> None:
     assert env.groups == {"robots": ("robot",), "recipients": ("recipient",)}
     for group, (role,) in env.groups.items():
         np.testing.assert_array_equal(env.observation[group][0], care.observe(role))
-        assert sum(size for _, size in env.observed[group]) == env.observation_sizes[group]
-        assert env.action_sizes[group] == care.cast[role].action_size
-        assert env.action_lows[group] == care.cast[role].action_low
+        assert (
+            sum(size for _, size in env.layout.observed[group])
+            == env.layout.observation_sizes[group]
+        )
+        assert env.layout.action_sizes[group] == care.cast[role].action_size
+        assert env.layout.action_lows[group] == care.cast[role].action_low
     np.testing.assert_array_equal(env.state, care.state())
     env.close()
     env.close()
@@ -137,7 +140,7 @@ def test_partners_are_drawn_by_episode() -> None:
 
 def test_a_residual_that_is_zero_is_the_script_itself() -> None:
     env = LearnerEnv(EnvRecipe("feeding", residual={"robot": 0.3}))
-    assert env.observed["robots"][-1] == ("scripted_action", 6)
+    assert env.layout.observed["robots"][-1] == ("scripted_action", 6)
     env.reset(SEED)
     steps = 0
     while not (env.terminated or env.truncated):

@@ -24,12 +24,11 @@ from rcare_marl.baselines.algorithms import (
     make_algorithm,
     register_algorithm,
 )
-from rcare_marl.baselines.algorithms.masac import Masac, MasacConfig
+from rcare_marl.baselines.algorithms.masac import Masac
 from rcare_marl.baselines.algorithms.network import GroupShape, Normaliser
-from rcare_marl.baselines.algorithms.off_policy import BehaviourCloning, OffPolicy
-from rcare_marl.baselines.algorithms.sac import Sac, SacConfig
+from rcare_marl.baselines.algorithms.off_policy import BehaviourCloning, OffPolicy, OffPolicyConfig
+from rcare_marl.baselines.algorithms.sac import Sac, Tqc, TqcConfig
 from rcare_marl.baselines.algorithms.shortcut import SquashedNormal
-from rcare_marl.baselines.algorithms.tqc import Tqc, TqcConfig
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 SMALL: dict[str, Any] = {"hidden": (32, 32), "batch_size": 32, "warm_up": 40}
@@ -419,7 +418,7 @@ def test_the_entropy_to_keep_fits_the_range_of_actions() -> None:
 )
 def test_settings_that_cannot_be_are_refused(wrong: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigError, match=said):
-        SacConfig(**wrong)
+        OffPolicyConfig(**wrong)
     with pytest.raises(ConfigError, match="fewer dropped than quantiles"):
         TqcConfig(quantiles=2, dropped=2)
     with pytest.raises(ConfigError, match="behaviour_cloning"):
@@ -430,7 +429,7 @@ def test_names_are_checked() -> None:
     assert {"sac", "tqc", "masac"} <= set(algorithm_names())
     with pytest.raises(UnknownNameError, match="Did you mean 'sac'"):
         config_class("sacc")
-    with pytest.raises(ConfigError, match="takes SacConfig, got TqcConfig"):
+    with pytest.raises(ConfigError, match="takes OffPolicyConfig, got TqcConfig"):
         make_algorithm("sac", TqcConfig(), PointReach({"robots": 1}), seed=0)
 
 
@@ -439,7 +438,10 @@ def test_the_same_seed_gives_the_same_first_weights_whatever_came_before() -> No
     one = made("masac", env).state_dict()["learners"]
     torch.rand(3)
     assert same(one, made("masac", env).state_dict()["learners"])
-    other = Masac(MasacConfig(**SMALL), env, seed=1).state_dict()["learners"]
+    other = Masac(OffPolicyConfig(**SMALL), env, seed=1).state_dict()["learners"]
     assert not same(one, other)
     assert isinstance(Tqc(TqcConfig(**SMALL), env), Sac)
-    assert GroupShape("robots", 2, 4, 2, -1.0, 12) == Sac(SacConfig(**SMALL), env).shapes["robots"]
+    assert (
+        GroupShape("robots", 2, 4, 2, -1.0, 12)
+        == Sac(OffPolicyConfig(**SMALL), env).shapes["robots"]
+    )

@@ -22,7 +22,7 @@ from rcare_marl.baselines.partners import (
     partner_zoo,
     trembling,
 )
-from rcare_marl.baselines.partners.temperament import TemperamentFactory
+from rcare_marl.baselines.partners.zoo import TemperamentFactory
 from rcare_marl.baselines.policy_file import PolicyFile
 from rcare_marl.envs import CareEnv
 from rcare_marl.envs.learning import EnvRecipe

@@ -263,11 +263,11 @@ def test_numbers_that_are_not_finite_or_scales_of_zero_are_refused(env: CareEnv)
 
 def test_a_missing_file_names_those_that_are_near(env: CareEnv, tmp_path: Path) -> None:
     network(env).save(tmp_path / "policy.npz")
-    with pytest.raises(ConfigError, match=r"Did you mean policy\.npz\?"):
+    with pytest.raises(ConfigError, match=r"Did you mean .*/policy\.npz\?"):
         rcare_marl.make("feeding", policies={"robot": str(tmp_path / "polcy.npz")})
-    with pytest.raises(ConfigError, match="There are: policy.npz"):
+    with pytest.raises(ConfigError, match="there are policy.npz"):
         PolicyFile.read(tmp_path / "xxxxxxxxxxxxx.npz")
-    with pytest.raises(ConfigError, match="there is no folder"):
+    with pytest.raises(ConfigError, match="There is no folder"):
         PolicyFile.read(tmp_path / "nowhere" / "policy.npz")
 
 

@@ -20,7 +20,8 @@ from typer.testing import CliRunner
 
 import rcare_marl
 from rcare_marl.baselines import trained
-from rcare_marl.baselines.evaluation import protocol, repetition
+from rcare_marl.baselines.evaluation import protocol
+from rcare_marl.baselines.evaluation.episode_figure import draw_record, labels
 from rcare_marl.baselines.evaluation.evaluate import Episode, Evaluation, evaluate
 from rcare_marl.baselines.evaluation.protocol import (
     Plan,
@@ -30,9 +31,8 @@ from rcare_marl.baselines.evaluation.protocol import (
     find_policies,
     read_record,
     record_text,
+    repeat,
 )
-from rcare_marl.baselines.evaluation.repetition import repeat
-from rcare_marl.baselines.evaluation.run_figure import draw, labels
 from rcare_marl.baselines.evaluation.statistic import hierarchical_interval
 from rcare_marl.baselines.policy_file import PolicyFile
 from rcare_marl.cli import app
@@ -239,7 +239,7 @@ def test_a_record_that_is_repeated_gives_the_same_numbers(data: dict[str, Any]) 
 def test_a_number_that_differs_is_named(
     data: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(repetition, "run", lambda *_, **__: made_up([[True, True]] * 2).runs)
+    monkeypatch.setattr(protocol, "run", lambda *_, **__: made_up([[True, True]] * 2).runs)
     runs = made_up([[True, True]] * 2).runs
     for entry, run in zip(data["policies"], runs, strict=True):
         entry["episodes"] = columns(run.episodes)
@@ -272,7 +272,7 @@ def test_a_file_that_moved_is_found_among_those_that_ship(
 def test_files_that_are_gone_or_changed_are_told(
     data: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(repetition, "run", lambda *_, **__: ())
+    monkeypatch.setattr(protocol, "run", lambda *_, **__: ())
     (tmp_path / "other.npz").write_bytes(b"other")
     network = data["policies"][1]
     for name, why in (("gone.npz", "is not here"), ("other.npz", "is another file than it was")):
@@ -333,7 +333,7 @@ def test_names_in_the_figure_leave_out_what_paths_share() -> None:
 def test_the_figure_is_a_picture_that_grows_with_the_policies(tmp_path: Path) -> None:
     heights = []
     for count in (1, 5):
-        (tmp_path / "a.png").write_bytes(draw(made_up([[True, False, True]] * count)))
+        (tmp_path / "a.png").write_bytes(draw_record(made_up([[True, False, True]] * count)))
         picture = Image.open(tmp_path / "a.png")
         assert picture.width > 1000 and np.asarray(picture.convert("L")).std() > 5
         heights.append(picture.height)

@@ -27,8 +27,7 @@ ENVS, STEPS = 4, 10  # steps of each environment in a batch
 
 
 def policy_for(env: Any) -> Any:
-    from rcare_marl.baselines.algorithms.exploration import ExploringPolicy
-    from rcare_marl.baselines.algorithms.network import Actor, group_shapes
+    from rcare_marl.baselines.algorithms.network import Actor, ExploringPolicy, group_shapes
 
     torch.manual_seed(0)
     actors = {name: Actor(shape, (32, 32)) for name, shape in group_shapes(env).items()}

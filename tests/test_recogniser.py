@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rcare_marl.agents.coaching.exercise import Exercise, Reach, exercise_names, load_exercise
-from rcare_marl.agents.coaching.recognition.feature import COLUMN, features
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS, Frame, Judgement, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
+from rcare_marl.agents.coaching.recognition.template import COLUMN, features
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
 from rcare_marl.agents.coaching.sources.joints_source import JointsSource
 from rcare_marl.agents.coaching.sources.one_euro import OneEuro

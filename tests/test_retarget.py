@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rcare_marl.agents.coaching.exercise import Exercise, exercise_names, load_exercise
-from rcare_marl.agents.coaching.imitation import Imitation
-from rcare_marl.agents.coaching.reach import raised_sides, reach_of
+from rcare_marl.agents.coaching.imitation import Imitation, raised_sides, reach_of
 from rcare_marl.agents.coaching.retarget import (
     Retarget,
     angle_between,

@@ -15,7 +15,7 @@ from rcare_marl.agents.coaching.session import Order
 from rcare_marl.agents.coaching.upper_body import ARM
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.coaching.action import SIZE, encode
+from rcare_marl.envs.coaching.coaching_task import SIZE, encode
 from rcare_marl.envs.coaching.learner import Learner
 from rcare_marl.envs.devices import Wheelchair
 from rcare_marl.envs.tasks.social_coaching import SocialCoaching

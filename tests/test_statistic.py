@@ -7,7 +7,6 @@ import pytest
 
 from rcare_marl.baselines.evaluation.statistic import (
     hierarchical_interval,
-    improvement,
     interquartile_mean,
     stratified_interval,
 )
@@ -100,12 +99,6 @@ def test_hierarchical_interval_takes_runs_of_different_lengths() -> None:
     # A run of one value and one of many: the mean is of runs, so each counts half.
     low, high = hierarchical_interval([[1.0], [0.0] * 99], confidence=0.4)
     assert (low, high) == (0.5, 0.5)
-
-
-def test_improvement_counts_pairs_and_half_of_ties() -> None:
-    assert improvement([3, 2], [1, 0]) == 1.0
-    assert improvement([1, 2], [1, 2]) == 0.5
-    assert improvement([1, 3], [2, 3]) == (0 + 0 + 1 + 0.5) / 4
 
 
 @pytest.mark.parametrize("groups", [[], [[]], [[1.0], []]])

@@ -16,11 +16,11 @@ from rcare_marl.baselines.coaching.evaluation import (
     CoachEvaluation,
     Trial,
     evaluate_coach,
+    make_sensor,
     score_trial,
 )
 from rcare_marl.baselines.coaching.noise import HandsSensor, NoiseModel
 from rcare_marl.baselines.coaching.performance import WRONG, Performance, idle, perform
-from rcare_marl.baselines.coaching.sensors import make_sensor
 from rcare_marl.baselines.coaching.synthetic_user import PACE, RANGE, draw_users
 from rcare_marl.errors import ConfigError, UnknownNameError
 

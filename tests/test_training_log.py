@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from rcare_marl.baselines.training.log import CURVE, CsvLog, TensorBoardLog, TrainingLog
-from rcare_marl.cli.training_report import Pace, TrainingReport, duration
+from rcare_marl.baselines.training.log import CURVE, TrainingLog
+from rcare_marl.cli.training import TrainingReport, duration
 from rcare_marl.errors import ConfigError
 
 
@@ -22,7 +22,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
 
 
 def test_each_report_is_a_row_with_the_step_first(tmp_path: Path) -> None:
-    log = CsvLog(tmp_path)
+    log = TrainingLog(tmp_path)
     log.write(100, {"return": 1.5, "success": 0.0})
     log.write(200, {"return": 2.25, "success": 1.0})
     assert (tmp_path / CURVE).read_text().splitlines() == [
@@ -33,7 +33,7 @@ def test_each_report_is_a_row_with_the_step_first(tmp_path: Path) -> None:
 
 
 def test_a_metric_that_comes_late_gets_a_column(tmp_path: Path) -> None:
-    log = CsvLog(tmp_path)
+    log = TrainingLog(tmp_path)
     log.write(1, {"success": 0.5})
     log.write(2, {"loss": 3.0, "success": 0.5})
     log.write(3, {"loss": 2.0})
@@ -43,10 +43,10 @@ def test_a_metric_that_comes_late_gets_a_column(tmp_path: Path) -> None:
 
 
 def test_a_resumed_curve_has_no_step_twice(tmp_path: Path) -> None:
-    log = CsvLog(tmp_path)
+    log = TrainingLog(tmp_path)
     for step in (100, 200, 300, 400):
         log.write(step, {"return": float(step)})
-    log = CsvLog(tmp_path, at_step=200)
+    log = TrainingLog(tmp_path, at_step=200)
     assert [row["step"] for row in rows(tmp_path)] == ["100", "200"]
     log.write(300, {"return": -1.0})
     assert [(row["step"], row["return"]) for row in rows(tmp_path)] == [
@@ -55,23 +55,23 @@ def test_a_resumed_curve_has_no_step_twice(tmp_path: Path) -> None:
 
 
 def test_half_a_row_of_a_killed_run_is_cut_off(tmp_path: Path) -> None:
-    CsvLog(tmp_path).write(100, {"return": 1.0, "success": 0.5})
+    TrainingLog(tmp_path).write(100, {"return": 1.0, "success": 0.5})
     with (tmp_path / CURVE).open("a") as file:
         file.write("200,3")
-    CsvLog(tmp_path, at_step=300)
+    TrainingLog(tmp_path, at_step=300)
     assert [row["step"] for row in rows(tmp_path)] == ["100"]
 
 
 def test_a_new_run_begins_a_new_curve(tmp_path: Path) -> None:
-    CsvLog(tmp_path).write(100, {"return": 1.0})
-    CsvLog(tmp_path)
+    TrainingLog(tmp_path).write(100, {"return": 1.0})
+    TrainingLog(tmp_path)
     assert rows(tmp_path) == []
 
 
 def test_a_file_that_is_no_curve_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / CURVE).write_text("name,height\nkim,1.7\n")
     with pytest.raises(ConfigError, match="no log of a training"):
-        CsvLog(tmp_path, at_step=10)
+        TrainingLog(tmp_path, at_step=10)
     assert "kim" in (tmp_path / CURVE).read_text()
 
 
@@ -95,7 +95,7 @@ def test_tensorboard_shows_a_resumed_curve_once(tmp_path: Path) -> None:
 
 
 def test_a_closed_log_takes_nothing_more(tmp_path: Path) -> None:
-    log = TensorBoardLog(tmp_path)
+    log = TrainingLog(tmp_path)
     log.close()
     with pytest.raises(ConfigError, match="closed"):
         log.write(1, {"return": 1.0})
@@ -145,17 +145,19 @@ def test_on_a_terminal_there_is_a_bar() -> None:
 
 
 def test_the_pace_is_that_of_late() -> None:
-    clock = Clock()
-    pace = Pace(clock)
-    pace.note(0)
-    assert pace.speed is None
+    clock, stream = Clock(), io.StringIO()
+    report = TrainingReport(screen=Console(file=stream, width=100), clock=clock)
+    report.start(CONFIG, 1000, 0)
+    report.report(0, {})
     for _ in range(100):
         clock.now += 1.0
-        pace.note(round(clock.now))
+        report.report(round(clock.now), {})
     for _ in range(40):
         clock.now += 1.0
-        pace.note(100 + round(5 * (clock.now - 100)))
-    assert pace.speed == pytest.approx(5.0)
+        report.report(100 + round(5 * (clock.now - 100)), {})
+    report.close()
+    first, *_, last = stream.getvalue().splitlines()[1:]
+    assert ", 1 steps/s" in first and "300/1,000, 2:20 left, 5 steps/s" in last
 
 
 @pytest.mark.parametrize(

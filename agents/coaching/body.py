@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..robots.robot import Robot
 from .retarget import Retarget, Shown
 from .upper_body import MOTIONS
-
-Array = npt.NDArray[np.float64]
 
 # [rad/s] at most, so that a limb swings round, and does not jump, where two postures of the robot meet; half
 # of what NAO's slowest arm joint does. Our own choice.

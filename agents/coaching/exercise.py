@@ -10,15 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl import assets
 from rcare_marl.config import load, read_yaml
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.pose import Array
 
 from .upper_body import ARM, ARM_MOTIONS, MOTION_INDEX, MOTIONS, SIDES, directions
-
-Array = npt.NDArray[np.float64]
 
 PARTS = ("left_arm", "right_arm", "head", "trunk")
 HEAD, TRUNK = slice(3, 6), slice(0, 3)

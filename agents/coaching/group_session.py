@@ -140,7 +140,8 @@ class GroupSession(Lesson):
     def _look_round(self, watched: Sequence[str]) -> None:
         """Find who needs a word, of whom one has just seen `watched`."""
         busy = [name for name in self.members if self.is_busy(name)]
-        praised = [name for name in watched if self._has_just_done(name)]
+        found = {name: self.members[name].judgement.finished for name in watched}
+        praised = [name for name, done in found.items() if done is not None and done.right]
         self.praised = max(praised, key=self._left, default=None)
         self.neediest = min(busy, key=self._waits_since, default=None)
         sessions = [self.members[name] for name in busy]
@@ -152,10 +153,6 @@ class GroupSession(Lesson):
             finished=self.members[self.praised].judgement.finished if self.praised else None,
             hint=self.hint,
         )
-
-    def _has_just_done(self, name: str) -> bool:
-        found = self.members[name].judgement.finished
-        return found is not None and found.right
 
     def _left(self, name: str) -> int:
         session = self.members[name]

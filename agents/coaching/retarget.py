@@ -17,10 +17,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import matrix_from_quaternion, quaternion_from_rpy
+from rcare_marl.pose import Array, matrix_from_quaternion, quaternion_from_rpy
 
 from ..robots.robot_config import RobotConfig, load_robot
 from ..robots.robot_model import robot_model
@@ -35,8 +34,6 @@ from .upper_body import (
     turn_y,
     turn_z,
 )
-
-Array = npt.NDArray[np.float64]
 
 ARM_JOINTS = ("ShoulderPitch", "ShoulderRoll", "ElbowYaw", "ElbowRoll", "WristYaw")
 HEAD_JOINTS = ("HeadYaw", "HeadPitch")

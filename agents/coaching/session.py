@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
 
@@ -16,8 +15,6 @@ from .body import CoachBody
 from .exercise import Exercise, Reach
 from .recognition.recogniser import Frame, Judgement, Recogniser, Repetition
 from .upper_body import directions
-
-Array = npt.NDArray[np.float64]
 
 Act = Literal["stand", "show", "next", "rest"]
 Word = Literal["nothing", "explain", "encourage", "praise", "hint"]

@@ -28,7 +28,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector
@@ -38,8 +37,6 @@ from ..people.behaviour.leaves import Condition
 from .body import CoachBody
 from .recognition.recogniser import Frame
 from .session import Demonstration, Lesson, Order, Session, Word
-
-Array = npt.NDArray[np.float64]
 
 # All our own choices.
 PATIENCE = 2.5  # repetitions as shown, without a right one, after which the coach encourages

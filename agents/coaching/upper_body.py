@@ -25,12 +25,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 
-Array = npt.NDArray[np.float64]
 Angle = Array | float
 
 SIDES = ("left", "right")

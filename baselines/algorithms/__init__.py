@@ -1,4 +1,4 @@
-"""Learning algorithms on TorchRL's losses, a file each, with one config dataclass each."""
+"""Learning algorithms on TorchRL's losses, with config dataclasses."""
 
 from .algorithm import (
     Algorithm,

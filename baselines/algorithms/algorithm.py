@@ -18,12 +18,12 @@ from .network import ActorArrays
 # Name -> algorithm, its settings. Loaded when asked for: TorchRL takes seconds to import.
 _HERE = __package__
 _ALGORITHMS = {
-    "sac": (f"{_HERE}.sac:Sac", f"{_HERE}.sac:SacConfig"),
-    "tqc": (f"{_HERE}.tqc:Tqc", f"{_HERE}.tqc:TqcConfig"),
-    "masac": (f"{_HERE}.masac:Masac", f"{_HERE}.masac:MasacConfig"),
-    "ppo": (f"{_HERE}.ppo:Ppo", f"{_HERE}.ppo:PpoConfig"),
-    "ippo": (f"{_HERE}.ippo:Ippo", f"{_HERE}.ippo:IppoConfig"),
-    "mappo": (f"{_HERE}.mappo:Mappo", f"{_HERE}.mappo:MappoConfig"),
+    "sac": (f"{_HERE}.sac:Sac", f"{_HERE}.off_policy:OffPolicyConfig"),
+    "tqc": (f"{_HERE}.sac:Tqc", f"{_HERE}.sac:TqcConfig"),
+    "masac": (f"{_HERE}.masac:Masac", f"{_HERE}.off_policy:OffPolicyConfig"),
+    "ppo": (f"{_HERE}.on_policy:Ppo", f"{_HERE}.on_policy:OnPolicyConfig"),
+    "ippo": (f"{_HERE}.on_policy:Ippo", f"{_HERE}.on_policy:OnPolicyConfig"),
+    "mappo": (f"{_HERE}.on_policy:Mappo", f"{_HERE}.on_policy:OnPolicyConfig"),
 }
 
 
@@ -121,7 +121,7 @@ def make_algorithm(name: str, config: Any, env: Any, *, seed: int) -> Algorithm:
         ConfigError: If `config` is of another algorithm, or the environment does not suit.
     """
     wanted = config_class(name)
-    if not isinstance(config, wanted):
+    if type(config) is not wanted:
         raise ConfigError(
             f"algorithm {name!r} takes {wanted.__name__}, got {type(config).__name__}"
         )

@@ -5,27 +5,19 @@ Centralised critics after Lowe et al. 2017 (MADDPG), with the losses of soft act
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModule
 from torch import Tensor
-from torchrl.objectives import SACLoss
 
 from rcare_marl.errors import ConfigError
 
-from .network import Actor, Critic, GroupShape, actor_module, group_shapes, meant
-from .off_policy import Learner, OffPolicy, OffPolicyConfig, target_entropy
-from .shortcut import shorten
+from .network import Critic, GroupShape, group_shapes, meant
+from .off_policy import Learner, OffPolicy, OffPolicyConfig
 
 JOINT = "joint"  # name of the one memory
-
-
-@dataclass(frozen=True)
-class MasacConfig(OffPolicyConfig):
-    """Settings of multi-agent soft actor-critic, which are all in `OffPolicyConfig`."""
 
 
 class Masac(OffPolicy):
@@ -39,7 +31,7 @@ class Masac(OffPolicy):
         ConfigError: If the environment has no "state".
     """
 
-    def __init__(self, config: MasacConfig, env: Any, *, seed: int = 0) -> None:
+    def __init__(self, config: OffPolicyConfig, env: Any, *, seed: int = 0) -> None:
         shapes = group_shapes(env)
         if any(shape.state == 0 for shape in shapes.values()):
             raise ConfigError("masac needs an environment with a 'state' for its central critics")
@@ -47,30 +39,20 @@ class Masac(OffPolicy):
         self._groups = tuple(shapes)
         super().__init__(config, env, seed=seed)
 
-    def _learner(self, shape: GroupShape) -> Learner:
-        config, group = self.config, shape.name
-        actor = Actor.of(shape, config)
-        critics = [self._critic(shape) for _ in range(2)]
-        loss = SACLoss(
-            actor_module(actor, group),
-            critics,
-            num_qvalue_nets=2,
-            loss_function="l2",
-            alpha_init=config.alpha_init,
-            target_entropy=target_entropy(config, shape),
-        )
-        loss.set_keys(
-            action=(group, "action"),
-            reward=(group, "reward"),
-            done=(group, "done"),
-            terminated=(group, "terminated"),
-            state_action_value=(group, "state_action_value"),
+    def _learner(self, shape: GroupShape, prefix: tuple[str, ...] = ()) -> Learner:
+        group = shape.name
+        learner = super()._learner(shape, (group,))
+        names = ("action", "reward", "done", "terminated", "state_action_value")
+        learner.loss.set_keys(
+            **{name: (group, name) for name in names},
             value=(group, "state_value"),
             log_prob=(group, "action_log_prob"),
             priority=(group, "td_error"),
         )
-        shorten(loss, actor, critics[0])
-        return Learner(actor, loss, config, (group,))
+        return learner
+
+    def _critics(self, shape: GroupShape) -> list[TensorDictModule]:
+        return [self._critic(shape) for _ in range(2)]
 
     def _critic(self, shape: GroupShape) -> TensorDictModule:
         network = Critic(
@@ -95,11 +77,8 @@ class Masac(OffPolicy):
             for key in ("observation", "action"):
                 found[group, key] = batch[group, key]
             found[group, "meant"] = meant(batch, group)
-            for key in ("observation", "reward", "terminated", "done"):
-                found["next", group, key] = batch["next", group, key]
-            found["next", group, "reward"] = (
-                found["next", group, "reward"] * self.config.reward_scale
-            )
+            for key, value in self._after(batch, group).items():
+                found["next", group, key] = value
         return {JOINT: found}
 
     def _memory_of(self, group: str) -> str:

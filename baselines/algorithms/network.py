@@ -6,7 +6,7 @@ Every actor is a multilayer perceptron on its agent's own observation. Agents of
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 import torch
 from tensordict import TensorDictBase
-from tensordict.nn import ProbabilisticTensorDictSequential, TensorDictModule
+from tensordict.nn import ProbabilisticTensorDictSequential, TensorDictModule, TensorDictModuleBase
 from torch import Tensor, nn
-from torchrl.modules import ProbabilisticActor, TanhNormal
+from torchrl.envs.utils import ExplorationType, exploration_type
+from torchrl.modules import MLP, ProbabilisticActor, TanhNormal
 
 from rcare_marl.errors import ConfigError
 
@@ -116,24 +117,6 @@ class Normaliser(nn.Module):
         return ((observation - self.mean) / self.scale).clamp(-CLIP, CLIP)
 
 
-def perceptron(sizes: Sequence[int], *, layer_norm: bool = False) -> nn.Sequential:
-    """Return linear layers with ReLU between them.
-
-    Args:
-        sizes: Of the input, the hidden layers, the output.
-        layer_norm: Normalise before each ReLU, which keeps critics from extrapolating wildly
-            (Ball et al. 2023, Efficient online reinforcement learning with offline data).
-    """
-    layers: list[nn.Module] = []
-    for fan_in, fan_out in zip(sizes[:-2], sizes[1:-1], strict=True):
-        layers.append(nn.Linear(fan_in, fan_out))
-        if layer_norm:
-            layers.append(nn.LayerNorm(fan_out))
-        layers.append(nn.ReLU())
-    layers.append(nn.Linear(sizes[-2], sizes[-1]))
-    return nn.Sequential(*layers)
-
-
 class Actor(nn.Module):
     """Observation to location and scale of a normal distribution, squashed by tanh afterwards.
 
@@ -156,7 +139,9 @@ class Actor(nn.Module):
         super().__init__()
         self.shape = shape
         self.normaliser = Normaliser(shape.observation)
-        self.layers = perceptron((shape.observation, *hidden, 2 * shape.action))
+        self.layers = MLP(
+            shape.observation, 2 * shape.action, num_cells=list(hidden), activation_class=nn.ReLU
+        )
         low, high = LOG_STD
         if not low < initial_log_std < high:
             raise ConfigError(f"initial_log_std must be in {LOG_STD}, got {initial_log_std}")
@@ -260,7 +245,8 @@ class Critic(nn.Module):
         done: Entries of the actions, all together; 0 for a value of the state alone.
         hidden: Sizes of the hidden layers.
         outputs: How many numbers to predict.
-        layer_norm: As of `perceptron`.
+        layer_norm: Normalise before each ReLU, which keeps critics from extrapolating wildly
+            (Ball et al. 2023, Efficient online reinforcement learning with offline data).
         per_agent: The outputs are one value of each agent of a group, so [..., outputs, 1].
     """
 
@@ -276,7 +262,14 @@ class Critic(nn.Module):
     ) -> None:
         super().__init__()
         self.normaliser = Normaliser(seen)
-        self.layers = perceptron((seen + done, *hidden, outputs), layer_norm=layer_norm)
+        self.layers = MLP(
+            seen + done,
+            outputs,
+            num_cells=list(hidden),
+            activation_class=nn.ReLU,
+            norm_class=nn.LayerNorm if layer_norm else None,
+            norm_kwargs=[{"normalized_shape": size} for size in hidden],
+        )
         self.per_agent = per_agent
 
     def forward(self, seen: Tensor, *actions: Tensor) -> Tensor:
@@ -284,6 +277,47 @@ class Critic(nn.Module):
         flat = (action.flatten(seen.ndim - 1) for action in actions)
         values: Tensor = self.layers(torch.cat([self.normaliser(seen), *flat], dim=-1))
         return values.unsqueeze(-1) if self.per_agent else values
+
+
+class ExploringPolicy(TensorDictModuleBase):  # type: ignore[misc]  # untyped in tensordict
+    """Writes (group, "action"), drawn where TorchRL's exploration type is RANDOM.
+
+    It does what TorchRL's ProbabilisticActor does, without the distribution's bookkeeping, which
+    costs more than the network for a few environments.
+
+    Args:
+        actors: The actor of each group.
+        warming: Draw uniformly, and do not ask the actors, where it explores.
+        warm_up_scale: Share of the range of actions, about its middle, that is drawn from then.
+    """
+
+    warming: Tensor
+
+    def __init__(
+        self, actors: Mapping[str, Actor], *, warming: bool, warm_up_scale: float = 1.0
+    ) -> None:
+        super().__init__()
+        self.in_keys = [(group, "observation") for group in actors]
+        self.out_keys = [(group, "action") for group in actors]
+        self.actors = nn.ModuleDict(actors)
+        self._scale = warm_up_scale
+        self.register_buffer("warming", torch.tensor(warming))
+
+    @torch.no_grad()
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        explore = exploration_type() in (ExplorationType.RANDOM, None)
+        warming = explore and bool(self.warming)
+        for group, actor in self.actors.items():
+            assert isinstance(actor, Actor)
+            observation = tensordict[group, "observation"]
+            if warming:
+                low = actor.shape.low
+                drawn = torch.rand(*observation.shape[:-1], actor.shape.action) - 0.5
+                action = (1 + low) / 2 + (1 - low) * self._scale * drawn
+            else:
+                action = actor.act(observation, explore=explore)
+            tensordict[group, "action"] = action
+        return tensordict
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ reinforcement learning with offline data), and can also be copied at the start o
 
 from __future__ import annotations
 
+import logging
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -15,15 +16,23 @@ from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
-from tensordict.nn import TensorDictModuleBase
+from tensordict.nn import TensorDictModule, TensorDictModuleBase
 from torch import Tensor
+from torchrl.data import LazyTensorStorage, ReplayBuffer
 from torchrl.objectives import SACLoss, SoftUpdate
 
 from rcare_marl.errors import ConfigError
 
-from .exploration import ExploringPolicy
-from .memory import Memory
-from .network import Actor, ActorArrays, GroupShape, Normaliser, group_shapes
+from .network import (
+    Actor,
+    ActorArrays,
+    ExploringPolicy,
+    GroupShape,
+    Normaliser,
+    actor_module,
+    group_shapes,
+)
+from .shortcut import shorten
 
 CHUNK = 8  # minibatches drawn by one call: one indexing for many is quicker; our own choice
 
@@ -122,6 +131,55 @@ class OffPolicyConfig:
             )
         if not self.hidden or min(self.hidden) < 1:
             raise ConfigError(f"hidden needs sizes of at least 1, got {list(self.hidden)}")
+
+
+_TORCHRL = logging.getLogger("torchrl")
+
+
+class Memory:
+    """The latest transitions, drawn from uniformly with torch's global generator.
+
+    Args:
+        capacity: How many are kept.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self.capacity = capacity
+        self._buffer = ReplayBuffer(storage=LazyTensorStorage(capacity))
+
+    def __len__(self) -> int:
+        return len(self._buffer)
+
+    def extend(self, transitions: TensorDictBase) -> None:
+        """Add transitions [M]; the oldest give way."""
+        level = _TORCHRL.level
+        _TORCHRL.setLevel(logging.WARNING)  # it announces each storage on the terminal
+        try:
+            self._buffer.extend(transitions[-self.capacity :])
+        finally:
+            _TORCHRL.setLevel(level)
+
+    def sample(self, count: int) -> TensorDictBase:
+        """Return `count` transitions, with replacement."""
+        sample: TensorDictBase = self._buffer.sample(count)
+        return sample
+
+    def all(self) -> TensorDictBase:
+        """Return all transitions, as they lie."""
+        kept: TensorDictBase = self._buffer[:]
+        return kept
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return a copy of what is kept, and where the next one goes."""
+        kept = self.all().clone().to_dict() if len(self) else {}
+        return {"transitions": kept, "count": len(self), "writer": self._buffer.writer.state_dict()}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take back what `state_dict` gave."""
+        self._buffer.empty()
+        if state["count"]:
+            self.extend(TensorDict.from_dict(state["transitions"], batch_size=[state["count"]]))
+        self._buffer.writer.load_state_dict(state["writer"])
 
 
 class Learner:
@@ -240,9 +298,33 @@ class OffPolicy(ABC):
         )
         self._steps, self._owed = 0, 0.0
 
+    def _learner(self, shape: GroupShape, prefix: tuple[str, ...] = ()) -> Learner:
+        """Build the networks, the loss and the optimiser of a group, whose keys have a prefix."""
+        actor = Actor.of(shape, self.config)
+        critics = self._critics(shape)
+        loss = self._loss(
+            actor_network=actor_module(actor, *prefix),
+            qvalue_network=critics,
+            num_qvalue_nets=len(critics),
+            alpha_init=self.config.alpha_init,
+            target_entropy=target_entropy(self.config, shape),
+        )
+        shorten(loss, actor, critics[0])
+        return Learner(actor, loss, self.config, prefix)
+
     @abstractmethod
-    def _learner(self, shape: GroupShape) -> Learner:
-        """Build the networks, the loss and the optimiser of a group."""
+    def _critics(self, shape: GroupShape) -> list[TensorDictModule]:
+        """Return the critics of a group, with their keys."""
+
+    def _loss(self, **parts: Any) -> SACLoss:
+        """Return TorchRL's loss over the networks; `parts` are arguments of it."""
+        return SACLoss(**parts, loss_function="l2")
+
+    def _after(self, batch: TensorDictBase, group: str) -> dict[str, Tensor]:
+        """Return what a step led a group to, with its rewards as they are learned from."""
+        after = batch["next", group]
+        found = {key: after[key] for key in ("observation", "reward", "terminated", "done")}
+        return {**found, "reward": found["reward"] * self.config.reward_scale}
 
     @abstractmethod
     def _transitions(self, batch: TensorDictBase) -> dict[str, TensorDict]:

@@ -1,4 +1,4 @@
-"""What PPO, IPPO and MAPPO share: each group learns from whole batches of its own episodes, once.
+"""PPO, IPPO and MAPPO: each group learns from whole batches of its own episodes, once.
 
 TorchRL gives the clipped loss (Schulman et al. 2017, Proximal policy optimization algorithms) and the
 advantages (Schulman et al. 2016, High-dimensional continuous control using generalized advantage
@@ -16,13 +16,21 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModule, TensorDictModuleBase
 from torch import Tensor, nn
-from torchrl.objectives import ClipPPOLoss
+from torchrl.objectives import ClipPPOLoss, IPPOLoss, MAPPOLoss
 from torchrl.objectives.value import MultiAgentGAE
 
 from rcare_marl.errors import ConfigError
 
-from .exploration import ExploringPolicy
-from .network import Actor, ActorArrays, Critic, GroupShape, actor_module, group_shapes, meant
+from .network import (
+    Actor,
+    ActorArrays,
+    Critic,
+    ExploringPolicy,
+    GroupShape,
+    actor_module,
+    group_shapes,
+    meant,
+)
 
 LEAST_SPREAD = 1e-6  # returns that spread less are not rescaled
 AGENTS = -2  # axis of the agents in values [..., agents, 1]
@@ -407,3 +415,35 @@ class OnPolicy:
         self.updates = int(state["updates"])
         for name, learner in self.learners.items():
             learner.from_state(state["groups"][name])
+
+
+class Ppo(OnPolicy):
+    """Proximal policy optimisation for one learner: one actor, one critic on the same observation."""
+
+    def _check(self, shapes: Mapping[str, GroupShape]) -> None:
+        learners = {name: shape.agents for name, shape in shapes.items()}
+        if sum(learners.values()) != 1:
+            raise ConfigError(
+                f"PPO trains one learner, here learn {learners} (agents by group): take ippo or mappo, "
+                "or give the others a policy"
+            )
+
+
+class Ippo(OnPolicy):
+    """Independent PPO: an actor for each group, and a critic on the same observation; agents share them.
+
+    Source: de Witt et al. (2020), Is independent learning all you need in the StarCraft multi-agent
+    challenge?
+    """
+
+    LOSS = IPPOLoss
+
+
+class Mappo(OnPolicy):
+    """Multi-agent PPO: an actor for each group, and a critic that values its agents from all states.
+
+    Source: Yu et al. (2022), The surprising effectiveness of PPO in cooperative multi-agent games.
+    """
+
+    LOSS = MAPPOLoss
+    CENTRAL = True

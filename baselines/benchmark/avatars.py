@@ -37,22 +37,21 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pybullet as bullet
 
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.actuation.muscle_model import MuscleModel
 from rcare_marl.agents.people.actuation.muscular import MuscleDrive
 from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_posture
-from rcare_marl.agents.people.body.tissue import Tissue
 from rcare_marl.agents.people.human import Human
 from rcare_marl.console import console, table
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Array, Pose
 from rcare_marl.provenance import versions
 from rcare_marl.world import World
 
-Array = npt.NDArray[np.float64]
+from .environment import in_turns
+
 Block = Callable[[], tuple[float, float]]  # does its work and returns processor and clock time [s]
 
 POSTURE = "wheelchair"
@@ -110,11 +109,18 @@ def bench(avatar: str = "karan", seconds: float = 5.0) -> dict[str, Any]:
     assert touched is not None and untouched is not None
     drive = muscular.human.drive
     assert isinstance(drive, MuscleDrive)
+    forces: list[float] = []
+
+    def press() -> tuple[float, float]:
+        spent = pressed.run()
+        forces.append(sum(touched.contact_forces().values()))  # [N]
+        return spent
+
     blocks: dict[str, Block] = {
         "bare_physics": skeletal.run_bare,
         "skeletal": skeletal.run,
         "muscle": muscular.run,
-        "tissue": pressed.run,
+        "tissue": press,
         "tissue_idle": idle.run,
         "muscle_kernel": _one_person(drive.model, skeletal.human),
         "batched": _many_people(drive.model, skeletal.human),
@@ -124,17 +130,17 @@ def bench(avatar: str = "karan", seconds: float = 5.0) -> dict[str, Any]:
     for _ in range(WARM_BLOCKS):
         for block in blocks.values():
             block()
-    forces: list[float] = []
-    times, share = _interleaved(
-        blocks, round(seconds / CONTROL_DT), lambda: forces.append(_push(touched))
-    )
+    forces.clear()
+    spent = in_turns(blocks, round(seconds / CONTROL_DT))
+    times = {name: statistics.median(own for own, _ in found) for name, found in spent.items()}
+    processor, clock = np.sum([pair for found in spent.values() for pair in found], axis=0)
     if not min(forces) > 0 or any(body.is_awake for body in untouched.bodies.values()):
         raise ConfigError(f"the arm of {who.name} does not lie as this test wants it")
     return {
         "avatar": who.name,
         "seconds": seconds,
         **_figures(times),
-        "processor_share": share,
+        "processor_share": float(processor / clock),
         "muscles": len(drive.model.names),
         "tissue_particles": touched.particle_count,
         "tissue_force_n": statistics.median(forces),
@@ -222,11 +228,6 @@ def _add_sphere(scene: Scene, *, is_touched: bool) -> None:
         world.set_collision(sphere, human.body, False)  # the flesh is what feels it
 
 
-def _push(tissue: Tissue) -> float:
-    """Return the force on the flesh [N]."""
-    return sum(tissue.contact_forces().values())
-
-
 def _people(model: MuscleModel, human: Human, count: int) -> tuple[Array, Array, Array]:
     """Return angles around the posture, rates and excitations of different people."""
     rng = np.random.default_rng(SEED)
@@ -259,23 +260,6 @@ def _many_people(model: MuscleModel, human: Human) -> Block:
         return watch.read()
 
     return block
-
-
-def _interleaved(
-    blocks: Mapping[str, Block], count: int, after: Callable[[], None]
-) -> tuple[dict[str, float], float]:
-    """Return the median processor time of each kind of block [s], and its share of the clock."""
-    names = list(blocks)
-    spent: dict[str, list[float]] = {name: [] for name in names}
-    processor = clock = 0.0
-    for k in range(count):
-        turn = k % len(names)
-        for name in (*names[turn:], *names[:turn]):
-            own, passed = blocks[name]()
-            spent[name].append(own)
-            processor, clock = processor + own, clock + passed
-        after()
-    return {name: statistics.median(times) for name, times in spent.items()}, processor / clock
 
 
 def _figures(times: Mapping[str, float]) -> dict[str, Any]:

@@ -34,7 +34,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pybullet as bullet
@@ -68,6 +68,7 @@ SOFT = {
     "drinking": FLUID,
 }
 
+T = TypeVar("T")
 # A command to Bullet with its arguments, or None for a physics step.
 Entry = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]] | None
 
@@ -120,6 +121,16 @@ def _met(result: Mapping[str, Any], bounds: Mapping[str, float]) -> dict[str, bo
         key: bool(result[key] >= bound if key == "real_time_factor" else result[key] <= bound)
         for key, bound in bounds.items()
     }
+
+
+def in_turns(blocks: Mapping[str, Callable[[], T]], rounds: int) -> dict[str, list[T]]:
+    """Run blocks one after the other, each round beginning with another one; return what each gave."""
+    names, found = list(blocks), {name: list[T]() for name in blocks}
+    for k in range(rounds):
+        turn = k % len(names)
+        for name in (*names[turn:], *names[:turn]):
+            found[name].append(blocks[name]())
+    return found
 
 
 def surroundings() -> dict[str, Any]:

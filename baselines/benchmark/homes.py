@@ -21,6 +21,8 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping
+from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -33,7 +35,7 @@ from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError
 from rcare_marl.provenance import versions
 
-from .environment import STEPS
+from .environment import STEPS, in_turns
 
 TASK = "feeding"
 BLOCK = 5  # control steps that run in one go
@@ -125,19 +127,15 @@ def _step_times(scenes: Mapping[str, Mapping[str, Any]], steps: int) -> dict[str
     """Return the median time of a control step in each scene [s]."""
     policies = {"recipient": "cooperative"}
     envs = {name: make(TASK, policies=policies, **place) for name, place in scenes.items()}
-    names = list(envs)
-    times: dict[str, list[float]] = {name: [] for name in names}
     try:
         for env in envs.values():
             env.reset(seed=0)
-        for block in range(-(-steps // (BLOCK - 1))):
-            shift = block % len(names)
-            for name in names[shift:] + names[:shift]:
-                times[name] += _block(envs[name])
+        blocks = {name: partial(_block, env) for name, env in envs.items()}
+        times = in_turns(blocks, -(-steps // (BLOCK - 1)))
     finally:
         for env in envs.values():
             env.close()
-    return {name: statistics.median(column) for name, column in times.items()}
+    return {name: statistics.median(chain(*found)) for name, found in times.items()}
 
 
 def _block(env: CareEnv) -> list[float]:

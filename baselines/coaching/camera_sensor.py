@@ -19,13 +19,12 @@ from rcare_marl.agents.coaching.recognition.recogniser import Frame
 from rcare_marl.agents.coaching.sources.camera_source import CameraSource, Seen
 from rcare_marl.agents.coaching.sources.marker_band import SEGMENTS, band_set
 from rcare_marl.agents.coaching.upper_body import ARM, MOTIONS, SIDES, SIGN, turn_z
+from rcare_marl.pose import Array
 from rcare_marl.rendering.camera import Camera
 
 from .noise import NoiseModel, sampled
 from .performance import Performance, at_rest
 from .synthetic_user import RESTS, SyntheticUser
-
-Array = npt.NDArray[np.float64]
 
 CALIBRATION = 1.3  # how long a person sits still before the camera [s]
 SETTLING = 1.5  # how long they take to lay their hands where they rest [s]; our own choice

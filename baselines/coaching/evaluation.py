@@ -13,20 +13,53 @@ import numpy as np
 
 from rcare_marl.agents.coaching.exercise import Exercise, exercise_names, load_exercises
 from rcare_marl.agents.coaching.recognition.recogniser import Recogniser, Repetition
-from rcare_marl.errors import ConfigError
+from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
+from rcare_marl.errors import ConfigError, check_name
 
 from ..evaluation.evaluate import wilson_interval
 from ..workers import run_all
-from .noise import NoiseModel, Sensor
+from .camera_sensor import CameraSensor
+from .noise import HandsSensor, JointsSensor, NoiseModel, Sensor
 from .performance import WRONG, Performance, idle, perform
-from .recognisers import DEFAULT, recogniser_maker
-from .sensors import make_sensor, usual_noise
 from .synthetic_user import SPLITS, SyntheticUser, draw_person
 
 RIGHT_REPETITIONS = 3  # of each exercise by each person
 IDLE_TIME = 20.0  # of each person with each exercise [s]
 LATE = 0.75  # a verdict later than this after the end of a repetition is none [s]
 UNSEEN = "nothing"
+
+SENSORS: Mapping[str, Callable[[NoiseModel], Sensor]] = {
+    "hands": HandsSensor,
+    "joints": JointsSensor,
+    "camera": CameraSensor,
+}
+# [1/s] A NAO's camera gives thirty pictures of this size at best, over a network about half; our own choice.
+RATES: Mapping[str, float] = {"camera": 15.0}
+
+
+def usual_noise(source: str) -> NoiseModel:
+    """Return the noise that a source is evaluated with; a camera's has 15 pictures a second."""
+    return NoiseModel(rate=RATES.get(source, NoiseModel.rate))
+
+
+def make_sensor(source: str, noise: NoiseModel) -> Sensor:
+    """Return the sensors of a source of poses.
+
+    Raises:
+        UnknownNameError: If there is no such source.
+    """
+    check_name("source of poses", source, SENSORS)
+    return SENSORS[source](noise)
+
+
+def _learned() -> Recogniser:
+    from .learned_recogniser import LearnedRecogniser  # brings torch
+
+    return LearnedRecogniser()
+
+
+RECOGNISERS: Mapping[str, Callable[[], Recogniser]] = {"rules": RuleRecogniser, "learned": _learned}
+DEFAULT = "rules"
 
 
 @dataclass(frozen=True)
@@ -298,12 +331,12 @@ def evaluate_coach(
     """Evaluate a recogniser over synthetic people; the same arguments give the same trials.
 
     Args:
-        source: Where poses come from, of `sensors.SENSORS`.
+        source: Where poses come from, of `SENSORS`.
         users: How many people.
         seed: Of the people and all they do.
         split: `development` or `test`: nobody is in both.
-        noise: Of the sensors; `sensors.usual_noise` if None.
-        recogniser: Who judges, of `recognisers.RECOGNISERS`.
+        noise: Of the sensors; `usual_noise` if None.
+        recogniser: Who judges, of `RECOGNISERS`.
         exercises: What is done; all there are if None.
         processes: How many people at once; the trials are the same whatever it is.
         progress: Told how many people are done.
@@ -319,7 +352,8 @@ def evaluate_coach(
     make_sensor(source, NoiseModel())  # refuses what is unknown before anything is begun
     noise = usual_noise(source) if noise is None else noise
     chosen = tuple(load_exercises() if exercises is None else exercises)
-    maker = recogniser_maker(recogniser)
+    check_name("recogniser", recogniser, RECOGNISERS)
+    maker = RECOGNISERS[recogniser]
     lessons = [_Lesson(source, i, seed, split, noise, maker, chosen) for i in range(users)]
     finished = count(1)
     tell = progress or (lambda _: None)

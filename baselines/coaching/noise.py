@@ -15,12 +15,10 @@ from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsS
 from rcare_marl.agents.coaching.sources.joints_source import JointsSource
 from rcare_marl.agents.coaching.upper_body import ARM, MOTIONS, SIDES, trunk_turn
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Array, Pose
 
 from .performance import Performance
 from .synthetic_user import SyntheticUser
-
-Array = npt.NDArray[np.float64]
 
 DEVICES = ("head", "left_hand", "right_hand")
 CALIBRATION = 1.0  # how long the calibration pose is held [s]

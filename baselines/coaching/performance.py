@@ -11,15 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.agents.coaching.exercise import Exercise, KeyPose, load_exercise
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES
 from rcare_marl.errors import UnknownNameError
+from rcare_marl.pose import Array
 
 from .synthetic_user import PACE, RANGE, SyntheticUser
-
-Array = npt.NDArray[np.float64]
 
 RATE = 120.0  # at which motion is made; sensors sample it [1/s]
 BEFORE, AFTER = 1.2, 1.5  # rest before and after [s]

@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.agents.coaching.upper_body import SIDES, UpperBody
-
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 RANGE = (0.87, 1.10)  # share of the range shown that is right
 PACE = (0.62, 1.58)  # duration against the one shown that is right

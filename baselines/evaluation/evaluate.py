@@ -363,7 +363,8 @@ def make_players(
         chosen = policies.get(role, roles[role].partner)
         if chosen is None:
             raise ConfigError(f"role {role!r} of task {task!r} has no default policy: name one")
-        names[role] = str(chosen) if isinstance(chosen, str | Path) else _name_of(chosen)
+        made_by = chosen if isinstance(chosen, str | Path) else type(chosen).__name__
+        names[role] = str(getattr(chosen, "__name__", made_by))
         players[role] = find_policy(task, role, chosen)(env, role)
     return names, players
 
@@ -412,7 +413,3 @@ def wilson_interval(successes: int, count: int) -> tuple[float, float]:
 
 def _came(metric: str, value: float) -> float | None:
     return None if metric.startswith(EVENT) and value < 0 else float(value)
-
-
-def _name_of(factory: object) -> str:
-    return str(getattr(factory, "__name__", type(factory).__name__))

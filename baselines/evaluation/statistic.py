@@ -133,15 +133,6 @@ def hierarchical_interval(
     return float(low), float(high)
 
 
-def improvement(better: Sequence[float], worse: Sequence[float]) -> float:
-    """Return the probability that a run of the first is above one of the second; ties count half.
-
-    Source: Agarwal et al. (2021); it is Mann and Whitney's U over the number of pairs.
-    """
-    left, right = _samples([better, worse])
-    return float((np.sign(left[:, None] - right[None]) + 1).mean() / 2)
-
-
 def _samples(groups: Sequence[Sequence[float]]) -> list[Numbers]:
     samples = [np.asarray(group, np.float64).ravel() for group in groups]
     if not samples or not all(len(sample) for sample in samples):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.agents.robots.control import ToolDelta
 from rcare_marl.envs.care_env import CareEnv
@@ -13,11 +12,9 @@ from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.scenes.way_through import WayState
 from rcare_marl.envs.tasks.ambulating import Ambulating
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import conjugate, multiply, rotation_vector
+from rcare_marl.pose import Array
 
-from .tool_script import scripted_task
-
-Array = npt.NDArray[np.float64]
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 OFF = 0.06  # [m] beside the handle, where the hand comes in
@@ -31,7 +28,7 @@ DEEPER = 0.10  # [m] that a panel is open where there is room for the whole fing
 PAST = 0.02  # [m] beyond the handle: the hand slipped off it
 NEAR = 0.012  # [m] from a place that counts as there
 CLOSING = 1.5  # [s] that the gripper closes before it turns
-GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
+GAIN = 3.0  # [1/s]
 FAST, SLOW = 0.20, 0.10  # [m/s] on the way, and in contact
 TURNING = 0.5  # [rad/s] of a knob
 # On the way through:
@@ -49,8 +46,12 @@ CRUISE = 0.6  # share of the speed of the chair, so that the hand can go along
 STEER, HEADING_GAIN, STEEPEST = 1.5, 2.5, 0.3  # [rad/m], [1/s], [rad]
 
 
-class ScriptedAmbulating:
+@register_policy("ambulating", "robot", "scripted")
+class ScriptedAmbulating(ToolScript[Ambulating]):
     """Goes beside the handle and pushes it, or round a knob and turns it."""
+
+    KIND = Ambulating
+    _lane: float | None
 
     def __init__(self, env: CareEnv, role: str) -> None:
         """Take the environment and the robot's role.
@@ -59,8 +60,8 @@ class ScriptedAmbulating:
             ConfigError: If the task is not ambulating, or the robot has another control mode, or no
                 gripper that moves for a knob.
         """
-        self._task = task = scripted_task(env, role, Ambulating)
-        self._robot = task.robot
+        super().__init__(env, role)
+        task = self._task
         self._has_gripper = any("gripper" in name for name in task.robot.action_names)
         if task.hardware == "knob" and not self._has_gripper:
             raise ConfigError("the scripted opener of doors needs a gripper to turn a knob")
@@ -68,20 +69,12 @@ class ScriptedAmbulating:
         self._size = task.door.size
         self._through = task.way
         self._turn_speed = task.way.chair.drive.turn if task.way is not None else 1.0
-        self._begin()
-
-    _lane: float | None
 
     def _begin(self) -> None:
         self._stage, self._wait, self._is_deep = 0, 0.0, False
-        self._phase = (
-            0  # 1 once it lets go of the handle, 2 as it swings the leaf, 3 as it drives on
-        )
+        self._phase = 0  # 1: it lets go of the handle, 2: it swings the leaf, 3: it drives on
         self._shy, self._lane = SHY, None
         self._farthest = self._idle = 0.0
-
-    def reset(self, rng: np.random.Generator) -> None:
-        self._begin()
 
     def act(self) -> Array:
         pose = self._robot.tool_pose()
@@ -93,16 +86,10 @@ class ScriptedAmbulating:
         wished = GAIN * (goal - tool)
         if way is not None and self._phase == 3:  # where it goes comes along with the chair
             wished += self._chair_velocity(way)
-        speed = float(np.linalg.norm(wished))
-        if speed > most:
-            wished *= most / speed
+        turn = turning(self._task.facing, pose.quaternion)
         if self._turns():
             turn = np.array((0.0, TURNING, 0.0))
-        else:
-            turn = TURN_GAIN * rotation_vector(
-                multiply(np.array(self._task.facing), conjugate(pose.quaternion))
-            )
-        action = self._robot.tool_action(wished, turn)
+        action = self._robot.tool_action(limited(wished, most), turn)
         if self._has_gripper:
             is_open = self._is_knob and (self._stage < 2 or self._phase > 0)
             action = np.append(action, -1.0 if is_open else 1.0)
@@ -232,6 +219,3 @@ class ScriptedAmbulating:
             if self._wait >= CLOSING:
                 self._stage = 3
         return places[1], SLOW
-
-
-register_policy("ambulating", "robot", "scripted")(ScriptedAmbulating)

@@ -1,22 +1,17 @@
 """A hand-written robot that bathes: come over the shoulder, press softly, wipe to the elbow, lift.
 
-It shows that the task can be done. It sees what a robot with perfect perception would see, presses by
-what the sponge feels, and needs the control mode `tool_delta`.
+It presses by what the sponge feels.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.bathing import START_ANGLE, START_SHARE, Bathing
-from rcare_marl.pose import conjugate, multiply, rotation_vector
+from rcare_marl.pose import Array
 
-from .tool_script import scripted_task
-
-Array = npt.NDArray[np.float64]
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 PRESS = 5.0  # [N], within PhyRC's 1 to 6 N of comfort
@@ -30,20 +25,13 @@ BEYOND = 0.01  # [m] past the target, before another pass is made
 TOUCH = 0.5  # [N] that count as contact
 
 
-class ScriptedBathing:
+@register_policy("bathing", "robot", "scripted")
+class ScriptedBathing(ToolScript[Bathing]):
     """Comes over the shoulder, presses until it feels 5 N, wipes to the target, and lifts."""
 
-    def __init__(self, env: CareEnv, role: str) -> None:
-        """Take the environment and the robot's role.
+    KIND = Bathing
 
-        Raises:
-            ConfigError: If the task is not bathing, or the robot has another control mode.
-        """
-        self._task = scripted_task(env, role, Bathing)
-        self._robot = self._task.robot
-        self._phase = "approach"
-
-    def reset(self, rng: np.random.Generator) -> None:
+    def _begin(self) -> None:
         self._phase = "approach"
 
     def act(self) -> Array:
@@ -56,24 +44,21 @@ class ScriptedBathing:
             START_SHARE + done * (end - START_SHARE), START_ANGLE + done * (angle - START_ANGLE)
         )
         way = skin.direction()
-        turn = rotation_vector(multiply(task.wiping_quaternion(out, way), conjugate(seen.turn)))
+        turn = turning(task.wiping_quaternion(out, way), seen.turn, 1.0)
         start = skin.place(START_SHARE, START_ANGLE)[0]
         height, force = float((face - top) @ out), float(-seen.push @ out)
         ahead = float((seen.target - face) @ way)
         self._phase = self._next(start, out, turn, ahead, height, force)
         if self._phase in ("approach", "lift"):
             goal = start if self._phase == "approach" else top
-            linear = _limited(GAIN * (goal + HOVER * out - face), FAST)
+            linear = limited(GAIN * (goal + HOVER * out - face), FAST)
         else:
             aside = float((top - face) @ np.cross(out, way))
             into = YIELD * (PRESS - force) if force > TOUCH else SINK
             along = WIPE if self._phase == "wipe" else 0.0
             linear = along * way + GAIN * aside * np.cross(out, way)
             linear = linear - float(np.clip(into, -SINK, SINK)) * out
-        # The tool turns about the face, so that turning does not wipe.
-        turn = TURN_GAIN * turn
-        linear = linear + np.cross(turn, np.subtract(self._robot.tool_pose().position, face))
-        return self._robot.tool_action(linear, turn)
+        return self._about(face, linear, TURN_GAIN * turn)  # so that turning does not wipe
 
     def _next(
         self, start: Array, out: Array, turn: Array, ahead: float, height: float, force: float
@@ -88,10 +73,3 @@ class ScriptedBathing:
         if self._phase == "wipe":
             return "lift" if ahead < -BEYOND else "wipe"
         return "approach" if height > 0.8 * HOVER else "lift"
-
-
-def _limited(velocity: Array, most: float) -> Array:
-    return velocity * min(1.0, most / max(float(np.linalg.norm(velocity)), 1e-9))
-
-
-register_policy("bathing", "robot", "scripted")(ScriptedBathing)

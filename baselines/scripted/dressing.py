@@ -2,8 +2,7 @@
 
 It keeps the waistband over the shank while the caregiver lifts the leg, pulls it along the leg to the hip
 until the hem is past the target, and lets go. It pulls towards the other leg, where the rest of the shorts
-hangs, and sways when the hem catches: a pull in one line draws a caught ring only tighter. It sees what a
-robot with perfect perception would see, and it needs the control mode `tool_delta`.
+hangs, and sways when the hem catches: a pull in one line draws a caught ring only tighter.
 """
 
 from __future__ import annotations
@@ -12,16 +11,15 @@ import math
 
 import numpy as np
 
-from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.scenes.hanging_shorts import HOLD_START, tip
 from rcare_marl.envs.tasks.dressing import REACH, Dressing
-from rcare_marl.pose import Array, conjugate, multiply, rotation_vector
+from rcare_marl.pose import Array
 
-from .tool_script import scripted_task
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
-GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
+GAIN = 3.0  # [1/s]
 FAST = 0.25  # [m/s] of the tool
 PULL = 0.12  # [m/s] along the leg
 LAG = 0.07  # [m] that the tool may be behind before the pull goes on
@@ -33,22 +31,15 @@ SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
 AWAY = (0.05, 0.0, 0.06)  # [m] that the open hand goes
 
 
-class ScriptedDressing:
+@register_policy("dressing", "robot", "scripted")
+class ScriptedDressing(ToolScript[Dressing]):
     """Follows the leg, pulls once it is up, and lets go when the hem is past its target."""
 
-    def __init__(self, env: CareEnv, role: str) -> None:
-        """Take the environment and the robot's role.
+    KIND = Dressing
 
-        Raises:
-            ConfigError: If the task is not dressing, or the robot has another control mode.
-        """
-        self._task = scripted_task(env, role, Dressing)
-        self._robot = self._task.robot
-        self._others = (
-            self._robot.action_size - self._robot.control.size
-        )  # the gripper, if it is commanded
-
-    def reset(self, rng: np.random.Generator) -> None:
+    def _begin(self) -> None:
+        # The gripper, if it is commanded.
+        self._others = self._robot.action_size - self._robot.control.size
         self._along, self._left = HOLD_START, False
         self._caught = 0.0  # [s] in all
         self._turn = np.array(self._robot.tool_pose().quaternion)
@@ -58,12 +49,8 @@ class ScriptedDressing:
         tool = self._robot.tool_pose()
         here = np.array(tool.position)
         goal = self._goal(here)
-        wished = GAIN * (goal - here)
-        speed = float(np.linalg.norm(wished))
-        if speed > FAST:
-            wished *= FAST / speed
-        spin = TURN_GAIN * rotation_vector(multiply(self._turn, conjugate(tool.quaternion)))
-        action = self._robot.tool_action(wished, spin)
+        wished = limited(GAIN * (goal - here), FAST)
+        action = self._robot.tool_action(wished, turning(self._turn, tool.quaternion))
         return np.concatenate((action, np.full(self._others, -1.0 if self._left else 0.0)))
 
     def _goal(self, here: Array) -> Array:
@@ -89,6 +76,3 @@ class ScriptedDressing:
         near, far = INWARD
         swayed = near + 0.5 * (far - near) * (1.0 + math.cos(2.0 * math.pi * self._caught / SWAY))
         return min(max(share, 0.0), 1.0) * swayed
-
-
-register_policy("dressing", "robot", "scripted")(ScriptedDressing)

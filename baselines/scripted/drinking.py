@@ -1,25 +1,17 @@
-"""A hand-written robot that gives to drink: bring the cup to the lips, wait, tilt it about its edge.
-
-It shows that the task can be done. It sees what a robot with perfect perception would see, and it needs
-the control mode `tool_delta`.
-"""
+"""A hand-written robot that gives to drink: bring the cup to the lips, wait, tilt it about its edge."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.scenes.mouth import OPEN
 from rcare_marl.envs.tasks.drinking import Drinking
-from rcare_marl.pose import conjugate, multiply, rotation_vector
+from rcare_marl.pose import Array
 
-from .tool_script import scripted_task
-
-Array = npt.NDArray[np.float64]
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 WAIT_IN_FRONT = 0.08  # [m] from mouth to rim while the mouth is closed
@@ -34,22 +26,14 @@ TILT_RATE = 0.35  # [rad/s]
 LAST = math.radians(92)  # farther the cup is not tilted
 
 
-class ScriptedDrinking:
+@register_policy("drinking", "robot", "scripted")
+class ScriptedDrinking(ToolScript[Drinking]):
     """Brings the cup to the lips, waits until they open, and tilts it; sees everything."""
 
-    def __init__(self, env: CareEnv, role: str) -> None:
-        """Take the environment and the robot's role.
+    KIND = Drinking
 
-        Raises:
-            ConfigError: If the task is not drinking, or the robot has another control mode.
-        """
-        self._task = scripted_task(env, role, Drinking)
-        self._robot = self._task.robot
+    def _begin(self) -> None:
         self._velocity, self._tilt = np.zeros(3), 0.0
-
-    def reset(self, rng: np.random.Generator) -> None:
-        self._velocity[:] = 0.0
-        self._tilt = 0.0
 
     def act(self) -> Array:
         task, seen = self._task, self._task.state
@@ -61,20 +45,9 @@ class ScriptedDrinking:
         is_there = is_open and float(np.linalg.norm(error)) < ARRIVED
         most = LAST if is_there else max(self._tilt, LEANING)
         self._tilt = min(self._tilt + TILT_RATE * task.control_dt, most)
-        limit = SLOW if seen.distance < NEAR else FAST
-        wished = GAIN * error
-        speed = float(np.linalg.norm(wished))
-        if speed > limit:
-            wished *= limit / speed
-        change = wished - self._velocity
-        size = float(np.linalg.norm(change))
+        wished = limited(GAIN * error, SLOW if seen.distance < NEAR else FAST)
         step = ACCELERATION * task.control_dt
-        self._velocity = self._velocity + change * min(1.0, step / max(size, 1e-9))
+        self._velocity = self._velocity + limited(wished - self._velocity, step)
         wanted = task.cup_pose(seen.rim, -seen.ahead, self._tilt).quaternion
-        turn = TURN_GAIN * rotation_vector(multiply(wanted, conjugate(seen.turn)))
-        # The tool turns about the rim, so that turning does not move it.
-        to_tool = np.subtract(self._robot.tool_pose().position, seen.rim)
-        return self._robot.tool_action(self._velocity + np.cross(turn, to_tool), turn)
-
-
-register_policy("drinking", "robot", "scripted")(ScriptedDrinking)
+        turn = turning(wanted, seen.turn, TURN_GAIN)
+        return self._about(seen.rim, self._velocity, turn)  # so that turning does not move the rim

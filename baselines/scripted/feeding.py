@@ -1,22 +1,14 @@
-"""A hand-written robot that feeds: level the spoon, come in front of the mouth, wait, go in.
-
-It shows that the task can be done. It sees what a robot with perfect perception would see, and it needs
-the control mode `tool_delta`.
-"""
+"""A hand-written robot that feeds: level the spoon, come in front of the mouth, wait, go in."""
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.feeding import OPEN_MOUTH, Feeding
-from rcare_marl.pose import conjugate, multiply, rotation_vector
+from rcare_marl.pose import Array
 
-from .tool_script import scripted_task
-
-Array = npt.NDArray[np.float64]
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 WAIT_IN_FRONT = 0.09  # [m] from mouth to bowl while the mouth is closed
@@ -26,21 +18,14 @@ NEAR = 0.12  # [m]
 ACCELERATION = 0.6  # [m/s²] that keeps food on the spoon
 
 
-class ScriptedFeeding:
+@register_policy("feeding", "robot", "scripted")
+class ScriptedFeeding(ToolScript[Feeding]):
     """Levels the spoon, waits before the mouth until it opens, and goes in; sees everything."""
 
-    def __init__(self, env: CareEnv, role: str) -> None:
-        """Take the environment and the robot's role.
+    KIND = Feeding
 
-        Raises:
-            ConfigError: If the task is not feeding, or the robot has another control mode.
-        """
-        self._task = scripted_task(env, role, Feeding)
-        self._robot = self._task.robot
+    def _begin(self) -> None:
         self._velocity = np.zeros(3)
-
-    def reset(self, rng: np.random.Generator) -> None:
-        self._velocity[:] = 0.0
 
     def act(self) -> Array:
         task, seen = self._task, self._task.state
@@ -48,21 +33,8 @@ class ScriptedFeeding:
         level /= np.linalg.norm(level)
         goal = seen.mouth + (0.0 if seen.jaw > OPEN_MOUTH else WAIT_IN_FRONT) * seen.face
         error = goal - seen.bowl
-        limit = SLOW if seen.distance < NEAR else FAST
-        wished = GAIN * error
-        speed = float(np.linalg.norm(wished))
-        if speed > limit:
-            wished *= limit / speed
-        change = wished - self._velocity
-        size = float(np.linalg.norm(change))
-        most = ACCELERATION * task.control_dt
-        self._velocity = self._velocity + change * min(1.0, most / max(size, 1e-9))
-        turn = TURN_GAIN * rotation_vector(
-            multiply(task.spoon_facing(-level), conjugate(seen.turn))
-        )
-        # The tool turns about the bowl, so that turning does not move the food.
-        to_tool = np.subtract(self._robot.tool_pose().position, seen.bowl)
-        return self._robot.tool_action(self._velocity + np.cross(turn, to_tool), turn)
-
-
-register_policy("feeding", "robot", "scripted")(ScriptedFeeding)
+        wished = limited(GAIN * error, SLOW if seen.distance < NEAR else FAST)
+        step = ACCELERATION * task.control_dt
+        self._velocity = self._velocity + limited(wished - self._velocity, step)
+        turn = turning(task.spoon_facing(-level), seen.turn, TURN_GAIN)
+        return self._about(seen.bowl, self._velocity, turn)  # so that turning does not move food

@@ -1,8 +1,7 @@
 """A hand-written robot that lays an arm on the armrest with a cradle.
 
 It goes behind the forearm from outside, lifts it in an arc about the elbow, carries it over the armrest,
-lowers it and draws the plate out from under it. It sees what a robot with perfect perception would see,
-and it needs the control mode `tool_delta`.
+lowers it and draws the plate out from under it.
 """
 
 from __future__ import annotations
@@ -11,21 +10,12 @@ import math
 
 import numpy as np
 
-from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.devices import HOOK_SHARE, HOOK_SHARE_HANGING
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
-from rcare_marl.pose import (
-    Array,
-    Pose,
-    conjugate,
-    multiply,
-    quaternion_from_matrix,
-    rotate,
-    rotation_vector,
-)
+from rcare_marl.pose import Array, Pose, quaternion_from_matrix, rotate
 
-from .tool_script import scripted_task
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
@@ -50,21 +40,14 @@ AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.06  # [m] from the plate to where it should be: the arm has slipped off
 
 
-class ScriptedRepositioning:
+@register_policy("limb_repositioning", "robot", "scripted")
+class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     """Goes behind the forearm, lifts, carries and lowers it, and draws the plate out; sees everything."""
 
-    def __init__(self, env: CareEnv, role: str) -> None:
-        """Take the environment and the robot's role.
+    KIND = LimbRepositioning
 
-        Raises:
-            ConfigError: If the task is another one, or the robot has another control mode.
-        """
-        self._task = scripted_task(env, role, LimbRepositioning)
-        self._robot = self._task.robot
+    def _begin(self) -> None:
         self._velocity = np.zeros(3)
-
-    def reset(self, rng: np.random.Generator) -> None:
-        self._velocity[:] = 0.0
         self.phase = "approach"
         self._wrist = np.zeros(3)
 
@@ -193,20 +176,8 @@ class ScriptedRepositioning:
         return self._out, self._flat, FAST
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
-        wished = GAIN * (goal - seat.position)
-        speed = float(np.linalg.norm(wished))
-        if speed > limit:
-            wished *= limit / speed
-        change = wished - self._velocity
+        wished = limited(GAIN * (goal - seat.position), limit)
         most = ACCELERATION * self._task.control_dt * (3.0 if self.phase == "leave" else 1.0)
-        self._velocity = self._velocity + change * min(
-            1.0, most / max(float(np.linalg.norm(change)), 1e-9)
-        )
-        spin = TURN_GAIN * rotation_vector(multiply(turn, conjugate(seat.quaternion)))
-        # The tool turns about the middle of the plate.
-        to_tool = np.subtract(self._robot.tool_pose().position, seat.position)
-        linear = self._velocity + np.cross(spin, to_tool)
-        return self._robot.tool_action(linear, spin)
-
-
-register_policy("limb_repositioning", "robot", "scripted")(ScriptedRepositioning)
+        self._velocity = self._velocity + limited(wished - self._velocity, most)
+        middle = np.array(seat.position)  # of the plate, about which it turns
+        return self._about(middle, self._velocity, turning(turn, seat.quaternion, TURN_GAIN))

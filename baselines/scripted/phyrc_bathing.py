@@ -1,7 +1,7 @@
 """A hand-written robot for the bathing challenge: take the sponge, dip it, wash what it reaches, gently.
 
 It shows what the scoring gives a robot with perfect perception, presses by what the sponge feels, and
-needs the control mode `tool_delta` and a gripper that moves.
+needs a gripper that moves.
 """
 
 from __future__ import annotations
@@ -11,18 +11,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.phyrc.bath_scene import FACE_DOWN
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.phyrc_bathing import PhyrcBathing
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose, conjugate, multiply, rotation_vector
+from rcare_marl.pose import Array, Pose
 
-from .tool_script import scripted_task
-
-Array = npt.NDArray[np.float64]
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 PRESS = 3.5  # [N], in the middle of the 1 to 6 N that score
@@ -34,7 +30,7 @@ SINK, FAST, SLOW, WIPE = (
     0.08,
     0.10,
 )  # [m/s] onto skin, through the air, at things, along
-GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
+GAIN = 3.0  # [1/s]
 NEAR, NEARER = 0.02, 0.008  # [m] that count as there: on the way, and at a thing
 BEHIND = 0.07  # [m] from the handle, where the hand lines up
 UP = 0.145  # [m] that the sponge is lifted over the table: over the rim of the basin
@@ -75,20 +71,13 @@ class Stroke:
     end: float
 
 
-class ScriptedPhyrcBathing:
+@register_policy("phyrc_bathing", "robot", "scripted")
+class ScriptedPhyrcBathing(ToolScript[PhyrcBathing]):
     """Grasps, lifts, dips and washes limb after limb until the time is over."""
 
-    def __init__(self, env: CareEnv, role: str) -> None:
-        """Take the environment and the robot's role.
+    KIND, WITH_GRIPPER = PhyrcBathing, True
 
-        Raises:
-            ConfigError: If the task is another, or the robot has another control mode or no gripper.
-        """
-        self._task = scripted_task(env, role, PhyrcBathing, with_gripper=True)
-        self._robot = self._task.robot
-        self._phase = "line up"
-
-    def reset(self, rng: np.random.Generator) -> None:
+    def _begin(self) -> None:
         self._phase = "line up"
         self._strokes: Iterator[Stroke] | None = None
         self._stroke: Stroke | None = None
@@ -105,7 +94,7 @@ class ScriptedPhyrcBathing:
         # Level as it lay; the tool turns about the face, so that turning does not wipe.
         now = self._robot.tool_pose()
         held = (now @ task.hold).quaternion
-        turn = TURN_GAIN * rotation_vector(multiply(FACE_DOWN, conjugate(np.array(held))))
+        turn = turning(FACE_DOWN, held)
         if task.state.is_held:
             linear = linear + np.cross(turn, np.subtract(now.position, task.state.face))
         return np.append(self._robot.tool_action(linear, turn), closing)
@@ -130,7 +119,8 @@ class ScriptedPhyrcBathing:
                 self._phase = "raise"
             return np.zeros(3)
         over = np.array(task.tool_for(task.scene.dipped()).position)
-        safe = task.scene.table.frame("top").position[2] + UP + (self._sponge_height())
+        height = float(task.scene.sponge.frame("face").position[2])  # of the handle over the face
+        safe = task.scene.table.frame("top").position[2] + UP + height
         if self._phase == "raise":
             if task.state.earned >= 1 and tool[2] > safe - NEAR:
                 self._phase = "carry"
@@ -152,12 +142,8 @@ class ScriptedPhyrcBathing:
         """Return where the tool takes the sponge that lies there."""
         return self._task.tool_for(self._task.scene.sponge.pose)
 
-    def _sponge_height(self) -> float:
-        """Return how high the handle is over the face [m]."""
-        return float(self._task.scene.sponge.frame("face").position[2])
-
     def _towards(self, goal: Array, most: float) -> Array:
-        return _limited(GAIN * (goal - self._robot.tool_pose().position), most)
+        return limited(GAIN * (goal - self._robot.tool_pose().position), most)
 
     # ---- wash
 
@@ -173,7 +159,7 @@ class ScriptedPhyrcBathing:
                 flat[2] = max(flat[2], 0.0)
             elif np.linalg.norm(flat) < 2 * NEAR:
                 self._phase = "press"
-            return _limited(GAIN * flat, FAST)
+            return limited(GAIN * flat, FAST)
         share = min(max(skin.progress(face), 0.0), 1.0)
         top = skin.place(share, stroke.angle)[0]
         way = skin.direction() * np.sign(stroke.end - stroke.start)
@@ -194,7 +180,7 @@ class ScriptedPhyrcBathing:
         along = WIPE * way if self._phase == "wipe" else np.zeros(3)
         across = np.cross((0.0, 0.0, 1.0), way)
         aside = float((top - face) @ across)
-        out = along + _limited(GAIN * aside * across, WIPE)
+        out = along + limited(GAIN * aside * across, WIPE)
         out[2] = -float(np.clip(into, -SINK, 2 * SINK))
         return out
 
@@ -243,10 +229,3 @@ class ScriptedPhyrcBathing:
             run = [*run, share] if point[0] > edge and found.is_within(0.015, 0.4) else []
             best = max(best, run, key=len)
         return best
-
-
-def _limited(velocity: Array, most: float) -> Array:
-    return velocity * min(1.0, most / max(float(np.linalg.norm(velocity)), 1e-9))
-
-
-register_policy("phyrc_bathing", "robot", "scripted")(ScriptedPhyrcBathing)

@@ -1,7 +1,7 @@
 """A hand-written robot for the dressing challenge: take the gown by its seam, and pull the sleeve up the arm.
 
 It dresses the left arm: one gripper has no way to lead the gown behind the back and into the other
-sleeve. It sees the true state, and needs the control mode `tool_delta` and a gripper that moves.
+sleeve. It needs a gripper that moves.
 """
 
 from __future__ import annotations
@@ -9,19 +9,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.phyrc_dressing import PhyrcDressing
-from rcare_marl.pose import conjugate, multiply, rotation_vector
+from rcare_marl.pose import Array
 
-from .tool_script import scripted_task
-
-Array = npt.NDArray[np.float64]
+from .tool_script import ToolScript, turning
 
 # All our own choices.
-GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
+GAIN = 3.0  # [1/s]
 FAST, SLOW, PULL = 0.20, 0.06, 0.07  # [m/s] through the air, at the seam, with the sleeve
 NEAR, NEARER = 0.03, 0.012  # [m] that count as there: on the way, and at the seam
 OVER_SEAM = 0.08  # [m] where the hand lines up
@@ -37,24 +33,14 @@ BACK_STEPS = 20  # at most
 UPWARDS = np.array((0.0, 0.0, 1.0))
 
 
-class ScriptedPhyrcDressing:
+@register_policy("phyrc_dressing", "robot", "scripted")
+class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
     """Lines up over the seam, closes on it, waits, and pulls the sleeve to the shoulder.
 
     A sleeve that is caught it eases back and to the side, and pulls again.
     """
 
-    def __init__(self, env: CareEnv, role: str) -> None:
-        """Take the environment and the robot's role.
-
-        Raises:
-            ConfigError: If the task is another, or the robot has another control mode or no gripper.
-        """
-        self._task = scripted_task(env, role, PhyrcDressing, with_gripper=True)
-        self._robot = self._task.robot
-        self._begin()
-
-    def reset(self, rng: np.random.Generator) -> None:
-        self._begin()
+    KIND, WITH_GRIPPER = PhyrcDressing, True
 
     def _begin(self) -> None:
         self._phase, self._leg = "line up", 0
@@ -65,10 +51,7 @@ class ScriptedPhyrcDressing:
         task, pose = self._task, self._robot.tool_pose()
         tool = np.array(pose.position)
         linear = self._velocity(tool)
-        turn = TURN_GAIN * rotation_vector(
-            multiply(np.array(task.turn), conjugate(np.array(pose.quaternion)))
-        )
-        arm = self._robot.tool_action(linear, turn)
+        arm = self._robot.tool_action(linear, turning(task.turn, pose.quaternion))
         return np.append(arm, -1.0 if self._phase in ("line up", "reach") else 1.0)
 
     def _velocity(self, tool: Array) -> Array:
@@ -129,6 +112,3 @@ class ScriptedPhyrcDressing:
 def _towards(way: Array, most: float) -> Array:
     speed = GAIN * float(np.linalg.norm(way))
     return GAIN * way * min(1.0, most / max(speed, 1e-9))
-
-
-register_policy("phyrc_dressing", "robot", "scripted")(ScriptedPhyrcDressing)

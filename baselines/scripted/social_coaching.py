@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.agents.coaching.tree import CoachTree
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.coaching.action import encode
-from rcare_marl.envs.coaching.coaching_task import CoachingTask
+from rcare_marl.envs.coaching.coaching_task import CoachingTask, encode
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.errors import ConfigError
-
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 
 class ScriptedCoaching:

@@ -5,16 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.toileting import Toileting
-from rcare_marl.pose import conjugate, multiply, quaternion_from_rpy, rotation_vector
+from rcare_marl.pose import Array, quaternion_from_rpy
 
-from .tool_script import scripted_task
-
-Array = npt.NDArray[np.float64]
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 PAD = np.array(
@@ -31,36 +27,25 @@ NEAR = 0.003  # [m] from there it begins to lift
 SLIPPED = 0.03  # [m] over the lip of a shut lid: the hand missed it
 LEAD = math.radians(12)  # that the hand is ahead of the lid
 STARTED = math.radians(1.5)  # from where on the lid follows
-GAIN, TURN_GAIN = 3.0, 2.0  # [1/s]
+GAIN = 3.0  # [1/s]
 FAST, SLOW = 0.20, 0.06  # [m/s] on the way, and under the lip
 AHEAD = quaternion_from_rpy(0.0, -0.5 * math.pi, 0.0)  # z at the toilet, x up
 
 
-class ScriptedToileting:
+@register_policy("toileting", "robot", "scripted")
+class ScriptedToileting(ToolScript[Toileting]):
     """Puts the fingers under the lip, and pushes the lid along its arc until it is open."""
 
-    def __init__(self, env: CareEnv, role: str) -> None:
-        """Take the environment and the robot's role.
+    KIND = Toileting
 
-        Raises:
-            ConfigError: If the task is not toileting, or the robot has another control mode.
-        """
-        self._task = scripted_task(env, role, Toileting)
-        self._robot = self._task.robot
-        self._is_lined_up = self._is_under = False
-
-    def reset(self, rng: np.random.Generator) -> None:
+    def _begin(self) -> None:
         self._is_lined_up = self._is_under = False
 
     def act(self) -> Array:
         pose = self._robot.tool_pose()
         goal, most = self._goal(np.array(pose.position))
-        wished = GAIN * (goal - pose.position)
-        speed = float(np.linalg.norm(wished))
-        if speed > most:
-            wished *= most / speed
-        turn = TURN_GAIN * rotation_vector(multiply(AHEAD, conjugate(pose.quaternion)))
-        return self._robot.tool_action(wished, turn)
+        wished = limited(GAIN * (goal - pose.position), most)
+        return self._robot.tool_action(wished, turning(AHEAD, pose.quaternion))
 
     def _goal(self, tool: Array) -> tuple[Array, float]:
         """Return where the tool is to go [m], shape [3], and how fast at most [m/s]."""
@@ -82,6 +67,3 @@ class ScriptedToileting:
         if not self._is_under:
             return under - (0.0, 0.0, BELOW), FAST
         return task.lip_at(LEAD, EDGE) - PAD, SLOW
-
-
-register_policy("toileting", "robot", "scripted")(ScriptedToileting)

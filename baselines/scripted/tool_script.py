@@ -1,41 +1,82 @@
-"""What hand-written robots that move their tool have in common."""
+"""What hand-written robots that move their tool have in common.
+
+They show that their tasks can be done. They see what a robot with perfect perception would see, and need the
+control mode `tool_delta`.
+"""
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import ClassVar, Generic, TypeVar
+
+import numpy as np
 
 from rcare_marl.agents.robots.control import GripperClosing, moving_tool
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.task import Task
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array, Vector, conjugate, multiply, rotation_vector
 
 T = TypeVar("T", bound=Task)
 
 
-def scripted_task(env: CareEnv, role: str, kind: type[T], *, with_gripper: bool = False) -> T:
-    """Return the task that a script plays.
+class ToolScript(Generic[T]):
+    """A script of a robot's tool, for one kind of task.
 
-    Args:
-        env: The environment.
-        role: Of the robot that it plays.
-        kind: The task that it is written for.
-        with_gripper: Whether actions must move the arm and its gripper, and nothing else.
-
-    Raises:
-        ConfigError: If it is another task or robot, or actions move other things than the tool.
+    Attributes:
+        KIND: That task.
+        WITH_GRIPPER: Whether actions must move the arm and its gripper, and nothing else.
     """
-    task, robot, name = env.task, env.cast[role], kind.__name__
-    if not isinstance(task, kind):
-        raise ConfigError(f"the script of {name} cannot play {type(task).__name__}")
-    if role not in ("robot", "robot_0"):
-        raise ConfigError(f"the script of {name} plays the first robot, and not {role!r}")
-    assert isinstance(robot, Robot)
-    moving_tool(robot.control)
-    others = [type(part.control) for part in robot.parts.values()][1:]
-    if with_gripper and others != [GripperClosing]:
-        raise ConfigError(
-            f"the script of {name} needs the control mode 'tool_delta' and moves arm and gripper only, "
-            f"got {', '.join(robot.parts)}"
-        )
-    return task
+
+    KIND: ClassVar[type[Task]]
+    WITH_GRIPPER: ClassVar[bool] = False
+    _task: T
+
+    def __init__(self, env: CareEnv, role: str) -> None:
+        """Take the environment and the robot's role.
+
+        Raises:
+            ConfigError: If it is another task or robot, or actions move other things than the tool.
+        """
+        task, robot, name = env.task, env.cast[role], self.KIND.__name__
+        if not isinstance(task, self.KIND):
+            raise ConfigError(f"the script of {name} cannot play {type(task).__name__}")
+        if role not in ("robot", "robot_0"):
+            raise ConfigError(f"the script of {name} plays the first robot, and not {role!r}")
+        assert isinstance(robot, Robot)
+        moving_tool(robot.control)
+        others = [type(part.control) for part in robot.parts.values()][1:]
+        if self.WITH_GRIPPER and others != [GripperClosing]:
+            raise ConfigError(
+                f"the script of {name} needs the control mode 'tool_delta' and moves arm and gripper only, "
+                f"got {', '.join(robot.parts)}"
+            )
+        self._task, self._robot = task, robot  # type: ignore[assignment]  # KIND is T
+        self._begin()
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
+        """Set what the script remembers to how an episode begins."""
+
+    def _about(self, point: Array, linear: Array, spin: Array) -> Array:
+        """Return the action that moves a point of the tool, and turns the tool about it.
+
+        Args:
+            point: Where it is [m], shape [3].
+            linear: Its velocity [m/s], shape [3].
+            spin: How the tool turns [rad/s], shape [3].
+        """
+        to_tool = np.subtract(self._robot.tool_pose().position, point)
+        return self._robot.tool_action(linear + np.cross(spin, to_tool), spin)
+
+
+def limited(velocity: Array, most: float) -> Array:
+    """Return a velocity that is no faster than `most` [m/s], shape [3]."""
+    return velocity * min(1.0, most / max(float(np.linalg.norm(velocity)), 1e-9))
+
+
+def turning(wanted: Vector, now: Vector, gain: float = 2.0) -> Array:
+    """Return the turn from one orientation to a wanted one, quaternions, times a gain [rad/s], [3]."""
+    return gain * rotation_vector(multiply(wanted, conjugate(now)))

@@ -15,7 +15,7 @@ from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy, task_names
 from rcare_marl.errors import ConfigError
 
-from ..policy_file import BASE, SUFFIX, LearnedPolicy, PolicyFile
+from ..policy_file import BASE, SUFFIX, PolicyFile, load_policy
 
 FOLDER = Path(__file__).parent
 NAME = "learned"
@@ -76,11 +76,7 @@ def best_policy(env: CareEnv, task: str, role: str = ROLE) -> str:
 
 def _maker(task: str) -> Callable[[CareEnv, str], Policy]:
     def make(env: CareEnv, role: str) -> Policy:
-        file = file_for(task, env.task.place.level)
-        try:
-            return LearnedPolicy(env, role, PolicyFile.read(file))
-        except ConfigError as error:
-            raise ConfigError(f"{file.name}: {error}") from error
+        return load_policy(file_for(task, env.task.place.level))(env, role)
 
     make.__doc__ = f"Return a network that was trained in {task}; see docs/models.md."
     return make

@@ -13,7 +13,6 @@ import shutil
 import zipfile
 from collections import OrderedDict
 from collections.abc import Collection, Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ import numpy as np
 import torch
 
 import rcare_marl
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, near_files
 
 FORMAT = 1  # of the file; counts up when what is in it changes
 LAST, BEST = "checkpoint.pt", "best.pt"  # names in the folder of a run
@@ -131,7 +130,7 @@ def load(
     """
     file = Path(path)
     if not file.is_file():
-        raise ConfigError(f"no checkpoint at {file}.{_near(file)}")
+        raise ConfigError(f"no checkpoint at {file}.{near_files(file)}")
     content = _read(file)
     if not isinstance(content, dict) or "format" not in content:
         raise ConfigError(f"{file} is no checkpoint of this package")
@@ -215,19 +214,6 @@ def _read(file: Path) -> Any:
         raise ConfigError(f"cannot read {file}: {error.strerror or error}") from error
     except RuntimeError as error:  # what torch says of a whole archive that is none of its own
         raise ConfigError(f"{file} is no checkpoint of this package") from error
-
-
-def _near(file: Path) -> str:
-    """Return a hint at what is there instead, where there is something."""
-    folder = file.parent
-    while not folder.is_dir() and folder != folder.parent:
-        file, folder = folder, folder.parent
-    names = [p.name for p in folder.iterdir() if p.is_dir() or p.suffix == ".pt"]
-    names = [name for name in names if not name.startswith(".")]
-    if near := get_close_matches(file.name, names, n=1):
-        return f" Did you mean {folder / near[0]}?"
-    files = sorted(name for name in names if name.endswith(".pt"))
-    return f" In {folder} there are {', '.join(files)}." if files else ""
 
 
 def _random_states() -> dict[str, Any]:

@@ -59,7 +59,7 @@ def _episode(
         root = _seen(env)
         actions, meant = {}, {}
         for group, roles in env.groups.items():
-            low = env.action_lows[group]
+            low = env.layout.action_lows[group]
             each = np.stack([players[role].act() for role in roles])
             meant[group] = np.clip(each, low, 1.0).astype(np.float32)
             each = each + noise * rng.standard_normal(each.shape)

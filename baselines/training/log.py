@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from rcare_marl.atomic_file import write_whole
 from rcare_marl.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -42,14 +42,15 @@ class Reporter(Protocol):
         """Hear that it is over, in whatever way."""
 
 
-class CsvLog:
-    """A CSV file with a row for each time that something was written, the step first.
+class TrainingLog:
+    """A CSV file with a row for each time that something was written, the step first, and events.
 
-    A metric that comes later gets a column of its own; it is empty in the rows before.
+    A metric that comes later gets a column of its own; it is empty in the rows before. The events are for
+    TensorBoard: `tensorboard --logdir runs` shows them.
     """
 
     def __init__(self, folder: str | Path, *, at_step: int = 0) -> None:
-        """Open the file in a folder, and cut off what was written after a step.
+        """Open both in a folder, and cut off what was written after a step.
 
         A run that was killed has written past its checkpoint, and will do so again.
 
@@ -60,16 +61,16 @@ class CsvLog:
         Raises:
             ConfigError: If the file cannot be written, or is no such file.
         """
+        from torch.utils.tensorboard import SummaryWriter  # a second to import
+
         self._path = Path(folder) / CURVE
         self._columns: list[str] = [STEP]
         self._rows: list[dict[str, str]] = []
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            if at_step > 0 and self._path.is_file():
-                self._read(at_step)
-            self._write_all()
-        except OSError as error:
-            raise ConfigError(f"cannot write {self._path}: {error.strerror or error}") from error
+        if at_step > 0 and self._path.is_file():
+            self._read(at_step)
+        self._write_rows()
+        purge = at_step + 1 if at_step > 0 else None  # events after it are not shown
+        self._events: SummaryWriter | None = SummaryWriter(str(folder), purge_step=purge)
 
     def _read(self, at_step: int) -> None:
         with self._path.open(encoding="utf-8", newline="") as file:
@@ -87,73 +88,31 @@ class CsvLog:
                 self._rows.append(row)
 
     def write(self, step: int, metrics: Mapping[str, float]) -> None:
-        """Add a row.
+        """Add a row, and a point to the curve of each metric.
 
         Raises:
-            ConfigError: If the file cannot be written.
+            ConfigError: If the file cannot be written, or the log is closed.
         """
-        row = {STEP: str(step), **{name: f"{value:.6g}" for name, value in metrics.items()}}
-        new = [name for name in row if name not in self._columns]
-        self._rows.append(row)
-        self._columns += new
-        try:
-            if new:
-                self._write_all()
-                return
-            with self._path.open("a", encoding="utf-8", newline="") as file:
-                file.write(self._text([row]))
-        except OSError as error:
-            raise ConfigError(f"cannot write {self._path}: {error.strerror or error}") from error
-
-    def _write_all(self) -> None:
-        """Write header and rows at once, so that a kill leaves the old file or the new one."""
-        temporary = self._path.with_name(f".{self._path.name}.tmp")
-        header = dict(zip(self._columns, self._columns, strict=True))
-        temporary.write_text(self._text([header, *self._rows]), encoding="utf-8")
-        os.replace(temporary, self._path)
-
-    def _text(self, rows: list[dict[str, str]]) -> str:
-        out = io.StringIO()
-        csv.DictWriter(out, self._columns, restval="", lineterminator="\n").writerows(rows)
-        return out.getvalue()
-
-
-class TensorBoardLog:
-    """Events in the folder of a run: `tensorboard --logdir runs` shows them."""
-
-    def __init__(self, folder: str | Path, *, at_step: int = 0) -> None:
-        """Open a new file of events; those of earlier ones after `at_step` are not shown."""
-        from torch.utils.tensorboard import SummaryWriter  # a second to import
-
-        purge = at_step + 1 if at_step > 0 else None
-        self._writer: SummaryWriter | None = SummaryWriter(str(folder), purge_step=purge)
-
-    def write(self, step: int, metrics: Mapping[str, float]) -> None:
-        """Add a point to the curve of each metric."""
-        if self._writer is None:
+        if self._events is None:
             raise ConfigError("the log is closed")
+        row = {STEP: str(step), **{name: f"{value:.6g}" for name, value in metrics.items()}}
+        self._columns += [name for name in row if name not in self._columns]
+        self._rows.append(row)
+        self._write_rows()
         for name, value in metrics.items():
             section = next((s for s, names in SECTIONS.items() if name in names), "train")
-            self._writer.add_scalar(f"{section}/{name}", value, step)
-        self._writer.flush()
+            self._events.add_scalar(f"{section}/{name}", value, step)
+        self._events.flush()
+
+    def _write_rows(self) -> None:
+        out = io.StringIO()
+        table = csv.DictWriter(out, self._columns, restval="", lineterminator="\n")
+        table.writeheader()
+        table.writerows(self._rows)
+        write_whole(self._path, out.getvalue().encode())
 
     def close(self) -> None:
-        """Close the file; safe to call twice."""
-        if self._writer is not None:
-            self._writer.close()
-        self._writer = None
-
-
-class TrainingLog:
-    """Both: the CSV file and the events."""
-
-    def __init__(self, folder: str | Path, *, at_step: int = 0) -> None:
-        """Open both; see `CsvLog`."""
-        self._curve = CsvLog(folder, at_step=at_step)
-        self._events = TensorBoardLog(folder, at_step=at_step)
-        self.close = self._events.close
-
-    def write(self, step: int, metrics: Mapping[str, float]) -> None:
-        """Write to both."""
-        self._curve.write(step, metrics)
-        self._events.write(step, metrics)
+        """Close it; safe to call twice."""
+        if self._events is not None:
+            self._events.close()
+        self._events = None

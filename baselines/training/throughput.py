@@ -39,9 +39,9 @@ import numpy as np
 import torch
 from tensordict.nn import TensorDictModuleBase
 
-from rcare_marl.baselines.algorithms.exploration import ExploringPolicy
-from rcare_marl.baselines.algorithms.network import Actor, group_shapes
-from rcare_marl.baselines.algorithms.sac import Sac, SacConfig
+from rcare_marl.baselines.algorithms.network import Actor, ExploringPolicy, group_shapes
+from rcare_marl.baselines.algorithms.off_policy import OffPolicyConfig
+from rcare_marl.baselines.algorithms.sac import Sac
 from rcare_marl.config import load
 from rcare_marl.envs.learning import BatchedEnv, EnvRecipe
 from rcare_marl.errors import ConfigError
@@ -209,11 +209,11 @@ def _learning(recipe: EnvRecipe, envs: int, seconds: float) -> dict[str, Any]:
     }
 
 
-def _config(task: str) -> SacConfig:
+def _config(task: str) -> OffPolicyConfig:
     """Return the settings that ship for a task, or those of every task."""
     shipped = default_config(task)
     is_sac = shipped.get("algo", "sac") == "sac"
-    return load(SacConfig, shipped.get("algorithm", {}) if is_sac else {})
+    return load(OffPolicyConfig, shipped.get("algorithm", {}) if is_sac else {})
 
 
 @contextlib.contextmanager

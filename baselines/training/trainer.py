@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from tensordict import TensorDictBase
 
@@ -27,8 +26,7 @@ from rcare_marl.provenance import machine, versions
 from ..evaluation.evaluate import Episode, run_episode
 from . import checkpoint
 from .collector import make_collector, set_stage, shut_down
-from .config import VALIDATION_SEED, TrainConfig
-from .curriculum import Curriculum
+from .config import VALIDATION_SEED, Curriculum, TrainConfig
 from .demonstration import demonstrate
 from .log import Reporter, TrainingLog
 
@@ -68,7 +66,7 @@ class _Progress:
     passes: int = 0  # evaluations in a row that reached `stop_success`
     returns: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
     successes: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
-    sums: list[float] = field(default_factory=list)  # rewards so far of each running episode
+    sums: dict[int, float] = field(default_factory=dict)  # rewards so far of each running episode
 
     def to_dict(self) -> dict[str, Any]:
         return {**self.__dict__, "returns": list(self.returns), "successes": list(self.successes)}
@@ -138,14 +136,14 @@ class Trainer:
     def _run(self, env: BatchedEnv) -> TrainResult:
         config = self.config
         settings = config.algorithm_config()
-        self._begun = time.monotonic()
-        algorithm = make_algorithm(config.algo, settings, env, seed=config.seed)
-        curriculum = Curriculum(config.curriculum)
+        self._begun, self._env = time.monotonic(), env
+        self._algorithm = algorithm = make_algorithm(config.algo, settings, env, seed=config.seed)
+        self._curriculum = curriculum = Curriculum(config.curriculum)
         is_begun = self._last.is_file()
         saved = checkpoint.load(self._last, config=config.to_dict()) if is_begun else None
         self._evaluator = _Evaluator(config)
         if saved is None:
-            progress = _Progress()
+            self._progress = _Progress()
             env.set_stage(curriculum.stage)
             if config.demonstrations.episodes:
                 with closing(LearnerEnv(config.recipe())) as shown:
@@ -157,40 +155,33 @@ class Trainer:
             algorithm.load_state_dict(saved["algorithm"])
             curriculum.load_state_dict(saved["curriculum"])
             env.set_stage(curriculum.stage)
-            progress = _Progress.from_dict(saved["progress"])
+            self._progress = _Progress.from_dict(saved["progress"])
             if isinstance(config.workers, int):
                 env.load_state_dict(saved["env"])
             else:
-                progress.sums = []  # new episodes begin
+                self._progress.sums = {}  # new episodes begin
             checkpoint.restore_rng(saved)
-        log = TrainingLog(self.folder, at_step=progress.steps)
+        self._log = TrainingLog(self.folder, at_step=self._progress.steps)
         if self._reporter is not None:
-            self._reporter.start(config, config.steps, progress.steps)
+            self._reporter.start(config, config.steps, self._progress.steps)
         try:
-            return self._loop(env, algorithm, curriculum, progress, log)
+            return self._loop()
         finally:
-            log.close()
+            self._log.close()
             if self._reporter is not None:
                 self._reporter.close()
 
-    def _loop(
-        self,
-        env: BatchedEnv,
-        algorithm: Any,
-        curriculum: Curriculum,
-        progress: _Progress,
-        log: TrainingLog,
-    ) -> TrainResult:
-        config = self.config
+    def _loop(self) -> TrainResult:
+        config, progress, algorithm = self.config, self._progress, self._algorithm
         begun, before = self._begun, progress.seconds
         reached = progress.passes >= 2
         if progress.steps >= config.steps or reached:
-            return self._result(algorithm, progress, reached)
-        collector = self._collector(env, algorithm, curriculum, progress)
-        tally = _Tally(env)
+            return self._result(reached)
+        collector = self._collector()
+        tally = _Tally(self._env)
         progress.seconds = before + time.monotonic() - begun
         if progress.steps == 0 and config.demonstrations.episodes:
-            self._tell(log, 0, self._assess(algorithm, progress))  # what copying alone came to
+            self._tell(0, self._assess())  # what copying alone came to
         next_save = (progress.steps // config.interval + 1) * config.interval
         learned = 0.0
         metrics: dict[str, float] = {}
@@ -204,8 +195,8 @@ class Trainer:
                 figures.pop("updates", None)  # told as a rate
                 metrics |= figures
                 learned += time.monotonic() - start
-                if curriculum.observe(tally.finished):
-                    set_stage(collector, curriculum.stage)
+                if self._curriculum.observe(tally.finished):
+                    set_stage(collector, self._curriculum.stage)
                 last = progress.steps >= config.steps
                 if progress.steps < next_save and not last:
                     if self._reporter is not None:
@@ -219,17 +210,17 @@ class Trainer:
                     "steps_per_second": (progress.steps - since_steps) / spent,
                     "updates_per_second": (algorithm.updates - updates) / spent,
                     "learner_share": learned / spent,
-                    "stage": float(curriculum.level),
+                    "stage": float(self._curriculum.level),
                 }
                 former = progress.best
                 progress.seconds = before + now - begun
-                metrics |= self._assess(algorithm, progress)
+                metrics |= self._assess()
                 progress.seconds = before + time.monotonic() - begun
                 reached = progress.passes >= 2
                 metrics["minutes"] = progress.seconds / 60
-                self._tell(log, progress.steps, metrics)
+                self._tell(progress.steps, metrics)
                 is_best = (metrics["eval_success"], metrics["eval_return"]) >= former
-                self._save(env, algorithm, curriculum, progress, is_best=is_best)
+                self._save(is_best=is_best)
                 late = config.minutes is not None and time.monotonic() - begun > 60 * config.minutes
                 if last or reached or late or self.stop_requested:
                     break
@@ -237,35 +228,35 @@ class Trainer:
                 since, since_steps, updates = time.monotonic(), progress.steps, algorithm.updates
         finally:
             shut_down(collector, close_envs=False)
-        return self._result(algorithm, progress, reached)
+        return self._result(reached)
 
-    def _collector(
-        self, env: BatchedEnv, algorithm: Any, curriculum: Curriculum, progress: _Progress
-    ) -> Any:
+    def _collector(self) -> Any:
         """Return what collects the steps that are left."""
         config = self.config
         frames = config.algorithm_config().rollout * config.envs
         return make_collector(
             config.recipe(),
-            algorithm.policy(),
+            self._algorithm.policy(),
             envs=config.envs,
             workers=config.workers,
             seed=config.seed,
             frames_per_batch=frames,
-            total_frames=config.steps - progress.steps + frames,  # it closes them after its last
-            begun=progress.steps,
-            stage=curriculum.stage,
-            env=env if isinstance(config.workers, int) else None,
+            total_frames=config.steps
+            - self._progress.steps
+            + frames,  # it closes them after its last
+            begun=self._progress.steps,
+            stage=self._curriculum.stage,
+            env=self._env if isinstance(config.workers, int) else None,
         )
 
-    def _tell(self, log: TrainingLog, step: int, metrics: dict[str, float]) -> None:
-        log.write(step, metrics)
+    def _tell(self, step: int, metrics: dict[str, float]) -> None:
+        self._log.write(step, metrics)
         if self._reporter is not None:
             self._reporter.report(step, metrics)
 
-    def _assess(self, algorithm: Any, progress: _Progress) -> dict[str, float]:
+    def _assess(self) -> dict[str, float]:
         """Evaluate the policy as it is now, and keep it if it is the best so far."""
-        files = self._policy_files(algorithm, progress)
+        files, progress = self._policy_files(), self._progress
         episodes = self._evaluator.evaluate(files)
         success = float(np.mean([e.success for e in episodes]))
         returned = float(np.mean([float(np.mean(list(e.returns.values()))) for e in episodes]))
@@ -277,8 +268,8 @@ class Trainer:
         progress.passes = progress.passes + 1 if wanted is not None and success >= wanted else 0
         return {"eval_success": success, "eval_return": returned}
 
-    def _policy_files(self, algorithm: Any, progress: _Progress) -> dict[str, PolicyFile]:
-        config = self.config
+    def _policy_files(self) -> dict[str, PolicyFile]:
+        config, progress = self.config, self._progress
         training = {
             "algorithm": config.algo,
             "reward": config.options.get("reward", "paper"),
@@ -292,7 +283,7 @@ class Trainer:
         }
         return {
             group: self._evaluator.policy_file(group, arrays, training)
-            for group, arrays in algorithm.actor_arrays().items()
+            for group, arrays in self._algorithm.actor_arrays().items()
         }
 
     def _write(self, files: dict[str, PolicyFile], name: str) -> None:
@@ -302,26 +293,14 @@ class Trainer:
     def _path(self, name: str, group: str, groups: int) -> Path:
         return self.folder / (f"{name}.npz" if groups == 1 else f"{name}_{group}.npz")
 
-    def _save(
-        self,
-        env: BatchedEnv,
-        algorithm: Any,
-        curriculum: Curriculum,
-        progress: _Progress,
-        *,
-        is_best: bool,
-    ) -> None:
-        checkpoint.save(
-            self._last,
-            {
-                "algorithm": algorithm.state_dict(),
-                "env": env.state_dict(),
-                "curriculum": curriculum.state_dict(),
-                "progress": progress.to_dict(),
-            },
-            config=self.config.to_dict(),
-            is_best=is_best,
-        )
+    def _save(self, *, is_best: bool) -> None:
+        state = {
+            "algorithm": self._algorithm.state_dict(),
+            "env": self._env.state_dict(),
+            "curriculum": self._curriculum.state_dict(),
+            "progress": self._progress.to_dict(),
+        }
+        checkpoint.save(self._last, state, config=self.config.to_dict(), is_best=is_best)
 
     def _write_beginnings(self) -> None:
         import yaml
@@ -331,8 +310,8 @@ class Trainer:
         found = json.dumps(versions(TRAINED_WITH), indent=2)
         (self.folder / "versions.json").write_text(found + "\n", encoding="utf-8")
 
-    def _result(self, algorithm: Any, progress: _Progress, reached: bool) -> TrainResult:
-        groups = list(algorithm.actor_arrays())
+    def _result(self, reached: bool) -> TrainResult:
+        groups, progress = list(self._algorithm.actor_arrays()), self._progress
         return TrainResult(
             steps=progress.steps,
             minutes=progress.seconds / 60,
@@ -348,7 +327,6 @@ class _Tally:
 
     def __init__(self, env: BatchedEnv) -> None:
         self._groups = list(env.group_map)
-        self._running: dict[int, float] = {}  # by number of the episode, of asynchronous workers
         self.finished: list[bool] = []
 
     def count(self, batch: TensorDictBase, progress: _Progress) -> None:
@@ -360,40 +338,16 @@ class _Tally:
         done = batch["next", "done"][..., 0].numpy()
         success = batch["next", "success"][..., 0].numpy()
         self.finished = []
-        numbers = batch.get(("collector", "traj_ids"), None)
-        if numbers is not None:
-            self._count_by_number(numbers.numpy(), reward, done, success, progress)
-            return
-        sums = np.array(progress.sums)
-        if len(reward) != len(sums):
-            sums = np.zeros(len(reward))  # the first; batches of a cluster are of several machines
-        for step in range(reward.shape[1]):
-            sums += reward[:, step]
-            for i in np.flatnonzero(done[:, step]):
-                progress.returns.append(float(sums[i]))
-                progress.successes.append(float(success[i, step]))
-                self.finished.append(bool(success[i, step]))
-                sums[i] = 0.0
-        progress.sums = sums.tolist()
-
-    def _count_by_number(
-        self,
-        numbers: npt.NDArray[np.int64],
-        reward: npt.NDArray[np.float32],
-        done: npt.NDArray[np.bool_],
-        success: npt.NDArray[np.float32],
-        progress: _Progress,
-    ) -> None:
-        """Sum up where the rows of a batch are another worker's than those before."""
-        for place in np.ndindex(*reward.shape):
-            number = int(numbers[place])
-            total = self._running.pop(number, 0.0) + float(reward[place])
-            if done[place]:
+        numbers = batch.get(("collector", "traj_ids"), None)  # of episodes, by asynchronous workers
+        for step, row in np.ndindex(reward.shape[1], reward.shape[0]):
+            number = row if numbers is None else int(numbers[row, step])
+            total = progress.sums.pop(number, 0.0) + float(reward[row, step])
+            if done[row, step]:
                 progress.returns.append(total)
-                progress.successes.append(float(success[place]))
-                self.finished.append(bool(success[place]))
+                progress.successes.append(float(success[row, step]))
+                self.finished.append(bool(success[row, step]))
             else:
-                self._running[number] = total
+                progress.sums[number] = total
 
     def means(self, progress: _Progress) -> dict[str, float]:
         """Return mean return and success of the latest episodes; nothing before the first ended."""
@@ -414,7 +368,7 @@ class _Evaluator:
     def __init__(self, config: TrainConfig) -> None:
         self._config = config
         env = LearnerEnv(config.recipe())
-        self._groups, self._observed = env.groups, env.observed
+        self._groups, self._observed = env.groups, env.layout.observed
         self._actions = {
             group: tuple(env.care_env.cast[roles[0]].action_names)
             for group, roles in env.groups.items()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from rcare_marl.agents.coaching.reach import raised_sides
+from rcare_marl.agents.coaching.imitation import raised_sides
 from rcare_marl.agents.people.body.skeleton import JOINTS, SIDES
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot

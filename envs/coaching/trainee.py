@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from rcare_marl.agents.coaching.exercise import Exercise, Reach
-from rcare_marl.agents.coaching.reach import reach_of
+from rcare_marl.agents.coaching.exercise import Exercise, Reach, exercise_names
+from rcare_marl.agents.coaching.imitation import reach_of
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.session import Session
@@ -22,10 +22,11 @@ from rcare_marl.agents.people.body.skeleton import DOF_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.physiology_model import REGIONS
 from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
 
 from ..state import Seen, Values, where
-from .option import SocialCoachingOptions
+from ..task_options import TaskOptions
 
 # [rad/s] of an arm or the head in what is shown: people here go at 0.8 and catch up; muscles come later.
 # Our own choice.
@@ -39,6 +40,43 @@ HEAD_TURN = math.radians(15)  # uniform, each way, at the start; our own choice
 MUSCLES_FRONT = math.radians(60)
 MUSCLES_NECK = math.radians(10)
 TIRING = ("neck", "left_arm", "right_arm")  # regions whose fatigue people tell of
+
+
+@dataclass(frozen=True)
+class SocialCoachingOptions(TaskOptions):
+    """Settings of the social coaching task.
+
+    Attributes:
+        reward: `paper`: right repetitions alone, for the paper has no reward here; `shaped` adds engagement,
+            wrong repetitions, pain, fatigue and talk.
+        exercises: Which ones, in this order; what a person cannot do is left out.
+        repetitions: Right repetitions asked of each.
+    """
+
+    SHAPED_WEIGHTS = {
+        "repetition": 1.0,
+        "wrong": 0.2,
+        "engagement": 0.02,
+        "pain": 0.05,
+        "fatigue": 0.02,
+        "talk": 0.002,
+    }
+
+    exercises: tuple[str, ...] = tuple(
+        """
+        lateral_raise upper_lift front_raise chest_expansion head_rotation
+        """.split()
+    )
+    repetitions: int = 3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.exercises:
+            check_name("exercise", name, exercise_names())
+        if len(set(self.exercises)) != len(self.exercises) or not self.exercises:
+            raise ConfigError(f"exercises must name some, each once, got {self.exercises}")
+        if self.repetitions < 1:
+            raise ConfigError(f"repetitions must be at least 1, got {self.repetitions}")
 
 
 @dataclass(frozen=True, eq=False)

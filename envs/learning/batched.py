@@ -14,9 +14,9 @@ from torchrl.envs import EnvBase
 
 from rcare_marl.errors import ActionError, ConfigError, EpisodeError, check_name
 
-from .board import Face
 from .learner_env import STAGE
 from .recipe import EnvRecipe
+from .station import Face
 from .worker import Crew
 
 DONE = ("done", "terminated", "truncated")

@@ -56,11 +56,6 @@ class LearnerEnv:
         recipe: What it was made of.
         layout: What its arrays hold.
         groups: The learned roles by group.
-        observation_sizes: For each group the length of one role's observation.
-        action_sizes: For each group the length of one role's action.
-        action_lows: For each group the least value of an action.
-        state_size: Length of the state.
-        observed: For each group (name, size) of what is observed, in order.
         observation: For each group, shape [roles, observation size].
         state: What all roles observe, learned or not, shape [state size]; without scripted actions.
         reward: For each group, shape [roles].
@@ -93,16 +88,13 @@ class LearnerEnv:
         except BaseException:
             env.close()
             raise
-        self.groups, self.observed = self.layout.groups, dict(self.layout.observed)
-        self.action_sizes, self.action_lows = self.layout.action_sizes, self.layout.action_lows
-        self.observation_sizes = self.layout.observation_sizes
-        self.state_size = self.layout.state_size
+        self.groups, sizes = self.layout.groups, self.layout.observation_sizes
         self._order = list(env.cast)
         self._base_actions: dict[str, npt.NDArray[np.float64]] = {}
         self._is_staged = False
-        self.state = np.zeros(self.state_size, np.float32)
+        self.state = np.zeros(self.layout.state_size, np.float32)
         self.observation = {
-            group: np.zeros((len(roles), self.observation_sizes[group]), np.float32)
+            group: np.zeros((len(roles), sizes[group]), np.float32)
             for group, roles in self.groups.items()
         }
         self.reward = {g: np.zeros(len(roles), np.float32) for g, roles in self.groups.items()}
@@ -180,7 +172,7 @@ class LearnerEnv:
         commands: dict[str, npt.NDArray[Any]] = {}
         for group, roles in self.groups.items():
             for role, action in zip(roles, actions[group], strict=True):
-                commands[role] = self._applied(role, action, self.action_lows[group])
+                commands[role] = self._applied(role, action, self.layout.action_lows[group])
         observations, rewards, ended, late, infos = self.care_env.step(commands)
         for group, roles in self.groups.items():
             self.reward[group][:] = [rewards[role] for role in roles]

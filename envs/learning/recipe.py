@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from rcare_marl.agents.policy import Policy
 from rcare_marl.config import plain
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 
@@ -17,10 +21,31 @@ from ..cast import find_policy
 from ..group import lead_roles
 from ..registry import PolicyFactory, task_class
 from ..task import part_name
-from .population import Population
 
 PLACE = ("home", "level", "room")  # keys of a cast that are no roles
 MAX_SCALE = 2.0  # of a residual: it then reaches every action from every other one
+
+
+class Population:
+    """A policy that is another one of its members in each episode.
+
+    Attributes:
+        chosen: Number of the member that plays now.
+    """
+
+    def __init__(self, members: Sequence[Policy]) -> None:
+        """Take the members, at least one."""
+        self._members = tuple(members)
+        self.chosen = 0
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Draw who plays, each member alike, and begin their episode."""
+        self.chosen = int(rng.integers(len(self._members)))
+        self._members[self.chosen].reset(rng)
+
+    def act(self) -> npt.NDArray[np.float64]:
+        """Return the action of whoever plays."""
+        return self._members[self.chosen].act()
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,9 @@ from rcare_marl.errors import ConfigError, RcareError, WorkerError
 
 from ..registry import task_class
 from ..task import Task
-from .board import Board
 from .learner_env import Layout
 from .recipe import EnvRecipe
-from .station import Station
+from .station import Board, Station
 
 Reply = tuple[Any, Exception | None, str | None]  # value, exception, traceback
 PATIENCE = 5.0  # [s] for a worker to end by itself; our own choice

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
@@ -13,7 +15,7 @@ from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices import chair_for
+from ..devices import chair_for, spawn_fitted
 from ..rectangle import Rectangle
 from ..task import STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
@@ -53,15 +55,11 @@ class Meal(Task):
             )
         mount = f"wheelchair_{self.options.mount}"
         self._chair = chair_for(self.robot.mount_named(mount), self.options.mount)
-        soles = self.recipient.soles(self._chair.frame("seat_back"))
-        self._chair.fit_footplates(soles["left"], soles["right"])
-        self._chair.spawn(world)
-        rests = [self._chair.frame_in_world(f"armrest_{side}") for side in ("left", "right")]
-        self.recipient.use_arm_rests(*rests)
+        seat = spawn_fitted(self._chair, self.recipient, world)
         away = quaternion_from_rpy(0, 0, -math.pi / 2)  # facing the chair
         return {
             "robot": self.mounted(self.robot, mount),
-            "recipient": self._chair.frame_in_world("seat_back"),
+            "recipient": seat,
             "caregiver": Pose((*HELPER_AT, 0.0), tuple(away.tolist())),
         }
 
@@ -72,6 +70,13 @@ class Meal(Task):
         if self._chair.carries_robot:
             world.set_collision(self.robot.body, self._chair.body, False)
         self._head_dofs = [d for d in self.recipient.movable if d.startswith(("neck", "head"))]
+
+    def turn_head(self, rng: np.random.Generator, turn: float, tilt: float) -> None:
+        """Turn and tilt the head of the recipient at random, uniformly each way up to two angles [rad]."""
+        turned, tilted = rng.uniform(-turn, turn) / 2, rng.uniform(-tilt, tilt) / 2
+        start = {f"{part}_rotation_left": turned for part in ("neck", "head")}
+        start |= {f"{part}_flexion": tilted for part in ("neck", "head")}
+        self.recipient.set_angles({d: a for d, a in start.items() if d in self._head_dofs})
 
     def frame_of(self, mount: str) -> Pose:
         return self._chair.pose if mount.startswith("wheelchair") else Pose()

@@ -17,7 +17,7 @@ from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices import PoweredWheelchair, Wheelchair, add_stand, chair_for, grip
+from ..devices import PoweredWheelchair, Wheelchair, add_stand, chair_for, grip, spawn_fitted
 from ..place import DoorSite
 from ..reach import Trial
 from ..rectangle import Rectangle
@@ -153,14 +153,11 @@ class Ambulating(Task):
         self.robot.rides = self.recipient.rides = self._drives
         powered = PoweredWheelchair(mount=self._mount, side=side) if self._drives else None
         self.chair: Wheelchair = powered or chair_for(self._mount, side)
-        soles = self.recipient.soles(self.chair.frame("seat_back"))
-        self.chair.fit_footplates(soles["left"], soles["right"])
-        self.chair.spawn(world, self.approach.chair(self._mount))
-        rests = [self.chair.frame_in_world(f"armrest_{side}") for side in ("left", "right")]
-        self.recipient.use_arm_rests(*rests)
+        at = self.approach.chair(self._mount)
+        seat = spawn_fitted(self.chair, self.recipient, world, at)
         place = self.robot.mount(mount, self.frame_of(mount))
         place = place if powered is None else powered.robot_place()
-        return {"robot": place, "recipient": self.chair.frame_in_world("seat_back")}
+        return {"robot": place, "recipient": seat}
 
     def frame_of(self, mount: str) -> Pose:
         if mount == STANDING:

@@ -131,11 +131,8 @@ class Drinking(Meal):
         self.cup.body.set_base(self.robot.tool_pose() @ self.cup.in_tool)
 
     def reset(self, rng: np.random.Generator) -> None:
-        turn, tilt = rng.uniform(-HEAD_TURN, HEAD_TURN), rng.uniform(-HEAD_TILT, HEAD_TILT)
-        start = {"neck_rotation_left": turn / 2, "head_rotation_left": turn / 2}
-        start |= {"neck_flexion": tilt / 2, "head_flexion": tilt / 2}
+        self.turn_head(rng, HEAD_TURN, HEAD_TILT)
         offset = np.append(rng.uniform(-1, 1, 3) * START_SPREAD, rng.uniform())
-        self.recipient.set_angles({d: a for d, a in start.items() if d in self._head_dofs})
         self._set_cup(offset)
         frame = self.cup.vessel.frame()
         turned = self._water_in_cup @ matrix_from_quaternion(frame.quaternion).T

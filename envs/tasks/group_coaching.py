@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 
 from rcare_marl.agents.coaching.exercise import load_exercises
 from rcare_marl.agents.coaching.group_session import GroupSession, group_programme
+from rcare_marl.agents.coaching.session import Demonstration, Word
 from rcare_marl.agents.people.human import Human
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Array, Pose
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
 from ..coaching.coaching_task import CoachingTask, LessonState, facing
-from ..coaching.group_view import GroupView
 from ..coaching.learner import Learner
 from ..coaching.seat import MOVABLE
 from ..coaching.trainee import trainee_metrics, trainee_seen
@@ -31,6 +31,45 @@ CHAIR_ROOM, COACH_ROOM = 0.8, 0.4  # [m] about a chair and about the robot; our 
 TOGETHER = frozenset(
     ("right_repetitions", "wanted_repetitions", "wrong_repetitions", "exercises_done", "following")
 )  # metrics that are summed over all people; of the others the greatest is told
+
+
+class GroupView:
+    """What the coach of a group shows and says to one person, for a `Learner`.
+
+    What is shown is as far as this person goes; who has nothing to do sees them at rest. Words to somebody
+    else are not heard.
+
+    Attributes:
+        session: The session of this person.
+        demonstration: The view itself.
+    """
+
+    def __init__(self, group: GroupSession, name: str, shown: Demonstration) -> None:
+        """Take the lesson, who looks at it, and what is shown to all."""
+        self.session = group.members[name]
+        self._group, self._name, self._shown = group, name, shown
+        self.demonstration = self
+
+    @property
+    def angles(self) -> Array:
+        """What is shown now, as far as this person goes [rad], shape [16]."""
+        is_busy = self._group.is_busy(self._name)
+        return self.session.exercise.angles(self._shown.shown_for if is_busy else 0.0)
+
+    @property
+    def count(self) -> int:
+        """Repetitions that have been shown to their end, of the present exercise of this person."""
+        return self._shown.count if self._group.takes_part(self._name) else 0
+
+    @property
+    def word(self) -> Word:
+        """What is being said, or was said last."""
+        return self._shown.word
+
+    @property
+    def is_speaking(self) -> bool:
+        """Whether something is being said that this person is to hear."""
+        return self._shown.is_speaking and self._shown.spoken_to in (None, self._name)
 
 
 def place(default: str | None, *, optional: bool = False) -> Role[Human]:

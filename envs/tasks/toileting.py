@@ -17,7 +17,7 @@ from rcare_marl.pose import Array, Pose, quaternion_from_rpy
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices import Wheelchair, add_stand
+from ..devices import Wheelchair, add_stand, spawn_fitted
 from ..reach import Trial
 from ..rectangle import Rectangle
 from ..registry import register_task
@@ -156,12 +156,7 @@ class Toileting(Task):
                 f"the recipient must sit in the wheelchair, and is {posture.description}"
             )
         self._chair = Wheelchair(mounts="none")
-        soles = self.recipient.soles(self._chair.frame("seat_back"))
-        self._chair.fit_footplates(soles["left"], soles["right"])
-        self._chair.spawn(world, Pose((0.6, -0.68, 0.0)))
-        rests = [self._chair.frame_in_world(f"armrest_{side}") for side in ("left", "right")]
-        self.recipient.use_arm_rests(*rests)
-        return self._chair.frame_in_world("seat_back")
+        return spawn_fitted(self._chair, self.recipient, world, Pose((0.6, -0.68, 0.0)))
 
     def build(self, world: World) -> None:
         if "recipient" in self.cast:

@@ -347,9 +347,9 @@ def play(
 
     Example: rcare-marl play feeding
     """
-    from . import live
+    from . import replaying
 
-    live.play(
+    replaying.play(
         task,
         policy,
         pairs(role_policy, "--role-policy"),

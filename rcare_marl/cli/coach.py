@@ -112,9 +112,7 @@ def evaluate(
     source: Annotated[
         str, typer.Option(help="Where poses come from: hands, joints or camera.")
     ] = "hands",
-    recogniser: Annotated[
-        str | None, typer.Option(help="Who judges: rules or learned; rules if left out.")
-    ] = None,
+    recogniser: Annotated[str, typer.Option(help="Who judges: rules or learned.")] = "rules",
     users: Annotated[int, typer.Option(min=1, help="How many synthetic people.")] = 40,
     seed: Annotated[int, typer.Option(min=0, help="Of the people and all they do.")] = 0,
     exercise: Annotated[
@@ -153,14 +151,12 @@ def evaluate(
 
     Example: rcare-marl coach evaluate --source joints --plot noise.png
     """
-    from rcare_marl.baselines.coaching.recognisers import DEFAULT
-
     from . import coach_evaluation as trial
 
     levels = tuple(level or (LEVELS if plot is not None else ()))
     trial.evaluate(
         source=source,
-        recogniser=recogniser or DEFAULT,
+        recogniser=recogniser,
         users=users,
         seed=seed,
         split=split,

@@ -12,8 +12,7 @@ from rich.text import Text
 
 from rcare_marl.atomic_file import draft
 from rcare_marl.baselines.evaluation import evaluate as baseline
-from rcare_marl.baselines.evaluation.episode_figure import draw
-from rcare_marl.baselines.evaluation.recording import Recorder
+from rcare_marl.baselines.evaluation.episode_figure import Recorder, draw
 from rcare_marl.baselines.trained import best_policy
 from rcare_marl.console import console, progress, table
 from rcare_marl.envs import make
@@ -22,7 +21,7 @@ from rcare_marl.envs.task_options import FORCE_LIMIT
 from rcare_marl.envs.tasks.feeding import MOUTH_RADIUS
 from rcare_marl.rendering.film import Film
 
-from .evaluation import successes
+from .assessment import successes
 
 TASK = "feeding"
 FILMED = 3  # episodes

@@ -5,10 +5,10 @@ from __future__ import annotations
 import inspect
 import re
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from rcare_marl import assets
+from rcare_marl.console import markdown_table
 from rcare_marl.envs.registry import task_class, task_names
 
 from .listing import first_line
@@ -43,7 +43,7 @@ def _tasks() -> str:
         found = SUCCESS.search(text)
         ends = " ".join(found.group(1).split()).rstrip(".") if found else ""
         rows.append((f"`{name}`", cast, first_line(cls), ends))
-    return _markdown(("task", "default cast", "what happens", "success"), rows)
+    return markdown_table(("task", "default cast", "what happens", "success"), rows)
 
 
 def _robots() -> str:
@@ -55,12 +55,7 @@ def _robots() -> str:
         )
         for robot in assets.names("robots")
     ]
-    return _markdown(("robot", *(name.replace("_", " ") for name in tasks)), rows)
-
-
-def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return markdown_table(("robot", *(name.replace("_", " ") for name in tasks)), rows)
 
 
 if __name__ == "__main__":

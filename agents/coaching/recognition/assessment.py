@@ -7,16 +7,27 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
+from scipy.ndimage import median_filter, uniform_filter1d  # type: ignore[import-untyped]
+
+from rcare_marl.pose import Array
 
 from ...people.motion.clip import rotation_between
 from ..exercise import Demand
-from .feature import ANGLE_COLUMN, COLUMN, VECTORS
 from .recogniser import Repetition
 from .segmenter import Segment
-from .template import MOVING, RATE, STARTED, Template, Way, arc, between, off_path
-
-Array = npt.NDArray[np.float64]
+from .template import (
+    ANGLE_COLUMN,
+    COLUMN,
+    MOVING,
+    RATE,
+    STARTED,
+    VECTORS,
+    Template,
+    Way,
+    arc,
+    between,
+    off_path,
+)
 
 # All our own choice.
 MOSTLY = 92  # percentile that stands for the greatest of something that may be noisy
@@ -63,9 +74,8 @@ class Motion:
             seen = known[:, columns].all(axis=1)
             if seen.mean() < SEEN:
                 continue
-            rows[:, columns] = _resampled(
-                times, segment.times[seen], segment.rows[seen][:, columns]
-            )
+            for column in columns:
+                rows[:, column] = np.interp(times, segment.times[seen], segment.rows[seen, column])
         rows = _smooth(rows)
         vectors = {}
         for name in VECTORS:
@@ -98,26 +108,10 @@ class Motion:
         return most(np.linalg.norm(gap, axis=1)) if np.isfinite(gap).all() else 0.0
 
 
-def _resampled(times: Array, at: Array, rows: Array) -> Array:
-    """Return rows [n, columns], known at times [n], at other times, on straight lines between."""
-    if len(at) < 2:
-        return np.repeat(rows[:1], len(times), axis=0)
-    k = np.clip(np.searchsorted(at, times) - 1, 0, len(at) - 2)
-    share = np.clip((times - at[k]) / (at[k + 1] - at[k]), 0.0, 1.0)[:, None]
-    return np.asarray(rows[k] + share * (rows[k + 1] - rows[k]))
-
-
 def _smooth(rows: Array) -> Array:
     """Return the running mean of `SMOOTHED` frames of a running median of three."""
-    if len(rows) < 3:
-        return rows
-    padded = np.pad(rows, ((1, 1), (0, 0)), mode="edge")
-    a, b, c = padded[:-2], padded[1:-1], padded[2:]
-    middle = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
-    half = SMOOTHED // 2
-    padded = np.pad(middle, ((half, half), (0, 0)), mode="edge")
-    total = np.cumsum(np.pad(padded, ((1, 0), (0, 0))), axis=0)
-    return np.asarray((total[SMOOTHED:] - total[:-SMOOTHED]) / SMOOTHED)
+    middle = median_filter(rows, (3, 1), mode="nearest")
+    return np.asarray(uniform_filter1d(middle, SMOOTHED, axis=0, mode="nearest"))
 
 
 def most(values: Array) -> float:

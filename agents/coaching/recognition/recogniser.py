@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.pose import Array
 
 from ..exercise import Exercise
 from ..upper_body import MOTIONS
-
-Array = npt.NDArray[np.float64]
 
 # What can be wrong with a repetition, and what the coach says of it.
 ERRORS: Mapping[str, str] = {

@@ -6,16 +6,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..exercise import Exercise, load_exercises
 from .assessment import judge
-from .feature import COLUMN
 from .recogniser import ERRORS, Frame, Judgement, Repetition
 from .segmenter import Segment, Segmenter
-from .template import Template, off_path
-
-Array = npt.NDArray[np.float64]
+from .template import COLUMN, Template, off_path
 
 # All our own choice.
 WRONG_FOR = 0.3  # what is wrong so long closes the green window [s]
@@ -38,6 +36,11 @@ class RuleRecogniser:
         self._known = {exercise.name: Template(exercise) for exercise in exercises}
         self._segmenter = Segmenter()
         self._template: Template | None = None
+
+    def begin_anew(self) -> None:
+        """Drop half a repetition: expect the same exercise, at the same tempo, from now on."""
+        assert self._template is not None  # one has begun
+        self.begin(self._template.exercise)
 
     def begin(self, exercise: Exercise) -> None:
         """Expect an exercise from now on."""

@@ -7,13 +7,11 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from .feature import VECTORS, feature
+from rcare_marl.pose import Array
+
 from .recogniser import Frame
-from .template import Template
-
-Array = npt.NDArray[np.float64]
+from .template import VECTORS, Template, feature
 
 # All our own choice.
 QUICK, SLOW = 0.06, 0.2  # time constants of two running means [s]

@@ -12,18 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose, matrix_from_quaternion
+from rcare_marl.pose import Array, Pose, matrix_from_quaternion
 
 from ..recognition.recogniser import Frame
-from ..turn import axes_of, trunk_axes
 from ..upper_body import ARM, MOTIONS, SIDES, SIGN, UpperBody
-from .arm_pose import arm_motion, elbow_at
+from .arm_pose import arm_motion, axes_of, elbow_at, trunk_axes
 from .one_euro import OneEuro
-
-Array = npt.NDArray[np.float64]
 
 # All our own choice.
 SETTLING = 1.0  # without a calibration what is seen so long counts as sitting upright [s]

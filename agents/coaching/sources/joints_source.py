@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 
 from ...people.body.skeleton import DOFS, JOINT_INDEX, forward_kinematics
 from ..recognition.recogniser import Frame
 from ..upper_body import ARM, MOTIONS, SIDES, SIGN
 from .arm_pose import arm_motion
-
-Array = npt.NDArray[np.float64]
 
 TO_BODY = np.array(
     ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))

@@ -13,13 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.pose import Array
 
 from ..upper_body import SIDES, SIGN, UpperBody
-
-Array = npt.NDArray[np.float64]
 
 DICTIONARY = "4x4_50"
 # What carries bands. Frames as in `upper_body`: those of the hanging arm have z up along the bone. Origins:

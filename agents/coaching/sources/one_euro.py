@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 SPEED_CUTOFF = 1.0  # of the speed itself, as in the paper [Hz]
 

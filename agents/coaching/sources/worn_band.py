@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
-from rcare_marl.pose import rpy_from_matrix
+from rcare_marl.pose import Array, rpy_from_matrix
 from rcare_marl.world import World
 
 from ...people.body.skeleton import JOINT_INDEX
@@ -18,8 +17,6 @@ from ...sensing.marker import Marker, MarkerConfig, fasten
 from ..upper_body import SIDES
 from .joints_source import TO_BODY
 from .marker_band import DICTIONARY, Band
-
-Array = npt.NDArray[np.float64]
 
 # Joint whose frame a segment moves with, and the joint at the end of its bone.
 _CARRIER = {"trunk": "spine3", "head": "head", "upper_arm": "shoulder", "forearm": "elbow"}

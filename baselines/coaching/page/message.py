@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Literal, NoReturn, get_args
 
 from rcare_marl.agents.coaching.exercise import exercise_names
@@ -35,33 +35,6 @@ WISHES: tuple[Wish, ...] = get_args(Wish)
 
 class MessageError(RcareError, ValueError):
     """A message of the page is not what it may be."""
-
-
-@dataclass(frozen=True)
-class Begin:
-    """Begin a session, in the place of one that is on.
-
-    Attributes:
-        source: Where poses come from.
-        height_m: Stature of the person [m].
-        exercises: Names, in their order.
-        repetitions: Right repetitions asked of each; as each exercise says if None.
-        tempo: How fast the coach goes, against what the exercises say.
-        lift_left_deg: How far the person can lift the left arm [deg].
-        lift_right_deg: And the right one [deg].
-        turn_deg: How far they can turn the head to a side [deg].
-        mistake: What a simulated person does wrong.
-    """
-
-    source: Source
-    height_m: float
-    exercises: tuple[str, ...]
-    repetitions: int | None = None
-    tempo: float = 1.0
-    lift_left_deg: float = LIFT_DEG[1]
-    lift_right_deg: float = LIFT_DEG[1]
-    turn_deg: float = TURN_DEG[1]
-    mistake: Mistake = "none"
 
 
 @dataclass(frozen=True)
@@ -94,102 +67,12 @@ class HandJoints:
     pinky: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class Hands:
-    """What a headset reports; None for what is not tracked.
-
-    Attributes:
-        time: On the page's clock [s].
-        head: Pose of the viewer.
-        left: Joints of the left hand, or the grip of the left controller.
-        right: Likewise.
-    """
-
-    time: float
-    head: Place | None
-    left: HandJoints | Place | None
-    right: HandJoints | Place | None
-
-
-@dataclass(frozen=True)
-class Landmarks:
-    """Body landmarks of a pose detector, in its metres: x right in the picture, y down, z away.
-
-    Attributes:
-        time: On the page's clock [s].
-        points: 33 points [m].
-        visibility: How likely each is seen, 0 to 1.
-    """
-
-    time: float
-    points: tuple[tuple[float, float, float], ...]
-    visibility: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Command:
-    """What the person wants of the coach."""
-
-    wish: Wish
-
-
-@dataclass(frozen=True)
-class Simulate:
-    """What the simulated person does wrong from now on."""
-
-    mistake: Mistake
-
-
-@dataclass(frozen=True)
-class Consent:
-    """Whether the session may be recorded; taking it back deletes what was."""
-
-    given: bool
-
-
 Reader = Callable[[Any, str], Any]  # what is given, and its name for messages
-Message = Begin | Hands | Landmarks | Command | Simulate | Consent
 
 
-def parse(text: str) -> Message:
-    """Return the message that a text is.
-
-    Raises:
-        MessageError: If it is none; it says why.
-    """
-    if len(text) > LARGEST or len(text.encode("utf-8", "surrogatepass")) > LARGEST:
-        raise MessageError(f"a message has at most {LARGEST} bytes")
-    try:
-        data = json.loads(text, object_pairs_hook=_once, parse_constant=_constant)
-    except MessageError:
-        raise
-    except (ValueError, RecursionError) as error:
-        # A long number and deep nesting end up here, too.
-        raise MessageError("a message is a JSON object") from error
-    if not isinstance(data, dict):
-        raise MessageError("a message is a JSON object")
-    kind = data.pop("type", None)
-    if not isinstance(kind, str) or kind not in READERS:
-        raise MessageError(f"the type of a message is one of {', '.join(READERS)}")
-    made, readers = READERS[kind]
-    needed = {f.name for f in fields(made) if f.default is MISSING}
-    missing, unknown = needed - data.keys(), data.keys() - readers.keys()
-    if missing:
-        raise MessageError(f"missing: {', '.join(sorted(missing))}")
-    if unknown:  # their names come from outside and are not repeated
-        raise MessageError(f"unknown fields; known: {', '.join(sorted(readers))}")
-    return made(**{name: readers[name](value, name) for name, value in data.items()})
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    out = dict(pairs)
-    if len(out) != len(pairs):
-        raise MessageError("a field is given twice")
-    return out
-
-
-def _constant(name: str) -> NoReturn:
-    raise MessageError(f"{name} is no number that may be sent")
+def _read(reader: Reader, default: Any = MISSING) -> Any:
+    """Return a field of a message, with what reads it."""
+    return field(default=default, metadata={"read": reader})
 
 
 def _exercises(value: Any, name: str) -> tuple[str, ...]:
@@ -293,39 +176,129 @@ def _place(value: Any, name: str) -> Place:
     return Place((x, y, z), (qx, qy, qz, qw))
 
 
-# The class of each type of message, and what reads each of its fields.
-READERS: Mapping[str, tuple[type[Message], Mapping[str, Reader]]] = {
-    "begin": (
-        Begin,
-        {
-            "source": _one_of(SOURCES),
-            "height_m": _number(*STATURE),
-            "exercises": _exercises,
-            "repetitions": _or_null(_whole(*REPETITIONS)),
-            "tempo": _number(*TEMPO),
-            "lift_left_deg": _number(*LIFT_DEG),
-            "lift_right_deg": _number(*LIFT_DEG),
-            "turn_deg": _number(*TURN_DEG),
-            "mistake": _one_of(MISTAKES),
-        },
-    ),
-    "hands": (
-        Hands,
-        {
-            "time": _number(0.0, LONGEST),
-            "head": _or_null(_place),
-            **dict.fromkeys(("left", "right"), _or_null(_hand)),
-        },
-    ),
-    "landmarks": (
-        Landmarks,
-        {
-            "time": _number(0.0, LONGEST),
-            "points": _of_landmarks(_point),
-            "visibility": _of_landmarks(_number(0.0, 1.0)),
-        },
-    ),
-    "command": (Command, {"wish": _one_of(WISHES)}),
-    "simulate": (Simulate, {"mistake": _one_of(MISTAKES)}),
-    "consent": (Consent, {"given": _flag}),
+@dataclass(frozen=True)
+class Begin:
+    """Begin a session, in the place of one that is on.
+
+    Attributes:
+        source: Where poses come from.
+        height_m: Stature of the person [m].
+        exercises: Names, in their order.
+        repetitions: Right repetitions asked of each; as each exercise says if None.
+        tempo: How fast the coach goes, against what the exercises say.
+        lift_left_deg: How far the person can lift the left arm [deg].
+        lift_right_deg: And the right one [deg].
+        turn_deg: How far they can turn the head to a side [deg].
+        mistake: What a simulated person does wrong.
+    """
+
+    source: Source = _read(_one_of(SOURCES))
+    height_m: float = _read(_number(*STATURE))
+    exercises: tuple[str, ...] = _read(_exercises)
+    repetitions: int | None = _read(_or_null(_whole(*REPETITIONS)), None)
+    tempo: float = _read(_number(*TEMPO), 1.0)
+    lift_left_deg: float = _read(_number(*LIFT_DEG), LIFT_DEG[1])
+    lift_right_deg: float = _read(_number(*LIFT_DEG), LIFT_DEG[1])
+    turn_deg: float = _read(_number(*TURN_DEG), TURN_DEG[1])
+    mistake: Mistake = _read(_one_of(MISTAKES), "none")
+
+
+@dataclass(frozen=True)
+class Hands:
+    """What a headset reports; None for what is not tracked.
+
+    Attributes:
+        time: On the page's clock [s].
+        head: Pose of the viewer.
+        left: Joints of the left hand, or the grip of the left controller.
+        right: Likewise.
+    """
+
+    time: float = _read(_number(0.0, LONGEST))
+    head: Place | None = _read(_or_null(_place))
+    left: HandJoints | Place | None = _read(_or_null(_hand))
+    right: HandJoints | Place | None = _read(_or_null(_hand))
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """Body landmarks of a pose detector, in its metres: x right in the picture, y down, z away.
+
+    Attributes:
+        time: On the page's clock [s].
+        points: 33 points [m].
+        visibility: How likely each is seen, 0 to 1.
+    """
+
+    time: float = _read(_number(0.0, LONGEST))
+    points: tuple[tuple[float, float, float], ...] = _read(_of_landmarks(_point))
+    visibility: tuple[float, ...] = _read(_of_landmarks(_number(0.0, 1.0)))
+
+
+@dataclass(frozen=True)
+class Command:
+    """What the person wants of the coach."""
+
+    wish: Wish = _read(_one_of(WISHES))
+
+
+@dataclass(frozen=True)
+class Simulate:
+    """What the simulated person does wrong from now on."""
+
+    mistake: Mistake = _read(_one_of(MISTAKES))
+
+
+@dataclass(frozen=True)
+class Consent:
+    """Whether the session may be recorded; taking it back deletes what was."""
+
+    given: bool = _read(_flag)
+
+
+Message = Begin | Hands | Landmarks | Command | Simulate | Consent
+KINDS: Mapping[str, type[Message]] = {
+    each.__name__.lower(): each for each in (Begin, Hands, Landmarks, Command, Simulate, Consent)
 }
+
+
+def parse(text: str) -> Message:
+    """Return the message that a text is.
+
+    Raises:
+        MessageError: If it is none; it says why.
+    """
+    if len(text) > LARGEST or len(text.encode("utf-8", "surrogatepass")) > LARGEST:
+        raise MessageError(f"a message has at most {LARGEST} bytes")
+    try:
+        data = json.loads(text, object_pairs_hook=_once, parse_constant=_constant)
+    except MessageError:
+        raise
+    except (ValueError, RecursionError) as error:
+        # A long number and deep nesting end up here, too.
+        raise MessageError("a message is a JSON object") from error
+    if not isinstance(data, dict):
+        raise MessageError("a message is a JSON object")
+    kind = data.pop("type", None)
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise MessageError(f"the type of a message is one of {', '.join(KINDS)}")
+    made = KINDS[kind]
+    known = {each.name: each for each in fields(made)}
+    needed = {name for name, each in known.items() if each.default is MISSING}
+    missing, unknown = needed - data.keys(), data.keys() - known.keys()
+    if missing:
+        raise MessageError(f"missing: {', '.join(sorted(missing))}")
+    if unknown:  # their names come from outside and are not repeated
+        raise MessageError(f"unknown fields; known: {', '.join(sorted(known))}")
+    return made(**{name: known[name].metadata["read"](value, name) for name, value in data.items()})
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    out = dict(pairs)
+    if len(out) != len(pairs):
+        raise MessageError("a field is given twice")
+    return out
+
+
+def _constant(name: str) -> NoReturn:
+    raise MessageError(f"{name} is no number that may be sent")

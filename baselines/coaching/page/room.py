@@ -6,22 +6,20 @@ import math
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.agents.coaching.exercise import Exercise, Reach, load_exercises
+from rcare_marl.agents.coaching.exercise import Reach, load_exercises
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS, Frame, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import PRAISED_FOR, RuleRecogniser
 from rcare_marl.agents.coaching.session import Session, programme
 from rcare_marl.agents.coaching.tree import Coach
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES, UpperBody
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 
 from .message import Begin, Command, Consent, Hands, Landmarks, Message, MessageError, Simulate
-from .page_body import PageBody
 from .recording import Recorder, Step
 from .sight import Camera, Sight
 
-Array = npt.NDArray[np.float64]
 Phase = Literal["waiting", "settling", "explaining", "exercising", "paused", "resting", "over"]
 
 STEP = 1 / 30  # of a session [s]
@@ -30,16 +28,30 @@ FIGURE = UpperBody.of_height(1.6)  # of the coach; the page draws it as a small 
 NOTHING_SEEN = "I cannot see you. Please check the headset, the hands or the camera."
 
 
-class Watcher(RuleRecogniser):
-    """Recognises by rules, and can drop half a repetition."""
+class PageBody:
+    """Keeps what the page has to show and to say.
 
-    def begin(self, exercise: Exercise) -> None:
-        super().begin(exercise)
-        self._expected = exercise
+    Attributes:
+        angles: What is shown [rad], shape [16].
+        rest: How it stands still [rad], shape [16].
+        said: What was said last; empty before.
+        count: How often something was said.
+    """
 
-    def begin_anew(self) -> None:
-        """Expect the same exercise, at the same tempo, from now on; once one has begun."""
-        self.begin(self._expected)
+    def __init__(self, rest: Array | None = None) -> None:
+        """Stand at rest [rad], shape [16]; with hanging arms if None."""
+        self.rest = np.zeros(len(MOTIONS)) if rest is None else rest
+        self.angles = self.rest
+        self.said, self.count = "", 0
+
+    def show(self, angles: Array) -> None:
+        self.angles = angles
+
+    def say(self, text: str) -> None:
+        self.said, self.count = text, self.count + 1
+
+    def stand_still(self) -> None:
+        self.angles = self.rest
 
 
 class Room:
@@ -92,11 +104,11 @@ class Room:
             raise MessageError(str(error)) from error
         sight = Sight(begin, self._camera)
         exercises = tuple(exercise.faster(begin.tempo) for exercise in exercises)
-        watcher = Watcher()
-        session = Session(exercises, watcher, repetitions=begin.repetitions)
+        recogniser = RuleRecogniser()
+        session = Session(exercises, recogniser, repetitions=begin.repetitions)
         if self.recorder is not None:
             self.recorder.begin(begin, exercises)
-        self._session, self._sight, self._watcher = session, sight, watcher
+        self._session, self._sight, self._recogniser = session, sight, recogniser
         self._number += 1
         self._body = PageBody(exercises[0].angles(0.0))
         self._coach = Coach(session, self._body)
@@ -122,7 +134,7 @@ class Room:
             session.must_pause = session.must_rest = False
         else:
             self._sight.recentre()
-            self._watcher.begin_anew()  # half a repetition as seen from elsewhere would be judged
+            self._recogniser.begin_anew()  # half a repetition as seen from elsewhere would be judged
             self._settled, self._user = False, None
 
     def step(self, now: float) -> dict[str, Any]:

@@ -26,11 +26,10 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from rcare_marl.agents.coaching.exercise import load_exercises
 from rcare_marl.errors import RcareError
 
-from .limiter import Limiter
 from .message import LARGEST, MISTAKES, Message, MessageError, parse
 from .recording import Recorder
 from .room import STEP, Room
-from .sight import Camera
+from .sight import Camera, Limiter
 from .three import FILES, WEB
 
 PAGE = ("style.css", "page.js", "figure.js", "canvas.js", "headset.js", "scene.js")

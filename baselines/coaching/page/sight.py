@@ -1,25 +1,88 @@
-"""What a session sees of the person, from whichever source they chose."""
+"""What a session sees of the person, from whichever source they chose, and how much a page may send."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.agents.coaching.recognition.recogniser import Frame
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
 from rcare_marl.agents.coaching.sources.landmark_source import LandmarkReading, LandmarkSource
 from rcare_marl.agents.coaching.upper_body import UpperBody
+from rcare_marl.pose import Array
 
-from .clock import PageClock
 from .message import Begin, Hands, Landmarks, MessageError
 from .simulated_user import SimulatedUser
 from .webxr import reading
 
-Array = npt.NDArray[np.float64]
-
+SLACK = (
+    1.0  # by how much the page's clock may gain on ours between two readings [s]; our own choice
+)
+ANEW = 2.0  # after so long with refused times only, it is taken as it is from there on [s]; our own choice
+RATE = 120.0  # messages a second in the long run: a headset of 90 Hz, and then some
+BURST = 120.0  # at once
 UNSEEN = 0.7  # after so long without a frame the person counts as not seen [s]; our own choice
+
+
+class PageClock:
+    """Turns times of the page into times that only grow, and not faster than ours."""
+
+    def __init__(self) -> None:
+        self._page: float | None = None  # the last time that was taken, on the page's clock
+        self._ours = 0.0  # when that was
+        self._time = 0.0  # and what came out
+        self._refused_at: float | None = None
+
+    def take(self, page: float, now: float) -> float:
+        """Return the time of a reading [s], counted from the first one.
+
+        Args:
+            page: On the page's clock [s].
+            now: On ours [s], which only grows.
+
+        Raises:
+            MessageError: If the page's clock ran backwards, or far ahead of ours. Where it goes on so for
+                two seconds its new time is taken from then on.
+        """
+        if self._page is None:
+            self._page, self._ours = page, now
+            return self._time
+        gone, ours = page - self._page, now - self._ours
+        if not 0 < gone <= ours + SLACK:
+            if self._refused_at is None:
+                self._refused_at = now
+            if now - self._refused_at < ANEW:
+                raise MessageError(
+                    "the time of readings has to grow" if gone <= 0 else "that time lies ahead"
+                )
+            gone = max(ours, 1e-3)
+        self._refused_at = None
+        self._page, self._ours, self._time = page, now, self._time + gone
+        return self._time
+
+
+class Limiter:
+    """Lets so many messages through a second, and drops the rest.
+
+    Attributes:
+        dropped: How many were dropped so far.
+    """
+
+    def __init__(self, *, rate: float = RATE, burst: float = BURST) -> None:
+        self._rate, self._burst = rate, burst
+        self._left, self._at = burst, 0.0
+        self.dropped = 0
+
+    def lets(self, now: float) -> bool:
+        """Return whether a message at a time [s] may pass; it counts as one."""
+        self._left = min(self._burst, self._left + self._rate * (now - self._at))
+        self._at = now
+        if self._left < 1:
+            self.dropped += 1
+            return False
+        self._left -= 1
+        return True
 
 
 class Camera(Protocol):

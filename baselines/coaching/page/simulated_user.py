@@ -11,16 +11,13 @@ import math
 from collections import deque
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.agents.coaching.exercise import HEAD
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, UpperBody
-from rcare_marl.pose import Pose, multiply
+from rcare_marl.pose import Array, Pose, multiply
 
 from .message import Mistake
-
-Array = npt.NDArray[np.float64]
 
 DELAY = 0.35  # after the coach [s]
 TREMOR = 0.004  # of head and hands, standard deviation [m]

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import shutil
 import subprocess
-import tempfile
 from pathlib import Path
 
+from rcare_marl.atomic_file import draft
 from rcare_marl.cache import cache_folder
 from rcare_marl.console import print_line
 from rcare_marl.errors import ConfigError
@@ -47,27 +46,22 @@ def three_folder(*, install: bool = True) -> Path:
 
 def _install(npm: str, target: Path, command: str) -> None:
     """Install into a new folder and move it into place, whole or not at all."""
-    scratch: Path | None = None
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-        for file in ("package.json", "package-lock.json"):
-            shutil.copy(WEB / file, scratch / file)
-        done = subprocess.run(
-            [npm, "ci", "--omit=dev", "--ignore-scripts", "--no-audit", "--no-fund"],
-            cwd=scratch,
-            capture_output=True,
-            text=True,
-            timeout=LONGEST,
-        )
-        if done.returncode != 0:
-            last = (done.stderr.strip() or "no message").splitlines()[-1]
-            raise ConfigError(f"npm could not install three.js ({last}); try: {command}")
-        if target.is_dir():  # one that is not whole
-            shutil.rmtree(target)
-        os.replace(scratch, target)
+        with draft(target) as folder:
+            for file in ("package.json", "package-lock.json"):
+                shutil.copy(WEB / file, folder.path / file)
+            done = subprocess.run(
+                [npm, "ci", "--omit=dev", "--ignore-scripts", "--no-audit", "--no-fund"],
+                cwd=folder.path,
+                capture_output=True,
+                text=True,
+                timeout=LONGEST,
+            )
+            if done.returncode != 0:
+                last = (done.stderr.strip() or "no message").splitlines()[-1]
+                raise ConfigError(f"npm could not install three.js ({last}); try: {command}")
+            if target.is_dir():  # one that is not whole
+                shutil.rmtree(target)
+            folder.publish()
     except (OSError, subprocess.TimeoutExpired) as error:
         raise ConfigError(f"three.js could not be installed: {error}; try: {command}") from error
-    finally:
-        if scratch is not None:
-            shutil.rmtree(scratch, ignore_errors=True)

@@ -10,8 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from rcare_marl.agents.coaching.sources.landmark_source import LandmarkReading
-from rcare_marl.agents.coaching.sources.pose_detector import PoseDetector
+from rcare_marl.agents.coaching.sources.landmark_source import LandmarkReading, PoseDetector
 from rcare_marl.errors import ConfigError
 
 UNASKED = 3.0  # after so long without a question the camera is let go [s]; our own choice

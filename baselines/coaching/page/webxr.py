@@ -19,15 +19,12 @@ Hands come in two ways:
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading
 from rcare_marl.agents.coaching.upper_body import SIGN, UpperBody
-from rcare_marl.pose import Pose, matrix_from_quaternion, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, matrix_from_quaternion, quaternion_from_matrix
 
 from .message import HandJoints, Hands, Place
-
-Array = npt.NDArray[np.float64]
 
 FROM_WEBXR: Array = np.array(((0.0, 0.0, -1.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
 # Columns: fingers, across the palm to the left, back of the hand; in the axes of the grip.
