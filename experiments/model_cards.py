@@ -2,8 +2,8 @@
 
 python experiments/model_cards.py [--folder FOLDER] [--page FILE]
 
-Beside each `<name>.npz` it writes `<name>.yaml`, with the numbers of the record `<name>.json` if it is
-there.
+Beside each `<name>.npz` it writes `<name>.yaml`, with the numbers of the records `<name>.json`, of all
+seeds of its training, and `<name>_shipped.json`, of it alone, where they are there.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ def cards(folder: Path) -> list[ModelCard]:
     """Return the card of each policy in a folder."""
     out = []
     for file in sorted(folder.glob(f"*{SUFFIX}")):
-        record = file.with_suffix(".json")
-        out.append(ModelCard.of(file, read_record(record) if record.is_file() else None))
+        records = (file.with_suffix(".json"), file.with_name(f"{file.stem}_shipped.json"))
+        out.append(ModelCard.of(file, *(read_record(r) if r.is_file() else None for r in records)))
     return out
 
 

@@ -1,21 +1,23 @@
 """Print the paper's table of trained policies beside ours, from the records of our evaluations.
 
-python experiments/paper_table.py [--markdown] [--scripted] [--processes N] [--folder FOLDER]
+python experiments/paper_table.py [--markdown] [--evaluate] [--processes N] [--folder FOLDER]
 
 Each row reads `<name>.json`, the record that `rcare-marl evaluate <task> --policies ... --out` left of the
-policies of five training seeds, and `<name>_scripted.json`, that of the scripted policy on the same
-episodes. --scripted runs those of the second kind that are missing, and leaves them there.
+policies of five training seeds when they were trained, and on the same episodes `<name>_shipped.json` and
+`<name>_scripted.json`, of the one that ships and of the scripted policy. --evaluate makes these two anew,
+with the code as it is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import typer
 
+from rcare_marl.atomic_file import write_whole
 from rcare_marl.baselines import trained
 from rcare_marl.baselines.evaluation.model_card import beginning
 from rcare_marl.baselines.evaluation.protocol import Plan, assess, read_record, record_text
@@ -23,7 +25,7 @@ from rcare_marl.console import console, markdown_table, table
 from rcare_marl.errors import ConfigError
 
 SEEDS, EPISODES = 5, 100  # of the paper: policies a task, and trials of each
-SCRIPTED = "scripted"
+SCRIPTED, SHIPPED = "scripted", "shipped"
 HEADS = (
     "task",
     "paper",
@@ -34,6 +36,7 @@ HEADS = (
     "steps",
     "trained in",
     "success (95 % interval)",
+    "ships, anew",
     "scripted",
     "remark",
 )
@@ -93,7 +96,7 @@ def cells(row: Row, folder: Path) -> tuple[str, ...]:
     """Return the texts of a row of the table."""
     file = folder / f"{row.name}.json"
     if not file.is_file():
-        return (row.title, row.paper, *["-"] * 8, "no record yet")
+        return (row.title, row.paper, *["-"] * 9, "no record yet")
     record = read_record(file)
     facts = [entry["file"] for entry in record["policies"]]
     if any(each is None for each in facts):
@@ -102,7 +105,7 @@ def cells(row: Row, folder: Path) -> tuple[str, ...]:
     training = [each["training"] for each in facts]
     success = record["summary"]["success"]
     low, high = success["interval_95"]
-    script = scripted_success(row, record, folder)
+    ships, script = (success_of(kind, row, record, folder) for kind in (SHIPPED, SCRIPTED))
     return (
         row.title,
         row.paper,
@@ -114,7 +117,7 @@ def cells(row: Row, folder: Path) -> tuple[str, ...]:
         f"{_range([each.get('minutes') for each in training], '{:.0f}')} min, "
         + _all(str(each.get("machine", "machine not recorded")) for each in training),
         f"{100 * success['mean']:.1f} % ({100 * low:.1f} to {100 * high:.1f})",
-        "no record" if script is None else f"{100 * script:.1f} %",
+        *("no record" if rate is None else f"{100 * rate:.1f} %" for rate in (ships, script)),
         "; ".join(remarks(row, record, script)) or "-",
     )
 
@@ -141,32 +144,34 @@ def remarks(row: Row, record: Mapping[str, Any], script: float | None) -> list[s
     return out
 
 
-def scripted_success(row: Row, record: Mapping[str, Any], folder: Path) -> float | None:
-    """Return the success of the scripted policy on the same episodes; None without a record of it.
+def success_of(kind: str, row: Row, record: Mapping[str, Any], folder: Path) -> float | None:
+    """Return the success of the scripted or shipped policy on the same episodes; None without a record.
 
     Raises:
         ConfigError: If its record is of other episodes.
     """
-    file = folder / f"{row.name}_{SCRIPTED}.json"
+    file = folder / f"{row.name}_{kind}.json"
     if not file.is_file():
         return None
-    script = read_record(file)
+    other = read_record(file)
     for key in ("task", "episodes", "seed", "options", "cast", "others"):
-        if script["plan"][key] != record["plan"][key]:
+        if other["plan"][key] != record["plan"][key]:
             raise ConfigError(
                 f"{file.name} and {row.name}.json are of other episodes: {key} is "
-                f"{script['plan'][key]!r} and {record['plan'][key]!r}"
+                f"{other['plan'][key]!r} and {record['plan'][key]!r}"
             )
-    return float(script["summary"]["success"]["mean"])
+    return float(other["summary"]["success"]["mean"])
 
 
-def run_scripted(row: Row, folder: Path, processes: int) -> None:
-    """Play the scripted policy on the episodes of a row's record, unless that was done."""
-    file, other = folder / f"{row.name}.json", folder / f"{row.name}_{SCRIPTED}.json"
-    if not file.is_file() or other.is_file():
+def run_again(row: Row, folder: Path, processes: int) -> None:
+    """Play the scripted policy, and the one that ships, on the episodes of a row's record."""
+    file = folder / f"{row.name}.json"
+    if not file.is_file():
         return
-    plan = {**read_record(file)["plan"], "policies": (SCRIPTED,)}
-    other.write_text(record_text(assess(Plan(**plan), processes=processes).to_dict()), "utf-8")
+    plan = Plan(**read_record(file)["plan"])
+    for kind, policy in ((SCRIPTED, SCRIPTED), (SHIPPED, trained.NAME)):
+        record = assess(replace(plan, policies=(policy,)), processes=processes).to_dict()
+        write_whole(folder / f"{row.name}_{kind}.json", record_text(record).encode())
 
 
 def _all(values: Iterable[str]) -> str:
@@ -186,14 +191,14 @@ def _range(values: Sequence[float | None], form: str, none: str = "") -> str:
 
 def main(
     markdown: bool = False,
-    scripted: bool = False,
+    evaluate: bool = False,
     processes: int = 1,
     folder: Path = trained.FOLDER,
 ) -> None:
-    """Print the table; with --scripted the records of scripted policies that miss are made first."""
-    if scripted:
+    """Print the table; with --evaluate shipped and scripted policies play anew first."""
+    if evaluate:
         for row in ROWS:
-            run_scripted(row, folder, processes)
+            run_again(row, folder, processes)
     rows = [cells(row, folder) for row in ROWS]
     if markdown:
         print(markdown_table(HEADS, rows))

@@ -60,12 +60,18 @@ class ModelCard:
     limits: tuple[str, ...] = LIMITS
 
     @classmethod
-    def of(cls, path: str | Path, record: Mapping[str, Any] | None = None) -> ModelCard:
+    def of(
+        cls,
+        path: str | Path,
+        record: Mapping[str, Any] | None = None,
+        alone: Mapping[str, Any] | None = None,
+    ) -> ModelCard:
         """Return the card of a policy file.
 
         Args:
             path: The file.
             record: An evaluation of it, perhaps beside others, see `protocol.read_record`.
+            alone: A later one of it alone, whose success counts then.
 
         Raises:
             ConfigError: If the file cannot be read.
@@ -92,7 +98,7 @@ class ModelCard:
             },
             training=dict(file.training),
             trained_on={"default_cast": default_cast(file.task), **given},
-            evaluation=_evaluation(digest(place), record),
+            evaluation=_evaluation(digest(place), record, alone),
         )
 
     def to_yaml(self) -> str:
@@ -135,8 +141,10 @@ def default_cast(task: str) -> dict[str, str]:
     return {name: role.default for name, role in roles if role.default is not None}
 
 
-def _evaluation(sha256: str, record: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Return what a record says of one policy, and of all in it."""
+def _evaluation(
+    sha256: str, record: Mapping[str, Any] | None, alone: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    """Return what records say of one policy, and of all beside it."""
     if record is None:
         return {}
     summary, plan = record["summary"], record["plan"]
@@ -151,7 +159,7 @@ def _evaluation(sha256: str, record: Mapping[str, Any] | None) -> dict[str, Any]
             if name in summary
         },
     }
-    for entry in record["policies"]:
+    for entry in [*record["policies"], *(alone["policies"] if alone else ())]:
         if entry["file"] is not None and entry["file"]["sha256"] == sha256:
             out["success"] = entry["success_rate"]
             out["success_interval_95"] = entry["success_interval_95"]
