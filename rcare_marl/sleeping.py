@@ -47,10 +47,17 @@ class SleepingBodies:
         along with who is not: somebody who slept before must wake for a step, or nothing could touch
         them where they are put next.
         """
-        for state in (bullet.ACTIVATION_STATE_WAKE_UP, bullet.ACTIVATION_STATE_SLEEP):
-            for body in self._bodies:
-                bullet.changeDynamics(
-                    body.uid, -1, activationState=state, physicsClientId=self._client
-                )
-            if self._bodies:
-                bullet.stepSimulation(physicsClientId=self._client)
+        if not self._bodies:
+            return
+        self._set(bullet.ACTIVATION_STATE_WAKE_UP)
+        # What has begun to fall or to settle in this step would wake itself: where joints are does not
+        # matter yet, but that they rest.
+        for body in self._bodies:
+            for joint in body.joints.values():
+                bullet.resetJointState(body.uid, joint.index, 0.0, 0.0, self._client)
+        self._set(bullet.ACTIVATION_STATE_SLEEP)
+
+    def _set(self, state: int) -> None:
+        for body in self._bodies:
+            bullet.changeDynamics(body.uid, -1, activationState=state, physicsClientId=self._client)
+        bullet.stepSimulation(physicsClientId=self._client)

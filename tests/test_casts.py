@@ -54,7 +54,7 @@ def casts() -> list[Any]:
 def check(task: str, **chosen: Any) -> None:
     """Hold an environment to PettingZoo's interface, and to repeating an episode bit by bit."""
     env, other = rcare_marl.make(task, **chosen), rcare_marl.make(task, **chosen)
-    parallel_api_test(env, num_cycles=30)
+    parallel_api_test(env, num_cycles=10)
     first = list(rollout(env, 3, steps=10))
     assert_same(first, list(rollout(env, 3, steps=10)))
     assert_same(first, list(rollout(other, 3, steps=10)))
