@@ -6,11 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.observable import Observable
-
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 MAX_SPEED = 0.8  # [rad/s] of a target angle at full action; our own choice: an unhurried movement
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 TREMOR_FREQUENCY = (
     5.0  # [1/s]; Parkinsonian rest tremor lies at 4 to 6 (Deuschl et al. 1998, from memory)

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 from rcare_marl.tree.joint_tree import JointTree
 
 from ..avatar import AvatarConfig, body_model, body_segments
@@ -39,7 +40,6 @@ from .muscular import Excitation, MuscleDrive
 from .musculature import Musculature, load_musculature
 from .skeletal import SkeletalDrive
 
-Array = npt.NDArray[np.float64]
 Share = Callable[[str, str, float], float]  # side, muscle group, MMT grade -> share of strength
 
 LEAST_GRADE = 3.0  # MMT grade that holds a limb against gravity; below it furniture must

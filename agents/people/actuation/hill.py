@@ -19,7 +19,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 MAX_SPEED = 10.0  # [optimal fibre lengths/s] at which a fibre shortens without load
 FIBRE_DAMPING = 0.1  # beta: of the fibre, a share of F_max at MAX_SPEED

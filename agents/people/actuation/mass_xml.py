@@ -23,15 +23,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.pose import Array
 
 from ..body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, PARENTS, SIDES, forward_kinematics
 from ..profile import clinical_norms
 from .muscle_unit import MuscleUnit, PathPoint, Side, path_lengths, t_pose_length
-
-Array = npt.NDArray[np.float64]
 
 # MASS's segments and the SMPL-X joint about which each one turns. MASS has two segments for the trunk
 # above the pelvis; the upper one carries the arms, so it is spine3.

@@ -14,12 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..body.skeleton import FINGERS, JOINT_INDEX, SIDES
 from .muscle_unit import PathPoint, t_pose_position
-
-Array = npt.NDArray[np.float64]
 
 _TRUNK = ("pelvis", "spine1", "spine2", "spine3")
 _VERTEBRAL = _TRUNK[1:]

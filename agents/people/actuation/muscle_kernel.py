@@ -14,6 +14,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.pose import Array
 from rcare_marl.tree.dynamics import AXIS_NOW, SCRATCH_COLUMNS, packed_matrix, tree_depths
 
 from .hill import (
@@ -31,7 +32,6 @@ from .hill import (
 )
 from .muscle_path import ARM, ARM_BEFORE, RADIUS, TURNS, PathLayout
 
-Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 # Columns of the table of units.

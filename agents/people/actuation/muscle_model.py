@@ -7,9 +7,9 @@ from typing import Literal, get_args
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ActionError, ConfigError, UnknownNameError, check_name
+from rcare_marl.pose import Array
 from rcare_marl.tree.dynamics import PART_COLUMNS, part_table, place_frames
 from rcare_marl.tree.joint_tree import JointTree
 
@@ -18,7 +18,6 @@ from .hill import RESTING_ACTIVATION, SHORTEST, inverse_tendon_force, passive_of
 from .muscle_path import make_layout
 from .muscle_unit import MuscleUnit
 
-Array = npt.NDArray[np.float64]
 Tendon = Literal["rigid", "quasi_static", "implicit"]
 TENDONS: tuple[Tendon, ...] = get_args(Tendon)
 MOST_TENSION = 4.0  # [F_max]: above what active and capped passive force can be together

@@ -14,12 +14,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.pose import Array
 from rcare_marl.tree.joint_tree import Ints, JointTree, ancestors
 
 from ..body.skeleton import JOINT_INDEX
 from .muscle_unit import MuscleUnit, PathPoint, t_pose_position
-
-Array = npt.NDArray[np.float64]
 
 # Columns of `PathLayout.pulleys`: arm in the frame of the carrying part and of the part before it.
 ARM, ARM_BEFORE, RADIUS = 0, 3, 6

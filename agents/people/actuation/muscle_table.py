@@ -13,15 +13,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.pose import Array
 
 from ..body.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from ..profile import clinical_norms
 from .muscle_unit import MuscleUnit, PathPoint, Side
-
-Array = npt.NDArray[np.float64]
 
 REQUIRED = (
     "name side region clinical_group fmax_N lopt_m lts_m pennation_deg passive_strain "

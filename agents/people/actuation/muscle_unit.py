@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..body.skeleton import JOINT_INDEX
 
-Array = npt.NDArray[np.float64]
 Side = Literal["left", "right", "axial"]
 
 

@@ -30,6 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.observable import Observable
+from rcare_marl.pose import Array
 from rcare_marl.tree.dynamics import WEIGHT, part_table
 from rcare_marl.tree.joint_tree import JointTree
 
@@ -40,8 +41,6 @@ from .disorder import Shaking
 from .muscle_control import DAMPING_RATIO, FREQUENCY, Felt, MuscleController
 from .muscle_model import MuscleModel
 from .skeletal import MAX_FREQUENCY, STIFFNESS_PER_TORQUE, TISSUE_DAMPING_PER_TORQUE
-
-Array = npt.NDArray[np.float64]
 
 # Our own choices.
 LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligaments tighten ...
@@ -287,8 +286,7 @@ class MuscleDrive:
             excitation = np.clip(excitation + self._shaking.after(self._dt), 0.0, 1.0)
         step = gravity, self.state, self._dt, self.model.mode, self._out
         loop.drive(self._muscles, self._measured, excitation, *step)
-        result: list[float] = self._out.tolist()
-        return result
+        return self._out.tolist()
 
 
 def _tighten(

@@ -11,10 +11,10 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl import assets
 from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.pose import Array
 
 from ..body.skeleton import JOINTS, PARENTS
 from .mass_xml import read_mass_xml
@@ -22,7 +22,6 @@ from .muscle_fit import SkeletonFit
 from .muscle_table import read_skeleton, read_table
 from .muscle_unit import MuscleUnit, t_pose_length, t_pose_position
 
-Array = npt.NDArray[np.float64]
 _TABLE = assets.ROOT / "muscles" / "whole_body.csv"
 
 

@@ -14,16 +14,15 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl import assets
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.pose import Array
 
 from ..body.skeleton import DOF_INDEX, DOFS, SIDES
 from .muscle_model import MuscleModel
 from .muscle_table import number, read_csv
 
-Array = npt.NDArray[np.float64]
 Quantity = Literal["moment_arm", "torque", "passive_torque"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 _COLUMNS = (

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.observable import Observable
+from rcare_marl.pose import Array
 from rcare_marl.tree.dynamics import (
     PART_COLUMNS,
     SCRATCH_COLUMNS,
@@ -41,8 +42,6 @@ from rcare_marl.tree.joint_tree import JointTree
 
 from .actuation import MAX_SPEED, TargetAngles
 from .disorder import Shaking
-
-Array = npt.NDArray[np.float64]
 
 # Our own choices; no measurement of everyday joint impedance covers all 112 degrees of freedom.
 STIFFNESS_PER_TORQUE = 2.5  # [1/rad]: full strength answers an error of 0.4 rad
@@ -173,8 +172,7 @@ class SkeletalDrive:
         if self._shaking is not None:
             self._state[4] = self._shaking.after(self._dt)
         _torques(*self._tree, self._state, gravity, self._dt, *self._room)
-        result: list[float] = self._out.tolist()
-        return result
+        return self._out.tolist()
 
 
 @numba.njit(cache=True, error_model="numpy")

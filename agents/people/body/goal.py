@@ -12,14 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError, UnknownNameError
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Array, Pose
 
 from .skeleton import JOINT_INDEX, JOINTS
 
-Array = npt.NDArray[np.float64]
 Point = Sequence[float] | Array
 
 TURN_WEIGHT = 0.3  # of a radian against a metre

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError, check_name
-from rcare_marl.pose import Pose, matrix_from_quaternion, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, matrix_from_quaternion, quaternion_from_matrix
 from rcare_marl.tree.inverse_kinematics import (
     BALANCE,
     DIRECTION,
@@ -43,8 +42,6 @@ from .skeleton import DOF_INDEX, DOFS, JOINT_INDEX
 
 if TYPE_CHECKING:
     from ..human import Human
-
-Array = npt.NDArray[np.float64]
 
 ITERATIONS = 60  # of one search
 # How much a radian away from the wished posture counts beside a metre from a goal: it decides only what

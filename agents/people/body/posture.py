@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import UnknownNameError
-from rcare_marl.pose import Pose, axis_rotation, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, axis_rotation, quaternion_from_matrix
 
 from .skeleton import (
     DOF_INDEX,
@@ -23,8 +22,6 @@ from .skeleton import (
     forward_kinematics,
 )
 from .skin import BodyModel
-
-Array = npt.NDArray[np.float64]
 
 # SMPL-X axes (x left, y up, z forward) in the world (x forward, y left, z up).
 UPRIGHT = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))

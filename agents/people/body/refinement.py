@@ -7,9 +7,10 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.pose import Array
+
 from .skin import BodyModel
 
-Array = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int32]
 
 _BULGE = 0.75  # of Phong tessellation, as its authors recommend

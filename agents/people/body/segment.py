@@ -9,13 +9,12 @@ from typing import Literal
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from .anthropometry import WHOLE_SEGMENT, Sex, limb_centre, limb_inertia, segment_masses
 from .skeleton import EYES, JOINT_INDEX, JOINTS, PARENTS
 from .skin import BodyModel
-
-Array = npt.NDArray[np.float64]
 
 # Fingers weigh grams; below these the discrete-time dynamics at 1/240 s has no stable gains.
 # Our own choice: a tenth of a hand's inertia.

@@ -13,9 +13,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.pose import axis_rotation
+from rcare_marl.pose import Array, axis_rotation
 
 BODY = tuple(
     """
@@ -256,8 +255,6 @@ DOFS_OF: dict[str, tuple[Dof, ...]] = {
     joint: tuple(dof for dof in DOFS if dof.joint == joint) for joint in JOINTS
 }
 EYES = ("left_eye_smplhf", "right_eye_smplhf")
-
-Array = npt.NDArray[np.float64]
 
 
 def joint_rotations(angles: Array) -> Array:

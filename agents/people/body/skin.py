@@ -18,12 +18,11 @@ import numpy.typing as npt
 
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import matrix_from_quaternion
+from rcare_marl.pose import Array, matrix_from_quaternion
 
 from .skeleton import JOINT_INDEX, JOINTS, PARENTS
 
 Floats = npt.NDArray[np.float32]
-Array = npt.NDArray[np.float64]
 _SKIN_TONE = (198, 150, 122)
 SMPLX_VERTEX_COUNT = 10475
 

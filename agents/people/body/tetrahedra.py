@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 from rcare_marl.soft.tetrahedron import boundary, signed_volumes
 
-Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
 CORE_LIMIT = 0.85  # of the skin's radius: no core is thicker, or the flesh would have no thickness

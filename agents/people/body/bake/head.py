@@ -96,8 +96,7 @@ def find_landmarks(mesh: WeightedMesh, joints: Floats) -> Landmarks:
 
 def on_jaw(mesh: WeightedMesh) -> Mask:
     """Return which skin vertices follow the jaw."""
-    out: Mask = (mesh.weights[:, JOINT_INDEX["jaw"]] > 0.5) & (mesh.fields["kind"] == 0)
-    return out
+    return (mesh.weights[:, JOINT_INDEX["jaw"]] > 0.5) & (mesh.fields["kind"] == 0)
 
 
 def shape_head(mesh: WeightedMesh, marks: Landmarks, recipe: BodyRecipe) -> WeightedMesh:

@@ -220,5 +220,4 @@ def _hash(cells: Ints, seed: int) -> Floats:
     bits = mixed[:, 0] ^ mixed[:, 1] ^ mixed[:, 2] ^ np.uint64(seed * 2654435761)
     bits = (bits ^ (bits >> np.uint64(15))) * np.uint64(2246822519)
     bits = bits ^ (bits >> np.uint64(13))
-    values: Floats = (bits % np.uint64(65536)).astype(np.float64) / 32767.5 - 1.0
-    return values
+    return (bits % np.uint64(65536)).astype(np.float64) / 32767.5 - 1.0

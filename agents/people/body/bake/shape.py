@@ -122,8 +122,7 @@ class AnnySource:
         pixels = np.asarray(image.convert("L"), dtype=float) / 255
         column = np.clip(np.rint(self.uv[:, 0] * pixels.shape[1]), 0, pixels.shape[1] - 1)
         row = np.clip(np.rint((1 - self.uv[:, 1]) * pixels.shape[0]), 0, pixels.shape[0] - 1)
-        out: Floats = pixels[row.astype(int), column.astype(int)]
-        return out
+        return pixels[row.astype(int), column.astype(int)]
 
     def region(self, label: str) -> Ints:
         """Return the vertices of a body part in the source's segmentation."""
@@ -272,8 +271,7 @@ def _t_pose_turns(source: AnnySource, heads: Floats) -> Floats:
             turns[i] = _about(np.array([1.0, 0.0, 0.0]), -JAW_CLOSE)
 
     def along(first: str, last: str) -> Floats:
-        out: Floats = heads[source.bone_index[last]] - heads[source.bone_index[first]]
-        return out
+        return heads[source.bone_index[last]] - heads[source.bone_index[first]]
 
     def turn(bone: str, value: Floats) -> None:
         turns[source.bone_index[bone]] = value
