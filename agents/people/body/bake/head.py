@@ -49,10 +49,10 @@ class Landmarks:
 def add_sources(source: AnnySource, naked: NakedBody) -> WeightedMesh:
     """Return the naked mesh with the source's own regions as fields."""
     mesh, index = naked.mesh, naked.source
-    on_body = index < BODY.stop
+    on_body, average = index < BODY.stop, mesh.smoother()
     for name, mask in (("lips", "lips"), ("ears", "ears"), ("nails", "fingernails")):
         values = np.where(on_body, source.mask(mask)[index], 0.0)
-        mesh.fields[name] = np.where(on_body, 0.5 * (values + mesh.average(values)), -1.0)
+        mesh.fields[name] = np.where(on_body, 0.5 * (values + average(values)), -1.0)
     cavity = np.isin(index, source.region("mouth_cavity")) & on_body
     mesh.fields["cavity"] = np.where(on_body, cavity.astype(float), -1.0)
     # Within a few centimetres of the nipples the cloth must not follow the body.
