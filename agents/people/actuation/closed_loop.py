@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from rcare_marl.tree.dynamics import WEIGHT, mass_matrix, place_frames, place_masses, solve
+from rcare_marl.tree.dynamics import WEIGHT, mass_matrix, place_masses, solve
 
 from . import muscle_kernel as kernel
 
@@ -33,15 +33,8 @@ def observe(muscles, measured, excitation, gravity, state, dt, mode) -> None:  #
 
     With a `dt` of 0 no time passes: activations and the state of tendons stay.
     """
-    place_frames(muscles.parts, muscles.parents, measured[0], muscles.work)
+    kernel.advance(muscles, measured[0], measured[1], excitation, state, dt, mode)
     place_masses(muscles.parts, muscles.work)
-    kernel.gather_frames(muscles.work, muscles.frames)
-    kernel.find_arms(muscles, measured[1], state)
-    if dt > 0.0:
-        kernel.activate(muscles.units, state, excitation, dt)
-    if dt > 0.0 or mode != kernel.IMPLICIT_TENDON:
-        kernel.pull(muscles.units, state, dt, mode)
-    kernel.project(muscles, state)
     mass_matrix(muscles.parents, muscles.depths, gravity, muscles.work, muscles.matrix)
 
 

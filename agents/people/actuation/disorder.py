@@ -7,9 +7,8 @@ import numpy.typing as npt
 
 from rcare_marl.pose import Array
 
-TREMOR_FREQUENCY = (
-    5.0  # [1/s]; Parkinsonian rest tremor lies at 4 to 6 (Deuschl et al. 1998, from memory)
-)
+# [1/s]; Parkinsonian rest tremor lies at 4 to 6 (Deuschl et al. 1998, from memory).
+TREMOR_FREQUENCY = 5.0
 TREMOR_SPREAD = 0.15  # of the frequency among muscle groups; our own choice
 DYSKINESIA_FREQUENCIES = (0.6, 1.1, 1.9, 2.7)  # [1/s]; irregular movement below 3 (our own choice)
 

@@ -50,9 +50,8 @@ _ASHWORTH_GAIN = dict(zip(ASHWORTH, (0.0, 0.02, 0.04, 0.08, 0.16, 0.4), strict=T
 FIBRE_GAIN = 3.5  # [s per optimal length]: excitation by stretch speed, per share of torque by rate
 FIBRE_THRESHOLD = 0.1  # [optimal lengths/s]
 
-FEMALE_SIZE = (
-    1.62 / 1.75
-)  # stature, and so lever arms, to those of our table; mean of women from memory
+# Stature, and so lever arms, to those of our table; mean of women from memory.
+FEMALE_SIZE = 1.62 / 1.75
 
 _BACKWARD = ("extensors", "adductors", "plantarflexors", "supinators")  # against flexors and so on
 
@@ -111,14 +110,11 @@ def make_drive(
     rows = [DOFS[DOF_INDEX[name]] for name in chain.names]
     order = [DOF_INDEX[name] for name in chain.names]
     profile = avatar.profile
-    weak = [
-        min(profile.grade(d, positive=True), profile.grade(d, positive=False)) < LEAST_GRADE
-        for d in rows
-    ]
     supported = np.array(
         [
-            w and (lying.supported == "all" or d.joint in lying.supported)
-            for w, d in zip(weak, rows, strict=True)
+            min(profile.grade(d, positive=True), profile.grade(d, positive=False)) < LEAST_GRADE
+            and (lying.supported == "all" or d.joint in lying.supported)
+            for d in rows
         ],
         np.bool_,
     )

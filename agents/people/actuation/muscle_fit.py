@@ -23,9 +23,8 @@ from .muscle_unit import PathPoint, t_pose_position
 _TRUNK = ("pelvis", "spine1", "spine2", "spine3")
 _VERTEBRAL = _TRUNK[1:]
 _SPINE = (*_TRUNK, "neck")
-_BELLY = (
-    0.08  # [m] in front of the spine's joints, from where the trunk no longer follows their curve
-)
+# [m] in front of the spine's joints, from where the trunk no longer follows their curve.
+_BELLY = 0.08
 
 
 def _bones() -> dict[str, tuple[str, str]]:

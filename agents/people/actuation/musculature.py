@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from rcare_marl import assets
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
 
 from ..body.skeleton import JOINTS, PARENTS
 from .mass_xml import read_mass_xml
 from .muscle_fit import SkeletonFit
 from .muscle_table import read_skeleton, read_table
-from .muscle_unit import MuscleUnit, t_pose_length, t_pose_position
+from .muscle_unit import MuscleUnit, t_pose_length
 
 _TABLE = assets.ROOT / "muscles" / "whole_body.csv"
 
@@ -43,19 +43,14 @@ class Musculature:
         """Names of the units."""
         return tuple(unit.name for unit in self.units)
 
-    @cached_property
-    def _indices(self) -> dict[str, int]:
-        return {name: i for i, name in enumerate(self.names)}
-
     def index(self, name: str) -> int:
         """Return the place of a unit.
 
         Raises:
             UnknownNameError: If there is no such unit.
         """
-        if name not in self._indices:
-            raise UnknownNameError("muscle", name, self.names)
-        return self._indices[name]
+        check_name("muscle", name, self.names)
+        return self.names.index(name)
 
     def groups(self) -> dict[str, tuple[int, ...]]:
         """Return the units of each action group, such as `left_elbow_flexors`, by their places.
@@ -109,19 +104,6 @@ class Musculature:
         return Musculature(tuple(units), _frozen(new))
 
 
-def t_pose_points(musculature: Musculature) -> list[Array]:
-    """Return the path of each unit in the T-pose [m], arrays of shape [points, 3]."""
-    return [
-        np.array([t_pose_position(point, musculature.joints) for point in unit.path])
-        for unit in musculature.units
-    ]
-
-
-def t_pose_lengths(musculature: Musculature) -> Array:
-    """Return the path length of each unit in the T-pose [m], shape [n]."""
-    return np.array([t_pose_length(unit.path, musculature.joints) for unit in musculature.units])
-
-
 def load_musculature(
     path: str | Path | None = None, *, skeleton: str | Path | None = None
 ) -> Musculature:
@@ -142,7 +124,10 @@ def load_musculature(
     if file.suffix.lower() == ".xml":
         units, centres = read_mass_xml(file, skeleton=joints, default=_skeleton(_TABLE))
         return Musculature(units, _frozen(centres))
-    return _from_table(file, joints)
+    if file == _TABLE and joints is None:
+        return _ours()
+    centres = read_skeleton(joints) if joints else _skeleton(file)
+    return Musculature(read_table(file), _frozen(centres))
 
 
 @lru_cache(maxsize=1)
@@ -150,18 +135,9 @@ def _ours() -> Musculature:
     return Musculature(read_table(_TABLE), _frozen(_skeleton(_TABLE)))
 
 
-def _from_table(file: Path, skeleton: Path | None) -> Musculature:
-    if file == _TABLE and skeleton is None:
-        return _ours()
-    centres = read_skeleton(skeleton) if skeleton else _skeleton(file)
-    return Musculature(read_table(file), _frozen(centres))
-
-
 def _skeleton(table: Path) -> Array:
-    beside = table.with_name(f"{table.stem}_skeleton.csv")
-    return read_skeleton(
-        beside if beside.is_file() else _TABLE.with_name(f"{_TABLE.stem}_skeleton.csv")
-    )
+    beside, ours = (file.with_name(f"{file.stem}_skeleton.csv") for file in (table, _TABLE))
+    return read_skeleton(beside if beside.is_file() else ours)
 
 
 def _frozen(joints: Array) -> Array:

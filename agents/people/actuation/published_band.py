@@ -8,15 +8,14 @@ of them (`part`), or quoted from memory (`memory`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 
 from rcare_marl import assets
-from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
 
 from ..body.skeleton import DOF_INDEX, DOFS, SIDES
@@ -103,20 +102,8 @@ def measured(model: MuscleModel, band: PublishedBand) -> float:
     return float((arms * forces)[(arms > _LEAST_ARM) | (not is_active)].sum())
 
 
-def share_in_band(model: MuscleModel, bands: Sequence[PublishedBand], quantity: Quantity) -> float:
-    """Return the share of the bands of one quantity that a model lies in."""
-    inside = [
-        band.low <= measured(model, band) <= band.high
-        for band in bands
-        if band.quantity == quantity
-    ]
-    return sum(inside) / len(inside)
-
-
 def _band(row: dict[str, str], where: str) -> PublishedBand:
-    quantity = next((known for known in QUANTITIES if known == row["quantity"]), None)
-    if quantity is None:
-        raise UnknownNameError(f"quantity ({where})", row["quantity"], QUANTITIES)
+    check_name(f"quantity ({where})", row["quantity"], QUANTITIES)
     check_name(f"degree of freedom ({where})", row["dof"], DOF_INDEX)
     if row["direction"] not in ("+", "-"):
         raise ConfigError(f"{where}: direction is + or -, got {row['direction']!r}")
@@ -129,7 +116,7 @@ def _band(row: dict[str, str], where: str) -> PublishedBand:
         raise ConfigError(f"{where}: low {low:g} is above high {high:g}")
     return PublishedBand(
         name=row["name"],
-        quantity=quantity,
+        quantity=cast(Quantity, row["quantity"]),
         dof=row["dof"],
         sign=1 if row["direction"] == "+" else -1,
         angles=_angles(row["posture_deg"], where),

@@ -46,9 +46,8 @@ from .disorder import Shaking
 # Our own choices; no measurement of everyday joint impedance covers all 112 degrees of freedom.
 STIFFNESS_PER_TORQUE = 2.5  # [1/rad]: full strength answers an error of 0.4 rad
 TISSUE_DAMPING_PER_TORQUE = 0.02  # [s/rad]
-MAX_FREQUENCY = (
-    40.0  # [rad/s] of a joint on its own stiffness: a finger's strength is not its stiffness
-)
+# [rad/s] of a joint on its own stiffness: a finger's strength is not its stiffness.
+MAX_FREQUENCY = 40.0
 
 STRETCH_THRESHOLD = 0.2  # [rad/s] above which a spastic muscle resists; our own choice
 # [N·m/rad] by which a target is moved so that its muscle slackens: more than the stiffness of most joints,

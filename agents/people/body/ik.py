@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
@@ -130,13 +130,10 @@ class WholeBodyIk:
         self._carries = np.zeros((FIRST + len(DOFS),) * 2, np.bool_)  # whether a column moves a row
         for i in range(len(self._carries)):
             self._carries[i, ancestors(self._tree.parents, i)] = True
-        self._columns = np.array(
-            [*self._base, *(FIRST + DOF_INDEX[dof] for dof in self.dofs)], np.int64
-        )
-        self._pull = np.array(
-            [*_HEAVY_BASE, *(_HEAVY.get(dof.joint, 1.0) for dof in DOFS)], np.float64
-        )
-        self._pull *= PULL
+        moving = [FIRST + DOF_INDEX[dof] for dof in self.dofs]
+        self._columns = np.array([*self._base, *moving], np.int64)
+        heavy = [_HEAVY.get(dof.joint, 1.0) for dof in DOFS]
+        self._pull = np.array([*_HEAVY_BASE, *heavy], np.float64) * PULL
 
     @classmethod
     def of(
@@ -347,13 +344,7 @@ class WholeBodyIk:
         return best[0], best[1], steps
 
 
-_KINDS: dict[type, int] = {
-    Position: POSITION,
-    Orientation: ORIENTATION,
-    Direction: DIRECTION,
-    Gaze: GAZE,
-    Balance: BALANCE,
-}
+_KINDS = dict(zip(get_args(Goal), (POSITION, ORIENTATION, DIRECTION, GAZE, BALANCE), strict=True))
 
 
 def _errors(goals: Sequence[Goal], residual: Array) -> tuple[float, ...]:

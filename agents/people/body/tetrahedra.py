@@ -16,6 +16,8 @@ from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
 from rcare_marl.soft.tetrahedron import boundary, signed_volumes
 
+from .segment import frame_along
+
 Indices = npt.NDArray[np.int32]
 
 CORE_LIMIT = 0.85  # of the skin's radius: no core is thicker, or the flesh would have no thickness
@@ -145,10 +147,7 @@ def centre_line(skin: Array, faces: Indices, start: Array, end: Array) -> tuple[
 
 def _around(axis: Array, sectors: int) -> tuple[Array, Array]:
     """Return two directions across an axis [2, 3], and `sectors` directions around it [sectors, 3]."""
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    first = np.cross(helper, axis)
-    first /= np.linalg.norm(first)
-    across = np.stack((first, np.cross(axis, first)))
+    across = np.ascontiguousarray(frame_along(axis).T[:2])
     angles = 2 * np.pi * np.arange(sectors) / sectors
     return across, np.column_stack((np.cos(angles), np.sin(angles))) @ across
 
