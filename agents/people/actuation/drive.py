@@ -31,8 +31,7 @@ from ..strength import (
     strength_share,
 )
 from . import muscle_kernel as kernel
-from .actuation import Actuation
-from .disorder import Shaking
+from .actuation import Actuation, Shaking
 from .muscle_model import MuscleModel, Tendon
 from .muscle_path import crosses
 from .muscle_unit import MuscleUnit

@@ -27,6 +27,7 @@ QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 _COLUMNS = (
     "name quantity dof direction posture_deg units low high unit source checked fitted note"
 ).split()
+_WORDS = {"direction": ("+", "-"), "checked": ("read", "part", "memory"), "fitted": ("yes", "no")}
 _LEAST_ARM = 1e-5  # [m] by which a muscle counts as an agonist
 _MILLIMETRE = 1e-3
 
@@ -105,12 +106,10 @@ def measured(model: MuscleModel, band: PublishedBand) -> float:
 def _band(row: dict[str, str], where: str) -> PublishedBand:
     check_name(f"quantity ({where})", row["quantity"], QUANTITIES)
     check_name(f"degree of freedom ({where})", row["dof"], DOF_INDEX)
-    if row["direction"] not in ("+", "-"):
-        raise ConfigError(f"{where}: direction is + or -, got {row['direction']!r}")
-    if row["checked"] not in ("read", "part", "memory"):
-        raise ConfigError(f"{where}: checked is read, part or memory, got {row['checked']!r}")
-    if row["fitted"] not in ("yes", "no"):
-        raise ConfigError(f"{where}: fitted is yes or no, got {row['fitted']!r}")
+    for key, words in _WORDS.items():
+        if row[key] not in words:
+            allowed = f"{', '.join(words[:-1])} or {words[-1]}"
+            raise ConfigError(f"{where}: {key} is {allowed}, got {row[key]!r}")
     low, high = (number(row, key, where, 0.0, 1000.0) for key in ("low", "high"))
     if low > high:
         raise ConfigError(f"{where}: low {low:g} is above high {high:g}")

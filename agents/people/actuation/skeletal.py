@@ -40,8 +40,7 @@ from rcare_marl.tree.dynamics import (
 )
 from rcare_marl.tree.joint_tree import JointTree
 
-from .actuation import MAX_SPEED, TargetAngles
-from .disorder import Shaking
+from .actuation import MAX_SPEED, Shaking, TargetAngles
 
 # Our own choices; no measurement of everyday joint impedance covers all 112 degrees of freedom.
 STIFFNESS_PER_TORQUE = 2.5  # [1/rad]: full strength answers an error of 0.4 rad
@@ -105,11 +104,7 @@ class SkeletalDrive:
         self._dt = physics_dt
         inertia = np.diag(chain.mass_matrix(posture))
         table = part_table(chain.arrays, _COLUMNS)
-        table[:, _STIFFNESS] = np.minimum(
-            STIFFNESS_PER_TORQUE * normal_strength, inertia * MAX_FREQUENCY**2
-        )
-        table[:, _DAMPING] = 2 * np.sqrt(table[:, _STIFFNESS] * inertia)
-        table[:, _TISSUE] = TISSUE_DAMPING_PER_TORQUE * normal_strength
+        table[:, _STIFFNESS : _TISSUE + 1] = impedance(normal_strength, inertia)
         table[:, _STRENGTH_AGAINST], table[:, _STRENGTH_ALONG] = strength.T
         table[:, _SUPPORT] = supported
         if reflex is not None:
@@ -172,6 +167,18 @@ class SkeletalDrive:
             self._state[4] = self._shaking.after(self._dt)
         _torques(*self._tree, self._state, gravity, self._dt, *self._room)
         return self._out.tolist()
+
+
+def impedance(normal_strength: Array, inertia: Array) -> Array:
+    """Return stiffness [N·m/rad], critical damping and damping of tissue [N·m·s/rad], shape [n, 3].
+
+    Args:
+        normal_strength: Torque of a healthy person [N·m], shape [n].
+        inertia: Of what hangs on each DoF [kg·m²], shape [n].
+    """
+    stiffness = np.minimum(STIFFNESS_PER_TORQUE * normal_strength, inertia * MAX_FREQUENCY**2)
+    tissue = TISSUE_DAMPING_PER_TORQUE * normal_strength
+    return np.column_stack((stiffness, 2 * np.sqrt(stiffness * inertia), tissue))
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -110,13 +110,13 @@ def make_flesh(
     if np.abs(volumes).min() <= 0 or len(np.unique(np.sign(volumes.reshape(-1, 5)), axis=0)) > 2:
         raise ConfigError("the skin folds over the core: flesh cannot be made of this segment")
     held = np.unique(np.concatenate((grid[0].ravel(), grid[:, [0, -1]].ravel())))
-    outer = grid[-1].astype(np.int32)
+    outer, skin_faces = grid[-1].astype(np.int32), boundary(tetrahedra)
     return Flesh(
         points,
         tetrahedra,
         held.astype(np.int32),
         outer,
-        _outer_faces(tetrahedra, outer),
+        np.ascontiguousarray(skin_faces[(skin_faces >= outer.min()).all(axis=1)]),
         axis,
         start,
         across,
@@ -165,12 +165,6 @@ def _cut(grid: npt.NDArray[np.integer]) -> Indices:
     even = ((i + j + k) % 2 == 0).reshape(-1)
     out = np.where(even[:, None, None], cells[:, np.array(_EVEN)], cells[:, np.array(_ODD)])
     return np.ascontiguousarray(out.reshape(-1, 4), np.int32)
-
-
-def _outer_faces(tetrahedra: Indices, outer: Indices) -> Indices:
-    """Return the triangles of the skin, counter-clockwise from outside."""
-    faces = boundary(tetrahedra)
-    return np.ascontiguousarray(faces[(faces >= outer.min()).all(axis=1)])
 
 
 def _cast(skin: Array, faces: Indices, origins: Array, directions: Array, axis: Array) -> Array:

@@ -30,7 +30,6 @@ class Landmarks:
     Attributes:
         eyes: Centres of the left and the right eyeball, shape [2, 3].
         skull: Centre of the skull.
-        top: Height of the crown.
         mouth: Middle of the lips on the midline.
         lip_top: Height of the upper lip's upper border.
         mouth_half_width: Half the mouth's width.
@@ -39,7 +38,6 @@ class Landmarks:
 
     eyes: Floats
     skull: Floats
-    top: float
     mouth: Floats
     lip_top: float
     mouth_half_width: float
@@ -89,7 +87,7 @@ def find_landmarks(mesh: WeightedMesh, joints: Floats) -> Landmarks:
     below = points[(abs(points[:, 0]) < 0.006) & on_jaw(mesh) & (points[:, 2] > eyes[0, 2] - 0.01)]
     chin = below[np.argmin(below[:, 1])] if len(below) else mouth - [0.0, 0.04, 0.0]
     return Landmarks(
-        eyes, skull, float(cranium[:, 1].max()), mouth, float(middle[:, 1].max()),
+        eyes, skull, mouth, float(middle[:, 1].max()),
         float(abs(lips[:, 0]).max()), chin,
     )  # fmt: skip
 
@@ -269,15 +267,14 @@ def _skin(mesh: WeightedMesh, marks: Landmarks, recipe: BodyRecipe) -> Floats:
 def lip_edges(mesh: WeightedMesh, marks: Landmarks) -> tuple[Ints, Ints]:
     """Return a few vertices of the upper and of the lower lip's free edge, left to right."""
     lips = (mesh.fields["lips"] > LIP_LEVEL) & (mesh.fields["kind"] == 0)
-    lower = mesh.weights[:, JOINT_INDEX["jaw"]] > 0.5
-    upper_edge: list[int] = []
-    lower_edge: list[int] = []
+    lower = on_jaw(mesh)
+    edges: tuple[list[int], list[int]] = ([], [])
     for x in np.linspace(0.6, -0.6, 5) * marks.mouth_half_width:
         strip = lips & (abs(mesh.vertices[:, 0] - x) < 0.005)
         strip &= mesh.vertices[:, 2] > mesh.vertices[strip, 2].max() - 0.007
-        for edge, mine, sign in ((upper_edge, ~lower, 1.0), (lower_edge, lower, -1.0)):
+        for edge, mine, sign in zip(edges, (~lower, lower), (1.0, -1.0), strict=True):
             found = np.flatnonzero(strip & mine)
             if len(found):
                 edge.append(int(found[np.argmin(sign * mesh.vertices[found, 1])]))
-    unique = [np.array(list(dict.fromkeys(e)), dtype=np.int64) for e in (upper_edge, lower_edge)]
-    return unique[0], unique[1]
+    upper, under = (np.array(list(dict.fromkeys(edge)), dtype=np.int64) for edge in edges)
+    return upper, under
