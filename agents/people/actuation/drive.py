@@ -33,8 +33,7 @@ from ..strength import (
 from . import muscle_kernel as kernel
 from .actuation import Actuation, Shaking
 from .muscle_model import MuscleModel, Tendon
-from .muscle_path import crosses
-from .muscle_unit import MuscleUnit
+from .muscle_unit import crosses
 from .muscular import Excitation, MuscleDrive
 from .musculature import Musculature, load_musculature
 from .skeletal import SkeletalDrive
@@ -132,6 +131,7 @@ def make_drive(
             shaking=_joint_shaking(avatar, order, np.minimum(low, high)),
         )
     model, groups = _muscles(avatar, chain, config)
+    graded = [(unit.side, unit.clinical_group) for unit in model.units]
     return MuscleDrive(
         chain,
         model,
@@ -146,7 +146,7 @@ def make_drive(
         limits=limits,
         passive=passive,
         physics_dt=physics_dt,
-        shaking=_muscle_shaking(avatar, model.units),
+        shaking=_shaking(avatar, graded, np.ones(len(graded))),
     )
 
 
@@ -162,15 +162,21 @@ def _muscles(
         )
     units = [muscles.units[m] for m in chosen]
     share = muscle_share(avatar, config)
+    grades = [avatar.profile.side(u.side).mmt.get(u.clinical_group, 5.0) for u in units]
+    shares = [share(u.side, u.clinical_group, g) for u, g in zip(units, grades, strict=True)]
     model = MuscleModel(
         units,
         muscles.joints,
         chain,
         tendon=config.tendon,
-        strength=np.array([_unit_share(avatar, unit, share) for unit in units]),
+        strength=np.array(shares),
     )
     _add_reflex(avatar, model)
-    return model, _groups(muscles, chosen)
+    groups = {
+        name: [chosen.index(m) for m in members if m in chosen]
+        for name, members in muscles.groups().items()
+    }
+    return model, {name: members for name, members in groups.items() if members}
 
 
 def fitted_musculature(avatar: AvatarConfig, path: str | None) -> Musculature:
@@ -290,20 +296,6 @@ def normal_torques(avatar: AvatarConfig) -> Array:
     )
 
 
-def _unit_share(avatar: AvatarConfig, unit: MuscleUnit, share: Share) -> float:
-    grade = avatar.profile.side(unit.side).mmt.get(unit.clinical_group, 5.0)
-    return share(unit.side, unit.clinical_group, grade)
-
-
-def _groups(muscles: Musculature, chosen: Sequence[int]) -> dict[str, list[int]]:
-    place = {m: i for i, m in enumerate(chosen)}
-    groups = {
-        name: [place[m] for m in members if m in place]
-        for name, members in muscles.groups().items()
-    }
-    return {name: members for name, members in groups.items() if members}
-
-
 def _joint_reflex(avatar: AvatarConfig) -> Array:
     """Return the resistance to movement against and along each DoF [N·m·s/rad], shape [112, 2].
 
@@ -337,10 +329,6 @@ def _joint_shaking(avatar: AvatarConfig, order: Sequence[int], strength: Array) 
         amount = [profile.tremor.get(g, 0.0) + profile.dyskinesia.get(g, 0.0) for g in pair]
         groups.append((dof.side, pair[int(amount[1] > amount[0])]))
     return _shaking(avatar, groups, strength[list(order)])
-
-
-def _muscle_shaking(avatar: AvatarConfig, units: Sequence[MuscleUnit]) -> Shaking | None:
-    return _shaking(avatar, [(u.side, u.clinical_group) for u in units], np.ones(len(units)))
 
 
 def _is_sagittal(dof: Dof) -> bool:

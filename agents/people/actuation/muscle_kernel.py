@@ -36,7 +36,7 @@ from .hill import (
     tendon_curve,
     tendon_length,
 )
-from .muscle_path import ARM, ARM_BEFORE, RADIUS, TURNS, PathLayout
+from .muscle_unit import ARM, ARM_BEFORE, RADIUS, TURNS, PathLayout
 
 Ints = npt.NDArray[np.int64]
 

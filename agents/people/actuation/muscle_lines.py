@@ -15,7 +15,7 @@ from ..body.skin import PersonSkin
 from ..human import Human
 from . import muscle_kernel as kernel
 from .muscle_model import MuscleModel
-from .muscle_path import ARM, ARM_BEFORE, RADIUS
+from .muscle_unit import ARM, ARM_BEFORE, RADIUS
 from .muscular import MuscleDrive
 
 RELAXED, FULL = (66, 116, 226), (232, 30, 24)  # sRGB

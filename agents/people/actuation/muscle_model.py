@@ -15,8 +15,7 @@ from rcare_marl.tree.joint_tree import JointTree
 
 from . import muscle_kernel as kernel
 from .hill import RESTING_ACTIVATION, SHORTEST, inverse_tendon_force, passive_offset
-from .muscle_path import make_layout
-from .muscle_unit import MuscleUnit
+from .muscle_unit import MuscleUnit, make_layout
 
 Tendon = Literal["rigid", "quasi_static", "implicit"]
 TENDONS: tuple[Tendon, ...] = get_args(Tendon)

@@ -27,7 +27,7 @@ from rcare_marl.tree.joint_tree import Ints
 from . import hill
 from . import muscle_kernel as kernel
 from .muscle_model import MuscleModel
-from .muscle_path import ARM, ARM_BEFORE, RADIUS, TURNS
+from .muscle_unit import ARM, ARM_BEFORE, RADIUS, TURNS
 
 NEWTON_STEPS = 60  # at most, for the fibre length of the implicit tendon; it needs 4 to 8
 NEWTON_ERROR = 1e-12  # [optimal fibre lengths] at which they end

@@ -188,7 +188,10 @@ class MuscleDrive:
         self._is_pursuing, self._tick = True, 0
         if self._shaking is not None:
             self._shaking.reset(rng)
-        self._look(gravity)
+        # Lengths, moment arms and weights in the start posture, without any time passing.
+        self._measured[0], self._measured[1] = self._posture, 0.0
+        step = gravity, self.state, 0.0, self.model.mode
+        _observe(self._muscles, self._measured, self.excitation, *step)
         self._table[:, BORNE] = borne = self._muscles.work[:, WEIGHT]
         # A backrest pushes forwards only.
         self._bears = np.where(self._is_axial & (borne <= 0.0), 0.0, self._carried)
@@ -277,12 +280,6 @@ class MuscleDrive:
                 "muscle_force", "N", count, lambda: state[kernel.ACTIVE] + state[kernel.PASSIVE]
             ),
         ]
-
-    def _look(self, gravity: Array) -> None:
-        """Find lengths, moment arms and weights in the start posture, without any time passing."""
-        self._measured[0], self._measured[1] = self._posture, 0.0
-        state, mode = self.state, self.model.mode
-        _observe(self._muscles, self._measured, self.excitation, gravity, state, 0.0, mode)
 
     def torques(
         self, positions: list[float], velocities: list[float], gravity: Array

@@ -201,22 +201,18 @@ class WholeBodyIk:
             dofs=self.dofs,
         )
 
-    def residuals(self, goals: Sequence[Goal], angles: Array, base: Pose = Pose()) -> Array:
-        """Return the weighted residuals of goals at a posture, three a goal, shape [3 g]."""
-        return self._evaluated(goals, angles, base)[0]
+    def linear(self, goals: Sequence[Goal], angles: Array, base: Pose = Pose()) -> Linear:
+        """Return the weighted residuals of goals at a posture, three a goal, and their Jacobian.
 
-    def jacobian(self, goals: Sequence[Goal], angles: Array, base: Pose = Pose()) -> Array:
-        """Return how residuals change with what may move: the base first, then `dofs`, [3 g, c]."""
-        return self._evaluated(goals, angles, base)[1]
-
-    def _evaluated(self, goals: Sequence[Goal], angles: Array, base: Pose) -> tuple[Array, Array]:
+        Its columns are what may move: the base first, then `dofs`.
+        """
         q = self._start(angles, base)
         problem, rows = self._problem(goals, q), ROWS * len(goals)
         out = Linear(np.zeros(rows), np.zeros((rows, len(problem.columns))))
         evaluate(self._placed(base), problem, q, new_frames(len(q)), out, True)
         whole = np.zeros((rows, len(self._columns)))
         whole[:, np.isin(self._columns, problem.columns)] = out.jacobian
-        return out.residual, whole
+        return Linear(out.residual, whole)
 
     def centre_of_mass(self, angles: Array, base: Pose = Pose()) -> Array:
         """Return the centre of mass of the whole body in the world [m], shape [3]."""
