@@ -10,11 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from rcare_marl.agents.people.actuation.mass_xml import BODIES
-from rcare_marl.agents.people.actuation.musculature import (
-    load_musculature,
-    t_pose_lengths,
-    t_pose_points,
-)
+from rcare_marl.agents.people.actuation.muscle_unit import t_pose_length, t_pose_position
+from rcare_marl.agents.people.actuation.musculature import load_musculature
 from rcare_marl.agents.people.avatar import body_model, load_avatar
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.errors import ConfigError, UnknownNameError
@@ -48,7 +45,7 @@ def mass_file(tmp_path: Path, text: str = MASS) -> Path:
 def test_mass_units_get_metres_joints_and_clinical_groups(tmp_path: Path) -> None:
     found = load_musculature(mass_file(tmp_path))
     biceps, twin, soleus, abdominal = found.units
-    lengths = t_pose_lengths(found)
+    lengths = [t_pose_length(unit.path, found.joints) for unit in found.units]
     assert (biceps.clinical_group, biceps.side) == ("elbow_flexors", "left")
     assert (twin.clinical_group, twin.side) == ("elbow_flexors", "right")
     assert (soleus.clinical_group, soleus.side) == ("ankle_plantarflexors", "left")
@@ -58,7 +55,8 @@ def test_mass_units_get_metres_joints_and_clinical_groups(tmp_path: Path) -> Non
     assert soleus.optimal_fiber_length == pytest.approx(1.2 * lengths[2])
     assert soleus.tendon_slack_length == pytest.approx(0.2 * lengths[2])
     assert soleus.pennation == 0.4
-    assert np.allclose(t_pose_points(found)[2], ((0.09, 0.36, 0), (0.08, 0.07, -0.045)))
+    points = [t_pose_position(point, found.joints) for point in soleus.path]
+    assert np.allclose(points, ((0.09, 0.36, 0), (0.08, 0.07, -0.045)))
     assert "placeholder" in biceps.source
     avatar = load_avatar("daniel")
     fitted = found.fitted(body_model(avatar.body_path(), avatar.height_m).joints)

@@ -15,13 +15,12 @@ import numpy.typing as npt
 import pytest
 
 from rcare_marl import assets
-from rcare_marl.agents.people.actuation.muscle_unit import path_lengths
-from rcare_marl.agents.people.actuation.musculature import (
-    Musculature,
-    load_musculature,
-    t_pose_lengths,
-    t_pose_points,
+from rcare_marl.agents.people.actuation.muscle_unit import (
+    path_lengths,
+    t_pose_length,
+    t_pose_position,
 )
+from rcare_marl.agents.people.actuation.musculature import Musculature, load_musculature
 from rcare_marl.agents.people.actuation.published_band import load_bands
 from rcare_marl.agents.people.avatar import body_model, load_avatar
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, EYES, JOINTS, forward_kinematics
@@ -86,7 +85,10 @@ def test_the_table_has_324_units_in_pairs() -> None:
 
 def test_left_and_right_are_exact_mirror_images() -> None:
     musculature = load_musculature()
-    points = dict(zip(musculature.names, t_pose_points(musculature), strict=True))
+    points = {
+        unit.name: np.array([t_pose_position(point, musculature.joints) for point in unit.path])
+        for unit in musculature.units
+    }
     for unit in musculature.units:
         if not unit.name.endswith("_l"):
             continue
@@ -271,8 +273,9 @@ def test_fitting_to_its_own_skeleton_changes_nothing() -> None:
 def test_a_larger_skeleton_of_the_same_form_scales_every_length() -> None:
     ours = load_musculature()
     large = ours.fitted(1.2 * ours.joints)
-    assert np.allclose(t_pose_lengths(large), 1.2 * t_pose_lengths(ours), rtol=1e-9)
     for old, new in zip(ours.units, large.units, strict=True):
+        length = t_pose_length(old.path, ours.joints)
+        assert t_pose_length(new.path, large.joints) == pytest.approx(1.2 * length, rel=1e-9)
         assert new.optimal_fiber_length == pytest.approx(1.2 * old.optimal_fiber_length)
         assert new.tendon_slack_length == pytest.approx(1.2 * old.tendon_slack_length)
         assert new.max_isometric_force == old.max_isometric_force
@@ -293,7 +296,9 @@ def test_muscles_of_every_avatar_stay_in_the_body(name: str) -> None:
     avatar = load_avatar(name)
     model = body_model(avatar.body_path(), avatar.height_m)
     fitted = load_musculature().fitted(model.joints)
-    points = np.concatenate(t_pose_points(fitted))
+    points = np.array(
+        [t_pose_position(point, fitted.joints) for unit in fitted.units for point in unit.path]
+    )
     assert (points > model.vertices.min(axis=0) - 0.005).all()
     assert (points < model.vertices.max(axis=0) + 0.005).all()
     skin = model.vertices[::8].astype(np.float64)

@@ -121,8 +121,7 @@ def shoulder_turn(elevation: float, plane: float, rotation: float) -> Array:
     A right arm is its mirror image, with the same angles.
     """
     upper = swing("left", np.float64(elevation), np.float64(plane)) @ turn_z(np.float64(-rotation))
-    found: Array = IN_UPPER_BODY.T @ upper @ IN_UPPER_BODY @ turned_by(HANGING, 0.0, 0.0)
-    return found
+    return IN_UPPER_BODY.T @ upper @ IN_UPPER_BODY @ turned_by(HANGING, 0.0, 0.0)
 
 
 def turned_by(abduction: float, flexion: float, rotation: float) -> Array:
@@ -165,8 +164,7 @@ def _shoulder_angles(turn: Array) -> list[Array]:
 
 def _near(angles: Array, before: Array) -> Array:
     """Return the same angles by whole turns nearest to others."""
-    near: Array = angles - 2 * math.pi * np.rint((angles - before) / (2 * math.pi))
-    return near
+    return angles - 2 * math.pi * np.rint((angles - before) / (2 * math.pi))
 
 
 AGAINST_GRAVITY = 3.0  # grade from which a muscle moves a limb against its weight

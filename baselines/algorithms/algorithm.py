@@ -125,8 +125,7 @@ def make_algorithm(name: str, config: Any, env: Any, *, seed: int) -> Algorithm:
         raise ConfigError(
             f"algorithm {name!r} takes {wanted.__name__}, got {type(config).__name__}"
         )
-    made: Algorithm = algorithm_class(name)(config, env, seed=seed)
-    return made
+    return algorithm_class(name)(config, env, seed=seed)
 
 
 def _find(name: str) -> tuple[str, str]:
@@ -137,8 +136,7 @@ def _find(name: str) -> tuple[str, str]:
 
 def _load(where: str) -> type[Any]:
     module, _, name = where.partition(":")
-    found: type[Any] = getattr(importlib.import_module(module), name)
-    return found
+    return getattr(importlib.import_module(module), name)
 
 
 @lru_cache(maxsize=1)

@@ -161,13 +161,11 @@ class Memory:
 
     def sample(self, count: int) -> TensorDictBase:
         """Return `count` transitions, with replacement."""
-        sample: TensorDictBase = self._buffer.sample(count)
-        return sample
+        return self._buffer.sample(count)
 
     def all(self) -> TensorDictBase:
         """Return all transitions, as they lie."""
-        kept: TensorDictBase = self._buffer[:]
-        return kept
+        return self._buffer[:]
 
     def state_dict(self) -> dict[str, Any]:
         """Return a copy of what is kept, and where the next one goes."""

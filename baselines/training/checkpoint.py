@@ -144,8 +144,7 @@ def load(
         changes = differences(_restored(content["config"]), config, free=free)
         if changes:
             raise ConfigError(f"{file} does not fit: {'; '.join(changes)}")
-    out: dict[str, Any] = _restored(content["state"])
-    return out
+    return _restored(content["state"])
 
 
 def differences(

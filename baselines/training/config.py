@@ -264,8 +264,7 @@ class TrainConfig:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, from which `load_config` builds it again."""
-        found: dict[str, Any] = plain(dataclasses.asdict(self), "config")
-        return found
+        return plain(dataclasses.asdict(self), "config")
 
 
 def load_config(source: str | Path | Mapping[str, Any]) -> TrainConfig:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 from rcare_marl.tree.joint_tree import JointTree
 
 from ..avatar import AvatarConfig, body_model, body_segments
@@ -30,16 +31,13 @@ from ..strength import (
     strength_share,
 )
 from . import muscle_kernel as kernel
-from .actuation import Actuation
-from .disorder import Shaking
+from .actuation import Actuation, Shaking
 from .muscle_model import MuscleModel, Tendon
-from .muscle_path import crosses
-from .muscle_unit import MuscleUnit
+from .muscle_unit import crosses
 from .muscular import Excitation, MuscleDrive
 from .musculature import Musculature, load_musculature
 from .skeletal import SkeletalDrive
 
-Array = npt.NDArray[np.float64]
 Share = Callable[[str, str, float], float]  # side, muscle group, MMT grade -> share of strength
 
 LEAST_GRADE = 3.0  # MMT grade that holds a limb against gravity; below it furniture must
@@ -50,9 +48,8 @@ _ASHWORTH_GAIN = dict(zip(ASHWORTH, (0.0, 0.02, 0.04, 0.08, 0.16, 0.4), strict=T
 FIBRE_GAIN = 3.5  # [s per optimal length]: excitation by stretch speed, per share of torque by rate
 FIBRE_THRESHOLD = 0.1  # [optimal lengths/s]
 
-FEMALE_SIZE = (
-    1.62 / 1.75
-)  # stature, and so lever arms, to those of our table; mean of women from memory
+# Stature, and so lever arms, to those of our table; mean of women from memory.
+FEMALE_SIZE = 1.62 / 1.75
 
 _BACKWARD = ("extensors", "adductors", "plantarflexors", "supinators")  # against flexors and so on
 
@@ -111,14 +108,11 @@ def make_drive(
     rows = [DOFS[DOF_INDEX[name]] for name in chain.names]
     order = [DOF_INDEX[name] for name in chain.names]
     profile = avatar.profile
-    weak = [
-        min(profile.grade(d, positive=True), profile.grade(d, positive=False)) < LEAST_GRADE
-        for d in rows
-    ]
     supported = np.array(
         [
-            w and (lying.supported == "all" or d.joint in lying.supported)
-            for w, d in zip(weak, rows, strict=True)
+            min(profile.grade(d, positive=True), profile.grade(d, positive=False)) < LEAST_GRADE
+            and (lying.supported == "all" or d.joint in lying.supported)
+            for d in rows
         ],
         np.bool_,
     )
@@ -137,6 +131,7 @@ def make_drive(
             shaking=_joint_shaking(avatar, order, np.minimum(low, high)),
         )
     model, groups = _muscles(avatar, chain, config)
+    graded = [(unit.side, unit.clinical_group) for unit in model.units]
     return MuscleDrive(
         chain,
         model,
@@ -151,7 +146,7 @@ def make_drive(
         limits=limits,
         passive=passive,
         physics_dt=physics_dt,
-        shaking=_muscle_shaking(avatar, model.units),
+        shaking=_shaking(avatar, graded, np.ones(len(graded))),
     )
 
 
@@ -167,15 +162,21 @@ def _muscles(
         )
     units = [muscles.units[m] for m in chosen]
     share = muscle_share(avatar, config)
+    grades = [avatar.profile.side(u.side).mmt.get(u.clinical_group, 5.0) for u in units]
+    shares = [share(u.side, u.clinical_group, g) for u, g in zip(units, grades, strict=True)]
     model = MuscleModel(
         units,
         muscles.joints,
         chain,
         tendon=config.tendon,
-        strength=np.array([_unit_share(avatar, unit, share) for unit in units]),
+        strength=np.array(shares),
     )
     _add_reflex(avatar, model)
-    return model, _groups(muscles, chosen)
+    groups = {
+        name: [chosen.index(m) for m in members if m in chosen]
+        for name, members in muscles.groups().items()
+    }
+    return model, {name: members for name, members in groups.items() if members}
 
 
 def fitted_musculature(avatar: AvatarConfig, path: str | None) -> Musculature:
@@ -295,20 +296,6 @@ def normal_torques(avatar: AvatarConfig) -> Array:
     )
 
 
-def _unit_share(avatar: AvatarConfig, unit: MuscleUnit, share: Share) -> float:
-    grade = avatar.profile.side(unit.side).mmt.get(unit.clinical_group, 5.0)
-    return share(unit.side, unit.clinical_group, grade)
-
-
-def _groups(muscles: Musculature, chosen: Sequence[int]) -> dict[str, list[int]]:
-    place = {m: i for i, m in enumerate(chosen)}
-    groups = {
-        name: [place[m] for m in members if m in place]
-        for name, members in muscles.groups().items()
-    }
-    return {name: members for name, members in groups.items() if members}
-
-
 def _joint_reflex(avatar: AvatarConfig) -> Array:
     """Return the resistance to movement against and along each DoF [N·m·s/rad], shape [112, 2].
 
@@ -342,10 +329,6 @@ def _joint_shaking(avatar: AvatarConfig, order: Sequence[int], strength: Array) 
         amount = [profile.tremor.get(g, 0.0) + profile.dyskinesia.get(g, 0.0) for g in pair]
         groups.append((dof.side, pair[int(amount[1] > amount[0])]))
     return _shaking(avatar, groups, strength[list(order)])
-
-
-def _muscle_shaking(avatar: AvatarConfig, units: Sequence[MuscleUnit]) -> Shaking | None:
-    return _shaking(avatar, [(u.side, u.clinical_group) for u in units], np.ones(len(units)))
 
 
 def _is_sagittal(dof: Dof) -> bool:

@@ -14,12 +14,13 @@ constant thickness turn as they shorten.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 MAX_SPEED = 10.0  # [optimal fibre lengths/s] at which a fibre shortens without load
 FIBRE_DAMPING = 0.1  # beta: of the fibre, a share of F_max at MAX_SPEED
@@ -135,39 +136,9 @@ def next_activation(activation, excitation, dt, rise, fall, least):  # type: ign
     return least + span * (now + step * (1.0 - _exp(-dt * rate)))
 
 
-@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
-def _force_length(length):  # type: ignore[no-untyped-def]
-    return active_curve(length)[0]
-
-
-@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
-def _force_velocity(speed):  # type: ignore[no-untyped-def]
-    return speed_curve(speed)[0]
-
-
-@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
-def _passive_force(length, strain):  # type: ignore[no-untyped-def]
-    return passive_curve(length, strain, passive_offset(strain))[0]
-
-
-@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
-def _tendon_force(length):  # type: ignore[no-untyped-def]
-    return tendon_curve(length)[0]
-
-
-@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
-def _tendon_length(force):  # type: ignore[no-untyped-def]
-    return tendon_length(force)
-
-
-@numba.vectorize(cache=True)  # type: ignore[no-untyped-call]
-def _activation_after(activation, excitation, dt, rise, fall, least):  # type: ignore[no-untyped-def]
-    return next_activation(activation, excitation, dt, rise, fall, least)
-
-
 def force_length(fibre_length: npt.ArrayLike) -> Array:
     """Return f_L, active force by fibre length [optimal lengths], of any shape; 1 at length 1."""
-    return np.asarray(_force_length(_floats(fibre_length)))
+    return _each(active_curve, fibre_length)[0]
 
 
 def force_velocity(fibre_speed: npt.ArrayLike) -> Array:
@@ -175,7 +146,7 @@ def force_velocity(fibre_speed: npt.ArrayLike) -> Array:
 
     It is 0 at -1 and 1 at rest.
     """
-    return np.asarray(_force_velocity(_floats(fibre_speed)))
+    return _each(speed_curve, fibre_speed)[0]
 
 
 def passive_force(fibre_length: npt.ArrayLike, *, strain: float = PASSIVE_STRAIN) -> Array:
@@ -188,12 +159,13 @@ def passive_force(fibre_length: npt.ArrayLike, *, strain: float = PASSIVE_STRAIN
     """
     if not strain > 0:
         raise ValueError(f"strain must be positive, got {strain}")
-    return np.asarray(_passive_force(_floats(fibre_length), float(strain)))
+    offset = passive_offset(float(strain))
+    return _each(lambda length: passive_curve(length, float(strain), offset), fibre_length)[0]
 
 
 def tendon_force(tendon_length: npt.ArrayLike) -> Array:
     """Return f_T, tendon force by tendon length [slack lengths]; 1 at 4.9 % strain."""
-    return np.asarray(_tendon_force(_floats(tendon_length)))
+    return _each(tendon_curve, tendon_length)[0]
 
 
 def inverse_tendon_force(force: npt.ArrayLike) -> Array:
@@ -202,40 +174,12 @@ def inverse_tendon_force(force: npt.ArrayLike) -> Array:
     Raises:
         ValueError: If a force is -0.2 or less, which no tendon has.
     """
-    forces = _floats(force)
+    forces = np.asarray(force, np.float64)
     if (forces <= -_TENDON_C3).any():
         raise ValueError(f"a tendon's force is more than {-_TENDON_C3} F_max, got {forces.min()}")
-    return np.asarray(_tendon_length(forces))
+    return np.vectorize(tendon_length, otypes="d")(forces)
 
 
-def activation_after(
-    activation: npt.ArrayLike,
-    excitation: npt.ArrayLike,
-    dt: float,
-    *,
-    rise: float = ACTIVATION_TIME,
-    fall: float = DEACTIVATION_TIME,
-    least: float = RESTING_ACTIVATION,
-) -> Array:
-    """Return activation after `dt` [s] of constant excitation, both in [0, 1].
-
-    Args:
-        activation: Activation now.
-        excitation: Excitation; below `least` it counts as `least`.
-        dt: Time [s].
-        rise: Time constant of activation [s].
-        fall: Time constant of deactivation [s].
-        least: Activation at rest.
-
-    Raises:
-        ValueError: If an activation or excitation lies outside [0, 1].
-    """
-    for name, values in (("activation", activation), ("excitation", excitation)):
-        if not ((_floats(values) >= 0) & (_floats(values) <= 1)).all():
-            raise ValueError(f"{name} lies in [0, 1], got {values!r}")
-    after = _activation_after(_floats(activation), _floats(excitation), dt, rise, fall, least)
-    return np.asarray(after)
-
-
-def _floats(values: npt.ArrayLike) -> Array:
-    return np.asarray(values, np.float64)
+def _each(curve: Callable[[float], tuple[float, float]], at: npt.ArrayLike) -> tuple[Array, Array]:
+    """Return a curve and its slope at each value."""
+    return np.vectorize(curve, otypes="dd")(np.asarray(at, np.float64))

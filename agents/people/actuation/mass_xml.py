@@ -21,17 +21,17 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.pose import Array
 
 from ..body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, PARENTS, SIDES, forward_kinematics
 from ..profile import clinical_norms
+from .muscle_table import number
 from .muscle_unit import MuscleUnit, PathPoint, Side, path_lengths, t_pose_length
-
-Array = npt.NDArray[np.float64]
 
 # MASS's segments and the SMPL-X joint about which each one turns. MASS has two segments for the trunk
 # above the pelvis; the upper one carries the arms, so it is spine3.
@@ -42,9 +42,8 @@ BODIES: dict[str, str] = _AXIAL | {
     body + side[0].upper(): f"{side}_{joint}" for side in SIDES for body, joint in _LIMB.items()
 }
 _PASSIVE_STRAIN = 0.6  # De Groote et al. 2016; the file has none
-_ARM = math.radians(
-    -60
-)  # both arms 30 degrees from the body, where motions have their clinical names
+# Both arms 30 degrees from the body, where motions have their clinical names.
+_ARM = math.radians(-60)
 _STEP = 1e-4  # [rad], of the difference that is a moment arm
 
 
@@ -99,10 +98,10 @@ def _unit(element: ET.Element, centres: Array, file: str) -> MuscleUnit:
         side="axial",
         region="mass",
         clinical_group="",
-        max_isometric_force=_number(element, "f0", where, 0.1, 20000.0),
-        optimal_fiber_length=_number(element, "lm", where, 0.01, 10.0) * length,
-        tendon_slack_length=_number(element, "lt", where, 0.0, 10.0) * length,
-        pennation=_number(element, "pen_angle", where, 0.0, 1.05),
+        max_isometric_force=number(element.attrib, "f0", where, 0.1, 20000.0),
+        optimal_fiber_length=number(element.attrib, "lm", where, 0.01, 10.0) * length,
+        tendon_slack_length=number(element.attrib, "lt", where, 0.0, 10.0) * length,
+        pennation=number(element.attrib, "pen_angle", where, 0.0, 1.05),
         passive_strain=_PASSIVE_STRAIN,
         path=path,
         source=f"MASS XML {Path(file).name}; not checked; arm, neck and trunk forces there are "
@@ -128,16 +127,6 @@ def _vector(element: ET.Element, key: str, where: str) -> Array:
             f"{where}: {key} must be three numbers in metres, got {element.get(key)!r}"
         )
     return values
-
-
-def _number(element: ET.Element, key: str, where: str, least: float, greatest: float) -> float:
-    try:
-        value = float(element.get(key, ""))
-    except ValueError:
-        raise ConfigError(f"{where}: {key} must be a number, got {element.get(key)!r}") from None
-    if not least <= value <= greatest:
-        raise ConfigError(f"{where}: {key} must lie in {least:g}..{greatest:g}, got {value:g}")
-    return value
 
 
 def _mass_skeleton(file: Path, default: Array) -> Array:
@@ -184,7 +173,6 @@ def _graded(units: Sequence[MuscleUnit], centres: Array, file: str) -> tuple[Mus
             raise ConfigError(f"{file}, unit {unit.name!r}: the path crosses no joint")
         dof = DOFS[best]
         motion = dof.positive if row[best] > 0 else dof.negative
-        own: Side = "left" if dof.side == "left" else "right" if dof.side == "right" else "axial"
-        group = clinical_norms().motions[motion].group
-        graded.append(dataclasses.replace(unit, side=own, clinical_group=group))
+        group, side = clinical_norms().motions[motion].group, cast(Side, dof.side)
+        graded.append(dataclasses.replace(unit, side=side, clinical_group=group))
     return tuple(graded)

@@ -16,10 +16,10 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.pose import Array
+
 from . import muscle_kernel as kernel
 from .muscle_model import MuscleModel
-
-Array = npt.NDArray[np.float64]
 
 # Our own choices.
 FREQUENCY = 6.0  # [rad/s] of the spring; activation lags by 10 to 40 ms

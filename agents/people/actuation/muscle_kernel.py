@@ -14,7 +14,14 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.tree.dynamics import AXIS_NOW, SCRATCH_COLUMNS, packed_matrix, tree_depths
+from rcare_marl.pose import Array
+from rcare_marl.tree.dynamics import (
+    AXIS_NOW,
+    SCRATCH_COLUMNS,
+    packed_matrix,
+    place_frames,
+    tree_depths,
+)
 
 from .hill import (
     ACTIVATION_TIME,
@@ -29,9 +36,8 @@ from .hill import (
     tendon_curve,
     tendon_length,
 )
-from .muscle_path import ARM, ARM_BEFORE, RADIUS, TURNS, PathLayout
+from .muscle_unit import ARM, ARM_BEFORE, RADIUS, TURNS, PathLayout
 
-Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 # Columns of the table of units.
@@ -398,3 +404,16 @@ def project(muscles, state) -> None:  # type: ignore[no-untyped-def]
             dof = crossings[c, 0]
             active[dof] += arms[c] * state[ACTIVE, m]
             passive[dof] += arms[c] * state[PASSIVE, m]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def advance(muscles, q, qd, excitation, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
+    """Find paths, and tensions and torques after `dt` [s]; with 0 activations and tendons stay."""
+    place_frames(muscles.parts, muscles.parents, q, muscles.work)
+    gather_frames(muscles.work, muscles.frames)
+    find_arms(muscles, qd, state)
+    if dt > 0.0:
+        activate(muscles.units, state, excitation, dt)
+    if dt > 0.0 or mode != IMPLICIT_TENDON:
+        pull(muscles.units, state, dt, mode)
+    project(muscles, state)

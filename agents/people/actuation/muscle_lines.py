@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import matrix_from_quaternion
+from rcare_marl.pose import Array, matrix_from_quaternion
 from rcare_marl.tree.dynamics import SCRATCH_COLUMNS, place_frames
 from rcare_marl.world import World
 
@@ -15,10 +15,8 @@ from ..body.skin import PersonSkin
 from ..human import Human
 from . import muscle_kernel as kernel
 from .muscle_model import MuscleModel
-from .muscle_path import ARM, ARM_BEFORE, RADIUS
+from .muscle_unit import ARM, ARM_BEFORE, RADIUS
 from .muscular import MuscleDrive
-
-Array = npt.NDArray[np.float64]
 
 RELAXED, FULL = (66, 116, 226), (232, 30, 24)  # sRGB
 # A tube's radius grows with that of the muscle's cross-section; our own choice of scale.

@@ -7,18 +7,16 @@ from typing import Literal, get_args
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.errors import ActionError, ConfigError, UnknownNameError, check_name
+from rcare_marl.errors import ActionError, ConfigError, check_name
+from rcare_marl.pose import Array
 from rcare_marl.tree.dynamics import PART_COLUMNS, part_table, place_frames
 from rcare_marl.tree.joint_tree import JointTree
 
 from . import muscle_kernel as kernel
 from .hill import RESTING_ACTIVATION, SHORTEST, inverse_tendon_force, passive_offset
-from .muscle_path import make_layout
-from .muscle_unit import MuscleUnit
+from .muscle_unit import MuscleUnit, make_layout
 
-Array = npt.NDArray[np.float64]
 Tendon = Literal["rigid", "quasi_static", "implicit"]
 TENDONS: tuple[Tendon, ...] = get_args(Tendon)
 MOST_TENSION = 4.0  # [F_max]: above what active and capped passive force can be together
@@ -77,8 +75,7 @@ class MuscleModel:
 
     def index(self, name: str) -> int:
         """Return the place of a muscle; UnknownNameError if there is none of that name."""
-        if name not in self._index:
-            raise UnknownNameError("muscle", name, self.names)
+        check_name("muscle", name, self.names)
         return self._index[name]
 
     def new_state(self) -> Array:
@@ -258,12 +255,7 @@ def _unit_table(units: Sequence[MuscleUnit], strength: Array | None) -> Array:
 
 @numba.njit(cache=True, error_model="numpy")
 def _step(muscles, q, qd, excitation, state, dt, mode, out) -> None:  # type: ignore[no-untyped-def]
-    place_frames(muscles.parts, muscles.parents, q, muscles.work)
-    kernel.gather_frames(muscles.work, muscles.frames)
-    kernel.find_arms(muscles, qd, state)
-    kernel.activate(muscles.units, state, excitation, dt)
-    kernel.pull(muscles.units, state, dt, mode)
-    kernel.project(muscles, state)
+    kernel.advance(muscles, q, qd, excitation, state, dt, mode)
     for i in range(out.shape[0]):
         out[i] = muscles.torques[0, i] + muscles.torques[1, i]
 

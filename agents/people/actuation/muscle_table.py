@@ -11,17 +11,16 @@ import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.pose import Array
 
 from ..body.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from ..profile import clinical_norms
 from .muscle_unit import MuscleUnit, PathPoint, Side
-
-Array = npt.NDArray[np.float64]
 
 REQUIRED = (
     "name side region clinical_group fmax_N lopt_m lts_m pennation_deg passive_strain "
@@ -32,7 +31,6 @@ OPTIONAL = (
     "action_group fmax_published_N fmax_factor lopt_published_m lts_published_m calibration "
     "ma_rms_error_mm lm_norm_min lm_norm_max note"
 ).split()
-SIDES: tuple[Side, ...] = ("left", "right", "axial")
 _NUMBERS = {  # column: (least, greatest); bounds keep out a wrong unit, such as mm for m
     "fmax_N": (0.1, 20000.0),
     "lopt_m": (0.001, 1.0),
@@ -40,7 +38,7 @@ _NUMBERS = {  # column: (least, greatest); bounds keep out a wrong unit, such as
     "pennation_deg": (0.0, 60.0),
     "passive_strain": (0.05, 5.0),
 }
-_MIRROR = {"left": "right", "right": "left", "axial": "axial"}
+_MIRROR = {"left": "right", "right": "left", "axial": "axial"}  # of every side
 
 
 def read_table(file: str | Path) -> tuple[MuscleUnit, ...]:
@@ -73,10 +71,8 @@ def read_skeleton(file: str | Path) -> Array:
     joints = np.full((len(JOINTS), 3), np.nan)
     for i, row in enumerate(read_csv(Path(file), with_columns), start=2):
         where = f"{file}, row {i}"
-        name = row["joint"]
-        if name not in JOINT_INDEX:
-            raise UnknownNameError(f"joint ({where})", name, JOINTS)
-        joints[JOINT_INDEX[name]] = [number(row, key, where) for key in with_columns[1:]]
+        check_name(f"joint ({where})", row["joint"], JOINTS)
+        joints[JOINT_INDEX[row["joint"]]] = [number(row, key, where) for key in with_columns[1:]]
     missing = [name for name, row in zip(JOINTS, joints, strict=True) if np.isnan(row).any()]
     if missing:
         raise ConfigError(f"{file} lacks the joints {', '.join(missing)}")
@@ -145,10 +141,8 @@ def _unit(row: dict[str, str], where: str) -> MuscleUnit:
         raise ConfigError(f"{where}: the unit has no name")
     where = f"{where} ({name})"
     numbers = {key: number(row, key, where, *bounds) for key, bounds in _NUMBERS.items()}
-    side = next((known for known in SIDES if known == row["side"]), None)
-    if side is None:
-        raise UnknownNameError(f"side ({where})", row["side"], SIDES)
-    group = row["clinical_group"]
+    check_name(f"side ({where})", row["side"], _MIRROR)
+    side, group = cast(Side, row["side"]), row["clinical_group"]
     check_name(f"clinical group ({where})", group, clinical_norms().groups)
     sources = [row[key].strip() for key in REQUIRED[-4:-1]]
     if not all(sources):
@@ -193,8 +187,7 @@ def _point(text: str, where: str) -> PathPoint:
         raise ConfigError(f"{where}: a point is written segment@reference:x,y,z, got {text!r}")
     joint, plus, parent = carriers.partition("+")
     for name in (joint, reference, *([parent] if plus else [])):
-        if name not in JOINT_INDEX:
-            raise UnknownNameError(f"joint in the path ({where})", name, JOINTS)
+        check_name(f"joint in the path ({where})", name, JOINTS)
     if plus:
         before = PARENTS[JOINT_INDEX[joint]]
         if reference != joint or before < 0 or JOINTS[before] != parent:
@@ -216,10 +209,11 @@ def number(
     row: dict[str, str], key: str, where: str, least: float = -10.0, greatest: float = 10.0
 ) -> float:
     """Return the number in a cell; ConfigError if it is none or lies outside the bounds."""
+    text = row.get(key, "")
     try:
-        value = float(row[key])
+        value = float(text)
     except ValueError:
-        raise ConfigError(f"{where}: {key} must be a number, got {row[key]!r}") from None
+        raise ConfigError(f"{where}: {key} must be a number, got {text!r}") from None
     if not least <= value <= greatest:  # also false for nan
-        raise ConfigError(f"{where}: {key} must lie in {least:g}..{greatest:g}, got {row[key]}")
+        raise ConfigError(f"{where}: {key} must lie in {least:g}..{greatest:g}, got {text}")
     return value

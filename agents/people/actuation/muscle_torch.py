@@ -13,19 +13,21 @@ On a GPU sums are collected in no fixed order, so the last digit can differ from
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from rcare_marl.errors import ActionError
+from rcare_marl.pose import Array
 from rcare_marl.tree.dynamics import AXIS, OFFSET, ROTATION
+from rcare_marl.tree.joint_tree import Ints
 
 from . import hill
 from . import muscle_kernel as kernel
 from .muscle_model import MuscleModel
-from .muscle_path import ARM, ARM_BEFORE, RADIUS, TURNS
+from .muscle_unit import ARM, ARM_BEFORE, RADIUS, TURNS
 
 NEWTON_STEPS = 60  # at most, for the fibre length of the implicit tendon; it needs 4 to 8
 NEWTON_ERROR = 1e-12  # [optimal fibre lengths] at which they end
@@ -65,42 +67,9 @@ class TorchMuscles(torch.nn.Module):
         strength: Share of full excitation that reaches each muscle, shape [m].
     """
 
-    force: torch.nn.Parameter
-    fibre: torch.nn.Parameter
-    slack: torch.nn.Parameter
-    pennation_sine: torch.nn.Parameter
-    strain: torch.nn.Parameter
-    strength: torch.nn.Parameter
-    # What never changes: first of the units, then of the parts, sorted by depth, then of the paths.
-    _least: Tensor
-    _reflex_gain: Tensor
-    _reflex_threshold: Tensor
-    _order: Tensor
-    _still: Tensor
-    _even: Tensor
-    _odd: Tensor
-    _axes: Tensor
-    _offsets: Tensor
-    _points: Tensor
-    _carrier: Tensor
-    _end: Tensor
-    _segment_owner: Tensor
-    _pulley_point: Tensor
-    _pulley_carrier: Tensor
-    _pulley_before: Tensor
-    _pulley_into: Tensor
-    _pulley_out: Tensor
-    _has_into: Tensor
-    _has_out: Tensor
-    _arm: Tensor
-    _arm_before: Tensor
-    _radius: Tensor
-    _crossing_owner: Tensor
-    _crossing_dof: Tensor
-    _entry_crossing: Tensor
-    _entry_wrench: Tensor
-    _entry_part: Tensor
-    _entry_sign: Tensor
+    if TYPE_CHECKING:  # figures and constants are registered by name
+
+        def __getattr__(self, name: str) -> Tensor: ...
 
     def __init__(
         self,
@@ -127,24 +96,20 @@ class TorchMuscles(torch.nn.Module):
             "strength": kernel.VOLUNTARY,
         }
         for name, column in columns.items():
-            values = torch.tensor(model.table[:, column], dtype=dtype, device=device)
+            values = torch.tensor(model.table[:, column])
             self.register_parameter(name, torch.nn.Parameter(values, requires_grad=False))
-        self._keep("_least", model.table[:, kernel.LEAST], device, dtype)
-        self._keep("_reflex_gain", model.table[:, kernel.REFLEX_GAIN], device, dtype)
-        self._keep("_reflex_threshold", model.table[:, kernel.REFLEX_THRESHOLD], device, dtype)
-        place = self._lay_tree(model, device, dtype)
-        self._lay_paths(model, place, device, dtype)
+        # What never changes: first of the units, then of the parts, sorted by depth, then of the paths.
+        self._keep("_least", model.table[:, kernel.LEAST])
+        self._keep("_reflex_gain", model.table[:, kernel.REFLEX_GAIN])
+        self._keep("_reflex_threshold", model.table[:, kernel.REFLEX_THRESHOLD])
+        self._lay_paths(model, self._lay_tree(model))
+        self.to(device=device, dtype=dtype)
 
-    def _keep(
-        self, name: str, values: object, device: torch.device | str, dtype: torch.dtype | None
-    ) -> None:
-        """Keep a constant tensor; whole numbers where there is no `dtype`."""
-        tensor = torch.as_tensor(np.asarray(values), dtype=dtype or torch.int64, device=device)
-        self.register_buffer(name, tensor.clone(), persistent=False)
+    def _keep(self, name: str, values: Array | Ints) -> None:
+        """Keep a constant tensor."""
+        self.register_buffer(name, torch.tensor(values), persistent=False)
 
-    def _lay_tree(
-        self, model: MuscleModel, device: torch.device | str, dtype: torch.dtype
-    ) -> list[int]:
+    def _lay_tree(self, model: MuscleModel) -> Ints:
         """Sort the parts by depth, and return the place of each part's frame; 0 is the pelvis."""
         count = len(model.dofs)
         depths = np.zeros(count, np.int64)
@@ -158,7 +123,7 @@ class TorchMuscles(torch.nn.Module):
         for level in range(1, len(self._level_sizes)):
             members = order[starts[level] : starts[level + 1]]
             above = place[model.parents[members]] - starts[level - 1]
-            self._keep(f"_above_{level}", above, device, None)
+            self._keep(f"_above_{level}", above)
         axes, fixed = model.parts[:, AXIS : AXIS + 3], model.parts[:, ROTATION : ROTATION + 9]
         fixed = fixed.reshape(-1, 3, 3)
         along = axes[:, :, None] * axes[:, None, :]
@@ -174,19 +139,13 @@ class TorchMuscles(torch.nn.Module):
             ("_axes", axes),
             ("_offsets", model.parts[:, OFFSET : OFFSET + 3]),
         ):
-            self._keep(name, values[order][..., None], device, dtype)
-        self._keep("_order", order, device, None)
-        return [0, *(place + 1).tolist()]
+            self._keep(name, values[order][..., None])
+        self._keep("_order", order)
+        return np.append(0, place + 1)
 
-    def _lay_paths(
-        self,
-        model: MuscleModel,
-        place: list[int],
-        device: torch.device | str,
-        dtype: torch.dtype,
-    ) -> None:
+    def _lay_paths(self, model: MuscleModel, rows: Ints) -> None:
         """Lay out points, segments between them, pulleys and what crosses which DoF."""
-        layout, rows = model.layout, np.array(place)
+        layout = model.layout
         muscles = len(model.names)
         points = len(layout.points)
         owner = np.repeat(np.arange(muscles), np.diff(layout.starts[:, 0]))
@@ -215,17 +174,17 @@ class TorchMuscles(torch.nn.Module):
             ("_entry_wrench", np.where(kind == TURNS, turn[point], segment[point])),
             ("_entry_part", rows[layout.crossings[crossing, 0] + 1] - 1),
         ):
-            self._keep(name, whole, device, None)
+            self._keep(name, whole)
         for name, values in (
             ("_points", layout.points),
             ("_arm", layout.pulleys[:, ARM : ARM + 3]),
             ("_arm_before", layout.pulleys[:, ARM_BEFORE : ARM_BEFORE + 3]),
             ("_radius", layout.pulleys[:, RADIUS : RADIUS + 1]),
-            ("_has_into", is_end[pulleys, None].astype(float)),
+            ("_has_into", is_end[pulleys, None]),
             ("_has_out", ~is_last[pulleys, None]),
             ("_entry_sign", np.where(kind == TURNS, 1, kind)),
         ):
-            self._keep(name, values[..., None], device, dtype)
+            self._keep(name, values[..., None].astype(float))
 
     def new_state(self, people: int) -> TorchState:
         """Return the state of muscles at rest of n people."""

@@ -3,21 +3,33 @@
 A path is a polyline through points that move with the SMPL-X joints. A wrapping surface would cost
 a search in every step; instead a point can be a pulley of constant radius at a joint's centre, which
 keeps its distance from the joint however far the joint turns.
+
+A degree of freedom changes the length of a path through the segments of which it carries one end and not
+the other, and through the pulleys that it turns halfway. `make_layout` finds both once, so that a physics
+step visits nothing else.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.pose import Array
+from rcare_marl.tree.joint_tree import Ints, JointTree, ancestors
+
 from ..body.skeleton import JOINT_INDEX
 
-Array = npt.NDArray[np.float64]
 Side = Literal["left", "right", "axial"]
+
+# Columns of `PathLayout.pulleys`: arm in the frame of the carrying part and of the part before it.
+ARM, ARM_BEFORE, RADIUS = 0, 3, 6
+PULLEY_COLUMNS = 7
+FIXED = -2  # in place of the part before: no pulley
+TURNS = 0  # kind of an entry: a pulley; the others are the sign of a cut segment
 
 
 @dataclass(frozen=True)
@@ -108,3 +120,125 @@ def path_lengths(
     ends = np.cumsum([len(path) for path in paths])
     steps[ends[:-1] - 1] = 0.0  # from the last point of a path to the first of the next
     return np.add.reduceat(np.append(steps, 0.0), np.append(0, ends[:-1]))
+
+
+class PathLayout(NamedTuple):
+    """The paths of m muscles over n moving parts.
+
+    Attributes:
+        points: Each point, or the centre of its pulley, in the frame of its part [m], shape [p, 3].
+        pulleys: Geometry of each pulley [m], shape [k, 7]; the columns are named in this module.
+        carriers: Row in the frames of the part of each point, 0 for the pelvis; the pulley and the row
+            of the part before it, or -1 and -1; shape [p, 3].
+        starts: First point and first crossing of each muscle, and the ends, shape [m + 1, 2].
+        crossings: DoF and first entry of each crossing of a muscle and a DoF, and the ends, shape
+            [c + 1, 2].
+        entries: What changes length there: (point of the path, kind), shape [e, 2]. Kind +1 or -1: the
+            segment that ends in the point is carried at its end, or at its start; `TURNS`: the
+            pulley of the point turns.
+        longest: Points of the longest path.
+        is_branched: Whether a muscle crosses DoFs that do not lie on one branch of the tree, [m].
+    """
+
+    points: Array
+    pulleys: Array
+    carriers: Ints
+    starts: Ints
+    crossings: Ints
+    entries: Ints
+    is_branched: npt.NDArray[np.bool_]
+    longest: int
+
+
+def make_layout(units: Sequence[MuscleUnit], joints: Array, chain: JointTree) -> PathLayout:
+    """Return the layout of paths over the moving parts of a person.
+
+    Args:
+        units: The muscles, their offsets measured on this person.
+        joints: The person's joint centres in the T-pose [m], shape [55, 3].
+        chain: The moving parts.
+    """
+    above = [frozenset(ancestors(chain.arrays.parents, i)) for i in range(len(chain.names))]
+    points: list[Array] = []
+    pulleys: list[Array] = []
+    carriers: list[tuple[int, int, int]] = []
+    starts: list[tuple[int, int]] = []
+    crossings: list[tuple[int, int]] = []
+    entries: list[tuple[int, int]] = []
+    branched: list[bool] = []
+    for unit in units:
+        starts.append((len(points), len(crossings)))
+        own = [_point(point, joints, chain) for point in unit.path]
+        crossed = _crossings([(part, before) for _, _, part, before in own], above)
+        for dof, found in crossed:
+            crossings.append((dof, len(entries)))
+            entries.extend(found)
+        dofs = [dof for dof, _ in crossed]
+        branched.append(any(a not in above[b] for a, b in zip(dofs, dofs[1:], strict=False)))
+        for place, pulley, part, before in own:
+            points.append(place)
+            carriers.append((part + 1, -1, -1))
+            if pulley is not None:
+                carriers[-1] = (part + 1, len(pulleys), before + 1)
+                pulleys.append(pulley)
+    starts.append((len(points), len(crossings)))
+    crossings.append((-1, len(entries)))
+    return PathLayout(
+        np.array(points).reshape(-1, 3),
+        np.array(pulleys).reshape(-1, PULLEY_COLUMNS),
+        np.array(carriers, np.int64).reshape(-1, 3),
+        np.array(starts, np.int64),
+        np.array(crossings, np.int64),
+        np.array(entries, np.int64).reshape(-1, 2),
+        np.array(branched, np.bool_),
+        max(len(unit.path) for unit in units),
+    )
+
+
+def crosses(unit: MuscleUnit, chain: JointTree) -> bool:
+    """Return whether any DoF of the chain can change a muscle's length."""
+    carriers = {int(chain.frame_parts[JOINT_INDEX[point.joint]]) for point in unit.path}
+    before = {int(chain.frame_parts[JOINT_INDEX[p.parent]]) for p in unit.path if p.parent}
+    return len(carriers | before) > 1
+
+
+def _point(
+    point: PathPoint, joints: Array, chain: JointTree
+) -> tuple[Array, Array | None, int, int]:
+    """Return where a point is in its part, its pulley if it turns, its part and the part before."""
+    j = JOINT_INDEX[point.joint]
+    part, turn = int(chain.frame_parts[j]), chain.frame_rotations[j]
+    arm = t_pose_position(point, joints) - joints[j]
+    centre = chain.frame_offsets[j]
+    if point.parent is None:
+        return centre + turn @ arm, None, part, FIXED
+    b = JOINT_INDEX[point.parent]
+    before, turn_before = int(chain.frame_parts[b]), chain.frame_rotations[b]
+    radius = float(np.linalg.norm(arm))
+    if before == part:  # the joint does not move: the pulley has stopped for good
+        between = (turn + turn_before) @ arm
+        return centre + between * (radius / np.linalg.norm(between)), None, part, FIXED
+    return centre, np.concatenate((turn @ arm, turn_before @ arm, [radius])), part, before
+
+
+def _crossings(
+    carriers: Sequence[tuple[int, int]], above: Sequence[frozenset[int]]
+) -> list[tuple[int, list[tuple[int, int]]]]:
+    """Return each crossed DoF with its entries (point, kind), proximal first."""
+    none: frozenset[int] = frozenset()
+    carried = [above[part] if part >= 0 else none for part, _ in carriers]
+    whole = [
+        on if before == FIXED else (above[before] if before >= 0 else none)
+        for on, (_, before) in zip(carried, carriers, strict=True)
+    ]  # the DoFs that carry the point as a rigid body would
+    found = []
+    for dof in sorted(frozenset().union(*carried)):
+        entries = []
+        for k, on in enumerate(whole):
+            if k and (dof in on) != (dof in whole[k - 1]):
+                entries.append((k, 1 if dof in on else -1))
+            if dof in carried[k] and dof not in on:
+                entries.append((k, TURNS))
+        if entries:
+            found.append((dof, entries))
+    return found

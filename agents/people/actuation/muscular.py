@@ -26,24 +26,26 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.observable import Observable
-from rcare_marl.tree.dynamics import WEIGHT, part_table
+from rcare_marl.pose import Array
+from rcare_marl.tree.dynamics import WEIGHT, mass_matrix, part_table, place_masses, solve
 from rcare_marl.tree.joint_tree import JointTree
 
-from . import closed_loop as loop
 from . import muscle_kernel as kernel
-from .actuation import MAX_SPEED, TargetAngles
-from .disorder import Shaking
+from .actuation import MAX_SPEED, Shaking, TargetAngles
 from .muscle_control import DAMPING_RATIO, FREQUENCY, Felt, MuscleController
 from .muscle_model import MuscleModel
-from .skeletal import MAX_FREQUENCY, STIFFNESS_PER_TORQUE, TISSUE_DAMPING_PER_TORQUE
-
-Array = npt.NDArray[np.float64]
+from .skeletal import impedance
 
 # Our own choices.
+ACTIVE_END = 0.07  # [rad] before the end of the active range where active torque begins to fade
+ACTIVE_END_DAMPING = 0.5  # [s/rad] of the torque that fades there
+CARRY_GAP = 0.01  # [rad] above the posture where furniture lets go
+GRIP_REACH = 0.02  # [rad] from where a limb was laid down: friction holds it no further
 LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligaments tighten ...
 LIGAMENT_SHARE = 0.3  # ... or this share of a narrower range
 # [N·m/rad] of bending, without muscles. A lumbar segment has some 1 to 2 N·m per degree, from memory;
@@ -56,6 +58,17 @@ REST_REACH = 0.05  # [rad] from where a limb was laid down: further away it rest
 # [rad] from where a limb is to where excitations alone should bring it: at this the spring of the
 # controller moves it with about MAX_SPEED.
 LEAD = MAX_SPEED * 2 * DAMPING_RATIO / FREQUENCY
+
+# Columns of the table after those of the parts, one row a DoF.
+STIFFNESS, DAMPING, TISSUE, SUPPORT = 28, 29, 30, 31
+LOWEST, HIGHEST, POSTURE = 32, 33, 34
+LEAST, MOST, ZONE, LIGAMENT, INERTIA = 35, 36, 37, 38, 39
+CARRIED, SLACK, GRIP, BORNE, ELASTIC = 40, 41, 42, 43, 44
+COLUMNS = 45
+HELD = 32  # of the scratch: whether furniture holds the limb in this step
+
+# Rows of the torques: active, passive, faded active; damping at both kinds of ends; of ligaments the
+# torque and the stiffness.
 
 Excitation = Literal["unit", "group", "posture"]
 
@@ -115,20 +128,16 @@ class MuscleDrive:
         self.names, self.model = chain.names, model
         self._dt, self._shaking = physics_dt, shaking
         inertia = np.diag(chain.mass_matrix(posture))
-        table = part_table(chain.arrays, loop.COLUMNS)
-        table[:, loop.STIFFNESS] = np.minimum(
-            STIFFNESS_PER_TORQUE * normal_strength, inertia * MAX_FREQUENCY**2
-        )
-        table[:, loop.DAMPING] = 2 * np.sqrt(table[:, loop.STIFFNESS] * inertia)
-        table[:, loop.TISSUE] = TISSUE_DAMPING_PER_TORQUE * normal_strength
+        table = part_table(chain.arrays, COLUMNS)
+        table[:, STIFFNESS : TISSUE + 1] = impedance(normal_strength, inertia)
         uncrossed = np.ones(count, np.bool_)
         uncrossed[model.layout.crossings[:-1, 0]] = False
         self._uncrossed = np.flatnonzero(uncrossed & willed)
         held = supported | uncrossed
-        table[:, loop.SUPPORT], table[:, loop.CARRIED] = held, carried & ~held
-        table[:, loop.LOWEST], table[:, loop.HIGHEST] = limits.T
-        table[:, loop.POSTURE], table[:, loop.INERTIA] = posture, inertia
-        _tighten(table, passive, normal_strength, model, posture)
+        table[:, SUPPORT], table[:, CARRIED] = held, carried & ~held
+        table[:, LOWEST], table[:, HIGHEST] = limits.T
+        table[:, POSTURE], table[:, INERTIA] = posture, inertia
+        _set_ligaments(table, passive, normal_strength, model, posture)
         self._table = table
         self._posture = posture.copy()
         self._targets = TargetAngles(chain.names, posture.copy(), limits)
@@ -140,16 +149,16 @@ class MuscleDrive:
         self.state = self._start.copy()
         self._grip = np.where(resting & ~held, FRICTION_SHARE * normal_strength, 0.0)
         self._elastic = np.array([DISC_STIFFNESS.get(n.split("_")[0], 0.0) for n in chain.names])
-        table[:, loop.ELASTIC] = self._elastic
+        table[:, ELASTIC] = self._elastic
         # What rests on furniture does not drift by the tension of resting muscles.
-        table[:, loop.SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
+        table[:, SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
         self._controller = MuscleController(
             model, inertia, normal_strength=normal_strength, limits=limits
         )
         axial = ("spine", "neck", "head")
         self._is_axial = np.array([name.startswith(axial) for name in chain.names], np.bool_)
         self._laid, self._resting = resting, resting.copy()
-        self._carried = self._bears = table[:, loop.CARRIED].copy()
+        self._carried = self._bears = table[:, CARRIED].copy()
         self._beyond = _descendants(chain.arrays.parents)
         self._is_pursuing = True  # until the first command they hold still
         self._tick = 0
@@ -171,22 +180,25 @@ class MuscleDrive:
         self.action_names = tuple(f"{name} [excitation]" for name in names)
 
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
-        self.target[:] = self._table[:, loop.POSTURE] = self._posture
-        self._table[:, loop.GRIP] = self._grip
+        self.target[:] = self._table[:, POSTURE] = self._posture
+        self._table[:, GRIP] = self._grip
         self._resting[:] = self._laid
         self.state[:] = self._start
         self.excitation[:] = 0.0
         self._is_pursuing, self._tick = True, 0
         if self._shaking is not None:
             self._shaking.reset(rng)
-        self._look(gravity)
-        self._table[:, loop.BORNE] = borne = self._muscles.work[:, WEIGHT]
+        # Lengths, moment arms and weights in the start posture, without any time passing.
+        self._measured[0], self._measured[1] = self._posture, 0.0
+        step = gravity, self.state, 0.0, self.model.mode
+        _observe(self._muscles, self._measured, self.excitation, *step)
+        self._table[:, BORNE] = borne = self._muscles.work[:, WEIGHT]
         # A backrest pushes forwards only.
         self._bears = np.where(self._is_axial & (borne <= 0.0), 0.0, self._carried)
-        self._table[:, loop.CARRIED] = self._bears
+        self._table[:, CARRIED] = self._bears
 
     def lay(self, index: int, angle: float) -> None:
-        self.target[index] = self._table[index, loop.POSTURE] = angle
+        self.target[index] = self._table[index, POSTURE] = angle
 
     def command(self, action: Array, duration: float) -> None:
         self._is_pursuing = self._is_posture
@@ -194,18 +206,18 @@ class MuscleDrive:
             self.excitation[:] = action[self._source]
             return
         self._targets.move(action, duration)
-        wanted = np.abs(self.target - self._table[:, loop.POSTURE]) > LIFTED
+        wanted = np.abs(self.target - self._table[:, POSTURE]) > LIFTED
         for i in np.flatnonzero(wanted & self._resting):
             self._lift(int(i))
-        self._table[self._uncrossed, loop.POSTURE] = self.target[self._uncrossed]
+        self._table[self._uncrossed, POSTURE] = self.target[self._uncrossed]
 
     def _lift(self, dof: int) -> None:
         """Let a limb and what hangs on it leave the furniture: from now on muscles hold it."""
         beyond = self._beyond[dof]
         if self._resting[beyond].any():
             self._resting[beyond] = False
-            self._table[beyond, loop.GRIP] = self._table[beyond, loop.CARRIED] = 0.0
-            self._table[dof, loop.CARRIED] = self._bears[dof]
+            self._table[beyond, GRIP] = self._table[beyond, CARRIED] = 0.0
+            self._table[dof, CARRIED] = self._bears[dof]
 
     def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
         if self._is_posture:
@@ -232,9 +244,9 @@ class MuscleDrive:
     def _feel(self) -> Felt:
         """Return the body after the last physics step."""
         muscles, (positions, velocities) = self._muscles, self._measured
-        moved = np.abs(positions - self._table[:, loop.POSTURE])
+        moved = np.abs(positions - self._table[:, POSTURE])
         passive = muscles.torques[1] - self._elastic * positions
-        load = muscles.work[:, WEIGHT] * (1.0 - muscles.work[:, loop.HELD]) - passive
+        load = muscles.work[:, WEIGHT] * (1.0 - muscles.work[:, HELD]) - passive
         resting = self._resting & (moved < REST_REACH)
         return Felt(positions, velocities, load, muscles.arms, self.state, resting)
 
@@ -269,12 +281,6 @@ class MuscleDrive:
             ),
         ]
 
-    def _look(self, gravity: Array) -> None:
-        """Find lengths, moment arms and weights in the start posture, without any time passing."""
-        self._measured[0], self._measured[1] = self._posture, 0.0
-        state, mode = self.state, self.model.mode
-        loop.observe(self._muscles, self._measured, self.excitation, gravity, state, 0.0, mode)
-
     def torques(
         self, positions: list[float], velocities: list[float], gravity: Array
     ) -> list[float]:
@@ -286,20 +292,19 @@ class MuscleDrive:
         if self._shaking is not None:
             excitation = np.clip(excitation + self._shaking.after(self._dt), 0.0, 1.0)
         step = gravity, self.state, self._dt, self.model.mode, self._out
-        loop.drive(self._muscles, self._measured, excitation, *step)
-        result: list[float] = self._out.tolist()
-        return result
+        _drive(self._muscles, self._measured, excitation, *step)
+        return self._out.tolist()
 
 
-def _tighten(
+def _set_ligaments(
     table: Array, passive: Array, normal_strength: Array, model: MuscleModel, posture: Array
 ) -> None:
     """Write where ligaments tighten, and to what."""
-    table[:, loop.LEAST], table[:, loop.MOST] = passive.T
+    table[:, LEAST], table[:, MOST] = passive.T
     width = np.maximum(passive[:, 1] - passive[:, 0], 1e-3)
-    table[:, loop.ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
+    table[:, ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
     pulls = np.abs(model.moment_arms(posture)).T @ model.table[:, kernel.FORCE]
-    table[:, loop.LIGAMENT] = np.maximum(normal_strength, pulls)
+    table[:, LIGAMENT] = np.maximum(normal_strength, pulls)
 
 
 def _descendants(parents: npt.NDArray[np.int64]) -> list[list[int]]:
@@ -309,3 +314,139 @@ def _descendants(parents: npt.NDArray[np.int64]) -> list[list[int]]:
         if parents[i] >= 0:
             out[parents[i]].extend(out[i])
     return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _observe(muscles, measured, excitation, gravity, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
+    """Find lengths, moment arms, tensions, torques, weights and the mass matrix after `dt` [s].
+
+    With a `dt` of 0 no time passes: activations and the state of tendons stay.
+    """
+    kernel.advance(muscles, measured[0], measured[1], excitation, state, dt, mode)
+    place_masses(muscles.parts, muscles.work)
+    mass_matrix(muscles.parents, muscles.depths, gravity, muscles.work, muscles.matrix)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _drive(muscles, measured, excitation, gravity, state, dt, mode, out) -> None:  # type: ignore[no-untyped-def]
+    """Write the torque of each DoF into `out`."""
+    _observe(muscles, measured, excitation, gravity, state, dt, mode)
+    table, work, torques = muscles.parts, muscles.work, muscles.torques
+    depths, matrix = muscles.depths, muscles.matrix
+    _fade(table, measured, torques)
+    _tighten(table, measured, torques)
+    for i in range(table.shape[0]):
+        velocity, support = measured[1, i], _support(table, measured, work, i, dt)
+        work[i, HELD] = support
+        stiffness, damping = table[i, STIFFNESS], table[i, DAMPING]
+        loose = table[i, TISSUE] + torques[3, i] + dt * torques[5, i]
+        ahead = measured[0, i] + dt * velocity
+        out[i] = torques[1, i] + torques[2, i] + torques[4, i] - loose * velocity
+        held = stiffness * (table[i, POSTURE] - ahead) - damping * velocity - table[i, SLACK]
+        out[i] += support * held
+        out[i] -= (1.0 - support) * work[i, WEIGHT]
+        matrix[i, depths[i]] += dt * (loose + support * (damping + dt * stiffness))
+    _continue(muscles, state, out)
+    solve(muscles.parents, depths, matrix, out)
+    for i in range(table.shape[0]):
+        torques[0, i] = out[i]  # the acceleration, for `_settle`
+        support, after = work[i, HELD], measured[1, i] + dt * out[i]
+        there = measured[0, i] + dt * after
+        held = work[i, WEIGHT] + table[i, STIFFNESS] * (table[i, POSTURE] - there)
+        held -= table[i, DAMPING] * after + table[i, SLACK]
+        out[i] = torques[1, i] + torques[2, i] + torques[4, i] + support * held
+        out[i] -= (table[i, TISSUE] + torques[3, i] + dt * torques[5, i]) * after
+    _settle(muscles, state, out)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _support(table, measured, work, i, dt):  # type: ignore[no-untyped-def]
+    """Return whether furniture holds a limb now: 1.0 or 0.0."""
+    if table[i, SUPPORT] != 0.0:
+        return 1.0
+    weight, gap = work[i, WEIGHT], table[i, POSTURE] - measured[0, i] - dt * measured[1, i]
+    push = weight + table[i, STIFFNESS] * gap - table[i, DAMPING] * measured[1, i]
+    push -= table[i, SLACK]
+    extra = push + table[i, SLACK] - table[i, BORNE]  # beyond what it has borne from the start
+    if abs(extra) < table[i, GRIP] and abs(gap) < GRIP_REACH:  # friction
+        return 1.0
+    # What lies behind bears whom it bore at the start, not who leans to the other side.
+    is_carried = table[i, CARRIED] != 0.0 and weight * table[i, BORNE] > 0.0
+    sags = is_carried and weight * gap >= -abs(weight) * CARRY_GAP
+    return 1.0 if sags and push * weight > 0.0 else 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fade(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
+    """Let active torque end at the active range, and damp the movement that it made."""
+    for i in range(table.shape[0]):
+        torque = torques[0, i]
+        if torque > 0.0:
+            left = (table[i, HIGHEST] - measured[0, i]) / ACTIVE_END
+        else:
+            left = (measured[0, i] - table[i, LOWEST]) / ACTIVE_END
+        share = min(max(left, 0.0), 1.0)
+        torques[2, i] = share * torque
+        is_outward = measured[1, i] * torque > 0.0
+        torques[3, i] = ACTIVE_END_DAMPING * (1.0 - share) * abs(torque) if is_outward else 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _tighten(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
+    """Find what discs do everywhere, and ligaments near the ends of the passive range."""
+    for i in range(table.shape[0]):
+        zone, torques[4, i] = table[i, ZONE], -table[i, ELASTIC] * measured[0, i]
+        torques[5, i] = table[i, ELASTIC]
+        over = 1.0 - (table[i, MOST] - measured[0, i]) / zone
+        under = 1.0 - (measured[0, i] - table[i, LEAST]) / zone
+        depth = max(over, under)
+        if depth <= 0.0:
+            continue
+        stiffness = 2.0 * table[i, LIGAMENT] * depth / zone
+        torques[4, i] += table[i, LIGAMENT] * depth * depth * (-1.0 if over > under else 1.0)
+        torques[5, i] += stiffness
+        torques[3, i] += 2.0 * np.sqrt(stiffness * table[i, INERTIA])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _continue(muscles, state, out) -> None:  # type: ignore[no-untyped-def]
+    """Add to the torques what tensions grow by at the present rates, and to the matrix the rest."""
+    starts, crossings, arms = muscles.starts, muscles.crossings, muscles.arms
+    depths, matrix = muscles.depths, muscles.matrix
+    for m in range(starts.shape[0] - 1):
+        growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
+        first, last = starts[m, 1], starts[m + 1, 1]
+        reach = 0.0
+        for c in range(first, last):
+            i = crossings[c, 0]
+            out[i] += arms[c] * growth
+            reach += abs(arms[c])
+        for c in range(first, last):
+            i, lever = crossings[c, 0], arms[c] * implicit
+            if muscles.is_branched[
+                m
+            ]:  # a bound, on the diagonal: the factorisation knows branches only
+                matrix[i, depths[i]] += abs(lever) * reach
+                continue
+            for d in range(first, c + 1):
+                matrix[i, depths[crossings[d, 0]]] += lever * arms[d]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _settle(muscles, state, out) -> None:  # type: ignore[no-untyped-def]
+    """Add to the torques what tensions change by over the step."""
+    starts, crossings, arms = muscles.starts, muscles.crossings, muscles.arms
+    acceleration = muscles.torques[0]
+    for m in range(starts.shape[0] - 1):
+        first, last = starts[m, 1], starts[m + 1, 1]
+        growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
+        bend = reach = 0.0
+        for c in range(first, last):
+            bend += arms[c] * acceleration[crossings[c, 0]]
+            reach += abs(arms[c])
+        for c in range(first, last):
+            i = crossings[c, 0]
+            if muscles.is_branched[m]:
+                out[i] += arms[c] * growth - abs(arms[c]) * reach * implicit * acceleration[i]
+            else:
+                out[i] += arms[c] * (growth - implicit * bend)

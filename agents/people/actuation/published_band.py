@@ -8,27 +8,26 @@ of them (`part`), or quoted from memory (`memory`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl import assets
-from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.pose import Array
 
 from ..body.skeleton import DOF_INDEX, DOFS, SIDES
 from .muscle_model import MuscleModel
 from .muscle_table import number, read_csv
 
-Array = npt.NDArray[np.float64]
 Quantity = Literal["moment_arm", "torque", "passive_torque"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 _COLUMNS = (
     "name quantity dof direction posture_deg units low high unit source checked fitted note"
 ).split()
+_WORDS = {"direction": ("+", "-"), "checked": ("read", "part", "memory"), "fitted": ("yes", "no")}
 _LEAST_ARM = 1e-5  # [m] by which a muscle counts as an agonist
 _MILLIMETRE = 1e-3
 
@@ -104,33 +103,19 @@ def measured(model: MuscleModel, band: PublishedBand) -> float:
     return float((arms * forces)[(arms > _LEAST_ARM) | (not is_active)].sum())
 
 
-def share_in_band(model: MuscleModel, bands: Sequence[PublishedBand], quantity: Quantity) -> float:
-    """Return the share of the bands of one quantity that a model lies in."""
-    inside = [
-        band.low <= measured(model, band) <= band.high
-        for band in bands
-        if band.quantity == quantity
-    ]
-    return sum(inside) / len(inside)
-
-
 def _band(row: dict[str, str], where: str) -> PublishedBand:
-    quantity = next((known for known in QUANTITIES if known == row["quantity"]), None)
-    if quantity is None:
-        raise UnknownNameError(f"quantity ({where})", row["quantity"], QUANTITIES)
+    check_name(f"quantity ({where})", row["quantity"], QUANTITIES)
     check_name(f"degree of freedom ({where})", row["dof"], DOF_INDEX)
-    if row["direction"] not in ("+", "-"):
-        raise ConfigError(f"{where}: direction is + or -, got {row['direction']!r}")
-    if row["checked"] not in ("read", "part", "memory"):
-        raise ConfigError(f"{where}: checked is read, part or memory, got {row['checked']!r}")
-    if row["fitted"] not in ("yes", "no"):
-        raise ConfigError(f"{where}: fitted is yes or no, got {row['fitted']!r}")
+    for key, words in _WORDS.items():
+        if row[key] not in words:
+            allowed = f"{', '.join(words[:-1])} or {words[-1]}"
+            raise ConfigError(f"{where}: {key} is {allowed}, got {row[key]!r}")
     low, high = (number(row, key, where, 0.0, 1000.0) for key in ("low", "high"))
     if low > high:
         raise ConfigError(f"{where}: low {low:g} is above high {high:g}")
     return PublishedBand(
         name=row["name"],
-        quantity=quantity,
+        quantity=cast(Quantity, row["quantity"]),
         dof=row["dof"],
         sign=1 if row["direction"] == "+" else -1,
         angles=_angles(row["posture_deg"], where),

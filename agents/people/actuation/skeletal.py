@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.observable import Observable
+from rcare_marl.pose import Array
 from rcare_marl.tree.dynamics import (
     PART_COLUMNS,
     SCRATCH_COLUMNS,
@@ -39,17 +40,13 @@ from rcare_marl.tree.dynamics import (
 )
 from rcare_marl.tree.joint_tree import JointTree
 
-from .actuation import MAX_SPEED, TargetAngles
-from .disorder import Shaking
-
-Array = npt.NDArray[np.float64]
+from .actuation import MAX_SPEED, Shaking, TargetAngles
 
 # Our own choices; no measurement of everyday joint impedance covers all 112 degrees of freedom.
 STIFFNESS_PER_TORQUE = 2.5  # [1/rad]: full strength answers an error of 0.4 rad
 TISSUE_DAMPING_PER_TORQUE = 0.02  # [s/rad]
-MAX_FREQUENCY = (
-    40.0  # [rad/s] of a joint on its own stiffness: a finger's strength is not its stiffness
-)
+# [rad/s] of a joint on its own stiffness: a finger's strength is not its stiffness.
+MAX_FREQUENCY = 40.0
 
 STRETCH_THRESHOLD = 0.2  # [rad/s] above which a spastic muscle resists; our own choice
 # [N·m/rad] by which a target is moved so that its muscle slackens: more than the stiffness of most joints,
@@ -107,11 +104,7 @@ class SkeletalDrive:
         self._dt = physics_dt
         inertia = np.diag(chain.mass_matrix(posture))
         table = part_table(chain.arrays, _COLUMNS)
-        table[:, _STIFFNESS] = np.minimum(
-            STIFFNESS_PER_TORQUE * normal_strength, inertia * MAX_FREQUENCY**2
-        )
-        table[:, _DAMPING] = 2 * np.sqrt(table[:, _STIFFNESS] * inertia)
-        table[:, _TISSUE] = TISSUE_DAMPING_PER_TORQUE * normal_strength
+        table[:, _STIFFNESS : _TISSUE + 1] = impedance(normal_strength, inertia)
         table[:, _STRENGTH_AGAINST], table[:, _STRENGTH_ALONG] = strength.T
         table[:, _SUPPORT] = supported
         if reflex is not None:
@@ -173,8 +166,19 @@ class SkeletalDrive:
         if self._shaking is not None:
             self._state[4] = self._shaking.after(self._dt)
         _torques(*self._tree, self._state, gravity, self._dt, *self._room)
-        result: list[float] = self._out.tolist()
-        return result
+        return self._out.tolist()
+
+
+def impedance(normal_strength: Array, inertia: Array) -> Array:
+    """Return stiffness [N·m/rad], critical damping and damping of tissue [N·m·s/rad], shape [n, 3].
+
+    Args:
+        normal_strength: Torque of a healthy person [N·m], shape [n].
+        inertia: Of what hangs on each DoF [kg·m²], shape [n].
+    """
+    stiffness = np.minimum(STIFFNESS_PER_TORQUE * normal_strength, inertia * MAX_FREQUENCY**2)
+    tissue = TISSUE_DAMPING_PER_TORQUE * normal_strength
+    return np.column_stack((stiffness, 2 * np.sqrt(stiffness * inertia), tissue))
 
 
 @numba.njit(cache=True, error_model="numpy")

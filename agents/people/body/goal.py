@@ -12,14 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.errors import ConfigError, UnknownNameError
-from rcare_marl.pose import Pose
+from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.pose import Array, Pose
 
-from .skeleton import JOINT_INDEX, JOINTS
+from .skeleton import JOINTS
 
-Array = npt.NDArray[np.float64]
 Point = Sequence[float] | Array
 
 TURN_WEIGHT = 0.3  # of a radian against a metre
@@ -27,32 +25,26 @@ NEAR = 0.01  # [m] that counts as reached
 ALIGNED = math.radians(3)  # [rad] that counts as reached
 
 
-def _checked(what: str, values: Point, size: int) -> tuple[float, ...]:
-    out = np.asarray(values, np.float64)
-    if out.shape != (size,) or not np.isfinite(out).all():
-        raise ConfigError(f"{what} must be {size} finite numbers, got {values!r}")
-    return tuple(out.tolist())
-
-
-def _check_numbers(goal: object, weight: float, tolerance: float) -> None:
-    for name, value in (("weight", weight), ("tolerance", tolerance)):
+def _settle(goal: Goal, *, unit: bool = False, **sizes: int) -> None:
+    """Check a goal, and keep its vectors of the given sizes as tuples, of unit length if so wished."""
+    kind = type(goal).__name__
+    for name in ("weight", "tolerance"):
+        value = getattr(goal, name)
         if not (math.isfinite(value) and value > 0):
-            raise ConfigError(
-                f"the {name} of a {type(goal).__name__} goal must be positive, got {value}"
-            )
-
-
-def _check_joint(joint: str) -> None:
-    if joint not in JOINT_INDEX:
-        raise UnknownNameError("joint", joint, JOINTS)
-
-
-def _unit(what: str, vector: Point) -> tuple[float, ...]:
-    values = np.asarray(_checked(what, vector, 3))
-    length = float(np.linalg.norm(values))
-    if length < 1e-9:
-        raise ConfigError(f"{what} must not be zero")
-    return tuple((values / length).tolist())
+            raise ConfigError(f"the {name} of a {kind} goal must be positive, got {value}")
+    if not isinstance(goal, Balance):
+        check_name("joint", goal.joint, JOINTS)
+    for name, size in sizes.items():
+        given, what = getattr(goal, name), f"the {name} of a goal of {kind}"
+        values = np.asarray(given, np.float64)
+        if values.shape != (size,) or not np.isfinite(values).all():
+            raise ConfigError(f"{what} must be {size} finite numbers, got {given!r}")
+        if unit:
+            length = float(np.linalg.norm(values))
+            if length < 1e-9:
+                raise ConfigError(f"{what} must not be zero")
+            values = values / length
+        object.__setattr__(goal, name, tuple(values.tolist()))
 
 
 @dataclass(frozen=True)
@@ -74,10 +66,7 @@ class Position:
     tolerance: float = NEAR
 
     def __post_init__(self) -> None:
-        _check_joint(self.joint)
-        _check_numbers(self, self.weight, self.tolerance)
-        object.__setattr__(self, "target", _checked("the target of a Position", self.target, 3))
-        object.__setattr__(self, "offset", _checked("the offset of a Position", self.offset, 3))
+        _settle(self, target=3, offset=3)
 
 
 @dataclass(frozen=True)
@@ -97,13 +86,11 @@ class Orientation:
     tolerance: float = ALIGNED
 
     def __post_init__(self) -> None:
-        _check_joint(self.joint)
-        _check_numbers(self, self.weight, self.tolerance)
-        values = np.asarray(_checked("the quaternion of an Orientation", self.quaternion, 4))
-        length = float(np.linalg.norm(values))
+        _settle(self, quaternion=4)
+        length = float(np.linalg.norm(self.quaternion))
         if abs(length - 1) > 1e-3:
             raise ConfigError(f"the quaternion of an Orientation has length {length:.4g}, not 1")
-        object.__setattr__(self, "quaternion", tuple((values / length).tolist()))
+        _settle(self, unit=True, quaternion=4)
 
 
 @dataclass(frozen=True)
@@ -125,10 +112,7 @@ class Direction:
     tolerance: float = ALIGNED
 
     def __post_init__(self) -> None:
-        _check_joint(self.joint)
-        _check_numbers(self, self.weight, self.tolerance)
-        object.__setattr__(self, "target", _unit("the target of a Direction", self.target))
-        object.__setattr__(self, "local", _unit("the local vector of a Direction", self.local))
+        _settle(self, unit=True, target=3, local=3)
 
 
 @dataclass(frozen=True)
@@ -150,10 +134,7 @@ class Gaze:
     tolerance: float = ALIGNED
 
     def __post_init__(self) -> None:
-        _check_joint(self.joint)
-        _check_numbers(self, self.weight, self.tolerance)
-        object.__setattr__(self, "target", _checked("the target of a Gaze", self.target, 3))
-        object.__setattr__(self, "offset", _checked("the offset of a Gaze", self.offset, 3))
+        _settle(self, target=3, offset=3)
 
 
 @dataclass(frozen=True)
@@ -171,7 +152,7 @@ class Balance:
     tolerance: float = NEAR
 
     def __post_init__(self) -> None:
-        _check_numbers(self, self.weight, self.tolerance)
+        _settle(self)
         points = np.asarray(self.support, np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or not len(points):
             raise ConfigError(f"the support of a Balance has shape [k, 2], got {points.shape}")
@@ -185,10 +166,7 @@ Goal = Position | Orientation | Direction | Gaze | Balance
 
 def place(joint: str, pose: Pose, *, offset: Point = (0.0, 0.0, 0.0)) -> tuple[Goal, Goal]:
     """Return the two goals that put the point `offset` [m] of a joint's frame at `pose`."""
-    return (
-        Position(joint, pose.position, offset),
-        Orientation(joint, pose.quaternion),
-    )
+    return Position(joint, pose.position, offset), Orientation(joint, pose.quaternion)
 
 
 def convex_hull(points: Array) -> Array:

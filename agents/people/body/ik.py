@@ -12,13 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError, check_name
-from rcare_marl.pose import Pose, matrix_from_quaternion, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, matrix_from_quaternion, quaternion_from_matrix
 from rcare_marl.tree.inverse_kinematics import (
     BALANCE,
     DIRECTION,
@@ -43,8 +42,6 @@ from .skeleton import DOF_INDEX, DOFS, JOINT_INDEX
 
 if TYPE_CHECKING:
     from ..human import Human
-
-Array = npt.NDArray[np.float64]
 
 ITERATIONS = 60  # of one search
 # How much a radian away from the wished posture counts beside a metre from a goal: it decides only what
@@ -133,13 +130,10 @@ class WholeBodyIk:
         self._carries = np.zeros((FIRST + len(DOFS),) * 2, np.bool_)  # whether a column moves a row
         for i in range(len(self._carries)):
             self._carries[i, ancestors(self._tree.parents, i)] = True
-        self._columns = np.array(
-            [*self._base, *(FIRST + DOF_INDEX[dof] for dof in self.dofs)], np.int64
-        )
-        self._pull = np.array(
-            [*_HEAVY_BASE, *(_HEAVY.get(dof.joint, 1.0) for dof in DOFS)], np.float64
-        )
-        self._pull *= PULL
+        moving = [FIRST + DOF_INDEX[dof] for dof in self.dofs]
+        self._columns = np.array([*self._base, *moving], np.int64)
+        heavy = [_HEAVY.get(dof.joint, 1.0) for dof in DOFS]
+        self._pull = np.array([*_HEAVY_BASE, *heavy], np.float64) * PULL
 
     @classmethod
     def of(
@@ -207,22 +201,18 @@ class WholeBodyIk:
             dofs=self.dofs,
         )
 
-    def residuals(self, goals: Sequence[Goal], angles: Array, base: Pose = Pose()) -> Array:
-        """Return the weighted residuals of goals at a posture, three a goal, shape [3 g]."""
-        return self._evaluated(goals, angles, base)[0]
+    def linear(self, goals: Sequence[Goal], angles: Array, base: Pose = Pose()) -> Linear:
+        """Return the weighted residuals of goals at a posture, three a goal, and their Jacobian.
 
-    def jacobian(self, goals: Sequence[Goal], angles: Array, base: Pose = Pose()) -> Array:
-        """Return how residuals change with what may move: the base first, then `dofs`, [3 g, c]."""
-        return self._evaluated(goals, angles, base)[1]
-
-    def _evaluated(self, goals: Sequence[Goal], angles: Array, base: Pose) -> tuple[Array, Array]:
+        Its columns are what may move: the base first, then `dofs`.
+        """
         q = self._start(angles, base)
         problem, rows = self._problem(goals, q), ROWS * len(goals)
         out = Linear(np.zeros(rows), np.zeros((rows, len(problem.columns))))
         evaluate(self._placed(base), problem, q, new_frames(len(q)), out, True)
         whole = np.zeros((rows, len(self._columns)))
         whole[:, np.isin(self._columns, problem.columns)] = out.jacobian
-        return out.residual, whole
+        return Linear(out.residual, whole)
 
     def centre_of_mass(self, angles: Array, base: Pose = Pose()) -> Array:
         """Return the centre of mass of the whole body in the world [m], shape [3]."""
@@ -350,13 +340,7 @@ class WholeBodyIk:
         return best[0], best[1], steps
 
 
-_KINDS: dict[type, int] = {
-    Position: POSITION,
-    Orientation: ORIENTATION,
-    Direction: DIRECTION,
-    Gaze: GAZE,
-    Balance: BALANCE,
-}
+_KINDS = dict(zip(get_args(Goal), (POSITION, ORIENTATION, DIRECTION, GAZE, BALANCE), strict=True))
 
 
 def _errors(goals: Sequence[Goal], residual: Array) -> tuple[float, ...]:

@@ -10,11 +10,10 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull  # type: ignore[import-untyped]
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 
 from .skeleton import JOINT_INDEX, JOINTS
 from .skin import BodyModel
-
-Array = npt.NDArray[np.float64]
 
 _BELOW_CROTCH = 0.04  # [m], where a thigh is measured
 _BELOW_ARMPIT = 0.03  # [m], where in the T-pose the chest no longer runs out into the arms

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -12,8 +13,10 @@ from rcare_marl.pose import Array, axis_rotation
 from rcare_marl.tree.joint_tree import JointTree, Tree
 
 from .segment import LEAST_INERTIA, Segment, combined
-from .skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINTS, PARENTS
+from .skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINTS, PARENTS, Dof
 
+Place = tuple[int, Array, Array]
+Mass = tuple[float, Array, Array]
 Base = Literal["fixed", "planar", "free"]
 
 # The pelvis: slides in the world, yaw about the vertical, pitch and roll about its own x and z axes.
@@ -36,6 +39,49 @@ def part_of(joint: str) -> int:
     return FIRST + DOF_INDEX[DOFS_OF[joint][-1].name]
 
 
+@dataclass(frozen=True, eq=False)
+class Melted:
+    """The n moving parts of a person; what does not move has melted into what it hangs on.
+
+    Attributes:
+        dofs: The DoF that moves each part, proximal first.
+        places: Of each part: the part before it (-1 is the pelvis), rotation and offset [m] in it.
+        flesh: Mass [kg], centre [m] and inertia about it [kg·m²] of what each part is made of, the
+            pelvis before all; empty for the first axes of a joint.
+        frames: Of each SMPL-X joint: its part, rotation and offset [m] in it.
+    """
+
+    dofs: list[Dof]
+    places: list[Place]
+    flesh: list[list[Mass]]
+    frames: list[Place]
+
+
+def melted(
+    segments: Mapping[str, Segment], joints: Array, posture: Array, movable: Container[str]
+) -> Melted:
+    """Return the moving parts of a person; arguments as for `person_tree`."""
+    out = Melted([], [], [[]], [])
+    for j, joint in enumerate(JOINTS):
+        part, rotation, offset = (-1, np.eye(3), np.zeros(3))
+        if j:
+            part, rotation, before = out.frames[PARENTS[j]]
+            offset = before + rotation @ (joints[j] - joints[PARENTS[j]])
+        for dof in DOFS_OF[joint]:
+            if dof.name not in movable:
+                rotation = rotation @ axis_rotation(dof.axis, float(posture[DOF_INDEX[dof.name]]))
+                continue
+            out.places.append((part, rotation, offset))
+            out.dofs.append(dof)
+            out.flesh.append([])
+            part, rotation, offset = len(out.dofs) - 1, np.eye(3), np.zeros(3)
+        out.frames.append((part, rotation, offset))
+        own = segments[joint]
+        centre = offset + rotation @ own.centre
+        out.flesh[part + 1].append((own.mass, centre, rotation @ own.inertia @ rotation.T))
+    return out
+
+
 def person_tree(
     segments: Mapping[str, Segment], joints: Array, posture: Array, movable: Sequence[str]
 ) -> JointTree:
@@ -47,42 +93,16 @@ def person_tree(
         posture: Angle of every DoF [rad], shape [112]; those that do not move stay there.
         movable: Names of the moving DoFs.
     """
-    moving: list[tuple[str, int, tuple[float, ...], Array, Array]] = []  # DoF, parent, axis, frame
-    flesh: list[list[tuple[float, Array, Array]]] = []  # of each part: masses, centres, inertias
-    frames: list[
-        tuple[int, Array, Array]
-    ] = []  # of each SMPL-X joint: part, rotation, offset in it
-    for j, joint in enumerate(JOINTS):
-        part, rotation, offset = (-1, np.eye(3), np.zeros(3))
-        if j:
-            part, rotation, before = frames[PARENTS[j]]
-            offset = before + rotation @ (joints[j] - joints[PARENTS[j]])
-        for dof in DOFS_OF[joint]:
-            if dof.name not in movable:
-                rotation = rotation @ axis_rotation(dof.axis, float(posture[DOF_INDEX[dof.name]]))
-                continue
-            moving.append((dof.name, part, dof.axis, rotation, offset))
-            flesh.append([])
-            part, rotation, offset = len(moving) - 1, np.eye(3), np.zeros(3)
-        frames.append((part, rotation, offset))
-        if part >= 0:
-            segment = segments[joint]
-            centre = offset + rotation @ segment.centre
-            flesh[part].append((segment.mass, centre, rotation @ segment.inertia @ rotation.T))
-    n = len(moving)
-    sliver = (
-        0.0,
-        np.zeros(3),
-        LEAST_INERTIA * np.eye(3),
-    )  # links of an axis alone, see body/urdf.py
-    bodies = [combined(parts) if parts else sliver for parts in flesh]
-    names, parents, axes, rotations, offsets = zip(*moving, strict=True) if n else ((),) * 5
+    body = melted(segments, joints, posture, movable)
+    n = len(body.dofs)
+    sliver = (0.0, np.zeros(3), LEAST_INERTIA * np.eye(3))  # an axis alone, see body/urdf.py
+    bodies = [combined(parts) if parts else sliver for parts in body.flesh[1:]]
+    parents, rotations, offsets = zip(*body.places, strict=True) if n else ((),) * 3
     masses, centres, inertias = zip(*bodies, strict=True) if n else ((),) * 3
-    frame_parts, frame_rotations, frame_offsets = zip(*frames, strict=True)
     tree = Tree(
         parents=np.array(parents, np.int64),
         slides=np.zeros(n, np.bool_),
-        axes=np.array(axes, np.float64).reshape(n, 3),
+        axes=np.array([dof.axis for dof in body.dofs], np.float64).reshape(n, 3),
         rotations=np.array(rotations, np.float64).reshape(n, 3, 3),
         offsets=np.array(offsets, np.float64).reshape(n, 3),
         masses=np.array(masses, np.float64),
@@ -90,9 +110,8 @@ def person_tree(
         inertias=np.array(inertias, np.float64).reshape(n, 3, 3),
         lags=np.zeros(n),
     )
-    return JointTree(
-        names, tree, np.array(frame_parts), np.array(frame_rotations), np.array(frame_offsets)
-    )
+    frames = map(np.array, zip(*body.frames, strict=True))
+    return JointTree(tuple(dof.name for dof in body.dofs), tree, *frames)
 
 
 def walking_tree(joints: Array, segments: Mapping[str, Segment]) -> Tree:

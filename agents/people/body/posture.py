@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.errors import UnknownNameError
-from rcare_marl.pose import Pose, axis_rotation, quaternion_from_matrix
+from rcare_marl.errors import UnknownNameError, check_name
+from rcare_marl.pose import Array, Pose, axis_rotation, quaternion_from_matrix
 
-from .skeleton import (
-    DOF_INDEX,
-    DOFS,
-    JOINT_INDEX,
-    JOINTS,
-    PARENTS,
-    SIDES,
-    forward_kinematics,
-)
+from .skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, SIDES, forward_kinematics
 from .skin import BodyModel
-
-Array = npt.NDArray[np.float64]
 
 # SMPL-X axes (x left, y up, z forward) in the world (x forward, y left, z up).
 UPRIGHT = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
@@ -65,8 +54,7 @@ class PostureConfig:
         lists = [self.rests_on, self.leans_on, self.carried]
         lists += [] if self.supported == "all" else [self.supported]
         for joint in (name for names in lists for name in names):
-            if joint not in JOINT_INDEX:
-                raise UnknownNameError("joint", joint, JOINTS)
+            check_name("joint", joint, JOINTS)
         if not self.rests_on:
             raise ValueError("rests_on needs at least one segment")
         if not 0 <= self.sink <= 0.1:
@@ -162,7 +150,7 @@ def lay_arm(
 
     def residual(x: Array) -> Array:
         out[chosen] = x
-        rotations, positions = _arm_chain(rest, out, wrist)
+        rotations, positions = forward_kinematics(rest, out)
         at = {j: (to_pad @ base @ np.append(positions[j], 1.0))[:3] for j in (elbow, wrist)}
         palm = to_pad[:3, :3] @ base[:3, :3] @ rotations[wrist] @ np.array((0.0, 1.0, 0.0))
         error = [
@@ -176,31 +164,12 @@ def lay_arm(
         return np.array([*error, *(0.004 * (x - start))])
 
     start = out[chosen].copy()
-    solution = _least_squares(residual, start, bounds)
-    out[chosen] = solution
+    out[chosen] = _least_squares(residual, start, bounds)
     return out
 
 
-def _arm_chain(rest: Array, angles: Array, tip: int) -> tuple[dict[int, Array], dict[int, Array]]:
-    """Return rotations and positions of the joints from the pelvis to `tip`."""
-    path = [tip]
-    while PARENTS[path[-1]] >= 0:
-        path.append(PARENTS[path[-1]])
-    rotations: dict[int, Array] = {0: np.eye(3)}
-    positions: dict[int, Array] = {0: np.zeros(3)}
-    for j in path[-2::-1]:
-        parent = PARENTS[j]
-        positions[j] = positions[parent] + rotations[parent] @ (rest[j] - rest[parent])
-        local = np.eye(3)
-        for dof in (d for d in DOFS if d.joint == JOINTS[j]):
-            local = local @ axis_rotation(dof.axis, float(angles[DOF_INDEX[dof.name]]))
-        rotations[j] = rotations[parent] @ local
-    return rotations, positions
-
-
-def _least_squares(residual: object, start: Array, bounds: Array) -> Array:
+def _least_squares(residual: Callable[[Array], Array], start: Array, bounds: Array) -> Array:
     """Minimise a residual inside bounds by damped Gauss-Newton steps with a numeric Jacobian."""
-    assert callable(residual)
     x, damping = start.copy(), 1e-3
     value = residual(x)
     for _ in range(60):

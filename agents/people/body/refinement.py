@@ -7,10 +7,11 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.pose import Array
+
 from .skin import BodyModel
 
-Array = npt.NDArray[np.float64]
-Faces = npt.NDArray[np.int32]
+Ints = npt.NDArray[np.int64]
 
 _BULGE = 0.75  # of Phong tessellation, as its authors recommend
 
@@ -28,56 +29,54 @@ def refined(model: BodyModel, chosen: npt.NDArray[np.bool_], *, times: int = 1) 
         times: How often.
     """
     for _ in range(times):
-        edges, number = _edges_to_cut(model.faces, chosen)
-        model = _with_middles(model, edges, _cut(model.faces, number, len(model.vertices)))
+        edges = face_edges(model.faces[chosen[model.faces].all(axis=1)])
+        faces = cut_faces(model.faces.astype(np.int64), edges, len(model.vertices))
+        model = _with_middles(model, edges, faces)
         chosen = np.append(chosen, chosen[edges].all(axis=1))
     return model
 
 
-def _edges_to_cut(
-    faces: Faces, chosen: npt.NDArray[np.bool_]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return the edges to cut [e, 2], and for each edge of each face its number there or -1 [m, 3]."""
-    corners = faces.astype(np.int64)
-    pairs = np.sort(np.stack([corners[:, k] for k in ((0, 1), (1, 2), (2, 0))], axis=1), axis=2)
-    inside = chosen[corners].all(axis=1)
-    edges = np.unique(pairs[inside].reshape(-1, 2), axis=0)
-    size = int(faces.max()) + 1
-    keys = edges @ (size, 1)  # sorted, as the edges are
-    wanted = pairs @ (size, 1)
-    place = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
-    found = keys[place] == wanted if len(keys) else np.zeros(wanted.shape, np.bool_)
-    return edges, np.where(found, place, -1)
+def face_edges(faces: npt.NDArray[np.integer]) -> Ints:
+    """Return the undirected edges of faces [m, 3], smaller index first, sorted, shape [e, 2]."""
+    pairs = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return np.unique(pairs, axis=0).astype(np.int64)
 
 
-def _cut(faces: Faces, number: npt.NDArray[np.int64], first: int) -> Faces:
-    """Return the faces, cut along the middles of their edges that have a number."""
-    out = [faces[(number < 0).all(axis=1)].astype(np.int64)]
-    middle = number + first
-    for k in range(3):  # each face is turned until the pattern fits
-        a, b, c = (faces[:, (k + i) % 3] for i in range(3))
-        ab, bc, ca = (middle[:, (k + i) % 3] for i in range(3))
-        has = [number[:, (k + i) % 3] >= 0 for i in range(3)]
-        one = has[0] & ~has[1] & ~has[2]
-        out.extend(_faces(one, (a, ab, c), (ab, b, c)))
-        two = has[0] & has[1] & ~has[2]
-        out.extend(_faces(two, (ab, b, bc), (a, ab, bc), (a, bc, c)))
-        if k == 0:
-            all_three = has[0] & has[1] & has[2]
-            out.extend(_faces(all_three, (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)))
-    return np.ascontiguousarray(np.concatenate(out), np.int32)
+def cut_faces(faces: Ints, edges: Ints, first: int) -> Ints:
+    """Return faces cut into two, three or four by the edges that get a vertex, so that no gap opens.
+
+    Args:
+        faces: Vertex indices, shape [m, 3].
+        edges: The edges to cut, in the order of `face_edges`, shape [e, 2].
+        first: Number of vertices, and so the index of the new one on the first edge.
+    """
+    if not len(edges):
+        return faces
+    keys = edges @ (first, 1)
+    wanted = np.sort(np.stack((faces, np.roll(faces, -1, axis=1)), axis=2), axis=2) @ (first, 1)
+    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    middles = np.where(keys[place] == wanted, first + place, -1)
+    count = (middles >= 0).sum(axis=1)
+    pieces = [faces[count == 0]]
+    for k in range(3):  # turn each face so that its pattern starts at corner k
+        turn = [(k + j) % 3 for j in range(3)]
+        corner, mid = faces[:, turn], middles[:, turn]
+        one = (count == 1) & (mid[:, 0] >= 0)
+        (a, b, c), m = corner[one].T, mid[one, 0]
+        pieces += [np.stack([a, m, c], 1), np.stack([m, b, c], 1)]
+        two = (count == 2) & (mid[:, 2] < 0)
+        (a, b, c), m, o = corner[two].T, mid[two, 0], mid[two, 1]
+        pieces += [np.stack([m, b, o], 1), np.stack([a, m, o], 1), np.stack([a, o, c], 1)]
+    three = count == 3
+    (a, b, c), (p, q, r) = faces[three].T, middles[three].T
+    pieces += [np.stack(t, 1) for t in ((a, p, r), (p, b, q), (r, q, c), (p, q, r))]
+    return np.concatenate(pieces)
 
 
-def _faces(
-    rows: npt.NDArray[np.bool_], *corners: tuple[npt.NDArray[np.integer], ...]
-) -> list[npt.NDArray[np.int64]]:
-    return [np.stack([corner[rows] for corner in face], axis=1) for face in corners]
-
-
-def _with_middles(model: BodyModel, edges: npt.NDArray[np.int64], faces: Faces) -> BodyModel:
+def _with_middles(model: BodyModel, edges: Ints, faces: Ints) -> BodyModel:
     """Return the body with a vertex in the middle of each edge."""
     at = model.vertices.astype(np.float64)
-    normals = _normals(at, model.faces)
+    normals = vertex_normals(at, model.faces)
     a, b = at[edges[:, 0]], at[edges[:, 1]]
     middle = (a + b) / 2
     lifted = np.zeros_like(middle)
@@ -99,7 +98,7 @@ def _with_middles(model: BodyModel, edges: npt.NDArray[np.int64], faces: Faces) 
     return dataclasses.replace(
         model,
         vertices=np.concatenate((model.vertices, middle.astype(np.float32))),
-        faces=faces,
+        faces=np.ascontiguousarray(faces, np.int32),
         weight_joints=np.concatenate(
             (model.weight_joints, np.take_along_axis(joints, strongest, axis=1))
         ),
@@ -110,10 +109,9 @@ def _with_middles(model: BodyModel, edges: npt.NDArray[np.int64], faces: Faces) 
     )
 
 
-def _normals(at: Array, faces: Faces) -> Array:
-    corners = at[faces]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def vertex_normals(at: Array, faces: npt.NDArray[np.integer]) -> Array:
+    """Return the area-weighted unit normals of vertices [m], shape [n, 3], with faces [m, 3]."""
+    a, b, c = (at[faces[:, k]] for k in range(3))
     out = np.zeros_like(at)
-    for k in range(3):
-        np.add.at(out, faces[:, k], areas)
+    np.add.at(out, faces.T, np.cross(b - a, c - a))
     return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from .anthropometry import WHOLE_SEGMENT, Sex, limb_centre, limb_inertia, segment_masses
 from .skeleton import EYES, JOINT_INDEX, JOINTS, PARENTS
 from .skin import BodyModel
-
-Array = npt.NDArray[np.float64]
 
 # Fingers weigh grams; below these the discrete-time dynamics at 1/240 s has no stable gains.
 # Our own choice: a tenth of a hand's inertia.
@@ -54,12 +52,7 @@ class Shape:
 
     def distance(self, point: Array) -> float:
         """Return how far a point in the frame of the joint is from the surface [m]; negative inside."""
-        local = self.rotation.T @ (point - self.centre)
-        if self.kind == "box":
-            beyond = np.abs(local) - 0.5 * np.array(self.size)
-            return float(np.linalg.norm(np.maximum(beyond, 0.0)) + min(beyond.max(), 0.0))
-        (length, radius), (x, y, z) = self.size, local.tolist()
-        return math.hypot(x, y, z - min(max(z, -0.5 * length), 0.5 * length)) - radius
+        return float(_gap(shape_row(self, np.eye(3), np.zeros(3)), point))
 
     def inertia(self, mass: float) -> Array:
         """Return the inertia about the centre of a homogeneous shape [kg·m²], shape [3, 3]."""
@@ -109,27 +102,29 @@ def shape_row(shape: Shape, rotation: Array, offset: Array) -> Array:
 def nearest(rows, point):  # type: ignore[no-untyped-def]
     """Return which of the shapes in `rows` [n, 16] has its surface nearest to a point [3] of the link."""
     best, least = 0, np.inf
-    local, beyond = np.empty(3), np.empty(3)
     for k in range(rows.shape[0]):
-        row = rows[k]
-        for i in range(3):
-            local[i] = 0.0
-            for j in range(3):
-                local[i] += row[7 + 3 * i + j] * (point[j] - row[4 + j])
-        if row[0] == 1.0:
-            outside, inside = 0.0, -np.inf
-            for i in range(3):
-                beyond[i] = abs(local[i]) - 0.5 * row[1 + i]
-                outside += max(beyond[i], 0.0) ** 2
-                inside = max(inside, beyond[i])
-            distance = np.sqrt(outside) + min(inside, 0.0)
-        else:
-            along = min(max(local[2], -0.5 * row[1]), 0.5 * row[1])
-            square = local[0] ** 2 + local[1] ** 2 + (local[2] - along) ** 2
-            distance = np.sqrt(square) - row[2]
+        distance = _gap(rows[k], point)
         if distance < least:
             best, least = k, distance
     return best
+
+
+@numba.njit(cache=True)
+def _gap(row, point):  # type: ignore[no-untyped-def]
+    """Return how far a point [3] of the link is from the surface of a shape [m]; negative inside."""
+    local, beyond = np.zeros(3), np.empty(3)
+    for i in range(3):
+        for j in range(3):
+            local[i] += row[7 + 3 * i + j] * (point[j] - row[4 + j])
+    if row[0] == 1.0:
+        outside, inside = 0.0, -np.inf
+        for i in range(3):
+            beyond[i] = abs(local[i]) - 0.5 * row[1 + i]
+            outside += max(beyond[i], 0.0) ** 2
+            inside = max(inside, beyond[i])
+        return np.sqrt(outside) + min(inside, 0.0)
+    along = min(max(local[2], -0.5 * row[1]), 0.5 * row[1])
+    return np.sqrt(local[0] ** 2 + local[1] ** 2 + (local[2] - along) ** 2) - row[2]
 
 
 def combined(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:

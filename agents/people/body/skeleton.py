@@ -13,9 +13,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.pose import axis_rotation
+from rcare_marl.pose import Array, axis_rotation
 
 BODY = tuple(
     """
@@ -32,32 +31,8 @@ JOINTS: tuple[str, ...] = BODY + tuple(
 JOINT_INDEX = {name: i for i, name in enumerate(JOINTS)}
 
 _BODY_PARENTS = (
-    -1,
-    0,
-    0,
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-    8,
-    9,
-    9,
-    9,
-    12,
-    13,
-    14,
-    16,
-    17,
-    18,
-    19,
-    15,
-    15,
-    15,
-)
+    -1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15,
+)  # fmt: skip
 PARENTS: tuple[int, ...] = _BODY_PARENTS + tuple(
     wrist if k == 0 else first + 3 * finger + k - 1
     for wrist, first in ((20, 25), (21, 40))
@@ -100,8 +75,8 @@ def _negated(axis: Axis) -> Axis:
     return (-axis[0], -axis[1], -axis[2])
 
 
-# Joints of the left half, proximal axis first: (positive motion, negative motion, axis).
-_LEFT: dict[str, tuple[tuple[str, str, Axis], ...]] = {
+# Joints of the middle and the left half, proximal axis first: (positive motion, negative, axis).
+_AXES: dict[str, tuple[tuple[str, str, Axis], ...]] = {
     "hip": (
         ("flexion", "extension", _negated(X)),
         ("abduction", "adduction", Z),
@@ -148,116 +123,68 @@ _LEFT: dict[str, tuple[tuple[str, str, Axis], ...]] = {
         ("abduction", "adduction", Y),
         ("extorsion", "intorsion", Z),
     ),
+    "jaw": (
+        ("opening", "closing", X),
+        ("deviation_left", "deviation_right", Y),
+        ("tilt_right", "tilt_left", Z),
+    ),
 }
-# Shares of the trunk's and the neck's range: our own choice, more motion low in the trunk.
-_AXIAL_SHARES = {"spine1": 0.4, "spine2": 0.35, "spine3": 0.25, "neck": 0.5, "head": 0.5}
 _HALF = math.sqrt(0.5)
 _THUMB_FLEXION: Axis = (0.0, _HALF, -_HALF)  # in the rest pose the thumb's pad faces down and back
 _THUMB_ABDUCTION: Axis = (_HALF, 0.0, -_HALF)
+for _finger in FINGERS:
+    _spread = _negated(Y) if _finger in ("index", "middle") else Y
+    _spread = _THUMB_ABDUCTION if _finger == "thumb" else _spread
+    _flexion = (
+        "flexion", "extension", _THUMB_FLEXION if _finger == "thumb" else _negated(Z)
+    )  # fmt: skip
+    _AXES[f"{_finger}1"] = (_flexion, ("abduction", "adduction", _spread))
+    _AXES[f"{_finger}2"] = _AXES[f"{_finger}3"] = (_flexion,)
+_SPINE = (
+    ("flexion", "extension", X),
+    ("lateral_flexion_left", "lateral_flexion_right", _negated(Z)),
+    ("rotation_left", "rotation_right", Y),
+)
+# Shares of the trunk's and the neck's range: our own choice, more motion low in the trunk.
+_AXIAL_SHARES = {"spine1": 0.4, "spine2": 0.35, "spine3": 0.25, "neck": 0.5, "head": 0.5}
+_AXES |= dict.fromkeys(_AXIAL_SHARES, _SPINE)
 
 
-def _finger_dofs(finger: str) -> list[tuple[str, str, str, Axis]]:
-    """Return (joint suffix, positive, negative, axis) of a left finger's degrees of freedom."""
-    if finger == "thumb":
-        return [
-            ("thumb1", "flexion", "extension", _THUMB_FLEXION),
-            ("thumb1", "abduction", "adduction", _THUMB_ABDUCTION),
-            ("thumb2", "flexion", "extension", _THUMB_FLEXION),
-            ("thumb3", "flexion", "extension", _THUMB_FLEXION),
-        ]
-    spread = _negated(Y) if finger in ("index", "middle") else Y
-    return [
-        (f"{finger}1", "flexion", "extension", _negated(Z)),
-        (f"{finger}1", "abduction", "adduction", spread),
-        (f"{finger}2", "flexion", "extension", _negated(Z)),
-        (f"{finger}3", "flexion", "extension", _negated(Z)),
-    ]
+def _region(kind: str) -> str:
+    """Return the clinical name of a joint: the thumb has its own joints, the fingers share theirs."""
+    if kind[:-1] in FINGERS:
+        is_thumb = kind.startswith("thumb")
+        level = ("cmc", "mcp", "ip") if is_thumb else ("mcp", "pip", "dip")
+        return f"{'thumb' if is_thumb else 'finger'}_{level[int(kind[-1]) - 1]}"
+    shared = {"spine1": "trunk", "spine2": "trunk", "spine3": "trunk", "head": "neck"}
+    return shared.get(kind, kind.removesuffix("_smplhf"))
 
 
-def _mirrored(axis: Axis, side: str) -> Axis:
-    """Return a left axis for `side`: mirrored in the sagittal plane, as a rotation axis is."""
-    return axis if side == "left" else (axis[0], -axis[1], -axis[2])
-
-
-def _clinical_motion(suffix: str, motion: str) -> str:
-    """Return the clinical name: the thumb has its own joints, the fingers share theirs."""
-    if suffix in _LEFT:
-        return f"{suffix.removesuffix('_smplhf')}_{motion}"
-    level = ("cmc", "mcp", "ip") if suffix.startswith("thumb") else ("mcp", "pip", "dip")
-    owner = "thumb" if suffix.startswith("thumb") else "finger"
-    return f"{owner}_{level[int(suffix[-1]) - 1]}_{motion}"
-
-
-def _limb_dofs(joint: str) -> list[Dof]:
-    side, kind = joint.split("_", 1)
-    if kind in _LEFT:
-        rows = [(kind, *row) for row in _LEFT[kind]]
-    else:
-        rows = [row for row in _finger_dofs(kind[:-1]) if row[0] == kind]
-    dofs = []
-    for suffix, positive, negative, axis in rows:
-        clinical = suffix.removesuffix("_smplhf")
-        dofs.append(
-            Dof(
-                name=f"{side}_{clinical}_{positive}",
-                joint=joint,
-                axis=_mirrored(axis, side),
-                positive=_clinical_motion(suffix, positive),
-                negative=_clinical_motion(suffix, negative),
-                share=1.0,
-                clinical_zero=math.pi / 2
-                if clinical == "shoulder" and positive == "abduction"
-                else 0.0,
-                side=side,
-            )
-        )
-    return dofs
-
-
-def _axial_dofs(joint: str) -> list[Dof]:
-    if joint == "jaw":
-        rows = (
-            ("opening", "closing", X),
-            ("deviation_left", "deviation_right", Y),
-            ("tilt_right", "tilt_left", Z),
-        )
-        return [
-            Dof(f"jaw_{p}", joint, axis, f"jaw_{p}", f"jaw_{n}", 1.0, 0.0, "axial")
-            for p, n, axis in rows
-        ]
-    region = "trunk" if joint.startswith("spine") else "neck"
-    axial = (
-        ("flexion", "extension", X),
-        ("lateral_flexion_left", "lateral_flexion_right", _negated(Z)),
-        ("rotation_left", "rotation_right", Y),
-    )
+def _dofs(joint: str) -> list[Dof]:
+    side, kind = joint.split("_", 1) if joint.startswith(SIDES) else ("axial", joint)
+    region = _region(kind)
     return [
         Dof(
-            f"{joint}_{p}",
-            joint,
-            axis,
-            f"{region}_{p}",
-            f"{region}_{n}",
-            _AXIAL_SHARES[joint],
-            0.0,
-            "axial",
+            name=f"{joint.removesuffix('_smplhf')}_{positive}",
+            joint=joint,
+            # Mirrored in the sagittal plane, as a rotation axis is.
+            axis=(axis[0], -axis[1], -axis[2]) if side == "right" else axis,
+            positive=f"{region}_{positive}",
+            negative=f"{region}_{negative}",
+            share=_AXIAL_SHARES.get(joint, 1.0),
+            clinical_zero=math.pi / 2 if (kind, positive) == ("shoulder", "abduction") else 0.0,
+            side=side,
         )
-        for p, n, axis in axial
+        for positive, negative, axis in _AXES[kind]
     ]
 
 
-DOFS: tuple[Dof, ...] = tuple(
-    dof
-    for joint in JOINTS[1:]
-    for dof in (_limb_dofs(joint) if joint.startswith(SIDES) else _axial_dofs(joint))
-)
+DOFS: tuple[Dof, ...] = tuple(dof for joint in JOINTS[1:] for dof in _dofs(joint))
 DOF_INDEX = {dof.name: i for i, dof in enumerate(DOFS)}
 DOFS_OF: dict[str, tuple[Dof, ...]] = {
     joint: tuple(dof for dof in DOFS if dof.joint == joint) for joint in JOINTS
 }
 EYES = ("left_eye_smplhf", "right_eye_smplhf")
-
-Array = npt.NDArray[np.float64]
 
 
 def joint_rotations(angles: Array) -> Array:

@@ -10,7 +10,7 @@ import json
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
@@ -18,12 +18,14 @@ import numpy.typing as npt
 
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import matrix_from_quaternion
+from rcare_marl.pose import Array, matrix_from_quaternion
 
 from .skeleton import JOINT_INDEX, JOINTS, PARENTS
 
+if TYPE_CHECKING:
+    from .tissue import Tissue
+
 Floats = npt.NDArray[np.float32]
-Array = npt.NDArray[np.float64]
 _SKIN_TONE = (198, 150, 122)
 SMPLX_VERTEX_COUNT = 10475
 
@@ -113,16 +115,18 @@ def load_body_model(path: str | Path) -> BodyModel:
         if isinstance(error, ConfigError):
             raise
         raise ConfigError(f"cannot read the body model {file}: {error}") from error
-    return _from_smplx(arrays, file) if is_smplx else _from_baked(arrays, file)
+    model = _from_smplx(arrays, file) if is_smplx else _from_baked(arrays)
+    _check(model, file)
+    return model
 
 
 _BAKED_KEYS = tuple("vertices faces joints weight_joints weights colors mouth meta_json".split())
 _SMPLX_KEYS = ("v_template", "f", "weights", "J_regressor", "kintree_table")
 
 
-def _from_baked(a: dict[str, npt.NDArray[Any]], file: Path) -> BodyModel:
+def _from_baked(a: dict[str, npt.NDArray[Any]]) -> BodyModel:
     weights = a["weights"].astype(np.float32)
-    model = BodyModel(
+    return BodyModel(
         vertices=a["vertices"].astype(np.float32),
         faces=a["faces"].astype(np.int32),
         joints=a["joints"].astype(np.float64),
@@ -132,8 +136,6 @@ def _from_baked(a: dict[str, npt.NDArray[Any]], file: Path) -> BodyModel:
         mouth=a["mouth"].astype(np.float64),
         meta=json.loads(str(a["meta_json"])),
     )
-    _check(model, file)
-    return model
 
 
 def _from_smplx(a: dict[str, npt.NDArray[Any]], file: Path) -> BodyModel:
@@ -142,19 +144,15 @@ def _from_smplx(a: dict[str, npt.NDArray[Any]], file: Path) -> BodyModel:
     parents[0] = -1
     if len(parents) != len(JOINTS) or (parents != PARENTS).any():
         raise ConfigError(f"{file}: kintree_table is not that of SMPL-X with {len(JOINTS)} joints")
-    if vertices.shape != (SMPLX_VERTEX_COUNT, 3):
-        raise ConfigError(
-            f"{file}: v_template must be ({SMPLX_VERTEX_COUNT}, 3), got {vertices.shape}"
-        )
+    shapes = {
+        "v_template": (SMPLX_VERTEX_COUNT, 3),
+        "weights": (SMPLX_VERTEX_COUNT, len(JOINTS)),
+        "J_regressor": (len(JOINTS), SMPLX_VERTEX_COUNT),
+    }
+    for key, shape in shapes.items():
+        if a[key].shape != shape:
+            raise ConfigError(f"{file}: {key} must be {shape}, got {a[key].shape}")
     full = a["weights"].astype(np.float32)
-    if full.shape != (len(vertices), len(JOINTS)):
-        raise ConfigError(
-            f"{file}: weights must be {(len(vertices), len(JOINTS))}, got {full.shape}"
-        )
-    if a["J_regressor"].shape != (len(JOINTS), len(vertices)):
-        raise ConfigError(
-            f"{file}: J_regressor must be {(len(JOINTS), len(vertices))}, got {a['J_regressor'].shape}"
-        )
     joints = a["J_regressor"].astype(np.float64) @ vertices
     strongest = np.argsort(-full, axis=1, kind="stable")[:, :4]
     weights = np.take_along_axis(full, strongest, axis=1)
@@ -166,7 +164,7 @@ def _from_smplx(a: dict[str, npt.NDArray[Any]], file: Path) -> BodyModel:
     near &= np.abs(vertices[:, 1] - (jaw[1] - 0.02)) < 0.025
     candidates = vertices[near] if near.any() else jaw[None] + (0.0, -0.02, 0.09)
     mouth = candidates[np.argmax(candidates[:, 2])]
-    model = BodyModel(
+    return BodyModel(
         vertices=(vertices - floor).astype(np.float32),
         faces=a["f"].astype(np.int32),
         joints=joints - floor,
@@ -176,23 +174,21 @@ def _from_smplx(a: dict[str, npt.NDArray[Any]], file: Path) -> BodyModel:
         mouth=mouth - floor,
         meta={"source": file.name, "licence": "as licensed to the user by its makers"},
     )
-    _check(model, file)
-    return model
 
 
 def _check(model: BodyModel, file: Path) -> None:
     count = len(model.vertices)
-    shapes: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
-        "vertices": (model.vertices.shape, (count, 3)),
-        "faces": (model.faces.shape, (len(model.faces), 3)),
-        "joints": (model.joints.shape, (len(JOINTS), 3)),
-        "weights": (model.weights.shape, (count, 4)),
-        "weight_joints": (model.weight_joints.shape, (count, 4)),
-        "colors": (model.colors.shape, (count, 3)),
-        "mouth": (model.mouth.shape, (3,)),
+    shapes: dict[str, tuple[int, ...]] = {
+        "vertices": (count, 3),
+        "faces": (len(model.faces), 3),
+        "joints": (len(JOINTS), 3),
+        "weights": (count, 4),
+        "weight_joints": (count, 4),
+        "colors": (count, 3),
+        "mouth": (3,),
     }
-    for key, (got, wanted) in shapes.items():
-        if got != wanted:
+    for key, wanted in shapes.items():
+        if (got := getattr(model, key).shape) != wanted:
             raise ConfigError(f"{file}: {key} must have shape {wanted}, got {got}")
     for key in ("vertices", "joints", "weights", "mouth"):
         if not np.isfinite(getattr(model, key)).all():
@@ -212,16 +208,6 @@ class JointFrame:
     offset: Array  # [m], shape [3]
 
 
-class SoftLayer(Protocol):
-    """What lies beneath a skin and deforms it."""
-
-    def displace(self, vertices: Floats, rotations: Array) -> None:
-        """Move vertices in the world [m], shape [n, 3], for rotations of the joints [55, 3, 3]."""
-
-    def paint(self, skin: PersonSkin) -> None:
-        """Give the skin its present colours."""
-
-
 class PersonSkin:
     """The skin of a spawned person, for renderers: implements `rcare_marl.world.Skin`.
 
@@ -232,7 +218,7 @@ class PersonSkin:
     def __init__(self, model: BodyModel, body: Body, frames: list[JointFrame]) -> None:
         self.model, self.body = model, body
         self.faces, self.colors = model.faces, model.colors
-        self.tissue: SoftLayer | None = None
+        self.tissue: Tissue | None = None
         self._links = np.array([frame.link + 1 for frame in frames])
         self._rotations = np.array([frame.rotation for frame in frames])
         self._offsets = np.array([frame.offset for frame in frames])

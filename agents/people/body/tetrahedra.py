@@ -13,9 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array
 from rcare_marl.soft.tetrahedron import boundary, signed_volumes
 
-Array = npt.NDArray[np.float64]
+from .segment import frame_along
+
 Indices = npt.NDArray[np.int32]
 
 CORE_LIMIT = 0.85  # of the skin's radius: no core is thicker, or the flesh would have no thickness
@@ -108,13 +110,13 @@ def make_flesh(
     if np.abs(volumes).min() <= 0 or len(np.unique(np.sign(volumes.reshape(-1, 5)), axis=0)) > 2:
         raise ConfigError("the skin folds over the core: flesh cannot be made of this segment")
     held = np.unique(np.concatenate((grid[0].ravel(), grid[:, [0, -1]].ravel())))
-    outer = grid[-1].astype(np.int32)
+    outer, skin_faces = grid[-1].astype(np.int32), boundary(tetrahedra)
     return Flesh(
         points,
         tetrahedra,
         held.astype(np.int32),
         outer,
-        _outer_faces(tetrahedra, outer),
+        np.ascontiguousarray(skin_faces[(skin_faces >= outer.min()).all(axis=1)]),
         axis,
         start,
         across,
@@ -145,10 +147,7 @@ def centre_line(skin: Array, faces: Indices, start: Array, end: Array) -> tuple[
 
 def _around(axis: Array, sectors: int) -> tuple[Array, Array]:
     """Return two directions across an axis [2, 3], and `sectors` directions around it [sectors, 3]."""
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    first = np.cross(helper, axis)
-    first /= np.linalg.norm(first)
-    across = np.stack((first, np.cross(axis, first)))
+    across = np.ascontiguousarray(frame_along(axis).T[:2])
     angles = 2 * np.pi * np.arange(sectors) / sectors
     return across, np.column_stack((np.cos(angles), np.sin(angles))) @ across
 
@@ -166,12 +165,6 @@ def _cut(grid: npt.NDArray[np.integer]) -> Indices:
     even = ((i + j + k) % 2 == 0).reshape(-1)
     out = np.where(even[:, None, None], cells[:, np.array(_EVEN)], cells[:, np.array(_ODD)])
     return np.ascontiguousarray(out.reshape(-1, 4), np.int32)
-
-
-def _outer_faces(tetrahedra: Indices, outer: Indices) -> Indices:
-    """Return the triangles of the skin, counter-clockwise from outside."""
-    faces = boundary(tetrahedra)
-    return np.ascontiguousarray(faces[(faces >= outer.min()).all(axis=1)])
 
 
 def _cast(skin: Array, faces: Indices, origins: Array, directions: Array, axis: Array) -> Array:

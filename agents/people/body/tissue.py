@@ -17,8 +17,8 @@ import numpy.typing as npt
 from rcare_marl import assets
 from rcare_marl.body import Body
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError, UnknownNameError, check_name
-from rcare_marl.pose import Pose, Vector, matrix_from_quaternion, quaternion_from_matrix
+from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.pose import Array, Pose, Vector, matrix_from_quaternion, quaternion_from_matrix
 from rcare_marl.soft.material import Material
 from rcare_marl.soft.soft_body import SUBSTEPS, SoftBody
 from rcare_marl.soft.soft_object import Carrier
@@ -31,7 +31,6 @@ from .skeleton import JOINT_INDEX, JOINTS, SIDES
 from .skin import BodyModel, JointFrame, PersonSkin
 from .tetrahedra import Flesh, centre_line, make_flesh
 
-Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 
 _NEXT = {
@@ -128,12 +127,8 @@ def expand_tissue(names: Iterable[str]) -> tuple[str, ...]:
     """
     chosen: set[str] = set()
     for name in names:
-        if name in GROUPS:
-            chosen.update(GROUPS[name])
-        elif name in SEGMENTS:
-            chosen.add(name)
-        else:
-            raise UnknownNameError("segment with tissue", name, (*SEGMENTS, *GROUPS))
+        check_name("segment with tissue", name, (*SEGMENTS, *GROUPS))
+        chosen.update(GROUPS.get(name, (name,)))
     return tuple(joint for joint in JOINTS if joint in chosen)
 
 

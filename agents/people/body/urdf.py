@@ -6,30 +6,21 @@ the cost of a physics step follows the number of links, fixed ones too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.pose import axis_rotation, rpy_from_matrix
+from rcare_marl.pose import Array, rpy_from_matrix
 
+from .person_tree import Mass, melted
 from .segment import LEAST_INERTIA, Segment, Shape, combined
-from .skeleton import DOF_INDEX, DOFS_OF, JOINT_INDEX, JOINTS, PARENTS
-
-Array = npt.NDArray[np.float64]
+from .skeleton import DOFS_OF, JOINTS
 
 # The first links of a joint with several axes have no flesh of their own. A trace of mass lets Bullet
 # accept them, and a trace of inertia keeps the mass matrix regular where two axes align.
-TRACE_MASS = 1e-6  # [kg]
-
-
-@dataclass(eq=False)
-class _Link:
-    name: str
-    parts: list[tuple[float, Array, Array]] = field(default_factory=list)  # mass, centre, inertia
-    shapes: list[tuple[Shape, Array, Array]] = field(default_factory=list)  # with frame in the link
+_TRACE = (1e-6, np.zeros(3), LEAST_INERTIA * np.eye(3))  # [kg], [m], [kg·m²]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +47,7 @@ def write_urdf(
     *,
     limits: Mapping[str, tuple[float, float]],
     posture: Array,
-    effort: Mapping[str, float] | None = None,
+    effort: Mapping[str, float],
 ) -> PersonUrdf:
     """Return the URDF of a person.
 
@@ -66,50 +57,28 @@ def write_urdf(
         joints: Joint centres in the T-pose [m], shape [55, 3].
         limits: For each movable DoF its lower and upper limit [rad]; the others melt.
         posture: Angle of every DoF [rad], shape [112]; fixed DoFs stay there.
-        effort: Greatest torque of each movable DoF [N·m]; 1000 where none is given.
+        effort: Greatest torque of each movable DoF [N·m].
     """
+    body = melted(segments, joints, posture, limits)
+    names = ["pelvis"]
+    for dof in body.dofs:
+        movable = [other for other in DOFS_OF[dof.joint] if other.name in limits]
+        place = movable.index(dof) + 1
+        names.append(dof.joint if place == len(movable) else f"{dof.joint}_{place}")
+    frames = tuple(Frame(names[part + 1], r, offset) for part, r, offset in body.frames)
     root = ElementTree.Element("robot", name=name)
-    links = {"pelvis": _Link("pelvis")}
-    frames: list[Frame] = []
-    connections: list[ElementTree.Element] = []
-    for j, joint in enumerate(JOINTS):
-        if j == 0:
-            frame = Frame("pelvis", np.eye(3), np.zeros(3))
-        else:
-            frame = _add_joint(
-                joint, frames[PARENTS[j]], joints, limits, posture, effort or {}, links, connections
-            )
-        frames.append(frame)
-        _add_flesh(links[frame.link], segments[joint], frame)
-    for link in links.values():
-        _write_link(root, link)
-    root.extend(connections)
-    ElementTree.indent(root)
-    return PersonUrdf(ElementTree.tostring(root, encoding="unicode"), tuple(frames))
-
-
-def _add_joint(
-    joint: str,
-    parent: Frame,
-    centres: Array,
-    limits: Mapping[str, tuple[float, float]],
-    posture: Array,
-    effort: Mapping[str, float],
-    links: dict[str, _Link],
-    connections: list[ElementTree.Element],
-) -> Frame:
-    j = JOINT_INDEX[joint]
-    link = parent.link
-    rotation = parent.rotation
-    offset = parent.offset + parent.rotation @ (centres[j] - centres[PARENTS[j]])
-    movable = [dof for dof in DOFS_OF[joint] if dof.name in limits]
-    for dof in DOFS_OF[joint]:
-        if dof.name not in limits:
-            rotation = rotation @ axis_rotation(dof.axis, float(posture[DOF_INDEX[dof.name]]))
-            continue
-        is_last = dof is movable[-1]
-        child = joint if is_last else f"{joint}_{movable.index(dof) + 1}"
-        element = _joint(dof.name, link, child, rotation, offset)
+    links = {}
+    for link, parts in zip(names, body.flesh, strict=True):
+        links[link] = ElementTree.SubElement(root, "link", name=link)
+        _write_inertial(links[link], parts or [_TRACE])
+    for joint, frame in zip(JOINTS, frames, strict=True):
+        for shape in segments[joint].shapes:
+            _write_collision(links[frame.link], shape, frame)
+    for k, (dof, (part, rotation, offset)) in enumerate(zip(body.dofs, body.places, strict=True)):
+        element = ElementTree.SubElement(root, "joint", name=dof.name, type="revolute")
+        ElementTree.SubElement(element, "parent", link=names[part + 1])
+        ElementTree.SubElement(element, "child", link=names[k + 1])
+        _write_origin(element, offset, rotation)
         ElementTree.SubElement(element, "axis", xyz=_text(dof.axis))
         low, high = limits[dof.name]
         ElementTree.SubElement(
@@ -117,68 +86,37 @@ def _add_joint(
             "limit",
             lower=f"{low:.6f}",
             upper=f"{high:.6f}",
-            effort=f"{effort.get(dof.name, 1000.0):.4f}",
+            effort=f"{effort[dof.name]:.4f}",
             velocity="20",
         )
-        connections.append(element)
-        links[child] = _Link(child)
-        if not is_last:
-            links[child].parts.append((TRACE_MASS, np.zeros(3), LEAST_INERTIA * np.eye(3)))
-        link, rotation, offset = child, np.eye(3), np.zeros(3)
-    return Frame(link, rotation, offset)
+    ElementTree.indent(root)
+    return PersonUrdf(ElementTree.tostring(root, encoding="unicode"), frames)
 
 
-def _add_flesh(link: _Link, segment: Segment, frame: Frame) -> None:
-    r = frame.rotation
-    link.parts.append((segment.mass, frame.offset + r @ segment.centre, r @ segment.inertia @ r.T))
-    link.shapes.extend((shape, r, frame.offset) for shape in segment.shapes)
-
-
-def _write_link(root: ElementTree.Element, link: _Link) -> None:
-    element = ElementTree.SubElement(root, "link", name=link.name)
-    mass, centre, inertia = combined(link.parts)
+def _write_inertial(element: ElementTree.Element, parts: Sequence[Mass]) -> None:
+    mass, centre, inertia = combined(parts)
     inertial = ElementTree.SubElement(element, "inertial")
     ElementTree.SubElement(inertial, "origin", xyz=_text(centre), rpy="0 0 0")
     ElementTree.SubElement(inertial, "mass", value=f"{mass:.8f}")
-    rows = (
-        (0, 0, "ixx"),
-        (0, 1, "ixy"),
-        (0, 2, "ixz"),
-        (1, 1, "iyy"),
-        (1, 2, "iyz"),
-        (2, 2, "izz"),
-    )
-    ElementTree.SubElement(
-        inertial, "inertia", {key: f"{inertia[a, b]:.10f}" for a, b, key in rows}
-    )
-    for shape, rotation, offset in link.shapes:
-        collision = ElementTree.SubElement(element, "collision")
-        ElementTree.SubElement(
-            collision,
-            "origin",
-            xyz=_text(offset + rotation @ shape.centre),
-            rpy=_text(rpy_from_matrix(rotation @ shape.rotation)),
-        )
-        geometry = ElementTree.SubElement(collision, "geometry")
-        if shape.kind == "box":
-            ElementTree.SubElement(geometry, "box", size=_text(shape.size))
-        else:
-            length, radius = shape.size
-            ElementTree.SubElement(
-                geometry, "capsule", length=f"{length:.6f}", radius=f"{radius:.6f}"
-            )
+    pairs = [(a, b) for a in range(3) for b in range(a, 3)]
+    values = {f"i{'xyz'[a]}{'xyz'[b]}": f"{inertia[a, b]:.10f}" for a, b in pairs}
+    ElementTree.SubElement(inertial, "inertia", values)
 
 
-def _joint(
-    name: str, parent: str, child: str, rotation: Array, offset: Array
-) -> ElementTree.Element:
-    element = ElementTree.Element("joint", name=name, type="revolute")
-    ElementTree.SubElement(element, "parent", link=parent)
-    ElementTree.SubElement(element, "child", link=child)
-    ElementTree.SubElement(
-        element, "origin", xyz=_text(offset), rpy=_text(rpy_from_matrix(rotation))
-    )
-    return element
+def _write_collision(element: ElementTree.Element, shape: Shape, frame: Frame) -> None:
+    collision = ElementTree.SubElement(element, "collision")
+    centre = frame.offset + frame.rotation @ shape.centre
+    _write_origin(collision, centre, frame.rotation @ shape.rotation)
+    if shape.kind == "box":
+        size = {"size": _text(shape.size)}
+    else:
+        size = {"length": f"{shape.size[0]:.6f}", "radius": f"{shape.size[1]:.6f}"}
+    ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), shape.kind, size)
+
+
+def _write_origin(element: ElementTree.Element, place: Array, turn: Array) -> None:
+    xyz, rpy = _text(place), _text(rpy_from_matrix(turn))
+    ElementTree.SubElement(element, "origin", xyz=xyz, rpy=rpy)
 
 
 def _text(values: Array | tuple[float, ...]) -> str:

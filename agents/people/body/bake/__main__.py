@@ -103,14 +103,9 @@ def main() -> None:
         file = options.out / f"{name}.npz"
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
         meta = json.loads(str(arrays["meta_json"]))
-        _LOG.info(
-            "%-10s %.3f m %.1f kg, %d vertices, %d kB",
-            name,
-            meta["height_m"],
-            meta["mass_kg"],
-            len(arrays["vertices"]),
-            file.stat().st_size // 1024,
-        )
+        made = meta["height_m"], meta["mass_kg"], len(arrays["vertices"])
+        size = file.stat().st_size // 1024
+        _LOG.info("%-10s %.3f m %.1f kg, %d vertices, %d kB", name, *made, size)
 
 
 if __name__ == "__main__":

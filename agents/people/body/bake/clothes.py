@@ -75,9 +75,9 @@ def wear(
     slack, blunt = smoothstep(0.0, 0.035, edge), np.clip(f["blunt"], 0.0, 1.0)
     loose = drape(mesh, (f["top"] > 0) & (f["shoe"] < -0.01), slack, blunt, 90)
     worn = WeightedMesh(loose, mesh.faces, mesh.weights)
-    out_of = worn.normals()
+    out_of, average = worn.normals(), worn.smoother()
     for _ in range(4):
-        out_of = out_of + worn.average(out_of)
+        out_of = out_of + average(out_of)
         out_of /= np.linalg.norm(out_of, axis=1, keepdims=True)
     out_of = np.where((f["top"] > 0)[:, None], out_of, mesh.normals())
     is_top = smoothstep(0.0, _STEP, f["hem"])

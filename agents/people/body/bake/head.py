@@ -30,7 +30,6 @@ class Landmarks:
     Attributes:
         eyes: Centres of the left and the right eyeball, shape [2, 3].
         skull: Centre of the skull.
-        top: Height of the crown.
         mouth: Middle of the lips on the midline.
         lip_top: Height of the upper lip's upper border.
         mouth_half_width: Half the mouth's width.
@@ -39,7 +38,6 @@ class Landmarks:
 
     eyes: Floats
     skull: Floats
-    top: float
     mouth: Floats
     lip_top: float
     mouth_half_width: float
@@ -49,10 +47,10 @@ class Landmarks:
 def add_sources(source: AnnySource, naked: NakedBody) -> WeightedMesh:
     """Return the naked mesh with the source's own regions as fields."""
     mesh, index = naked.mesh, naked.source
-    on_body = index < BODY.stop
+    on_body, average = index < BODY.stop, mesh.smoother()
     for name, mask in (("lips", "lips"), ("ears", "ears"), ("nails", "fingernails")):
         values = np.where(on_body, source.mask(mask)[index], 0.0)
-        mesh.fields[name] = np.where(on_body, 0.5 * (values + mesh.average(values)), -1.0)
+        mesh.fields[name] = np.where(on_body, 0.5 * (values + average(values)), -1.0)
     cavity = np.isin(index, source.region("mouth_cavity")) & on_body
     mesh.fields["cavity"] = np.where(on_body, cavity.astype(float), -1.0)
     # Within a few centimetres of the nipples the cloth must not follow the body.
@@ -89,15 +87,14 @@ def find_landmarks(mesh: WeightedMesh, joints: Floats) -> Landmarks:
     below = points[(abs(points[:, 0]) < 0.006) & on_jaw(mesh) & (points[:, 2] > eyes[0, 2] - 0.01)]
     chin = below[np.argmin(below[:, 1])] if len(below) else mouth - [0.0, 0.04, 0.0]
     return Landmarks(
-        eyes, skull, float(cranium[:, 1].max()), mouth, float(middle[:, 1].max()),
+        eyes, skull, mouth, float(middle[:, 1].max()),
         float(abs(lips[:, 0]).max()), chin,
     )  # fmt: skip
 
 
 def on_jaw(mesh: WeightedMesh) -> Mask:
     """Return which skin vertices follow the jaw."""
-    out: Mask = (mesh.weights[:, JOINT_INDEX["jaw"]] > 0.5) & (mesh.fields["kind"] == 0)
-    return out
+    return (mesh.weights[:, JOINT_INDEX["jaw"]] > 0.5) & (mesh.fields["kind"] == 0)
 
 
 def shape_head(mesh: WeightedMesh, marks: Landmarks, recipe: BodyRecipe) -> WeightedMesh:
@@ -270,15 +267,14 @@ def _skin(mesh: WeightedMesh, marks: Landmarks, recipe: BodyRecipe) -> Floats:
 def lip_edges(mesh: WeightedMesh, marks: Landmarks) -> tuple[Ints, Ints]:
     """Return a few vertices of the upper and of the lower lip's free edge, left to right."""
     lips = (mesh.fields["lips"] > LIP_LEVEL) & (mesh.fields["kind"] == 0)
-    lower = mesh.weights[:, JOINT_INDEX["jaw"]] > 0.5
-    upper_edge: list[int] = []
-    lower_edge: list[int] = []
+    lower = on_jaw(mesh)
+    edges: tuple[list[int], list[int]] = ([], [])
     for x in np.linspace(0.6, -0.6, 5) * marks.mouth_half_width:
         strip = lips & (abs(mesh.vertices[:, 0] - x) < 0.005)
         strip &= mesh.vertices[:, 2] > mesh.vertices[strip, 2].max() - 0.007
-        for edge, mine, sign in ((upper_edge, ~lower, 1.0), (lower_edge, lower, -1.0)):
+        for edge, mine, sign in zip(edges, (~lower, lower), (1.0, -1.0), strict=True):
             found = np.flatnonzero(strip & mine)
             if len(found):
                 edge.append(int(found[np.argmin(sign * mesh.vertices[found, 1])]))
-    unique = [np.array(list(dict.fromkeys(e)), dtype=np.int64) for e in (upper_edge, lower_edge)]
-    return unique[0], unique[1]
+    upper, under = (np.array(list(dict.fromkeys(edge)), dtype=np.int64) for edge in edges)
+    return upper, under

