@@ -14,8 +14,7 @@ import gymnasium
 
 from rcare_marl.agents.agent import Array
 from rcare_marl.agents.people.behaviour.avatar_tree import AvatarBehaviour, Surroundings
-from rcare_marl.agents.people.behaviour.behaviour_tree import StayStill
-from rcare_marl.agents.people.behaviour.sampled import RandomPolicy
+from rcare_marl.agents.people.behaviour.behaviour_tree import RandomPolicy, StayStill
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
 from rcare_marl.errors import ConfigError, check_name

@@ -13,16 +13,15 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.pose import Array
 
 from .body.anthropometry import Sex
 from .body.skeleton import DOFS, Dof
 
-Array = npt.NDArray[np.float64]
 Range = Literal["active", "passive"]
 if TYPE_CHECKING:
     MmtGrade = float

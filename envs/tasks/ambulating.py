@@ -22,11 +22,10 @@ from ..place import DoorSite
 from ..reach import Trial
 from ..rectangle import Rectangle
 from ..registry import register_task
-from ..rewards import tolerance
 from ..scenes.door_approach import STANDING, WIDE_ENOUGH, DoorApproach, is_free_beyond
 from ..scenes.step_peak import StepPeak
 from ..scenes.way_through import WayState, WayThrough
-from ..state import Seen, State, Values, clip, greatest
+from ..state import Seen, State, Values, clip, greatest, tolerance
 from ..task import CHAIR_ROBOTS, Role, Task
 from ..task_options import TaskOptions
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from rcare_marl.agents.people.behaviour.go_along import GoAlong
+from rcare_marl.agents.people.behaviour.behaviour_tree import GoAlong
 from rcare_marl.agents.people.behaviour.leg_lifting import LegLift, LegLifting
 from rcare_marl.agents.people.garment import tailor
 from rcare_marl.agents.people.human import Human
@@ -26,11 +26,10 @@ from ..care_env import CareEnv
 from ..devices import chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
-from ..rewards import tolerance
 from ..scenes.hanging_shorts import HOLD_START, hang, tip
 from ..scenes.liftable_leg import LIFT_SPREAD, LiftableLeg, let_leg_stand
 from ..scenes.pulling_posture import pulling_search, pulling_trials
-from ..state import Seen, State, Values, where
+from ..state import Seen, State, Values, tolerance, where
 from ..task import CHAIR_ROBOTS, Role, Task
 from ..task_options import TaskOptions
 

@@ -18,11 +18,10 @@ from rcare_marl.world import World
 from ..care_env import CareEnv
 from ..devices import Cup
 from ..registry import register_policy, register_task
-from ..rewards import tolerance
 from ..scenes.cup_hold import CupHold
 from ..scenes.meal import Meal, MealOptions
 from ..scenes.mouth import RADIUS, Mouth
-from ..state import Seen, State, Values, clip
+from ..state import Seen, State, Values, clip, tolerance
 
 LEAST_DRUNK = 0.75  # share of the water: Assistive Gym, drinking
 MOST_SPILLED = 0.10  # share of the water; our own choice

@@ -17,9 +17,8 @@ from ..care_env import CareEnv
 from ..devices import Spoon
 from ..reach import Trial
 from ..registry import register_policy, register_task
-from ..rewards import tolerance
 from ..scenes.meal import Meal, MealOptions
-from ..state import Seen, State, Values
+from ..state import Seen, State, Values, tolerance
 from ..task import CHAIR_ROBOTS
 
 Flags = npt.NDArray[np.bool_]

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rcare_marl.agents.people.behaviour.go_along import GoAlong
+from rcare_marl.agents.people.behaviour.behaviour_tree import GoAlong
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.kinematics import IkResult
@@ -23,9 +23,8 @@ from ..care_env import CareEnv
 from ..devices import ArmCradle, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
-from ..rewards import tolerance
 from ..scenes.start_posture import start_best
-from ..state import Seen, State, Values, where
+from ..state import Seen, State, Values, tolerance, where
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 

@@ -21,9 +21,8 @@ from ..devices import Wheelchair, add_stand, spawn_fitted
 from ..reach import Trial
 from ..rectangle import Rectangle
 from ..registry import register_task
-from ..rewards import tolerance
 from ..scenes.step_peak import StepPeak
-from ..state import Seen, State, Values, clip, greatest
+from ..state import Seen, State, Values, clip, greatest, tolerance
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 

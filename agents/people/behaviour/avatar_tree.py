@@ -102,11 +102,7 @@ class Surroundings:
 
 def load_behaviour(name: str | Path) -> BehaviourConfig:
     """Return the behaviour of that name, or from that YAML file."""
-    path = Path(name)
-    return load(
-        BehaviourConfig,
-        path if path.suffix in (".yaml", ".yml") else assets.find("behaviours", str(name)),
-    )
+    return load(BehaviourConfig, assets.find("behaviours", name))
 
 
 def behaviour_of(person: Human) -> BehaviourConfig:

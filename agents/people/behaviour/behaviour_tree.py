@@ -1,4 +1,4 @@
-"""A person who follows a behaviour tree."""
+"""A person who follows a behaviour tree, and policies that are simpler than that."""
 
 from __future__ import annotations
 
@@ -61,6 +61,36 @@ class StayStill:
 
     def act(self) -> Array:
         return self._action
+
+
+class RandomPolicy:
+    """A policy that knows nothing: every action is drawn uniformly from the whole action box."""
+
+    def __init__(self, action_size: int, low: float = -1.0) -> None:
+        """Take the number of action values and the least of each."""
+        self._size, self._low = action_size, low
+        self._rng = np.random.default_rng(0)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+
+    def act(self) -> Array:
+        return self._rng.uniform(self._low, 1.0, self._size)
+
+
+class GoAlong:
+    """Relaxes: whoever moves the person meets the weight of the limb, and no will."""
+
+    def __init__(self, person: Human, control_dt: float) -> None:
+        """Take the person, and the length of a control step [s]."""
+        self._person, self._control_dt = person, control_dt
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Nothing to begin."""
+
+    def act(self) -> Array:
+        """Return the action that slackens the muscles: targets that give way, or no excitation."""
+        return self._person.slack_action(self._control_dt)
 
 
 def look_at(

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose, matrix_from_quaternion, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, matrix_from_quaternion, quaternion_from_matrix
 
 from ..body.skeleton import (
     DOF_INDEX,
@@ -24,8 +23,6 @@ from ..body.skeleton import (
 from ..body.skin import BodyModel
 from ..profile import ClinicalProfile, Range
 from .decomposition import decompose
-
-Array = npt.NDArray[np.float64]
 
 # Bones whose direction is kept where the rest postures of clip and avatar differ: joint and next one.
 # Hands and fingers go with the forearm; feet and trunk are taken as they are.
