@@ -21,10 +21,7 @@ PERSON_SPREAD = 0.10  # [m] along and across, uniform each way
 JOINT_SPREAD = math.radians(15)  # of shoulder, hip and elbow, uniform each way
 # Our own choices.
 BED_RAISE = 0.17  # [m] of the platform over its lowest
-TABLE_AT, TABLE_OVER = (
-    (-0.38, 0.08),
-    0.31,
-)  # [m] middle of the top, and its height over the mattress
+TABLE_AT, TABLE_OVER = (-0.38, 0.08), 0.31  # [m] middle of the top, its height over the mattress
 SPONGE_Y, BASIN_Y = -0.34, -0.08  # [m] from the middle of the table
 DEPTH_SHARE = 0.8  # of the sponge that a hand over the rim puts under water
 # How far a limb is laid towards the body at most: it is not laid into trunk or other leg.

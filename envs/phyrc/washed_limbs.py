@@ -35,12 +35,7 @@ class WashedLimbs:
         """
         self.limbs = {
             f"{side}_{joint}": WipedSkin(
-                person,
-                world,
-                f"{side}_{joint}",
-                f"{side}_{end}",
-                bare=bare,
-                like=f"{side}_wrist",
+                person, world, f"{side}_{joint}", f"{side}_{end}", bare=bare, like=f"{side}_wrist"
             )
             for side in SIDES
             for joint, end, bare in LIMBS

@@ -26,9 +26,7 @@ class WayState:
     """How far a wheelchair is through a door."""
 
     place: Array  # where the chair is: x, y [m], and its heading from y on, to the left [rad]; shape [3]
-    left: (
-        float  # how far the last of the chair is from being past the wall [m]; 0 or less once it is
-    )
+    left: float  # how far the last of the chair is from being past the wall [m]; 0 or less then
     share: float  # what is done of the way, 0 to 1
     force: float  # greatest summed force on the chair in the control step [N]
     peak: float  # that of the episode

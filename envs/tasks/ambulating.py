@@ -72,9 +72,7 @@ class AmbulatingState(State):
     turn: float  # how far the handle is turned [rad]; 0 where a panel slides
     opening: float  # how far the door is open [rad], or slid into the wall [m]
     is_latched: bool  # whether the latch holds it
-    handle: (
-        Array  # where the handle is touched [m], shape [3]: a knob, a bar, or the end of a lever
-    )
+    handle: Array  # where it is touched [m], shape [3]: a knob, a bar, or the end of a lever
     gap: Array  # from the tool to there [m], shape [3]
     distance: float  # length of that [m]
     push: float  # greatest force on the door in the control step [N]
@@ -181,9 +179,8 @@ class Ambulating(Task):
         self._tool, self.facing = self.robot.tool_index, AHEAD
         self._pushing = StepPeak(partial(world.contact_force, self.robot.body, body))
         home = self.robot.config.postures["home"]
-        self._seed: Array | None = (
-            None  # or from `home`, elbow up, where furniture or a jamb is beside it
-        )
+        # Or from `home`, elbow up, where furniture or a jamb is beside it.
+        self._seed: Array | None = None
         if self.place.room is not None or self._drives:
             self._seed = np.array([home.get(j, 0.0) for j in self.robot.arm.names])
         trials = []

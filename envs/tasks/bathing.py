@@ -88,9 +88,7 @@ class BathingState(State):
     gained: float  # what it grew by in the control step
     # where the present stroke began, as a share of the way to the elbow; infinite between strokes
     stroke_from: float
-    is_reached: (
-        bool  # whether the sponge has come to the target in one stroke, and enough was wiped
-    )
+    is_reached: bool  # whether it has come to the target in one stroke, and enough was wiped
 
 
 @register_task("bathing")

@@ -27,8 +27,8 @@ from ..devices import chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..scenes.hanging_shorts import HOLD_START, hang, tip
-from ..scenes.liftable_leg import LIFT_SPREAD, LiftableLeg, let_leg_stand
-from ..scenes.pulling_posture import pulling_search, pulling_trials
+from ..scenes.leg_path import LIFT_SPREAD, LiftableLeg, let_leg_stand
+from ..scenes.start_posture import pulling_search, pulling_trials
 from ..state import Seen, State, Values, tolerance, where
 from ..task import CHAIR_ROBOTS, Role, Task
 from ..task_options import TaskOptions
