@@ -232,8 +232,7 @@ def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
         raise ConfigError(
             f"policy of {role!r} must be a name, a file or a function of environment and role, got {policy!r}"
         )
-    factory: PolicyFactory = policy
-    return factory
+    return policy
 
 
 def _agent(name: str, role: Role[Any], fields: Mapping[str, Any], *, is_scripted: bool) -> Agent:

@@ -44,16 +44,6 @@ _POLICIES: dict[tuple[str, str, str], PolicyFactory] = {}
 _POLICY_FILES: dict[str, PolicyLoader] = {}
 
 
-def _random(env: CareEnv, role: str) -> Policy:
-    """Return an agent that draws each action evenly from the action space."""
-    return RandomPolicy(env.cast[role].action_size, env.cast[role].action_low)
-
-
-def _still(env: CareEnv, role: str) -> Policy:
-    """Return an agent that does not act at all."""
-    return StayStill(env.cast[role].action_size)
-
-
 def _behaviour(env: CareEnv, role: str) -> Policy:
     """Return a person who behaves as the tree of their avatar says; see docs/behaviour.md.
 
@@ -76,8 +66,8 @@ def _behaviour(env: CareEnv, role: str) -> Policy:
 
 _COMMON: dict[str, PolicyFactory] = {  # known for every role
     "behaviour": _behaviour,
-    "random": _random,
-    "still": _still,
+    "random": lambda env, r: RandomPolicy(env.cast[r].action_size, env.cast[r].action_low),
+    "still": lambda env, r: StayStill(env.cast[r].action_size),
 }
 
 

@@ -12,7 +12,7 @@ from rcare_marl.agents.people.body.skeleton import SIDES
 from rcare_marl.agents.people.garment import tailor
 from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
-from rcare_marl.pose import Array, Pose
+from rcare_marl.pose import Array, Pose, about_z
 from rcare_marl.soft.cloth import Cloth, Grip
 from rcare_marl.soft.garment import Garment
 from rcare_marl.soft.soft_world import SoftWorld
@@ -162,8 +162,7 @@ class GownStand:
         armhole = before - aside * np.cross((0.0, 0.0, 1.0), out) - (0.0, 0.0, up)
         clips = [self.gown.positions[rows].mean(axis=0).tolist() for rows, _ in self.gown.clips]
         self.stand = DressingStand(float(armhole[2]), [(x, y, z) for x, y, z in clips])
-        half = 0.5 * math.atan2(out[1], out[0])
-        turn = (0.0, 0.0, math.sin(half), math.cos(half))
+        turn = about_z(math.atan2(out[1], out[0]))
         body = self.stand.spawn(world, Pose((float(armhole[0]), float(armhole[1]), 0.0), turn))
         self.cloth = Cloth(
             GARMENT, garment.rest, self.gown.faces, fabric=garment.config.fabric, grain=garment.grain,

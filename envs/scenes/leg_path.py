@@ -170,7 +170,7 @@ class LiftableLeg(LegPath):
 
 
 def let_leg_stand(world: World, person: Human, chair: Wheelchair, side: str) -> None:
-    """Let a leg stand on its footplate and lie on the seat; the posture keeps the rest off the chair.
+    """Let a leg stand on its footplate and lie on the seat; the rest passes through the chair already.
 
     Args:
         world: Where they are.
@@ -178,7 +178,6 @@ def let_leg_stand(world: World, person: Human, chair: Wheelchair, side: str) -> 
         chair: The chair.
         side: Of the leg.
     """
-    person.ignore(chair.body)
     thigh, shank = (person.frames[JOINT_INDEX[f"{side}_{j}"]].link for j in ("hip", "knee"))
     below = person.body.carried_by(shank)
     world.set_collision(person.body, chair.body, True, links_a=below)

@@ -12,7 +12,6 @@ import numpy as np
 
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
@@ -103,12 +102,9 @@ class Ambulating(Task):
     """
 
     robot = Role(
-        Robot,
-        default="kinova_gen3",
-        partner="scripted",
-        gripper="commanded",
+        Robot, default="kinova_gen3", partner="scripted", gripper="commanded",
         contact_force=CONTACT_FORCE,
-    )
+    )  # fmt: skip
     recipient = Role(
         Human, default="daniel", posture="wheelchair", movable=("neck", "head"), partner="still"
     )
@@ -121,6 +117,7 @@ class Ambulating(Task):
     time_limit = TIME_LIMIT
     options: AmbulatingOptions
     state: AmbulatingState
+    chair: Wheelchair
     way: WayThrough | None = None
     facing: tuple[float, ...]
 
@@ -136,10 +133,8 @@ class Ambulating(Task):
         return at.floor(self.robot.mount_named(at.robot_mount))
 
     def furnish(self, world: World) -> dict[str, Pose]:
-        if (posture := self.recipient.posture).arms != "armrests":
-            raise ConfigError(
-                f"the recipient must sit in the wheelchair, and is {posture.description}"
-            )
+        posture = self.recipient.posture
+        self.need(posture, posture.arms == "armrests", "sit in the wheelchair")
         self.door = self.place.door(
             hinge="high" if self.options.mount == "left" else "low",
             clear_width=self.options.clear_width,
@@ -149,7 +144,7 @@ class Ambulating(Task):
         self._mount = self.robot.mount_named(mount)
         self.robot.rides = self.recipient.rides = self._drives
         powered = PoweredWheelchair(mount=self._mount, side=side) if self._drives else None
-        self.chair: Wheelchair = powered or chair_for(self._mount, side)
+        self.chair = powered or chair_for(self._mount, side)
         at = self.approach.chair(self._mount)
         seat = spawn_fitted(self.chair, self.recipient, world, at)
         place = self.robot.mount(mount, self.frame_of(mount))
@@ -157,14 +152,10 @@ class Ambulating(Task):
         return {"robot": place, "recipient": seat}
 
     def frame_of(self, mount: str) -> Pose:
-        if mount == STANDING:
-            return self.approach.stand()
-        return self.chair.pose if mount.startswith("wheelchair") else Pose()
+        return self.approach.stand() if mount == STANDING else super().frame_of(mount)
 
     def build(self, world: World) -> None:
-        self.recipient.ignore(self.chair.body)  # the posture already keeps them apart
-        if self.chair.carries_robot:
-            world.set_collision(self.robot.body, self.chair.body, False)
+        self.let_overlap(self.chair.body)
         if isinstance(chair := self.chair, PoweredWheelchair):
             self.way = WayThrough(world, self.door, chair, self.recipient)
             for rider in (self.robot, self.recipient):

@@ -28,7 +28,6 @@ LOST_DISTANCE = 0.10  # [m] food farther than this from the spoon is spilled: As
 COMFORT_FORCE = 10.0  # [N] free of penalty below: Assistive Gym, config.ini
 OPEN_MOUTH = math.radians(10)  # of the jaw, before anything can be eaten; our own choice
 MOUTH_IN_FRONT = 0.01  # [m] the target lies this far in front of the lips; our own choice
-TIME_LIMIT = 20.0  # [s], 200 control steps, as in Assistive Gym
 FOOD_COUNT, FOOD_RADIUS, FOOD_MASS = 4, 0.005, 0.001  # size and mass of Assistive Gym's pieces
 FOOD_RGBA = (0.85, 0.45, 0.15, 1.0)
 START_GAP = (0.28, 0.36)  # [m] from mouth to spoon at the start; our own choice
@@ -82,7 +81,6 @@ class Feeding(Meal):
     reachable_by = CHAIR_ROBOTS | {"stretch_re1_dex"}
     least_success = 95
     Options = FeedingOptions
-    time_limit = TIME_LIMIT
     options: FeedingOptions
     state: FeedingState
 
@@ -90,7 +88,7 @@ class Feeding(Meal):
         super().build(world)
         self._spoon = Spoon()
         self._spoon_body = self._spoon.spawn(world)
-        world.set_collision(self._spoon_body, self._chair.body, False)
+        world.set_collision(self._spoon_body, self.chair.body, False)
         in_spoon = self._spoon_body.in_centre_frame(self._spoon.frame("bowl"))
         self._bowl_in_spoon, turn = in_spoon.position, in_spoon.quaternion
         self._up_in_spoon = rotate(turn, self._spoon.up)

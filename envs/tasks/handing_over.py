@@ -54,11 +54,8 @@ class HandingOver(Meal):
 
     robot = Role(Robot, default="kinova_gen3", partner="scripted", gripper="commanded")
     recipient = Role(Human, default="kim", posture=SEAT, movable=ARMS, moves=GRASP, partner="takes")
-    Options, least_success, reachable_by = (
-        HandingOverOptions,
-        95,
-        CHAIR_ROBOTS | {"stretch_re1_dex"},
-    )
+    Options, least_success = HandingOverOptions, 95
+    reachable_by = CHAIR_ROBOTS | {"stretch_re1_dex"}
 
     def build(self, world: World) -> None:
         super().build(world)
@@ -93,8 +90,8 @@ class HandingOver(Meal):
         return [Seen("cup_to_hand", "m", 3, lambda s: s.gap), taken, self.contact_force()]
 
     def rewards(self, role: str, state: CupState) -> dict[str, Values]:
-        hurt = self.for_the_rest(state, self.failed(state), -1.0)
-        terms = {"near": -np.linalg.norm(state.gap, axis=-1), "hurt": hurt}
+        terms = {"near": -np.linalg.norm(state.gap, axis=-1)}
+        terms["hurt"] = self.for_the_rest(state, self.failed(state), -1.0)
         return self.options.weighted(terms) if self.options.reward == "shaped" else terms
 
     def is_success(self, state: CupState) -> Values:

@@ -20,7 +20,7 @@ from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
-from ..devices import ArmCradle, chair_for
+from ..devices import ArmCradle, Wheelchair, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..scenes.start_posture import start_best
@@ -120,6 +120,7 @@ class LimbRepositioning(Task):
     time_limit = TIME_LIMIT
     options: LimbRepositioningOptions
     state: LimbRepositioningState
+    chair: Wheelchair
 
     def furnish(self, world: World) -> dict[str, Pose]:
         posture = self.recipient.posture
@@ -140,17 +141,11 @@ class LimbRepositioning(Task):
             "caregiver": Pose((0.15, -0.95, 0.0), (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))),
         }
 
-    def frame_of(self, mount: str) -> Pose:
-        return self.chair.pose if mount.startswith("wheelchair") else Pose()
-
     def build(self, world: World) -> None:
         person = self.recipient
-        for each in (a for a in self.cast.values() if isinstance(a, Human)):
-            each.ignore(self.chair.body)  # the posture already keeps trunk and legs apart
+        self.let_overlap(self.chair.body)
         arm = person.body.carried_by(person.frames[JOINT_INDEX["left_shoulder"]].link)
         world.set_collision(person.body, self.chair.body, True, links_a=arm)
-        if self.chair.carries_robot:
-            world.set_collision(self.robot.body, self.chair.body, False)
         self._forearm = person.frames[JOINT_INDEX["left_elbow"]].link
         self._lower_arm = person.body.carried_by(self._forearm)
         self.radius = person.segments["left_elbow"].shapes[0].size[1]
