@@ -17,6 +17,7 @@ from rcare_marl.agents.agent import Agent
 from rcare_marl.agents.people.body.posture import PostureConfig
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import GripperUse, Robot
+from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose, about_z
@@ -331,6 +332,11 @@ class Task(abc.ABC):
         if robot.mount_named(mount).stand:
             add_stand(self.world, base)
         return base
+
+    def hold(self, robot: Robot, tool: Body, in_tool: Pose) -> Attachment:
+        """Let a robot hold a tool, as `Robot.grasp` does, and watch its speed near people; for `build`."""
+        self.tools.append(tool)
+        return robot.grasp(tool, in_tool)
 
     @abc.abstractmethod
     def build(self, world: World) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,7 +17,7 @@ from rcare_marl.world import World
 
 from ..devices import Wheelchair, chair_for, spawn_fitted
 from ..rectangle import Rectangle
-from ..task import STANDING_CAREGIVER, Role, Task
+from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
 MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw_opening")
@@ -44,6 +45,8 @@ class Meal(Task):
     caregiver = STANDING_CAREGIVER
 
     room_kinds = ("dining", "kitchen", "living", "lounge", "bedroom")
+    reachable_by: Collection[str] = CHAIR_ROBOTS | {"stretch_re1_dex"}
+    least_success = 95
     footprint = Rectangle(-0.8, -1.0, 1.2, 1.1)  # [m] the chair, a robot or helper at its side
     options: MealOptions
     chair: Wheelchair

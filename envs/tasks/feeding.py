@@ -19,7 +19,6 @@ from ..reach import Trial
 from ..registry import register_policy, register_task
 from ..scenes.meal import Meal, MealOptions
 from ..state import Seen, State, Values, tolerance
-from ..task import CHAIR_ROBOTS
 
 Flags = npt.NDArray[np.bool_]
 
@@ -78,8 +77,6 @@ class Feeding(Meal):
     Tolerance: the radius about the mouth within which food is eaten.
     """
 
-    reachable_by = CHAIR_ROBOTS | {"stretch_re1_dex"}
-    least_success = 95
     Options = FeedingOptions
     options: FeedingOptions
     state: FeedingState
@@ -96,7 +93,7 @@ class Feeding(Meal):
         start = self._start_pose(np.zeros(4))
         self.search(world).find([Trial([self._tool_for(start)])], "the place before the face")
         self._set_spoon(start)
-        self.robot.grasp(self._spoon_body, self._spoon.in_tool)
+        self.hold(self.robot, self._spoon_body, self._spoon.in_tool)
         self._food = [
             world.add_sphere(
                 FOOD_RADIUS,
@@ -107,7 +104,6 @@ class Feeding(Meal):
             )
             for i in range(FOOD_COUNT)
         ]
-        self.tools.append(self._spoon_body)
         self._lay_food()
 
     def _lay_food(self) -> None:

@@ -14,6 +14,7 @@ from rcare_marl.pose import conjugate, rotate
 
 from ...agent import Array
 from ..actuation.muscular import MuscleDrive
+from ..body.ik import reach
 from ..human import Human
 from .leaves import Condition, Intent, Pursue, Threshold
 
@@ -91,6 +92,48 @@ class GoAlong:
     def act(self) -> Array:
         """Return the action that slackens the muscles: targets that give way, or no excitation."""
         return self._person.slack_action(self._control_dt)
+
+
+class Reach:
+    """A policy that brings a hand to a point, as far as the profile lets it, whatever drives the person.
+
+    Inverse kinematics within the active range finds the posture, and `Human.action_towards` the action:
+    with muscles the excitations that pursue it.
+
+    Attributes:
+        grasps: Returns whether the hands that can grasp are to close.
+    """
+
+    def __init__(
+        self, person: Human, side: str, point: Callable[[], Array], *, control_dt: float
+    ) -> None:
+        """Prepare the policy.
+
+        Args:
+            person: Who reaches.
+            side: `left` or `right`.
+            point: Returns where the middle of the hand should be in the world [m], shape [3].
+            control_dt: Length of a control step [s].
+        """
+        self._person, self._side, self._point = person, side, point
+        self._control_dt, self.grasps = control_dt, lambda: False
+        self._wish: dict[str, float] = {}
+        self._aim = np.full(3, np.nan)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self._aim[:] = np.nan
+
+    def act(self) -> Array:
+        aim = np.asarray(self._point(), np.float64)
+        if not np.array_equal(aim, self._aim):  # a point that stays is solved for once
+            self._aim[:] = aim
+            found = reach(self._person, self._side, aim, trunk=False)
+            if not found.success:  # who can reach it so does not lean
+                found = reach(self._person, self._side, aim)
+            self._wish = found.wish
+        action = self._person.action_towards(self._wish, self._control_dt)
+        action[self._person.entries.get("grasp", slice(0))] = self.grasps()
+        return action
 
 
 def look_at(
