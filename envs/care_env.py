@@ -94,7 +94,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             raise ConfigError(f"policies for {strangers}, but the cast is {sorted(cast)}")
         self.render_mode = render_mode
         self.metadata = {**type(self).metadata, "render_fps": round(1 / task.control_dt)}
-        self.task, self.cast = task, dict(cast)
+        self.task = task
+        self.cast: dict[str, Agent] = dict(cast)
         self.world = World(physics_dt)
         self._renderer: Renderer | None = None
         self._viewer: Viewer | None = None

@@ -333,7 +333,7 @@ class Task(abc.ABC):
             add_stand(self.world, base)
         return base
 
-    def hold(self, robot: Robot, tool: Body, in_tool: Pose) -> Attachment:
+    def take_tool(self, robot: Robot, tool: Body, in_tool: Pose) -> Attachment:
         """Let a robot hold a tool, as `Robot.grasp` does, and watch its speed near people; for `build`."""
         self.tools.append(tool)
         return robot.grasp(tool, in_tool)

@@ -27,7 +27,12 @@ TITLES = ("rgb", f"depth, {NEAREST} to {FARTHEST} m", "normals", "segmentation")
 
 def readings(robot: str, camera: str, seconds: float) -> dict[str, npt.NDArray[Any]]:
     """Return what a camera of a robot sees after some time of feeding, by output."""
-    sensor = {"kind": "camera", "camera": camera, "outputs": OUTPUTS, "look": "full"}
+    sensor: dict[str, Any] = {
+        "kind": "camera",
+        "camera": camera,
+        "outputs": OUTPUTS,
+        "look": "full",
+    }
     sensor |= {"width": SIZE[0], "height": SIZE[1]}
     env = rcare_marl.make(
         "feeding", robot={"model": robot, "sensors": [sensor], "policy": "scripted"}

@@ -144,7 +144,7 @@ class Bathing(Task):
         self.sponge.spare(self.robot.body)
         self._find_hold(world)
         self._set_sponge(self._over(START_SHARE, START_GAP[1]))
-        self.hold(self.robot, sponge, self._grip)
+        self.take_tool(self.robot, sponge, self._grip)
 
     def _find_hold(self, world: World) -> None:
         """Find how the sponge is held so that the robot reaches both ends of the upper arm.

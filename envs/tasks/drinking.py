@@ -106,7 +106,7 @@ class Drinking(Meal):
         world.set_collision(body, self.chair.body, False)
         self._find_hold(self._start_rim(np.zeros(4)), self._mouth_at_rest)
         self._set_cup(np.zeros(4))
-        self.hold(self.robot, body, self.cup.in_tool)
+        self.take_tool(self.robot, body, self.cup.in_tool)
         self.water = Fluid("water", fill(self.cup.vessel, WATER, SPACING), spacing=SPACING)
         SoftWorld.of(world).add(self.water)
         self.settle(SETTLE_STEPS)

@@ -93,7 +93,7 @@ class Feeding(Meal):
         start = self._start_pose(np.zeros(4))
         self.search(world).find([Trial([self._tool_for(start)])], "the place before the face")
         self._set_spoon(start)
-        self.hold(self.robot, self._spoon_body, self._spoon.in_tool)
+        self.take_tool(self.robot, self._spoon_body, self._spoon.in_tool)
         self._food = [
             world.add_sphere(
                 FOOD_RADIUS,

@@ -64,7 +64,7 @@ class HandingOver(Meal):
         trials = [Trial([self._tool(at, q) for at in (START, OFFER)], hold=q) for q in TURNS]
         self._turn = self.search(world).find(trials, "the place before the hand").trial.hold
         self.reset(np.random.default_rng(0))
-        self._bond = self.hold(self.robot, body, self.cup.in_tool)
+        self._bond = self.take_tool(self.robot, body, self.cup.in_tool)
 
     def _tool(self, at: Array, turn: Array) -> Pose:
         cup = self.recipient.joint_pose(self._joint).position + at

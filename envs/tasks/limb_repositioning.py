@@ -156,7 +156,7 @@ class LimbRepositioning(Task):
         lift = self.cradle.lift_way(self._elbow, self._wrist, self._place, self.radius)
         way = [self._start_pose(np.zeros(3)), *(self._tool_at(*each) for each in lift)]
         start_best(self.search(world, clear_of=[(person.body, 2 * LET_GO)]), way)
-        self.hold(self.robot, self._cradle_body, self.cradle.in_tool)
+        self.take_tool(self.robot, self._cradle_body, self.cradle.in_tool)
         robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
         self._movers = [self._cradle_body, *robots]
         if min(self._gaps()) < LET_GO:

@@ -18,10 +18,9 @@ from ...agent import Array
 from ..human import Human
 from .behaviour_tree import OPENING, BehaviourTree
 from .cue import GESTURES, Cues
+from .leaves import Actor, first_of, together
 from .subtree import (
-    Actor,
     cough,
-    first_of,
     flinch,
     hold_still,
     instructed,
@@ -31,7 +30,6 @@ from .subtree import (
     refuse,
     relax,
     rest_when_tired,
-    together,
 )
 
 Reaction = Literal["cough", "flinch", "refuse", "rest"]

@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from py_trees.behaviour import Behaviour
-from py_trees.common import ParallelPolicy, Status
-from py_trees.composites import Parallel, Selector, Sequence
+from py_trees.common import Status
 
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, rotate
@@ -16,7 +15,7 @@ from ...agent import Array
 from ..actuation.muscular import MuscleDrive
 from ..body.ik import reach
 from ..human import Human
-from .leaves import Condition, Intent, Pursue, Threshold
+from .leaves import Actor, Condition, Intent, Pursue, Threshold, first_of, together, when
 
 OPENING = 0.8  # share of the active range that an eating mouth opens; our own choice
 
@@ -116,7 +115,8 @@ class Reach:
             control_dt: Length of a control step [s].
         """
         self._person, self._side, self._point = person, side, point
-        self._control_dt, self.grasps = control_dt, lambda: False
+        self._control_dt = control_dt
+        self.grasps: Callable[[], bool] = lambda: False
         self._wish: dict[str, float] = {}
         self._aim = np.full(3, np.nan)
 
@@ -179,29 +179,15 @@ def eat_when_fed(
     Raises:
         ConfigError: If the jaw cannot move.
     """
-    intent: Intent = {}
-    jaw = "jaw_opening"
+    actor, jaw = Actor(person, clock=lambda: 0.0), "jaw_opening"  # none of its leaves tells time
     if jaw not in person.movable:
         raise ConfigError(
             f"to eat, {person.name!r} needs {jaw!r} among the movable degrees of freedom"
         )
     widest = float(person.active[person.movable.index(jaw), 1]) * OPENING
-
-    def mouth(name: str, angle: float) -> Pursue:
-        return Pursue(name, person, intent, lambda: {jaw: angle})
-
-    taking = Sequence(
-        "take the food",
-        memory=False,
-        children=[
-            Condition("spoon is near", lambda: gap() < 0.20),
-            mouth("open the mouth", widest),
-        ],
-    )
-    eating = Selector("eat", memory=False, children=[taking, mouth("close the mouth", 0.0)])
-    root = Parallel(
-        "be fed",
-        policy=ParallelPolicy.SuccessOnAll(synchronise=False),
-        children=[Pursue("watch the spoon", person, intent, look_at(person, spoon)), eating],
-    )
-    return BehaviourTree(person, intent, root, control_dt)
+    near = Condition("spoon is near", lambda: gap() < 0.20)
+    opened = Pursue("open the mouth", actor, lambda: {jaw: widest})
+    closed = Pursue("close the mouth", actor, lambda: {jaw: 0.0})
+    eating = first_of("eat", when("take the food", near, opened), closed)
+    watched = Pursue("watch the spoon", actor, look_at(person, spoon))
+    return BehaviourTree(person, actor.intent, together("be fed", watched, eating), control_dt)
