@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,10 @@ from rcare_marl.pose import Array
 from rcare_marl.world import World
 
 from ..devices import PoweredWheelchair
-from ..place import Door
 from .step_peak import StepPeak
+
+if TYPE_CHECKING:
+    from ..place import Door
 
 SPARE = 0.02  # [m] that a door must be wider than what passes, each side; our own choice
 ARM = 0.06  # [m] from the middle of the base of an arm to its side; our own choice
