@@ -387,9 +387,9 @@ class Act(Behaviour):
         return Status.SUCCESS
 
 
-def when(name: str, condition: Behaviour, *steps: Behaviour) -> composites.Sequence:
-    """Return steps that run as long as a condition holds, which is asked at every tick."""
-    return composites.Sequence(name, memory=False, children=[condition, *steps])
+def when(name: str, *steps: Behaviour) -> composites.Sequence:
+    """Return steps one after the other; the first may be a condition, which is asked at every tick."""
+    return composites.Sequence(name, memory=False, children=list(steps))
 
 
 def together(name: str, *branches: Behaviour) -> Parallel:
