@@ -154,10 +154,7 @@ class HumanCast:
 
 
 def make_cast(
-    task_name: str,
-    task: type[Task],
-    entries: Mapping[str, CastEntry],
-    policies: Mapping[str, Any],
+    task_name: str, task: type[Task], entries: Mapping[str, CastEntry], policies: Mapping[str, Any]
 ) -> tuple[dict[str, Agent], dict[str, PolicyFactory]]:
     """Return the agents of a task by role, and the policies of those who are not learned.
 

@@ -182,12 +182,7 @@ class Caregiving:
     # What can be asked for.
 
     def walk_to(
-        self,
-        x: float,
-        y: float,
-        heading: float,
-        *,
-        via: Sequence[tuple[float, float]] = (),
+        self, x: float, y: float, heading: float, *, via: Sequence[tuple[float, float]] = ()
     ) -> None:
         """Ask for a walk to (x, y) [m], facing `heading` [rad] from the x axis; nothing sees obstacles.
 

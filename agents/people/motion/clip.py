@@ -29,12 +29,8 @@ from .decomposition import decompose
 _BONES = {
     f"{side}_{joint}": f"{side}_{end}"
     for side in SIDES
-    for joint, end in (
-        ("hip", "knee"),
-        ("knee", "ankle"),
-        ("shoulder", "elbow"),
-        ("elbow", "wrist"),
-    )
+    for limb in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+    for joint, end in zip(limb[:-1], limb[1:], strict=True)
 }
 
 

@@ -221,7 +221,4 @@ def save_bvh(path: str | Path, motion: Motion, joints: Array) -> None:
         y = np.arctan2(-m[:, 2, 0], m[:, 2, 2])
         turns = np.degrees(np.column_stack((z, x, y))).ravel()
         rows.append(np.concatenate((UPRIGHT.T @ p, turns)))
-    write_bvh(
-        path,
-        Bvh(JOINTS, PARENTS, offsets, tuple(channels), 1 / motion.rate, np.array(rows)),
-    )
+    write_bvh(path, Bvh(JOINTS, PARENTS, offsets, tuple(channels), 1 / motion.rate, np.array(rows)))
