@@ -14,12 +14,13 @@ def names(kind: str) -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in (ROOT / kind).glob("*.yaml")))
 
 
-def find(kind: str, name: str) -> Path:
-    """Return the YAML file of the `kind` (a folder here) called `name`.
+def find(kind: str, name: str | Path) -> Path:
+    """Return the YAML file of the `kind` (a folder here) called `name`, or the YAML file that it names.
 
     Raises:
         UnknownNameError: If there is none; the message lists those there are.
     """
-    known = names(kind)
-    check_name(kind.rstrip("s"), name, known)
+    if Path(name).suffix in (".yaml", ".yml"):
+        return Path(name)
+    check_name(kind.rstrip("s"), str(name), names(kind))
     return ROOT / kind / f"{name}.yaml"

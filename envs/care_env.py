@@ -18,7 +18,6 @@ from rcare_marl.agents.sensing.marker import fasten
 from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNameError, check_name
 from rcare_marl.observable import Observable, Observation
-from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
 from .registry import PolicyFactory
@@ -94,7 +93,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             raise ConfigError(f"policies for {strangers}, but the cast is {sorted(cast)}")
         self.render_mode = render_mode
         self.metadata = {**type(self).metadata, "render_fps": round(1 / task.control_dt)}
-        self.task, self.cast = task, dict(cast)
+        self.task = task
+        self.cast: dict[str, Agent] = dict(cast)
         self.world = World(physics_dt)
         self._renderer: Renderer | None = None
         self._viewer: Viewer | None = None
@@ -121,8 +121,11 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         poses = self.task.furnish(self.world)
         for role, agent in self.cast.items():
             part = part_name(role)
-            is_main = role in poses or role == f"{part}_0"
-            start = poses[role if role in poses else part] if is_main else self._beside(role, agent)
+            if role in poses or role == f"{part}_0":
+                start = poses[role if role in poses else part]
+            else:  # one that the task has no part for
+                assert isinstance(agent, Robot)  # only robots can be cast several times
+                start = self.task.beside(agent, int(role.rsplit("_", 1)[1]))
             agent.spawn(self.world, start)
         self.task.build(self.world)
         self.task.measure()
@@ -186,11 +189,6 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                         "the robot another mount or posture"
                     )
         return None
-
-    def _beside(self, role: str, agent: Agent) -> Pose:
-        """Return where a robot stands that the task has no part for."""
-        assert isinstance(agent, Robot)  # only robots can be cast several times
-        return self.task.beside(agent, int(role.rsplit("_", 1)[1]))
 
     def _observation(self, role: str) -> Observation:
         agent = self.cast[role]

@@ -154,10 +154,7 @@ class HumanCast:
 
 
 def make_cast(
-    task_name: str,
-    task: type[Task],
-    entries: Mapping[str, CastEntry],
-    policies: Mapping[str, Any],
+    task_name: str, task: type[Task], entries: Mapping[str, CastEntry], policies: Mapping[str, Any]
 ) -> tuple[dict[str, Agent], dict[str, PolicyFactory]]:
     """Return the agents of a task by role, and the policies of those who are not learned.
 
@@ -232,8 +229,7 @@ def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
         raise ConfigError(
             f"policy of {role!r} must be a name, a file or a function of environment and role, got {policy!r}"
         )
-    factory: PolicyFactory = policy
-    return factory
+    return policy
 
 
 def _agent(name: str, role: Role[Any], fields: Mapping[str, Any], *, is_scripted: bool) -> Agent:

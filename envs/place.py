@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rcare_marl.world import World
 
     from .devices import Frame
+    from .homes import Door as Door  # the one thing of homes that tasks see, and by this name
 
 FLOOR_FRICTION = 0.8  # [1]; our own choice
 HardwareSide = Literal["low", "high"]
@@ -58,53 +59,6 @@ class DoorSize:
     pivot: tuple[float, float]
     face: float
     handle: tuple[float, float]
-
-
-class Door(Protocol):
-    """A door in a world; its frame is on the floor in the gap, y through it.
-
-    Frames: `handle_inside` and `handle_outside`, of levers `lever_inside` and `lever_outside` too.
-
-    Attributes:
-        size: Its measures.
-    """
-
-    size: DoorSize
-
-    @property
-    def body(self) -> Body:
-        """Its body."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-
-    @property
-    def hardware(self) -> str:
-        """What opens it: `knob`, `lever` or `slider`."""
-
-    @property
-    def clear_width(self) -> float:
-        """Free width when it is open [m]."""
-
-    @property
-    def thickness(self) -> float:
-        """Of the wall [m]."""
-
-    @property
-    def release_angle(self) -> float:
-        """Turn of the handle at which the latch is free [rad]; 0 of panels."""
-
-    @property
-    def angle(self) -> float:
-        """How far it is open [rad], or slid into the wall [m]."""
-
-    @property
-    def is_latched(self) -> bool:
-        """Whether a latch holds it shut."""
-
-    def frame_in_world(self, name: str) -> Pose:
-        """Return where a frame is in the world."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import no_reach
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_rpy
+from rcare_marl.pose import Array, Pose, about_z
 from rcare_marl.world import World
 
 # All our own choices.
@@ -236,7 +236,7 @@ def places_round(base: Pose) -> Iterator[Pose]:
     x, y, z = base.position
     for radius, way, turn in itertools.product(RINGS, range(WAYS), TURNS):
         angle = 2 * math.pi * way / WAYS
-        spin = Pose((0.0, 0.0, 0.0), tuple(quaternion_from_rpy(0, 0, turn).tolist()))
+        spin = Pose((0.0, 0.0, 0.0), about_z(turn))
         at = (x + radius * math.cos(angle), y + radius * math.sin(angle), z)
         yield Pose(at, (spin @ Pose((0.0, 0.0, 0.0), base.quaternion)).quaternion)
 

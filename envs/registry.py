@@ -1,9 +1,9 @@
-"""Names of tasks and of policies. Other packages add theirs by decorator or by entry point."""
+"""Names of tasks and of policies, and who learns. Other packages add theirs by decorator or entry point."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import lru_cache, partial
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -14,10 +14,10 @@ import gymnasium
 
 from rcare_marl.agents.agent import Array
 from rcare_marl.agents.people.behaviour.avatar_tree import AvatarBehaviour, Surroundings
-from rcare_marl.agents.people.behaviour.behaviour_tree import StayStill
-from rcare_marl.agents.people.behaviour.sampled import RandomPolicy
+from rcare_marl.agents.people.behaviour.behaviour_tree import RandomPolicy, StayStill
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError, check_name
 
 from .task import Task
@@ -45,16 +45,6 @@ _POLICIES: dict[tuple[str, str, str], PolicyFactory] = {}
 _POLICY_FILES: dict[str, PolicyLoader] = {}
 
 
-def _random(env: CareEnv, role: str) -> Policy:
-    """Return an agent that draws each action evenly from the action space."""
-    return RandomPolicy(env.cast[role].action_size, env.cast[role].action_low)
-
-
-def _still(env: CareEnv, role: str) -> Policy:
-    """Return an agent that does not act at all."""
-    return StayStill(env.cast[role].action_size)
-
-
 def _behaviour(env: CareEnv, role: str) -> Policy:
     """Return a person who behaves as the tree of their avatar says; see docs/behaviour.md.
 
@@ -77,8 +67,8 @@ def _behaviour(env: CareEnv, role: str) -> Policy:
 
 _COMMON: dict[str, PolicyFactory] = {  # known for every role
     "behaviour": _behaviour,
-    "random": _random,
-    "still": _still,
+    "random": lambda env, r: RandomPolicy(env.cast[r].action_size, env.cast[r].action_low),
+    "still": lambda env, r: StayStill(env.cast[r].action_size),
 }
 
 
@@ -110,9 +100,7 @@ def register_task(name: str) -> Callable[[TaskClass], TaskClass]:
         identifier = f"rcare_marl/{title}-v0"
         if identifier not in gymnasium.registry:  # those of the package have theirs without import
             gymnasium.register(
-                identifier,
-                entry_point="rcare_marl.envs.gym:SingleAgentEnv",
-                kwargs={"task": name},
+                identifier, entry_point="rcare_marl.envs.gym:SingleAgentEnv", kwargs={"task": name}
             )
         return cls
 
@@ -128,6 +116,37 @@ def task_class(name: str) -> type[Task]:
 def task_names() -> tuple[str, ...]:
     """Return the names of all registered tasks, sorted."""
     return tuple(sorted(_TASKS))
+
+
+def lead_roles(task: str) -> tuple[str, ...]:
+    """Return the roles whose policy is in question: the robots of the task, or all its roles."""
+    roles = task_class(task).roles()
+    return tuple(name for name, role in roles.items() if role.kind is Robot) or tuple(roles)
+
+
+def group_map(env: CareEnv, *, extended: Collection[str] = ()) -> dict[str, list[str]]:
+    """Return the learned roles by group: robots, recipients, caregivers.
+
+    Roles of one kind share a group only if all their spaces are equal, as TorchRL wants them stacked;
+    if they are not, each role of that kind is a group of its own, called as the role.
+
+    Args:
+        env: The environment.
+        extended: Roles whose observation is made longer outside of the environment.
+    """
+    kinds: dict[str, list[str]] = {}
+    for role in env.possible_agents:
+        kind = "robots" if isinstance(env.cast[role], Robot) else f"{role.rsplit('_', 1)[0]}s"
+        kinds.setdefault(kind, []).append(role)
+    groups: dict[str, list[str]] = {}
+    for kind, (first, *others) in kinds.items():
+        same = all(
+            space(first) == space(role) and (first in extended) == (role in extended)
+            for role in others
+            for space in (env.observation_space, env.action_space)
+        )
+        groups |= {kind: [first, *others]} if same else {role: [role] for role in (first, *others)}
+    return groups
 
 
 def register_policy(task: str, role: str, name: str) -> Callable[[FactoryT], FactoryT]:

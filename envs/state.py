@@ -19,6 +19,7 @@ from .safety import Safety
 
 Values = Any  # a number, or an array of numbers with the leading axes of the states
 S = TypeVar("S")
+FALL = float(np.log(0.1))  # of the logarithm over the margin, of `tolerance`
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +74,22 @@ def clip(value: Values, low: float, high: float) -> Values:
     if isinstance(value, float):
         return min(max(value, low), high)
     return np.clip(value, low, high)
+
+
+def tolerance(x: Values, bounds: tuple[Values, Values] = (0.0, 0.0), margin: float = 0.0) -> Values:
+    """Return 1 inside `bounds`, falling to 0.1 at `margin` outside of them: a term of a reward."""
+    low, high = bounds
+    is_one = isinstance(x, float) and isinstance(low, int | float) and isinstance(high, int | float)
+    if margin < 0 or (low > high if is_one else np.any(low > high)):
+        raise ValueError(f"need low <= high and margin >= 0, got bounds {bounds}, margin {margin}")
+    if is_one:  # numpy takes ten times as long for a single number
+        beyond = max(low - x, x - high, 0.0)
+    else:
+        beyond = np.maximum(np.maximum(low - x, x - high), 0.0)
+    if margin == 0:
+        return np.where(beyond > 0, 0.0, 1.0)[()]
+    distance = beyond / margin
+    return np.exp(FALL * (distance * distance))
 
 
 def greatest(values: Sequence[Values]) -> Values:

@@ -10,18 +10,20 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
+import numpy.typing as npt
 from typing_extensions import Self
 
 from rcare_marl.agents.agent import Agent
+from rcare_marl.agents.people.body.posture import PostureConfig
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import GripperUse, Robot
+from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose, quaternion_from_rpy
+from rcare_marl.pose import Pose, about_z
 from rcare_marl.world import World
 
-from .devices import add_stand
-from .narrowed_rng import NarrowedRng
+from .devices import Wheelchair, add_stand
 from .place import BareFloor, DoorSite, Place
 from .reach import ReachSearch
 from .rectangle import Rectangle
@@ -108,6 +110,37 @@ STANDING_CAREGIVER = Role(
 )
 
 
+class NarrowedRng(np.random.Generator):
+    """Draws what another generator would, but closer to the middle: for easier stages of a curriculum.
+
+    Only draws from a range or about a middle are narrowed: `uniform`, `random`, `normal` and
+    `standard_normal`. Whole numbers and choices have no middle and stay as they are. It goes on in the
+    sequence of the other generator, and takes as many numbers from it.
+    """
+
+    def __init__(self, rng: np.random.Generator, spread: float) -> None:
+        """Take the generator, and the share that is left of each spread, 0 to 1."""
+        super().__init__(rng.bit_generator)
+        self._spread = spread
+
+    def uniform(self, low: Any = 0.0, high: Any = 1.0, size: Any = None) -> Any:
+        middle = 0.5 * (np.asarray(low) + np.asarray(high))
+        return self._narrowed(super().uniform(low, high, size), middle)
+
+    def random(self, *args: Any, **settings: Any) -> Any:
+        return self._narrowed(super().random(*args, **settings), np.asarray(0.5))
+
+    def normal(self, loc: Any = 0.0, scale: Any = 1.0, size: Any = None) -> Any:
+        return self._narrowed(super().normal(loc, scale, size), np.asarray(loc))
+
+    def standard_normal(self, *args: Any, **settings: Any) -> Any:
+        return self._narrowed(super().standard_normal(*args, **settings), np.asarray(0.0))
+
+    def _narrowed(self, drawn: Any, middle: npt.NDArray[Any]) -> Any:
+        out = middle + self._spread * (drawn - middle)
+        return float(out) if np.ndim(drawn) == 0 else out
+
+
 class Task(abc.ABC):
     """Scene, goal and rewards. A task knows its agents by role, never by model.
 
@@ -133,6 +166,7 @@ class Task(abc.ABC):
         place: Where it takes place; its floor is laid before `furnish`.
         world: Where it takes place; set by the environment before `furnish`.
         state: What was read last; from the first reset on.
+        chair: The wheelchair of a task that has one, on which robots can be mounted.
         tools: What robots hold, beside which they should be slow near a person; filled in `build`.
         bystanders: Roles of people whom nobody cares for, so that their safety is not measured.
     """
@@ -147,9 +181,10 @@ class Task(abc.ABC):
     cast: Mapping[str, Agent]
     world: World
     state: Any
+    chair: Wheelchair | None = None
     bystanders: Sequence[str] = ("caregiver",)
     control_dt: float = 0.1
-    time_limit: float = 20.0
+    time_limit: float = 20.0  # 200 control steps, as in Assistive Gym
 
     def __init__(self, options: Any) -> None:
         """Take settings, an instance of `Options`."""
@@ -187,7 +222,22 @@ class Task(abc.ABC):
 
     def frame_of(self, mount: str) -> Pose:
         """Return the frame that a robot's mount of that name is in: the world's, or a device's."""
+        if self.chair is not None and mount.startswith("wheelchair"):
+            return self.chair.pose
         return Pose()
+
+    @property
+    def people(self) -> list[Human]:
+        """The people of the cast."""
+        return [agent for agent in self.cast.values() if isinstance(agent, Human)]
+
+    def let_overlap(self, *things: Body) -> None:
+        """Let people pass through what their posture fits, and a robot through the chair it is mounted on."""
+        for person in self.people:
+            for thing in things:
+                person.ignore(thing)
+        if self.chair is not None and self.chair.carries_robot:
+            self.world.set_collision(self._first_robot().body, self.chair.body, False)
 
     def beside(self, robot: Robot, number: int) -> Pose:
         """Return where a robot starts that the task has no part for.
@@ -204,8 +254,7 @@ class Task(abc.ABC):
             return robot.mount(named, self.frame_of(named), with_posture=False)
         side, row = 1 - 2 * (number % 2), (number + 1) // 2
         place = (BESIDE[0], side * BESIDE[1] * row, 0.0)
-        facing = math.atan2(-place[1], -place[0])
-        stand = Pose(place, tuple(quaternion_from_rpy(0, 0, facing).tolist()))
+        stand = Pose(place, about_z(math.atan2(-place[1], -place[0])))
         return robot.mount("floor", stand, with_posture=False)
 
     def set_stage(self, *, spread: float = 1.0, tolerance: float = 1.0, force: float = 1.0) -> None:
@@ -255,6 +304,15 @@ class Task(abc.ABC):
         spread = self.options.spread if isinstance(self.options, TaskOptions) else 1.0
         return rng if spread == 1.0 else NarrowedRng(rng, spread)
 
+    def need(self, posture: PostureConfig, fits: bool, what: str) -> None:
+        """Refuse a recipient whose posture does not fit.
+
+        Raises:
+            ConfigError: It says what they must do.
+        """
+        if not fits:
+            raise ConfigError(f"the recipient must {what}, and is {posture.description}")
+
     def search(self, world: World, **limits: Any) -> ReachSearch:
         """Return how to search for the start of the robot, clear of all people; see `ReachSearch`.
 
@@ -262,10 +320,11 @@ class Task(abc.ABC):
             world: Where all stand.
             **limits: Further fields of `ReachSearch`.
         """
-        cast = self.cast.values()
-        robot = next(agent for agent in cast if isinstance(agent, Robot))  # the first has the part
-        people = [agent for agent in cast if isinstance(agent, Human)]
-        return ReachSearch(world, robot, people, self.place.floor, **limits)
+        return ReachSearch(world, self._first_robot(), self.people, self.place.floor, **limits)
+
+    def _first_robot(self) -> Robot:
+        """Return the robot that has the part, the first one."""
+        return next(agent for agent in self.cast.values() if isinstance(agent, Robot))
 
     def mounted(self, robot: Robot, mount: str) -> Pose:
         """Return where a robot's base is at a mount of it, and set it on a stand if it needs one."""
@@ -273,6 +332,11 @@ class Task(abc.ABC):
         if robot.mount_named(mount).stand:
             add_stand(self.world, base)
         return base
+
+    def take_tool(self, robot: Robot, tool: Body, in_tool: Pose) -> Attachment:
+        """Let a robot hold a tool, as `Robot.grasp` does, and watch its speed near people; for `build`."""
+        self.tools.append(tool)
+        return robot.grasp(tool, in_tool)
 
     @abc.abstractmethod
     def build(self, world: World) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from torchrl.envs import PettingZooWrapper
 
 from . import make
-from .group import group_map as group_map
+from .registry import group_map as group_map
 
 
 def make_env(

@@ -8,10 +8,11 @@ front and the side while the right arm reaches out, and `reach_NAME.mp4` films t
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from PIL import Image, ImageDraw, ImageFont
 
 from rcare_marl import assets
@@ -187,25 +188,24 @@ def save(picture: Image.Image, file: Path) -> None:
     print(file)
 
 
-def main() -> None:
-    """Take them all."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("runs/avatars"))
-    parser.add_argument(
-        "--avatar", choices=assets.names("avatars"), help="one avatar; all if absent"
-    )
-    parser.add_argument("--film", action="store_true", help="film every avatar, not Karan alone")
-    args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
-    chosen = [args.avatar] if args.avatar else list(assets.names("avatars"))
-    sheet(chosen, args.out / "sheet.png")
-    for avatar in chosen:
-        posture = "standing" if avatar == "caregiver" else "wheelchair"
-        muscles(avatar, posture, args.out / f"muscles_{avatar}.png")
-        if args.film or avatar in (args.avatar, "karan"):
-            film(avatar, posture, args.out / f"reach_{avatar}.mp4")
-            print(args.out / f"reach_{avatar}.mp4")
+def main(
+    out: Path = Path("runs/avatars"),
+    avatar: str = "",
+    every: Annotated[bool, typer.Option("--film")] = False,
+) -> None:
+    """Draw one avatar, or all; with --film every avatar is filmed, not Karan alone."""
+    if avatar:
+        load_avatar(avatar)  # which refuses an unknown name
+    out.mkdir(parents=True, exist_ok=True)
+    chosen = [avatar] if avatar else list(assets.names("avatars"))
+    sheet(chosen, out / "sheet.png")
+    for name in chosen:
+        posture = "standing" if name == "caregiver" else "wheelchair"
+        muscles(name, posture, out / f"muscles_{name}.png")
+        if every or name in (avatar, "karan"):
+            film(name, posture, out / f"reach_{name}.mp4")
+            print(out / f"reach_{name}.mp4")
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -5,8 +5,9 @@ python experiments/behaviour_pictures.py --out runs/trees
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
+
+import typer
 
 import rcare_marl
 from rcare_marl import assets
@@ -14,20 +15,9 @@ from rcare_marl.agents.people.behaviour.avatar_tree import AvatarBehaviour
 from rcare_marl.agents.people.behaviour.tree_picture import TreePicture
 
 STEPS = 12  # control steps before the picture, so that the colours show a tree at work
-MOVABLE = [
-    "spine1",
-    "spine2",
-    "neck",
-    "head",
-    "jaw_opening",
-    "left_eye_smplhf",
-    "right_eye_smplhf",
-    *(
-        f"{side}_{joint}"
-        for side in ("left", "right")
-        for joint in ("collar", "shoulder", "elbow", "hip", "knee")
-    ),
-]
+JOINTS = ("eye_smplhf", "collar", "shoulder", "elbow", "hip", "knee")
+MOVABLE = ["spine1", "spine2", "neck", "head", "jaw_opening"]
+MOVABLE += [f"{side}_{joint}" for side in ("left", "right") for joint in JOINTS]
 
 
 def draw(avatar: str, out: Path) -> None:
@@ -49,11 +39,8 @@ def draw(avatar: str, out: Path) -> None:
     env.close()
 
 
-def main() -> None:
-    """Draw all of them."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("runs/trees"))
-    out = parser.parse_args().out
+def main(out: Path = Path("runs/trees")) -> None:
+    """Draw the behaviour tree of every avatar."""
     out.mkdir(parents=True, exist_ok=True)
     for avatar in assets.names("avatars"):
         draw(avatar, out)
@@ -61,4 +48,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -6,11 +6,11 @@ python experiments/coaching_pictures.py --video runs/coaching --all
 
 from __future__ import annotations
 
-import argparse
 import textwrap
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from PIL import Image
 
 import rcare_marl
@@ -114,29 +114,28 @@ def line(text: str, word: int) -> str:
     return lines[-1]
 
 
-def main() -> None:
-    """Draw them, or film."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--recipient", default="natalia")
-    parser.add_argument("--robot", default="nao")
-    parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--video", type=Path, metavar="FOLDER", help="film, and draw nothing")
-    parser.add_argument("--all", action="store_true", help="film all six people, one after another")
-    parser.add_argument("--group", action="store_true", help="a group of four")
-    parser.add_argument("--repetitions", type=int, default=1, help="of each exercise, in a film")
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    if given.video is None:
-        if given.group:
-            draw_group(given.robot, given.out, given.seed)
+def main(
+    recipient: str = "natalia",
+    robot: str = "nao",
+    out: Path = OUT,
+    video: Annotated[Path | None, typer.Option(help="film into it, and draw nothing")] = None,
+    everybody: Annotated[bool, typer.Option("--all", help="film six people in turn")] = False,
+    group: Annotated[bool, typer.Option("--group", help="a group of four")] = False,
+    repetitions: Annotated[int, typer.Option(help="of each exercise, in a film")] = 1,
+    seed: int = 0,
+) -> None:
+    """Draw the coach of a person, or of a group; or film sessions."""
+    if video is None:
+        if group:
+            draw_group(robot, out, seed)
         else:
-            draw(given.recipient, given.robot, given.out, given.seed)
+            draw(recipient, robot, out, seed)
         return
-    for name in PEOPLE if given.all else () if given.group else (given.recipient,):
-        film(given.video / f"{name}.mp4", given.robot, given.seed, given.repetitions, name)
-    if given.group:
-        film(given.video / "group.mp4", given.robot, given.seed, given.repetitions, *GROUP)
+    for name in PEOPLE if everybody else () if group else (recipient,):
+        film(video / f"{name}.mp4", robot, seed, repetitions, name)
+    if group:
+        film(video / "group.mp4", robot, seed, repetitions, *GROUP)
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -7,11 +7,11 @@ People and devices are put in place and stand still; physics runs for a moment b
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import typer
 from PIL import Image
 
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
@@ -180,17 +180,13 @@ def sheet(names: Sequence[str]) -> Image.Image:
     return contact_sheet(pictures, names, columns=COLUMNS)
 
 
-def main() -> None:
-    """Draw what the command line asks for."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs/images/devices.jpg"))
-    parser.add_argument("--device", nargs="*", default=list(device_kinds()))
-    chosen = parser.parse_args()
-    for name in chosen.device:
+def main(out: Path = Path("docs/images/devices.jpg"), device: list[str] = list(SCENES)) -> None:  # noqa: B006
+    """Draw the devices that are asked for, all if none is."""
+    for name in device:
         check_name("device", name, SCENES)
-    chosen.out.parent.mkdir(parents=True, exist_ok=True)
-    sheet(chosen.device).save(chosen.out, quality=QUALITY, optimize=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    sheet(device).save(out, quality=QUALITY, optimize=True)
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -9,12 +9,12 @@ the three levels side by side, home_rooms.jpg other rooms.
 
 from __future__ import annotations
 
-import argparse
 import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import typer
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from PIL import Image
@@ -22,6 +22,7 @@ from PIL import Image
 import rcare_marl
 from rcare_marl import CareHome
 from rcare_marl.envs.homes import Route, floor_plan, home_picture
+from rcare_marl.errors import check_name
 from rcare_marl.rendering.portrait import contact_sheet
 
 HOUSE = "house_07"  # that is shown from above
@@ -167,15 +168,13 @@ PICTURES: dict[str, Callable[[], Image.Image]] = {
 }
 
 
-def main() -> None:
-    """Write the pictures."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--output", type=Path, default=Path("runs") / "home_pictures")
-    parser.add_argument("--only", choices=sorted(PICTURES), action="append")
-    options = parser.parse_args()
-    options.output.mkdir(parents=True, exist_ok=True)
-    for name in options.only or PICTURES:
-        path = options.output / name
+def main(output: Path = Path("runs/home_pictures"), only: list[str] = []) -> None:  # noqa: B006
+    """Write the pictures, or only those that are named."""
+    for name in only:
+        check_name("picture", name, PICTURES)
+    output.mkdir(parents=True, exist_ok=True)
+    for name in only or PICTURES:
+        path = output / name
         PICTURES[name]().save(
             path, **({"quality": 82} if path.suffix == ".jpg" else {"optimize": True})
         )
@@ -183,4 +182,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

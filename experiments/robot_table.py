@@ -50,10 +50,7 @@ def row(name: str, seeds: int) -> list[str]:
     mass = robot.files.model.mass
     world.close()
     published = config.published_mass.value if config.published_mass is not None else math.nan
-    turned, slid = zip(
-        *(measure_posture(config, control=mode) for mode in CONTROLS),
-        strict=True,
-    )
+    turned, slid = zip(*(measure_posture(config, control=mode) for mode in CONTROLS), strict=True)
     reaches = [measure_reach(config, arm) for arm in config.arms]
     grips = [measure_grip(config, arm) for arm, data in config.arms.items() if data.gripper]
     base = config.base.kind if config.base is not None else "bolted down"

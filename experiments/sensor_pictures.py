@@ -7,13 +7,13 @@ Each row is a camera, each column an output: colours, depth, normals, segmentati
 
 from __future__ import annotations
 
-import argparse
 import colorsys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import typer
 
 import rcare_marl
 from rcare_marl.rendering.portrait import Picture, contact_sheet
@@ -27,14 +27,13 @@ TITLES = ("rgb", f"depth, {NEAREST} to {FARTHEST} m", "normals", "segmentation")
 
 def readings(robot: str, camera: str, seconds: float) -> dict[str, npt.NDArray[Any]]:
     """Return what a camera of a robot sees after some time of feeding, by output."""
-    sensor = {
+    sensor: dict[str, Any] = {
         "kind": "camera",
         "camera": camera,
         "outputs": OUTPUTS,
-        "width": SIZE[0],
-        "height": SIZE[1],
         "look": "full",
     }
+    sensor |= {"width": SIZE[0], "height": SIZE[1]}
     env = rcare_marl.make(
         "feeding", robot={"model": robot, "sensors": [sensor], "policy": "scripted"}
     )
@@ -81,20 +80,17 @@ def label_colors(labels: npt.NDArray[np.int32]) -> Picture:
     return np.round(palette)[labels + 1].astype(np.uint8)
 
 
-def main() -> None:
-    """Take it."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("runs/sensors.png"))
-    args = parser.parse_args()
-    args.out.parent.mkdir(parents=True, exist_ok=True)
+def main(out: Path = Path("runs/sensors.png")) -> None:
+    """Take the picture of what cameras give."""
+    out.parent.mkdir(parents=True, exist_ok=True)
     pictures, captions = list[Picture](), list[str]()
     for robot, camera, seconds in ROWS:
         seen = readings(robot, camera, seconds)
         pictures += [colored(output, seen[output]) for output in OUTPUTS]
         captions += [f"{robot}, {camera}: {TITLES[0]}", *TITLES[1:]]
-    contact_sheet(pictures, captions, columns=len(OUTPUTS)).save(args.out, optimize=True)
-    print(args.out)
+    contact_sheet(pictures, captions, columns=len(OUTPUTS)).save(out, optimize=True)
+    print(out)
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -6,6 +6,7 @@ python experiments/storeys.py [--out FILE]
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import typer
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -62,15 +63,13 @@ def draw(out: Path = OUT) -> None:
             axes.bar(x, 0.9, width - 0.003, height, align="edge", color=color, edgecolor="#667")
             turned = 90 if width < 0.075 else 0
             text = f"{name.replace('_', ' ')}\n{found[name]:,}"
-            axes.text(
-                x + width / 2,
-                height + 0.45,
-                text,
-                ha="center",
-                va="center",
-                fontsize=8.5,
-                rotation=turned,
-            )
+            style: dict[str, Any] = {
+                "ha": "center",
+                "va": "center",
+                "fontsize": 8.5,
+                "rotation": turned,
+            }
+            axes.text(x + width / 2, height + 0.45, text, **style)
             x += width
     out.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(out)

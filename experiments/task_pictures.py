@@ -9,10 +9,11 @@ was simulated. With --task only these tasks are drawn, into tasks.jpg.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+import typer
 
 import rcare_marl
 from rcare_marl.agents.agent import Agent
@@ -112,16 +113,16 @@ def draw_bathing(out: Path, seed: int) -> None:
     contact_sheet([*far, *near], columns=3).save(out, quality=QUALITY)
 
 
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--task", action="append", default=[])
-    parser.add_argument("--seed", type=int, default=0)
-    chosen = parser.parse_args()
+def main(out: Path = OUT, task: list[str] = [], seed: int = 0) -> None:  # noqa: B006  (typer's way)
+    """Draw all, or pairs of the named tasks alone."""
     known = rcare_marl.task_names()
-    for name in chosen.task:
+    for name in task:
         check_name("task", name, known)
-    draw_tasks(chosen.task or known, chosen.out / "tasks.jpg", chosen.seed)
-    if not chosen.task:
-        draw_phyrc(chosen.out / "phyrc.jpg")
-        draw_bathing(chosen.out / "bathing.jpg", chosen.seed)
+    draw_tasks(task or known, out / "tasks.jpg", seed)
+    if not task:
+        draw_phyrc(out / "phyrc.jpg")
+        draw_bathing(out / "bathing.jpg", seed)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -36,13 +36,8 @@ PRESS, HOLD, MOVE, LEAVE = 24, 12, 40, 24  # pictures
 def make_scene(avatar_name: str) -> tuple[World, Tissue, Body]:
     """Return a seated person with flesh on the left arm, and the sphere."""
     world = World()
-    person = Human(
-        "person",
-        load_avatar(avatar_name),
-        posture=load_posture("wheelchair"),
-        movable=(),
-        tissue=("left_arm",),
-    )
+    avatar, posture = load_avatar(avatar_name), load_posture("wheelchair")
+    person = Human("person", avatar, posture=posture, movable=(), tissue=("left_arm",))
     person.spawn(world, Pose((0, 0, 0.5)))
     tissue = person.tissue
     assert tissue is not None

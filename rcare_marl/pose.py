@@ -145,6 +145,11 @@ def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     return multiply(about_z, multiply(about_y, about_x))
 
 
+def about_z(angle: float) -> tuple[float, float, float, float]:
+    """Return the rotation by `angle` [rad] about z, as a quaternion."""
+    return 0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)
+
+
 def rpy_from_matrix(matrix: Array) -> tuple[float, float, float]:
     """Return URDF's fixed-axis roll, pitch, yaw [rad] of a rotation matrix."""
     m = matrix

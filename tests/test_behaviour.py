@@ -11,7 +11,7 @@ from behaving_person import CLOSED, DRIVEN, OPEN, Kind, Scene
 
 from rcare_marl.agents.people.actuation.muscular import MuscleDrive
 from rcare_marl.agents.people.behaviour.avatar_tree import load_behaviour
-from rcare_marl.agents.people.behaviour.leaves import Settle, Threshold
+from rcare_marl.agents.people.behaviour.leaves import Actor, Settle, Threshold
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 Array = npt.NDArray[np.float64]
@@ -274,11 +274,11 @@ def test_the_tired_let_go_and_stay_so(avatar: str, fatigue: float, kind: Kind) -
 
 def test_who_settles_judges_some_joints_only_and_has_patience() -> None:
     now, person = [5.0], Scene().person
+    actor = Actor(person, clock=lambda: now[0])
     wish = {"right_elbow_flexion": person.angle("right_elbow_flexion") + 1.0, "neck_flexion": 0.1}
 
     def leaf(judged: str) -> Settle:
-        return Settle("settle", person, {}, lambda: wish, lambda: now[0],
-                      patience=3.0, judged=[judged])  # fmt: skip
+        return Settle("settle", actor, lambda: wish, patience=3.0, judged=[judged])
 
     stuck = leaf("right_elbow_flexion")
     for now[0], status in ((5.0, "RUNNING"), (7.9, "RUNNING"), (8.0, "SUCCESS")):

@@ -14,7 +14,7 @@ import rcare_marl
 from rcare_marl.baselines.training.config import Curriculum, CurriculumConfig, Stage
 from rcare_marl.config import load
 from rcare_marl.envs import CareEnv, Role, Task, task_names
-from rcare_marl.envs.narrowed_rng import NarrowedRng
+from rcare_marl.envs.task import NarrowedRng
 from rcare_marl.envs.task_options import TaskOptions
 from rcare_marl.errors import ConfigError, UnknownNameError
 

@@ -164,7 +164,7 @@ def test_a_good_end_pays_at_least_what_waiting_would(scripted: CareEnv) -> None:
     while not scripted.is_over:
         best = max(best, sum(task_of(scripted).rewards("robot", task_of(scripted).state).values()))
         scripted.step({})
-    left = (drinking.TIME_LIMIT - scripted.world.time) / task_of(scripted).control_dt
+    left = (Drinking.time_limit - scripted.world.time) / task_of(scripted).control_dt
     assert task_of(scripted).rewards("robot", task_of(scripted).state)["done"] >= best * left - 1e-9
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rcare_marl
-from rcare_marl.agents.people.behaviour.sampled import RandomPolicy
+from rcare_marl.agents.people.behaviour.behaviour_tree import RandomPolicy
 from rcare_marl.baselines.evaluation.episode_figure import Recorder
 from rcare_marl.baselines.evaluation.evaluate import (
     Evaluation,

@@ -14,7 +14,7 @@ from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.actuation.muscle_model import Tendon
 from rcare_marl.agents.people.actuation.muscular import MuscleDrive
 from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_posture
-from rcare_marl.agents.people.behaviour.reach import Reach
+from rcare_marl.agents.people.behaviour.behaviour_tree import Reach
 from rcare_marl.agents.people.body.ik import grip_point
 from rcare_marl.agents.people.body.person_tree import person_tree
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX

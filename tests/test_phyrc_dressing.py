@@ -12,8 +12,9 @@ from episode import play
 
 import rcare_marl
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.phyrc.arm_cover import ArmCover, crossings, widest_gap
+from rcare_marl.envs.phyrc.arm_cover import ArmCover, widest_gap
 from rcare_marl.envs.phyrc.phyrc_score import ScoreSheet
+from rcare_marl.envs.scenes.leg_path import pierced
 from rcare_marl.envs.tasks.phyrc_dressing import PhyrcDressing
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
@@ -69,10 +70,10 @@ def test_gaps_and_crossings_are_counted() -> None:
     square = np.array(((1.0, 1.0, 0.0), (-1.0, 1.0, 0.0), (-1.0, -1.0, 0.0), (1.0, -1.0, 0.0)))
     after = np.roll(square, -1, axis=0)
     up = np.array((0.1, 0.2, -1.0)), np.array((0.1, 0.2, 1.0))
-    assert crossings(*up, np.zeros(3), square, after) == 1
-    assert crossings(*up[::-1], np.zeros(3), square, after) == -1
+    assert pierced(*up, np.zeros(3), square, after)[0].tolist() == [1]
+    assert pierced(*up[::-1], np.zeros(3), square, after)[0].tolist() == [-1]
     beside = np.array((3.0, 0.0, 0.0))
-    assert crossings(up[0] + beside, up[1] + beside, np.zeros(3), square, after) == 0
+    assert not pierced(up[0] + beside, up[1] + beside, np.zeros(3), square, after)[0].any()
 
 
 def test_a_shoulder_not_reached_keeps_nothing_else_back() -> None:

@@ -30,10 +30,9 @@ from dataclasses import replace
 import numpy as np
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
-from py_trees.composites import Parallel, Selector
-from py_trees.composites import Sequence as OneAfterOther
+from py_trees.composites import Parallel
 
-from ..people.behaviour.leaves import Condition
+from ..people.behaviour.leaves import Condition, first_of, when
 from .body import CoachBody
 from .recognition.recogniser import Frame
 from .session import Demonstration, Lesson, Order, Session, Word
@@ -187,14 +186,14 @@ def coach_tree(session: Lesson, intent: Intent) -> Behaviour:
         intent.order = replace(intent.order, act="rest")
         return Status.RUNNING
 
-    return _first(
+    return first_of(
         "coach",
-        _then(
+        when(
             "stop", Condition("asked to stop", lambda: session.must_stop), Do("stand still", still)
         ),
-        _then("pause", Condition("asked to pause", lambda: session.must_pause), Do("wait", still)),
-        _then("rest", Condition("is tired", is_tired), Do("lower the arms", rest)),
-        _then("programme", *(_exercise(session, intent, k) for k in range(len(session.exercises)))),
+        when("pause", Condition("asked to pause", lambda: session.must_pause), Do("wait", still)),
+        when("rest", Condition("is tired", is_tired), Do("lower the arms", rest)),
+        when("programme", *(_exercise(session, intent, k) for k in range(len(session.exercises)))),
     )
 
 
@@ -212,18 +211,18 @@ def _exercise(session: Lesson, intent: Intent, k: int) -> Behaviour:
         intent.say("explain")
         return Status.RUNNING
 
-    return _first(
+    return first_of(
         exercise.name.replace("_", " "),
         Condition("done", lambda: session.index > k),
-        _then("skip", Condition("asked to skip", lambda: session.must_skip), Do("go on", leave)),
-        _then(
+        when("skip", Condition("asked to skip", lambda: session.must_skip), Do("go on", leave)),
+        when(
             "do it",
             Do("explain", explain),
             _beside(
                 "coach it",
                 Do("demonstrate", lambda: _demonstrate(intent)),
                 Do("observe", lambda: _observe(session, intent)),
-                _first(
+                first_of(
                     "encourage",
                     Condition("follows: green window", lambda: session.judgement.following),
                     Encourage(session, intent),
@@ -247,14 +246,6 @@ def _observe(session: Lesson, intent: Intent) -> Status:
         intent.order = replace(intent.order, act="next")
         return Status.SUCCESS
     return Status.RUNNING
-
-
-def _first(name: str, *children: Behaviour) -> Selector:
-    return Selector(name, memory=False, children=list(children))
-
-
-def _then(name: str, *children: Behaviour) -> OneAfterOther:
-    return OneAfterOther(name, memory=False, children=list(children))
 
 
 def _beside(name: str, *children: Behaviour) -> Parallel:

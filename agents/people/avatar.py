@@ -64,18 +64,12 @@ class AvatarConfig:
 
 def load_avatar(name: str | Path) -> AvatarConfig:
     """Return the avatar of that name, or from that YAML file."""
-    path = Path(name)
-    return load(
-        AvatarConfig,
-        path if path.suffix in (".yaml", ".yml") else assets.find("avatars", str(name)),
-    )
+    return load(AvatarConfig, assets.find("avatars", name))
 
 
 def load_posture(name: str | Path) -> PostureConfig:
     """Return the posture of that name, or from that YAML file."""
-    path = Path(name)
-    found = path if path.suffix in (".yaml", ".yml") else assets.find("postures", str(name))
-    return load(PostureConfig, found)
+    return load(PostureConfig, assets.find("postures", name))
 
 
 @lru_cache(maxsize=32)

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, check_name
-from rcare_marl.pose import Vector
+from rcare_marl.pose import Array, Vector
 from rcare_marl.rendering.mesh import SmoothNormals
 from rcare_marl.soft.cloth import SUBSTEPS, Cloth
 from rcare_marl.soft.garment import Frame, Garment, GarmentConfig, cut_garment
@@ -23,8 +23,6 @@ from .body.measure import measure
 from .body.skin import BodyModel, PersonSkin
 from .human import Human
 
-Array = npt.NDArray[np.float64]
-
 _NEIGHBOURS = 8  # vertices of the skin that a particle follows
 _CLEAR = 0.012  # [m] from the skin, where cloth is laid; our own choice
 _PUSHES = 4
@@ -33,9 +31,7 @@ _TURN = 0.05  # [m] along a leg, over which its direction is taken
 
 def load_garment(name: str | Path) -> GarmentConfig:
     """Return the garment of that name, or from that YAML file."""
-    path = Path(name)
-    found = path if path.suffix in (".yaml", ".yml") else assets.find("garments", str(name))
-    return load(GarmentConfig, found)
+    return load(GarmentConfig, assets.find("garments", name))
 
 
 @lru_cache(maxsize=32)

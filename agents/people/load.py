@@ -21,9 +21,7 @@ if TYPE_CHECKING:
     from .human import Human
 
 TRUNK = "spine3"  # its tilt is that of the trunk
-LEAVES_SUPPORT = (
-    0.2  # [rad] from the start posture, where furniture carries no more; our own choice
-)
+LEAVES_SUPPORT = 0.2  # [rad] from the start, where furniture carries no more; our own choice
 
 
 # Columns of the kernel's table, one row a DoF.

@@ -14,8 +14,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 from rcare_marl.observable import Observable
 
@@ -28,6 +26,7 @@ from .physiology_model import (
     physiology_model,
     side_name,
 )
+from .profile import is_number
 
 if TYPE_CHECKING:
     from .human import Human
@@ -138,17 +137,13 @@ class Physiology:
         vitals = avatar.profile.vitals
         self._rest = {name: float(getattr(vitals, name)) for name in _VITALS}
         self._greatest_power, self._greatest_rate = self._capacity()
-        same = ("respiration_rate", "temperature", "comfort")
-        times = dict(
-            zip(same, (f"{k}_time" for k in ("respiration", "temperature", "comfort")), strict=True)
-        )
-        stems = {"systolic": "pressure", "diastolic": "pressure"}
-        self._times = [
-            (f[times[name]], f[times[name]])
-            if name in times
-            else (f[f"{stems.get(name, name)}_rise"], f[f"{stems.get(name, name)}_fall"])
-            for name in _LAGS
-        ]
+        stems = {"systolic": "pressure", "diastolic": "pressure", "respiration_rate": "respiration"}
+        self._times = []  # of rise and fall
+        for stem in (stems.get(name, name) for name in _LAGS):
+            same = f.get(f"{stem}_time")
+            self._times.append(
+                (f[f"{stem}_rise"], f[f"{stem}_fall"]) if same is None else (same, same)
+            )
         groups = [model.fatigue[region.split("_")[-1]] for region in REGIONS]
         self._rates = [(group.fatigue, group.recovery) for group in groups]
         self.reset()
@@ -179,9 +174,8 @@ class Physiology:
             return self._now[_INDEX[name]]
         if name == "fatigue":
             return max(self._tired)
-        if name in SURROUNDINGS:
-            return self._around[name]
-        raise UnknownNameError("physiological quantity", name, [*QUANTITIES, *SURROUNDINGS])
+        check_name("physiological quantity", name, [*SURROUNDINGS, *QUANTITIES])
+        return self._around[name]
 
     def set(self, values: Mapping[str, float]) -> None:
         """Set quantities by name, all or none; from there they go on as the model says.
@@ -216,8 +210,7 @@ class Physiology:
         Only vital signs, pain and comfort can be held; the rest follows nothing or the muscles.
         """
         for name in values:
-            if name not in _INDEX:
-                raise UnknownNameError("quantity that can be held", name, _LAGS)
+            check_name("quantity that can be held", name, _LAGS)
         self.set(values)
         self._held |= {_INDEX[name] for name in values}
 
@@ -425,8 +418,7 @@ def vital_signs(person: Human) -> list[Observable]:
 
 
 def _check(name: str, value: object, quantity: Quantity) -> None:
-    is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not is_number or not quantity.low <= value <= quantity.high:  # type: ignore[operator]
+    if not is_number(value, quantity.low, quantity.high):
         raise ConfigError(
             f"{name} must lie in {quantity.low:g}..{quantity.high:g} {quantity.unit}, got {value!r}"
         )

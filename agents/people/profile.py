@@ -7,22 +7,21 @@ Angles in files are clinical degrees, each side separately; here they become rad
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.pose import Array
 
 from .body.anthropometry import Sex
 from .body.skeleton import DOFS, Dof
 
-Array = npt.NDArray[np.float64]
 Range = Literal["active", "passive"]
 if TYPE_CHECKING:
     MmtGrade = float
@@ -102,7 +101,7 @@ class SideProfile:
         for key in ("prom_deg", "arom_deg"):
             for motion, angle in getattr(self, key).items():
                 check_name(f"motion in {key}", motion, norms.motions)
-                if not _is_number(angle, -90, 190):
+                if not is_number(angle, -90, 190):
                     raise ConfigError(f"{key}.{motion} must lie in -90..190 deg, got {angle!r}")
         for motion, angle in self.arom_deg.items():
             passive = self.prom_deg.get(motion, norms.motions[motion].range_deg)
@@ -114,13 +113,13 @@ class SideProfile:
             for group in getattr(self, key):
                 check_name(f"muscle group in {key}", group, norms.groups)
         for group, grade in self.mmt.items():
-            if not _is_number(grade, 0, 5):
+            if not is_number(grade, 0, 5):
                 raise ConfigError(
                     f"mmt.{group} is a grade from 0 to 5, a number (3+ is 3.33), got {grade!r}"
                 )
         for key in ("tremor", "dyskinesia"):
             for group, amplitude in getattr(self, key).items():
-                if not _is_number(amplitude, 0, 1):
+                if not is_number(amplitude, 0, 1):
                     raise ConfigError(f"{key}.{group} is a share from 0 to 1, got {amplitude!r}")
         for group, mas in self.spasticity.items():
             if not isinstance(mas, str) or mas not in ASHWORTH:
@@ -131,7 +130,7 @@ class SideProfile:
                 )
 
 
-def _is_number(value: object, low: float, high: float) -> bool:
+def is_number(value: object, low: float, high: float) -> bool:
     """Return whether a value is a number in a range, and neither a truth value nor a text."""
     is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
     return is_number and low <= value <= high  # type: ignore[operator]
@@ -156,18 +155,18 @@ class Vitals:
     respiration_rate: float = 14.0
 
     def __post_init__(self) -> None:
-        if not 30 <= self.heart_rate <= 200:
-            raise ConfigError(f"heart_rate must lie in 30..200 per minute, got {self.heart_rate}")
+        for name, low, high, unit in (
+            ("heart_rate", 30, 200, "per minute"),
+            ("temperature", 30, 43, "°C"),
+            ("respiration_rate", 4, 60, "per minute"),
+        ):
+            if not low <= getattr(self, name) <= high:
+                got = getattr(self, name)
+                raise ConfigError(f"{name} must lie in {low}..{high} {unit}, got {got}")
         if not 30 <= self.diastolic < self.systolic <= 260:
             raise ConfigError(
                 f"blood pressure must satisfy 30 <= diastolic < systolic <= 260 mmHg, got "
                 f"{self.systolic}/{self.diastolic}"
-            )
-        if not 30 <= self.temperature <= 43:
-            raise ConfigError(f"temperature must lie in 30..43 °C, got {self.temperature}")
-        if not 4 <= self.respiration_rate <= 60:
-            raise ConfigError(
-                f"respiration_rate must lie in 4..60 per minute, got {self.respiration_rate}"
             )
 
 
@@ -197,14 +196,8 @@ class ClinicalProfile:
             motions = {m for d in DOFS if d.side == side for m in (d.positive, d.negative)}
             groups = {clinical_norms().motions[m].group for m in motions}
             profile = self.side(side)
-            for key, known in (
-                ("prom_deg", motions),
-                ("arom_deg", motions),
-                ("mmt", groups),
-                ("spasticity", groups),
-                ("tremor", groups),
-                ("dyskinesia", groups),
-            ):
+            for key in ("prom_deg", "arom_deg", "mmt", "spasticity", "tremor", "dyskinesia"):
+                known = motions if key.endswith("_deg") else groups
                 for name in getattr(profile, key):
                     check_name(f"entry of {key} that belongs to {side}", name, known)
 
@@ -268,13 +261,5 @@ def normal_strength(sex: Sex) -> Array:
     """Return the greatest torque of each DoF in its stronger direction at grade 5 [N·m], [112]."""
     norms = clinical_norms()
     factor = norms.female_strength if sex == "female" else 1.0
-    return np.array(
-        [
-            factor * max(_torque(norms.motions, d.positive), _torque(norms.motions, d.negative))
-            for d in DOFS
-        ]
-    )
-
-
-def _torque(motions: Mapping[str, Motion], motion: str) -> float:
-    return motions[motion].torque
+    pairs = [[norms.motions[motion].torque for motion in (d.positive, d.negative)] for d in DOFS]
+    return factor * np.array(pairs).max(axis=1)

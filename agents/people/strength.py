@@ -20,18 +20,17 @@ from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import check_name
+from rcare_marl.pose import Array
 from rcare_marl.tree.joint_tree import JointTree, ancestors
 from rcare_marl.world import GRAVITY
 
 from .body.skeleton import DOF_INDEX, DOFS, Dof
 from .profile import clinical_norms
 
-Array = npt.NDArray[np.float64]
 StrengthMap = Literal["linear", "gravity"]
 STRENGTH_MAPS: tuple[StrengthMap, ...] = get_args(StrengthMap)
 LEAST_HOLDING, MOST_HOLDING = 0.01, 0.8  # share of grade 3; our own choice

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.console import markdown_table
-from rcare_marl.envs.group import lead_roles
+from rcare_marl.envs.registry import lead_roles
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
 from rcare_marl.provenance import versions

@@ -24,8 +24,7 @@ from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.cast import CastEntry, find_policy
 from rcare_marl.envs.episode import EpisodeRecorder
-from rcare_marl.envs.group import lead_roles
-from rcare_marl.envs.registry import is_policy_file, task_class
+from rcare_marl.envs.registry import is_policy_file, lead_roles, task_class
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.provenance import versions
 

@@ -30,7 +30,7 @@ from rcare_marl.agents.people.behaviour.avatar_tree import (
     Surroundings,
     behaviour_of,
 )
-from rcare_marl.agents.people.behaviour.go_along import GoAlong
+from rcare_marl.agents.people.behaviour.behaviour_tree import GoAlong
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.profile import clinical_norms

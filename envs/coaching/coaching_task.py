@@ -20,7 +20,7 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_part import Part
 from rcare_marl.errors import ConfigError
 from rcare_marl.observable import Observable
-from rcare_marl.pose import Array, Pose, quaternion_from_rpy
+from rcare_marl.pose import Array, Pose, about_z
 from rcare_marl.world import World
 
 from ..state import Seen, State, Values
@@ -277,4 +277,4 @@ class CoachingTask(Task):
 
 def facing(place: tuple[float, float], yaw: float) -> Pose:
     """Return the pose of what stands at a place on the floor [m], turned by `yaw` [rad]."""
-    return Pose((*place, 0.0), tuple(quaternion_from_rpy(0, 0, yaw).tolist()))
+    return Pose((*place, 0.0), about_z(yaw))

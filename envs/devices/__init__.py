@@ -32,6 +32,7 @@ from .sponge import Sponge as Sponge
 from .sponge import SpongeBlock as SpongeBlock
 from .spoon import Spoon as Spoon
 from .stand import add_stand as add_stand
+from .stand import needs_stand as needs_stand
 from .transfer_bench import TransferBench as TransferBench
 from .wash_basin import WashBasin as WashBasin
 from .weight import volume as volume

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.body import Body
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
@@ -9,6 +10,12 @@ from rcare_marl.world import World
 # Our own choice, in the look of a floor stand of steel.
 COLUMN, PLATE = 0.11, (0.42, 0.42, 0.025)  # [m]
 RGBA = (0.30, 0.32, 0.35, 1.0)
+
+
+def needs_stand(robot: Robot) -> bool:
+    """Return whether a robot is an arm without base or legs."""
+    config = robot.config
+    return config.base is None and config.mounts["floor"].position[2] == 0
 
 
 def add_stand(world: World, base: Pose) -> tuple[Body, ...]:

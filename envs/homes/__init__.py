@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from .audit import audit as audit_home
 from .care_home import CareHome, home_names
-from .door import HINGE_DAMPING
+from .door import HINGE_DAMPING, Door
 from .fixture import build_door, build_fixture
 from .home_place import HomePlace, find_place
 from .route import Route
@@ -21,6 +21,7 @@ __all__ = [
     "HINGE_DAMPING",
     "LEVELS",
     "CareHome",
+    "Door",
     "HomePlace",
     "Route",
     "Rules",

@@ -16,7 +16,7 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError, check_name
 
 from ..cast import find_policy
-from ..group import group_map
+from ..registry import group_map
 from .recipe import EnvRecipe
 
 Floats = npt.NDArray[np.float32]

@@ -18,8 +18,7 @@ from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 from .. import make
 from ..care_env import CareEnv
 from ..cast import find_policy
-from ..group import lead_roles
-from ..registry import PolicyFactory, task_class
+from ..registry import PolicyFactory, lead_roles, task_class
 from ..task import part_name
 
 PLACE = ("home", "level", "room")  # keys of a cast that are no roles

@@ -10,11 +10,11 @@ import numpy.typing as npt
 from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array
 
+from ..scenes.leg_path import pierced
+
 SLICE = 0.05  # [m]: the challenge's scene
 NEAR = 0.05  # [m] from the skin of the arm, where cloth counts as on it: the challenge's scene
-LOOSE = (
-    0.16  # [m] from the middle of the arm, within which cloth that goes round it hangs; own choice
-)
+LOOSE = 0.16  # [m] from the middle of the arm, where cloth that goes round it hangs; own choice
 # Between neighbours round the arm: cloth that only lies on it leaves half a turn open; own choice.
 LARGEST_GAP = math.radians(150)
 
@@ -82,10 +82,8 @@ class ArmCover:
             ring: Its particles in order [m], shape [n, 3].
         """
         middle, after = ring.mean(axis=0), np.roll(ring, -1, axis=0)
-        total = 0
-        for start, end in zip(self.ends[:-1], self.ends[1:], strict=True):
-            total += crossings(start, end, middle, ring, after)
-        return total != 0
+        parts = zip(self.ends[:-1], self.ends[1:], strict=True)
+        return sum(pierced(*part, middle, ring, after)[0].sum() for part in parts) != 0
 
 
 def widest_gap(angles: Array) -> float:
@@ -94,28 +92,6 @@ def widest_gap(angles: Array) -> float:
         return 2 * math.pi
     order = np.sort(angles)
     return float(np.diff(np.append(order, order[0] + 2 * math.pi)).max())
-
-
-def crossings(start: Array, end: Array, apex: Array, first: Array, second: Array) -> int:
-    """Return how often, with its sign, a segment goes through a fan of triangles.
-
-    Args:
-        start: Of the segment [m], shape [3].
-        end: Of the segment.
-        apex: Of the fan.
-        first: Second corner of each triangle, shape [n, 3].
-        second: Third corner of each.
-    """
-    way, total = end - start, 0
-    for a, b in zip(first - apex, second - apex, strict=True):
-        matrix = np.column_stack((-way, a, b))
-        if abs(np.linalg.det(matrix)) < 1e-15:
-            continue
-        share, u, v = np.linalg.solve(matrix, start - apex)
-        # Half-open, so that what goes through an edge counts once.
-        if 0 <= share < 1 and u >= 0 and v > 0 and u + v <= 1:
-            total += 1 if float(np.cross(a, b) @ way) > 0 else -1
-    return total
 
 
 def _seen(points: Array, start: Array, end: Array) -> tuple[Array, Array, Array]:

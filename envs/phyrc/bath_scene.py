@@ -1,36 +1,98 @@
-"""The bathing challenge's scene: a bed, and over it a table with a sponge and a basin of water."""
+"""The bathing challenge's scene: a bed, over it a table with sponge and basin, and limbs to be washed."""
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
 from rcare_marl.agents.people.body.skeleton import SIDES
 from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix, quaternion_from_rpy
+from rcare_marl.pose import Array, Pose, about_z, quaternion_from_matrix
 from rcare_marl.world import World
 
 from ..devices import Device, HospitalBed, Sponge, WashBasin, lay_under, move_under
-from .washed_limbs import WashedLimbs
+from ..scenes.wiped_skin import WipedSkin, pad
 
 # Of the challenge's scene, as read from its player of October 2024 (docs/phyrc.md):
 PERSON_SPREAD = 0.10  # [m] along and across, uniform each way
 JOINT_SPREAD = math.radians(15)  # of shoulder, hip and elbow, uniform each way
 # Our own choices.
 BED_RAISE = 0.17  # [m] of the platform over its lowest
-TABLE_AT, TABLE_OVER = (
-    (-0.38, 0.08),
-    0.31,
-)  # [m] middle of the top, and its height over the mattress
+TABLE_AT, TABLE_OVER = (-0.38, 0.08), 0.31  # [m] middle of the top, its height over the mattress
 SPONGE_Y, BASIN_Y = -0.34, -0.08  # [m] from the middle of the table
 DEPTH_SHARE = 0.8  # of the sponge that a hand over the rim puts under water
 # How far a limb is laid towards the body at most: it is not laid into trunk or other leg.
 INWARD = {"shoulder_abduction": math.radians(8), "hip_abduction": math.radians(5)}
 # Long side across the bed, face down, so that a hand from the side or from above takes the sponge.
 FACE_DOWN = quaternion_from_matrix(np.array(((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))))
+# Joint a washed limb moves with, joint at its far end, from where it is bare: sleeves and trousers are short.
+LIMBS = (
+    ("shoulder", "elbow", 0.04),
+    ("elbow", "wrist", -1.0),
+    ("hip", "knee", 0.2),
+    ("knee", "ankle", -1.0),
+)  # our own choice
+
+
+class WashedLimbs:
+    """The upper sides of arms and legs of somebody who lies on the back.
+
+    Attributes:
+        limbs: The skin of each limb, by the SMPL-X joint that it moves with.
+    """
+
+    def __init__(self, person: Human, world: World) -> None:
+        """Bare arms and legs of a person as they are now, and let them yield to soft matter as flesh.
+
+        Raises:
+            ConfigError: If a limb has simulated flesh or is not one rigid capsule.
+        """
+        self.limbs = {
+            f"{side}_{joint}": WipedSkin(
+                person, world, f"{side}_{joint}", f"{side}_{end}", bare=bare, like=f"{side}_wrist"
+            )
+            for side in SIDES
+            for joint, end, bare in LIMBS
+        }
+        pad(person, world, list(self.limbs))
+        areas = {joint: limb.area for joint, limb in self.limbs.items()}
+        self._shares = {joint: area / sum(areas.values()) for joint, area in areas.items()}
+
+    def reset(self) -> None:
+        """Let all of them be dry and unwiped, where they are now."""
+        self.follow()
+        for limb in self.limbs.values():
+            limb.reset()
+
+    def follow(self) -> None:
+        """Take the limbs to be where they are now."""
+        for limb in self.limbs.values():
+            limb.follow()
+
+    @property
+    def coverage(self) -> float:
+        """Share of the area to be wiped that was."""
+        return sum(share * self.limbs[joint].coverage for joint, share in self._shares.items())
+
+    def coverages(self) -> list[float]:
+        """Return the share of each limb that was wiped, in their order."""
+        return [limb.coverage for limb in self.limbs.values()]
+
+    def wipe(self, touched: Iterable[str], points: Array, duration: float) -> None:
+        """Wipe with points of something wet.
+
+        Args:
+            touched: SMPL-X joints of the segments that it presses on.
+            points: Points of its face in the world [m], shape [n, 3].
+            duration: How long [s].
+        """
+        for joint in touched:
+            if joint in self.limbs:
+                self.limbs[joint].wipe(points, duration)
 
 
 class BathScene:
@@ -49,8 +111,8 @@ class BathScene:
         """Put everything into the world."""
         self.bed = HospitalBed()
         half = 0.5 * self.bed.model.figure("mattress_length") + self.bed.model.figure("end")
-        turn = quaternion_from_rpy(0, 0, math.pi)  # mounts beside a bed have its head at +x
-        self.bed.spawn(world, Pose((half, 0.0, 0.0), tuple(turn.tolist())))
+        # Mounts beside a bed have its head at +x.
+        self.bed.spawn(world, Pose((half, 0.0, 0.0), about_z(math.pi)))
         self.bed.set_position("height", BED_RAISE)
         height, (x, y) = self.bed.mattress_height() + TABLE_OVER, TABLE_AT
         self.table = Device("overbed_table", fixed={"height": height})

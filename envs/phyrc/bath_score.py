@@ -14,10 +14,9 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.pose import Array
 from rcare_marl.world import World
 
-from ..state import State, Values
-from .bath_scene import BathScene
-from .phyrc_score import PICK_UP_TIME, ScoreSheet, Stopwatch
-from .washed_limbs import WashedLimbs
+from ..state import State
+from .bath_scene import BathScene, WashedLimbs
+from .phyrc_score import PICK_UP_TIME, ScoreSheet, ScoreState, Stopwatch
 
 # Of the challenge's scene, as read from its player of October 2024 (docs/phyrc.md):
 GRASP_RADIUS = 0.10  # [m] from tool to handle, within which the sponge can be taken
@@ -43,30 +42,19 @@ FULL_SHARE_AT = 0.05  # coverage from which on gentleness counts in full
 
 
 @dataclass(frozen=True, eq=False)
-class BathState(State):
-    """What the bathing challenge reads."""
+class BathState(ScoreState):
+    """What the bathing challenge reads; the way is to sponge, water or the nearest limb, `FAR` at most."""
 
-    points: Array  # of each item of `ITEMS`, shape [4]
-    earned: int  # how many items were earned
-    scored: int  # what the score grew by in the control step
     face: Array  # middle of the face of the sponge [m], shape [3]
     to_sponge: Array  # from the tool to the handle of the sponge [m], shape [3]
     water: Array  # middle of the surface of the water [m], shape [3]
     joints: Array  # of the limbs, see `SEEN`, left ones first [m], shape [12, 3]
-    way: float  # how far it is to what is next [m]: to sponge, water or the nearest limb; `FAR` at most
-    is_held: bool  # whether the robot holds the sponge
     push: float  # mean force of the sponge on the person in the control step [N]
     wetness: float  # of the sponge, 0 dry to 1 wet
     coverages: Array  # share of each limb that was washed, shape [8]
     coverage: float  # share of all the skin that was
-    gained: float  # what it grew by in the control step
     gentleness: float  # share of good samples of force, of what is demanded at least
     is_tipped: bool  # whether the basin was tipped or pushed away
-
-    @property
-    def score(self) -> Values:
-        """Sum of the points."""
-        return self.points.sum(axis=-1)
 
 
 class BathScore:
@@ -116,14 +104,11 @@ class BathScore:
         self._see_basin()
         covered = self._coverage
         self._see_skin(points, push, now.force, duration)
-        score = self.sheet.total
-        self.sheet.update(now.time)
+        points_now = self.sheet.read(now.time)
         water = np.array(self._scene.water())
         return BathState(
             **vars(now),
-            points=np.array(list(self.sheet.points.values())),
-            earned=self.sheet.stage,
-            scored=self.sheet.total - score,
+            **points_now,
             face=face,
             to_sponge=to_sponge,
             water=water,

@@ -13,10 +13,10 @@ from rcare_marl.agents.robots.pinch import ClothPinch
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.pose import Array
 
-from ..state import State, Values
+from ..state import State
 from .arm_cover import NEAR, ArmCover
 from .gown_stand import GownStand
-from .phyrc_score import PICK_UP_TIME, ScoreSheet, Stopwatch
+from .phyrc_score import PICK_UP_TIME, ScoreSheet, ScoreState, Stopwatch
 
 # Of the challenge's scene, as read from its player of September 2024 (docs/phyrc.md):
 PICK_UP, SLEEVE, SHOULDER, LEFT, RIGHT = 5, 5, 5, 10, 20  # points
@@ -28,28 +28,17 @@ SHOULDER_SHARE = 0.025  # our own choice: 20 particles, a hand's breadth of clot
 
 
 @dataclass(frozen=True, eq=False)
-class GownState(State):
-    """What the dressing challenge reads."""
+class GownState(ScoreState):
+    """What the dressing challenge reads; the way is from the tool to seam or shoulder."""
 
-    points: Array  # of each item of `ITEMS`, shape [5]
-    earned: int  # how many items were earned
-    scored: int  # what the score grew by in the control step
     seam: Array  # where the seam is that a robot takes [m], shape [3]
     tool: Array  # where its tool is [m], shape [3]
     cuff: Array  # middle of the left cuff [m], shape [3]
     arm: Array  # left wrist, elbow and shoulder [m], shape [3, 3]
-    way: float  # from the tool to what is next, seam or shoulder [m]
-    is_held: bool  # whether the robot holds the seam
     pull: float  # with which it pulls [N]
     covered: Array  # share of the slices of each of `SIDES` that the gown goes round, shape [2]
-    gained: float  # what that grew by in the control step, both together
     near_left: float  # share of the gown's particles that are near the left shoulder
     strain: float  # greatest strain of the cloth so far
-
-    @property
-    def score(self) -> Values:
-        """Sum of the points."""
-        return self.points.sum(axis=-1)
 
 
 class DressingScore:
@@ -93,14 +82,10 @@ class DressingScore:
         for side, cover in self._covers.items():
             cover.follow()
             self.covered[side] = float(cover.slices(points[self._gown.sleeves[side]]).mean())
-        score = self.sheet.total
-        self.sheet.update(now.time)
         seam, tool = self._stand.seam, np.array(self._robot.tool_pose().position)
         return GownState(
             **vars(now),
-            points=np.array(list(self.sheet.points.values())),
-            earned=self.sheet.stage,
-            scored=self.sheet.total - score,
+            **self.sheet.read(now.time),
             seam=seam,
             tool=tool,
             cuff=points[self._gown.cuffs["left"]].mean(axis=0),

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import Mount
 from rcare_marl.pose import Pose
 
-from ..place import Door, DoorSite
+from ..place import DoorSite
 from ..rectangle import Rectangle
+
+if TYPE_CHECKING:
+    from ..place import Door
 
 Choice = Literal["handle", "left", "right"]
 Side = Literal["left", "right"]

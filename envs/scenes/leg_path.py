@@ -1,17 +1,28 @@
-"""The way of a garment along a leg: where on it a ring of cloth is, and whether it goes round it."""
+"""A leg of a seated person: the way of a garment along it, and how it is lifted off its footplate."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.human import Human
-from rcare_marl.pose import Array, rotate
+from rcare_marl.pose import Array, Pose, rotate
+from rcare_marl.world import World
 
-TOES = 0.09  # [m] that toes reach beyond the ball of the foot; our own choice
-KNEE = (
-    0.06  # [m] before and behind the knee where the front turns from shank to thigh; our own choice
-)
+from ..devices import Wheelchair
+
+# All our own choices.
+TOES = 0.09  # [m] that toes reach beyond the ball of the foot
+KNEE = 0.06  # [m] before and behind the knee where the front turns from shank to thigh
+# How it is lifted. Hip flexion beside that at rest, and knee flexion: straight enough
+# that the knee does not buckle, the thigh hardly off the seat.
+LIFT = ((math.radians(-8), math.radians(35)), (math.radians(-10), math.radians(6)))
+LIFT_SPREAD = (math.radians(1), math.radians(3))  # of both, uniform, each way
+FOOT_HOLD = 0.07  # [m] from the ankle to the toes, where it is grasped
 
 
 class LegPath:
@@ -65,9 +76,7 @@ class LegPath:
     def place(self, point: Array) -> float:
         """Return how far from the ankle the line is nearest to a point in the world [m]."""
         found: list[tuple[float, float]] = []
-        for start, end, before in zip(
-            self.points[:-1], self.points[1:], self._starts(), strict=True
-        ):
+        for start, end, before in self._parts():
             way = end - start
             length = float(np.linalg.norm(way))
             share = min(max(float((point - start) @ way) / length**2, 0.0), 1.0)
@@ -75,9 +84,10 @@ class LegPath:
             found.append((gap, before + share * length))
         return min(found)[1]
 
-    def _starts(self) -> tuple[float, float, float]:
+    def _parts(self) -> Iterator[tuple[Array, Array, float]]:
+        """Return start and end of foot, shank and thigh, and how far from the ankle each begins [m]."""
         foot = float(np.linalg.norm(self.points[1] - self.points[0]))
-        return -foot, 0.0, self.shank
+        return zip(self.points[:-1], self.points[1:], (-foot, 0.0, self.shank), strict=True)
 
     def crossings(self, ring: Array) -> tuple[int, float]:
         """Return how often the line goes through a ring of cloth, and where first.
@@ -94,19 +104,106 @@ class LegPath:
         """
         middle, after = ring.mean(axis=0), np.roll(ring, -1, axis=0)
         count, places = 0, []
-        for start, end, before in zip(
-            self.points[:-1], self.points[1:], self._starts(), strict=True
-        ):
-            signs, shares = _pierced(start, end, middle, ring, after)
+        for start, end, before in self._parts():
+            signs, shares = pierced(start, end, middle, ring, after)
             count += int(signs.sum())
             places += (before + shares * np.linalg.norm(end - start)).tolist()
         return count, min(places, default=self.place(middle))
 
 
-def _pierced(
+class LiftableLeg(LegPath):
+    """The middle line of a leg, and the poses of the foot while it is lifted.
+
+    Attributes:
+        rest: Angles of the moving DoFs where the leg stands [rad], by name.
+        stood: Where the foot is held when it stands [m], shape [3].
+        way: Poses of the foot while it is lifted, in turn.
+    """
+
+    def __init__(self, person: Human, side: str) -> None:
+        """Take a spawned person who has come to rest, and a side, `left` or `right`."""
+        super().__init__(person, side)
+        self.rest = dict(zip(person.movable, person.positions, strict=True))
+        self.stood = self.foot_hold()
+        self.way: Sequence[Pose] = ()
+        self.plan(np.zeros(2))
+
+    def plan(self, shift: Array) -> None:
+        """Say how the leg will be lifted, and put it back to where it stands.
+
+        Args:
+            shift: Added to hip and knee flexion [rad], shape [2].
+        """
+        self.way = [self.put(*np.add(angles, shift).tolist()) for angles in LIFT]
+        self.stand()
+
+    def put(self, hip: float, knee: float) -> Pose:
+        """Teleport the leg to a hip flexion beside that at rest, and a knee flexion [rad].
+
+        Returns:
+            The pose of the foot.
+        """
+        flexed = f"{self.side}_hip_flexion"
+        self._person.set_angles(
+            {flexed: self.rest[flexed] + hip, f"{self.side}_knee_flexion": knee}
+        )
+        self.look()
+        return self._person.joint_pose(f"{self.side}_ankle")
+
+    def lift(self) -> None:
+        """Teleport the leg to where it is held."""
+        self.put(*LIFT[-1])
+
+    def stand(self) -> None:
+        """Teleport the leg to where it stands."""
+        self._person.set_angles(self.rest)
+        self.look()
+
+    def foot_hold(self) -> Array:
+        """Return the middle of the foot where it is grasped [m], shape [3]."""
+        toes, ankle = self.points[:2]
+        return np.asarray(ankle + FOOT_HOLD * (toes - ankle) / np.linalg.norm(toes - ankle))
+
+    def to_lifted(self) -> Array:
+        """Return the way from the ankle to where it is when the leg is up [m], shape [3]."""
+        return np.subtract(self.way[-1].position, self.points[1])
+
+
+def let_leg_stand(world: World, person: Human, chair: Wheelchair, side: str) -> None:
+    """Let a leg stand on its footplate and lie on the seat; the rest passes through the chair already.
+
+    Args:
+        world: Where they are.
+        person: Who sits there.
+        chair: The chair.
+        side: Of the leg.
+    """
+    thigh, shank = (person.frames[JOINT_INDEX[f"{side}_{j}"]].link for j in ("hip", "knee"))
+    below = person.body.carried_by(shank)
+    world.set_collision(person.body, chair.body, True, links_a=below)
+    # The thigh, which the armrest is not to touch, has a seat of its own inside the cushion.
+    f, seat = chair.model.figure, chair.frame_in_world("seat")
+    size = (f("seat_depth") - 0.01, f("seat_width") - 0.03, 0.5 * f("cushion"))
+    top = world.add_box(size, seat @ Pose((0, 0, -0.5 * size[2] - 0.001)), name="seat")
+    others = [k for k in range(-1, person.body.link_count) if k not in (thigh, *below)]
+    world.set_collision(person.body, top, False, links_a=others)
+    for body in world.bodies:
+        if body not in (person.body, top) and (body.joints or body.is_movable):
+            world.set_collision(body, top, False)
+
+
+def pierced(
     start: Array, end: Array, apex: Array, first: Array, second: Array
 ) -> tuple[npt.NDArray[np.int64], Array]:
-    """Return the signs and places, 0 to 1, of the crossings of a segment and a fan of triangles."""
+    """Return the crossings of a segment and a fan of triangles: signs, and places from 0 to 1.
+
+    Args:
+        start: Of the segment [m], shape [3].
+        end: Of the segment.
+        apex: Of the fan.
+        first: Second corner of each triangle, shape [n, 3].
+        second: Third corner of each.
+    """
     a, b = first - apex, second - apex
     normals = np.cross(a, b)
     fall = normals @ (end - start)

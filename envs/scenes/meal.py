@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,14 +11,13 @@ import numpy as np
 
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose, quaternion_from_rpy
+from rcare_marl.pose import Pose, about_z
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices import chair_for, spawn_fitted
+from ..devices import Wheelchair, chair_for, spawn_fitted
 from ..rectangle import Rectangle
-from ..task import STANDING_CAREGIVER, Role, Task
+from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
 MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw_opening")
@@ -45,30 +45,27 @@ class Meal(Task):
     caregiver = STANDING_CAREGIVER
 
     room_kinds = ("dining", "kitchen", "living", "lounge", "bedroom")
+    reachable_by: Collection[str] = CHAIR_ROBOTS | {"stretch_re1_dex"}
+    least_success = 95
     footprint = Rectangle(-0.8, -1.0, 1.2, 1.1)  # [m] the chair, a robot or helper at its side
     options: MealOptions
+    chair: Wheelchair
 
     def furnish(self, world: World) -> dict[str, Pose]:
-        if (posture := self.recipient.posture).arms != "armrests":
-            raise ConfigError(
-                f"the recipient must sit in the wheelchair, and is {posture.description}"
-            )
+        posture = self.recipient.posture
+        self.need(posture, posture.arms == "armrests", "sit in the wheelchair")
         mount = f"wheelchair_{self.options.mount}"
-        self._chair = chair_for(self.robot.mount_named(mount), self.options.mount)
-        seat = spawn_fitted(self._chair, self.recipient, world)
-        away = quaternion_from_rpy(0, 0, -math.pi / 2)  # facing the chair
+        self.chair = chair_for(self.robot.mount_named(mount), self.options.mount)
+        seat = spawn_fitted(self.chair, self.recipient, world)
         return {
             "robot": self.mounted(self.robot, mount),
             "recipient": seat,
-            "caregiver": Pose((*HELPER_AT, 0.0), tuple(away.tolist())),
+            "caregiver": Pose((*HELPER_AT, 0.0), about_z(-math.pi / 2)),  # facing the chair
         }
 
     def build(self, world: World) -> None:
         """Let people and a robot on the chair be where they are in it."""
-        for person in (a for a in self.cast.values() if isinstance(a, Human)):
-            person.ignore(self._chair.body)  # the posture already keeps them apart
-        if self._chair.carries_robot:
-            world.set_collision(self.robot.body, self._chair.body, False)
+        self.let_overlap(self.chair.body)
         self._head_dofs = [d for d in self.recipient.movable if d.startswith(("neck", "head"))]
 
     def turn_head(self, rng: np.random.Generator, turn: float, tilt: float) -> None:
@@ -78,10 +75,7 @@ class Meal(Task):
         start |= {f"{part}_flexion": tilted for part in ("neck", "head")}
         self.recipient.set_angles({d: a for d, a in start.items() if d in self._head_dofs})
 
-    def frame_of(self, mount: str) -> Pose:
-        return self._chair.pose if mount.startswith("wheelchair") else Pose()
-
     def camera(self) -> Camera:
-        far = 1.0 if self._chair.carries_robot else 1.25  # others stand beside, and are larger
+        far = 1.0 if self.chair.carries_robot else 1.25  # others stand beside, and are larger
         side = 1.0 if self.robot.body.base_pose().position[1] < -0.5 else -1.0
         return Camera(eye=(1.75 * far, 1.45 * far * side, 1.6), target=(0.17, 0, 0.78), fov_deg=42)

@@ -12,9 +12,7 @@ from rcare_marl.pose import Array
 
 RADIUS = 0.03  # [m] what comes within this of the mouth goes in: Assistive Gym, feeding.py
 OPEN = math.radians(10)  # of the jaw, before anything goes in; our own choice
-IN_FRONT = (
-    0.01  # [m] the place to bring things to lies this far in front of the lips; our own choice
-)
+IN_FRONT = 0.01  # [m] the place to bring things to lies this far before the lips; our own choice
 
 
 class Mouth:
@@ -50,5 +48,4 @@ class Mouth:
         if not self.is_open:
             return np.zeros(len(points), np.bool_)
         apart = points - self.position
-        near: npt.NDArray[np.bool_] = np.einsum("na,na->n", apart, apart) < RADIUS**2
-        return near
+        return np.asarray(np.einsum("na,na->n", apart, apart) < RADIUS**2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,10 @@ from rcare_marl.pose import Array
 from rcare_marl.world import World
 
 from ..devices import PoweredWheelchair
-from ..place import Door
 from .step_peak import StepPeak
+
+if TYPE_CHECKING:
+    from ..place import Door
 
 SPARE = 0.02  # [m] that a door must be wider than what passes, each side; our own choice
 ARM = 0.06  # [m] from the middle of the base of an arm to its side; our own choice
@@ -26,9 +29,7 @@ class WayState:
     """How far a wheelchair is through a door."""
 
     place: Array  # where the chair is: x, y [m], and its heading from y on, to the left [rad]; shape [3]
-    left: (
-        float  # how far the last of the chair is from being past the wall [m]; 0 or less once it is
-    )
+    left: float  # how far the last of the chair is from being past the wall [m]; 0 or less then
     share: float  # what is done of the way, 0 to 1
     force: float  # greatest summed force on the chair in the control step [N]
     peak: float  # that of the episode

@@ -12,7 +12,6 @@ import numpy as np
 
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
@@ -22,11 +21,10 @@ from ..place import DoorSite
 from ..reach import Trial
 from ..rectangle import Rectangle
 from ..registry import register_task
-from ..rewards import tolerance
 from ..scenes.door_approach import STANDING, WIDE_ENOUGH, DoorApproach, is_free_beyond
 from ..scenes.step_peak import StepPeak
 from ..scenes.way_through import WayState, WayThrough
-from ..state import Seen, State, Values, clip, greatest
+from ..state import Seen, State, Values, clip, greatest, tolerance
 from ..task import CHAIR_ROBOTS, Role, Task
 from ..task_options import TaskOptions
 
@@ -73,9 +71,7 @@ class AmbulatingState(State):
     turn: float  # how far the handle is turned [rad]; 0 where a panel slides
     opening: float  # how far the door is open [rad], or slid into the wall [m]
     is_latched: bool  # whether the latch holds it
-    handle: (
-        Array  # where the handle is touched [m], shape [3]: a knob, a bar, or the end of a lever
-    )
+    handle: Array  # where it is touched [m], shape [3]: a knob, a bar, or the end of a lever
     gap: Array  # from the tool to there [m], shape [3]
     distance: float  # length of that [m]
     push: float  # greatest force on the door in the control step [N]
@@ -106,12 +102,9 @@ class Ambulating(Task):
     """
 
     robot = Role(
-        Robot,
-        default="kinova_gen3",
-        partner="scripted",
-        gripper="commanded",
+        Robot, default="kinova_gen3", partner="scripted", gripper="commanded",
         contact_force=CONTACT_FORCE,
-    )
+    )  # fmt: skip
     recipient = Role(
         Human, default="daniel", posture="wheelchair", movable=("neck", "head"), partner="still"
     )
@@ -124,6 +117,7 @@ class Ambulating(Task):
     time_limit = TIME_LIMIT
     options: AmbulatingOptions
     state: AmbulatingState
+    chair: Wheelchair
     way: WayThrough | None = None
     facing: tuple[float, ...]
 
@@ -139,10 +133,8 @@ class Ambulating(Task):
         return at.floor(self.robot.mount_named(at.robot_mount))
 
     def furnish(self, world: World) -> dict[str, Pose]:
-        if (posture := self.recipient.posture).arms != "armrests":
-            raise ConfigError(
-                f"the recipient must sit in the wheelchair, and is {posture.description}"
-            )
+        posture = self.recipient.posture
+        self.need(posture, posture.arms == "armrests", "sit in the wheelchair")
         self.door = self.place.door(
             hinge="high" if self.options.mount == "left" else "low",
             clear_width=self.options.clear_width,
@@ -152,7 +144,7 @@ class Ambulating(Task):
         self._mount = self.robot.mount_named(mount)
         self.robot.rides = self.recipient.rides = self._drives
         powered = PoweredWheelchair(mount=self._mount, side=side) if self._drives else None
-        self.chair: Wheelchair = powered or chair_for(self._mount, side)
+        self.chair = powered or chair_for(self._mount, side)
         at = self.approach.chair(self._mount)
         seat = spawn_fitted(self.chair, self.recipient, world, at)
         place = self.robot.mount(mount, self.frame_of(mount))
@@ -160,14 +152,10 @@ class Ambulating(Task):
         return {"robot": place, "recipient": seat}
 
     def frame_of(self, mount: str) -> Pose:
-        if mount == STANDING:
-            return self.approach.stand()
-        return self.chair.pose if mount.startswith("wheelchair") else Pose()
+        return self.approach.stand() if mount == STANDING else super().frame_of(mount)
 
     def build(self, world: World) -> None:
-        self.recipient.ignore(self.chair.body)  # the posture already keeps them apart
-        if self.chair.carries_robot:
-            world.set_collision(self.robot.body, self.chair.body, False)
+        self.let_overlap(self.chair.body)
         if isinstance(chair := self.chair, PoweredWheelchair):
             self.way = WayThrough(world, self.door, chair, self.recipient)
             for rider in (self.robot, self.recipient):
@@ -182,9 +170,8 @@ class Ambulating(Task):
         self._tool, self.facing = self.robot.tool_index, AHEAD
         self._pushing = StepPeak(partial(world.contact_force, self.robot.body, body))
         home = self.robot.config.postures["home"]
-        self._seed: Array | None = (
-            None  # or from `home`, elbow up, where furniture or a jamb is beside it
-        )
+        # Or from `home`, elbow up, where furniture or a jamb is beside it.
+        self._seed: Array | None = None
         if self.place.room is not None or self._drives:
             self._seed = np.array([home.get(j, 0.0) for j in self.robot.arm.names])
         trials = []

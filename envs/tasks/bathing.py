@@ -11,8 +11,7 @@ import numpy as np
 
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix, quaternion_from_rpy
+from rcare_marl.pose import Array, Pose, about_z, quaternion_from_matrix
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
@@ -44,7 +43,6 @@ LEVEL, STRAIGHTER = 0.25, 0.02  # [rad] that a sponge may lie askew; worth anoth
 MISS = 0.02  # [m] by which the ends may be missed; own choice
 BED_RAISE = 0.27  # [m] of the platform over its lowest: a height to work at; own choice
 ROBOT_RADIUS = 0.35  # [m] of a robot on the floor; own choice
-TIME_LIMIT = 20.0  # [s], 200 control steps, as in Assistive Gym
 FORCE_WEIGHT = 0.01  # [1/N] of force against metres: Assistive Gym, config.ini
 HURT = 1.0 + FORCE_WEIGHT * FORCE_LIMIT  # a step that is left when someone was hurt: own choice
 
@@ -88,9 +86,7 @@ class BathingState(State):
     gained: float  # what it grew by in the control step
     # where the present stroke began, as a share of the way to the elbow; infinite between strokes
     stroke_from: float
-    is_reached: (
-        bool  # whether the sponge has come to the target in one stroke, and enough was wiped
-    )
+    is_reached: bool  # whether it has come to the target in one stroke, and enough was wiped
 
 
 @register_task("bathing")
@@ -114,7 +110,6 @@ class Bathing(Task):
     Options = BathingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining")
     footprint = Rectangle(-1.15, -1.1, 1.15, 0.55)  # [m] the bed, and a robot at its side
-    time_limit = TIME_LIMIT
     options: BathingOptions
     state: BathingState
 
@@ -124,23 +119,21 @@ class Bathing(Task):
         return Rectangle(low.x0, min(low.y0, base[1] - ROBOT_RADIUS), low.x1, far)
 
     def furnish(self, world: World) -> dict[str, Pose]:
-        if (posture := self.recipient.posture).recline_deg != 90:
-            raise ConfigError(f"the recipient must lie on the back, and is {posture.description}")
+        posture = self.recipient.posture
+        self.need(posture, posture.recline_deg == 90, "lie on the back")
         self._bed = HospitalBed()
         half = 0.5 * self._bed.model.figure("mattress_length") + self._bed.model.figure("end")
-        turn = quaternion_from_rpy(0, 0, math.pi)  # mounts beside a bed have its head at +x
-        self._bed.spawn(world, Pose((half, 0.0, 0.0), tuple(turn.tolist())))
+        # Mounts beside a bed have its head at +x.
+        self._bed.spawn(world, Pose((half, 0.0, 0.0), about_z(math.pi)))
         self._bed.set_position("height", BED_RAISE)
-        beside = quaternion_from_rpy(0, 0, -math.pi / 2)
         return {
             "robot": self.mounted(self.robot, "bed_side"),
             "recipient": self._bed.frame_in_world("mattress"),
-            "caregiver": Pose((0.35, 0.85, 0.0), tuple(beside.tolist())),
+            "caregiver": Pose((0.35, 0.85, 0.0), about_z(-math.pi / 2)),
         }
 
     def build(self, world: World) -> None:
-        for person in (a for a in self.cast.values() if isinstance(a, Human)):
-            person.ignore(self._bed.body)  # the posture already keeps them apart
+        self.let_overlap(self._bed.body)
         self.recipient.supports.append(self._bed.body)
         self.skin = WipedSkin(self.recipient, world, f"{SIDE}_shoulder", f"{SIDE}_elbow")
         pad(self.recipient, world, [f"{SIDE}_{part}" for part in ("shoulder", "elbow")])
@@ -151,8 +144,7 @@ class Bathing(Task):
         self.sponge.spare(self.robot.body)
         self._find_hold(world)
         self._set_sponge(self._over(START_SHARE, START_GAP[1]))
-        self.robot.grasp(sponge, self._grip)
-        self.tools.append(sponge)
+        self.take_tool(self.robot, sponge, self._grip)
 
     def _find_hold(self, world: World) -> None:
         """Find how the sponge is held so that the robot reaches both ends of the upper arm.

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from rcare_marl.agents.people.behaviour.go_along import GoAlong
+from rcare_marl.agents.people.behaviour.behaviour_tree import GoAlong
 from rcare_marl.agents.people.behaviour.leg_lifting import LegLift, LegLifting
 from rcare_marl.agents.people.garment import tailor
 from rcare_marl.agents.people.human import Human
@@ -18,19 +18,18 @@ from rcare_marl.agents.people.motion.gait import LEGS
 from rcare_marl.agents.robots.gripper import RELEASE
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_rpy
+from rcare_marl.pose import Array, Pose, about_z
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
-from ..devices import chair_for
+from ..devices import Wheelchair, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
-from ..rewards import tolerance
 from ..scenes.hanging_shorts import HOLD_START, hang, tip
-from ..scenes.liftable_leg import LIFT_SPREAD, LiftableLeg, let_leg_stand
-from ..scenes.pulling_posture import pulling_search, pulling_trials
-from ..state import Seen, State, Values, where
+from ..scenes.leg_path import LIFT_SPREAD, LiftableLeg, let_leg_stand
+from ..scenes.start_posture import pulling_search, pulling_trials
+from ..state import Seen, State, Values, tolerance, where
 from ..task import CHAIR_ROBOTS, Role, Task
 from ..task_options import TaskOptions
 
@@ -127,6 +126,7 @@ class Dressing(Task):
     time_limit = TIME_LIMIT
     options: DressingOptions
     state: DressingState
+    chair: Wheelchair
 
     def furnish(self, world: World) -> dict[str, Pose]:
         self.side = self._moving_side()
@@ -139,11 +139,10 @@ class Dressing(Task):
         self.chair.spawn(world).set_friction([-1], lateral=PLATE_FRICTION)
         x, y, _ = soles[self.side].tolist()
         self.stand = (x + STAND, y + ASIDE * self.outward, math.pi)
-        facing = tuple(quaternion_from_rpy(0, 0, math.pi).tolist())
         return {
             "robot": self.mounted(self.robot, f"wheelchair_{self.side}"),
             "recipient": self.chair.frame_in_world("seat_back"),
-            "caregiver": Pose((self.stand[0] + WALK, self.stand[1], 0.0), facing),
+            "caregiver": Pose((self.stand[0] + WALK, self.stand[1], 0.0), about_z(math.pi)),
         }
 
     def _moving_side(self) -> Literal["left", "right"]:
@@ -158,17 +157,12 @@ class Dressing(Task):
             f"{person.posture.description} and moves {', '.join(person.movable) or 'nothing'}"
         )
 
-    def frame_of(self, mount: str) -> Pose:
-        return self.chair.pose if mount.startswith("wheelchair") else Pose()
-
     def build(self, world: World) -> None:
         person = self.recipient
-        self.caregiver.ignore(self.chair.body)
+        self.let_overlap(self.chair.body)
         for hand in ("left", "right"):
             self.caregiver.may_take(person, f"{self.side}_ankle", hand=hand)
         world.set_collision(self.caregiver.body, self.place.floor, False)
-        if self.chair.carries_robot:
-            world.set_collision(self.robot.body, self.chair.body, False)
         let_leg_stand(world, person, self.chair, self.side)
         self._rest(STAND_STEPS)
         self.leg = LiftableLeg(person, self.side)

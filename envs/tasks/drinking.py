@@ -17,18 +17,18 @@ from rcare_marl.world import World
 
 from ..care_env import CareEnv
 from ..devices import Cup
+from ..reach import Trial
 from ..registry import register_policy, register_task
-from ..rewards import tolerance
-from ..scenes.cup_hold import CupHold
 from ..scenes.meal import Meal, MealOptions
 from ..scenes.mouth import RADIUS, Mouth
-from ..state import Seen, State, Values, clip
+from ..state import Seen, State, Values, clip, tolerance
+
+Flags = npt.NDArray[np.bool_]
 
 LEAST_DRUNK = 0.75  # share of the water: Assistive Gym, drinking
 MOST_SPILLED = 0.10  # share of the water; our own choice
 LOST_DISTANCE = 0.12  # [m] from the middle of the cup; water beyond is spilled; our own choice
 COMFORT_FORCE = 10.0  # [N] free of penalty below: Assistive Gym, config.ini
-TIME_LIMIT = 20.0  # [s], 200 control steps, as in Assistive Gym
 WATER = 100e-6  # [m³], a few mouthfuls; our own choice
 SPACING = 0.0058  # [m] of the particles: 513 of them; our own choice
 START_GAP = (0.24, 0.32)  # [m] from mouth to rim at the start; our own choice
@@ -36,6 +36,15 @@ START_SPREAD = (0.0, 0.06, 0.05)  # [m] uniform, each way: along, across, up; ou
 START_BELOW = 0.06  # [m] the rim starts below the mouth; our own choice
 HEAD_TURN, HEAD_TILT = math.radians(15), math.radians(8)  # uniform, each way; our own choice
 SETTLE_STEPS = 480  # physics steps that the water gets to come to rest, once
+# Our own choices. Angles between the way from the handle to the cup and the way to the face that are
+# tried, the best first: from the side one turn of the wrist tilts the cup.
+HANDLES_DEG = (90.0, 70.0, 100.0, 110.0, 50.0, 130.0, 30.0, 150.0, 180.0, 0.0)
+EMPTY = math.radians(85)  # tilt that a robot must reach at the lips
+# On the way to the lips where it is tried: share of the way, tilt [rad]. A head that is turned or leans
+# back is farther away by a tenth.
+WAYPOINTS = ((0.0, 0.0), (0.35, 0.2), (0.7, 0.5), (1.0, 0.5), (1.1, 0.5), (1.1, 1.0), (1.0, EMPTY))
+MISS, MISS_TURN = 0.02, 0.2  # [m] that it may miss them by, and of it per radian
+CLEAR = 0.025  # [m] that it keeps from the person there
 
 
 @dataclass(frozen=True)
@@ -65,9 +74,7 @@ class DrinkingState(State):
     ahead: Array  # the same, level
     jaw: float  # how far the jaw is open [rad]
     distance: float  # from rim to mouth [m]
-    is_spilled: npt.NDArray[
-        np.bool_
-    ]  # of each particle of water, whether it was ever lost, shape [n]
+    is_spilled: Flags  # of each particle of water, whether it was ever lost, shape [n]
     inside: float  # share of the water that is in the cup
     drunk: float  # share of it that was drunk
     spilled: float  # share of it that was spilled
@@ -87,7 +94,6 @@ class Drinking(Meal):
     reachable_by = ("franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stretch_re1_dex")
     least_success = 90
     Options = DrinkingOptions
-    time_limit = TIME_LIMIT
     options: DrinkingOptions
     state: DrinkingState
 
@@ -97,27 +103,48 @@ class Drinking(Meal):
         self._mouth_at_rest = self.mouth.position
         self.cup = Cup()
         body = self.cup.spawn(world)
-        world.set_collision(body, self._chair.body, False)
-        self._hold = CupHold(
-            self.search(world),
-            self.cup,
-            self.recipient,
-            start=self._start_rim(np.zeros(4)),
-            lips=self._mouth_at_rest,
-        )
+        world.set_collision(body, self.chair.body, False)
+        self._find_hold(self._start_rim(np.zeros(4)), self._mouth_at_rest)
         self._set_cup(np.zeros(4))
-        self.robot.grasp(body, self.cup.in_tool)
+        self.take_tool(self.robot, body, self.cup.in_tool)
         self.water = Fluid("water", fill(self.cup.vessel, WATER, SPACING), spacing=SPACING)
         SoftWorld.of(world).add(self.water)
-        self.tools.append(body)
         self.settle(SETTLE_STEPS)
         inside = self.cup.vessel.frame()
         turn = matrix_from_quaternion(inside.quaternion)
         self._water_in_cup = (self.water.positions - inside.position) @ turn
 
+    def _find_hold(self, start: Array, lips: Array) -> None:
+        """Find on which side of the cup the handle is: the robot has to empty the cup at the lips.
+
+        It must not touch the person on the way; the cup may.
+
+        Args:
+            start: Where the rim starts [m], shape [3].
+            lips: Where it has to come [m], shape [3].
+        """
+        level = (lips - start) * (1.0, 1.0, 0.0)
+        way = level / np.linalg.norm(level)
+        # The arm comes from the side where its base is.
+        across = np.cross(way, np.subtract(self.robot.body.base_pose().position, lips))
+        side = 1.0 if across[2] > 0 else -1.0
+        trials = []
+        for angle in HANDLES_DEG:
+            self._handle = -side * math.radians(angle)
+            cups = [self.cup_pose(start + s * (lips - start), way, tilt) for s, tilt in WAYPOINTS]
+            poses = [pose @ self.cup.in_tool.inverse() for pose in cups]
+            trials.append(Trial(poses, hold=self._handle))
+        search = self.search(
+            self.world,
+            clear_of=[(self.recipient.body, CLEAR)],
+            all_the_way=True,
+            within=lambda found: found.distance + MISS_TURN * found.angle < MISS,
+        )
+        self._handle = search.find(trials, "the lips with the cup in its hand").trial.hold
+
     def cup_pose(self, rim: Vector, way: Vector, tilt: float) -> Pose:
         """Return where the cup is when it is held as here; see `Cup.pouring`."""
-        return self._hold.pose(rim, way, tilt)
+        return self.cup.pouring(rim, way, tilt, self._handle)
 
     def _start_rim(self, offset: Vector) -> Array:
         """Return where the rim starts: in front of the face, below the mouth."""

@@ -17,10 +17,8 @@ from ..care_env import CareEnv
 from ..devices import Spoon
 from ..reach import Trial
 from ..registry import register_policy, register_task
-from ..rewards import tolerance
 from ..scenes.meal import Meal, MealOptions
-from ..state import Seen, State, Values
-from ..task import CHAIR_ROBOTS
+from ..state import Seen, State, Values, tolerance
 
 Flags = npt.NDArray[np.bool_]
 
@@ -29,7 +27,6 @@ LOST_DISTANCE = 0.10  # [m] food farther than this from the spoon is spilled: As
 COMFORT_FORCE = 10.0  # [N] free of penalty below: Assistive Gym, config.ini
 OPEN_MOUTH = math.radians(10)  # of the jaw, before anything can be eaten; our own choice
 MOUTH_IN_FRONT = 0.01  # [m] the target lies this far in front of the lips; our own choice
-TIME_LIMIT = 20.0  # [s], 200 control steps, as in Assistive Gym
 FOOD_COUNT, FOOD_RADIUS, FOOD_MASS = 4, 0.005, 0.001  # size and mass of Assistive Gym's pieces
 FOOD_RGBA = (0.85, 0.45, 0.15, 1.0)
 START_GAP = (0.28, 0.36)  # [m] from mouth to spoon at the start; our own choice
@@ -80,10 +77,7 @@ class Feeding(Meal):
     Tolerance: the radius about the mouth within which food is eaten.
     """
 
-    reachable_by = CHAIR_ROBOTS | {"stretch_re1_dex"}
-    least_success = 95
     Options = FeedingOptions
-    time_limit = TIME_LIMIT
     options: FeedingOptions
     state: FeedingState
 
@@ -91,7 +85,7 @@ class Feeding(Meal):
         super().build(world)
         self._spoon = Spoon()
         self._spoon_body = self._spoon.spawn(world)
-        world.set_collision(self._spoon_body, self._chair.body, False)
+        world.set_collision(self._spoon_body, self.chair.body, False)
         in_spoon = self._spoon_body.in_centre_frame(self._spoon.frame("bowl"))
         self._bowl_in_spoon, turn = in_spoon.position, in_spoon.quaternion
         self._up_in_spoon = rotate(turn, self._spoon.up)
@@ -99,7 +93,7 @@ class Feeding(Meal):
         start = self._start_pose(np.zeros(4))
         self.search(world).find([Trial([self._tool_for(start)])], "the place before the face")
         self._set_spoon(start)
-        self.robot.grasp(self._spoon_body, self._spoon.in_tool)
+        self.take_tool(self.robot, self._spoon_body, self._spoon.in_tool)
         self._food = [
             world.add_sphere(
                 FOOD_RADIUS,
@@ -110,7 +104,6 @@ class Feeding(Meal):
             )
             for i in range(FOOD_COUNT)
         ]
-        self.tools.append(self._spoon_body)
         self._lay_food()
 
     def _lay_food(self) -> None:

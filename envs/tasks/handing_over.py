@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcare_marl.agents.people.behaviour.behaviour_tree import StayStill
-from rcare_marl.agents.people.behaviour.reach import Reach
+from rcare_marl.agents.people.behaviour.behaviour_tree import Reach, StayStill
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.pose import Array, Pose
@@ -17,7 +16,7 @@ from ..reach import Trial
 from ..registry import register_policy, register_task
 from ..scenes.meal import Meal, MealOptions
 from ..state import Seen, State, Values
-from ..task import CHAIR_ROBOTS, Role
+from ..task import Role
 
 # All our own choices. Of the cup from the hand: ahead, aside, up [m]; the spread is uniform, each way.
 START, SPREAD, OFFER = np.array((0.16, 0.0, 0.14)), 0.03, np.array((0.04, 0.0, -0.03))
@@ -54,11 +53,7 @@ class HandingOver(Meal):
 
     robot = Role(Robot, default="kinova_gen3", partner="scripted", gripper="commanded")
     recipient = Role(Human, default="kim", posture=SEAT, movable=ARMS, moves=GRASP, partner="takes")
-    Options, least_success, reachable_by = (
-        HandingOverOptions,
-        95,
-        CHAIR_ROBOTS | {"stretch_re1_dex"},
-    )
+    Options = HandingOverOptions
 
     def build(self, world: World) -> None:
         super().build(world)
@@ -69,8 +64,7 @@ class HandingOver(Meal):
         trials = [Trial([self._tool(at, q) for at in (START, OFFER)], hold=q) for q in TURNS]
         self._turn = self.search(world).find(trials, "the place before the hand").trial.hold
         self.reset(np.random.default_rng(0))
-        self._bond = self.robot.grasp(body, self.cup.in_tool)
-        self.tools.append(body)
+        self._bond = self.take_tool(self.robot, body, self.cup.in_tool)
 
     def _tool(self, at: Array, turn: Array) -> Pose:
         cup = self.recipient.joint_pose(self._joint).position + at
@@ -94,26 +88,20 @@ class HandingOver(Meal):
 
     def rewards(self, role: str, state: CupState) -> dict[str, Values]:
         hurt = self.for_the_rest(state, self.failed(state), -1.0)
-        terms = {"near": -np.linalg.norm(state.gap, axis=-1), "hurt": hurt}
-        return self.options.weighted(terms) if self.options.reward == "shaped" else terms
+        return self.options.weighted({"near": -np.linalg.norm(state.gap, axis=-1), "hurt": hurt})
 
     def is_success(self, state: CupState) -> Values:
         return state.held * self.options.tolerance >= HELD - 1e-9
 
 
 @register_policy("handing_over", "recipient", "takes")
-class Taking(Reach):
-    """Brings the better hand to the cup and closes it there."""
-
-    def __init__(self, env: CareEnv, role: str) -> None:
-        assert isinstance(task := env.task, HandingOver)
-        self._env, dt = env, task.control_dt
-        super().__init__(task.recipient, task.side, lambda: task.state.cup - OFFER, control_dt=dt)
-
-    def act(self) -> Array:
-        action, slot = super().act(), self._person.entries.get("grasp", slice(0))
-        action[slot] = np.linalg.norm(self._env.task.state.gap) < NEAR  # but one hand may take it
-        return action
+def takes(env: CareEnv, role: str) -> Reach:
+    """Return a recipient who brings the better hand to the cup and closes it there."""
+    assert isinstance(task := env.task, HandingOver)
+    aim, dt = lambda: task.state.cup - OFFER, task.control_dt
+    policy = Reach(task.recipient, task.side, aim, control_dt=dt)
+    policy.grasps = lambda: bool(np.linalg.norm(task.state.gap) < NEAR)
+    return policy
 
 
 @register_policy("handing_over", "robot", "scripted")

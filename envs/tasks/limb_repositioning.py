@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rcare_marl.agents.people.behaviour.go_along import GoAlong
+from rcare_marl.agents.people.behaviour.behaviour_tree import GoAlong
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.kinematics import IkResult
@@ -20,12 +20,11 @@ from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
 from ..care_env import CareEnv
-from ..devices import ArmCradle, chair_for
+from ..devices import ArmCradle, Wheelchair, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
-from ..rewards import tolerance
 from ..scenes.start_posture import start_best
-from ..state import Seen, State, Values, where
+from ..state import Seen, State, Values, tolerance, where
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
@@ -121,6 +120,7 @@ class LimbRepositioning(Task):
     time_limit = TIME_LIMIT
     options: LimbRepositioningOptions
     state: LimbRepositioningState
+    chair: Wheelchair
 
     def furnish(self, world: World) -> dict[str, Pose]:
         posture = self.recipient.posture
@@ -141,17 +141,11 @@ class LimbRepositioning(Task):
             "caregiver": Pose((0.15, -0.95, 0.0), (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))),
         }
 
-    def frame_of(self, mount: str) -> Pose:
-        return self.chair.pose if mount.startswith("wheelchair") else Pose()
-
     def build(self, world: World) -> None:
         person = self.recipient
-        for each in (a for a in self.cast.values() if isinstance(a, Human)):
-            each.ignore(self.chair.body)  # the posture already keeps trunk and legs apart
+        self.let_overlap(self.chair.body)
         arm = person.body.carried_by(person.frames[JOINT_INDEX["left_shoulder"]].link)
         world.set_collision(person.body, self.chair.body, True, links_a=arm)
-        if self.chair.carries_robot:
-            world.set_collision(self.robot.body, self.chair.body, False)
         self._forearm = person.frames[JOINT_INDEX["left_elbow"]].link
         self._lower_arm = person.body.carried_by(self._forearm)
         self.radius = person.segments["left_elbow"].shapes[0].size[1]
@@ -162,9 +156,8 @@ class LimbRepositioning(Task):
         lift = self.cradle.lift_way(self._elbow, self._wrist, self._place, self.radius)
         way = [self._start_pose(np.zeros(3)), *(self._tool_at(*each) for each in lift)]
         start_best(self.search(world, clear_of=[(person.body, 2 * LET_GO)]), way)
-        self.robot.grasp(self._cradle_body, self.cradle.in_tool)
+        self.take_tool(self.robot, self._cradle_body, self.cradle.in_tool)
         robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
-        self.tools.append(self._cradle_body)
         self._movers = [self._cradle_body, *robots]
         if min(self._gaps()) < LET_GO:
             raise ConfigError("the cradle touches the recipient before the episode begins")

@@ -13,22 +13,19 @@ import numpy as np
 from rcare_marl.agents.people.body.skeleton import SIDES
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_rpy
+from rcare_marl.pose import Array, Pose, about_z
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
 from ..devices import add_stand
-from ..phyrc.bath_scene import BathScene
+from ..phyrc.bath_scene import BathScene, WashedLimbs
 from ..phyrc.bath_score import EXCEEDED, ITEMS, SEEN, BathScore, BathState
-from ..phyrc.phyrc_score import FULL_SCORE
-from ..phyrc.washed_limbs import WashedLimbs
+from ..phyrc.phyrc_score import Challenge, ChallengeOptions
 from ..reach import Trial
 from ..rectangle import Rectangle
 from ..registry import register_task
 from ..state import Seen, State, Values, flat
-from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
-from ..task_options import TaskOptions
+from ..task import CHAIR_ROBOTS, Role
 
 # All our own choices; what the challenge says is in `bath_score` and `bath_scene`.
 SUCCESS = 35  # points of 50
@@ -39,7 +36,6 @@ CLEAR = 0.01  # [m] between robot and bed
 BEFORE, ABOVE = 0.08, 0.10  # [m] from the handle to the tool at the start, back and up
 START_SPREAD = 0.03  # [m] each way
 NEAR, LEVEL = 0.02, 0.25  # [m], [rad] that count as reached
-HURT = 1.0  # points for each step that is left when someone was hurt
 
 MOVABLE = tuple(
     f"{side}_{dof}" for dof in ("hip_abduction", "shoulder", "elbow_flexion") for side in SIDES
@@ -47,7 +43,7 @@ MOVABLE = tuple(
 
 
 @dataclass(frozen=True)
-class PhyrcBathingOptions(TaskOptions):
+class PhyrcBathingOptions(ChallengeOptions):
     """Settings of the bathing challenge.
 
     Attributes:
@@ -60,14 +56,9 @@ class PhyrcBathingOptions(TaskOptions):
 
     success_score: int = SUCCESS
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 0 < self.success_score <= FULL_SCORE:
-            raise ValueError(f"success_score must be 1 to {FULL_SCORE}, got {self.success_score}")
-
 
 @register_task("phyrc_bathing")
-class PhyrcBathing(Task):
+class PhyrcBathing(Challenge):
     """A robot beside the bed takes a sponge from the table, wets it in a basin, and washes arms and legs.
 
     Scored out of 50 as in the challenge, item by item. An episode lasts until its time is over.
@@ -86,13 +77,11 @@ class PhyrcBathing(Task):
     recipient = Role(
         Human, default="natalia", posture="bed_supine", movable=MOVABLE, partner="still"
     )
-    caregiver = STANDING_CAREGIVER
 
     reachable_by = CHAIR_ROBOTS - {"pr2"} | {"hsr", "stretch_re1_dex"}
     Options = PhyrcBathingOptions
-    room_kinds = ("bedroom", "living", "lounge", "dining")
     footprint = Rectangle(-1.15, -1.15, 1.15, 0.7)  # [m] bed and table, and a robot at their side
-    time_limit = TIME_LIMIT
+    time_limit, items, comfort = TIME_LIMIT, ITEMS, EXCEEDED
     options: PhyrcBathingOptions
     state: BathState
 
@@ -101,14 +90,13 @@ class PhyrcBathing(Task):
         return Rectangle(low.x0, low.y0, low.x1, 1.2 if "caregiver" in self.cast else low.y1)
 
     def furnish(self, world: World) -> dict[str, Pose]:
-        if (posture := self.recipient.posture).recline_deg != 90:
-            raise ConfigError(f"the recipient must lie on the back, and is {posture.description}")
+        posture = self.recipient.posture
+        self.need(posture, posture.recline_deg == 90, "lie on the back")
         self.scene = BathScene(world)
-        beside = quaternion_from_rpy(0, 0, -math.pi / 2)
         return {
             "robot": self._robot_place(ASIDES[-1]),
             "recipient": self.scene.bed.frame_in_world("mattress"),
-            "caregiver": Pose((0.45, 0.85, 0.0), tuple(beside.tolist())),
+            "caregiver": Pose((0.45, 0.85, 0.0), about_z(-math.pi / 2)),
         }
 
     def _robot_place(self, aside: float) -> Pose:
@@ -116,9 +104,7 @@ class PhyrcBathing(Task):
 
     def build(self, world: World) -> None:
         person, robot = self.recipient, self.robot
-        for each in (a for a in self.cast.values() if isinstance(a, Human)):
-            each.ignore(self.scene.bed.body)  # the posture already keeps them apart
-            each.ignore(self.scene.table.body)
+        self.let_overlap(self.scene.bed.body, self.scene.table.body)
         person.supports.append(self.scene.bed.body)
         self.limbs = WashedLimbs(person, world)
         self.scene.lay_cushions(person, self.limbs, world)
@@ -131,8 +117,7 @@ class PhyrcBathing(Task):
         """Find where the robot stands and how it holds the sponge so that it reaches all that matters."""
         robot, trials = self.robot, []
         for grip, flip in itertools.product(self.scene.sponge.grips, (0.0, math.pi)):
-            turned = tuple(quaternion_from_rpy(0, 0, flip).tolist())
-            self.hold = grip @ Pose((0.0, 0.0, 0.0), turned)
+            self.hold = grip @ Pose((0.0, 0.0, 0.0), about_z(flip))
             trials.append(Trial(self._places(), hold=self.hold))
         bases = [self._robot_place(aside) for aside in ASIDES]
         search = self.search(
@@ -198,30 +183,15 @@ class PhyrcBathing(Task):
             self.time_left(),
         ]
 
-    def rewards(self, role: str, state: BathState) -> Mapping[str, Values]:
-        terms: dict[str, Values] = {"score": state.scored}
-        if self.options.reward == "shaped":
-            terms |= {"reach": -state.way, "covered": state.gained}
-            terms["comfort"] = -self.options.discomfort(state.force, EXCEEDED)
-            terms = self.options.weighted(terms)
-        # Else a robot that scores nothing any more would hurt to end its losses.
-        return {**terms, "hurt": self.for_the_rest(state, self.failed(state), -HURT)}
-
     def metrics(self, state: BathState) -> Mapping[str, Values]:
         return {
-            "score": state.score,
-            **{f"score_{name}": state.points[..., k] for k, name in enumerate(ITEMS)},
+            **super().metrics(state),
             "coverage": state.coverage,
             "gentle_share": state.gentleness,
             "sponge_force_n": state.push,
             "wetness": state.wetness,
             "basin_tipped": state.is_tipped,
         }
-
-    def is_success(self, state: BathState) -> Values:
-        """Return whether the time is over and the score is high enough."""
-        is_over = state.time >= self.time_limit - 1e-9
-        return is_over & (state.score * self.options.tolerance >= self.options.success_score)
 
     def camera(self) -> Camera:
         return Camera(eye=(-1.35, -1.35, 1.75), target=(0.1, -0.12, 0.75), fov_deg=46)

@@ -14,22 +14,20 @@ from rcare_marl.agents.people.body.skin import PersonSkin
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.pinch import ClothPinch
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, about_z, quaternion_from_matrix
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices import Wheelchair, add_stand
+from ..devices import Wheelchair, add_stand, needs_stand
 from ..phyrc.arm_cover import ArmCover
 from ..phyrc.dressing_score import ITEMS, DressingScore, GownState
 from ..phyrc.gown_stand import GownStand
-from ..phyrc.phyrc_score import FULL_SCORE
+from ..phyrc.phyrc_score import Challenge, ChallengeOptions
 from ..reach import Trial
 from ..rectangle import Rectangle
 from ..registry import register_task
-from ..state import Seen, State, Values, clip, flat
-from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
-from ..task_options import TaskOptions
+from ..state import Seen, State, Values, flat
+from ..task import CHAIR_ROBOTS, Role
 
 POSITION_SPREAD = 0.05  # [m] along and across, uniform each way: the challenge's scene
 # All our own choices.
@@ -51,11 +49,10 @@ NEAR, LEVEL = 0.03, 0.4  # [m], [rad] that count as reached
 CLEAR = 0.02  # [m] between robot and recipient at the start
 TILTS = tuple(math.radians(a) for a in (0, 30, 55))  # of the hand, away from straight down
 PULL_FORCE = 60.0  # [N] from which `tool_delta` gives way, of 15 N else: a sleeve has to be pulled
-HURT = 1.0  # points for each step that is left when someone was hurt
 
 
 @dataclass(frozen=True)
-class PhyrcDressingOptions(TaskOptions):
+class PhyrcDressingOptions(ChallengeOptions):
     """Settings of the dressing challenge.
 
     Attributes:
@@ -69,14 +66,9 @@ class PhyrcDressingOptions(TaskOptions):
     force_limit: float = FORCE_LIMIT
     success_score: int = SUCCESS
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 0 < self.success_score <= FULL_SCORE:
-            raise ValueError(f"success_score must be 1 to {FULL_SCORE}, got {self.success_score}")
-
 
 @register_task("phyrc_dressing")
-class PhyrcDressing(Task):
+class PhyrcDressing(Challenge):
     """A robot takes a hospital gown from a stand and pulls its sleeve over the arm of a seated person.
 
     Scored out of 50 as in the challenge, item by item. An episode lasts until its time is over.
@@ -92,35 +84,26 @@ class PhyrcDressing(Task):
     """
 
     robot = Role(
-        Robot,
-        default="kinova_gen3",
-        partner="scripted",
-        gripper="commanded",
+        Robot, default="kinova_gen3", partner="scripted", gripper="commanded",
         contact_force=PULL_FORCE,
-    )
+    )  # fmt: skip
     recipient = Role(
         Human, default="natalia", posture="wheelchair_arm_forward", partner="still",
         movable=("left_shoulder", "left_elbow_flexion"),
     )  # fmt: skip
-    caregiver = STANDING_CAREGIVER
 
     reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"hsr"}
     Options = PhyrcDressingOptions
-    room_kinds = ("bedroom", "living", "lounge", "dining")
     footprint = Rectangle(-0.8, -0.9, 1.6, 1.15)  # [m] chair, stand, and a robot at the left
-    time_limit = TIME_LIMIT
+    time_limit, items, comfort = TIME_LIMIT, ITEMS, COMFORT_FORCE
     options: PhyrcDressingOptions
     state: GownState
+    chair: Wheelchair
 
     def furnish(self, world: World) -> dict[str, Pose]:
-        if (
-            "left_shoulder" in self.recipient.posture.carried
-            or self.recipient.posture.recline_deg > 45
-        ):
-            raise ConfigError(
-                "the recipient must sit and hold the left arm out, and is "
-                f"{self.recipient.posture.description}"
-            )
+        posture = self.recipient.posture
+        fits = "left_shoulder" not in posture.carried and posture.recline_deg <= 45
+        self.need(posture, fits, "sit and hold the left arm out")
         self.chair = Wheelchair(mounts="none")
         soles = self.recipient.soles(self.chair.frame("seat_back"))
         self.chair.fit_footplates(soles["left"], soles["right"])
@@ -134,8 +117,7 @@ class PhyrcDressing(Task):
 
     def build(self, world: World) -> None:
         person = self.recipient
-        for each in (a for a in self.cast.values() if isinstance(a, Human)):
-            each.ignore(self.chair.body)  # the posture already keeps them apart
+        self.let_overlap(self.chair.body)
         self._covers = {side: ArmCover(person, side) for side in SIDES}
         wrist, elbow, shoulder = self._covers["left"].ends
         out = (wrist - elbow) * (1, 1, 0)
@@ -186,25 +168,18 @@ class PhyrcDressing(Task):
         self._place, self.turn = found.base, found.trial.hold
         robot.arm.rest[:] = found.posture
         robot.set_posture(found.posture)
-        if self._is_on_stand:
+        if needs_stand(self.robot):
             add_stand(world, self._place)
 
     def _places(self) -> list[Pose]:
         """Return where the root of the robot may go: beside the arm, looking at it."""
-        middle, is_arm = self._way[1], self._is_on_stand
-        found: list[Pose] = []
+        middle, is_arm = self._way[1], needs_stand(self.robot)
+        found, turn = list[Pose](), about_z(math.atan2(-self._aside[1], -self._aside[0]))
         for (aside, height), back in itertools.product(PLACES, BACK):
             at = middle + back * self.out + aside * self._aside
-            turn = _facing(-self._aside)
             where = Pose((float(at[0]), float(at[1]), height if is_arm else 0.0), turn)
             found.append(self.robot.mount("floor", where, with_posture=False))
         return found
-
-    @property
-    def _is_on_stand(self) -> bool:
-        """Whether the robot is an arm without base or legs."""
-        config = self.robot.config
-        return config.base is None and config.mounts["floor"].position[2] == 0
 
     def _hand(self, tilt: float, half: float) -> tuple[float, ...]:
         """Return how the hand is turned that points down, tilted in from the side of the robot."""
@@ -247,29 +222,14 @@ class PhyrcDressing(Task):
             self.time_left(),
         ]
 
-    def rewards(self, role: str, state: GownState) -> Mapping[str, Values]:
-        terms: dict[str, Values] = {"score": state.scored}
-        if self.options.reward == "shaped":
-            terms |= {"reach": -clip(state.way, 0.0, 1.0), "covered": state.gained}
-            terms["comfort"] = -self.options.discomfort(state.force, COMFORT_FORCE)
-            terms = self.options.weighted(terms)
-        # Else a robot that scores nothing any more would hurt to end its losses.
-        return {**terms, "hurt": self.for_the_rest(state, self.failed(state), -HURT)}
-
     def metrics(self, state: GownState) -> Mapping[str, Values]:
         return {
-            "score": state.score,
-            **{f"score_{name}": state.points[..., k] for k, name in enumerate(ITEMS)},
+            **super().metrics(state),
             **{f"covered_{side}": state.covered[..., k] for k, side in enumerate(SIDES)},
             "near_left_shoulder": state.near_left,
             "peak_strain": state.strain,
             "pull_n": state.pull,
         }
-
-    def is_success(self, state: GownState) -> Values:
-        """Return whether the time is over and the score is high enough."""
-        is_over = state.time >= self.time_limit - 1e-9
-        return is_over & (state.score * self.options.tolerance >= self.options.success_score)
 
     def way(self) -> Array:
         """Return where the fingers go over wrist, elbow and shoulder [m], shape [3, 3]."""
@@ -277,9 +237,3 @@ class PhyrcDressing(Task):
 
     def camera(self) -> Camera:
         return Camera(eye=(1.75, 1.75, 1.75), target=(0.2, 0.3, 0.85), fov_deg=46)
-
-
-def _facing(way: Array) -> tuple[float, float, float, float]:
-    """Return the turn about z of what faces a level direction."""
-    yaw = math.atan2(way[1], way[0])
-    return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))

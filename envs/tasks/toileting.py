@@ -12,29 +12,24 @@ import numpy as np
 
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_rpy
+from rcare_marl.pose import Array, Pose, about_z, quaternion_from_rpy
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
-from ..devices import Wheelchair, add_stand, spawn_fitted
+from ..devices import Wheelchair, add_stand, needs_stand, spawn_fitted
 from ..reach import Trial
 from ..rectangle import Rectangle
 from ..registry import register_task
-from ..rewards import tolerance
 from ..scenes.step_peak import StepPeak
-from ..state import Seen, State, Values, clip, greatest
+from ..state import Seen, State, Values, clip, greatest, tolerance
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
 OPEN_ANGLE_DEG = 60.0  # of the lid: the paper has a threshold and does not tell it; our own choice
 GENTLE_FORCE = 30.0  # [N] on the toilet, free of penalty; its lid weighs 12 N; our own choice
-ROUGH_FORCE = (
-    100.0  # [N] on the toilet, full penalty: what a lift of Stretch can do; our own choice
-)
+ROUGH_FORCE = 100.0  # [N] on the toilet, full penalty: what Stretch can lift; our own choice
 # [N] from which `tool_delta` gives way, of 15 N else: it would slide off under the weight of the lid.
 CONTACT_FORCE = 40.0  # our own choice
-TIME_LIMIT = 20.0  # [s], 200 control steps, as feeding
 START = (0.075, 0.0, -0.02)  # [m] from the lip to the tool: out, across, up; our own choice
 START_SPREAD = (0.025, 0.04, 0.05)  # [m] uniform, each way; our own choice
 REACH_ANGLE = math.radians(20)  # that a hand may be turned away from straight; our own choice
@@ -101,13 +96,9 @@ class Toileting(Task):
 
     robot = Role(Robot, default="stretch_re1", partner="scripted", contact_force=CONTACT_FORCE)
     recipient = Role(
-        Human,
-        default=None,
-        optional=True,
-        posture="wheelchair",
+        Human, default=None, optional=True, posture="wheelchair", partner="still",
         movable=("neck", "head"),
-        partner="still",
-    )
+    )  # fmt: skip
     caregiver = STANDING_CAREGIVER
 
     reachable_by = CHAIR_ROBOTS | {"hsr", "stretch_re1_dex"}
@@ -116,7 +107,6 @@ class Toileting(Task):
     room_kinds = ("bathroom",)
     footprint = Rectangle(0.73, -0.3, 1.55, 0.37)  # [m] before the bowl
     site = "toilet"
-    time_limit = TIME_LIMIT
     bystanders = ()
     options: ToiletingOptions
     state: ToiletingState
@@ -132,36 +122,27 @@ class Toileting(Task):
     def furnish(self, world: World) -> dict[str, Pose]:
         self._fixture = self.place.fixture("toilet")
         places = {"robot": self._robot_place(DISTANCES[0], 0.0)}
-        places["caregiver"] = Pose((1.45, -0.75, 0.0), _about_z(math.radians(150)))
+        places["caregiver"] = Pose((1.45, -0.75, 0.0), about_z(math.radians(150)))
         if "recipient" in self.cast:
             places["recipient"] = self._seat(world)
         return places
 
     def _robot_place(self, distance: float, aside: float) -> Pose:
         """Return where the robot's root goes, so that it looks, or its arm reaches, at the toilet."""
-        height = STAND if self._is_on_stand else 0.0
+        height = STAND if needs_stand(self.robot) else 0.0
         name = "table" if self.robot.config.base is not None else "floor"
-        return self.robot.mount(name, Pose((distance, aside, height), _about_z(math.pi)))
-
-    @property
-    def _is_on_stand(self) -> bool:
-        """Whether the robot is an arm without base or legs."""
-        config = self.robot.config
-        return config.base is None and config.mounts["floor"].position[2] == 0
+        return self.robot.mount(name, Pose((distance, aside, height), about_z(math.pi)))
 
     def _seat(self, world: World) -> Pose:
         """Add a wheelchair beside the toilet, and return where its user sits."""
-        if (posture := self.recipient.posture).arms != "armrests":
-            raise ConfigError(
-                f"the recipient must sit in the wheelchair, and is {posture.description}"
-            )
-        self._chair = Wheelchair(mounts="none")
-        return spawn_fitted(self._chair, self.recipient, world, Pose((0.6, -0.68, 0.0)))
+        posture = self.recipient.posture
+        self.need(posture, posture.arms == "armrests", "sit in the wheelchair")
+        self.chair = Wheelchair(mounts="none")
+        return spawn_fitted(self.chair, self.recipient, world, Pose((0.6, -0.68, 0.0)))
 
     def build(self, world: World) -> None:
-        if "recipient" in self.cast:
-            for person in (agent for agent in self.cast.values() if isinstance(agent, Human)):
-                person.ignore(self._chair.body)  # the posture already keeps them apart
+        if self.chair is not None:
+            self.let_overlap(self.chair.body)
         self._body = self._fixture.body
         lid = self._fixture.model.joints["lid"]
         self._lid = [self._body.joint("lid").index]
@@ -184,7 +165,7 @@ class Toileting(Task):
             [Trial(aims, self._robot_place(*place)) for place in places], "the lid of the toilet"
         )
         robot.set_posture(found.posture)
-        if self._is_on_stand:
+        if needs_stand(self.robot):
             add_stand(world, found.base)
 
     def _start_pose(self, offset: Array) -> Pose:
@@ -282,13 +263,9 @@ class Toileting(Task):
         side = -1.0  # the open one: there is a wall on the other side
         if (room := self.place.room) is not None:
             side = math.copysign(1.0, room.y0 + room.y1)
-        if any(isinstance(agent, Human) for agent in self.cast.values()):
+        if self.people:
             return Camera(eye=(1.1, 2.3 * side, 2.3), target=(0.8, -0.1, 0.5), fov_deg=52)
         return Camera(eye=(2.1, 1.12 * side, 1.6), target=(0.75, 0.05, 0.55), fov_deg=58)
-
-
-def _about_z(yaw: float) -> tuple[float, float, float, float]:
-    return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
 
 
 _AHEAD = tuple(quaternion_from_rpy(0.0, -0.5 * math.pi, 0.0).tolist())  # z at the toilet, x up

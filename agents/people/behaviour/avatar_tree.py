@@ -18,10 +18,9 @@ from ...agent import Array
 from ..human import Human
 from .behaviour_tree import OPENING, BehaviourTree
 from .cue import GESTURES, Cues
+from .leaves import Actor, first_of, together
 from .subtree import (
-    Actor,
     cough,
-    first_of,
     flinch,
     hold_still,
     instructed,
@@ -31,7 +30,6 @@ from .subtree import (
     refuse,
     relax,
     rest_when_tired,
-    together,
 )
 
 Reaction = Literal["cough", "flinch", "refuse", "rest"]
@@ -72,12 +70,9 @@ class BehaviourConfig:
                 raise ConfigError(f"{key} names something twice: {getattr(self, key)}")
         if not self.activities:
             raise ConfigError("activities must name one at least")
-        if not 0 < self.flinches_from <= 10:
-            raise ConfigError(f"flinches_from must lie in 0..10, got {self.flinches_from}")
-        if not 0 < self.opens_within <= 1:
-            raise ConfigError(f"opens_within must lie in 0..1 m, got {self.opens_within}")
-        if not 0 < self.opening <= 1:
-            raise ConfigError(f"opening must lie in 0..1, got {self.opening}")
+        for key, most in (("flinches_from", "10"), ("opens_within", "1 m"), ("opening", "1")):
+            if not 0 < getattr(self, key) <= float(most.split()[0]):
+                raise ConfigError(f"{key} must lie in 0..{most}, got {getattr(self, key)}")
         if not 0 <= self.rested_below <= self.tired_from <= 1:
             raise ConfigError(
                 f"fatigue must satisfy 0 <= rested_below <= tired_from <= 1, got "
@@ -102,11 +97,7 @@ class Surroundings:
 
 def load_behaviour(name: str | Path) -> BehaviourConfig:
     """Return the behaviour of that name, or from that YAML file."""
-    path = Path(name)
-    return load(
-        BehaviourConfig,
-        path if path.suffix in (".yaml", ".yml") else assets.find("behaviours", str(name)),
-    )
+    return load(BehaviourConfig, assets.find("behaviours", name))
 
 
 def behaviour_of(person: Human) -> BehaviourConfig:
@@ -124,32 +115,6 @@ def make_tree(actor: Actor, config: BehaviourConfig, around: Surroundings) -> Be
     Raises:
         ConfigError: If the person can do nothing at all in this scene.
     """
-    made: dict[str, Behaviour | None] = {
-        "cough": cough(actor),
-        "flinch": flinch(actor, pain=config.flinches_from),
-        "refuse": refuse(actor, around.spoon),
-        "rest": rest_when_tired(actor, tired=config.tired_from, rested=config.rested_below),
-        **_activities(actor, config, around),
-    }
-    reactions = [branch for key in config.reactions if (branch := made[key]) is not None]
-    activities = [branch for key in config.activities if (branch := made[key]) is not None]
-    if not activities:
-        raise ConfigError(
-            f"{actor.person.name!r} can move nothing that a behaviour needs: of the movable degrees of "
-            f"freedom {list(actor.person.movable)}, none is under voluntary control"
-        )
-    return first_of(
-        actor.person.avatar.name,
-        *reactions,
-        instructed(actor, "hold still", hold_still(actor)),
-        instructed(actor, "relax", relax(actor)),
-        together("engage", *activities),
-    )
-
-
-def _activities(
-    actor: Actor, config: BehaviourConfig, around: Surroundings
-) -> dict[str, Behaviour | None]:
     person, spoon = actor.person, around.spoon
     gap: Callable[[], float] | None = None
     if spoon is not None:
@@ -158,12 +123,29 @@ def _activities(
             return float(np.linalg.norm(spoon() - person.mouth_position()))
 
     choices = (spoon, around.partner) if config.watches == "spoon" else (around.partner, spoon)
-    watched = choices[0] or choices[1]
-    return {
-        "look": look(actor, watched),
+    made: dict[str, Behaviour | None] = {
+        "cough": cough(actor),
+        "flinch": flinch(actor, pain=config.flinches_from),
+        "refuse": refuse(actor, spoon),
+        "rest": rest_when_tired(actor, tired=config.tired_from, rested=config.rested_below),
+        "look": look(actor, choices[0] or choices[1]),
         "mouth": mouth(actor, gap, opens_within=config.opens_within, opening=config.opening),
         "limbs": limbs(actor),
     }
+    reactions = [branch for key in config.reactions if (branch := made[key]) is not None]
+    activities = [branch for key in config.activities if (branch := made[key]) is not None]
+    if not activities:
+        raise ConfigError(
+            f"{person.name!r} can move nothing that a behaviour needs: of the movable degrees of "
+            f"freedom {list(person.movable)}, none is under voluntary control"
+        )
+    return first_of(
+        person.avatar.name,
+        *reactions,
+        instructed(actor, "hold still", hold_still(actor)),
+        instructed(actor, "relax", relax(actor)),
+        together("engage", *activities),
+    )
 
 
 class AvatarBehaviour(BehaviourTree):

@@ -1,4 +1,4 @@
-"""A person who follows a behaviour tree."""
+"""A person who follows a behaviour tree, and policies that are simpler than that."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 from py_trees.behaviour import Behaviour
-from py_trees.common import ParallelPolicy, Status
-from py_trees.composites import Parallel, Selector, Sequence
+from py_trees.common import Status
 
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import conjugate, rotate
 
 from ...agent import Array
 from ..actuation.muscular import MuscleDrive
+from ..body.ik import reach
 from ..human import Human
-from .leaves import Condition, Intent, Pursue, Threshold
+from .leaves import Actor, Condition, Intent, Pursue, Threshold, first_of, together, when
 
 OPENING = 0.8  # share of the active range that an eating mouth opens; our own choice
 
@@ -63,6 +63,79 @@ class StayStill:
         return self._action
 
 
+class RandomPolicy:
+    """A policy that knows nothing: every action is drawn uniformly from the whole action box."""
+
+    def __init__(self, action_size: int, low: float = -1.0) -> None:
+        """Take the number of action values and the least of each."""
+        self._size, self._low = action_size, low
+        self._rng = np.random.default_rng(0)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+
+    def act(self) -> Array:
+        return self._rng.uniform(self._low, 1.0, self._size)
+
+
+class GoAlong:
+    """Relaxes: whoever moves the person meets the weight of the limb, and no will."""
+
+    def __init__(self, person: Human, control_dt: float) -> None:
+        """Take the person, and the length of a control step [s]."""
+        self._person, self._control_dt = person, control_dt
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Nothing to begin."""
+
+    def act(self) -> Array:
+        """Return the action that slackens the muscles: targets that give way, or no excitation."""
+        return self._person.slack_action(self._control_dt)
+
+
+class Reach:
+    """A policy that brings a hand to a point, as far as the profile lets it, whatever drives the person.
+
+    Inverse kinematics within the active range finds the posture, and `Human.action_towards` the action:
+    with muscles the excitations that pursue it.
+
+    Attributes:
+        grasps: Returns whether the hands that can grasp are to close.
+    """
+
+    def __init__(
+        self, person: Human, side: str, point: Callable[[], Array], *, control_dt: float
+    ) -> None:
+        """Prepare the policy.
+
+        Args:
+            person: Who reaches.
+            side: `left` or `right`.
+            point: Returns where the middle of the hand should be in the world [m], shape [3].
+            control_dt: Length of a control step [s].
+        """
+        self._person, self._side, self._point = person, side, point
+        self._control_dt = control_dt
+        self.grasps: Callable[[], bool] = lambda: False
+        self._wish: dict[str, float] = {}
+        self._aim = np.full(3, np.nan)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        self._aim[:] = np.nan
+
+    def act(self) -> Array:
+        aim = np.asarray(self._point(), np.float64)
+        if not np.array_equal(aim, self._aim):  # a point that stays is solved for once
+            self._aim[:] = aim
+            found = reach(self._person, self._side, aim, trunk=False)
+            if not found.success:  # who can reach it so does not lean
+                found = reach(self._person, self._side, aim)
+            self._wish = found.wish
+        action = self._person.action_towards(self._wish, self._control_dt)
+        action[self._person.entries.get("grasp", slice(0))] = self.grasps()
+        return action
+
+
 def look_at(
     person: Human, point: Callable[[], Array], *, beyond: float = 0.15
 ) -> Callable[[], dict[str, float]]:
@@ -106,29 +179,15 @@ def eat_when_fed(
     Raises:
         ConfigError: If the jaw cannot move.
     """
-    intent: Intent = {}
-    jaw = "jaw_opening"
+    actor, jaw = Actor(person, clock=lambda: 0.0), "jaw_opening"  # none of its leaves tells time
     if jaw not in person.movable:
         raise ConfigError(
             f"to eat, {person.name!r} needs {jaw!r} among the movable degrees of freedom"
         )
     widest = float(person.active[person.movable.index(jaw), 1]) * OPENING
-
-    def mouth(name: str, angle: float) -> Pursue:
-        return Pursue(name, person, intent, lambda: {jaw: angle})
-
-    taking = Sequence(
-        "take the food",
-        memory=False,
-        children=[
-            Condition("spoon is near", lambda: gap() < 0.20),
-            mouth("open the mouth", widest),
-        ],
-    )
-    eating = Selector("eat", memory=False, children=[taking, mouth("close the mouth", 0.0)])
-    root = Parallel(
-        "be fed",
-        policy=ParallelPolicy.SuccessOnAll(synchronise=False),
-        children=[Pursue("watch the spoon", person, intent, look_at(person, spoon)), eating],
-    )
-    return BehaviourTree(person, intent, root, control_dt)
+    near = Condition("spoon is near", lambda: gap() < 0.20)
+    opened = Pursue("open the mouth", actor, lambda: {jaw: widest})
+    closed = Pursue("close the mouth", actor, lambda: {jaw: 0.0})
+    eating = first_of("eat", when("take the food", near, opened), closed)
+    watched = Pursue("watch the spoon", actor, look_at(person, spoon))
+    return BehaviourTree(person, actor.intent, together("be fed", watched, eating), control_dt)

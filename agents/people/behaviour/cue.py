@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.errors import ConfigError, check_name
 
 from ...agent import Array
 
@@ -70,6 +70,7 @@ class Instruction:
     Attributes:
         possible: Sentences that this person can do something about.
         speaker: Returns where the speaker's face is [m], shape [3], for `look at me`; None if unknown.
+        text: The sentence in force, if any; `say` and `clear` set it.
         answer: How the person gets on with it, for whoever asked.
         count: How often something has been said.
     """
@@ -78,14 +79,9 @@ class Instruction:
         """Take the sentences that the person can do something about."""
         self.possible = frozenset(possible)
         self.speaker: Callable[[], Array] | None = None
-        self._text: str | None = None
+        self.text: str | None = None
         self.answer: Answer = "nothing asked"
         self.count = 0
-
-    @property
-    def text(self) -> str | None:
-        """The sentence in force, if any."""
-        return self._text
 
     def say(self, text: str, *, speaker: Callable[[], Array] | None = None) -> None:
         """Ask for something; it stays in force until something else is said or `clear`.
@@ -94,7 +90,7 @@ class Instruction:
             UnknownNameError: If the sentence is none of `GESTURES`.
         """
         check_name("instruction", text, GESTURES)
-        self._text, self.answer = text, "trying"
+        self.text, self.answer = text, "trying"
         self.count += 1
         if speaker is not None:
             self.speaker = speaker
@@ -103,11 +99,11 @@ class Instruction:
 
     def is_asked(self, text: str) -> bool:
         """Return whether a sentence is in force that the person can do something about."""
-        return self._text == text and self.answer != "cannot"
+        return self.text == text and self.answer != "cannot"
 
     def clear(self) -> None:
         """Ask for nothing any more."""
-        self._text, self.answer = None, "nothing asked"
+        self.text, self.answer = None, "nothing asked"
 
 
 CUES = ("instruction", "must_cough", "refuses", "reach")
@@ -120,6 +116,7 @@ class Cues:
         instruction: What was last asked of them.
         must_cough: Whether they have to cough; the cough clears it.
         refuses: Whether they do not want what is offered.
+        reach: What returns the wished angles of a reach by DoF [rad], from inverse kinematics or by hand.
 
     Any other name is an UnknownNameError.
     """
@@ -128,27 +125,17 @@ class Cues:
         """Begin without any cue."""
         self.instruction = instruction or Instruction()
         self.must_cough = self.refuses = False
-        self._reach: Callable[[], Mapping[str, float]] | None = None
+        self.reach: Callable[[], Mapping[str, float]] | None = None
 
     def __setattr__(self, name: str, value: object) -> None:
-        if name not in CUES and name != "_reach":
-            raise UnknownNameError("cue", name, CUES)
+        check_name("cue", name, CUES)
+        if name == "reach" and value is not None and not callable(value):
+            raise ConfigError(f"reach takes a function that returns angles, got {value!r}")
         object.__setattr__(self, name, value)
-
-    @property
-    def reach(self) -> Callable[[], Mapping[str, float]] | None:
-        """What returns the wished angles of a reach by DoF [rad], from inverse kinematics or by hand."""
-        return self._reach
-
-    @reach.setter
-    def reach(self, wish: Callable[[], Mapping[str, float]] | None) -> None:
-        if wish is not None and not callable(wish):
-            raise ConfigError(f"reach takes a function that returns angles, got {wish!r}")
-        self._reach = wish
 
     def clear(self) -> None:
         """Forget every cue, as at the start of an episode."""
         self.instruction.clear()
         self.instruction.speaker = None
         self.must_cough = self.refuses = False
-        self._reach = None
+        self.reach = None

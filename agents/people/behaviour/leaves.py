@@ -1,26 +1,96 @@
-"""Leaves of behaviour trees for people.
+"""Who acts in a behaviour tree, its leaves, and how they are joined.
 
-A leaf gets the person and what it must know through its constructor, never through py_trees' blackboard,
+A leaf gets the actor and what it must know through its constructor, never through py_trees' blackboard,
 which is one dictionary for the whole process, and it tells time by the simulation, never by py_trees'
 timers, which run on the wall clock.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
+import numpy as np
+from py_trees import composites
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
+from py_trees.common import ParallelPolicy, Status
+from py_trees.composites import Parallel, Selector
 
 from rcare_marl.errors import ConfigError
 
+from ..body.skeleton import DOF_INDEX, DOFS
 from ..human import Human
-from .cue import Instruction
+from .cue import Cues
 
 # Our own choices; muscles hold a posture less exactly than a skeletal drive does.
 WELL_ENOUGH = 0.15  # [rad] from what is wished, to call it reached
 PATIENCE = 6.0  # [s] after which what a sentence asks for cannot be done
+LEAST_RANGE = math.radians(4)  # of active movement, below which a DoF is of no use
+MOVING_GRADE = 2.0  # MMT grade that moves anything: grade 1 is a flicker
 Intent = dict[str, float]  # DoF -> wished angle [rad]
+
+
+@dataclass(frozen=True)
+class Actor:
+    """What the leaves of one tree share.
+
+    Attributes:
+        person: Who acts.
+        clock: Returns the simulated time [s].
+        cues: What reaches the person from outside.
+        intent: Wished angles [rad] that the leaves write and the policy pursues.
+    """
+
+    person: Human
+    clock: Callable[[], float]
+    cues: Cues = field(default_factory=Cues)
+    intent: Intent = field(default_factory=dict)
+
+    def can_move(self, dof: str) -> bool:
+        """Return whether a DoF moves in the scene and the person can move it of their own will."""
+        if dof not in self.person.movable:
+            return False
+        low, high = self.person.active[self.person.movable.index(dof)]
+        return bool(high - low >= LEAST_RANGE) and max(self._grades(dof)) >= MOVING_GRADE
+
+    def _grades(self, dof: str) -> tuple[float, float]:
+        """Return the MMT grades against and along a DoF."""
+        profile, row = self.person.avatar.profile, DOFS[DOF_INDEX[dof]]
+        return profile.grade(row, positive=False), profile.grade(row, positive=True)
+
+    def can_reach(self, angles: Mapping[str, float]) -> bool:
+        """Return whether the person has muscles to set out for some wishes [rad].
+
+        The first wish of a limb counts, such as the shoulder of a raised arm, and any of the head.
+        """
+        return any(
+            self._can_set_out(dof, angle)
+            for i, (dof, angle) in enumerate(angles.items())
+            if i == 0 or dof.startswith(("neck", "head"))
+        )
+
+    def _can_set_out(self, dof: str, angle: float) -> bool:
+        against, along = self._grades(dof)
+        grade = along if angle > self.person.angles[DOF_INDEX[dof]] else against
+        return self.can_move(dof) and grade >= MOVING_GRADE
+
+    def able(self, angles: Mapping[str, float]) -> dict[str, float]:
+        """Return those wishes [rad] that the person can move towards, inside the active range."""
+        index = self.person.movable.index
+        return {
+            dof: float(np.clip(angle, *self.person.active[index(dof)]))
+            for dof, angle in angles.items()
+            if self.can_move(dof)
+        }
+
+    def start(self, *prefixes: str) -> dict[str, float]:
+        """Return the start posture [rad] of the DoFs whose joint begins so, where they can move."""
+        return {
+            dof: float(self.person.angles[DOF_INDEX[dof]])
+            for dof in self.person.movable
+            if dof.startswith(prefixes) and self.can_move(dof)
+        }
 
 
 class Condition(Behaviour):
@@ -35,39 +105,29 @@ class Condition(Behaviour):
 
 
 class Pursue(Behaviour):
-    """Moves DoFs towards wished angles; running until all are within a tolerance, then succeeds."""
+    """Moves DoFs towards wished angles; running until all are near them, then succeeds."""
 
-    def __init__(
-        self,
-        name: str,
-        person: Human,
-        intent: Intent,
-        wish: Callable[[], Mapping[str, float]],
-        *,
-        tolerance: float = WELL_ENOUGH,
-    ) -> None:
+    def __init__(self, name: str, actor: Actor, wish: Callable[[], Mapping[str, float]]) -> None:
         """Prepare the leaf.
 
         Args:
             name: Shown in pictures of the tree.
-            person: Who moves.
-            intent: Shared with the policy; this leaf writes its wishes into it.
+            actor: Who moves.
             wish: Returns the wished angle of each movable DoF that matters here [rad].
-            tolerance: How near counts as reached [rad].
         """
         super().__init__(name)
-        self._person, self._intent, self._wish, self._tolerance = person, intent, wish, tolerance
-        self._index = {dof: i for i, dof in enumerate(person.movable)}
+        self._actor, self._wish = actor, wish
+        self._index = {dof: i for i, dof in enumerate(actor.person.movable)}
 
     def update(self) -> Status:
         wish = self._wish()
-        self._intent.update(wish)
+        self._actor.intent.update(wish)
         return Status.SUCCESS if self.is_near(wish) else Status.RUNNING
 
     def is_near(self, wish: Mapping[str, float]) -> bool:
         """Return whether what is wished [rad] counts as reached."""
-        here, index = self._person.positions, self._index
-        return all(abs(here[index[dof]] - a) < self._tolerance for dof, a in wish.items())
+        here, index = self._actor.person.positions, self._index
+        return all(abs(here[index[dof]] - a) < WELL_ENOUGH for dof, a in wish.items())
 
 
 class Settle(Pursue):
@@ -76,10 +136,8 @@ class Settle(Pursue):
     def __init__(
         self,
         name: str,
-        person: Human,
-        intent: Intent,
+        actor: Actor,
         wish: Callable[[], Mapping[str, float]],
-        clock: Callable[[], float],
         *,
         patience: float,
         judged: Collection[str],
@@ -88,25 +146,23 @@ class Settle(Pursue):
 
         Args:
             name: Shown in pictures of the tree.
-            person: Who moves.
-            intent: Shared with the policy.
+            actor: Who moves.
             wish: Returns the wished angle of each movable DoF that matters here [rad].
-            clock: Returns the simulated time [s].
             patience: How long to go on at most [s].
             judged: DoFs that have to come near; the others move along.
         """
-        super().__init__(name, person, intent, wish)
-        self._clock, self._patience, self._judged = clock, patience, frozenset(judged)
+        super().__init__(name, actor, wish)
+        self._patience, self._judged = patience, frozenset(judged)
         self._since = 0.0
 
     def initialise(self) -> None:
-        self._since = self._clock()
+        self._since = self._actor.clock()
 
     def is_near(self, wish: Mapping[str, float]) -> bool:
         return super().is_near({dof: a for dof, a in wish.items() if dof in self._judged})
 
     def update(self) -> Status:
-        is_over = self._clock() - self._since >= self._patience - 1e-9
+        is_over = self._actor.clock() - self._since >= self._patience - 1e-9
         return Status.SUCCESS if super().update() == Status.SUCCESS or is_over else Status.RUNNING
 
 
@@ -119,37 +175,31 @@ class Follow(Pursue):
     def __init__(
         self,
         text: str,
-        person: Human,
-        intent: Intent,
+        actor: Actor,
         wish: Callable[[], Mapping[str, float]],
-        instruction: Instruction,
-        clock: Callable[[], float],
         *,
-        is_done: Callable[[], bool] | None = None,
+        is_done: Callable[[], bool] = lambda: False,
     ) -> None:
         """Prepare the leaf.
 
         Args:
             text: The sentence.
-            person: Who follows.
-            intent: Shared with the policy.
+            actor: Who follows.
             wish: Returns the angles that it asks for [rad].
-            instruction: The channel.
-            clock: Returns the simulated time [s].
             is_done: Whether it is done in spite of angles that are not reached.
         """
-        super().__init__(text, person, intent, wish)
-        self._instruction, self._clock, self._is_done = instruction, clock, is_done
+        super().__init__(text, actor, wish)
+        self._instruction, self._is_done = actor.cues.instruction, is_done
         self._since, self._count = 0.0, 0
 
     def initialise(self) -> None:
         self._begin()
 
     def _begin(self) -> None:
-        self._since, self._count = self._clock(), self._instruction.count
+        self._since, self._count = self._actor.clock(), self._instruction.count
 
     def is_near(self, wish: Mapping[str, float]) -> bool:
-        return super().is_near(wish) or (self._is_done is not None and self._is_done())
+        return super().is_near(wish) or self._is_done()
 
     def update(self) -> Status:
         instruction = self._instruction
@@ -160,32 +210,10 @@ class Follow(Pursue):
         status = super().update()
         if status == Status.SUCCESS:
             instruction.answer = "done"
-        elif instruction.answer == "trying" and self._clock() - self._since >= PATIENCE - 1e-9:
-            instruction.answer = "cannot"
+        elif instruction.answer == "trying":
+            if self._actor.clock() - self._since >= PATIENCE - 1e-9:
+                instruction.answer = "cannot"
         return status
-
-
-class Wait(Behaviour):
-    """Runs for a span of simulated time, then succeeds."""
-
-    def __init__(self, name: str, duration: float, clock: Callable[[], float]) -> None:
-        """Prepare the leaf.
-
-        Args:
-            name: Shown in pictures of the tree.
-            duration: How long to wait [s].
-            clock: Returns the simulated time [s].
-        """
-        super().__init__(name)
-        self._duration, self._clock = duration, clock
-        self._since = 0.0
-
-    def initialise(self) -> None:
-        self._since = self._clock()
-
-    def update(self) -> Status:
-        is_over = self._clock() - self._since >= self._duration
-        return Status.SUCCESS if is_over else Status.RUNNING
 
 
 class Threshold(Behaviour):
@@ -237,13 +265,13 @@ class Threshold(Behaviour):
 class Freeze(Behaviour):
     """Keeps DoFs at the angles that they have when it begins; always running."""
 
-    def __init__(self, name: str, person: Human, intent: Intent, dofs: Sequence[str]) -> None:
-        """Take what is shown in pictures, who keeps still, the shared wishes, and which DoFs."""
+    def __init__(self, name: str, actor: Actor, dofs: Sequence[str]) -> None:
+        """Take what is shown in pictures, who keeps still, and which DoFs."""
         super().__init__(name)
-        self._person, self._intent, self._dofs = person, intent, tuple(dofs)
+        self._actor, self._dofs = actor, tuple(dofs)
 
     def initialise(self) -> None:
-        self._intent.update({dof: self._person.angle(dof) for dof in self._dofs})
+        self._actor.intent.update({dof: self._actor.person.angle(dof) for dof in self._dofs})
 
     def update(self) -> Status:
         return Status.RUNNING
@@ -268,10 +296,8 @@ class Pulse(Behaviour):
     def __init__(
         self,
         name: str,
-        person: Human,
-        intent: Intent,
+        actor: Actor,
         depth: Mapping[str, float],
-        clock: Callable[[], float],
         *,
         count: int,
         period: float,
@@ -281,29 +307,27 @@ class Pulse(Behaviour):
 
         Args:
             name: Shown in pictures of the tree.
-            person: Who moves.
-            intent: Shared with the policy.
+            actor: Who moves.
             depth: How far each DoF goes from where it is [rad]; it stays inside the active range.
-            clock: Returns the simulated time [s].
             count: Number of pulses.
             period: Length of a pulse [s]; the first half bends.
             after: Called once at the end.
         """
         super().__init__(name)
-        self._person, self._intent, self._depth, self._clock = person, intent, dict(depth), clock
+        self._actor, self._depth = actor, dict(depth)
         self._count, self._period, self._after = count, period, after
         self._since, self._rest = 0.0, dict.fromkeys(depth, 0.0)
 
     def initialise(self) -> None:
-        self._since = self._clock()
-        self._rest = {dof: self._person.angle(dof) for dof in self._depth}
+        self._since = self._actor.clock()
+        self._rest = {dof: self._actor.person.angle(dof) for dof in self._depth}
 
     def update(self) -> Status:
-        pulse = (self._clock() - self._since) / self._period
+        pulse = (self._actor.clock() - self._since) / self._period
         is_over = pulse >= self._count - 1e-9
         bend = 1.0 if not is_over and pulse % 1.0 < 0.5 else 0.0
         for dof, rest in self._rest.items():
-            self._intent[dof] = rest + bend * self._depth[dof]
+            self._actor.intent[dof] = rest + bend * self._depth[dof]
         if not is_over:
             return Status.RUNNING
         self._after()
@@ -316,39 +340,37 @@ class Withdraw(Behaviour):
     def __init__(
         self,
         name: str,
-        person: Human,
-        intent: Intent,
+        actor: Actor,
         retreat: Callable[[str | None], Mapping[str, float]],
     ) -> None:
         """Prepare the leaf.
 
         Args:
             name: Shown in pictures of the tree.
-            person: Who hurts.
-            intent: Shared with the policy.
+            actor: Who hurts.
             retreat: Returns by how much each DoF moves [rad] to take a segment away; None for pain
                 that no contact makes.
         """
         super().__init__(name)
-        self._person, self._intent, self._retreat = person, intent, retreat
+        self._actor, self._retreat = actor, retreat
         self._goal: dict[str, float] = {}
         self._segment: str | None = None
 
     def initialise(self) -> None:
-        self._take(self._person.physiology.pain_segment)
+        self._take(self._actor.person.physiology.pain_segment)
 
     def _take(self, segment: str | None) -> None:
         moves = self._retreat(segment)
         self._segment = segment
-        self._goal = {dof: self._person.angle(dof) + by for dof, by in moves.items()}
+        self._goal = {dof: self._actor.person.angle(dof) + by for dof, by in moves.items()}
 
     def update(self) -> Status:
-        segment = self._person.physiology.pain_segment
+        segment = self._actor.person.physiology.pain_segment
         if segment is not None and segment != self._segment:
             self._take(segment)
         if not self._goal:
             return Status.FAILURE
-        self._intent.update(self._goal)
+        self._actor.intent.update(self._goal)
         return Status.RUNNING
 
 
@@ -363,3 +385,19 @@ class Act(Behaviour):
     def update(self) -> Status:
         self._act()
         return Status.SUCCESS
+
+
+def when(name: str, *steps: Behaviour) -> composites.Sequence:
+    """Return steps one after the other; the first may be a condition, which is asked at every tick."""
+    return composites.Sequence(name, memory=False, children=list(steps))
+
+
+def together(name: str, *branches: Behaviour) -> Parallel:
+    """Return branches that run at the same time; they must move different DoFs."""
+    policy = ParallelPolicy.SuccessOnAll(synchronise=False)
+    return Parallel(name, policy=policy, children=list(branches))
+
+
+def first_of(name: str, *branches: Behaviour) -> Selector:
+    """Return branches of which the first that does not fail runs, chosen anew at every tick."""
+    return Selector(name, memory=False, children=list(branches))

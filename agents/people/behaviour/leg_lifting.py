@@ -22,10 +22,7 @@ from .leaves import Intent
 LIFT_SPEED, LOWER_SPEED = 0.15, 0.15  # [m/s] of the hand with a leg in it
 AT_GRIP = 0.05  # [m] from the place on the foot, where the hand closes
 GRASP = 200.0  # [N] that a hand holds a leg with, along each axis: a firm grip
-NEAR_LEG, PASSING = (
-    0.06,
-    0.12,
-)  # [m] from its goal at which a hand with a leg in it has arrived, or may go on
+NEAR_LEG, PASSING = 0.06, 0.12  # [m] from where a hand with a leg has arrived, or may go on
 
 
 @dataclass(frozen=True)

@@ -9,39 +9,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 from py_trees import composites
 from py_trees.behaviour import Behaviour
-from py_trees.common import ParallelPolicy
-from py_trees.composites import Parallel, Selector
 
 from rcare_marl.pose import conjugate, rotate
 
 from ...agent import Array
-from ..body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX
+from ..body.skeleton import JOINT_INDEX
 from ..human import Human
 from ..physiology_model import physiology_model
 from .behaviour_tree import OPENING, look_at
-from .cue import GESTURES, Cues
+from .cue import GESTURES
 from .leaves import (
     Act,
+    Actor,
     Condition,
     Follow,
     Freeze,
-    Intent,
     LetGo,
     Pulse,
     Pursue,
     Settle,
     Threshold,
     Withdraw,
+    first_of,
+    together,
+    when,
 )
 
 # All our own choices.
-LEAST_RANGE = math.radians(4)  # of active movement, below which a DoF is of no use
-MOVING_GRADE = 2.0  # MMT grade that moves anything: grade 1 is a flicker
 COUGHS, COUGH_PERIOD = 3, 0.8  # [s]
 COUGH_DEPTH = {
     "neck_flexion": 0.16,
@@ -72,72 +70,6 @@ BRACE = {
 }
 
 
-@dataclass(frozen=True)
-class Actor:
-    """What the leaves of one tree share.
-
-    Attributes:
-        person: Who acts.
-        clock: Returns the simulated time [s].
-        cues: What reaches the person from outside.
-        intent: Wished angles [rad] that the leaves write and the policy pursues.
-    """
-
-    person: Human
-    clock: Callable[[], float]
-    cues: Cues = field(default_factory=Cues)
-    intent: Intent = field(default_factory=dict)
-
-    def can_move(self, dof: str) -> bool:
-        """Return whether a DoF moves in the scene and the person can move it of their own will."""
-        if dof not in self.person.movable:
-            return False
-        low, high = self.person.active[self.person.movable.index(dof)]
-        return bool(high - low >= LEAST_RANGE) and max(self._grades(dof)) >= MOVING_GRADE
-
-    def _grades(self, dof: str) -> tuple[float, float]:
-        """Return the MMT grades against and along a DoF."""
-        profile, row = self.person.avatar.profile, DOFS[DOF_INDEX[dof]]
-        return profile.grade(row, positive=False), profile.grade(row, positive=True)
-
-    def can_reach(self, angles: Mapping[str, float]) -> bool:
-        """Return whether the person has muscles to set out for some wishes [rad].
-
-        The first wish of a limb counts, such as the shoulder of a raised arm, and any of the head.
-        """
-        return any(
-            self._can_set_out(dof, angle)
-            for i, (dof, angle) in enumerate(angles.items())
-            if i == 0 or dof.startswith(("neck", "head"))
-        )
-
-    def _can_set_out(self, dof: str, angle: float) -> bool:
-        against, along = self._grades(dof)
-        grade = along if angle > self.person.angles[DOF_INDEX[dof]] else against
-        return self.can_move(dof) and grade >= MOVING_GRADE
-
-    def able(self, angles: Mapping[str, float]) -> dict[str, float]:
-        """Return those wishes [rad] that the person can move towards, inside the active range."""
-        index = self.person.movable.index
-        return {
-            dof: float(np.clip(angle, *self.person.active[index(dof)]))
-            for dof, angle in angles.items()
-            if self.can_move(dof)
-        }
-
-    def start(self, *prefixes: str) -> dict[str, float]:
-        """Return the start posture [rad] of the DoFs whose joint begins so, where they can move."""
-        return {
-            dof: float(self.person.angles[DOF_INDEX[dof]])
-            for dof in self.person.movable
-            if dof.startswith(prefixes) and self.can_move(dof)
-        }
-
-    def pursue(self, name: str, wish: Callable[[], Mapping[str, float]]) -> Pursue:
-        """Return a leaf that moves to the wished angles."""
-        return Pursue(name, self.person, self.intent, wish)
-
-
 ARMS = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow"))
 LIMBS = (
     *ARMS,
@@ -151,26 +83,10 @@ LARGE = {
 } | {"neck_flexion", "neck_rotation_left"}
 
 
-def when(name: str, condition: Behaviour, *steps: Behaviour) -> composites.Sequence:
-    """Return steps that run as long as a condition holds, which is asked at every tick."""
-    return composites.Sequence(name, memory=False, children=[condition, *steps])
-
-
-def together(name: str, *branches: Behaviour) -> Parallel:
-    """Return branches that run at the same time; they must move different DoFs."""
-    policy = ParallelPolicy.SuccessOnAll(synchronise=False)
-    return Parallel(name, policy=policy, children=list(branches))
-
-
-def first_of(name: str, *branches: Behaviour) -> Selector:
-    """Return branches of which the first that does not fail runs, chosen anew at every tick."""
-    return Selector(name, memory=False, children=list(branches))
-
-
 def hold_still(actor: Actor) -> Freeze:
     """Return: keep every DoF where it is."""
     dofs = [dof for dof in actor.person.movable if actor.can_move(dof)]
-    return Freeze("hold still", actor.person, actor.intent, dofs)
+    return Freeze("hold still", actor, dofs)
 
 
 def relax(actor: Actor) -> LetGo:
@@ -185,7 +101,7 @@ def reach(actor: Actor) -> Behaviour:
         return actor.able(actor.cues.reach()) if actor.cues.reach is not None else {}
 
     aims = Condition("has something to reach", lambda: actor.cues.reach is not None)
-    return when("reach", aims, actor.pursue("reach for it", wish))
+    return when("reach", aims, Pursue("reach for it", actor, wish))
 
 
 def instructed(actor: Actor, text: str, step: Behaviour) -> Behaviour:
@@ -204,26 +120,8 @@ def follow(actor: Actor, part: str) -> list[Behaviour]:
     branches: list[Behaviour] = []
     for text, gesture in GESTURES.items():
         if gesture.part == part and gesture.angles and actor.can_reach(gesture.angles):
-            branches.append(_gesture(actor, text, actor.able(gesture.angles)))
+            branches.append(Follow(text, actor, actor.able(gesture.angles).copy))
     return branches
-
-
-def _gesture(
-    actor: Actor,
-    text: str,
-    angles: dict[str, float],
-    *,
-    is_done: Callable[[], bool] | None = None,
-) -> Behaviour:
-    return Follow(
-        text,
-        actor.person,
-        actor.intent,
-        lambda: angles,
-        actor.cues.instruction,
-        actor.clock,
-        is_done=is_done,
-    )
 
 
 def mouth(
@@ -247,7 +145,7 @@ def mouth(
     def is_open() -> bool:
         return actor.person.angle(jaw) >= OPEN_ENOUGH * wide[jaw]
 
-    branches.insert(0, _gesture(actor, "open your mouth", wide, is_done=is_open))
+    branches.insert(0, Follow("open your mouth", actor, lambda: wide, is_done=is_open))
     if gap is not None:
         near = Threshold(
             "spoon is near",
@@ -256,8 +154,8 @@ def mouth(
             begins=-opens_within,
             ends=-opens_within - LEAVING,
         )
-        branches.append(when("take the food", near, actor.pursue("open the mouth", lambda: wide)))
-    branches.append(actor.pursue("close the mouth", lambda: {jaw: 0.0}))
+        branches.append(when("take the food", near, Pursue("open the mouth", actor, lambda: wide)))
+    branches.append(Pursue("close the mouth", actor, lambda: {jaw: 0.0}))
     return first_of("mouth", *branches)
 
 
@@ -296,21 +194,12 @@ def look(actor: Actor, point: Callable[[], Array] | None) -> Behaviour | None:
         way = instruction.speaker() - mouth
         return float(face @ way) >= math.cos(FACING) * float(np.linalg.norm(way))
 
-    at_me = Follow(
-        "look at me",
-        actor.person,
-        actor.intent,
-        speaker,
-        instruction,
-        actor.clock,
-        is_done=is_facing,
-    )
-    branches.insert(0, at_me)
+    branches.insert(0, Follow("look at me", actor, speaker, is_done=is_facing))
     if point is not None:
-        branches.append(actor.pursue("watch", _towards(actor, point)))
+        branches.append(Pursue("watch", actor, _towards(actor, point)))
     else:
         rest = actor.start("neck", "head")
-        branches.append(actor.pursue("face ahead", lambda: rest))
+        branches.append(Pursue("face ahead", actor, lambda: rest))
     return first_of("look", *branches)
 
 
@@ -330,8 +219,8 @@ def limbs(actor: Actor) -> Behaviour | None:
     for text, prefixes in back.items():
         angles = actor.start(*prefixes)
         if angles:
-            branches.append(_gesture(actor, text, angles))
-    return first_of("limbs", *branches, reach(actor), actor.pursue("rest the limbs", lambda: rest))
+            branches.append(Follow(text, actor, angles.copy))
+    return first_of("limbs", *branches, reach(actor), Pursue("rest the limbs", actor, lambda: rest))
 
 
 def flinch(actor: Actor, *, pain: float) -> Behaviour | None:
@@ -355,7 +244,7 @@ def flinch(actor: Actor, *, pain: float) -> Behaviour | None:
     hurts = Threshold(
         "in pain", lambda: person.physiology.pain, actor.clock, begins=pain, ends=0.5 * pain
     )
-    return when("flinch", hurts, Withdraw("withdraw", person, actor.intent, retreat))
+    return when("flinch", hurts, Withdraw("withdraw", actor, retreat))
 
 
 def refuse(actor: Actor, source: Callable[[], Array] | None = None) -> Behaviour | None:
@@ -376,9 +265,9 @@ def refuse(actor: Actor, source: Callable[[], Array] | None = None) -> Behaviour
         return actor.able(turn | {"neck_flexion": CHIN_UP, "head_flexion": CHIN_UP})
 
     if any(actor.can_move(f"{joint}_rotation_left") for joint in ("neck", "head")):
-        branches.append(actor.pursue("turn away", averted))
+        branches.append(Pursue("turn away", actor, averted))
     if actor.can_move("jaw_opening"):
-        branches.append(actor.pursue("press the lips", lambda: {"jaw_opening": 0.0}))
+        branches.append(Pursue("press the lips", actor, lambda: {"jaw_opening": 0.0}))
     if not branches:
         return None
     refuses = Condition("does not want it", lambda: actor.cues.refuses)
@@ -395,14 +284,7 @@ def cough(actor: Actor) -> Behaviour | None:
         actor.cues.must_cough = False
 
     burst = Pulse(
-        "bend and straighten",
-        actor.person,
-        actor.intent,
-        depth,
-        actor.clock,
-        count=COUGHS,
-        period=COUGH_PERIOD,
-        after=relieved,
+        "bend and straighten", actor, depth, count=COUGHS, period=COUGH_PERIOD, after=relieved
     )
     return when("cough", Condition("must cough", lambda: actor.cues.must_cough), burst)
 
@@ -417,14 +299,6 @@ def rest_when_tired(actor: Actor, *, tired: float, rested: float) -> Behaviour:
     is_tired = Threshold(
         "tired", lambda: physiology.fatigue, actor.clock, begins=tired, ends=rested
     )
-    back = Settle(
-        "go back to rest",
-        actor.person,
-        actor.intent,
-        lambda: posture,
-        actor.clock,
-        patience=UNWINDING,
-        judged=LARGE,
-    )
+    back = Settle("go back to rest", actor, lambda: posture, patience=UNWINDING, judged=LARGE)
     unwind = composites.Sequence("unwind", memory=True, children=[back, relax(actor)])
     return when("rest", is_tired, unwind)

@@ -18,25 +18,13 @@ from rcare_marl.errors import ConfigError
 
 ROW, BOX, GAP, MARGIN, TITLE, LINE = 40, 30, 46, 24, 34, 22  # [px]
 PADDING, FONT_SIZE, SCALE = 12, 15, 2  # PNGs are drawn at twice the size, for sharp text
-FILLS = {
-    Status.RUNNING: "#cfe3ff",
-    Status.SUCCESS: "#cdeccd",
-    Status.FAILURE: "#f8d3d0",
-    Status.INVALID: "#f1f1f1",
-}
-EDGES = {
-    Status.RUNNING: "#1f5fbf",
-    Status.SUCCESS: "#2f7d32",
-    Status.FAILURE: "#b3261e",
-    Status.INVALID: "#9a9a9a",
+LOOKS = {  # name, fill and edge of each status
+    Status.RUNNING: ("running", "#cfe3ff", "#1f5fbf"),
+    Status.SUCCESS: ("success", "#cdeccd", "#2f7d32"),
+    Status.FAILURE: ("failure", "#f8d3d0", "#b3261e"),
+    Status.INVALID: ("not ticked", "#f1f1f1", "#9a9a9a"),
 }
 INK, PALE = "#1c1c1c", "#8a8a8a"
-STATUSES = {
-    "running": Status.RUNNING,
-    "success": Status.SUCCESS,
-    "failure": Status.FAILURE,
-    "not ticked": Status.INVALID,
-}
 LEGEND = "? first that does not fail    → one after the other    ⇉ side by side"
 
 
@@ -93,18 +81,11 @@ class TreePicture:
         self._subtitle = textwrap.wrap(subtitle, letters)
         top = TITLE + LINE * len(self._subtitle) + MARGIN
         rows = _rows(nodes)
-        self.boxes = [
-            Box(
-                _label(node),
-                node.status,
-                not node.children,
-                lefts[depth],
-                top + ROW * (row + 0.5),
-                width,
-                parent,
-            )
-            for (node, depth, parent), width, row in zip(nodes, widths, rows, strict=True)
-        ]
+        self.boxes = []
+        for (node, depth, parent), width, row in zip(nodes, widths, rows, strict=True):
+            x, y = lefts[depth], top + ROW * (row + 0.5)
+            box = Box(_label(node), node.status, not node.children, x, y, width, parent)
+            self.boxes.append(box)
         leaves = sum(box.is_leaf for box in self.boxes)
         self.size = (round(wide), round(top + ROW * leaves + 3 * LINE + MARGIN))
 
@@ -136,25 +117,25 @@ class TreePicture:
             radius = BOX / 2 if box.is_leaf else 3
             lines.append(
                 f'<rect x="{box.x:.1f}" y="{box.y - BOX / 2:.1f}" width="{box.width:.1f}" '
-                f'height="{BOX}" rx="{radius}" fill="{FILLS[box.status]}" '
-                f'stroke="{EDGES[box.status]}" stroke-width="1.5"/>'
+                f'height="{BOX}" rx="{radius}" fill="{LOOKS[box.status][1]}" '
+                f'stroke="{LOOKS[box.status][2]}" stroke-width="1.5"/>'
                 f'<text x="{box.x + PADDING:.1f}" y="{box.y + 5:.1f}" fill="{INK}">'
                 f"{html.escape(box.label)}</text>"
             )
-        for x, text, status in self._colour_key():
+        for x, text, color in self._colour_key():
             lines.append(
-                f'<text x="{x:.1f}" y="{height - MARGIN - LINE}" fill="{EDGES[status]}">{text}</text>'
+                f'<text x="{x:.1f}" y="{height - MARGIN - LINE}" fill="{color}">{text}</text>'
             )
         lines.append(
             f'<text x="{MARGIN}" y="{height - MARGIN}" fill="{PALE}">{LEGEND}</text></svg>'
         )
         return "\n".join(lines) + "\n"
 
-    def _colour_key(self) -> list[tuple[float, str, Status]]:
-        """Return where the name of each status stands below the tree [px]."""
+    def _colour_key(self) -> list[tuple[float, str, str]]:
+        """Return where the name of each status stands below the tree [px], and its colour."""
         out, x = [], float(MARGIN)
-        for text, status in STATUSES.items():
-            out.append((x, text, status))
+        for text, _, color in LOOKS.values():
+            out.append((x, text, color))
             x += self._font.getlength(text) + MARGIN
         return out
 
@@ -170,32 +151,22 @@ class TreePicture:
                 points = [(x * SCALE, y * SCALE) for x, y in self._link(box)]
                 pen.line(points, fill=PALE, width=SCALE)
         for box in self.boxes:
-            corners = (
-                box.x * SCALE,
-                (box.y - BOX / 2) * SCALE,
-                (box.x + box.width) * SCALE,
-                (box.y + BOX / 2) * SCALE,
-            )
+            low, high = box.y - BOX / 2, box.y + BOX / 2
             pen.rounded_rectangle(
-                corners,
+                [SCALE * v for v in (box.x, low, box.x + box.width, high)],
                 radius=(BOX / 2 if box.is_leaf else 3) * SCALE,
-                fill=FILLS[box.status],
-                outline=EDGES[box.status],
+                fill=LOOKS[box.status][1],
+                outline=LOOKS[box.status][2],
                 width=round(1.5 * SCALE),
             )
             middle = ((box.x + PADDING) * SCALE, box.y * SCALE)
             pen.text(middle, box.label, fill=INK, font=big, anchor="lm")
         for i, line in enumerate(self._subtitle):
-            pen.text(
-                (MARGIN * SCALE, (TITLE + LINE * i + 18) * SCALE),
-                line,
-                fill=INK,
-                font=big,
-                anchor="ls",
-            )
+            at = (MARGIN * SCALE, (TITLE + LINE * i + 18) * SCALE)
+            pen.text(at, line, fill=INK, font=big, anchor="ls")
         level = (self.size[1] - MARGIN - LINE) * SCALE
-        for x, text, status in self._colour_key():
-            pen.text((x * SCALE, level), text, fill=EDGES[status], font=big, anchor="ls")
+        for x, text, color in self._colour_key():
+            pen.text((x * SCALE, level), text, fill=color, font=big, anchor="ls")
         bottom = (MARGIN * SCALE, (self.size[1] - MARGIN) * SCALE)
         pen.text(bottom, LEGEND, fill=PALE, font=big, anchor="ls")
         return image
@@ -204,12 +175,8 @@ class TreePicture:
         """Return the corners of the line from a box's parent to it."""
         parent = self.boxes[box.parent]
         bend = box.x - GAP / 2
-        return [
-            (parent.x + parent.width, parent.y),
-            (bend, parent.y),
-            (bend, box.y),
-            (box.x, box.y),
-        ]
+        start = (parent.x + parent.width, parent.y)
+        return [start, (bend, parent.y), (bend, box.y), (box.x, box.y)]
 
     def save(self, path: str | Path) -> Path:
         """Write the picture as `.png`, `.svg` or `.txt` and return where.

@@ -114,9 +114,7 @@ class TissueConfig:
 
 def load_tissue(name: str | Path = "flesh") -> TissueConfig:
     """Return the tissue of that name, or from that YAML file."""
-    path = Path(name)
-    found = path if path.suffix in (".yaml", ".yml") else assets.find("tissue", str(name))
-    return load(TissueConfig, found)
+    return load(TissueConfig, assets.find("tissue", name))
 
 
 def expand_tissue(names: Iterable[str]) -> tuple[str, ...]:

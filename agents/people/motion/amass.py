@@ -10,7 +10,6 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 from rcare_marl.errors import ConfigError
@@ -19,8 +18,6 @@ from rcare_marl.pose import matrix_from_quaternion, quaternion_from_matrix, rota
 from ..body.anthropometry import Sex
 from ..body.skeleton import JOINT_INDEX, JOINTS, joint_rotations
 from .clip import Clip, Motion
-
-Array = npt.NDArray[np.float64]
 
 RATES = ("mocap_framerate", "mocap_frame_rate")
 # Thigh and shank of the person recorded, unless given: of 1.70 m, by the 0.491 of stature of Drillis and

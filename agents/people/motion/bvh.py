@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
+from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 from rcare_marl.errors import ConfigError
-
-Array = npt.NDArray[np.float64]
+from rcare_marl.pose import Array
 
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
@@ -47,11 +46,12 @@ class Bvh:
         out = np.tile(np.eye(3), (len(self.values), len(self.names), 1, 1))
         column = 0
         for j, channels in enumerate(self.channels):
-            for channel in channels:
-                if channel in ROTATIONS:
-                    angles = np.radians(self.values[:, column])
-                    out[:, j] = out[:, j] @ _about(ROTATIONS.index(channel), angles)
-                column += 1
+            turning = [k for k, channel in enumerate(channels) if channel in ROTATIONS]
+            if turning:
+                order = "".join(channels[k][0] for k in turning)
+                angles = self.values[:, [column + k for k in turning]]
+                out[:, j] = Rotation.from_euler(order, angles, degrees=True).as_matrix()
+            column += len(channels)
         return out
 
     def root_positions(self) -> Array:
@@ -69,17 +69,6 @@ class Bvh:
             if parent >= 0:
                 out[j] = out[parent] + self.offsets[j]
         return out
-
-
-def _about(axis: int, angles: Array) -> Array:
-    """Return rotations about x, y or z (0, 1, 2) by `angles` [rad], shape [t, 3, 3]."""
-    out = np.zeros((len(angles), 3, 3))
-    a, b = (axis + 1) % 3, (axis + 2) % 3
-    out[:, axis, axis] = 1.0
-    out[:, a, a] = out[:, b, b] = np.cos(angles)
-    out[:, b, a] = np.sin(angles)
-    out[:, a, b] = -out[:, b, a]
-    return out
 
 
 class _Reader:

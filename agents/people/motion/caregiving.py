@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError, check_name
-from rcare_marl.pose import rotate
+from rcare_marl.pose import Array, rotate
 from rcare_marl.world import World
 
 from ..body.goal import Gaze, Goal, Point, Position
@@ -38,8 +37,6 @@ from .skill import (
     Skill,
     WalkTo,
 )
-
-Array = npt.NDArray[np.float64]
 
 # Our own choices.
 STRIVING = 0.15  # of what a joint sags, learned in a control step
@@ -185,12 +182,7 @@ class Caregiving:
     # What can be asked for.
 
     def walk_to(
-        self,
-        x: float,
-        y: float,
-        heading: float,
-        *,
-        via: Sequence[tuple[float, float]] = (),
+        self, x: float, y: float, heading: float, *, via: Sequence[tuple[float, float]] = ()
     ) -> None:
         """Ask for a walk to (x, y) [m], facing `heading` [rad] from the x axis; nothing sees obstacles.
 

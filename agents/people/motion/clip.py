@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Pose, matrix_from_quaternion, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, matrix_from_quaternion, quaternion_from_matrix
 
 from ..body.skeleton import (
     DOF_INDEX,
@@ -25,19 +24,13 @@ from ..body.skin import BodyModel
 from ..profile import ClinicalProfile, Range
 from .decomposition import decompose
 
-Array = npt.NDArray[np.float64]
-
 # Bones whose direction is kept where the rest postures of clip and avatar differ: joint and next one.
 # Hands and fingers go with the forearm; feet and trunk are taken as they are.
 _BONES = {
     f"{side}_{joint}": f"{side}_{end}"
     for side in SIDES
-    for joint, end in (
-        ("hip", "knee"),
-        ("knee", "ankle"),
-        ("shoulder", "elbow"),
-        ("elbow", "wrist"),
-    )
+    for limb in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+    for joint, end in zip(limb[:-1], limb[1:], strict=True)
 }
 
 

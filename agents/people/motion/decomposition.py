@@ -6,13 +6,11 @@ import math
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.pose import Array
 
 from ..body.skeleton import DOFS_OF, JOINTS
-
-Array = npt.NDArray[np.float64]
 
 _ALIGNED = 1e-6  # cosine of the middle angle below which the outer two axes count as aligned
 _ROUNDS = 40  # of one axis after the other, where a joint has two: the error quarters each time

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import (
+    Array,
     Pose,
     matrix_from_quaternion,
     quaternion_from_axis_angle,
@@ -32,7 +32,6 @@ from .trajectory import minimum_jerk
 if TYPE_CHECKING:
     from ..human import Human
 
-Array = npt.NDArray[np.float64]
 
 RATE = 60.0  # frames a second
 STEP_TIME = 0.6  # [s]

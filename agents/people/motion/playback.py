@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
+
+from rcare_marl.pose import Array
 
 from ..body.skeleton import DOF_INDEX
 from ..human import Human
 from .clip import Clip, Motion
-
-Array = npt.NDArray[np.float64]
 
 
 def fitted(clip: Clip | Motion, person: Human) -> Motion:

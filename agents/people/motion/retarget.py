@@ -7,17 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
-from rcare_marl.pose import matrix_from_quaternion
+from rcare_marl.pose import Array, matrix_from_quaternion
 
 from ..body.posture import UPRIGHT
 from ..body.skeleton import FINGERS, JOINT_INDEX, JOINTS, PARENTS, SIDES, joint_rotations
 from .bvh import POSITIONS, Bvh, read_bvh, write_bvh
 from .clip import Clip, Motion, leg_length
-
-Array = npt.NDArray[np.float64]
 
 # What other skeletons call our joints, without side, in small letters, the likeliest first. A name is
 # taken once, in this order: so `LeftShoulder` is a collar bone where there is a `LeftArm`, else a
@@ -224,7 +221,4 @@ def save_bvh(path: str | Path, motion: Motion, joints: Array) -> None:
         y = np.arctan2(-m[:, 2, 0], m[:, 2, 2])
         turns = np.degrees(np.column_stack((z, x, y))).ravel()
         rows.append(np.concatenate((UPRIGHT.T @ p, turns)))
-    write_bvh(
-        path,
-        Bvh(JOINTS, PARENTS, offsets, tuple(channels), 1 / motion.rate, np.array(rows)),
-    )
+    write_bvh(path, Bvh(JOINTS, PARENTS, offsets, tuple(channels), 1 / motion.rate, np.array(rows)))

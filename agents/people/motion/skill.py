@@ -37,6 +37,9 @@ ARM_SWING = math.radians(14)  # of a shoulder at a full step, each way; the elbo
 class Skill:
     """One thing to do. `begin` once, then `wish` once a control step until it is over."""
 
+    def __init__(self, owner: Caregiving) -> None:
+        self._owner = owner
+
     def begin(self) -> None:
         """Start."""
 
@@ -53,11 +56,7 @@ class WalkTo(Skill):
     """A walk over the floor: turning on the spot, walking, turning."""
 
     def __init__(
-        self,
-        owner: Caregiving,
-        legs: Legs,
-        points: Sequence[tuple[float, float]],
-        heading: float,
+        self, owner: Caregiving, legs: Legs, points: Sequence[tuple[float, float]], heading: float
     ) -> None:
         if not np.isfinite([heading, *(value for point in points for value in point)]).all():
             raise ConfigError(
@@ -199,9 +198,7 @@ class Reach(Skill):
         goals: list[Goal] = [Position(owner.wrist, point, owner.grip, tolerance=NEAR)]
         for goal, now in zip(self._steer, self._from, strict=True):
             between = (1 - share) * now + share * np.asarray(goal.target)
-            if (
-                float(np.linalg.norm(between)) > 0.1
-            ):  # else opposite ends: wait until past the middle
+            if np.linalg.norm(between) > 0.1:  # else opposite ends: wait until past the middle
                 goals.append(Direction(owner.wrist, between, goal.local, STEER, STEERED))
         owner.towards(goals, self._rest)
         return owner.wished()
@@ -258,9 +255,6 @@ class Grasp(Skill):
 class Release(Skill):
     """Letting go."""
 
-    def __init__(self, owner: Caregiving) -> None:
-        self._owner = owner
-
     def begin(self) -> None:
         self._owner.closing = -1.0
         self._owner.aside = np.zeros(3)
@@ -271,9 +265,6 @@ class Release(Skill):
 
 class LowerArm(Skill):
     """The arm goes back to where it hung at the start."""
-
-    def __init__(self, owner: Caregiving) -> None:
-        self._owner = owner
 
     def begin(self) -> None:
         owner = self._owner

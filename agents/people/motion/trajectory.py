@@ -7,16 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.pose import Array
 
 if TYPE_CHECKING:
     from ..human import Human
 
-Array = npt.NDArray[np.float64]
 
 SPEED = 0.8  # [rad/s] of the fastest joint; our own choice: an unhurried movement
 PEAK = 1.875  # greatest speed of a minimum-jerk movement, in its mean speed: 15 / 8
