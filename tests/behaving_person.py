@@ -22,9 +22,21 @@ from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
 Array = npt.NDArray[np.float64]
-UPPER = ("spine1", "spine2", "neck", "head", "jaw_opening", "left_collar", "right_collar",
-         "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
-         "left_eye_smplhf", "right_eye_smplhf")  # fmt: skip
+UPPER = (
+    "spine1",
+    "spine2",
+    "neck",
+    "head",
+    "jaw_opening",
+    "left_collar",
+    "right_collar",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_eye_smplhf",
+    "right_eye_smplhf",
+)
 
 
 Kind = Literal["skeletal", "muscle"]
@@ -46,9 +58,13 @@ class Scene:
         kind: Kind = "skeletal",
     ) -> None:
         self.world = World()
-        self.person = Human("recipient", load_avatar(avatar), posture=load_posture("wheelchair"),
-                            movable=movable,
-                            actuation=ActuationConfig(kind=kind, excitation="posture"))  # fmt: skip
+        self.person = Human(
+            "recipient",
+            load_avatar(avatar),
+            posture=load_posture("wheelchair"),
+            movable=movable,
+            actuation=ActuationConfig(kind=kind, excitation="posture"),
+        )
         self.person.use_arm_rests(Pose((0.25, 0.26, 0.77)), Pose((0.25, -0.26, 0.77)))
         self.person.spawn(self.world, Pose((0, 0, 0.5)))
         around = Surroundings(lambda: self.world.time, spoon)

@@ -47,9 +47,12 @@ def seated(
 ) -> Human:
     """Spawn a chair and, as one rigid body, somebody who sits in it."""
     person = Human(
-        "person", load_avatar(avatar), posture=load_posture("wheelchair"), movable=(),
+        "person",
+        load_avatar(avatar),
+        posture=load_posture("wheelchair"),
+        movable=(),
         fixed_base=False,
-    )  # fmt: skip
+    )
     soles = person.soles(chair.frame("seat_back"))
     chair.fit_footplates(soles["left"], soles["right"])
     chair.spawn(world, at)

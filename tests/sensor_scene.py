@@ -95,8 +95,13 @@ def own_robot(path: Path, joints: Sequence[str], tool: str, *sensors: Entry) -> 
 
 def person(*sensors: Entry, tissue: Sequence[str] = ()) -> tuple[World, Human, SensorSuite]:
     world = World()
-    human = Human("recipient", load_avatar("karan"), posture=load_posture("wheelchair"), movable=(),
-                  tissue=tissue)  # fmt: skip
+    human = Human(
+        "recipient",
+        load_avatar("karan"),
+        posture=load_posture("wheelchair"),
+        movable=(),
+        tissue=tissue,
+    )
     suite = SensorSuite(sensors, "recipient")
     human.equip(suite)
     human.spawn(world, Pose((0, 0, 0.5)))

@@ -112,9 +112,14 @@ def test_workers_collect_by_themselves_with_new_weights_until_one_dies() -> None
 def test_a_training_counts_the_episodes_of_all_workers_and_goes_on(tmp_path: Any) -> None:
     def trained(steps: int) -> list[str]:
         config = TrainConfig(
-            task="toileting", envs=4, workers="async://2", steps=steps, interval=2000,
-            evaluation_episodes=1, algorithm={"batch_size": 32, "update_to_data": 0.05},
-        )  # fmt: skip
+            task="toileting",
+            envs=4,
+            workers="async://2",
+            steps=steps,
+            interval=2000,
+            evaluation_episodes=1,
+            algorithm={"batch_size": 32, "update_to_data": 0.05},
+        )
         assert Trainer(config, tmp_path).run().steps >= steps
         return (tmp_path / "progress.csv").read_text().splitlines()
 

@@ -58,8 +58,9 @@ def overlaps(picture: TreePicture) -> int:
     boxes = picture.boxes
     return sum(
         a.x < b.x + b.width and b.x < a.x + a.width and abs(a.y - b.y) < 30
-        for i, a in enumerate(boxes) for b in boxes[i + 1 :]
-    )  # fmt: skip
+        for i, a in enumerate(boxes)
+        for b in boxes[i + 1 :]
+    )
 
 
 def test_boxes_of_a_picture_do_not_overlap_and_lie_inside() -> None:
@@ -129,8 +130,9 @@ def test_an_episode_with_a_behaving_person_is_a_function_of_the_seed() -> None:
 
 @pytest.mark.parametrize("avatar", ["jose", "morgan", "kim", "caregiver"])
 def test_a_behaving_person_can_be_fed(avatar: str) -> None:
-    env = rcare_marl.make("feeding", recipient=avatar,
-                          policies={"robot": "scripted", "recipient": "behaviour"})  # fmt: skip
+    env = rcare_marl.make(
+        "feeding", recipient=avatar, policies={"robot": "scripted", "recipient": "behaviour"}
+    )
     play(env, 0)
     assert isinstance(env.task, Feeding) and env.task.succeeded()
     env.close()

@@ -64,8 +64,13 @@ def test_the_head_follows_a_point_while_the_mouth_opens(kind: Kind) -> None:
 
 def test_eyes_look_where_the_head_cannot() -> None:
     start = Scene().person.mouth_position()
-    eyes = ("left_eye_smplhf", "right_eye_smplhf", "neck_lateral_flexion_left", "jaw_opening",
-            "head_rotation_left")  # fmt: skip
+    eyes = (
+        "left_eye_smplhf",
+        "right_eye_smplhf",
+        "neck_lateral_flexion_left",
+        "jaw_opening",
+        "head_rotation_left",
+    )
     scene = Scene("morgan", movable=eyes, spoon=lambda: start + (0.5, 0.5, 0.0)).run(3)
     assert scene.angle("left_eye_abduction") > 0.2  # both to the left
     assert scene.angle("right_eye_abduction") < -0.2

@@ -14,11 +14,32 @@ import yaml
 FOLDER = Path(__file__).parents[1] / "assets" / "avatars" / "bodies"
 RECIPES: dict[str, Any] = yaml.safe_load((FOLDER / "recipes.yaml").read_text())["bodies"]
 BODY = [
-    "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle",
-    "right_ankle", "spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar",
-    "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist",
-    "right_wrist", "jaw", "left_eye_smplhf", "right_eye_smplhf",
-]  # fmt: skip
+    "pelvis",
+    "left_hip",
+    "right_hip",
+    "spine1",
+    "left_knee",
+    "right_knee",
+    "spine2",
+    "left_ankle",
+    "right_ankle",
+    "spine3",
+    "left_foot",
+    "right_foot",
+    "neck",
+    "left_collar",
+    "right_collar",
+    "head",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+    "jaw",
+    "left_eye_smplhf",
+    "right_eye_smplhf",
+]
 FINGERS = [f"{f}{k}" for f in ("index", "middle", "pinky", "ring", "thumb") for k in (1, 2, 3)]
 NAMES = BODY + [f"{side}_{finger}" for side in ("left", "right") for finger in FINGERS]
 PARENTS = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15]
@@ -80,11 +101,15 @@ def test_shapes_and_types(body: tuple[str, Arrays]) -> None:
     a = body[1]
     n, m = len(a["vertices"]), len(a["faces"])
     wanted = {
-        "vertices": ((n, 3), "float32"), "faces": ((m, 3), "int32"),
-        "joints": ((55, 3), "float32"), "weight_joints": ((n, 4), "uint8"),
-        "weights": ((n, 4), "float32"), "colors": ((n, 3), "uint8"), "parents": ((55,), "int8"),
+        "vertices": ((n, 3), "float32"),
+        "faces": ((m, 3), "int32"),
+        "joints": ((55, 3), "float32"),
+        "weight_joints": ((n, 4), "uint8"),
+        "weights": ((n, 4), "float32"),
+        "colors": ((n, 3), "uint8"),
+        "parents": ((55,), "int8"),
         "mouth": ((3,), "float32"),
-    }  # fmt: skip
+    }
     for key, (shape, dtype) in wanted.items():
         assert a[key].shape == shape, key
         assert a[key].dtype == dtype, key

@@ -197,8 +197,11 @@ def test_shapes_are_the_same_with_colours_and_without(world: World) -> None:
 def test_many_cameras_see_what_each_sees_alone(world: World, backend: Any) -> None:
     plate(world, askew(), 0.7, 20)
     cameras = [
-        askew(), Camera((0, -2, 1), (0, 0, 0.5), width=50, height=40), askew(cx=10.0), askew(96, 50)
-    ]  # fmt: skip
+        askew(),
+        Camera((0, -2, 1), (0, 0, 0.5), width=50, height=40),
+        askew(cx=10.0),
+        askew(96, 50),
+    ]
     shots = [Shot(camera, ("rgb", *SHAPES), look="plain") for camera in cameras]
     renderer = make_renderer(world, backend)
     together = renderer.read(shots)

@@ -103,13 +103,26 @@ def test_people_have_eyes_and_are_seen_limb_by_limb() -> None:
     suite = SensorSuite(
         [
             # Segments have x left, y up, z forward: half a turn about z makes it a camera's frame.
-            {"kind": "camera", "name": "eyes", "link": "head", "at": [0, 0.08, 0.12],
-             "rpy_deg": [0, 0, 180], "outputs": ["depth", "segmentation"]},
-            {"kind": "camera", "name": "room", "eye": [3.2, 0, 1.2], "target": [0, 0, 0.9],
-             "outputs": ["segmentation"], "width": 96, "height": 128},
+            {
+                "kind": "camera",
+                "name": "eyes",
+                "link": "head",
+                "at": [0, 0.08, 0.12],
+                "rpy_deg": [0, 0, 180],
+                "outputs": ["depth", "segmentation"],
+            },
+            {
+                "kind": "camera",
+                "name": "room",
+                "eye": [3.2, 0, 1.2],
+                "target": [0, 0, 0.9],
+                "outputs": ["segmentation"],
+                "width": 96,
+                "height": 128,
+            },
         ],
         "person",
-    )  # fmt: skip
+    )
     person.equip(suite)
     person.spawn(world, Pose())
     world.add_box((0.02, 1.0, 1.0), Pose((1.5, 0, 1.6)), name="screen")

@@ -102,9 +102,10 @@ def test_points_are_in_the_frame_of_the_base_and_never_nan(room: Room) -> None:
 
 
 def test_beyond_its_range_a_camera_sees_nothing(room: Room) -> None:
-    near, far = room.add({"outputs": ("depth",), "near": 1.1}), room.add(
-        {"outputs": ("depth", "segmentation"), "far": 0.9}
-    )  # fmt: skip
+    near, far = (
+        room.add({"outputs": ("depth",), "near": 1.1}),
+        room.add({"outputs": ("depth", "segmentation"), "far": 0.9}),
+    )
     room.begin()
     assert not (near.reading("eye_0", "depth") == 1.0).any()
     assert not far.reading("eye_0", "depth").any()
@@ -277,8 +278,14 @@ def test_a_closed_camera_says_so(room: Room) -> None:
 
 
 def test_cameras_of_all_agents_of_an_environment_are_read_at_once(watch: Watch) -> None:
-    eyes = {"kind": "camera", "name": "eyes", "link": "head", "at": [0, 0.07, 0.1],
-            "rpy_deg": [0, 0, 180], "outputs": ["rgb", "depth"]}  # fmt: skip
+    eyes = {
+        "kind": "camera",
+        "name": "eyes",
+        "link": "head",
+        "at": [0, 0.07, 0.1],
+        "rpy_deg": [0, 0, 180],
+        "outputs": ["rgb", "depth"],
+    }
     env = rcare_marl.make("feeding", robot={"sensors": ["camera"]}, recipient={"sensors": [eyes]})
     seen, _ = env.reset(seed=0)
     assert watch.made == 1 and watch.readings == [2]

@@ -20,8 +20,14 @@ from rcare_marl.world import World
 
 PUSHED_UNDER = {("chair", "dining_table"), ("chair", "round_table"), ("office_chair", "desk")}
 PAPER = {  # the RCareWorld paper, section on CareHomes
-    "kitchen": 17, "bedroom": 59, "bathroom": 70, "living": 17, "dining": 16, "lounge": 18, "other": 41,
-}  # fmt: skip
+    "kitchen": 17,
+    "bedroom": 59,
+    "bathroom": 70,
+    "living": 17,
+    "dining": 16,
+    "lounge": 18,
+    "other": 41,
+}
 
 SHOULDERS = 0.5  # [m] wide, with arms; from memory
 STRIDE = 0.6  # [m] before and behind a door

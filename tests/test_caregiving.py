@@ -285,10 +285,15 @@ class Room:
             self.karan.sense()
             self.helper.sense()
             rows.append(
-                [*self.karan.positions, *self.helper.positions, *self.helper.pelvis.position,
-                 *self.caregiving.hand(), self.karan.joint_pose("left_wrist").position[2],
-                 float(self.caregiving.is_holding)]
-            )  # fmt: skip
+                [
+                    *self.karan.positions,
+                    *self.helper.positions,
+                    *self.helper.pelvis.position,
+                    *self.caregiving.hand(),
+                    self.karan.joint_pose("left_wrist").position[2],
+                    float(self.caregiving.is_holding),
+                ]
+            )
         return np.array(rows)
 
 

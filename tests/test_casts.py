@@ -43,11 +43,14 @@ def casts() -> list[Any]:
             quick = next((o for o in others if role != "robot" or o in reaching(task)), None)
             cases += [
                 pytest.param(
-                    task, role, other, id=f"{task}-{role}-{other}",
+                    task,
+                    role,
+                    other,
+                    id=f"{task}-{role}-{other}",
                     marks=() if other == quick else pytest.mark.slow,
                 )
                 for other in others
-            ]  # fmt: skip
+            ]
     return cases
 
 

@@ -97,18 +97,40 @@ def test_evaluate_prints_one_json_object_with_all_keys() -> None:
     result = answer("evaluate", "feeding", "--policy", "random", "--episodes", "1", "--seed", "4")
     assert result["episodes"] == 1 and result["seed"] == 4 and result["success_rate"] == 0.0
     assert result.keys() >= {
-        "peak_force_n", "peak_force_n_mean", "peak_force_n_max", "spilled", "time_to_mouth_s_mean",
-        "mean_return", "steps", "policy", "policies", "versions", "success_interval_95",
-    }  # fmt: skip
+        "peak_force_n",
+        "peak_force_n_mean",
+        "peak_force_n_max",
+        "spilled",
+        "time_to_mouth_s_mean",
+        "mean_return",
+        "steps",
+        "policy",
+        "policies",
+        "versions",
+        "success_interval_95",
+    }
 
 
 def test_evaluate_takes_role_policies_and_options_and_writes_a_file(tmp_path: Path) -> None:
     file = tmp_path / "new" / "result.json"
     result = answer(
-        "evaluate", "feeding", "--policy", "still", "--role-policy", "recipient=still",
-        "--option", "reward=shaped", "--option", "force_limit=15", "--recipient", "jose",
-        "--episodes", "1", "--output", str(file),
-    )  # fmt: skip
+        "evaluate",
+        "feeding",
+        "--policy",
+        "still",
+        "--role-policy",
+        "recipient=still",
+        "--option",
+        "reward=shaped",
+        "--option",
+        "force_limit=15",
+        "--recipient",
+        "jose",
+        "--episodes",
+        "1",
+        "--output",
+        str(file),
+    )
     written = json.loads(file.read_text())
     (policy,) = written["policies"]
     assert policy["policy"] == "still" and policy["roles"] == result["policies"]
@@ -255,9 +277,13 @@ def test_file_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
 def test_bench_prints_one_json_object_with_all_keys() -> None:
     result = answer("bench", "feeding", "--steps", "4")
     keys = (
-        "env_steps_per_s", "physics_steps_per_s", "real_time_factor", "reset_ms", "import_s",
+        "env_steps_per_s",
+        "physics_steps_per_s",
+        "real_time_factor",
+        "reset_ms",
+        "import_s",
         "overhead_ratio",
-    )  # fmt: skip
+    )
     assert all(result[key] > 0 for key in keys)
     assert result["steps"] == 4 and result["physics_steps_per_control_step"] == 24
 
@@ -351,9 +377,14 @@ def test_bench_refuses_what_does_not_belong_to_it() -> None:
 def test_bench_of_avatars_prints_one_json_object_with_all_keys() -> None:
     result = answer("bench", "avatars", "--seconds", "0.2")
     keys = (
-        "bare_physics_fps", "skeletal_fps", "muscle_fps", "tissue_fps", "tissue_idle_fps",
-        "muscle_kernel_us", "batched_person_steps_per_s",
-    )  # fmt: skip
+        "bare_physics_fps",
+        "skeletal_fps",
+        "muscle_fps",
+        "tissue_fps",
+        "tissue_idle_fps",
+        "muscle_kernel_us",
+        "batched_person_steps_per_s",
+    )
     assert all(result[key] > 0 for key in keys)
     assert result["avatar"] == "Karan" and result["muscles"] == 324
     assert result["tissue_particles"] >= 1000 and result["tissue_force_n"] > 0

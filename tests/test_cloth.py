@@ -43,9 +43,16 @@ def sheet(nx: int, ny: int, size: float) -> tuple[Array, Indices, Grid]:
 
 
 def lay(
-    world: World, nx: int, ny: int, size: float, *, at: Array, fabric: Fabric = JERSEY,
-    upright: bool = False, turn: float = 0.0,
-) -> tuple[Cloth, Grid]:  # fmt: skip
+    world: World,
+    nx: int,
+    ny: int,
+    size: float,
+    *,
+    at: Array,
+    fabric: Fabric = JERSEY,
+    upright: bool = False,
+    turn: float = 0.0,
+) -> tuple[Cloth, Grid]:
     """Put a sheet into a world, its middle at a point; `upright` with its second axis downwards."""
     points, faces, grid = sheet(nx, ny, size)
     placed = points.copy()

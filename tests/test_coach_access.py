@@ -193,9 +193,10 @@ def started(folder: Path, *given: str) -> Iterator[tuple[str, subprocess.Popen[s
     """Start the command; yield the address that it prints, and its process."""
     process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, "coach", "--no-open", "--port", "0", *given],
-        stderr=subprocess.PIPE, text=True,
+        stderr=subprocess.PIPE,
+        text=True,
         env={**os.environ, "RCARE_MARL_CACHE": str(cache_with_three(folder / "cache"))},
-    )  # fmt: skip
+    )
     try:
         assert process.stderr is not None
         found = None

@@ -117,10 +117,22 @@ def served(context: ssl.SSLContext | None = None, **service: Any) -> Iterator[st
 def drive(folder: Path, url: str, kind: str, **job: Any) -> dict[str, Any]:
     """Run the driver; return what it saw. Pictures go where COACH_PICTURES says, or into `folder`."""
     kept = os.environ.get("COACH_PICTURES")
-    job = {"url": url, "kind": kind, "name": kind, "web": str(WEB), "chromium": CHROMIUM, "flags": [],
-           "expected": [], "pictures": kept or str(folder), "keeps": bool(kept),
-           "viewport": {"width": 900, "height": 600}, "exercise": "lateral_raise",
-           "height_cm": round(100 * HEIGHT), "patience": 1000 * PATIENCE, **job}  # fmt: skip
+    job = {
+        "url": url,
+        "kind": kind,
+        "name": kind,
+        "web": str(WEB),
+        "chromium": CHROMIUM,
+        "flags": [],
+        "expected": [],
+        "pictures": kept or str(folder),
+        "keeps": bool(kept),
+        "viewport": {"width": 900, "height": 600},
+        "exercise": "lateral_raise",
+        "height_cm": round(100 * HEIGHT),
+        "patience": 1000 * PATIENCE,
+        **job,
+    }
     file = folder / "job.json"
     file.write_text(json.dumps(job))
     driver = Path(__file__).with_name("coach_page.mjs")
@@ -163,10 +175,15 @@ def test_a_right_performance_in_a_headset_turns_green_and_a_wrong_one_does_not(
     monkeypatch.setattr("rcare_marl.baselines.coaching.page.server.parse", clock.parse)
     with served(clock=clock) as url:
         seen = drive(
-            tmp_path, url, "headset", exercise=exercise.name, step=1 / RATE,
-            right=performance(exercise, 1.0), wrong=performance(exercise, 0.5),
+            tmp_path,
+            url,
+            "headset",
+            exercise=exercise.name,
+            step=1 / RATE,
+            right=performance(exercise, 1.0),
+            wrong=performance(exercise, 0.5),
             viewport={"width": 480, "height": 320},
-        )  # fmt: skip
+        )
     assert seen["hands"] == ["joints"]
     assert seen["right"]["green"], seen
     assert seen["right"]["counted"] == 1
@@ -195,9 +212,14 @@ def test_over_https_and_without_webgl_both_figures_are_drawn_as_lines(tmp_path: 
     context = secured(*self_signed(tmp_path))
     with served(context, clock=hurried) as url:
         seen = drive(
-            tmp_path, url, "arrive", exercise="front_raise", name="lines",
-            flags=["--disable-3d-apis"], expected=["THREE.WebGLRenderer"],
-        )  # fmt: skip
+            tmp_path,
+            url,
+            "arrive",
+            exercise="front_raise",
+            name="lines",
+            flags=["--disable-3d-apis"],
+            expected=["THREE.WebGLRenderer"],
+        )
     assert seen["kind"] == "flat"
     assert seen["address"].endswith("/"), "the token is still to be read on the screen"
 
@@ -221,8 +243,10 @@ def test_a_session_is_recorded_only_when_the_person_consents_on_the_page(tmp_pat
     assert [each.name for each in folder.iterdir()] == [kept.parent.name]
     assert not deleted.exists() and "deleted" in seen["told"]
     assert {each.name for each in kept.parent.iterdir()} == {
-        "lateral_raise.png", "report.html", "session.h5",
-    }  # fmt: skip
+        "lateral_raise.png",
+        "report.html",
+        "session.h5",
+    }
     assert "Lateral raise" in seen["report"]
     assert [width > 500 and bool(alt) for width, alt in seen["plots"]] == [True]
 

@@ -75,9 +75,18 @@ def test_the_trials_do_not_depend_on_how_many_processes_there_are() -> None:
 def test_tables_say_it_to_people_and_levels_of_noise_are_drawn(tmp_path: Path) -> None:
     plot, numbers = tmp_path / "noise.png", tmp_path / "out" / "coach.json"
     out = told(
-        *SHORT, "--processes", "1", "--level", "1", "--level", "4", "--plot", str(plot),
-        "--output", str(numbers),
-    )  # fmt: skip
+        *SHORT,
+        "--processes",
+        "1",
+        "--level",
+        "1",
+        "--level",
+        "4",
+        "--plot",
+        str(plot),
+        "--output",
+        str(numbers),
+    )
     for words in ("right recognised", "wrong detected", "half range", "as noise grows", "x 4"):
         assert words in out
     assert plot.read_bytes()[:4] == b"\x89PNG"

@@ -452,8 +452,14 @@ def test_the_page_loads_nothing_from_elsewhere_and_serves_its_own_files_only() -
             text = await response.text()
         assert "default-src 'none'" in policy and "unsafe" not in policy and "http" not in policy
         assert "http:" not in text and "https:" not in text and "<style" not in text
-        for path in ("/web/../server.py", "/web/%2e%2e/server.py", "/web/package.json", "/three/x.js",
-                     "/web/..%2fserver.py", "/etc/passwd"):  # fmt: skip
+        for path in (
+            "/web/../server.py",
+            "/web/%2e%2e/server.py",
+            "/web/package.json",
+            "/three/x.js",
+            "/web/..%2fserver.py",
+            "/etc/passwd",
+        ):
             async with client.get(url + path) as response:
                 assert response.status in (400, 403, 404), path
                 assert "Content-Security-Policy" in response.headers

@@ -44,9 +44,12 @@ def test_cells_are_what_each_pair_does_alone(played: CrossPlay) -> None:
     assert played.policies == ("scripted", "idle")
     for j, partner in enumerate(zoo()):
         alone = evaluate(
-            "feeding", {"robot": "scripted", **partner.policies()}, episodes=2, seed=5,
+            "feeding",
+            {"robot": "scripted", **partner.policies()},
+            episodes=2,
+            seed=5,
             cast=partner.cast(),
-        )  # fmt: skip
+        )
         assert played.success[0, j] == alone.success_rate
         returns = [episode.returns["robot"] for episode in alone.episodes]
         np.testing.assert_array_equal(played.values["return"][0, j], returns)

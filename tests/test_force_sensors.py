@@ -253,9 +253,11 @@ def test_contact_force_has_the_friction_that_holds_a_load_on_a_slope(
 
 def test_the_peak_tells_of_an_impact_and_the_mean_of_its_momentum(tmp_path: Path) -> None:
     scene = tray(
-        tmp_path, "contact_force", {"kind": "contact_force", "name": "peak", "statistic": "peak"},
+        tmp_path,
+        "contact_force",
+        {"kind": "contact_force", "name": "peak", "statistic": "peak"},
         slope=0.0,
-    )  # fmt: skip
+    )
     ball = scene.world.add_sphere(0.03, mass=0.5)
     ball.set_damping()
     ball.set_base(scene.robot.tool_pose() @ Pose((0, 0, 0.24)))

@@ -162,9 +162,13 @@ def test_shorts_that_are_torn_about_on_a_leg_stay_round_it() -> None:
     )
     # The other leg of the shorts hangs outwards: the wearer's own other leg is in its way.
     placed = threaded(
-        garment, "right", np.array((ankle, knee, hip)), start=0.1, gather=0.75,
+        garment,
+        "right",
+        np.array((ankle, knee, hip)),
+        start=0.1,
+        gather=0.75,
         towards=(0.0, 1.0, 0.0),
-    )  # fmt: skip
+    )
     cloth = dress(world, person, "shorts", positions=placed)
     hand = world.add_sphere(0.02, collides=False)
     waist = garment.rings["waist"]

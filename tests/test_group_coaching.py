@@ -294,10 +294,13 @@ def test_a_class_of_four_does_its_programme_together(four: CareEnv, seed: int) -
         ({"recipient_2": "kim"}, UnknownNameError, "recipient_2"),
         ({"third_recipient": {"model": "kim", "posture": "standing"}}, ConfigError, "must sit in"),
         ({"robot": "ur5"}, ConfigError, "no arm that reaches out"),
-        ({"second_recipient": "jose", "options": {"exercises": ["front_raise"]}}, ConfigError,
-         "Jose can do none"),
+        (
+            {"second_recipient": "jose", "options": {"exercises": ["front_raise"]}},
+            ConfigError,
+            "Jose can do none",
+        ),
     ],
-)  # fmt: skip
+)
 def test_an_impossible_class_is_refused_in_plain_words(
     settings: dict[str, Any], error: type[Exception], message: str
 ) -> None:

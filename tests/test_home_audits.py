@@ -19,9 +19,13 @@ EACH = pytest.mark.parametrize("name", home_names())
 BARRIER_FREE = pytest.mark.parametrize("level", [pytest.param(2, marks=pytest.mark.slow), 3])
 # Free floor, of which a usual house has what level 1 builds; the floor beside a bed is asked for twice.
 FREE = {
-    "bed_side_space", "hallway_width", "kitchen_aisle", "latch_side_space", "passage_width",
+    "bed_side_space",
+    "hallway_width",
+    "kitchen_aisle",
+    "latch_side_space",
+    "passage_width",
     "toilet_centre_to_wall",
-}  # fmt: skip
+}
 
 
 @BARRIER_FREE

@@ -184,9 +184,7 @@ def test_nothing_moves_when_left_alone(level: int) -> None:
     with loaded(*pieces) as (world, bodies):
 
         def grips() -> Array:
-            return np.array(
-                [(h.body.link_pose(h.index) @ h.grip).position for h in grasped]
-            )  # fmt: skip
+            return np.array([(h.body.link_pose(h.index) @ h.grip).position for h in grasped])
 
         grasped = hands(pieces, bodies, level)
         before, most = grips(), 0.0

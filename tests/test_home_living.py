@@ -18,12 +18,42 @@ from rcare_marl.pose import Pose, rotate
 from rcare_marl.world import World
 
 KINDS = (
-    "armchair", "bed", "bench", "blind", "bookshelf", "chest_of_drawers", "closet_shelves", "coat_rack",
-    "coffee_table", "console_table", "curtain_window", "desk", "dumbbell_rack", "exercise_mat", "fireplace",
-    "floor_lamp", "garden_table", "mirror_wall", "nightstand", "office_chair", "pantry_shelves",
-    "parallel_bars", "piano", "plant_stand", "radiator", "recliner", "shoe_bench", "side_table", "sofa",
-    "treadmill", "tv_stand", "umbrella_stand", "vanity", "wardrobe", "workbench",
-)  # fmt: skip
+    "armchair",
+    "bed",
+    "bench",
+    "blind",
+    "bookshelf",
+    "chest_of_drawers",
+    "closet_shelves",
+    "coat_rack",
+    "coffee_table",
+    "console_table",
+    "curtain_window",
+    "desk",
+    "dumbbell_rack",
+    "exercise_mat",
+    "fireplace",
+    "floor_lamp",
+    "garden_table",
+    "mirror_wall",
+    "nightstand",
+    "office_chair",
+    "pantry_shelves",
+    "parallel_bars",
+    "piano",
+    "plant_stand",
+    "radiator",
+    "recliner",
+    "shoe_bench",
+    "side_table",
+    "sofa",
+    "treadmill",
+    "tv_stand",
+    "umbrella_stand",
+    "vanity",
+    "wardrobe",
+    "workbench",
+)
 SPACING = 6.0  # [m] between pieces in the test world
 
 
@@ -160,9 +190,12 @@ def test_handles_are_on_what_they_move(show: Show) -> None:
             grip = body.base_pose() @ piece.frames[f"handle_{name}"].pose
             probe.set_base(Pose(grip.position))
             near = bullet.getClosestPoints(
-                probe.uid, body.uid, 0.06, linkIndexB=body.link_index(joint.child),
+                probe.uid,
+                body.uid,
+                0.06,
+                linkIndexB=body.link_index(joint.child),
                 physicsClientId=show.world.client,
-            )  # fmt: skip
+            )
             assert near, f"{kind}: nothing near handle_{name}"
     probe.set_base(Pose((-9.0, -9.0, 1.0)))
 

@@ -188,9 +188,18 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_command_leaves_whole_pictures_in_a_new_folder(tmp_path: Path, quick: None) -> None:
     folder = tmp_path / "new" / "pictures"
     result = call(
-        "home", "house_02", "--level", "3", "--room", "kitchen_1", "--way", "bedroom_1",
-        "kitchen_1", "--output", str(folder),
-    )  # fmt: skip
+        "home",
+        "house_02",
+        "--level",
+        "3",
+        "--room",
+        "kitchen_1",
+        "--way",
+        "bedroom_1",
+        "kitchen_1",
+        "--output",
+        str(folder),
+    )
     stem = "house_02_level_3"
     names = {f"{stem}.png", f"{stem}_plan.png", f"{stem}_kitchen_1.png"}
     assert {file.name for file in folder.iterdir()} == names

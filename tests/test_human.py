@@ -42,8 +42,13 @@ def spawned(
     fixed: bool = True,
 ) -> tuple[World, Human]:
     world = World()
-    human = Human("recipient", load_avatar(avatar), posture=load_posture(posture), movable=movable,
-                  fixed_base=fixed)  # fmt: skip
+    human = Human(
+        "recipient",
+        load_avatar(avatar),
+        posture=load_posture(posture),
+        movable=movable,
+        fixed_base=fixed,
+    )
     human.use_arm_rests(Pose((0.25, 0.26, 0.77)), Pose((0.25, -0.26, 0.77)))
     human.spawn(world, Pose((0, 0, 0.5)))
     human.reset(np.random.default_rng(0))
@@ -161,8 +166,11 @@ def test_inertias_are_physical() -> None:
         root = ElementTree.fromstring(person_urdf(load_avatar(avatar), "passive").text)
         for tensor in root.iter("inertia"):
             i = {k: float(v) for k, v in tensor.items()}
-            matrix = [[i["ixx"], i["ixy"], i["ixz"]], [i["ixy"], i["iyy"], i["iyz"]],
-                      [i["ixz"], i["iyz"], i["izz"]]]  # fmt: skip
+            matrix = [
+                [i["ixx"], i["ixy"], i["ixz"]],
+                [i["ixy"], i["iyy"], i["iyz"]],
+                [i["ixz"], i["iyz"], i["izz"]],
+            ]
             a, b, c = np.linalg.eigvalsh(matrix)
             assert a > 0 and c <= (a + b) * 1.001  # the triangle inequality
 
@@ -231,8 +239,12 @@ def test_furniture_does_not_move_a_paralysed_person() -> None:
     )
     profile = dataclasses.replace(avatar.profile, axial=axial)
     world = World()
-    human = Human("recipient", dataclasses.replace(avatar, profile=profile),
-                  posture=load_posture("wheelchair"), movable=("spine1", "neck", "head"))  # fmt: skip
+    human = Human(
+        "recipient",
+        dataclasses.replace(avatar, profile=profile),
+        posture=load_posture("wheelchair"),
+        movable=("spine1", "neck", "head"),
+    )
     human.spawn(world, Pose((0, 0, 0.5)))
     human.reset(np.random.default_rng(0))
     for _ in range(10):
@@ -335,8 +347,11 @@ def test_a_hit_person_comes_to_rest_again() -> None:
 def test_only_what_moves_costs_joints() -> None:
     _, human = spawned(movable=("head", "jaw_opening"))
     assert human.movable == (
-        "head_flexion", "head_lateral_flexion_left", "head_rotation_left", "jaw_opening",
-    )  # fmt: skip
+        "head_flexion",
+        "head_lateral_flexion_left",
+        "head_rotation_left",
+        "jaw_opening",
+    )
     assert len(human.body.joints) == 4 == human.action_size == len(human.action_names)
 
 

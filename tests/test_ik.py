@@ -186,9 +186,10 @@ def test_the_same_seed_gives_the_same_posture_and_another_may_not() -> None:
     rng = np.random.default_rng(1)
     postures = [random_angles(ik, rng, start) for _ in range(40)]
     goals = next(
-        g for g in (wrist_goals("caregiver", "left", q) for q in postures)
+        g
+        for g in (wrist_goals("caregiver", "left", q) for q in postures)
         if not ik.solve(g, start, fallback=False).success
-    )  # fmt: skip
+    )
     first = ik.solve(goals, start, seed=5)
     assert (first.angles == ik.solve(goals, start, seed=5).angles).all()
     assert not (first.angles == ik.solve(goals, start, seed=6).angles).all()

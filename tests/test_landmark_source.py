@@ -113,9 +113,12 @@ def test_what_is_not_seen_is_not_known() -> None:
     angles = held(source, LandmarkReading(reading.points, hidden)).angles
     unknown = {motion for motion, angle in zip(MOTIONS, angles, strict=True) if np.isnan(angle)}
     assert unknown == {
-        "trunk_flexion", "trunk_lateral_flexion_left", "left_shoulder_rotation",
-        "left_elbow_flexion", "left_forearm_pronation",
-    }  # fmt: skip
+        "trunk_flexion",
+        "trunk_lateral_flexion_left",
+        "left_shoulder_rotation",
+        "left_elbow_flexion",
+        "left_forearm_pronation",
+    }
 
 
 def test_nothing_is_told_before_somebody_sat_still_or_when_nobody_is_there() -> None:

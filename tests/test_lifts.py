@@ -24,9 +24,16 @@ AVATARS = ("caregiver", "daniel", "jose", "karan", "kim", "morgan", "natalia")
 FLOOR_LIFTS = ("hoyer_lift_sling", "hoyer_lift_transfer")
 LIFTS = (*FLOOR_LIFTS, "ceiling")
 MOVABLE = (
-    "left_hip", "right_hip", "left_knee", "right_knee", "neck", "left_shoulder", "right_shoulder",
-    "left_elbow", "right_elbow",
-)  # fmt: skip
+    "left_hip",
+    "right_hip",
+    "left_knee",
+    "right_knee",
+    "neck",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+)
 
 
 def floor_lift(name: str = FLOOR_LIFTS[0], pose: Pose = Pose()) -> tuple[World, FloorLift]:
@@ -47,9 +54,12 @@ def hung(
 ) -> Human:
     posture, frame = lift.postures["slung"]
     person = Human(
-        avatar, load_avatar(avatar), posture=load_posture(posture), movable=movable,
+        avatar,
+        load_avatar(avatar),
+        posture=load_posture(posture),
+        movable=movable,
         fixed_base=False,
-    )  # fmt: skip
+    )
     person.spawn(world, lift.frame_in_world(frame))
     person.reset(np.random.default_rng(0))
     lift.carry(person)

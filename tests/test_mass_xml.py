@@ -94,7 +94,7 @@ def test_mass_skeletons_place_the_joints(tmp_path: Path) -> None:
         ("</Muscle>", "", ConfigError, "not valid XML"),
         ('<Waypoint body="TibiaL" p="0.09 0.36 0"/>', "", ConfigError, "at least two waypoints"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_mass_file_is_named(
     tmp_path: Path, old: str, new: str, error: type[Exception], message: str
 ) -> None:

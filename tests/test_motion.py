@@ -247,16 +247,26 @@ def test_smpl_and_smplh_layouts_keep_the_joints_that_they_have(tmp_path: Path, l
 
 def mixamo_like(tmp_path: Path) -> Path:
     """Write a file with other names, in centimetres, its arms 45 degrees down, that raises one."""
-    names = ["mixamorig:Hips", "mixamorig:Spine", "mixamorig:Spine1", "mixamorig:Spine2",
-             "mixamorig:Neck", "mixamorig:Head"]  # fmt: skip
+    names = [
+        "mixamorig:Hips",
+        "mixamorig:Spine",
+        "mixamorig:Spine1",
+        "mixamorig:Spine2",
+        "mixamorig:Neck",
+        "mixamorig:Head",
+    ]
     parents, offsets = [-1, 0, 1, 2, 3, 4], [(0, 100, 0), *[(0, 12, 0)] * 5]
     for side, x in (("Left", 1), ("Right", -1)):
         for name, parent, offset in (
-            ("UpLeg", 0, (9 * x, -5, 0)), ("Leg", None, (0, -45, 0)), ("Foot", None, (0, -45, 0)),
-            ("ToeBase", None, (0, -6, 14)), ("Shoulder", 3, (4 * x, 8, 0)),
-            ("Arm", None, (12 * x, 0, 0)), ("ForeArm", None, (20 * x, -20, 0)),
+            ("UpLeg", 0, (9 * x, -5, 0)),
+            ("Leg", None, (0, -45, 0)),
+            ("Foot", None, (0, -45, 0)),
+            ("ToeBase", None, (0, -6, 14)),
+            ("Shoulder", 3, (4 * x, 8, 0)),
+            ("Arm", None, (12 * x, 0, 0)),
+            ("ForeArm", None, (20 * x, -20, 0)),
             ("Hand", None, (18 * x, -18, 0)),
-        ):  # fmt: skip
+        ):
             parents.append(len(names) - 1 if parent is None else parent)
             names.append(f"mixamorig:{side}{name}")
             offsets.append(offset)
@@ -272,8 +282,15 @@ def mixamo_like(tmp_path: Path) -> Path:
     path = tmp_path / "other.bvh"
     write_bvh(
         path,
-        Bvh(tuple(names), tuple(parents), np.array(offsets, np.float64), tuple(channels), 0.1, values),
-    )  # fmt: skip
+        Bvh(
+            tuple(names),
+            tuple(parents),
+            np.array(offsets, np.float64),
+            tuple(channels),
+            0.1,
+            values,
+        ),
+    )
     return path
 
 

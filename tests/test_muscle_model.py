@@ -130,9 +130,15 @@ def test_a_model_refuses_what_cannot_be() -> None:
 
 @pytest.mark.parametrize(
     ("length", "active", "passive"),
-    [(0.5, 0.054112, 0.000565), (0.7, 0.684233, 0.002391), (0.9, 0.937123, 0.009316),
-     (1.0, 1.0, 0.018229), (1.2, 0.793690, 0.069401), (1.4, 0.380243, 0.263532)],
-)  # fmt: skip
+    [
+        (0.5, 0.054112, 0.000565),
+        (0.7, 0.684233, 0.002391),
+        (0.9, 0.937123, 0.009316),
+        (1.0, 1.0, 0.018229),
+        (1.2, 0.793690, 0.069401),
+        (1.4, 0.380243, 0.263532),
+    ],
+)
 @pytest.mark.parametrize("activation", [0.0, 0.3, 1.0])
 def test_isometric_force_agrees_with_the_reference_points(
     length: float, active: float, passive: float, activation: float

@@ -127,9 +127,10 @@ def test_lengths_and_moment_arms_agree_with_the_kernel() -> None:
     q = inputs(muscles, ranges, 3, 5)[0]
     ours = TorchMuscles(muscles)
     for person, (lengths, arms) in zip(
-        q, zip(ours.lengths(torch.tensor(q)), ours.moment_arms(torch.tensor(q)), strict=True),
+        q,
+        zip(ours.lengths(torch.tensor(q)), ours.moment_arms(torch.tensor(q)), strict=True),
         strict=True,
-    ):  # fmt: skip
+    ):
         np.testing.assert_allclose(lengths.numpy(), muscles.lengths(person), atol=1e-13)
         np.testing.assert_allclose(arms.numpy(), muscles.moment_arms(person), atol=1e-13)
 
@@ -177,9 +178,9 @@ def test_gradients_are_those_of_finite_differences(tendon: Tendon, wanted: str) 
         args = {**given, **({wanted: value} if wanted in given else {})}
         figures = {**own, **({wanted: value} if wanted in own else {})}
         call = (args["q"], args["qd"], args["excitation"], state, DT)
-        out: torch.Tensor = torch.func.functional_call(_Step(ours), {
-            f"muscles.{name}": figure for name, figure in figures.items()
-        }, call)  # fmt: skip
+        out: torch.Tensor = torch.func.functional_call(
+            _Step(ours), {f"muscles.{name}": figure for name, figure in figures.items()}, call
+        )
         return out
 
     value = (given[wanted] if wanted in given else own[wanted]).detach().clone().requires_grad_()

@@ -109,9 +109,12 @@ def check_stable(name: str, posture: str, seconds: float, tendon: Tendon) -> Non
 
 @pytest.mark.parametrize(
     ("name", "posture", "tendon"),
-    [("caregiver", "standing", "quasi_static"), ("karan", "wheelchair", "rigid"),
-     ("kim", "bed_supine", "implicit")],
-)  # fmt: skip
+    [
+        ("caregiver", "standing", "quasi_static"),
+        ("karan", "wheelchair", "rigid"),
+        ("kim", "bed_supine", "implicit"),
+    ],
+)
 def test_random_excitations_of_the_whole_body_stay_stable(
     name: str, posture: str, tendon: Tendon
 ) -> None:
@@ -277,9 +280,12 @@ def test_a_tremor_shakes_at_its_frequency_and_only_where_it_is(
     avatar = healthy(tremor={"wrist_flexors": 0.3, "wrist_extensors": 0.3})
     world = World()
     person = Human(
-        "p", avatar, posture=load_posture("standing"), actuation=ActuationConfig(kind=kind),
+        "p",
+        avatar,
+        posture=load_posture("standing"),
+        actuation=ActuationConfig(kind=kind),
         movable=["left_wrist_flexion", "right_wrist_flexion"],
-    )  # fmt: skip
+    )
     person.spawn(world, Pose((0, 0, 0.5)))
     person.reset(np.random.default_rng(2))
     angles = []
@@ -355,7 +361,7 @@ def test_episodes_with_muscles_are_bit_equal() -> None:
         ({"actuation": "muscle", "movable": ("left_eye_smplhf",)}, ConfigError, "no muscle"),
         ({"strength": "gravitation"}, UnknownNameError, "gravity"),
     ],
-)  # fmt: skip
+)
 def test_a_cast_that_cannot_be_is_refused_by_name(
     options: dict[str, Any], error: type[Exception], message: str
 ) -> None:
@@ -389,10 +395,12 @@ def test_tired_regions_lose_strength_and_a_new_episode_gives_it_back(
     def fallen(tired: float) -> list[float]:
         world = World()
         person = Human(
-            "p", load_avatar("caregiver"), posture=load_posture("standing"),
+            "p",
+            load_avatar("caregiver"),
+            posture=load_posture("standing"),
             movable=["right_elbow_flexion"],
             actuation=ActuationConfig(kind=kind, excitation="posture"),
-        )  # fmt: skip
+        )
         person.spawn(world, Pose((0, 0, 0.5)))
         world.mark_start()
         angles = []

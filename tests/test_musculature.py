@@ -94,8 +94,15 @@ def test_left_and_right_are_exact_mirror_images() -> None:
             continue
         twin = musculature.units[musculature.index(unit.name[:-1] + "r")]
         assert (points[unit.name] * SAGITTAL == points[twin.name]).all()
-        alike = ("max_isometric_force", "optimal_fiber_length", "tendon_slack_length", "pennation",
-                 "passive_strain", "clinical_group", "region")  # fmt: skip
+        alike = (
+            "max_isometric_force",
+            "optimal_fiber_length",
+            "tendon_slack_length",
+            "pennation",
+            "passive_strain",
+            "clinical_group",
+            "region",
+        )
         assert all(getattr(unit, key) == getattr(twin, key) for key in alike)
 
 
@@ -135,16 +142,25 @@ def test_units_do_what_their_clinical_group_says() -> None:
     musculature = load_musculature()
     arms = moment_arms(musculature, angles)
     expected = {
-        "bra_l": ("left_elbow_flexion", 1), "trilat_r": ("right_elbow_flexion", -1),
-        "vaslat_l": ("left_knee_flexion", -1), "semimem_r": ("right_knee_flexion", 1),
-        "soleus_l": ("left_ankle_dorsiflexion", -1), "tibant_r": ("right_ankle_dorsiflexion", 1),
-        "glmed2_l": ("left_hip_abduction", 1), "addlong_r": ("right_hip_abduction", -1),
-        "delt2_l": ("left_shoulder_abduction", 1), "infsp_r": ("right_shoulder_external_rotation", 1),
-        "fdp_index_l": ("left_index2_flexion", 1), "edc_index_l": ("left_index1_flexion", -1),
-        "recabd_l": ("spine1_flexion", 1), "lt_thor_r": ("spine2_flexion", -1),
-        "scm_st_l": ("neck_flexion", 1), "digas_ant_l": ("jaw_opening", 1),
-        "temp_ant_r": ("jaw_opening", -1), "trap_acr_l": ("left_collar_elevation", 1),
-    }  # fmt: skip
+        "bra_l": ("left_elbow_flexion", 1),
+        "trilat_r": ("right_elbow_flexion", -1),
+        "vaslat_l": ("left_knee_flexion", -1),
+        "semimem_r": ("right_knee_flexion", 1),
+        "soleus_l": ("left_ankle_dorsiflexion", -1),
+        "tibant_r": ("right_ankle_dorsiflexion", 1),
+        "glmed2_l": ("left_hip_abduction", 1),
+        "addlong_r": ("right_hip_abduction", -1),
+        "delt2_l": ("left_shoulder_abduction", 1),
+        "infsp_r": ("right_shoulder_external_rotation", 1),
+        "fdp_index_l": ("left_index2_flexion", 1),
+        "edc_index_l": ("left_index1_flexion", -1),
+        "recabd_l": ("spine1_flexion", 1),
+        "lt_thor_r": ("spine2_flexion", -1),
+        "scm_st_l": ("neck_flexion", 1),
+        "digas_ant_l": ("jaw_opening", 1),
+        "temp_ant_r": ("jaw_opening", -1),
+        "trap_acr_l": ("left_collar_elevation", 1),
+    }
     for name, (dof, sign) in expected.items():
         assert sign * arms[musculature.index(name), DOF_INDEX[dof]] > 2e-3, (name, dof)
 
@@ -166,8 +182,11 @@ def test_action_groups_hold_every_unit_once() -> None:
     assert sorted(i for group in groups.values() for i in group) == list(range(324))
     names = musculature.names
     assert {names[i] for i in groups["left_elbow_flexors"]} == {
-        "bra_l", "biclong_l", "bicshort_l", "brd_l"
-    }  # fmt: skip
+        "bra_l",
+        "biclong_l",
+        "bicshort_l",
+        "brd_l",
+    }
     assert {names[i] for i in groups["trunk_flexors"]} == {"recabd_l", "recabd_r"}
     assert "eo_ant_r" in {names[i] for i in groups["trunk_rotators_left"]}
     assert len(groups) < 60
@@ -206,7 +225,7 @@ def test_an_unknown_muscle_is_named_with_its_nearest() -> None:
             "own parent",
         ),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_row_is_named(
     tmp_path: Path, change: dict[str, str], error: type[Exception], message: str
 ) -> None:

@@ -249,9 +249,11 @@ def test_a_saved_learner_goes_on_bit_for_bit(
     for _ in range(3):
         algorithm.learn(env.batch(algorithm, 20))
     other = make_algorithm(
-        name, config_class(name)(hidden=(64, 64), minibatch=128, learning_rate=1e-3, **settings),
-        env, seed=99,
-    )  # fmt: skip
+        name,
+        config_class(name)(hidden=(64, 64), minibatch=128, learning_rate=1e-3, **settings),
+        env,
+        seed=99,
+    )
     other.load_state_dict(through_a_file(algorithm.state_dict()))
     batch = env.batch(algorithm, 20)
     figures = []

@@ -39,9 +39,12 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a copy of what git tracks, so that a build leaves nothing in the checkout."""
     folder = tmp_path_factory.mktemp("source")
     listed = subprocess.run(
-        ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True,
+        ["git", "ls-files", "-co", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
         check=True,
-    )  # fmt: skip
+    )
     for name in listed.stdout.splitlines():
         origin, target = ROOT / name, folder / name
         if origin.is_symlink() or origin.is_file():
@@ -78,8 +81,10 @@ def _environment(folder: Path) -> Path:
     python = folder / "bin" / "python"
     site = subprocess.run(
         [str(python), "-c", "import site; print(site.getsitepackages()[0])"],
-        capture_output=True, text=True, check=True,
-    ).stdout.strip()  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.strip()
     ours = Path(shutil.__file__).parent  # only to be sure that site-packages is not the library
     borrowed = [path for path in sys.path if path.endswith("site-packages") and path != str(ours)]
     (Path(site) / "borrowed.pth").write_text("\n".join(borrowed) + "\n")
@@ -93,8 +98,17 @@ def test_each_way_to_install_finds_every_asset(
 ) -> None:
     python = _environment(tmp_path / "venv")
     what = {"wheel": [str(wheel)], "folder": [str(source)], "editable": ["-e", str(source)]}[way]
-    install = [str(python), "-m", "pip", "install", "-q", "--no-deps", "--force-reinstall",
-               "--no-build-isolation", *what]  # fmt: skip
+    install = [
+        str(python),
+        "-m",
+        "pip",
+        "install",
+        "-q",
+        "--no-deps",
+        "--force-reinstall",
+        "--no-build-isolation",
+        *what,
+    ]
     if way != "wheel":
         install.remove("--no-build-isolation")
     subprocess.run(install, check=True, capture_output=True)

@@ -222,12 +222,19 @@ def learned(folder: Path, role: str = "recipient") -> Path:
     size, actions = sum(n for _, n in parts), with_env.action_space("recipient").shape[0]
     with_env.close()
     file = PolicyFile(
-        task="feeding", group=f"{role}s", roles=(role,), observed=tuple(parts), action_size=actions,
+        task="feeding",
+        group=f"{role}s",
+        roles=(role,),
+        observed=tuple(parts),
+        action_size=actions,
         action_low=-1.0,
-        layers=((rng.normal(size=(actions, size)).astype(np.float32), np.zeros(actions, np.float32)),),
-        mean=np.zeros(size, np.float32), scale=np.ones(size, np.float32),
+        layers=(
+            (rng.normal(size=(actions, size)).astype(np.float32), np.zeros(actions, np.float32)),
+        ),
+        mean=np.zeros(size, np.float32),
+        scale=np.ones(size, np.float32),
         recipe={"task": "feeding", "cast": {"recipient": "kim"}},
-    )  # fmt: skip
+    )
     file.save(folder / "kims_own.npz")
     return folder / "kims_own.npz"
 

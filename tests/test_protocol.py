@@ -51,10 +51,18 @@ def save_network(path: Path) -> None:
     size = sum(count for _, count in observed)
     weights = np.random.default_rng(0).normal(0, 0.05, (6, size)).astype(np.float32)
     PolicyFile(
-        "feeding", "robots", ("robot",), tuple(observed), 6, -1.0,
-        ((weights, np.zeros(6, np.float32)),), np.zeros(size, np.float32),
-        np.ones(size, np.float32), residual=0.1, training={"algorithm": "none", "seed": 0},
-    ).save(path)  # fmt: skip
+        "feeding",
+        "robots",
+        ("robot",),
+        tuple(observed),
+        6,
+        -1.0,
+        ((weights, np.zeros(6, np.float32)),),
+        np.zeros(size, np.float32),
+        np.ones(size, np.float32),
+        residual=0.1,
+        training={"algorithm": "none", "seed": 0},
+    ).save(path)
     env.close()
 
 
@@ -344,9 +352,22 @@ def test_the_command_leaves_a_record_that_it_can_repeat(tmp_path: Path, file: Pa
     out, plot = tmp_path / "new" / "record.json", tmp_path / "new" / "record.png"
     shown = CliRunner().invoke(
         app,
-        ["evaluate", "feeding", "--policies", str(file.parent / "*.npz"), "--policies", "scripted",
-         "--episodes", "1", "--json", "--out", str(out), "--plot", str(plot)],
-    )  # fmt: skip
+        [
+            "evaluate",
+            "feeding",
+            "--policies",
+            str(file.parent / "*.npz"),
+            "--policies",
+            "scripted",
+            "--episodes",
+            "1",
+            "--json",
+            "--out",
+            str(out),
+            "--plot",
+            str(plot),
+        ],
+    )
     assert shown.exit_code == 0, shown.output
     printed, written = json.loads(shown.stdout), read_record(out)
     assert printed["summary"] == written["summary"]

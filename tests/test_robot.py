@@ -247,8 +247,9 @@ def test_a_held_gripper_melts_into_the_hand_and_weighs_the_same() -> None:
     assert held.body.mass() == pytest.approx(free.body.mass(), abs=1e-3)
     bodies = (held.body, free.body)
     assert held.tool_pose().position == pytest.approx(free.tool_pose().position, abs=1e-6)
-    lows, highs = zip(*(bounds(world, body) for world, body in zip(worlds, bodies, strict=True)),
-                      strict=True)  # fmt: skip
+    lows, highs = zip(
+        *(bounds(world, body) for world, body in zip(worlds, bodies, strict=True)), strict=True
+    )
     np.testing.assert_allclose(lows[0], lows[1], atol=0.01)  # Bullet bounds merged shapes loosely
     np.testing.assert_allclose(highs[0], highs[1], atol=0.01)  # Bullet bounds merged shapes loosely
     with pytest.raises(ConfigError, match="gripper='free'"):

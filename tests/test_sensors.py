@@ -123,9 +123,17 @@ def test_proximity_of_flat_walls_is_exact_and_the_own_body_is_not_seen() -> None
 
 def test_a_level_scanner_sees_a_corner_from_right_to_left() -> None:
     scene = Scene(
-        {"kind": "proximity", "link": "base_link", "at": [0, 0, 0.3], "rpy_deg": [180, -90, 0],
-         "pattern": "fan", "rays": 5, "angle_deg": 180, "reach": 4.0}
-    )  # fmt: skip
+        {
+            "kind": "proximity",
+            "link": "base_link",
+            "at": [0, 0, 0.3],
+            "rpy_deg": [180, -90, 0],
+            "pattern": "fan",
+            "rays": 5,
+            "angle_deg": 180,
+            "reach": 4.0,
+        }
+    )
     scene.world.add_box((0.1, 8, 1), Pose((1.55, 0, 0.5)))  # 1.5 m in front
     scene.world.add_box((8, 0.1, 1), Pose((0, 2.05, 0.5)))  # 2 m to the left
     scene.begin((0.0,) * 7)

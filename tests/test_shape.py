@@ -28,7 +28,7 @@ SHAPES = {
     "rod": Shape("tube", at=AT, rpy=RPY, points=PATH[:2], radius=0.02),
     "tube": Shape("tube", at=AT, rpy=RPY, points=PATH, radius=0.02, bend=0.1),
     "quads": Shape("quads", at=AT, rpy=RPY, points=SQUARE),
-}  # fmt: skip
+}
 CLOSED = [name for name in SHAPES if name != "quads"]
 
 

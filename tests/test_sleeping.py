@@ -17,16 +17,30 @@ LEAF = Shape(kind="box", material="wood", at=(0.4, 0, 0), size=(0.8, 0.04, 0.5))
 def hinged(axis: tuple[float, float, float]) -> Model:
     """A board of 5 kg, hinged at one edge."""
     leaf = Link(
-        mass=5.0, com=(0.4, 0, 0), inertia=(0.1, 0, 0, 0.4, 0, 0.3), visual=(LEAF,), collision=(LEAF,)
-    )  # fmt: skip
+        mass=5.0,
+        com=(0.4, 0, 0),
+        inertia=(0.1, 0, 0, 0.4, 0, 0.3),
+        visual=(LEAF,),
+        collision=(LEAF,),
+    )
     hinge = Joint(
-        kind="revolute", parent="wall", child="leaf", axis=axis, lower=-1.5, upper=1.5, effort=50,
-        velocity=5, damping=0.2,
-    )  # fmt: skip
+        kind="revolute",
+        parent="wall",
+        child="leaf",
+        axis=axis,
+        lower=-1.5,
+        upper=1.5,
+        effort=50,
+        velocity=5,
+        damping=0.2,
+    )
     return Model(
-        name=f"board_{axis[1]:.0f}", source="own choice", links={"wall": Link(), "leaf": leaf},
-        joints={"hinge": hinge}, materials={"wood": (0.6, 0.4, 0.2, 1.0)},
-    )  # fmt: skip
+        name=f"board_{axis[1]:.0f}",
+        source="own choice",
+        links={"wall": Link(), "leaf": leaf},
+        joints={"hinge": hinge},
+        materials={"wood": (0.6, 0.4, 0.2, 1.0)},
+    )
 
 
 @pytest.fixture

@@ -72,9 +72,15 @@ def add_pad(
     points, tetrahedra, bottom = pad_mesh()
     block = world.add_box((0.01, 0.01, 0.01), pose, collides=False, name="block")
     pad = SoftBody(
-        "pad", points, material=material, tetrahedra=tetrahedra, held=bottom,
-        carrier=Carrier(block, -1), mass_factor=8.0, substeps=substeps,
-    )  # fmt: skip
+        "pad",
+        points,
+        material=material,
+        tetrahedra=tetrahedra,
+        held=bottom,
+        carrier=Carrier(block, -1),
+        mass_factor=8.0,
+        substeps=substeps,
+    )
     SoftWorld.of(world).add(pad)
     return pad
 
@@ -347,9 +353,14 @@ def test_two_robots_feel_the_same_force_through_it(tmp_path: Path) -> None:
     over = world.load_urdf(rig(tmp_path, "robot", RADIUS + 0.02), name="robot")
     points, tetrahedra, bottom = pad_mesh()
     pad = SoftBody(
-        "pad", points, material=FLESH, tetrahedra=tetrahedra, held=bottom,
-        carrier=Carrier(under, under.link_index("tool")), mass_factor=8.0,
-    )  # fmt: skip
+        "pad",
+        points,
+        material=FLESH,
+        tetrahedra=tetrahedra,
+        held=bottom,
+        carrier=Carrier(under, under.link_index("tool")),
+        mass_factor=8.0,
+    )
     SoftWorld.of(world).add(pad)
     for body in (under, over):
         bullet.enableJointForceTorqueSensor(

@@ -88,11 +88,13 @@ def test_solids_are_on_the_side_that_keeps_them_clear_of_the_busy_floor() -> Non
     rng = np.random.default_rng(0)
     solids = [
         Shape(
-            kind="box", size=tuple(rng.uniform(0.1, 1, 3)), rpy=tuple(rng.uniform(-3, 3, 3)),
+            kind="box",
+            size=tuple(rng.uniform(0.1, 1, 3)),
+            rpy=tuple(rng.uniform(-3, 3, 3)),
             at=tuple(rng.uniform(-4, 4, 3)),
         )
         for _ in range(200)
-    ]  # fmt: skip
+    ]
     busy = Rectangle(-1, -1.5, 1, 1.5)
     sides = partition(solids, busy)
     assert sum(map(len, sides.values())) == len(solids)

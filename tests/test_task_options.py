@@ -47,7 +47,7 @@ def test_the_terms_of_the_shaped_reward_are_in_info_times_their_weights(task: st
         ({"reward": "shaped", "weights": {"comfrt": 1.0}}, "Did you mean 'comfort'"),
         ({"force_limit": 0.0}, "force_limit must be positive"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_setting_is_named(options: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         rcare_marl.make("feeding", options=options)

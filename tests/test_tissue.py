@@ -67,16 +67,25 @@ def make_person(
     skin = PersonSkin(model, body, frames)
     world.skins.append(skin)
     tissue = attach_tissue(
-        world, body, model, frames, segments, config=config, refinement=refinement,
-        substeps=substeps, skin=skin,
-    )  # fmt: skip
+        world,
+        body,
+        model,
+        frames,
+        segments,
+        config=config,
+        refinement=refinement,
+        substeps=substeps,
+        skin=skin,
+    )
     return Person(world, body, model, tissue, skin, world.add_sphere(RADIUS, Pose((5, 5, 5))))
 
 
 def press(
-    person: Person, joint: str = "left_elbow", depths: tuple[float, ...] = DEPTHS,
+    person: Person,
+    joint: str = "left_elbow",
+    depths: tuple[float, ...] = DEPTHS,
     towards: tuple[float, float, float] = (0, 0, -1),
-) -> list[float]:  # fmt: skip
+) -> list[float]:
     """Press the sphere into the middle of a segment; return the forces at `depths` [N]."""
     point, out = person.tissue.skin_point(joint, towards)
     reached, forces = -0.005, []

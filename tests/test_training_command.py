@@ -83,10 +83,24 @@ def test_what_is_said_changes_the_config(
     config: Path, recorder: type[Recorder], tmp_path: Path
 ) -> None:
     call(
-        "toileting", "--config", config, "--seed", 3, "--steps", 200, "--out", tmp_path / "run",
-        "--workers", 1, "--set", "options.reward=shaped", "--set", "cast.recipient=karan",
-        "--set", "curriculum.stages=[{spread: 0.5}]",
-    )  # fmt: skip
+        "toileting",
+        "--config",
+        config,
+        "--seed",
+        3,
+        "--steps",
+        200,
+        "--out",
+        tmp_path / "run",
+        "--workers",
+        1,
+        "--set",
+        "options.reward=shaped",
+        "--set",
+        "cast.recipient=karan",
+        "--set",
+        "curriculum.stages=[{spread: 0.5}]",
+    )
     (made,) = recorder.made
     got = made.config
     assert (got.task, got.seed, got.steps, got.envs, got.workers) == ("toileting", 3, 200, 2, 1)
@@ -251,8 +265,10 @@ def test_two_trainings_do_not_run_in_one_folder(
 def test_fields_are_set_by_their_full_names() -> None:
     data = {"a": {"b": 1, "c": 2}, "d": None}
     assert changed(data, {"a.b": 5, "d.e.f": 6, "g": 7}) == {
-        "a": {"b": 5, "c": 2}, "d": {"e": {"f": 6}}, "g": 7,
-    }  # fmt: skip
+        "a": {"b": 5, "c": 2},
+        "d": {"e": {"f": 6}},
+        "g": 7,
+    }
     assert data == {"a": {"b": 1, "c": 2}, "d": None}, "what was given stays as it is"
     with pytest.raises(ConfigError, match="a is 3, which has no fields"):
         changed({"a": 3}, {"a.b": 1})

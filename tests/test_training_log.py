@@ -50,8 +50,10 @@ def test_a_resumed_curve_has_no_step_twice(tmp_path: Path) -> None:
     assert [row["step"] for row in rows(tmp_path)] == ["100", "200"]
     log.write(300, {"return": -1.0})
     assert [(row["step"], row["return"]) for row in rows(tmp_path)] == [
-        ("100", "100"), ("200", "200"), ("300", "-1"),
-    ]  # fmt: skip
+        ("100", "100"),
+        ("200", "200"),
+        ("300", "-1"),
+    ]
 
 
 def test_half_a_row_of_a_killed_run_is_cut_off(tmp_path: Path) -> None:

@@ -15,49 +15,94 @@ from rcare_marl.model.urdf_reader import check_driven, read
 
 BROKEN = {
     "no links": ("", "has no links"),
-    "number": (arm('<limit lower="-1" upper="a" effort="5" velocity="2"/>'),
-               r"line 5, joint 'j' > limit: upper must be a finite number, got 'a'"),
+    "number": (
+        arm('<limit lower="-1" upper="a" effort="5" velocity="2"/>'),
+        r"line 5, joint 'j' > limit: upper must be a finite number, got 'a'",
+    ),
     "infinite": (link("a", '<inertial><mass value="nan"/></inertial>'), "value must be a finite"),
     "few numbers": (arm('<origin xyz="0 1"/>' + LIMIT), "xyz must be 3 finite numbers.*got '0 1'"),
     "no name": ("<link/>", r'link: it needs name="..."'),
     "two links": (link("a") + link("a"), "link of this name already, on line 3"),
     "two joints": (arm() + link("c") + joint("j", "a", "c"), "joint of this name already"),
     "two roots": (arm() + link("c"), "2 links hang on no joint: 'a', 'c'"),
-    "two parents": (arm() + link("c") + joint("k", "a", "c") + joint("l", "b", "c"),
-                    "'c' hangs on two joints, 'k' and 'l'"),
-    "loop": (link("o") + link("a") + link("b") + joint("j", "a", "b") + joint("k", "b", "a"),
-             "make a loop: [ab] -> [ab] -> [ab]"),
-    "loop alone": (link("a") + link("b") + joint("j", "a", "b") + joint("k", "b", "a"),
-                   "make a loop: "),
+    "two parents": (
+        arm() + link("c") + joint("k", "a", "c") + joint("l", "b", "c"),
+        "'c' hangs on two joints, 'k' and 'l'",
+    ),
+    "loop": (
+        link("o") + link("a") + link("b") + joint("j", "a", "b") + joint("k", "b", "a"),
+        "make a loop: [ab] -> [ab] -> [ab]",
+    ),
+    "loop alone": (
+        link("a") + link("b") + joint("j", "a", "b") + joint("k", "b", "a"),
+        "make a loop: ",
+    ),
     "unknown link": (link("base") + joint("j", "bsae", "base"), "bsae.*Did you mean 'base'"),
-    "no child": (link("a") + '<joint name="j" type="fixed"><parent link="a"/></joint>',
-                 "joint 'j': it needs a <child>"),
-    "floating": (arm("", "floating"), "one of fixed, revolute, continuous, prismatic, got 'floating'"),
+    "no child": (
+        link("a") + '<joint name="j" type="fixed"><parent link="a"/></joint>',
+        "joint 'j': it needs a <child>",
+    ),
+    "floating": (
+        arm("", "floating"),
+        "one of fixed, revolute, continuous, prismatic, got 'floating'",
+    ),
     "planar": (arm("", "planar"), "got 'planar'; its base is placed by a mount"),
-    "crossed": (arm('<limit lower="1" upper="-1" effort="1" velocity="1"/>'), "lower 1 exceeds upper -1"),
+    "crossed": (
+        arm('<limit lower="1" upper="-1" effort="1" velocity="1"/>'),
+        "lower 1 exceeds upper -1",
+    ),
     "no limit": (arm("", "prismatic"), "a prismatic joint needs <limit"),
-    "no range": (arm('<limit effort="1" velocity="1"/>'), 'needs lower and upper .or make .*"continuous"'),
-    "effort": (arm('<limit lower="0" upper="1" effort="-1" velocity="1"/>'), "effort cannot be negative"),
+    "no range": (
+        arm('<limit effort="1" velocity="1"/>'),
+        'needs lower and upper .or make .*"continuous"',
+    ),
+    "effort": (
+        arm('<limit lower="0" upper="1" effort="-1" velocity="1"/>'),
+        "effort cannot be negative",
+    ),
     "axis": (arm('<axis xyz="0 0 0"/>' + LIMIT), "axis: an axis cannot have length 0"),
     "mass": (link("a", '<inertial><mass value="-2"/></inertial>'), "cannot be negative, got -2"),
     "no mass": (link("a", "<inertial/>"), "inertial: it needs a <mass>"),
-    "shape": (link("a", "<collision><geometry><cone/></geometry></collision>"),
-              "expected one of <box>, .*got <cone>"),
-    "size": (link("a", '<collision><geometry><box size="1 0 1"/></geometry></collision>'),
-             "size must be positive, got 1 0 1"),
-    "colour": (link("a", '<visual><geometry><sphere radius="1"/></geometry><material name="m">'
-                    '<color rgba="255 0 0 1"/></material></visual>'), "rgba must lie between 0 and 1"),
+    "shape": (
+        link("a", "<collision><geometry><cone/></geometry></collision>"),
+        "expected one of <box>, .*got <cone>",
+    ),
+    "size": (
+        link("a", '<collision><geometry><box size="1 0 1"/></geometry></collision>'),
+        "size must be positive, got 1 0 1",
+    ),
+    "colour": (
+        link(
+            "a",
+            '<visual><geometry><sphere radius="1"/></geometry><material name="m">'
+            '<color rgba="255 0 0 1"/></material></visual>',
+        ),
+        "rgba must lie between 0 and 1",
+    ),
     "mimic": (arm(LIMIT + '<mimic joint="jj"/>'), "'j' mimics an unknown one.*Did you mean 'j'"),
     "mimic loop": (arm(LIMIT + '<mimic joint="j"/>'), "in a loop: j -> j"),
-    "mimic fixed": (arm(LIMIT + '<mimic joint="k"/>') + link("c") + joint("k", "a", "c", "", "fixed"),
-                    "'j' mimics 'k', which is fixed"),
-    "format": (link("a", '<visual><geometry><mesh filename="x.blend"/></geometry></visual>'),
-               "must be one of .obj, .stl, .dae"),
-    "scale": (link("a", '<visual><geometry><mesh filename="meshes/part.obj" scale="1 0 1"/></geometry>'
-                   "</visual>"), "no part of scale may be 0"),
+    "mimic fixed": (
+        arm(LIMIT + '<mimic joint="k"/>') + link("c") + joint("k", "a", "c", "", "fixed"),
+        "'j' mimics 'k', which is fixed",
+    ),
+    "format": (
+        link("a", '<visual><geometry><mesh filename="x.blend"/></geometry></visual>'),
+        "must be one of .obj, .stl, .dae",
+    ),
+    "scale": (
+        link(
+            "a",
+            '<visual><geometry><mesh filename="meshes/part.obj" scale="1 0 1"/></geometry>'
+            "</visual>",
+        ),
+        "no part of scale may be 0",
+    ),
     "xacro": ('<xacro:include filename="b.xacro"/>', "not expanded yet.*xacrodoc"),
-    "xacro value": (link("a", '<visual><origin xyz="${x} 0 0"/></visual>'), "line 3: '.{x} 0 0' says"),
-}  # fmt: skip
+    "xacro value": (
+        link("a", '<visual><origin xyz="${x} 0 0"/></visual>'),
+        "line 3: '.{x} 0 0' says",
+    ),
+}
 
 
 @pytest.mark.parametrize("fault", BROKEN)

@@ -32,9 +32,14 @@ REAL = (
     "xarm/xarm6_with_gripper.urdf",
     "a1/a1.urdf",
 )
-TRIANGLE = "solid t\n" + 4 * (
-    "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
-) + "endsolid t\n"  # fmt: skip
+TRIANGLE = (
+    "solid t\n"
+    + 4
+    * (
+        "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    )
+    + "endsolid t\n"
+)
 
 
 @pytest.fixture

@@ -283,9 +283,12 @@ class Robot(Agent):
         self._world = world
         assembly = self.assembly
         self.body = world.load_urdf(
-            assembly.files.urdf, pose, name=self.name, fixed=not self.rides,
+            assembly.files.urdf,
+            pose,
+            name=self.name,
+            fixed=not self.rides,
             self_collision=self._self_collision,
-        )  # fmt: skip
+        )
         if self._self_collision:
             self.body.exclude_pairs(touching_links(assembly.files.model, self.body, self.hands))
         if (c := self.config).contact_stiffness > 0:
@@ -309,9 +312,13 @@ class Robot(Agent):
         if name in config.arms:
             chain = assembly.chains[name]
             arm = Arm(
-                world, self.body, chain, [assembly.start[j] for j in chain.joints],
-                _following(assembly, chain.joints), assembly.roots[name],
-            )  # fmt: skip
+                world,
+                self.body,
+                chain,
+                [assembly.start[j] for j in chain.joints],
+                _following(assembly, chain.joints),
+                assembly.roots[name],
+            )
             arm.counterbalanced = config.arms[name].counterbalanced
             self.arms[name] = arm
             control = CONTROLS[self._control_name](arm)

@@ -289,6 +289,8 @@ def urdf_robot(
         model=str(Path(urdf)),
         arms={"arm": arm},
         postures={"home": dict(home or {})},
-        mounts={name: gen3[name] for name in ("floor", "table", "wheelchair_left",
-                                              "wheelchair_right", "bed_side")},
-    )  # fmt: skip
+        mounts={
+            name: gen3[name]
+            for name in ("floor", "table", "wheelchair_left", "wheelchair_right", "bed_side")
+        },
+    )

@@ -146,25 +146,43 @@ def _leaf(
     ]
     look = _boards(middle, box, "wood_dark" if is_front else "door")
     leaf = Link(
-        mass, middle, _box_inertia(mass, box), visual=(*look, *knuckles),
+        mass,
+        middle,
+        _box_inertia(mass, box),
+        visual=(*look, *knuckles),
         collision=(Shape(kind="box", at=middle, size=box),),
-    )  # fmt: skip
+    )
     spindle = (size.handle[0] - size.pivot[0], middle[1], size.handle[1])
     joints = {
         "hinge": Joint(
-            "revolute", "frame", "leaf", at=(*size.pivot, 0.0), axis=(0.0, 0.0, -float(side)),
-            upper=swing, effort=100.0, velocity=3.0, damping=HINGE_DAMPING,
-        ),
-    }  # fmt: skip
+            "revolute",
+            "frame",
+            "leaf",
+            at=(*size.pivot, 0.0),
+            axis=(0.0, 0.0, -float(side)),
+            upper=swing,
+            effort=100.0,
+            velocity=3.0,
+            damping=HINGE_DAMPING,
+        )
+    }
     if opening.hardware == "knob":
         handle, limits, axis = _knob(is_front), (-KNOB_TURN, KNOB_TURN), (0.0, 1.0, 0.0)
     else:
         handle, limits = _lever(side, is_front), (0.0, LEVER_TURN)
         axis = (0.0, float(side), 0.0)
     joints[opening.hardware] = Joint(
-        "revolute", "leaf", "handle", at=spindle, axis=axis, lower=limits[0], upper=limits[1],
-        effort=torque, velocity=10.0, damping=0.01,
-    )  # fmt: skip
+        "revolute",
+        "leaf",
+        "handle",
+        at=spindle,
+        axis=axis,
+        lower=limits[0],
+        upper=limits[1],
+        effort=torque,
+        velocity=10.0,
+        damping=0.01,
+    )
     return {"frame": Link(), "leaf": leaf, "handle": handle}, joints
 
 
@@ -219,11 +237,20 @@ def _lever(side: int, is_front: bool) -> Link:
         face, out = sign * 0.5 * LEAF, sign * (0.5 * LEAF + LEVER_OUT)
         end = (side * LEVER_REACH, out, 0.0)
         visual += [
-            Shape(kind="cylinder", material=metal, radius=0.026,
-                  points=((0.0, face, 0.0), (0.0, face + sign * 0.008, 0.0))),
-            Shape(kind="tube", material=metal, radius=0.009, bend=0.02,
-                  points=((0.0, face, 0.0), (0.0, out, 0.0), end)),
-        ]  # fmt: skip
+            Shape(
+                kind="cylinder",
+                material=metal,
+                radius=0.026,
+                points=((0.0, face, 0.0), (0.0, face + sign * 0.008, 0.0)),
+            ),
+            Shape(
+                kind="tube",
+                material=metal,
+                radius=0.009,
+                bend=0.02,
+                points=((0.0, face, 0.0), (0.0, out, 0.0), end),
+            ),
+        ]
         solids.append(Shape(kind="capsule", radius=0.009, points=((0.0, out, 0.0), end)))
     reach = side * LEVER_REACH
     inertia = _box_inertia(HANDLE_MASS, (LEVER_REACH, LEAF + 2 * LEVER_OUT, 0.02))
@@ -244,17 +271,29 @@ def _panel(opening: Opening, size: DoorSize) -> tuple[dict[str, Link], dict[str,
         face, out = sign * 0.5 * LEAF, sign * (0.5 * LEAF + BAR_OUT)
         low, high = z - 0.5 * BAR_LENGTH, z + 0.5 * BAR_LENGTH
         visual.append(
-            Shape(kind="tube", material="metal", radius=0.009, bend=0.02,
-                  points=((x, face, low), (x, out, low), (x, out, high), (x, face, high)))
-        )  # fmt: skip
+            Shape(
+                kind="tube",
+                material="metal",
+                radius=0.009,
+                bend=0.02,
+                points=((x, face, low), (x, out, low), (x, out, high), (x, face, high)),
+            )
+        )
         solids.append(Shape(kind="capsule", radius=0.009, points=((x, out, low), (x, out, high))))
     panel = Link(
         mass, middle, _box_inertia(mass, box), visual=tuple(visual), collision=tuple(solids)
     )
     slide = Joint(
-        "prismatic", "frame", "panel", at=(*size.pivot, 0.0), axis=(float(side), 0.0, 0.0),
-        upper=_slide(opening), effort=200.0, velocity=1.5, damping=SLIDE_DAMPING,
-    )  # fmt: skip
+        "prismatic",
+        "frame",
+        "panel",
+        at=(*size.pivot, 0.0),
+        axis=(float(side), 0.0, 0.0),
+        upper=_slide(opening),
+        effort=200.0,
+        velocity=1.5,
+        damping=SLIDE_DAMPING,
+    )
     return {"frame": Link(), "panel": panel}, {"slide": slide}
 
 

@@ -72,9 +72,16 @@ def build_door(
     hardware = rules.choice("door_hardware")
     loss = SLIDING_LOSS if hardware == "slider" else HINGED_LOSS
     opening = Opening(
-        "door", "door", ("beyond", "here"), "x", (0.0, 0.0),
-        (clear_width or rules.figure("door_clear_width")) + loss, INNER_WALL, hardware=hardware, hinge=hinge,
-    )  # fmt: skip
+        "door",
+        "door",
+        ("beyond", "here"),
+        "x",
+        (0.0, 0.0),
+        (clear_width or rules.figure("door_clear_width")) + loss,
+        INNER_WALL,
+        hardware=hardware,
+        hinge=hinge,
+    )
     half, head = 0.5 * opening.width, opening.head
     for wide, x, low in (
         (LENGTH, -half - 0.5 * LENGTH, 0.0),

@@ -165,9 +165,13 @@ class GownStand:
         turn = about_z(math.atan2(out[1], out[0]))
         body = self.stand.spawn(world, Pose((float(armhole[0]), float(armhole[1]), 0.0), turn))
         self.cloth = Cloth(
-            GARMENT, garment.rest, self.gown.faces, fabric=garment.config.fabric, grain=garment.grain,
+            GARMENT,
+            garment.rest,
+            self.gown.faces,
+            fabric=garment.config.fabric,
+            grain=garment.grain,
             positions=self.gown.placed(self.stand.frame_in_world("armhole")),
-        )  # fmt: skip
+        )
         soft_world = SoftWorld.of(world)
         soft_world.join_limbs(person.body)
         soft_world.ignore([*ignored, body], by=Cloth)

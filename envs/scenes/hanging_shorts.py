@@ -51,9 +51,13 @@ def hang(
     cut = tailor(garment, person.model)
     side = 1.0 if leg.side == "right" else -1.0
     placed = threaded(
-        cut, leg.side, leg.points, start=HEM_START, gather=GATHER,
+        cut,
+        leg.side,
+        leg.points,
+        start=HEM_START,
+        gather=GATHER,
         towards=(INWARD[0], INWARD[1] * side, 0.0),
-    )  # fmt: skip
+    )
     held, tool = band_over_leg(cut, leg.side, HELD), robot.tool_pose()
     for k, particle in enumerate(held):
         across = (k - HELD // 2) * SPREAD

@@ -102,9 +102,12 @@ class Ambulating(Task):
     """
 
     robot = Role(
-        Robot, default="kinova_gen3", partner="scripted", gripper="commanded",
+        Robot,
+        default="kinova_gen3",
+        partner="scripted",
+        gripper="commanded",
         contact_force=CONTACT_FORCE,
-    )  # fmt: skip
+    )
     recipient = Role(
         Human, default="daniel", posture="wheelchair", movable=("neck", "head"), partner="still"
     )

@@ -75,9 +75,13 @@ class GroupView:
 def place(default: str | None, *, optional: bool = False) -> Role[Human]:
     """Return the part of one more person in the group."""
     return Role(
-        Human, default=default, optional=optional, posture="wheelchair_exercise", movable=MOVABLE,
+        Human,
+        default=default,
+        optional=optional,
+        posture="wheelchair_exercise",
+        movable=MOVABLE,
         partner="learner",
-    )  # fmt: skip
+    )
 
 
 @register_task("group_coaching")

@@ -84,13 +84,19 @@ class PhyrcDressing(Challenge):
     """
 
     robot = Role(
-        Robot, default="kinova_gen3", partner="scripted", gripper="commanded",
+        Robot,
+        default="kinova_gen3",
+        partner="scripted",
+        gripper="commanded",
         contact_force=PULL_FORCE,
-    )  # fmt: skip
+    )
     recipient = Role(
-        Human, default="natalia", posture="wheelchair_arm_forward", partner="still",
+        Human,
+        default="natalia",
+        posture="wheelchair_arm_forward",
+        partner="still",
         movable=("left_shoulder", "left_elbow_flexion"),
-    )  # fmt: skip
+    )
 
     reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"hsr"}
     Options = PhyrcDressingOptions

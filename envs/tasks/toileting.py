@@ -96,9 +96,13 @@ class Toileting(Task):
 
     robot = Role(Robot, default="stretch_re1", partner="scripted", contact_force=CONTACT_FORCE)
     recipient = Role(
-        Human, default=None, optional=True, posture="wheelchair", partner="still",
+        Human,
+        default=None,
+        optional=True,
+        posture="wheelchair",
+        partner="still",
         movable=("neck", "head"),
-    )  # fmt: skip
+    )
     caregiver = STANDING_CAREGIVER
 
     reachable_by = CHAIR_ROBOTS | {"hsr", "stretch_re1_dex"}

@@ -117,9 +117,7 @@ class GLScene:
         self._slab_array = gl.vertex_array(
             self.programs["floor"], [(vertices, *LAYOUTS["surface"])], indices
         )
-        self._made = [
-            *self._arrays.values(), self._slab_array, vertices, indices, self._transforms
-        ]  # fmt: skip
+        self._made = [*self._arrays.values(), self._slab_array, vertices, indices, self._transforms]
         self._floor_arrays: dict[Pass, Any] = {}
         if self._floor:
             self._add_floor(max(floors, key=lambda part: part.area, default=None))

@@ -125,9 +125,19 @@ def _answer(  # type: ignore[no-untyped-def]
 def _meet(impact, c, point, before, mass):  # type: ignore[no-untyped-def]
     s = impact.shapes
     return _answer(
-        s.meetings, c, s.kinds[c], s.planes, s.runs, point, before, mass, impact.dt,
-        impact.thickness, impact.furthest, impact.outcome,
-    )  # fmt: skip
+        s.meetings,
+        c,
+        s.kinds[c],
+        s.planes,
+        s.runs,
+        point,
+        before,
+        mass,
+        impact.dt,
+        impact.thickness,
+        impact.furthest,
+        impact.outcome,
+    )
 
 
 @numba.njit(cache=True, error_model="numpy")

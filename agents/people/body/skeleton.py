@@ -31,8 +31,32 @@ JOINTS: tuple[str, ...] = BODY + tuple(
 JOINT_INDEX = {name: i for i, name in enumerate(JOINTS)}
 
 _BODY_PARENTS = (
-    -1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15,
-)  # fmt: skip
+    -1,
+    0,
+    0,
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    9,
+    9,
+    12,
+    13,
+    14,
+    16,
+    17,
+    18,
+    19,
+    15,
+    15,
+    15,
+)
 PARENTS: tuple[int, ...] = _BODY_PARENTS + tuple(
     wrist if k == 0 else first + 3 * finger + k - 1
     for wrist, first in ((20, 25), (21, 40))
@@ -135,9 +159,7 @@ _THUMB_ABDUCTION: Axis = (_HALF, 0.0, -_HALF)
 for _finger in FINGERS:
     _spread = _negated(Y) if _finger in ("index", "middle") else Y
     _spread = _THUMB_ABDUCTION if _finger == "thumb" else _spread
-    _flexion = (
-        "flexion", "extension", _THUMB_FLEXION if _finger == "thumb" else _negated(Z)
-    )  # fmt: skip
+    _flexion = ("flexion", "extension", _THUMB_FLEXION if _finger == "thumb" else _negated(Z))
     _AXES[f"{_finger}1"] = (_flexion, ("abduction", "adduction", _spread))
     _AXES[f"{_finger}2"] = _AXES[f"{_finger}3"] = (_flexion,)
 _SPINE = (
