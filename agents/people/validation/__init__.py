@@ -1,0 +1,1 @@
+"""What a simulated person does, beside what was published about people."""
