@@ -18,8 +18,7 @@ from rcare_marl.world import World
 
 from ..agent import Agent
 from ..robots.robot_config import ZERO, Triple
-from .place import default_link, find_place, kept_links
-from .sensor import Channel, Sensor, SensorConfig
+from .sensor import Channel, Sensor, SensorConfig, default_link, find_place, kept_links
 
 MOST_HITS = 256  # of one ray that are looked through
 BATCH = bullet.MAX_RAY_INTERSECTION_BATCH_SIZE

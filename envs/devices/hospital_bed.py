@@ -77,8 +77,7 @@ class Sections:
         def inside(hinge: Array, rise: float) -> Array:
             """Below the top of a section that rises against the way along the bed."""
             normal = np.array((math.sin(rise), math.cos(rise)))
-            out: Array = self.thickness - (points - hinge) @ normal
-            return out
+            return np.asarray(self.thickness - (points - hinge) @ normal)
 
         valley = np.maximum(inside(under, back), inside(under, 0.0))
         crest = np.minimum(inside(fold, -knee), inside(ridge, calf - knee))

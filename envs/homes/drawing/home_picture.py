@@ -199,8 +199,7 @@ class _Scene:
         b = (self._high[others] - 0.03 - eye)[None] / ray
         enter = np.minimum(a, b).max(axis=2)
         leave = np.maximum(a, b).min(axis=2)
-        hidden: Mask = ((enter < leave) & (leave > 0) & (enter < 0.97)).any(axis=1)
-        return hidden
+        return np.asarray(((enter < leave) & (leave > 0) & (enter < 0.97)).any(axis=1))
 
 
 def _weight(placed: Placed) -> float:
@@ -213,8 +212,7 @@ def _weight(placed: Placed) -> float:
 def _points(low: Array, high: Array) -> Array:
     """Return points all over a box, shape [27, 3]."""
     shares = np.array([(x, y, z) for x in (0, 0.5, 1) for y in (0, 0.5, 1) for z in (0, 0.5, 1)])
-    points: Array = low + shares * (np.minimum(high, (np.inf, np.inf, CEILING_HEIGHT)) - low)
-    return points
+    return np.asarray(low + shares * (np.minimum(high, (np.inf, np.inf, CEILING_HEIGHT)) - low))
 
 
 def _in_frame(points: Array, vantage: Vantage, ratio: float) -> Mask:
