@@ -367,6 +367,8 @@ class World:
         self._attachments = [attachment for attachment, _ in self._marked]
         self._restore_bonds()
         self.set_solver_iterations(self._marked_iterations)
+        # First to the joint angles of the start: pairs of a body's own links must be forgotten too.
+        bullet.restoreState(self._start, physicsClientId=self.client)
         self._forget_pairs()
         self.sleeping.begin()  # far apart: none wakes another
         bullet.restoreState(self._start, physicsClientId=self.client)

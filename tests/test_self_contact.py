@@ -83,4 +83,4 @@ def test_neighbours_never_meet() -> None:
     parts = {0: ["pelvis", "spine1", "spine2", "spine3", "neck", "head"], 1: ["left_shoulder"]}
     assert meeting_links(parts) == []
     parts |= {2: ["left_elbow"], 3: ["left_wrist"], 4: ["right_shoulder", "right_elbow"]}
-    assert meeting_links(parts) == [(0, 2), (0, 3), (2, 4), (3, 4)]
+    assert meeting_links(parts) == [(0, 2), (0, 3), (1, 4), (2, 4), (3, 4)]
