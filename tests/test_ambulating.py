@@ -40,7 +40,9 @@ def run(env: CareEnv, seed: int) -> Ambulating:
     return task_of(env)
 
 
-@pytest.fixture(scope="module", params=HARDWARE)
+@pytest.fixture(
+    scope="module", params=[1, pytest.param(2, marks=pytest.mark.slow), 3], ids="level{}".format
+)
 def scripted(request: pytest.FixtureRequest) -> Iterator[CareEnv]:
     env = rcare_marl.make("ambulating", level=request.param, policies=BOTH)
     yield env

@@ -164,29 +164,32 @@ def test_workers_give_what_this_process_gives() -> None:
     there.close()
 
 
+HALF, COUNT = 30, 2  # steps after which a batch is saved, and its environments
+
+
 @pytest.fixture(scope="module")
 def uninterrupted() -> list[TensorDictBase]:
-    whole = BatchedEnv(FEEDING, count=4, seed=4)
-    steps = played(whole, range(55))
+    whole = BatchedEnv(FEEDING, count=COUNT, seed=4)
+    steps = played(whole, range(HALF + 25))
     whole.close()
     return steps
 
 
-@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_saved_batch_goes_on_bit_for_bit(
     workers: int, uninterrupted: list[TensorDictBase], tmp_path: Path
 ) -> None:
     expected = uninterrupted
-    for part in (expected[:30], expected[30:]):
+    for part in (expected[:HALF], expected[HALF:]):
         assert sum(int(step["next", "done"].sum()) for step in part) > 0
-    half = BatchedEnv(FEEDING, count=4, workers=workers, seed=4)
-    parts = played(half, range(30))
+    half = BatchedEnv(FEEDING, count=COUNT, workers=workers, seed=4)
+    parts = played(half, range(HALF))
     torch.save(half.state_dict(), tmp_path / "state.pt")
     half.close()
-    other = BatchedEnv(FEEDING, count=4, workers=workers, seed=8)
+    other = BatchedEnv(FEEDING, count=COUNT, workers=workers, seed=8)
     played(other, range(3))
     other.load_state_dict(torch.load(tmp_path / "state.pt", weights_only=True))
-    assert_equal(expected, parts + played(other, range(30, 55)))
+    assert_equal(expected, parts + played(other, range(HALF, HALF + 25)))
     other.close()
 
 

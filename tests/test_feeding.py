@@ -41,7 +41,13 @@ def test_the_scripted_robot_feeds_karan(scripted: CareEnv) -> None:
     assert successes >= 9
 
 
-@pytest.mark.parametrize("avatar", assets.names("avatars"))
+@pytest.mark.parametrize(
+    "avatar",
+    [
+        pytest.param(avatar, marks=pytest.mark.slow if i % 2 else ())
+        for i, avatar in enumerate(assets.names("avatars"))
+    ],
+)
 def test_every_avatar_can_be_fed(avatar: str) -> None:
     env = rcare_marl.make("feeding", recipient=avatar, policies=BOTH)
     assert run(env, 0).succeeded()

@@ -230,7 +230,7 @@ def test_the_pull_towards_demonstrations_decays_to_nothing() -> None:
     assert distances[1] < 0.5 * distances[0]
 
 
-@pytest.mark.parametrize("name", ["sac", "tqc", "masac"])
+@pytest.mark.parametrize("name", ["sac", "tqc", pytest.param("masac", marks=pytest.mark.slow)])
 def test_a_resumed_learner_goes_on_bit_for_bit(name: str) -> None:
     env = PointReach(TEAM, low=0.0)
     settings = {"buffer_size": 150, "update_to_data": 0.3}

@@ -142,7 +142,13 @@ def test_a_level_scanner_sees_a_corner_from_right_to_left() -> None:
     assert scene.read("proximity", "distance") == pytest.approx(wanted, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", assets.names("robots"))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if i % 2 else ())
+        for i, name in enumerate(assets.names("robots"))
+    ],
+)
 def test_every_robot_can_have_every_sensor(name: str) -> None:
     config, world = load_robot(name), World()
     robot = Robot(name, config)  # its main arm moves, another does not

@@ -107,7 +107,13 @@ def pressed() -> tuple[Person, list[float]]:
     return person, press(person)
 
 
-@pytest.mark.parametrize("name", assets.names("avatars"))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in ("karan", "natalia") else pytest.mark.slow)
+        for name in assets.names("avatars")
+    ],
+)
 def test_flesh_can_be_made_of_every_segment_of_every_avatar(name: str) -> None:
     model, config = make_model(name), load_tissue()
     for joint in SEGMENTS:
