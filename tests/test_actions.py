@@ -88,7 +88,13 @@ def check_replay(task: str, policy: str, cast: Mapping[str, Any], model: str, se
     assert np.abs(trace[-1] - trace[0]).max() > 0.01  # something did happen
 
 
-@pytest.mark.parametrize("mode", CASTS)
+@pytest.mark.parametrize(
+    "mode",
+    [
+        pytest.param(mode, marks=pytest.mark.slow if mode == "muscle group" else ())
+        for mode in CASTS
+    ],
+)
 def test_actions_of_a_meal_give_it_again(mode: str) -> None:
     check_replay("feeding", "cooperative", CASTS[mode], "karan", 0)
 

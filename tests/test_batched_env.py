@@ -31,6 +31,7 @@ from rcare_marl.errors import (
 )
 
 FEEDING = EnvRecipe("feeding")
+TOILETING = EnvRecipe("toileting")  # is made in a tenth of the time
 THREE = EnvRecipe(
     "feeding", cast={"robot_0": {}, "robot_1": {}}, learners=("robot_0", "robot_1", "recipient")
 )
@@ -66,7 +67,7 @@ def assert_equal(first: list[TensorDictBase], second: list[TensorDictBase]) -> N
             assert torch.equal(one[key], other[key]), f"{key} differs at step {step}"
 
 
-@pytest.mark.parametrize("recipe", [FEEDING, THREE], ids=["one learner", "three learners"])
+@pytest.mark.parametrize("recipe", [TOILETING, THREE], ids=["one learner", "three learners"])
 def test_the_check_of_torchrl_passes(recipe: EnvRecipe) -> None:
     env = BatchedEnv(recipe, count=2)
     check_env_specs(env, seed=0)
@@ -133,7 +134,7 @@ def test_seeds_of_training_are_never_those_of_evaluation() -> None:
 
 
 def test_a_seed_repeats_and_another_one_differs() -> None:
-    env = BatchedEnv(FEEDING, count=1, seed=1)
+    env = BatchedEnv(TOILETING, count=1, seed=1)
     first = played(env, range(5))
     env.set_seed(2)
     second = played(env, range(5))
@@ -144,7 +145,7 @@ def test_a_seed_repeats_and_another_one_differs() -> None:
 
 
 def test_a_reset_hands_over_what_has_begun_and_otherwise_begins_anew() -> None:
-    env = BatchedEnv(FEEDING, count=2)
+    env = BatchedEnv(TOILETING, count=2)
     first = env.reset()["state"]
     assert torch.equal(env.reset()["state"], first)
     (step,) = played(env, range(1))
@@ -164,13 +165,13 @@ def test_workers_give_what_this_process_gives() -> None:
     there.close()
 
 
-HALF, COUNT = 30, 2  # steps after which a batch is saved, and its environments
+HALF, WHOLE = 30, 45  # steps; in both parts an episode of the two ends, with seed 3
 
 
 @pytest.fixture(scope="module")
 def uninterrupted() -> list[TensorDictBase]:
-    whole = BatchedEnv(FEEDING, count=COUNT, seed=4)
-    steps = played(whole, range(HALF + 25))
+    whole = BatchedEnv(FEEDING, count=2, seed=3)
+    steps = played(whole, range(WHOLE))
     whole.close()
     return steps
 
@@ -182,14 +183,14 @@ def test_a_saved_batch_goes_on_bit_for_bit(
     expected = uninterrupted
     for part in (expected[:HALF], expected[HALF:]):
         assert sum(int(step["next", "done"].sum()) for step in part) > 0
-    half = BatchedEnv(FEEDING, count=COUNT, workers=workers, seed=4)
+    half = BatchedEnv(FEEDING, count=2, workers=workers, seed=3)
     parts = played(half, range(HALF))
     torch.save(half.state_dict(), tmp_path / "state.pt")
     half.close()
-    other = BatchedEnv(FEEDING, count=COUNT, workers=workers, seed=8)
+    other = BatchedEnv(FEEDING, count=2, workers=workers, seed=8)
     played(other, range(3))
     other.load_state_dict(torch.load(tmp_path / "state.pt", weights_only=True))
-    assert_equal(expected, parts + played(other, range(HALF, HALF + 25)))
+    assert_equal(expected, parts + played(other, range(HALF, WHOLE)))
     other.close()
 
 
@@ -211,7 +212,7 @@ def test_every_task_goes_on_bit_for_bit(task: str, tmp_path: Path) -> None:
 
 
 def test_a_replay_that_leads_elsewhere_is_told() -> None:
-    env = BatchedEnv(FEEDING, count=1)
+    env = BatchedEnv(TOILETING, count=1)
     played(env, range(3))
     state = env.state_dict()
     state["environments"][0]["state"] += 1e-3
@@ -279,11 +280,11 @@ def test_variants_take_turns_and_must_have_equal_spaces() -> None:
 )
 def test_impossible_numbers_are_refused(numbers: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigError, match=said):
-        BatchedEnv(FEEDING, **numbers)
+        BatchedEnv(TOILETING, **numbers)
 
 
 def test_actions_that_are_no_numbers_move_nobody() -> None:
-    env = BatchedEnv(FEEDING, count=2)
+    env = BatchedEnv(TOILETING, count=2)
     begun = env.reset()
     before = begun["state"].clone()
     begun["robots", "action"] = torch.full((2, 1, 6), float("nan"))
@@ -294,7 +295,7 @@ def test_actions_that_are_no_numbers_move_nobody() -> None:
 
 
 def test_a_closed_batch_says_so_and_closes_twice() -> None:
-    env = BatchedEnv(FEEDING, count=1)
+    env = BatchedEnv(TOILETING, count=1)
     env.close()
     env.close()
     for use in (env.reset, env.state_dict, lambda: env.set_stage({})):
@@ -367,7 +368,7 @@ def test_no_process_outlives_the_learner(sign: signal.Signals, tmp_path: Path) -
 
 
 def test_numbers_of_a_batch_are_copies() -> None:
-    env = BatchedEnv(FEEDING, count=1)
+    env = BatchedEnv(TOILETING, count=1)
     first, second = played(env, range(2))
     kept = np.array(first["next", "state"])
     played(env, range(2, 4))

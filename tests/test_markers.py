@@ -132,7 +132,10 @@ def test_pixels_are_counted_as_opencv_counts_them(world: World, backend: Any) ->
     assert np.abs(np.mean(shifts, axis=0)).max() < 0.05
 
 
-@pytest.mark.parametrize("dictionary", DICTIONARIES)
+@pytest.mark.parametrize(
+    "dictionary",
+    [pytest.param(d, marks=pytest.mark.slow if i % 3 else ()) for i, d in enumerate(DICTIONARIES)],
+)
 def test_every_dictionary_can_be_printed_and_read(world: World, dictionary: str) -> None:
     config = MarkerConfig(3, on="world", size=0.2, dictionary=dictionary, at=(0.0, 0.0, 1.0))
     marker = fasten(world, None, config)

@@ -261,7 +261,7 @@ def test_hanging_hands_are_clear_of_wheels_and_cushion(name: str) -> None:
     env.close()
 
 
-@pytest.mark.parametrize("name", ["jose", "karan"])
+@pytest.mark.parametrize("name", [pytest.param("jose", marks=pytest.mark.slow), "karan"])
 def test_muscles_do_an_exercise_as_well(name: str) -> None:
     exercise = {"jose": "head_rotation", "karan": "chest_expansion"}[name]
     env = make(

@@ -240,7 +240,9 @@ def test_what_cannot_be_is_refused(what: dict[str, object], message: str) -> Non
         rcare_marl.make("toileting", **what)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("home", "level"), [("house_03", 1), ("house_12", 3)])
+@pytest.mark.parametrize(
+    ("home", "level"), [pytest.param("house_03", 1, marks=pytest.mark.slow), ("house_12", 3)]
+)
 def test_the_lid_of_a_house_is_lifted_in_its_bathroom(home: str, level: int) -> None:
     env = rcare_marl.make("toileting", home=home, level=level, policies=SCRIPTED)
     task = run(env, 0)
