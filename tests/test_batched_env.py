@@ -222,12 +222,12 @@ def test_a_replay_that_leads_elsewhere_is_told() -> None:
 
 
 def test_a_state_that_does_not_fit_is_refused() -> None:
-    one, two = BatchedEnv(FEEDING, count=1), BatchedEnv(THREE, count=2)
+    one, two = BatchedEnv(TOILETING, count=1), BatchedEnv(TOILETING, count=2)
     played(one, range(2))
     with pytest.raises(ConfigError, match="of 1 environments, here are 2"):
         two.load_state_dict(one.state_dict())
     two.close()
-    other = BatchedEnv(THREE, count=1)
+    other = BatchedEnv(FEEDING, count=1)
     with pytest.raises(ConfigError, match="another recipe"):
         other.load_state_dict(one.state_dict())
     one.close()
