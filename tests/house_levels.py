@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
+from variants import few
 
 from rcare_marl.envs.homes.audit import Audit, audit
 from rcare_marl.envs.homes.care_home import CareHome, home_names
@@ -16,9 +17,7 @@ ALL = [
     for name in home_names()
     for level in (1, 2, 3)
 ]
-EACH = pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in home_names()]
-)
+EACH = pytest.mark.parametrize("name", few(home_names(), *QUICK))
 TOGETHER = pytest.mark.parametrize(
     "names",
     [

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pettingzoo.test.parallel_test import parallel_api_test
+from variants import few
 
 import rcare_marl
 from rcare_marl import assets
@@ -100,7 +101,7 @@ def test_posture_is_held_within_half_a_degree_in_five_seconds(name: str, control
     assert slid < 0.001
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", few((6, 20), 6))
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_arm_reaches_what_it_can_reach(name: str, count: int) -> None:
     config = load_robot(name)

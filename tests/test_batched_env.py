@@ -17,6 +17,7 @@ import pytest
 import torch
 from tensordict import TensorDictBase
 from torchrl.envs import check_env_specs
+from variants import few
 
 import rcare_marl
 from rcare_marl.envs.learning import BatchedEnv, EnvRecipe, LearnerEnv
@@ -176,7 +177,7 @@ def uninterrupted() -> list[TensorDictBase]:
     return steps
 
 
-@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("workers", few((0, 1), 0))
 def test_a_saved_batch_goes_on_bit_for_bit(
     workers: int, uninterrupted: list[TensorDictBase], tmp_path: Path
 ) -> None:

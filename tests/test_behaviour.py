@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from behaving_person import CLOSED, DRIVEN, OPEN, Kind, Scene
+from variants import few
 
 from rcare_marl.agents.people.actuation.muscular import MuscleDrive
 from rcare_marl.agents.people.behaviour.avatar_tree import load_behaviour
@@ -19,9 +20,7 @@ Array = npt.NDArray[np.float64]
 
 
 # Muscles are slow where a skeletal drive shows the same; others of these tests run both.
-MUSCLES_SLOW = pytest.mark.parametrize(
-    "kind", ["skeletal", pytest.param("muscle", marks=pytest.mark.slow)]
-)
+MUSCLES_SLOW = pytest.mark.parametrize("kind", few(("skeletal", "muscle"), "skeletal"))
 
 
 def is_slack(scene: Scene) -> bool:

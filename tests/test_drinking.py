@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 from episode import play
+from variants import few
 
 import rcare_marl
 from rcare_marl import assets
@@ -44,9 +45,7 @@ def learned() -> Iterator[CareEnv]:
     env.close()
 
 
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
-)
+@pytest.mark.parametrize("seed", few(range(3), 0))
 def test_the_scripted_robot_gives_karan_to_drink(scripted: CareEnv, seed: int) -> None:
     task = run(scripted, seed)
     metrics = task.report()
@@ -80,9 +79,7 @@ def test_the_robot_can_be_mounted_on_the_left() -> None:
     env.close()
 
 
-@pytest.mark.parametrize(
-    "robot", ["nao", pytest.param("stretch_re1", marks=pytest.mark.slow), "ur5"]
-)
+@pytest.mark.parametrize("robot", few(("nao", "stretch_re1", "ur5"), "nao", "ur5"))
 def test_a_robot_that_cannot_reach_is_refused(robot: str) -> None:
     with pytest.raises(ConfigError, match="no arm that reaches"):
         rcare_marl.make("drinking", robot=robot)
@@ -203,7 +200,7 @@ def test_the_same_seed_gives_the_same_episode(scripted: CareEnv) -> None:
     assert ends[0] == ends[1]
 
 
-@pytest.mark.parametrize("most", [90, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("most", few((90, 300), 90))
 def test_random_actions_leave_all_finite(most: int) -> None:
     env = rcare_marl.make("drinking", options={"force_limit": 1e6})
     rng = np.random.default_rng(0)

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from variants import few
 
 from rcare_marl.body import Body
 from rcare_marl.envs.devices import Frame
@@ -127,7 +128,7 @@ def check_cover(made: Piece, most: int) -> None:
     assert all(f"handle_{joint}" in made.frames for joint in made.model.joints), made.kind
 
 
-@pytest.mark.parametrize("level", [pytest.param(1, marks=pytest.mark.slow), 2, 3])
+@pytest.mark.parametrize("level", few(LEVELS, 2, 3))
 def test_a_hand_opens_everything_and_closes_it_again(level: int) -> None:
     world, pieces = furnished(level)
     for sign in (1.0, -1.0):

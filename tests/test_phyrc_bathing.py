@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 from episode import play
+from variants import few
 
 import rcare_marl
 from rcare_marl import assets
@@ -230,7 +231,7 @@ def test_the_same_seed_gives_the_same_episode(scripted: CareEnv) -> None:
     assert ends[0] == ends[1]
 
 
-@pytest.mark.parametrize("steps", [100, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("steps", few((100, 300), 100))
 def test_random_actions_leave_all_finite(steps: int) -> None:
     env = rcare_marl.make("phyrc_bathing", options={"force_limit": 1e6})
     env.reset(seed=0)
