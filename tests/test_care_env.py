@@ -31,7 +31,10 @@ def digest() -> str:
     env.reset(seed=11)
     rng = np.random.default_rng(0)
     while env.agents and env.world.time < 2:
-        env.step({r: rng.uniform(-0.2, 0.2, env.action_space(r).shape) for r in env.agents})
+        actions: Any = {
+            role: rng.uniform(-0.2, 0.2, env.action_space(role).shape) for role in env.agents
+        }
+        env.step(actions)
         sha.update(env.state().tobytes())
     env.close()
     return sha.hexdigest()

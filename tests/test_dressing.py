@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from episode import assert_same, play, rollout
 from standing_person import CONTROL_DT, person_in
@@ -74,8 +75,8 @@ def test_shorts_hang_round_the_foot_in_the_fingers_and_press_on_nobody(free: Car
 class Played(NamedTuple):
     """A scripted episode: the state before each step and after the last, and what was done and seen."""
 
-    states: list[Array]
-    sent: dict[str, list[Array]]  # actions by role
+    states: list[npt.NDArray[np.float32]]
+    sent: dict[str, list[Any]]  # actions by role
     task: Dressing
     helper: Caregiving
     alongs: tuple[float, float]  # of the hem, at the start and at the end [m]
