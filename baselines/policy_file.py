@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.policy import Policy
-from rcare_marl.array_file import read_arrays, refused_if_damaged, write_arrays
+from rcare_marl.atomic_file import read_arrays, refused_if_damaged, write_arrays
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import policy_factory, register_policy_file, task_class
 from rcare_marl.envs.task import part_name

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.agent import Array
-from rcare_marl.array_file import read_arrays, refused_if_damaged, write_arrays
+from rcare_marl.atomic_file import read_arrays, refused_if_damaged, write_arrays
 from rcare_marl.config import load, plain
 from rcare_marl.errors import ConfigError
 from rcare_marl.provenance import changes, versions

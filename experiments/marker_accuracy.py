@@ -15,9 +15,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rcare_marl.agents.sensing.exposure import photograph
 from rcare_marl.agents.sensing.marker import Marker, MarkerConfig, fasten
 from rcare_marl.agents.sensing.marker_detector import detect
+from rcare_marl.agents.sensing.marker_sensor import photograph
 from rcare_marl.pose import Pose, quaternion_from_matrix, quaternion_from_rpy, rotation_vector
 from rcare_marl.rendering import Camera, Renderer, make_renderer
 from rcare_marl.rendering.shot import Look

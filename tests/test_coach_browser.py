@@ -28,8 +28,8 @@ from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
 from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, UpperBody
 from rcare_marl.baselines.coaching.page.message import Hands, Message, parse
 from rcare_marl.baselines.coaching.page.server import Server, Service, secured
+from rcare_marl.baselines.coaching.page.sight import FROM_WEBXR, grip_place, head_place
 from rcare_marl.baselines.coaching.page.three import WEB
-from rcare_marl.baselines.coaching.page.webxr import FROM_WEBXR, grip_place, head_place
 from rcare_marl.pose import matrix_from_quaternion, quaternion_from_matrix
 
 Array = npt.NDArray[np.float64]

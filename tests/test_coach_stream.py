@@ -8,8 +8,7 @@ from webxr_pose import webxr_pose
 
 from rcare_marl.agents.coaching.upper_body import UpperBody
 from rcare_marl.baselines.coaching.page.message import Hands, MessageError, Place
-from rcare_marl.baselines.coaching.page.sight import ANEW, Limiter, PageClock
-from rcare_marl.baselines.coaching.page.webxr import reading
+from rcare_marl.baselines.coaching.page.sight import ANEW, Limiter, PageClock, reading
 from rcare_marl.pose import matrix_from_quaternion
 
 

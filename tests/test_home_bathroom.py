@@ -11,6 +11,7 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
+from rcare_marl.agents.sensing.proximity import ray_distances
 from rcare_marl.body import Body
 from rcare_marl.envs.homes.piece import Piece, Setting, make_piece
 from rcare_marl.envs.homes.rule import LEVELS, Rules
@@ -18,7 +19,6 @@ from rcare_marl.envs.rectangle import Rectangle
 from rcare_marl.errors import ConfigError
 from rcare_marl.model.urdf import write
 from rcare_marl.pose import Array, Pose
-from rcare_marl.ray import ray_distances
 from rcare_marl.world import World
 
 JOINTED = (

@@ -12,11 +12,10 @@ import pytest
 from small_home import small_home
 
 from rcare_marl.envs.homes.door import KNOB_RADIUS, Door, door_model, hinge_side, widest_swing
-from rcare_marl.envs.homes.floor import floor_model
 from rcare_marl.envs.homes.palette import Palette
 from rcare_marl.envs.homes.plan import Opening
 from rcare_marl.envs.homes.rule import Rules
-from rcare_marl.envs.homes.shell import shell_model
+from rcare_marl.envs.homes.shell import floor_model, shell_model
 from rcare_marl.errors import ActionError, ConfigError
 from rcare_marl.model.urdf import write
 from rcare_marl.pose import Pose, rotate

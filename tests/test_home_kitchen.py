@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from variants import few
 
+from rcare_marl.agents.sensing.proximity import ray_distances
 from rcare_marl.body import Body
 from rcare_marl.envs.devices import Frame
 from rcare_marl.envs.homes.furniture.kitchen_layout import RunPlan, Unit, lay_units
@@ -16,7 +17,6 @@ from rcare_marl.envs.homes.rule import LEVELS, Rules
 from rcare_marl.errors import ConfigError
 from rcare_marl.model.urdf import Joint, write
 from rcare_marl.pose import Pose
-from rcare_marl.ray import ray_distances
 from rcare_marl.world import World
 
 JOINTED: dict[str, dict[str, object]] = {

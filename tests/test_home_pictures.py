@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from rcare_marl.cli import app
 from rcare_marl.envs.homes.care_home import CareHome
-from rcare_marl.envs.homes.cutaway import cutaway
-from rcare_marl.envs.homes.drawing import floor_plan, home_picture, vantage
+from rcare_marl.envs.homes.drawing import floor_plan, home_picture
+from rcare_marl.envs.homes.drawing.home_picture import cutaway
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.rendering import Camera, GLRenderer, Light, Shot
@@ -66,11 +66,11 @@ def test_symbols_lie_on_the_footprint_of_their_pieces(home: CareHome) -> None:
 
 @pytest.mark.parametrize("room", ["kitchen_1", "bathroom_1", "bedroom_1", "living_1"])
 def test_nobody_stands_in_something_tall_to_take_a_picture(home: CareHome, room: str) -> None:
-    found = vantage.best_vantage(home, room, ratio=RATIO)
+    found = home_picture.best_vantage(home, room, ratio=RATIO)
     x, y, z = found.eye
-    assert z == vantage.EYE
+    assert z == home_picture.EYE
     for placed in home.furniture(room):
-        if placed.piece.blocks and placed.piece.height > vantage.TALL:
+        if placed.piece.blocks and placed.piece.height > home_picture.TALL:
             assert not placed.footprint.grown(0.15).has(x, y), placed.name
     inside = home.room(room).inside
     assert found.open_sides or inside.has(x, y)
@@ -78,21 +78,21 @@ def test_nobody_stands_in_something_tall_to_take_a_picture(home: CareHome, room:
 
 def test_picture_is_taken_from_the_side_that_was_asked_for(home: CareHome) -> None:
     inside = home.room("bedroom_1").inside
-    south = vantage.best_vantage(home, "bedroom_1", ratio=RATIO, view="s")
-    north = vantage.best_vantage(home, "bedroom_1", ratio=RATIO, view="n")
+    south = home_picture.best_vantage(home, "bedroom_1", ratio=RATIO, view="s")
+    north = home_picture.best_vantage(home, "bedroom_1", ratio=RATIO, view="n")
     assert south.eye[1] < inside.centre[1] < north.eye[1]
     assert math.sin(south.yaw) > 0 > math.sin(north.yaw)
 
 
 def test_unknown_view_is_named(home: CareHome) -> None:
     with pytest.raises(UnknownNameError, match="view of a room named 'nord'"):
-        vantage.best_vantage(home, "bedroom_1", ratio=RATIO, view="nord")
+        home_picture.best_vantage(home, "bedroom_1", ratio=RATIO, view="nord")
     with pytest.raises(UnknownNameError, match="kitchen_1"):
         home_picture.room_perspective(home, "kichen_1")
 
 
 def test_camera_of_a_room_keeps_upright_what_is_upright(home: CareHome) -> None:
-    camera = vantage.best_vantage(home, "bedroom_1", ratio=RATIO).camera(width=640, height=480)
+    camera = home_picture.best_vantage(home, "bedroom_1", ratio=RATIO).camera(width=640, height=480)
     assert camera.eye[2] == camera.target[2]
 
 

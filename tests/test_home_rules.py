@@ -10,11 +10,8 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from rcare_marl.envs.homes.audit import Audit, audit
-from rcare_marl.envs.homes.audit_bar import bars
-from rcare_marl.envs.homes.audit_door import door_force
-from rcare_marl.envs.homes.audit_entrance import is_yard
-from rcare_marl.envs.homes.audit_furniture import handle_word, tap_word
+from rcare_marl.envs.homes.audit import Audit, audit, door_force, is_yard
+from rcare_marl.envs.homes.audit_furniture import bars, handle_word, tap_word
 from rcare_marl.envs.homes.care_home import CareHome
 from rcare_marl.envs.homes.door import door_model
 from rcare_marl.envs.homes.entrance import build_entrance

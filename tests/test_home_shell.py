@@ -11,13 +11,11 @@ import pytest
 from small_home import small_home
 
 from rcare_marl.body import Body
-from rcare_marl.envs.homes.floor import floor_model
 from rcare_marl.envs.homes.layout import lay_out, load_house
 from rcare_marl.envs.homes.palette import Palette
 from rcare_marl.envs.homes.plan import CEILING_HEIGHT, OUTSIDE, Plan
 from rcare_marl.envs.homes.rule import Rules
-from rcare_marl.envs.homes.shell import shell_model
-from rcare_marl.envs.homes.shell_outline import maximal
+from rcare_marl.envs.homes.shell import floor_model, maximal, shell_model
 from rcare_marl.envs.homes.shell_wall import wall_boxes
 from rcare_marl.envs.rectangle import Rectangle
 from rcare_marl.errors import ConfigError

@@ -12,7 +12,7 @@ import pytest
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
 from rcare_marl.envs.devices import CeilingLift, DryFriction, FloorLift
-from rcare_marl.envs.devices.dry_friction import SLIP
+from rcare_marl.envs.devices.device import SLIP
 from rcare_marl.errors import ActionError, ConfigError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.world import GRAVITY, World

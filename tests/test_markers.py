@@ -11,10 +11,10 @@ from variants import every, few
 
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
-from rcare_marl.agents.sensing.exposure import photograph
 from rcare_marl.agents.sensing.marker import Marker, MarkerConfig, fasten
 from rcare_marl.agents.sensing.marker_detector import Detection, detect, two_poses
 from rcare_marl.agents.sensing.marker_print import DICTIONARIES, cells, plate_edge
+from rcare_marl.agents.sensing.marker_sensor import photograph
 from rcare_marl.body import Body
 from rcare_marl.config import load
 from rcare_marl.errors import ConfigError, UnknownNameError, WorldError

@@ -25,10 +25,9 @@ from rcare_marl.baselines.algorithms import (
     make_algorithm,
     register_algorithm,
 )
-from rcare_marl.baselines.algorithms.masac import Masac
 from rcare_marl.baselines.algorithms.network import GroupShape, Normaliser
 from rcare_marl.baselines.algorithms.off_policy import BehaviourCloning, OffPolicy, OffPolicyConfig
-from rcare_marl.baselines.algorithms.sac import Sac, Tqc, TqcConfig
+from rcare_marl.baselines.algorithms.sac import Masac, Sac, Tqc, TqcConfig
 from rcare_marl.baselines.algorithms.shortcut import SquashedNormal
 from rcare_marl.errors import ConfigError, UnknownNameError
 

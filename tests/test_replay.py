@@ -14,7 +14,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 import rcare_marl
-from rcare_marl.array_file import read_arrays, write_arrays
+from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.cli import app
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.episode import EpisodeRecorder, RecordedEpisode, replay

@@ -16,7 +16,7 @@ from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose, quaternion_from_axis_angle
 from rcare_marl.soft import contact
 from rcare_marl.soft.collider import WORLD_FRAME, Colliders, NearShapes
-from rcare_marl.soft.colouring import colours
+from rcare_marl.soft.constraint import colours
 from rcare_marl.soft.material import Material
 from rcare_marl.soft.soft_body import SoftBody
 from rcare_marl.soft.soft_object import Carrier

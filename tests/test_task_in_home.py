@@ -8,7 +8,7 @@ import pytest
 import rcare_marl
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.homes import HomePlace
-from rcare_marl.envs.homes.partition import LOW, SIDES, extent, partition
+from rcare_marl.envs.homes.merging import LOW, SIDES, extent, partition
 from rcare_marl.envs.rectangle import Rectangle
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.model.shape import Shape

@@ -6,7 +6,7 @@ from typing import Any
 
 from rcare_marl.agents.coaching.upper_body import UpperBody
 from rcare_marl.baselines.coaching.page.message import HandJoints, Place
-from rcare_marl.baselines.coaching.page.webxr import FROM_WEBXR, grip_place, head_place
+from rcare_marl.baselines.coaching.page.sight import FROM_WEBXR, grip_place, head_place
 from rcare_marl.pose import matrix_from_quaternion
 
 

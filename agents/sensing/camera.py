@@ -20,8 +20,7 @@ from rcare_marl.world import World
 from ..agent import Agent
 from ..robots.robot import Robot
 from ..robots.robot_config import ZERO, CameraMount, Triple
-from .place import Place, find_place, kept_links
-from .sensor import Channel, Sensor, SensorConfig
+from .sensor import Channel, Place, Sensor, SensorConfig, find_place, kept_links
 
 CameraOutput = Literal["rgb", "depth", "normals", "segmentation", "points"]
 Readings = Sequence[npt.NDArray[Any]]

@@ -17,8 +17,7 @@ from rcare_marl.world import World
 from ..agent import Agent
 from ..people.body.skeleton import JOINTS
 from ..people.human import Human
-from .place import kept_links
-from .sensor import Channel, Sensor, SensorConfig
+from .sensor import Channel, Sensor, SensorConfig, kept_links
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from rcare_marl.world import GRAVITY, World
 
 from ..agent import Agent
 from ..robots.robot_config import ZERO, Triple
-from .place import default_link, find_place, kept_links
-from .sensor import Channel, Sensor, SensorConfig
+from .sensor import Channel, Sensor, SensorConfig, default_link, find_place, kept_links
 
 MAX_SPEED = 20.0  # [m/s], our own choice: what goes farther in a physics step was put there
 

@@ -16,8 +16,7 @@ from rcare_marl.world import GRAVITY, World
 from ..agent import Agent
 from ..robots.robot import Robot
 from ..robots.robot_config import ArmConfig, frame
-from .place import wrist_link
-from .sensor import Channel, Sensor, SensorConfig
+from .sensor import Channel, Sensor, SensorConfig, wrist_link
 
 States = list[tuple[tuple[float, ...], ...]]  # see `Body.link_centre_states`
 

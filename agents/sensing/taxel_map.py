@@ -23,8 +23,7 @@ from ..people.body.skeleton import JOINT_INDEX
 from ..people.human import Human
 from ..robots.robot import Robot
 from .contact_force import LinkChoice, TouchConfig, TouchSensor
-from .place import Place, default_link, find_place, kept_links, wrist_link
-from .sensor import Channel
+from .sensor import Channel, Place, default_link, find_place, kept_links, wrist_link
 
 CONVEX = ("box", "sphere", "cylinder", "capsule")
 DENSITY = 20  # candidates in a square of one spacing

@@ -20,7 +20,7 @@ _HERE = __package__
 _ALGORITHMS = {
     "sac": (f"{_HERE}.sac:Sac", f"{_HERE}.off_policy:OffPolicyConfig"),
     "tqc": (f"{_HERE}.sac:Tqc", f"{_HERE}.sac:TqcConfig"),
-    "masac": (f"{_HERE}.masac:Masac", f"{_HERE}.off_policy:OffPolicyConfig"),
+    "masac": (f"{_HERE}.sac:Masac", f"{_HERE}.off_policy:OffPolicyConfig"),
     "ppo": (f"{_HERE}.on_policy:Ppo", f"{_HERE}.on_policy:OnPolicyConfig"),
     "ippo": (f"{_HERE}.on_policy:Ippo", f"{_HERE}.on_policy:OnPolicyConfig"),
     "mappo": (f"{_HERE}.on_policy:Mappo", f"{_HERE}.on_policy:OnPolicyConfig"),

@@ -33,7 +33,7 @@ from rcare_marl.agents.coaching.recognition.template import (
     feature,
     features,
 )
-from rcare_marl.array_file import read_arrays, write_arrays
+from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
 

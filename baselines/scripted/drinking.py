@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.scenes.mouth import OPEN
+from rcare_marl.envs.scenes.meal import OPEN_MOUTH
 from rcare_marl.envs.tasks.drinking import Drinking
 from rcare_marl.pose import Array
 
@@ -39,7 +39,7 @@ class ScriptedDrinking(ToolScript[Drinking]):
         task, seen = self._task, self._task.state
         ahead, up = AT_LIPS
         lips = seen.mouth + ahead * seen.ahead + (0.0, 0.0, up)
-        is_open = seen.jaw >= OPEN
+        is_open = seen.jaw >= OPEN_MOUTH
         goal = lips if is_open else lips + WAIT_IN_FRONT * seen.ahead
         error = goal - seen.rim
         is_there = is_open and float(np.linalg.norm(error)) < ARRIVED

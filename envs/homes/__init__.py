@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from .audit import audit as audit_home
 from .care_home import CareHome, home_names
 from .door import HINGE_DAMPING, Door
-from .fixture import build_door, build_fixture
-from .home_place import HomePlace, find_place
+from .home_place import HomePlace, build_door, build_fixture, find_place
 from .route import Route
 from .rule import LEVELS, Rules
 

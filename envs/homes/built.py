@@ -15,12 +15,10 @@ from rcare_marl.world import World
 
 from ..rectangle import Rectangle
 from .door import Door, door_model, widest_swing
-from .floor import floor_model
 from .furnishing import Placed
-from .merging import Part, merged
-from .partition import NEAR, extent, partition
+from .merging import NEAR, Part, extent, merged, partition
 from .plan import Opening
-from .shell import shell_model
+from .shell import floor_model, shell_model
 
 if TYPE_CHECKING:
     from .care_home import CareHome

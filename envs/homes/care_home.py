@@ -1,9 +1,9 @@
-"""A home: loaded by name and level, drawn, walked through, and put into a world."""
+"""A home: loaded by name and level, walked through, with named places, and put into a world."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,19 +23,33 @@ from .furnishing import Placed, furnish
 from .layout import lay_out, load_house
 from .occupancy import BORDER, Obstacle, Occupancy
 from .palette import Palette
-from .piece import Piece, Setting
+from .piece import Piece, Setting, Zone
 from .plan import Plan, Room
 from .route import HAND_ROOM, WHEELCHAIR_WIDTH, Route, Way
 from .rule import Rules
-from .spot import Spot, spots_of
 
 if TYPE_CHECKING:
     from .built import BuiltHome
+
+_KNOWN_AS = {"hospital_bed": "bed"}  # a task beside a bed takes either
 
 
 def home_names() -> tuple[str, ...]:
     """Return the names of the houses that come with the package, sorted."""
     return assets.names("homes")
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place.
+
+    Attributes:
+        pose: Where, in the house; x points where somebody there looks.
+        note: What it is.
+    """
+
+    pose: Pose
+    note: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +187,24 @@ class CareHome:
         """Return the rooms that everybody who lives there must be able to reach."""
         return self.plan.required_rooms()
 
-    def spots(self, room: str) -> Mapping[str, Spot]:
-        """Return the named places of a room where an agent can be put, such as `beside_bed`."""
-        return spots_of(self, self.plan.room(room))
+    def spots(self, room: str) -> dict[str, Spot]:
+        """Return the places of a room where an agent can be put: `centre`, those at furniture, and on it.
+
+        `before_sofa` and `beside_bed` are on the floor that a piece needs; `on_bed` and the like are
+        its frames; `centre` is the middle of the largest free circle. A second of a kind is
+        `beside_bed_2`. UnknownNameError if there is no such room.
+        """
+        _, (x, y) = self.clearance.free_circle(self.room(room).inside)
+        out = {"centre": Spot(Pose((x, y, 0.0)), "middle of the largest free circle")}
+        for placed in self.furniture(room):
+            kind = _KNOWN_AS.get(placed.piece.kind, placed.piece.kind)
+            for zone in placed.piece.zones:
+                if zone.why == "use":
+                    name, spot = _at(placed, zone)
+                    out[_free(f"{name}_{kind}", out)] = spot
+            for frame, what in placed.piece.frames.items():
+                out[_free(f"{kind}_{frame}", out)] = Spot(placed.frame(frame), what.note or frame)
+        return out
 
     def spot(self, room: str, name: str) -> Pose:
         """Return a named place of a room, in the house; x points where one looks.
@@ -252,3 +281,23 @@ class CareHome:
         return BuiltHome(
             self, world, at, rooms, busy=busy, ceilings=ceilings, wall_height=wall_height
         )
+
+
+def _at(placed: Placed, zone: Zone) -> tuple[str, Spot]:
+    """Return whether a zone is before or beside its piece, and the place in its middle."""
+    own = placed.piece.footprint
+    x, y = zone.area.centre
+    is_before = zone.area.x0 >= own.x1 - 0.05
+    ahead = (own.centre[0] - x, 0.0) if is_before else (0.0, own.centre[1] - y)
+    yaw = math.atan2(ahead[1], ahead[0])
+    pose = placed.pose @ Pose((x, y, 0.0), tuple(quaternion_from_rpy(0, 0, yaw).tolist()))
+    word = "before" if is_before else "beside"
+    return word, Spot(pose, f"floor {word} {placed.name}, looking at it")
+
+
+def _free(name: str, taken: dict[str, Spot]) -> str:
+    number, free = 1, name
+    while free in taken:
+        number += 1
+        free = f"{name}_{number}"
+    return free

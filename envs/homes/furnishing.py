@@ -392,20 +392,17 @@ def _ticks(low: float, high: float) -> Array:
     low, high = low + TO_WALL, high - TO_WALL
     if high < low:
         return np.empty(0)
-    out: Array = np.unique(np.append(np.arange(low, high, STEP), high))
-    return out
+    return np.asarray(np.unique(np.append(np.arange(low, high, STEP), high)))
 
 
 def _shifted(area: Rectangle, at: Array) -> Array:
     """Return an area at many places, shape [n, 4]."""
-    out: Array = area.row + np.concatenate((at, at), axis=1)
-    return out
+    return np.asarray(area.row + np.concatenate((at, at), axis=1))
 
 
 def _within(areas: Array, room: Array) -> Mask:
     above, below = areas[:, :2] >= room[:2], areas[:, 2:] <= room[2:]
-    out: Mask = np.asarray(above.all(axis=1) & below.all(axis=1), np.bool_)
-    return out
+    return np.asarray(above.all(axis=1) & below.all(axis=1), np.bool_)
 
 
 def _meets(areas: Array, others: Sequence[Rectangle]) -> Mask:
@@ -415,5 +412,4 @@ def _meets(areas: Array, others: Sequence[Rectangle]) -> Mask:
     rows = np.array([other.row for other in others])
     low = np.maximum(areas[:, None, :2], rows[None, :, :2])
     high = np.minimum(areas[:, None, 2:], rows[None, :, 2:])
-    out: Mask = np.asarray(((high - low) > 1e-6).all(axis=2).any(axis=1), np.bool_)
-    return out
+    return np.asarray(((high - low) > 1e-6).all(axis=2).any(axis=1), np.bool_)

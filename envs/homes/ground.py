@@ -139,8 +139,7 @@ class Ground:
 
     def _free(self, xs: Array, ys: Array, width: float) -> Mask:
         """Return where something round of a width is clear of all things, shape [ys, xs]."""
-        out: Mask = self._squares(xs, ys) >= (0.5 * width - TOUCH) ** 2
-        return out
+        return np.asarray(self._squares(xs, ys) >= (0.5 * width - TOUCH) ** 2)
 
     def _room(self, xs: Array, ys: Array) -> Array:
         """Return the distance to the nearest thing or wall, shape [ys, xs] [m]."""
@@ -148,8 +147,7 @@ class Ground:
         wide = np.minimum(xs - inside.x0, inside.x1 - xs)
         deep = np.minimum(ys - inside.y0, inside.y1 - ys)
         walls = np.minimum(wide[None, :], deep[:, None])
-        out: Array = np.minimum(np.sqrt(self._squares(xs, ys)), np.maximum(walls, 0.0))
-        return out
+        return np.asarray(np.minimum(np.sqrt(self._squares(xs, ys)), np.maximum(walls, 0.0)))
 
     def _squares(self, xs: Array, ys: Array) -> Array:
         """Return the squared distance to the nearest thing, shape [ys, xs] [m²]."""

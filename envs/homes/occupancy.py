@@ -97,8 +97,7 @@ class Occupancy:
         """How far the middle of each cell is from the nearest taken cell [m], to half a cell."""
         grown = np.pad(self.free, 1, constant_values=True)
         far: Array = ndimage.distance_transform_edt(grown)[1:-1, 1:-1]
-        out: Array = np.maximum(far - 0.5, 0.0) * self.cell
-        return out
+        return np.asarray(np.maximum(far - 0.5, 0.0) * self.cell)
 
     def clearance(self, x: float, y: float) -> float:
         """Return how far a point [m] is from the nearest obstacle, exactly; 0 inside of one [m]."""

@@ -19,8 +19,7 @@ from ..care_env import CareEnv
 from ..devices import Cup
 from ..reach import Trial
 from ..registry import register_policy, register_task
-from ..scenes.meal import Meal, MealOptions
-from ..scenes.mouth import RADIUS, Mouth
+from ..scenes.meal import MOUTH_RADIUS, Meal, MealOptions, Mouth
 from ..state import Seen, State, Values, clip, tolerance
 
 Flags = npt.NDArray[np.bool_]
@@ -220,7 +219,7 @@ class Drinking(Meal):
 
     def rewards(self, role: str, state: DrinkingState) -> Mapping[str, Values]:
         kept = 1.0 - state.spilled
-        near = tolerance(state.distance, bounds=(0, RADIUS), margin=0.3)
+        near = tolerance(state.distance, bounds=(0, MOUTH_RADIUS), margin=0.3)
         drunk = clip(state.drunk / LEAST_DRUNK, 0.0, 1.0)
         terms = {"water": kept * kept, "approach": kept * near, "drunk": kept * drunk}
         # An episode that ends well is paid as if it had gone on at its best: else to dawdle with the cup

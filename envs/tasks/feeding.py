@@ -143,8 +143,7 @@ class Feeding(Meal):
 
     def bowl_position(self) -> Array:
         """Return where the middle of the spoon's bowl is in the world [m], shape [3]."""
-        bowl: Array = self.state.bowl
-        return bowl
+        return self.state.bowl
 
     def read(self, now: State, before: FeedingState | None) -> FeedingState:
         position, quaternion = self._spoon_body.centre_pose()

@@ -1,12 +1,15 @@
-"""The command `coach evaluate`: synthetic people before a recogniser, and tables of what came of it."""
+"""The command `coach evaluate`: synthetic people before a recogniser, tables and a figure of what came."""
 
 from __future__ import annotations
 
+import io
 import json
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from matplotlib.figure import Figure
 
 from rcare_marl.agents.coaching.exercise import load_exercises
 from rcare_marl.atomic_file import write_whole
@@ -18,12 +21,21 @@ from rcare_marl.baselines.coaching.evaluation import (
 )
 from rcare_marl.baselines.coaching.noise import NoiseModel
 from rcare_marl.baselines.coaching.performance import WRONG
+from rcare_marl.baselines.evaluation.episode_figure import style
 from rcare_marl.console import console, print_line, progress, table
 
 from .parameter import print_json
 
 SHARES = ("right recognised", "95 % interval", "of", "wrong detected", "95 %", "of ")
 SHOWN = 3  # verdicts on each kind of performance in the table of confusions
+# Of the palette of Okabe & Ito, which people with a colour vision deficiency tell apart; and marks besides.
+STYLES = {"right": ("#0072B2", "o"), "wrong": ("#D55E00", "s")}
+NAMES = {"right": "right recognised", "wrong": "wrong detected"}
+UNITS = {
+    "hands": "{cm:g} cm, {deg:g} degrees and {lost:g} % drop-outs",
+    "joints": "{deg:g} degrees and {lost:g} % drop-outs",
+    "camera": "{pixel:g} pixels and {lost:g} % of the markers missed",
+}
 
 
 def run(*, exercises: Sequence[str], noise: NoiseModel | None, **given: Any) -> CoachEvaluation:
@@ -42,8 +54,6 @@ def evaluate(
     *, levels: Sequence[float], plot: Path | None, output: Path | None, as_json: bool, **given: Any
 ) -> None:
     """Evaluate at usual noise, and at each level of it if there are any; print and write what came of it."""
-    from rcare_marl.baselines.coaching import noise_figure
-
     begun = time.monotonic()
     noises = noise_levels(given["source"], levels)
     usual = run(**given, noise=None)
@@ -56,7 +66,7 @@ def evaluate(
     if output is not None:
         write_whole(output, (json.dumps(out, indent=2) + "\n").encode())
     if plot is not None:
-        write_whole(plot, noise_figure.draw(found))
+        write_whole(plot, draw(found))
     if as_json:
         print_json(out)
     else:
@@ -140,3 +150,57 @@ def _line_rows(told: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("a frame, mean", f"{frame['mean']:.2f} ms"),
         ("a frame, 99th percentile", f"{frame['p99']:.2f} ms"),
     ]
+
+
+def draw(evaluations: Mapping[float, CoachEvaluation]) -> bytes:
+    """Return a PNG of both shares, with their 95 % intervals, over the level of the noise.
+
+    Args:
+        evaluations: By level of the noise, as of `evaluation.sweep_noise`; one at least.
+    """
+    figure = Figure(figsize=(7.0, 4.2), dpi=140, layout="constrained")
+    axes = figure.subplots()
+    levels = sorted(evaluations)
+    first = evaluations[levels[0]]
+    lowest = 100.0
+    for key, (color, marker) in STYLES.items():
+        told = [evaluations[level].to_dict()[key] for level in levels]
+        shares = [100 * each["share"] for each in told]
+        low = [100 * max(each["share"] - each["interval"][0], 0.0) for each in told]
+        high = [100 * max(each["interval"][1] - each["share"], 0.0) for each in told]
+        axes.errorbar(
+            levels,
+            shares,
+            yerr=(low, high),
+            color=color,
+            marker=marker,
+            capsize=3,
+            label=NAMES[key],
+        )
+        lowest = min(lowest, *(s - down for s, down in zip(shares, low, strict=True)))
+    goal = 95 if first.source == "camera" else 99
+    axes.axhline(goal, color="0.5", linestyle=":", linewidth=1)
+    axes.annotate(
+        f"{goal} %",
+        (levels[-1], goal),
+        (0, 3),
+        textcoords="offset points",
+        ha="right",
+        color="0.35",
+        fontsize=8,
+    )
+    usual = NoiseModel()
+    unit = UNITS[first.source].format(
+        cm=100 * usual.position, deg=usual.angle_deg, lost=100 * usual.dropout, pixel=usual.pixel
+    )
+    axes.set_xlabel(f"noise, times {unit}")
+    axes.set_ylabel("share [%]")
+    axes.set_ylim(max(0.0, lowest - 2), 101)
+    style(axes)
+    axes.set_title(
+        f"{first.source}, {first.recogniser}, {first.users} people", loc="left", fontsize=10
+    )
+    axes.legend(loc="lower left", frameon=False)
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png")
+    return stream.getvalue()

@@ -25,8 +25,7 @@ import numpy as np
 
 from ..errors import ConfigError
 from ..pose import Array
-from .colouring import colours, groups
-from .constraint import summed
+from .constraint import colours, groups, summed
 from .contact import Floats, Indices
 from .material import Material
 

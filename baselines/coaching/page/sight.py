@@ -1,28 +1,184 @@
-"""What a session sees of the person, from whichever source they chose, and how much a page may send."""
+"""What a session sees of the person, by headset, camera or simulation, and how much a page may send."""
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from typing import Protocol
 
 import numpy as np
 
+from rcare_marl.agents.coaching.exercise import HEAD
 from rcare_marl.agents.coaching.recognition.recogniser import Frame
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
 from rcare_marl.agents.coaching.sources.landmark_source import LandmarkReading, LandmarkSource
-from rcare_marl.agents.coaching.upper_body import UpperBody
-from rcare_marl.pose import Array
+from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, SIGN, UpperBody
+from rcare_marl.pose import Array, Pose, matrix_from_quaternion, multiply, quaternion_from_matrix
 
-from .message import Begin, Hands, Landmarks, MessageError
-from .simulated_user import SimulatedUser
-from .webxr import reading
+from .message import Begin, HandJoints, Hands, Landmarks, MessageError, Mistake, Place
 
-SLACK = (
-    1.0  # by how much the page's clock may gain on ours between two readings [s]; our own choice
-)
-ANEW = 2.0  # after so long with refused times only, it is taken as it is from there on [s]; our own choice
+DELAY = 0.35  # after the coach [s]
+TREMOR = 0.004  # of head and hands, standard deviation [m]
+TURN_TREMOR = math.radians(1.0)
+LEAN = math.radians(28)  # forward, of somebody who leans with the arms
+PLANE = math.radians(60)  # how far beside the arms are in the wrong plane
+SEAT = 0.55  # height of the hips [m]
+FROM_WEBXR: Array = np.array(((0.0, 0.0, -1.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+# Columns: fingers, across the palm to the left, back of the hand; in the axes of the grip.
+HAND_IN_GRIP: dict[str, Array] = {
+    side: np.array(((0.0, 0.0, -sign), (-1.0, 0.0, 0.0), (0.0, sign, 0.0)))
+    for side, sign in SIGN.items()
+}
+# By how much the page's clock may gain on ours between two readings, and after how long with refused
+# times only it is taken as it is from there on [s]; our own choice.
+SLACK, ANEW = 1.0, 2.0
 RATE = 120.0  # messages a second in the long run: a headset of 90 Hz, and then some
 BURST = 120.0  # at once
 UNSEEN = 0.7  # after so long without a frame the person counts as not seen [s]; our own choice
+
+
+class SimulatedUser:
+    """Follows what the coach shows, where there is neither headset nor webcam.
+
+    They do it a little later and a little shaky, and at choice with a mistake. What comes out is what
+    their headset and hands would report: recognition has nothing else to go by. All figures are our own
+    choice.
+
+    Attributes:
+        mistake: What they do wrong.
+    """
+
+    def __init__(self, height: float, *, seed: int = 0, mistake: Mistake = "none") -> None:
+        """Prepare somebody of a stature [m]."""
+        self.mistake = mistake
+        self._body = UpperBody.of_height(height)
+        self._rng = np.random.default_rng(seed)
+        self._seen: deque[tuple[float, Array]] = deque()
+        self._rest: Array | None = None
+        self._doing: Array | None = None
+
+    def follow(self, shown: Array, rest: Array, time: float) -> HandsReading:
+        """Return what their headset and hands report at a time [s].
+
+        Args:
+            shown: What the coach shows now [rad], shape [16].
+            rest: Where the exercise begins and ends [rad], shape [16].
+            time: It only grows [s].
+        """
+        self._seen.append((time, shown))
+        doing = self._doing if self._doing is not None else rest
+        while self._seen and self._seen[0][0] <= time - DELAY:
+            doing = self._seen.popleft()[1]
+        self._doing = doing
+        poses = self._body.poses(self._with_mistake(doing, rest))
+        return HandsReading(
+            *(self._shaken(*poses[name]) for name in ("head", "left_hand", "right_hand"))
+        )
+
+    def _with_mistake(self, angles: Array, rest: Array) -> Array:
+        """Return what they do in place of `angles`, coming and going with how far these are from rest."""
+        out = np.array(angles)
+        if self.mistake == "still":
+            return np.array(rest)
+        if self.mistake == "half_range":
+            return np.asarray(rest + 0.5 * (angles - rest))
+        if self.mistake == "one_side":
+            out[ARM["right"]] = rest[ARM["right"]]
+            out[HEAD] = np.maximum(out[HEAD], rest[HEAD])
+            return out
+        raised = min(float(np.abs(angles - rest).max()) / math.radians(60), 1.0)
+        if self.mistake == "trunk_lean":
+            out[MOTION_INDEX["trunk_flexion"]] += LEAN * raised
+        if self.mistake == "wrong_plane":
+            for arm in ARM.values():
+                plane = arm.start + 1
+                out[plane] += raised * (PLANE if out[plane] < math.pi / 4 else -PLANE)
+            out[HEAD] = rest[HEAD] + np.roll(
+                angles[HEAD] - rest[HEAD], 1
+            )  # tilts, and does not turn
+        return out
+
+    def _shaken(self, position: Array, quaternion: Array) -> Pose:
+        position = position + self._rng.normal(0, TREMOR, 3) + (0.0, 0.0, SEAT)
+        x, y, z = self._rng.normal(0, TURN_TREMOR / 2, 3)
+        turned = multiply(quaternion, (x, y, z, math.sqrt(1 - x * x - y * y - z * z)))
+        return Pose(tuple(position.tolist()), tuple(turned.tolist()))
+
+
+def reading(hands: Hands, body: UpperBody) -> HandsReading:
+    """Return what a headset reported as a reading in the frame x ahead, y left, z up.
+
+    WebXR's frame is x right, y up, -z ahead (https://www.w3.org/TR/webxr, XRReferenceSpace), so x = -z',
+    y = -x', z = y'. The viewer looks along its own -z', so its axes are turned likewise.
+
+    Hands come in two ways:
+
+    - Tracked hands (https://www.w3.org/TR/webxr-hand-input-1/): the wrist and the knuckles, joints
+      `*-finger-phalanx-proximal`. The fingers' direction is from the wrist to the middle knuckle, across
+      the palm lies the line of the knuckles. Of these only where the joints are is used, not how they are
+      turned, in which devices differ.
+    - Controllers: the grip pose, in OpenXR's meaning (specification 1.1, "Standard pose identifiers"): in
+      the palm; x away from the palm on the left, into it on the right; -z through the fist from the little
+      finger to the thumb. So flat fingers point along -y on both. How makers place it within the
+      controller differs by degrees: that it fits is an assumption, no controller was measured.
+
+    Args:
+        hands: The report.
+        body: Lengths of the person's body, for how far the palm is from the wrist.
+    """
+    return HandsReading(
+        head=None if hands.head is None else _head(hands.head),
+        left=_hand("left", hands.left, body),
+        right=_hand("right", hands.right, body),
+    )
+
+
+def _head(place: Place) -> Pose:
+    turn = FROM_WEBXR @ matrix_from_quaternion(place.quaternion) @ FROM_WEBXR.T
+    return _pose(FROM_WEBXR @ np.array(place.position), turn)
+
+
+def _hand(side: str, hand: HandJoints | Place | None, body: UpperBody) -> Pose | None:
+    if hand is None:
+        return None
+    if isinstance(hand, Place):
+        turn = FROM_WEBXR @ matrix_from_quaternion(hand.quaternion) @ HAND_IN_GRIP[side]
+        return _pose(FROM_WEBXR @ np.array(hand.position), turn)
+    wrist, index, middle, pinky = (
+        FROM_WEBXR @ np.array(p) for p in (hand.wrist, hand.index, hand.middle, hand.pinky)
+    )
+    fingers = _unit(middle - wrist)
+    across = SIGN[side] * (pinky - index)
+    back = np.cross(fingers, across)
+    if np.linalg.norm(back) < 1e-6:  # the knuckles in line with the wrist: no hand
+        return None
+    back = _unit(back)
+    turn = np.column_stack((fingers, np.cross(back, fingers), back))
+    return _pose(wrist + body.palm * fingers, turn)
+
+
+def head_place(position: Array, quaternion: Array) -> tuple[float, ...]:
+    """Return a head's pose, of our frame, as WebXR has it: position [m] and quaternion, seven numbers."""
+    turn = FROM_WEBXR.T @ matrix_from_quaternion(quaternion) @ FROM_WEBXR
+    return _seven(position, turn)
+
+
+def grip_place(side: str, position: Array, quaternion: Array) -> tuple[float, ...]:
+    """Return a hand's pose, of our frame, as a grip of WebXR: seven numbers."""
+    turn = FROM_WEBXR.T @ matrix_from_quaternion(quaternion) @ HAND_IN_GRIP[side].T
+    return _seven(position, turn)
+
+
+def _seven(position: Array, turn: Array) -> tuple[float, ...]:
+    return (*(FROM_WEBXR.T @ position).tolist(), *quaternion_from_matrix(turn).tolist())
+
+
+def _pose(position: Array, turn: Array) -> Pose:
+    return Pose(tuple(position.tolist()), tuple(quaternion_from_matrix(turn).tolist()))
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 class PageClock:

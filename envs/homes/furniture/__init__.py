@@ -3,17 +3,14 @@
 from . import appliance as appliance
 from . import assistive as assistive
 from . import bathroom as bathroom
-from . import bathroom_bar as bathroom_bar
 from . import bathroom_basin as bathroom_basin
 from . import bathroom_bath as bathroom_bath
-from . import bathroom_shower as bathroom_shower
 from . import bathroom_storage as bathroom_storage
 from . import bedroom as bedroom
 from . import dining as dining
 from . import drapery as drapery
 from . import gym as gym
 from . import hall as hall
-from . import hearth as hearth
 from . import kitchen as kitchen
 from . import kitchen_ornament as kitchen_ornament
 from . import laundry as laundry

@@ -6,12 +6,11 @@ import math
 
 from .joinery import Joinery
 from .kitchen_layout import CORNER, NARROWEST, WIDEST, RunPlan, Unit
+from .kitchen_unit import BOARD, FRONT
 
 # [m]; common, from memory.
 DEPTH = 0.32
-FRONT = 0.018
 HEIGHT = 0.72
-BOARD = 0.016
 HOOD_OVER_HOB = 0.68
 HOOD_WIDTH = 0.6
 TILE = 0.2
