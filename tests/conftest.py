@@ -14,6 +14,8 @@ import pytest
 from rcare_marl.errors import MissingPackageError, RenderingError
 
 REQUIRED = "RCARE_MARL_REQUIRE_GL"
+# Read when Torch and BLAS are imported: beside other tests more threads would only wait for each other.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -5,15 +5,26 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
+from variants import few
 
 from rcare_marl.envs.homes.audit import Audit, audit
 from rcare_marl.envs.homes.care_home import CareHome, home_names
 
-ALL = [  # the middle level takes a third of the time and finds what the others find
-    pytest.param(name, level, marks=[pytest.mark.slow] if level == 2 else [])
+# A house takes half a second to build, and the middle level finds what the others find.
+QUICK = home_names()[::3]
+ALL = [
+    pytest.param(name, level, marks=() if name in QUICK and level != 2 else pytest.mark.slow)
     for name in home_names()
     for level in (1, 2, 3)
 ]
+EACH = pytest.mark.parametrize("name", few(home_names(), *QUICK))
+TOGETHER = pytest.mark.parametrize(
+    "names",
+    [
+        pytest.param(QUICK, id="some"),
+        pytest.param(home_names(), id="all", marks=pytest.mark.slow),
+    ],
+)
 
 
 @cache

@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 from episode import play
+from variants import few
 
 import rcare_marl
 from rcare_marl.envs.care_env import CareEnv
@@ -40,7 +41,7 @@ def run(env: CareEnv, seed: int) -> Ambulating:
     return task_of(env)
 
 
-@pytest.fixture(scope="module", params=HARDWARE)
+@pytest.fixture(scope="module", params=few(HARDWARE, 1, 3))
 def scripted(request: pytest.FixtureRequest) -> Iterator[CareEnv]:
     env = rcare_marl.make("ambulating", level=request.param, policies=BOTH)
     yield env

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from behaving_person import CLOSED, DRIVEN, OPEN, Kind, Scene
+from variants import few
 
 from rcare_marl.agents.people.actuation.muscular import MuscleDrive
 from rcare_marl.agents.people.behaviour.avatar_tree import load_behaviour
@@ -15,6 +17,10 @@ from rcare_marl.agents.people.behaviour.leaves import Actor, Settle, Threshold
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 Array = npt.NDArray[np.float64]
+
+
+# Muscles are slow where a skeletal drive shows the same; others of these tests run both.
+MUSCLES_SLOW = pytest.mark.parametrize("kind", few(("skeletal", "muscle"), "skeletal"))
 
 
 def is_slack(scene: Scene) -> bool:
@@ -89,22 +95,27 @@ def follow_and_check(text: str, dof: str, least: float, kind: Kind) -> None:
     assert scene.angle(dof) < 0.7 * max(least, 1.5)
 
 
-@DRIVEN
 @pytest.mark.parametrize(
-    ("text", "dof", "least"),
+    ("text", "dof", "least", "kind"),
     [
-        ("raise your right arm", "right_shoulder_flexion", 0.9),
-        ("bend your left elbow", "left_elbow_flexion", 1.8),
-        ("turn your head left", "neck_rotation_left", 0.3),
-        ("open your mouth", "jaw_opening", 0.2),
-        ("lean forward", "spine1_flexion", 0.1),
+        pytest.param(*asked, kind, marks=pytest.mark.slow if kind == "muscle" and i else ())
+        for i, asked in enumerate(
+            [
+                ("raise your right arm", "right_shoulder_flexion", 0.9),
+                ("bend your left elbow", "left_elbow_flexion", 1.8),
+                ("turn your head left", "neck_rotation_left", 0.3),
+                ("open your mouth", "jaw_opening", 0.2),
+                ("lean forward", "spine1_flexion", 0.1),
+            ]
+        )
+        for kind in ("skeletal", "muscle")
     ],
 )
 def test_a_sentence_is_followed_and_answered(text: str, dof: str, least: float, kind: Kind) -> None:
     follow_and_check(text, dof, least, kind)
 
 
-@DRIVEN
+@MUSCLES_SLOW
 def test_who_tries_in_vain_says_so_after_a_while_and_gives_up(kind: Kind) -> None:
     scene = Scene("karan", kind=kind)  # his left arm is too weak
     rest = scene.angle("left_shoulder_flexion")
@@ -119,7 +130,7 @@ def test_who_tries_in_vain_says_so_after_a_while_and_gives_up(kind: Kind) -> Non
     assert scene.run(8).answer() == "done"  # and done stays done
 
 
-@DRIVEN
+@MUSCLES_SLOW
 def test_no_sentence_is_tried_for_ever(kind: Kind) -> None:
     scene = Scene("kim", kind=kind)
     for text in sorted(scene.cues.instruction.possible):
@@ -169,7 +180,7 @@ def test_who_relaxes_wishes_nothing(kind: Kind) -> None:
     assert is_slack(scene) and scene.answer() == "done"
 
 
-@DRIVEN
+@MUSCLES_SLOW
 def test_a_reach_goes_for_the_angles_that_it_is_given(kind: Kind) -> None:
     scene = Scene(kind=kind)
     wish: Mapping[str, float] = {"right_shoulder_flexion": 0.9, "right_elbow_flexion": 0.6}
@@ -183,7 +194,7 @@ def test_a_reach_goes_for_the_angles_that_it_is_given(kind: Kind) -> None:
         scene.cues.reach = wish  # type: ignore[assignment]
 
 
-@DRIVEN
+@MUSCLES_SLOW
 def test_pain_withdraws_the_limb_that_hurts_and_no_other(kind: Kind) -> None:
     scene = Scene(kind=kind)
     scene.run(0.5)
@@ -236,7 +247,7 @@ def test_a_cough_bends_the_neck_three_times_and_is_over(kind: Kind) -> None:
     assert not scene.cues.must_cough and abs(seen[-1]) < 0.03
 
 
-@DRIVEN
+@MUSCLES_SLOW
 def test_the_tired_rest_until_they_have_recovered(kind: Kind) -> None:
     scene = Scene(kind=kind)
     scene.cues.instruction.say("raise your right arm")
@@ -252,9 +263,16 @@ def test_the_tired_rest_until_they_have_recovered(kind: Kind) -> None:
     assert "rest" not in scene.running() and scene.angle("right_shoulder_flexion") > 0.9
 
 
-@DRIVEN
-@pytest.mark.parametrize("avatar", ["caregiver", "karan"])
-@pytest.mark.parametrize("fatigue", [0.65, 0.95])
+QUICK_TIRED = {("caregiver", 0.65, "muscle"), ("karan", 0.95, "skeletal")}
+
+
+@pytest.mark.parametrize(
+    ("avatar", "fatigue", "kind"),
+    [
+        pytest.param(*case, marks=() if case in QUICK_TIRED else pytest.mark.slow)
+        for case in product(("caregiver", "karan"), (0.65, 0.95), ("skeletal", "muscle"))
+    ],
+)
 def test_the_tired_let_go_and_stay_so(avatar: str, fatigue: float, kind: Kind) -> None:
     scene = Scene(avatar, movable=None, kind=kind, config=load_behaviour("anybody"))
     scene.cues.instruction.say("raise your right arm")
@@ -326,7 +344,7 @@ def test_a_misspelt_cue_is_named() -> None:
 # Composition.
 
 
-@DRIVEN
+@MUSCLES_SLOW
 def test_cough_and_pain_interrupt_anything(kind: Kind) -> None:
     scene = Scene(kind=kind)
     for begin in ("hold still", "relax", "raise your right arm", "open your mouth"):

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 
 import pytest
-from house_levels import ALL, built
+from house_levels import ALL, EACH, built
 
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
@@ -33,7 +33,8 @@ SHOULDERS = 0.5  # [m] wide, with arms; from memory
 STRIDE = 0.6  # [m] before and behind a door
 
 
-@pytest.mark.parametrize("level", [1, pytest.param(2, marks=pytest.mark.slow), 3])
+@pytest.mark.slow  # builds all; their plans are counted in test_home_plans.py
+@pytest.mark.parametrize("level", [1, 2, 3])
 def test_the_houses_have_the_rooms_of_the_paper(level: int) -> None:
     assert len(home_names()) == 16
     kinds = Counter(room.kind for name in home_names() for room in built(name, level).rooms())
@@ -95,7 +96,7 @@ def test_rooms_have_what_they_are_for(name: str, level: int) -> None:
             assert not entry.required or entry.piece in kinds, (room.name, entry.piece)
 
 
-@pytest.mark.parametrize("name", home_names())
+@EACH
 def test_a_wheelchair_reaches_every_required_room_at_level_3_and_fewer_at_level_1(
     name: str,
 ) -> None:
@@ -152,7 +153,7 @@ def test_people_look_where_their_place_says_and_lie_with_the_head_at_the_headboa
     world.close()
 
 
-@pytest.mark.parametrize("name", home_names())
+@EACH
 def test_a_barrier_free_house_has_a_hospital_bed_that_tasks_find_as_a_bed(name: str) -> None:
     home = built(name, 3)
     (bed,) = [p for p in home.placed if p.piece.kind == "hospital_bed"]

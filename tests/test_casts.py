@@ -30,8 +30,14 @@ def reaching(task: str) -> Collection[str]:
     return said if said is not None else {str(task_class(task).roles()["robot"].default)}
 
 
+# Each takes 5 s and more; test_reach.py dresses somebody else with another robot.
+SLOW = {*(("dressing", role) for role in ("robot", "recipient", "caregiver"))}
+SLOW |= {("phyrc_dressing", "robot")}
+SEARCHED = {("drinking", "stretch_re1_dex")}  # the search for its start takes 5 s
+
+
 def casts() -> list[Any]:
-    """Return every task with every robot and every person; beyond one of each they are slow."""
+    """Return every task with every robot and every person; beyond one of each, in turn, they are slow."""
     cases = []
     for task in TASKS:
         for role, part in task_class(task).roles().items():
@@ -40,7 +46,9 @@ def casts() -> list[Any]:
                 continue  # nothing is promised of others
             if part.default is None:
                 continue
-            quick = next((o for o in others if role != "robot" or o in reaching(task)), None)
+            able = [o for o in others if role != "robot" or o in reaching(task)]
+            able = [o for o in able if (task, o) not in SEARCHED]
+            quick = able[TASKS.index(task) % len(able)] if able and (task, role) not in SLOW else ""
             cases += [
                 pytest.param(
                     task,
@@ -57,10 +65,10 @@ def casts() -> list[Any]:
 def check(task: str, **chosen: Any) -> None:
     """Hold an environment to PettingZoo's interface, and to repeating an episode bit by bit."""
     env, other = rcare_marl.make(task, **chosen), rcare_marl.make(task, **chosen)
-    parallel_api_test(env, num_cycles=10)
-    first = list(rollout(env, 3, steps=10))
-    assert_same(first, list(rollout(env, 3, steps=10)))
-    assert_same(first, list(rollout(other, 3, steps=10)))
+    parallel_api_test(env, num_cycles=5)
+    first = list(rollout(env, 3, steps=8))
+    assert_same(first, list(rollout(env, 3, steps=8)))
+    assert_same(first, list(rollout(other, 3, steps=8)))
     env.close()
     other.close()
 

@@ -63,6 +63,7 @@ def test_one_json_object_says_how_much_was_recognised_and_detected() -> None:
     assert {"confusion", "latency", "false_alarms", "frame_ms", "kinds"} <= set(out)
 
 
+@pytest.mark.slow  # starts two processes, as a test of evaluations in test_protocol.py does
 def test_the_trials_do_not_depend_on_how_many_processes_there_are() -> None:
     exercises = [load_exercise("head_rotation")]
     one, two = (

@@ -114,7 +114,13 @@ def state(env: CareEnv, seed: int) -> np.ndarray[Any, np.dtype[np.float32]]:
     return env.state()
 
 
-@pytest.mark.parametrize("task", task_names())
+@pytest.mark.parametrize(
+    "task",
+    [
+        pytest.param(task, marks=pytest.mark.slow if task.endswith("dressing") else ())
+        for task in task_names()
+    ],
+)
 def test_the_spread_is_that_of_what_a_task_randomises(task: str) -> None:
     env = rcare_marl.make(task)
     whole = [state(env, seed) for seed in (1, 2)]
@@ -205,7 +211,10 @@ NEARLY: dict[str, Callable[[Any], None]] = {
 }
 
 
-@pytest.mark.parametrize("task", NEARLY)
+@pytest.mark.parametrize(
+    "task",
+    [pytest.param(t, marks=pytest.mark.slow if t.endswith("dressing") else ()) for t in NEARLY],
+)
 def test_what_is_nearly_a_success_is_one_within_the_tolerance(task: str) -> None:
     env = rcare_marl.make(task)
     found = []

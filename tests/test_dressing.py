@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from episode import assert_same, play, rollout
 from standing_person import CONTROL_DT, person_in
 
 import rcare_marl
 from rcare_marl.agents.people.behaviour.leg_lifting import LegLifting
+from rcare_marl.agents.people.motion.caregiving import Caregiving
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.scenes.leg_path import LegPath
 from rcare_marl.envs.tasks.dressing import Dressing, DressingOptions
@@ -26,13 +28,6 @@ ALL = {"robot": "scripted", "recipient": "cooperative", "caregiver": "lifts"}
 
 def task_of(env: CareEnv) -> Dressing:
     return cast(Dressing, env.task)
-
-
-@pytest.fixture(scope="module")
-def scripted() -> Iterator[CareEnv]:
-    env = rcare_marl.make("dressing", policies=ALL)
-    yield env
-    env.close()
 
 
 @pytest.fixture(scope="module")
@@ -77,23 +72,58 @@ def test_shorts_hang_round_the_foot_in_the_fingers_and_press_on_nobody(free: Car
     assert math.dist(at, task.robot.tool_pose().position) < 0.03
 
 
-def test_the_caregiver_lifts_the_leg_and_the_robot_pulls_the_shorts_over_the_knee(
-    scripted: CareEnv,
-) -> None:
-    scripted.reset(seed=1)
-    task = task_of(scripted)
-    helper = cast(LegLifting, scripted.policies["caregiver"]).caregiving
-    start, low = task.state.along, float(task.leg.points[1, 2])
-    high, held = low, False
-    while not scripted.is_over:
-        scripted.step({})
-        high = max(high, float(task.leg.points[1, 2]))
+class Played(NamedTuple):
+    """A scripted episode: the state before each step and after the last, and what was done and seen."""
+
+    states: list[npt.NDArray[np.float32]]
+    sent: dict[str, list[Any]]  # actions by role
+    task: Dressing
+    helper: Caregiving
+    alongs: tuple[float, float]  # of the hem, at the start and at the end [m]
+    heights: list[float]  # of the knee [m]
+    was_held: bool
+    metrics: dict[str, float]
+    has_succeeded: bool
+
+
+@pytest.fixture(scope="module")
+def played() -> Iterator[Played]:
+    env = rcare_marl.make("dressing", policies=ALL)
+    sent: dict[str, list[Any]] = {role: [] for role in env.cast}
+    for role, policy in env.policies.items():
+        act = policy.act
+
+        def noted(act: Callable[[], Array] = act, row: list[Any] = sent[role]) -> Array:
+            row.append(act().copy())
+            return row[-1]
+
+        policy.act = noted  # type: ignore[method-assign]
+    env.reset(seed=1)
+    task = task_of(env)
+    helper = cast(LegLifting, env.policies["caregiver"]).caregiving
+    start, states, heights, held = task.state.along, [env.state()], [knee(task)], False
+    while not env.is_over:
+        env.step({})
+        states.append(env.state())
+        heights.append(knee(task))
         held = held or helper.is_holding
-    assert task.succeeded() and helper.trouble == ""
-    assert held and high > low + 0.25  # by the foot
+    ends, metrics = (start, task.state.along), dict(task.report())
+    yield Played(states, sent, task, helper, ends, heights, held, metrics, task.succeeded())
+    env.close()
+
+
+def knee(task: Dressing) -> float:
+    return float(task.leg.points[1, 2])
+
+
+def test_the_caregiver_lifts_the_leg_and_the_robot_pulls_the_shorts_over_the_knee(
+    played: Played,
+) -> None:
+    task, helper, metrics = played.task, played.helper, played.metrics
+    assert played.has_succeeded and helper.trouble == ""
+    assert played.was_held and max(played.heights) > played.heights[0] + 0.25  # by the foot
     assert 20 < helper.greatest_grip < 200  # [N]: a leg weighs
-    assert task.state.along - start > 0.25
-    metrics = task.report()
+    assert played.alongs[1] - played.alongs[0] > 0.25
     assert metrics["around_leg"] == 1 and metrics["peak_force_n"] < task.options.force_limit
     assert metrics["peak_cloth_load_n"] > 3 and metrics["peak_force_right_leg_n"] > 1
 
@@ -110,32 +140,16 @@ def test_the_leg_is_put_down_again_with_the_shorts_past_the_knee() -> None:
 
 
 def test_a_caregiver_is_learnable_and_its_actions_without_a_policy_give_the_same_episode(
-    scripted: CareEnv,
+    played: Played,
 ) -> None:
     """The first 110 control steps: the walk, the knee, the hand at the foot, the leg on its way up."""
-    sent: dict[str, list[Any]] = {role: [] for role in scripted.cast}
-    for role, policy in scripted.policies.items():
-        act = policy.act
-
-        def noted(act: Callable[[], Array] = act, row: list[Any] = sent[role]) -> Array:
-            row.append(act().copy())
-            return row[-1]
-
-        policy.act = noted  # type: ignore[method-assign]
-    scripted.reset(seed=2)
-    states = [scripted.state()]
-    for _ in range(110):
-        scripted.step({})
-        states.append(scripted.state())
-    for policy in scripted.policies.values():
-        del policy.act
     learned = rcare_marl.make("dressing")
     assert learned.possible_agents == ["robot", "recipient", "caregiver"]
-    learned.reset(seed=2)
-    np.testing.assert_array_equal(learned.state(), states[0])
+    learned.reset(seed=1)
+    np.testing.assert_array_equal(learned.state(), played.states[0])
     for k in range(110):
-        learned.step({role: row[k] for role, row in sent.items()})
-        np.testing.assert_array_equal(learned.state(), states[k + 1])
+        learned.step({role: row[k] for role, row in played.sent.items()})
+        np.testing.assert_array_equal(learned.state(), played.states[k + 1])
     helper = task_of(learned).caregiver
     assert helper.legs is not None and helper.legs.kneeling["left"] == 1.0
     assert helper.hands["left"].held is not None

@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 from episode import play
+from variants import few
 
 import rcare_marl
 from rcare_marl import assets
@@ -44,7 +45,7 @@ def learned() -> Iterator[CareEnv]:
     env.close()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", few(range(3), 0))
 def test_the_scripted_robot_gives_karan_to_drink(scripted: CareEnv, seed: int) -> None:
     task = run(scripted, seed)
     metrics = task.report()
@@ -78,7 +79,7 @@ def test_the_robot_can_be_mounted_on_the_left() -> None:
     env.close()
 
 
-@pytest.mark.parametrize("robot", ["nao", "stretch_re1", "ur5"])
+@pytest.mark.parametrize("robot", few(("nao", "stretch_re1", "ur5"), "nao", "ur5"))
 def test_a_robot_that_cannot_reach_is_refused(robot: str) -> None:
     with pytest.raises(ConfigError, match="no arm that reaches"):
         rcare_marl.make("drinking", robot=robot)
@@ -192,21 +193,22 @@ def test_the_same_seed_gives_the_same_episode(scripted: CareEnv) -> None:
     ends = []
     for _ in range(2):
         scripted.reset(seed=7)
-        for _ in range(45):
+        for _ in range(25):
             scripted.step({})
         water = task_of(scripted).water
         ends.append(scripted.state().tobytes() + water.positions.tobytes())
     assert ends[0] == ends[1]
 
 
-def test_random_actions_leave_all_finite() -> None:
+@pytest.mark.parametrize("most", few((90, 300), 90))
+def test_random_actions_leave_all_finite(most: int) -> None:
     env = rcare_marl.make("drinking", options={"force_limit": 1e6})
     rng = np.random.default_rng(0)
     steps, seed = 0, 0
-    while steps < 300:
+    while steps < most:
         env.reset(seed=seed)
         seed += 1
-        while env.agents and steps < 300:
+        while env.agents and steps < most:
             steps += 1
             actions = {
                 r: rng.uniform(-1, 1, env.action_space(r).shape).astype(np.float32)

@@ -80,8 +80,8 @@ def test_random_actions_are_a_function_of_the_seed_and_fill_the_box() -> None:
 
 def test_on_episode_hears_of_every_episode() -> None:
     heard: list[int] = []
-    options = {"recipient": "still"}
-    evaluate("feeding", options, episodes=2, seed=7, on_episode=lambda e: heard.append(e.seed))
+    players = lead_policies("toileting", "scripted")
+    evaluate("toileting", players, episodes=2, seed=7, on_episode=lambda e: heard.append(e.seed))
     assert heard == [7, 8]
 
 

@@ -264,13 +264,13 @@ def test_a_class_of_two_does_its_programme_together() -> None:
         recipient="morgan",
         second_recipient="jose",
         policies={"robot": "scripted", "recipient": "learner", "second_recipient": "learner"},
-        options={"repetitions": 2},
+        options={"repetitions": 1},
     )
     env.reset(seed=0)
     while not env.is_over:
         env.step({})
     assert env.task.succeeded()
-    assert env.task.report()["right_repetitions"] == 4 and env.task.report()["peak_force_n"] == 0
+    assert env.task.report()["right_repetitions"] == 2 and env.task.report()["peak_force_n"] == 0
     env.close()
 
 

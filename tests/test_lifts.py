@@ -243,8 +243,14 @@ def test_everybody_rises_with_the_bar_and_clear_of_the_lift(make: str, avatar: s
     assert world.contact_force(person.body, lift.body) == 0.0
 
 
-@pytest.mark.parametrize("avatar", FAST)
-@pytest.mark.parametrize("make", LIFTS)
+@pytest.mark.parametrize(
+    ("make", "avatar"),
+    [
+        pytest.param(make, who, marks=() if k % 2 == i else pytest.mark.slow)
+        for k, make in enumerate(LIFTS)
+        for i, who in enumerate(FAST)
+    ],
+)
 def test_hanging_person_comes_to_rest(make: str, avatar: str) -> None:
     """After 5 s somebody hangs so still that they drift by less than half a millimetre in 10 s."""
     world, lift = ceiling_lift(down=1.0) if make == "ceiling" else floor_lift(make)

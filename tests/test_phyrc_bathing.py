@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 from episode import play
+from variants import few
 
 import rcare_marl
 from rcare_marl import assets
@@ -230,11 +231,12 @@ def test_the_same_seed_gives_the_same_episode(scripted: CareEnv) -> None:
     assert ends[0] == ends[1]
 
 
-def test_random_actions_leave_all_finite() -> None:
+@pytest.mark.parametrize("steps", few((100, 300), 100))
+def test_random_actions_leave_all_finite(steps: int) -> None:
     env = rcare_marl.make("phyrc_bathing", options={"force_limit": 1e6})
     env.reset(seed=0)
     rng = np.random.default_rng(0)
-    for _ in range(300):
+    for _ in range(steps):
         shapes = {role: env.action_space(role).shape for role in env.agents}
         env.step({role: rng.uniform(-1, 1, s).astype(np.float32) for role, s in shapes.items()})
         assert np.isfinite(env.state()).all()

@@ -356,7 +356,13 @@ def test_a_shipped_policy_that_does_not_fit_the_cast_is_not_the_default(
     other.close()
 
 
-@pytest.mark.parametrize("file", sorted(trained.FOLDER.glob("*.npz")), ids=lambda f: f.stem)
+@pytest.mark.parametrize(
+    "file",
+    [
+        pytest.param(file, id=file.stem, marks=pytest.mark.slow if file.stem == "dressing" else ())
+        for file in sorted(trained.FOLDER.glob("*.npz"))
+    ],
+)
 def test_every_shipped_policy_plays_its_task_and_is_small(file: Path) -> None:
     policy = PolicyFile.read(file)
     assert file.stat().st_size < 2_000_000

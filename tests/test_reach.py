@@ -26,7 +26,7 @@ def gap(env: CareEnv) -> float:
     [
         ("bathing", "pr2", "morgan"),
         ("bathing", "pepper", "jose"),
-        ("bathing", "pepper", "daniel"),
+        pytest.param("bathing", "pepper", "daniel", marks=pytest.mark.slow),
         ("dressing", "fetch", "daniel"),
     ],
 )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ast
 import fnmatch
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -24,19 +26,44 @@ def modules(folder: str) -> list[Path]:
 ALL = [file for part in (CORE, *PARTS, "experiments") for file in modules(part)]
 
 
-def imported(file: Path, *, relative: bool = False) -> set[str]:
-    """Return the absolute names of what a file imports, those by relative imports too if asked."""
-    names: set[str] = set()
+class Facts(NamedTuple):
+    """What the tests ask about a file of code."""
+
+    lines: int
+    absolute: frozenset[str]  # names that it imports by absolute imports
+    all_names: frozenset[str]  # absolute names of all that it imports
+    functions: tuple[tuple[str, int], ...]  # with how many lines lie below the first
+    is_fast: bool  # whether a call has the keyword `fastmath`
+
+
+@cache
+def facts(file: Path) -> Facts:
+    """Return what a file has, parsed once for all tests."""
+    text = file.read_text(encoding="utf-8")
+    absolute, relative = set[str](), set[str]()
+    functions: list[tuple[str, int]] = []
+    is_fast = False
     package = (CORE, *(p for p in file.relative_to(ROOT).parent.parts if p != CORE))
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and (relative or node.level == 0):
+            absolute.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
             start = package[: len(package) - node.level + 1] if node.level else ()
             module = ".".join((*start, *([node.module] if node.module else [])))
+            names = relative if node.level else absolute
             names.add(module)
             names.update(f"{module}.{alias.name}" for alias in node.names)
-    return names
+        elif isinstance(node, ast.FunctionDef) and node.end_lineno is not None:
+            functions.append((node.name, node.end_lineno - node.lineno))
+        elif isinstance(node, ast.keyword) and node.arg == "fastmath":
+            is_fast = True
+    return Facts(
+        text.count("\n"),
+        frozenset(absolute),
+        frozenset(absolute | relative),
+        tuple(functions),
+        is_fast,
+    )
 
 
 def part_of(name: str) -> str | None:
@@ -57,7 +84,7 @@ def test_imports_go_one_way() -> None:
             allowed |= set(PARTS)
         if home in PARTS:
             allowed |= set(PARTS[: PARTS.index(home) + 1])
-        for name in imported(file):
+        for name in sorted(facts(file).absolute):
             if part_of(name) not in allowed:
                 wrong.append(f"{place_of(file)} imports {name}, which stands above it")
             if name.split(".")[0] in PARTS:
@@ -76,7 +103,7 @@ def test_homes_are_met_only_at_their_door() -> None:
         place = place_of(file)
         if place.startswith("envs/homes/"):
             continue
-        names = imported(file, relative=True)
+        names = facts(file).all_names
         inner = {n for n in names if n.startswith(f"{door}.")}
         inside = {n for n in inner if (ROOT / "envs" / "homes" / f"{n.split('.')[3]}.py").exists()}
         inside |= {n for n in inner if (ROOT / "envs" / "homes" / n.split(".")[3]).is_dir()}
@@ -88,23 +115,19 @@ def test_homes_are_met_only_at_their_door() -> None:
 def test_modules_and_functions_stay_readable() -> None:
     long = []
     for file in ALL:
-        text = file.read_text(encoding="utf-8")
         most = 340 if file.parent == ROOT / "envs" / "tasks" else 500
-        if text.count("\n") > most:
+        if facts(file).lines > most:
             long.append(f"{place_of(file)} has more than {most} lines")
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.FunctionDef) and node.end_lineno is not None:
-                if node.end_lineno - node.lineno >= 80:
-                    long.append(f"{place_of(file)}: {node.name} is too long")
+        for name, length in facts(file).functions:
+            if length >= 80:
+                long.append(f"{place_of(file)}: {name} is too long")
     assert not long, "\n".join(long)
 
 
 def test_no_kernel_rounds_as_its_compiler_likes() -> None:
     """With fastmath a kernel compiled here and the same from Numba's cache differ in the last bit."""
     for file in ALL:
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            is_fast = isinstance(node, ast.keyword) and node.arg == "fastmath"
-            assert not is_fast, f"{place_of(file)} uses fastmath, see docs/design.md"
+        assert not facts(file).is_fast, f"{place_of(file)} uses fastmath, see docs/design.md"
 
 
 def test_every_folder_of_code_is_a_package() -> None:

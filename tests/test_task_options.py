@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -25,9 +27,10 @@ def test_every_task_takes_the_common_settings(task: str) -> None:
 def test_the_terms_of_the_shaped_reward_are_in_info_times_their_weights(task: str) -> None:
     names = sorted(task_class(task).Options.SHAPED_WEIGHTS)
     terms = []
+    env = rcare_marl.make(task, options={"reward": "shaped"})
     for factor in (1.0, 3.0):
         weights = {n: factor * w for n, w in task_class(task).Options.SHAPED_WEIGHTS.items()}
-        env = rcare_marl.make(task, options={"reward": "shaped", "weights": weights})
+        env.task.change_options(dataclasses.replace(env.task.options, weights=weights))
         env.reset(seed=1)
         quiet = {role: np.zeros(env.action_space(role).shape, np.float32) for role in env.agents}
         _, rewards, _, _, infos = env.step(quiet)
@@ -36,7 +39,7 @@ def test_the_terms_of_the_shaped_reward_are_in_info_times_their_weights(task: st
         assert set(names) <= set(found) <= set(info)
         assert rewards["robot"] == pytest.approx(sum(found.values()))
         terms.append([info[name] for name in names])
-        env.close()
+    env.close()
     assert np.allclose(terms[1], 3 * np.array(terms[0])) and np.any(terms[0])
 
 

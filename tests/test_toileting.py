@@ -240,7 +240,9 @@ def test_what_cannot_be_is_refused(what: dict[str, object], message: str) -> Non
         rcare_marl.make("toileting", **what)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("home", "level"), [("house_03", 1), ("house_12", 3)])
+@pytest.mark.parametrize(
+    ("home", "level"), [pytest.param("house_03", 1, marks=pytest.mark.slow), ("house_12", 3)]
+)
 def test_the_lid_of_a_house_is_lifted_in_its_bathroom(home: str, level: int) -> None:
     env = rcare_marl.make("toileting", home=home, level=level, policies=SCRIPTED)
     task = run(env, 0)
@@ -254,9 +256,12 @@ def test_the_lid_of_a_house_is_lifted_in_its_bathroom(home: str, level: int) -> 
     env.close()
 
 
-@pytest.mark.parametrize("level", LEVELS)
-def test_every_house_has_a_toilet_at_which_there_is_room(level: int) -> None:
-    for name in home_names()[:: 3 if level == 2 else 5]:
+@pytest.mark.parametrize(
+    ("level", "every"),
+    [(1, 9), (2, 9), (3, 9), *(pytest.param(n, 3, marks=pytest.mark.slow) for n in LEVELS)],
+)
+def test_every_house_has_a_toilet_at_which_there_is_room(level: int, every: int) -> None:
+    for name in home_names()[level - 1 :: every]:
         home = CareHome.load(name, level=level)
         place = find_place(home, ("bathroom",), Toileting.footprint, site="toilet")
         standing = place.home.furniture(place.home_room.name)

@@ -14,7 +14,7 @@ from rcare_marl.baselines.evaluation.protocol import digest, read_record
 from rcare_marl.baselines.policy_file import PolicyFile
 
 FILES = sorted(trained.FOLDER.glob("*.npz"))
-SLOW = {"dressing"}
+SLOW = {"dressing", "ambulating_level1", "ambulating_level2"}
 EPISODES = 3
 
 

@@ -12,7 +12,15 @@ import numpy as np
 from rcare_marl.errors import UnknownNameError, check_name
 from rcare_marl.pose import Array, Pose, axis_rotation, quaternion_from_matrix
 
-from .skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, SIDES, forward_kinematics
+from .skeleton import (
+    DOF_INDEX,
+    DOFS,
+    JOINT_INDEX,
+    JOINTS,
+    SIDES,
+    forward_kinematics,
+    joint_rotation,
+)
 from .skin import BodyModel
 
 # SMPL-X axes (x left, y up, z forward) in the world (x forward, y left, z up).
@@ -142,23 +150,29 @@ def lay_arm(
     chosen = [DOF_INDEX[f"{side}_{name}"] for name in _ARM_DOFS]
     bounds = np.array([limits[f"{side}_{name}"] for name in _ARM_DOFS])
     out[chosen] = np.clip(np.radians((20 - 90, 15, 0, 80, 40)), bounds[:, 0], bounds[:, 1])
-    rest = model.joints
-    elbow, wrist = JOINT_INDEX[f"{side}_elbow"], JOINT_INDEX[f"{side}_wrist"]
-    forearm = float(np.linalg.norm(rest[wrist] - rest[elbow]))
+    names = [f"{side}_{joint}" for joint in ("collar", "shoulder", "elbow", "wrist")]
+    collar, *moved = (JOINT_INDEX[name] for name in names)
+    links = dict(zip(names[1:], np.diff(model.joints[[collar, *moved]], axis=0), strict=True))
+    forearm = float(np.linalg.norm(links[names[-1]]))
     base = pelvis.matrix()
     to_pad = pad.inverse().matrix()
+    rotations, positions = forward_kinematics(model.joints, out)  # up to the collar they stay
 
     def residual(x: Array) -> Array:
         out[chosen] = x
-        rotations, positions = forward_kinematics(rest, out)
-        at = {j: (to_pad @ base @ np.append(positions[j], 1.0))[:3] for j in (elbow, wrist)}
-        palm = to_pad[:3, :3] @ base[:3, :3] @ rotations[wrist] @ np.array((0.0, 1.0, 0.0))
+        rotation, position, at = rotations[collar], positions[collar], []
+        for name, link in links.items():
+            position = position + rotation @ link
+            rotation = rotation @ joint_rotation(name, out)
+            at.append((to_pad @ base @ np.append(position, 1.0))[:3])
+        _, elbow, wrist = at
+        palm = to_pad[:3, :3] @ base[:3, :3] @ rotation @ np.array((0.0, 1.0, 0.0))
         error = [
-            at[elbow][1],
-            at[elbow][2] - clearance,
-            at[wrist][1],
-            at[wrist][2] - clearance,
-            0.3 * (at[elbow][0] + 0.4 * forearm),
+            elbow[1],
+            elbow[2] - clearance,
+            wrist[1],
+            wrist[2] - clearance,
+            0.3 * (elbow[0] + 0.4 * forearm),
             0.1 * _FOREARM_DOWN * (1 - palm[2]),
         ]
         return np.array([*error, *(0.004 * (x - start))])

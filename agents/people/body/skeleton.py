@@ -209,14 +209,19 @@ DOFS_OF: dict[str, tuple[Dof, ...]] = {
 EYES = ("left_eye_smplhf", "right_eye_smplhf")
 
 
+def joint_rotation(joint: str, angles: Array) -> Array:
+    """Return a joint's local rotation for DoF `angles` [rad], shape [112] -> [3, 3]."""
+    out = np.eye(3)
+    for dof in DOFS_OF[joint]:
+        angle = float(angles[DOF_INDEX[dof.name]])
+        if angle:
+            out = out @ axis_rotation(dof.axis, angle)
+    return out
+
+
 def joint_rotations(angles: Array) -> Array:
     """Return each joint's local rotation for DoF `angles` [rad], shape [112] -> [55, 3, 3]."""
-    out = np.tile(np.eye(3), (len(JOINTS), 1, 1))
-    for dof, angle in zip(DOFS, angles, strict=True):
-        if angle:
-            j = JOINT_INDEX[dof.joint]
-            out[j] = out[j] @ axis_rotation(dof.axis, angle)
-    return out
+    return np.stack([joint_rotation(joint, angles) for joint in JOINTS])
 
 
 def forward_kinematics(rest: Array, angles: Array) -> tuple[Array, Array]:
