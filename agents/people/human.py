@@ -206,7 +206,8 @@ class Human(Agent):
                 self._segments_on.setdefault(frame.link, []).append((joint, frame))
         parts = {link: [joint for joint, _ in here] for link, here in self._segments_on.items()}
         if can_meet:
-            self.body.let_meet(meeting_links(parts))
+            puppet = {"walk", "kneel"} & set(self.moves)  # whose legs are nobody's to plan round
+            self.body.let_meet(meeting_links(parts, legs=not puppet))
         self.drive = self._make_drive(world.physics_dt)
         self._moves = Moves(self, world)
         self._sensed_at = world.time

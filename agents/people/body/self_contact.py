@@ -33,13 +33,16 @@ def meeting_segments() -> frozenset[tuple[str, str]]:
     return frozenset(tuple(sorted(pair, key=order)) for pair in pairs)  # type: ignore[misc]
 
 
-def meeting_links(parts: Mapping[int, Sequence[str]]) -> list[tuple[int, int]]:
+def meeting_links(
+    parts: Mapping[int, Sequence[str]], *, legs: bool = True
+) -> list[tuple[int, int]]:
     """Return the pairs of links that can meet.
 
     Args:
         parts: The segments that each link carries; several where joints between them do not move.
+        legs: Whether legs meet anything.
     """
-    wanted = meeting_segments()
+    wanted = {p for p in meeting_segments() if legs or not any(s.endswith(_LEG) for s in p)}
     found = []
     for a, b in combinations(sorted(parts), 2):
         pairs = [tuple(sorted((s, t), key=JOINTS.index)) for s in parts[a] for t in parts[b]]
