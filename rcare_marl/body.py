@@ -386,6 +386,17 @@ class Body:
                 self.uid, link, bit, ~bit, physicsClientId=self._client
             )
 
+    def let_meet(self, pairs: Iterable[tuple[int, int]]) -> None:
+        """Let pairs of the body's own links collide, if they do not overlap as they are now.
+
+        The body must have been loaded with `self_collision`, and its own links excluded.
+        """
+        for a, b in pairs:
+            if self.own_gap(a, b) >= 0.0:
+                bullet.setCollisionFilterPair(
+                    self.uid, self.uid, a, b, 1, physicsClientId=self._client
+                )
+
     def set_softness(
         self, *, stiffness: float, damping: float, links: Iterable[int] | None = None
     ) -> None:

@@ -367,6 +367,8 @@ class World:
         self._attachments = [attachment for attachment, _ in self._marked]
         self._restore_bonds()
         self.set_solver_iterations(self._marked_iterations)
+        # First to the joint angles of the start: pairs of a body's own links must be forgotten too.
+        bullet.restoreState(self._start, physicsClientId=self.client)
         self._forget_pairs()
         self.sleeping.begin()  # far apart: none wakes another
         bullet.restoreState(self._start, physicsClientId=self.client)
@@ -389,7 +391,7 @@ class World:
             bullet.performCollisionDetection(physicsClientId=self.client)
 
     def contacts(self, a: Body, b: Body | None = None) -> list[Contact]:
-        """Return the contact points of `a` with `b`, or with anything, after the last step."""
+        """Return the contact points of `a` with `b`, or with anything else, after the last step."""
         found = [Contact(p[3], p[4], p[6], p[7], p[8], p[9]) for p in self._points(a, b)]
         for matter in self.matter:
             found.extend(matter.contacts(a, b))
@@ -424,11 +426,8 @@ class World:
         return found[1:]
 
     def contact_force(self, a: Body, b: Body | None = None) -> float:
-        """Return the summed normal force on `a` by `b`, or by everything [N]."""
-        other = -1 if b is None else b.uid
-        # Arguments in their order: names cost half a microsecond.
-        points = bullet.getContactPoints(a.uid, other, ALL_LINKS, ALL_LINKS, self.client)
-        total: float = sum([point[9] for point in points], 0.0) if points else 0.0
+        """Return the summed normal force on `a` by `b`, or by everything else [N]."""
+        total: float = sum([point[9] for point in self._points(a, b)], 0.0)
         for matter in self.matter:
             total += sum([contact.force for contact in matter.contacts(a, b)])
         return total
@@ -438,15 +437,17 @@ class World:
 
         It is that of `touches` which takes little time.
         """
-        points = bullet.getContactPoints(a.uid, -1, ALL_LINKS, ALL_LINKS, self.client) or ()
+        points = self._points(a, None)
         found = [(p[3], p[6], p[9]) for p in points if p[9] > 0 and p[2] not in spared]
         for matter in self.matter:
             found.extend([(c.link_a, c.position, c.force) for c in matter.contacts(a)])
         return found
 
     def _points(self, a: Body, b: Body | None) -> Sequence[Any]:
-        other = -1 if b is None else b.uid
-        return bullet.getContactPoints(a.uid, other, ALL_LINKS, ALL_LINKS, self.client) or ()
+        other, own = -1 if b is None else b.uid, a.uid
+        # Arguments in their order: names cost half a microsecond.
+        points = bullet.getContactPoints(own, other, ALL_LINKS, ALL_LINKS, self.client) or ()
+        return points if b is not None else [p for p in points if p[1] != p[2]]
 
     def separation(
         self,

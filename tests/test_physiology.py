@@ -412,14 +412,14 @@ def test_who_sits_still_in_a_chair_makes_no_effort_and_a_raised_arm_does() -> No
 
 
 def under_a_weight(avatar: str) -> Human:
-    """Return a person on whose left thigh 40 kg fell and lie, two seconds later."""
+    """Return a person on whose left thigh 42 kg fell and lie, two seconds later."""
     world = World()
     human = Human("recipient", load_avatar(avatar), posture=load_posture("bed_supine"),
                   movable=())  # fmt: skip
     human.spawn(world, Pose((0, 0, 0.5)))
     hip, knee = (np.array(human.joint_pose(f"left_{j}").position) for j in ("hip", "knee"))
     above = hip + 0.2 * (knee - hip) + (0, 0, 0.2)
-    world.add_box((0.15, 0.15, 0.1), Pose(tuple(above.tolist())), mass=40.0)
+    world.add_box((0.15, 0.15, 0.1), Pose(tuple(above.tolist())), mass=42.0)
     human.reset(np.random.default_rng(0))
     step(human, 2)
     return human

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rcare_marl.body import Body
+from rcare_marl.body import OWN_GROUPS, Body
 from rcare_marl.cache import cached
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 from rcare_marl.observable import Observable
@@ -23,6 +23,7 @@ from .avatar import AvatarConfig, body_model, body_segments, expand_movable, per
 from .body.person_tree import person_tree
 from .body.posture import PostureConfig, lay_arm, pelvis_pose
 from .body.segment import nearest, shape_row
+from .body.self_contact import meeting_links
 from .body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, SIDES, forward_kinematics
 from .body.skin import JointFrame, PersonSkin
 from .body.tissue import Tissue, attach_tissue, expand_tissue
@@ -180,7 +181,10 @@ class Human(Agent):
         )
         file = cached(avatar.name.lower().replace(" ", "_"), ".urdf", urdf.text)
         self._fixed_base = self._fixed_base and not self.rides
-        self.body = world.load_urdf(file, self.pelvis, name=self.name, fixed=self._fixed_base)
+        can_meet = world.own_groups < OWN_GROUPS
+        self.body = world.load_urdf(
+            file, self.pelvis, name=self.name, fixed=self._fixed_base, self_collision=can_meet
+        )
         self.body.exclude_own_links()
         self.body.set_damping()
         self.body.set_friction(range(-1, self.body.link_count), lateral=FRICTION)
@@ -200,6 +204,10 @@ class Human(Agent):
         for joint, frame in zip(JOINTS, self.frames, strict=True):
             if self.segments[joint].shapes:
                 self._segments_on.setdefault(frame.link, []).append((joint, frame))
+        parts = {link: [joint for joint, _ in here] for link, here in self._segments_on.items()}
+        if can_meet:
+            puppet = {"walk", "kneel"} & set(self.moves)  # whose legs are nobody's to plan round
+            self.body.let_meet(meeting_links(parts, legs=not puppet))
         self.drive = self._make_drive(world.physics_dt)
         self._moves = Moves(self, world)
         self._sensed_at = world.time

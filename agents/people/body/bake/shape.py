@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
+from ..anthropometry import limb_length
 from ..skeleton import JOINT_INDEX, JOINTS
 from .mesh import Floats, Ints, WeightedMesh, smoothstep
 from .recipe import BodyRecipe
@@ -34,6 +35,14 @@ _LIMBS = {
     "collar": "clavicle", "shoulder": "upperarm01", "elbow": "lowerarm01", "wrist": "wrist",
     "eye_smplhf": "eye",
 }  # fmt: skip
+# Bones of a limb whose length is published, and the bone at its end; a hand ends with its skin.
+_STRETCHED = {
+    "thigh": (("upperleg01", "upperleg02"), "lowerleg01"),
+    "shank": (("lowerleg01", "lowerleg02"), "foot"),
+    "upper_arm": (("upperarm01", "upperarm02"), "lowerarm01"),
+    "forearm": (("lowerarm01", "lowerarm02"), "wrist"),
+    "hand": (("wrist",), "finger3-1"),
+}
 _FINGERS = {"thumb": 1, "index": 2, "middle": 3, "ring": 4, "pinky": 5}
 for _side, _s, _ in _SIDES:
     for _joint, _bone in _LIMBS.items():
@@ -201,6 +210,7 @@ def _pose(
 ) -> NakedBody:
     vertices, heads = source.rest(phenotype, recipe.changes)
     turns = _t_pose_turns(source, heads)
+    _stretch(source, vertices, heads, turns, recipe)
     posed_heads = heads.copy()
     for i, parent in enumerate(source.parents):
         if parent >= 0:
@@ -225,6 +235,26 @@ def _pose(
         points[:, 1] -= floor
     height, mass = float(np.ptp(body[:, 1])), skin.volume() * DENSITY
     return NakedBody(mesh, used, joints, height, mass, dict(phenotype))
+
+
+def _stretch(
+    source: AnnySource, vertices: Floats, heads: Floats, turns: Floats, recipe: BodyRecipe
+) -> None:
+    """Stretch the turns of arms, hands and legs lengthwise until they have their published lengths."""
+    for _, s, _ in _SIDES:
+        for name, (first, end) in _STRETCHED.items():
+            start, stop = (heads[source.bone_index[f"{bone}.{s}"]] for bone in (first[0], end))
+            chain = [source.bone_index[f"{bone}.{s}"] for bone in first]
+            along = (stop - start) / np.linalg.norm(stop - start)
+            length = float(np.linalg.norm(stop - start))
+            if name == "hand":
+                tip = vertices[source.weights[:, source.bone_index[f"finger3-3.{s}"]] > 0.5]
+                length = float(((tip - start) @ along).max())
+                wrist = source.bone_index[f"wrist.{s}"]
+                chain = [i for i in range(len(heads)) if _descends(source.parents, i, wrist)]
+            wanted = limb_length(name, recipe.gender) * recipe.height
+            for i in chain:
+                turns[i] = turns[i] @ (np.eye(3) + (wanted / length - 1) * np.outer(along, along))
 
 
 def _place_hips(joints: Floats) -> None:
