@@ -2,9 +2,9 @@
 
 `mmt`, the default, takes the grades at their word, for the limbs that a person has. A grade is one of a
 motion. Grade 3 takes the limb through the range of its test once against gravity, so its torque is the
-greatest weight on the way and a tenth of it; what the tissue of the joint resists with comes on top, as in
+greatest weight on the way and a little more; what the tissue of the joint resists with comes on top, as in
 a dynamometer, which knows nothing of it either. Grade 2 has a quarter of it: gravity eliminated it goes
-the whole way, against gravity it fails. Grade 1 is a flicker. Grade 4 has 0.4 of what lies between grade 3
+the whole way, against gravity it fails. Grade 1 is a flicker that moves nothing. Grade 4 has 0.43 of what lies between grade 3
 and normal. Between two grades strength is interpolated on a log scale (3+ is a third of the way). Figures
 and their sources are in `assets/clinical/mmt_tests.yaml`.
 
@@ -37,6 +37,7 @@ from .profile import clinical_norms
 
 StrengthMap = Literal["mmt", "linear"]
 STRENGTH_MAPS: tuple[StrengthMap, ...] = get_args(StrengthMap)
+Resistance = Literal["slight", "moderate", "strong"]
 Lying = Literal["upright", "supine", "prone", "tested_side_up", "tested_side_down"]
 LEAST_HOLDING, MOST_HOLDING = 0.01, 0.9  # share of grade 3; our own choice
 SAMPLES = 10  # angles of a range that are looked at
@@ -69,31 +70,41 @@ class GradeShares:
     """What the grades are worth.
 
     Attributes:
-        grade_1: Of the torque of grade 3.
         grade_2: Of the torque of grade 3.
         holding: Torque of grade 3, of the greatest weight in the range.
         grade_4: Of what lies between grade 3 and normal.
     """
 
-    grade_1: float
     grade_2: float
     holding: float
     grade_4: float
 
     def __post_init__(self) -> None:
-        if not (0 < self.grade_1 < self.grade_2 < 1 < self.holding and 0 < self.grade_4 < 1):
+        if not (0 < self.grade_2 < 1 < self.holding and 0 < self.grade_4 < 1):
             raise ConfigError(
-                f"shares of grades need 0 < grade_1 < grade_2 < 1 < holding and grade_4 below 1, got {self}"
+                f"shares of grades need 0 < grade_2 < 1 < holding and 0 < grade_4 < 1, got {self}"
             )
 
 
 @dataclass(frozen=True)
 class Resistances:
-    """What an examiner presses with, as a share of what lies between the limb's weight and normal."""
+    """What an examiner presses with, besides the limb's weight.
+
+    Attributes:
+        slight: A share of the geometric mean of weight and normal strength.
+        moderate: A share of normal strength.
+        strong: A share of normal strength.
+    """
 
     slight: float
     moderate: float
     strong: float
+
+    def torque(self, name: Resistance, weight: float, normal: float) -> float:
+        """Return the resistance of that name for a limb's weight and normal strength [N·m]."""
+        check_name("resistance", name, get_args(Resistance))
+        scale = math.sqrt(weight * normal) if name == "slight" else normal
+        return float(getattr(self, name)) * scale
 
 
 @dataclass(frozen=True)
@@ -205,7 +216,11 @@ def holding_share(needed: float, normal: float) -> float:
 
 
 def strength_share(
-    grade: float, strength_map: StrengthMap, holding: float = LEAST_HOLDING
+    grade: float,
+    strength_map: StrengthMap,
+    holding: float = LEAST_HOLDING,
+    *,
+    poor: float = 0.0,
 ) -> float:
     """Return the share of normal strength of an MMT grade.
 
@@ -213,6 +228,7 @@ def strength_share(
         grade: From 0 to 5; 3.33 is 3+.
         strength_map: `mmt` or `linear`.
         holding: Share of grade 3, for `mmt`.
+        poor: What grade 2 has at least, for `mmt`; no more than grade 3.
 
     Raises:
         ValueError: If the grade lies outside 0..5.
@@ -224,14 +240,14 @@ def strength_share(
     if strength_map == "linear":
         return grade / 5
     worth = mmt_tests().shares
-    flicker = worth.grade_1 * holding
-    if grade < 1:
-        return flicker * grade
+    second = min(max(worth.grade_2 * holding, poor), holding)
+    if grade < 2:  # a flicker moves nothing
+        return second * max(grade - 1.0, 0.0) ** 2
     fourth = holding + worth.grade_4 * (1.0 - holding)
-    shares = (flicker, worth.grade_2 * holding, holding, fourth, 1.0)
+    shares = (second, holding, fourth, 1.0)
     below = min(int(grade), 4)
     step = grade - below
-    return float(shares[below - 1] ** (1 - step) * shares[below] ** step)
+    return float(shares[below - 2] ** (1 - step) * shares[below - 1] ** step)
 
 
 def tissue_share(grade: float) -> float:

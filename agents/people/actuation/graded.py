@@ -134,14 +134,16 @@ def motion_limits(avatar: AvatarConfig, strength: StrengthMap) -> Array:
 
 
 class Holding(NamedTuple):
-    """The activation of grade 3.
+    """The activation of grade 3, and the least of grade 2.
 
     Attributes:
-        share: Of full activation.
+        share: Of grade 3, of full activation.
+        poor: Of grade 2: what goes through the range with gravity eliminated.
         makers: Names of all muscles that must help, empty where the group is enough.
     """
 
     share: float
+    poor: float
     makers: frozenset[str]
 
 
@@ -182,7 +184,7 @@ def unit_shares(
 
 
 def _activation(grade: float, holding: Holding) -> float:
-    share = strength_share(grade, "mmt", holding.share)
+    share = strength_share(grade, "mmt", holding.share, poor=holding.poor)
     return max(share, FLICKER * min(grade, 1.0))
 
 
@@ -207,27 +209,34 @@ def _holding(
 def _found_holding(frame: Frame, muscles: Musculature, side: str, group: str) -> Holding:
     test = body_test(frame, side, group)
     if test is None:
-        return Holding(LEAST_HOLDING, frozenset())
+        return Holding(LEAST_HOLDING, 0.0, frozenset())
     chain = one_joint(frame, test.angles, DOFS[test.dof].name)
     units = [unit for unit in muscles.units if crosses(unit, chain)]
     members = np.array([u.side == side and u.clinical_group == group for u in units], np.bool_)
     if not members.any():
-        return Holding(LEAST_HOLDING, frozenset())
+        return Holding(LEAST_HOLDING, 0.0, frozenset())
     probe = _Probe(MuscleModel(units, muscles.joints, chain), test)
     makers = probe.makers
+    shares = mmt_tests().shares
+    against = shares.holding * np.maximum(test.weight, 0.0)
+    eliminated = np.full(len(against), shares.grade_2 * shares.holding * test.heaviest)
     # Where nobody's muscles can, with all their might, no grade is about.
-    able = probe.spare(1.0, makers | members) > 0.0
+    able = probe.torque(1.0, makers | members) > np.maximum(against, eliminated)
     if not able.any():
-        return Holding(1.0, frozenset())
-    is_enough = bool((probe.spare(1.0, members)[able] > 0.0).all())
+        return Holding(1.0, 0.0, frozenset())
+    is_enough = bool((probe.torque(1.0, members) > against)[able].all())
     active = members if is_enough else makers | members
-    share = SPARE * bisected(lambda a: float(probe.spare(a, active)[able].min()), 0.0)
+
+    def least(wanted: Array) -> float:
+        found = bisected(lambda a: float((probe.torque(a, active) - wanted)[able].min()), 0.0)
+        return min(max(SPARE * found, LEAST_HOLDING), 1.0)
+
     helpers = (
         frozenset()
         if is_enough
-        else frozenset(u.name for u, h in zip(units, active, strict=True) if h)
+        else frozenset(u.name for u, helps in zip(units, active, strict=True) if helps)
     )
-    return Holding(min(max(share, LEAST_HOLDING), 1.0), helpers)
+    return Holding(least(against), least(eliminated), helpers)
 
 
 class _Probe:
@@ -238,21 +247,17 @@ class _Probe:
         self._arms = [
             test.sign * model.moment_arms(test.path[k : k + 1])[:, 0] for k in range(len(test.path))
         ]
-        self._wanted = mmt_tests().shares.holding * np.maximum(test.weight, 0.0)
 
     @property
     def makers(self) -> npt.NDArray[np.bool_]:
         """Muscles that pull the limb through most of the range."""
         return np.median(self._arms, axis=0) > 0.0
 
-    def spare(self, activation: float, active: npt.NDArray[np.bool_]) -> Array:
-        """Return the torque that is left at each angle when some are active and the others rest [N·m]."""
+    def torque(self, activation: float, active: npt.NDArray[np.bool_]) -> Array:
+        """Return the torque at each angle when some are active and the others rest [N·m]."""
         rest = self._model.table[:, kernel.LEAST]
         told = np.where(active, np.maximum(activation, rest), rest)
-        path = self._test.path
+        path, model = self._test.path, self._model
         return np.array(
-            [
-                arms @ self._model.isometric_forces(path[k : k + 1], told) - self._wanted[k]
-                for k, arms in enumerate(self._arms)
-            ]
+            [arms @ model.isometric_forces(path[k : k + 1], told) for k, arms in enumerate(self._arms)]
         )

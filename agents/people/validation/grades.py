@@ -1,9 +1,9 @@
 """Manual muscle testing as a clinician does it: every grade in every position, as movements.
 
-Five motions, each with gravity eliminated (it pulls along the axis) and against gravity (as the textbook lays the
-person), and against the resistance of the examiner's hand where the limb is heaviest. The person wishes the end
-of the range; what counts is how much of it the joint goes. Graded is a whole side, or one group alone with
-normal muscles around it.
+Five motions, each with gravity eliminated (the plane of the motion level) and against gravity (as the textbook
+lays the person), and against the examiner's hand where the limb is heaviest. The person wishes the end of
+the range; what counts is how much of it the joint goes. Graded is a whole side, or one group alone with normal
+muscles around it.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from rcare_marl.pose import Array
 
 from ..actuation.drive import ActuationConfig
 from ..actuation.graded import body_test, frame_of, normal_torques, torque_holding
+from ..actuation.muscular import Excitation
 from ..avatar import AvatarConfig, load_avatar
 from ..body.skeleton import DOFS
 from ..profile import ClinicalProfile, SideProfile, clinical_norms
-from ..strength import RangeTest, mmt_tests
+from ..strength import RangeTest, Resistance, mmt_tests
 from .check import Check
 from .single_joint import SingleJoint
 
@@ -30,7 +31,6 @@ Kind = Literal["skeletal", "muscle"]
 KINDS: tuple[Kind, ...] = ("skeletal", "muscle")
 Position = Literal["gravity eliminated", "against gravity"]
 POSITIONS: tuple[Position, ...] = ("gravity eliminated", "against gravity")
-Resistance = Literal["slight", "moderate", "strong"]
 
 GROUPS = (
     "shoulder_abductors",
@@ -44,8 +44,10 @@ SIDE = "right"
 SECONDS = 6.0
 COMPLETE = 0.9  # of the range of the test: the whole range, to a clinician's eye
 HALF = 0.5  # of the range: less against gravity is no more than 2+
-STILL = math.radians(5.0)  # less than this nobody sees
+STILL_SHARE = 0.05  # of the range: less than this nobody sees
 GIVES = math.radians(15.0)  # more than this and the examiner has broken the hold
+
+HEAVY = 0.97  # of the greatest weight: there the limb is held, and not at a locked end of the range
 
 TUNED = ("karan", "caregiver")
 
@@ -100,18 +102,106 @@ def _test_of(avatar: AvatarConfig, group: str) -> RangeTest:
     return test
 
 
-def _joint(avatar: AvatarConfig, kind: Kind, test: RangeTest, down: Array) -> SingleJoint:
-    config = ActuationConfig(kind=kind, excitation="posture")
+def _joint(
+    avatar: AvatarConfig,
+    kind: Kind,
+    test: RangeTest,
+    down: Array,
+    *,
+    excitation: Excitation = "posture",
+) -> SingleJoint:
+    config = ActuationConfig(kind=kind, excitation=excitation)
     return SingleJoint(avatar, DOFS[test.dof].name, config, angles=test.angles, gravity=down)
 
 
-def across(test: RangeTest) -> Array:
-    """Return a direction in the frame of the pelvis that leaves the limb without weight, shape [3].
+def moved(avatar: AvatarConfig, kind: Kind, group: str, position: Position) -> float:
+    """Return how much of the range a person goes who wishes its end [share of the range]."""
+    test = _test_of(avatar, group)
+    joint = _joint(avatar, kind, test, _down(test, position))
+    motion = joint.move(SECONDS, towards=float(test.path[-1]))
+    gone = float((motion.angles * test.sign).max() - joint.start * test.sign)
+    return max(gone, 0.0) / abs(float(test.path[-1] - test.path[0]))
 
-    It is the axis of the joint, the only direction in which gravity has no moment about it.
-    """
-    weights = np.array(
-        [[_weight_row(test, direction, end) for direction in np.eye(3)] for end in (0, -1)]
-    )
-    found = np.linalg.svd(weights)[2][-1]
-    return np.asarray(found / np.linalg.norm(found))
+
+def stirred(avatar: AvatarConfig, kind: Kind, group: str, position: Position) -> float:
+    """Return how much of the range a wish moves a relaxed limb at rest [share of the range]."""
+    test = _test_of(avatar, group)
+    ways = []
+    for wish in (None, float(test.path[-1])):
+        joint = _joint(avatar, kind, test, _down(test, position))
+        joint.drive.relax()
+        joint.move(SECONDS)
+        ways.append(joint.move(SECONDS, towards=wish).angles * test.sign)
+    gone = float((ways[1] - ways[0]).max())
+    return max(gone, 0.0) / abs(float(test.path[-1] - test.path[0]))
+
+
+def _down(test: RangeTest, position: Position) -> Array:
+    return test.down if position == "against gravity" else np.zeros(3)
+
+
+def holds(avatar: AvatarConfig, kind: Kind, group: str, resistance: Resistance) -> bool:
+    """Return whether a limb holds where it is heaviest, with all effort, against the examiner's hand."""
+    test = _test_of(avatar, group)
+    heavy = np.flatnonzero(test.weight >= HEAVY * test.heaviest)
+    middle = 0.5 * (len(test.path) - 1)
+    at = float(test.path[heavy[np.argmin(np.abs(heavy - middle))]])
+    normal = float(normal_torques(avatar.sex)[test.dof, int(test.sign > 0)])
+    press = mmt_tests().resistance.torque(resistance, test.heaviest, normal)
+    joint = _joint(avatar, kind, test, test.down, excitation="unit")
+    joint.put(at)
+    joint.move(0.6, effort=test.sign, held=True)
+    motion = joint.move(2.0, effort=test.sign, load=-test.sign * press)
+    return bool(((motion.angles - at) * test.sign).min() > -GIVES)
+
+
+def _moves(avatar: AvatarConfig, kind: Kind, group: str, grade: float) -> list[Case]:
+    out = []
+    for position in POSITIONS:
+        low, high = 0.0, STILL_SHARE
+        if grade >= 2.0:
+            low, high = (COMPLETE, math.inf) if grade >= 3.0 or position == POSITIONS[0] else (0.0, HALF)
+        found = (moved if grade >= 2.0 else stirred)(avatar, kind, group, position)
+        out.append(Case(group, grade, position, found, low, high))
+    return out
+
+
+def side_cases(avatar: AvatarConfig, kind: Kind, groups: Iterable[str] = GROUPS) -> list[Case]:
+    """Return the whole-side cases: five motions, four grades, two positions."""
+    return [
+        case
+        for group in groups
+        for grade in GRADES
+        for case in _moves(graded_side(avatar, grade), kind, group, grade)
+    ]
+
+
+def group_cases(avatar: AvatarConfig, kind: Kind, groups: Iterable[str] = GROUPS) -> list[Case]:
+    """Return the cases of groups that are graded alone."""
+    return [
+        case
+        for group in groups
+        for grade in GRADES
+        for case in _moves(graded_group(avatar, group, grade), kind, group, grade)
+    ]
+
+
+# Grade, the examiner's resistance, and whether it is held.
+HELD: tuple[tuple[float, Resistance, bool], ...] = (
+    (3.0, "slight", False),
+    (10 / 3, "slight", True),
+    (10 / 3, "moderate", False),
+    (4.0, "moderate", True),
+    (4.0, "strong", False),
+    (5.0, "strong", True),
+)
+
+
+def resisted_cases(avatar: AvatarConfig, kind: Kind, groups: Iterable[str] = GROUPS) -> list[Case]:
+    """Return the cases with the resistance of the test, on a whole side."""
+    out = []
+    for group in groups:
+        for grade, resistance, is_held in HELD:
+            found = float(holds(graded_side(avatar, grade), kind, group, resistance))
+            out.append(Case(group, grade, resistance, found, float(is_held), float(is_held)))
+    return out

@@ -19,6 +19,7 @@ from rcare_marl.world import GRAVITY
 
 from ..actuation.actuation import Actuation
 from ..actuation.drive import ActuationConfig, make_drive
+from ..actuation.muscular import MuscleDrive
 from ..avatar import AvatarConfig, body_model, body_segments, load_posture
 from ..body.person_tree import person_tree
 from ..body.skeleton import DOF_INDEX, DOFS
@@ -109,6 +110,8 @@ class SingleJoint:
         seconds: float,
         *,
         towards: float | None = None,
+        effort: float = 0.0,
+        held: bool = False,
         load: float | Callable[[float, float], float] = 0.0,
     ) -> Motion:
         """Let the joint move.
@@ -116,6 +119,8 @@ class SingleJoint:
         Args:
             seconds: For how long.
             towards: Angle that the person tries to reach [rad]; None leaves the muscles as they are.
+            effort: Sign of the motion that is made with all might; 0 for none.
+            held: Whether the joint is kept where it is.
             load: Torque of somebody else [N·m], or what gives it at an angle and a rate.
         """
         steps = round(seconds / PHYSICS_DT)
@@ -126,12 +131,21 @@ class SingleJoint:
         for step in range(steps):
             if wish and step % CONTROL_STEPS == 0:
                 self.drive.command(self.drive.action_towards(wish, duration), duration)
+            elif effort and step % CONTROL_STEPS == 0:
+                self.drive.command(self._might(effort), duration)
             torque = self.drive.torques([self.angle], [self.rate], self.gravity)[0]
             other = load(self.angle, self.rate) if callable(load) else load
             net = torque + other - self.weight(self.angle)
-            self.rate += PHYSICS_DT * net / self.inertia
+            self.rate = 0.0 if held else self.rate + PHYSICS_DT * net / self.inertia
             self.angle += PHYSICS_DT * self.rate
             if not low <= self.angle <= high:  # the hard stop of the physics engine
                 self.angle, self.rate = min(max(self.angle, low), high), 0.0
             out[:, step] = self.angle, self.rate, torque
         return Motion(*out)
+
+    def _might(self, sign: float) -> Array:
+        """Return the action of all might in one direction."""
+        if not isinstance(self.drive, MuscleDrive):
+            return np.array([sign])
+        arms = self.drive.model.moment_arms(np.array([self.angle]))[:, 0]
+        return np.where(sign * arms > 0.0, 1.0, 0.0)
