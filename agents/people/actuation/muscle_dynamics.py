@@ -114,11 +114,11 @@ def _take_reflexes(muscles, state, involuntary) -> None:  # type: ignore[no-unty
 
 @numba.njit(cache=True, error_model="numpy")
 def _limit(table, torques) -> None:  # type: ignore[no-untyped-def]
-    """Keep willed torque within what its motion can: a net torque, with passive resistance on top."""
+    """Keep willed torque within what its motion can: a net torque, with what passive tissue gives."""
     for i in range(table.shape[0]):
         held = torques[1, i] + torques[4, i]
-        most = table[i, MOST_ALONG] + table[i, OVER_ALONG] * max(-held, 0.0)
-        least = -table[i, MOST_AGAINST] - table[i, OVER_AGAINST] * max(held, 0.0)
+        most = max(table[i, MOST_ALONG] - table[i, OVER_ALONG] * held, 0.0)
+        least = min(-table[i, MOST_AGAINST] - table[i, OVER_AGAINST] * held, 0.0)
         torques[0, i] = min(max(torques[0, i], least), most)
 
 

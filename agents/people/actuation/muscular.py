@@ -275,8 +275,7 @@ class MuscleDrive:
         resting = self._resting & (moved < REST_REACH)
         most = self._table[:, dynamics.MOST_AGAINST : dynamics.MOST_ALONG + 1]
         over = self._table[:, dynamics.OVER_AGAINST : dynamics.OVER_ALONG + 1]
-        held = np.column_stack((np.maximum(passive, 0.0), np.maximum(-passive, 0.0)))
-        able = most + over * held
+        able = np.maximum(most + over * np.column_stack((passive, -passive)), 0.0)
         return Felt(positions, velocities, load, muscles.arms, self.state, resting, able)
 
     @property

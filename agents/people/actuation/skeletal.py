@@ -4,7 +4,7 @@ The torque of a degree of freedom is the sum of
 
 * muscle: holds the limb against gravity and pulls towards the target (a stable proportional-
   derivative law), but never beyond the strength of the muscles on that side of the joint: net
-  torque, as a dynamometer measures it, so what tissue resists with comes on top;
+  torque, as a dynamometer measures it, together with what tissue gives;
 * support: where a posture rests a limb on furniture and the muscles are too weak to hold it, the
   furniture carries its weight and holds it in the posture by the same law, without a limit; the
   muscles pull against it with what strength they have;
@@ -301,7 +301,7 @@ def _tighten(row, mine, position) -> None:  # type: ignore[no-untyped-def]
     mine[_PULL], mine[_STIFF] = pull, stiffness
     against, along = row[_STRENGTH_AGAINST], row[_STRENGTH_ALONG]
     if along > 0.0:
-        along += row[_TISSUE_ALONG] * max(-pull, 0.0)
+        along = max(along - row[_TISSUE_ALONG] * pull, 0.0)
     if against > 0.0:
-        against += row[_TISSUE_AGAINST] * max(pull, 0.0)
+        against = max(against + row[_TISSUE_AGAINST] * pull, 0.0)
     mine[_MOST_AGAINST], mine[_MOST_ALONG] = against, along
