@@ -1,12 +1,12 @@
 """From grades of manual muscle testing to shares of normal strength.
 
 `mmt`, the default, takes the grades at their word, for the limbs that a person has. A grade is one of a
-motion. Grade 3 takes the limb through the range of its test once against gravity, so its torque is the
-greatest weight on the way and a little more; what the tissue of the joint resists with comes on top, as in
-a dynamometer, which knows nothing of it either. Grade 2 has a quarter of it: gravity eliminated it goes
-the whole way, against gravity it fails. Grade 1 is a flicker that moves nothing. Grade 4 has 0.43 of what lies between grade 3
-and normal. Between two grades strength is interpolated on a log scale (3+ is a third of the way). Figures
-and their sources are in `assets/clinical/mmt_tests.yaml`.
+motion. Grade 3 takes the limb through the range of its test once against gravity: its torque is a little more
+than the greatest weight on the way. It is a net torque, together with what the tissue of the joint gives, as
+a dynamometer measures it. Grade 2 has a quarter of it: with gravity eliminated it goes the whole way, against
+gravity it fails. Grade 1 is a flicker that moves nothing. Grade 4 has 0.43 of what lies between grade 3 and
+normal. Between two grades strength is interpolated on a log scale (3+ is a third of the way). Figures and
+their sources are in `assets/clinical/mmt_tests.yaml`.
 
 So grade 3 of an elbow or a knee is a few percent of normal, as people had who were measured (knee 4.8 +-
 1.2 %, H. Sato et al. 1999; elbow 8 to 10, knee 5 to 8, shoulder 7 to 21, hip 4 to 44 %, Z. Dvir 1997).

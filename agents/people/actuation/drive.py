@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -12,7 +13,9 @@ import numpy as np
 
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
+from rcare_marl.tree.dynamics import holding_torques
 from rcare_marl.tree.joint_tree import JointTree
+from rcare_marl.world import GRAVITY
 
 from ..avatar import AvatarConfig, body_model, body_segments
 from ..body.anthropometry import Sex
@@ -30,7 +33,9 @@ from .musculature import Musculature, load_musculature
 from .skeletal import SkeletalDrive
 from .stretch_reflex import StretchReflex
 
-LEAST_GRADE = 3.0  # MMT grade that holds a limb against gravity; below it furniture must
+# MMT grade that holds a limb against gravity; below it furniture must, and where the limb is heavier as it lies
+# than in the test of its grade (a straight leg).
+LEAST_GRADE = 3.0
 
 # Stature, and so lever arms, to those of our table; mean of women from memory.
 FEMALE_SIZE = 1.62 / 1.75
@@ -93,16 +98,22 @@ def make_drive(
     rows = [DOFS[DOF_INDEX[name]] for name in chain.names]
     order = [DOF_INDEX[name] for name in chain.names]
     profile = avatar.profile
+    normal = normal_strength(avatar.sex)[order]
+    low, high = profile.strength(avatar.sex, torque_share(avatar, config.strength))
+    strength = np.column_stack((low, high))[order]
+    weight = holding_torques(chain.arrays, posture, lying_gravity(lying))
+    able = np.where(weight > 0.0, strength[:, 1], strength[:, 0])
     supported = np.array(
         [
-            min(profile.grade(d, positive=True), profile.grade(d, positive=False)) < LEAST_GRADE
+            (
+                min(profile.grade(d, positive=True), profile.grade(d, positive=False)) < LEAST_GRADE
+                or abs(needed) > most
+            )
             and (lying.supported == "all" or d.joint in lying.supported)
-            for d in rows
+            for d, needed, most in zip(rows, weight, able, strict=True)
         ],
         np.bool_,
     )
-    normal = normal_strength(avatar.sex)[order]
-    low, high = profile.strength(avatar.sex, torque_share(avatar, config.strength))
     reflex = StretchReflex(
         _ashworth(avatar, rows),
         passive=passive,
@@ -114,7 +125,7 @@ def make_drive(
     if config.kind == "skeletal":
         return SkeletalDrive(
             chain,
-            strength=np.column_stack((low, high))[order],
+            strength=strength,
             normal_strength=normal,
             supported=supported,
             posture=posture,
@@ -145,6 +156,12 @@ def make_drive(
         reflex=None if reflex.is_silent else reflex,
         shaking=_shaking(avatar, graded, np.ones(len(graded))),
     )
+
+
+def lying_gravity(lying: PostureConfig) -> Array:
+    """Return gravity in the frame of a pelvis on level furniture [m/s²], shape [3]."""
+    recline = math.radians(lying.recline_deg)
+    return GRAVITY * np.array((0.0, -math.cos(recline), -math.sin(recline)))
 
 
 def _muscles(

@@ -18,11 +18,12 @@ import numpy.typing as npt
 
 from rcare_marl.pose import Array
 from rcare_marl.tree.joint_tree import JointTree
+from rcare_marl.world import GRAVITY
 
 from ..avatar import AvatarConfig, body_model, body_segments
 from ..body.anthropometry import Sex
 from ..body.person_tree import person_tree
-from ..body.skeleton import DOFS
+from ..body.skeleton import DOF_INDEX, DOFS, SIDES, Dof
 from ..profile import clinical_norms
 from ..strength import (
     LEAST_HOLDING,
@@ -41,7 +42,7 @@ from .muscle_model import MuscleModel
 from .muscle_unit import MuscleUnit, crosses
 from .musculature import Musculature
 
-Share = Callable[[str, str, float], float]  # side, muscle group, MMT grade -> share of strength
+Share = Callable[[Dof, str, float], float]  # DoF, motion, MMT grade -> share of strength
 
 FLICKER = 0.01  # of full excitation: what grade 1 shows; its motion's limit lets nothing move
 # Activation of grade 3 by what the range needs: muscles shorten while they move, the motion's limit is exact.
@@ -98,16 +99,58 @@ def torque_holding(frame: Frame, side: str, group: str) -> float:
     return holding_share(mmt_tests().shares.holding * test.heaviest, float(normal))
 
 
-def torque_share(avatar: AvatarConfig, strength: StrengthMap) -> Share:
-    """Return the share of normal torque by side, muscle group and grade."""
-    if strength == "linear":
-        return lambda side, group, grade: strength_share(grade, "linear")
-    frame = frame_of(avatar)
+@lru_cache(maxsize=32)
+def level_torques(frame: Frame) -> tuple[float, ...]:
+    """Return what holds all beyond each DoF where it weighs most [N·m], 112 values.
 
-    def share(side: str, group: str, grade: float) -> float:
+    That is where it lies level, straight or with bent knees and elbows, however the body is turned.
+    """
+    straight = np.array([-dof.clinical_zero for dof in DOFS])
+    bent = straight.copy()
+    for side in SIDES:
+        for joint in ("knee", "elbow"):
+            bent[DOF_INDEX[f"{side}_{joint}_flexion"]] = 0.5 * np.pi
+    tree = person_tree(
+        body_segments(*frame), body_model(*frame[:2]).joints, straight, [d.name for d in DOFS]
+    )
+    return tuple(np.maximum(*(_level(tree, angles) for angles in (straight, bent))).tolist())
+
+
+def _level(chain: JointTree, angles: Array) -> Array:
+    tree, (turns, origins) = chain.arrays, chain.place(angles)
+    masses = tree.masses.copy()
+    moments = masses[:, None] * (origins + np.einsum("iab,ib->ia", turns, tree.centres))
+    for i in range(len(masses) - 1, -1, -1):
+        if tree.parents[i] >= 0:
+            masses[tree.parents[i]] += masses[i]
+            moments[tree.parents[i]] += moments[i]
+    arms = moments - masses[:, None] * origins
+    axes = np.einsum("iab,ib->ia", turns, tree.axes)
+    across = arms - np.sum(arms * axes, axis=1, keepdims=True) * axes
+    return np.asarray(GRAVITY * np.linalg.norm(across, axis=1))
+
+
+def torque_share(avatar: AvatarConfig, strength: StrengthMap) -> Share:
+    """Return the share of normal torque by DoF, motion and grade.
+
+    Motions of a group beside the tested one, such as the abduction of a knee, hold the level limb too.
+    """
+    if strength == "linear":
+        return lambda dof, motion, grade: strength_share(grade, "linear")
+    frame, normal = frame_of(avatar), normal_torques(avatar.sex)
+    tests, motions = mmt_tests(), clinical_norms().motions
+
+    def share(dof: Dof, motion: str, grade: float) -> float:
         if grade in (0.0, 5.0):
             return grade / 5.0
-        return strength_share(grade, strength, torque_holding(frame, side, group))
+        group, i = motions[motion].group, DOF_INDEX[dof.name]
+        holding = torque_holding(frame, dof.side, group)
+        test = tests.tests.get(group)
+        if test is not None and test.motion != motion:
+            needed = tests.shares.holding * level_torques(frame)[i]
+            full = float(normal[i, int(motion == dof.positive)])
+            holding = max(holding, holding_share(needed, full))
+        return strength_share(grade, strength, holding)
 
     return share
 
@@ -259,5 +302,8 @@ class _Probe:
         told = np.where(active, np.maximum(activation, rest), rest)
         path, model = self._test.path, self._model
         return np.array(
-            [arms @ model.isometric_forces(path[k : k + 1], told) for k, arms in enumerate(self._arms)]
+            [
+                arms @ model.isometric_forces(path[k : k + 1], told)
+                for k, arms in enumerate(self._arms)
+            ]
         )

@@ -3,7 +3,7 @@
 Each spastic direction of a degree of freedom answers its stretch of some 30 ms ago: in proportion to its
 speed, above a threshold that falls as the muscle grows longer (a catch), and at high grades with tone at any
 speed. With a delay in the loop a strong reflex can beat by itself, as clonus does. The same in both drives:
-what it gives is a share of the group's normal strength. Figures and sources: `assets/clinical/spasticity.yaml`.
+what it gives is a share of the group's normal strength. Figures, sources: `assets/clinical/spasticity.yaml`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Manual muscle testing as a clinician does it: every grade in every position, as movements.
 
-Five motions, each with gravity eliminated (the plane of the motion level) and against gravity (as the textbook
-lays the person), and against the examiner's hand where the limb is heaviest. The person wishes the end of
-the range; what counts is how much of it the joint goes. Graded is a whole side, or one group alone with normal
+Five motions, each with gravity eliminated (the plane of the motion level), against gravity (as the textbook
+lays the person), and against the examiner's hand where the limb is heavy. The person wishes the end of the
+range; what counts is how much of it the joint goes. Graded is a whole side, or one group alone with normal
 muscles around it.
 """
 
@@ -49,7 +49,50 @@ GIVES = math.radians(15.0)  # more than this and the examiner has broken the hol
 
 HEAVY = 0.85  # of the greatest weight: there the limb is held, and not at a locked end of the range
 
-TUNED = ("karan", "caregiver")
+TUNED = ("karan", "caregiver")  # avatars on which figures were chosen
+HELD_OUT: dict[str, tuple[str, float, float]] = {  # avatar, stature [m], mass [kg]
+    "kim": ("kim", 0.0, 0.0),
+    "jose": ("jose", 0.0, 0.0),
+    "karan, 1.92 m and 110 kg": ("karan", 1.92, 110.0),
+    "caregiver, 1.48 m and 42 kg": ("caregiver", 1.48, 42.0),
+}
+MEANING = (
+    "what the grades say in teaching (2: the whole range with gravity eliminated; 2+: less than half of it "
+    "against gravity; 3: the whole range against gravity); positions after Hislop et al. from memory"
+)
+DVIR = "Z. Dvir, Clinical Rehabilitation 11, 1997 (abstract): weight by isokinetic strength"
+# Share of normal strength that the weight of the limb is, women then men.
+PUBLISHED: tuple[tuple[str, Literal["female", "male"], float, float, str], ...] = (
+    ("knee_extensors", "female", 0.05, 0.10, DVIR),
+    ("knee_extensors", "male", 0.05, 0.08, DVIR),
+    ("shoulder_flexors", "female", 0.07, 0.27, DVIR),
+    ("shoulder_flexors", "male", 0.07, 0.21, DVIR),
+    ("shoulder_abductors", "female", 0.07, 0.27, DVIR),
+    ("shoulder_abductors", "male", 0.07, 0.21, DVIR),
+    ("hip_flexors", "female", 0.05, 0.65, DVIR),
+    ("hip_flexors", "male", 0.04, 0.44, DVIR),
+    (
+        "elbow_flexors",
+        "male",
+        0.0,
+        0.04,
+        "M. MacAvoy & D. Green, J. Hand Surgery 32A, 2007 (abstract)",
+    ),
+    (
+        "knee_extensors",
+        "male",
+        0.036,
+        0.060,
+        "H. Sato et al. 1999 (abstract): 4.8 +- 1.2 % of normal",
+    ),
+    (
+        "knee_extensors",
+        "female",
+        0.036,
+        0.056,
+        "H. Sato et al. 1999 (abstract): 4.6 +- 1.0 % of normal",
+    ),
+)
 
 
 class Case(NamedTuple):
@@ -170,7 +213,9 @@ def _moves(avatar: AvatarConfig, kind: Kind, group: str, grade: float) -> list[C
     for position in POSITIONS:
         low, high = 0.0, STILL_SHARE
         if grade >= 2.0:
-            low, high = (COMPLETE, math.inf) if grade >= 3.0 or position == POSITIONS[0] else (0.0, HALF)
+            low, high = (
+                (COMPLETE, math.inf) if grade >= 3.0 or position == POSITIONS[0] else (0.0, HALF)
+            )
         found = (moved if grade >= 2.0 else stirred)(avatar, kind, group, position)
         out.append(Case(group, grade, position, found, low, high))
     return out
@@ -214,4 +259,39 @@ def resisted_cases(avatar: AvatarConfig, kind: Kind, groups: Iterable[str] = GRO
         for grade, resistance, is_held in HELD:
             found = float(holds(graded_side(avatar, grade), kind, group, resistance))
             out.append(Case(group, grade, resistance, found, float(is_held), float(is_held)))
+    return out
+
+
+def bodies() -> dict[str, AvatarConfig]:
+    """Return who is examined, by name: those on whom figures were chosen, then those held out."""
+    out = {name: load_avatar(name) for name in TUNED}
+    for name, (avatar, height, mass) in HELD_OUT.items():
+        person = load_avatar(avatar)
+        out[name] = resized(person, height=height, mass=mass) if height else person
+    return out
+
+
+def checks() -> list[Check]:
+    """Return the checks of the family `grade`: cases that are right, and what grade 3 is worth."""
+    out = []
+    sets = (
+        ("whole side", side_cases),
+        ("one group alone", group_cases),
+        ("resisted", resisted_cases),
+    )
+    for name, person in bodies().items():
+        for kind in KINDS:
+            for what, cases in sets:
+                found = cases(person, kind)
+                right = float(sum(case.is_right for case in found))
+                case = f"{name}, {kind}: {what}, cases right"
+                count, is_fitted = float(len(found)), name in TUNED
+                out.append(
+                    Check("grade", case, right, count, count, "cases", MEANING, "read", is_fitted)
+                )
+    for group, sex, low, high, source in PUBLISHED:
+        person = load_avatar("karan" if sex == "male" else "caregiver")
+        share = torque_holding(frame_of(person), SIDE, group) / mmt_tests().shares.holding
+        case = f"weight of the limb, {group}, {sex}"
+        out.append(Check("grade", case, share, low, high, "of normal", source, "read", False))
     return out

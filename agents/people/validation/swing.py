@@ -1,7 +1,7 @@
 """Relaxed limbs that drop: R. Wartenberg's pendulum test of knee and elbow, and the catch of spastic limbs.
 
-The thigh (or upper arm) is held level, the leg (forearm) let go from near full extension. The relaxation index
-is the first swing by the way from the start to where the limb comes to rest.
+The thigh (or upper arm) is held level, the leg (forearm) let go from near full extension. The relaxation
+index is the first swing by the way from the start to where the limb comes to rest.
 """
 
 from __future__ import annotations
@@ -24,16 +24,23 @@ from .single_joint import PHYSICS_DT, Motion, SingleJoint
 Kind = Literal["skeletal", "muscle"]
 KINDS: tuple[Kind, ...] = ("skeletal", "muscle")
 Limb = Literal["knee", "elbow"]
+LIMBS: tuple[Limb, ...] = ("knee", "elbow")
 START = {"knee": 15.0, "elbow": 15.0}  # [deg] of flexion where it is let go
 SPASTIC = {"knee": "knee_extensors", "elbow": "elbow_extensors"}  # that the drop stretches
 HIP = 60.0  # [deg] of flexion of who sits half reclined
 SWING = math.radians(3.0)  # less is no swing to see
 SECONDS = 12.0
 CATCH_SPEED = math.radians(180.0)  # [rad/s] of an examiner's fast stretch
-CATCH_SHARE = 0.25  # of the most resistance of the stretch, above that of the healthy limb: the catch
-BEAT = (3.0, 9.0)  # [1/s] of clonus
+CATCH_SHARE = 0.25  # of the most resistance above that of the healthy limb: the catch
+
+PUSH = 0.068  # [N·m/kg] of the examiner's hand under the foot, by body weight
 
 TUNED = ("karan", "caregiver")  # avatars on which figures were chosen
+HELD_OUT = ("daniel", "kim", "natalia")
+FIGURE = "figure 1 of J. Sports Med. Doping Stud. S6:001 (caption): a healthy leg"
+BAJD = "T. Bajd & L. Vodovnik 1984; E. Fowler et al. 2000"
+WHITE = "H. White et al., Gait & Posture 26, 2007 (abstract): 293 deg/s of healthy children"
+ORDER = "falls (catch: comes earlier) with every Modified Ashworth grade: our reading of the scale"
 
 
 class Drop(NamedTuple):
@@ -126,9 +133,7 @@ def catch(avatar: AvatarConfig, kind: Kind, limb: Limb, grade: str) -> tuple[flo
     flexors = limb == "elbow"
     group = "elbow_flexors" if flexors else SPASTIC[limb]
     free = stretched(examined(avatar), kind, limb, flexors=flexors)
-    spastic = stretched(
-        examined(avatar, spasticity={group: grade}), kind, limb, flexors=flexors
-    )
+    spastic = stretched(examined(avatar, spasticity={group: grade}), kind, limb, flexors=flexors)
     extra = spastic - free
     most = float(extra.max())
     if most <= 0.05:
@@ -150,11 +155,8 @@ def beats(avatar: AvatarConfig, kind: Kind, grade: str) -> tuple[int, float]:
         gravity=np.zeros(3),
     )
     joint.drive.relax()
-    motion = joint.move(3.0, load=PUSH)
+    motion = joint.move(3.0, load=PUSH * avatar.mass_kg)
     return _beats(motion)
-
-
-PUSH = 5.0  # [N·m] of the examiner's hand under the foot
 
 
 def _beats(motion: Motion) -> tuple[int, float]:
@@ -162,7 +164,194 @@ def _beats(motion: Motion) -> tuple[int, float]:
     inner = later[1:-1]
     tops = np.flatnonzero((inner >= later[:-2]) & (inner > later[2:])) + 1
     lows = np.flatnonzero((inner <= later[:-2]) & (inner < later[2:])) + 1
-    seen = [t for t in tops if len(lows) and later[t] - later[lows[np.argmin(np.abs(lows - t))]] > 0.02]
+    seen = [
+        t for t in tops if len(lows) and later[t] - later[lows[np.argmin(np.abs(lows - t))]] > 0.02
+    ]
     if len(seen) < 2:
         return len(seen), 0.0
     return len(seen), float((len(seen) - 1) / ((seen[-1] - seen[0]) * PHYSICS_DT))
+
+
+def checks() -> list[Check]:
+    """Return the checks of the family `swing`: healthy drops, and spastic ones in order of their grade."""
+    out = []
+    for name in (*TUNED, *HELD_OUT):
+        person = load_avatar(name)
+        for kind in KINDS:
+            out += _healthy(name, person, kind) + _ordered(name, person, kind)
+    return out
+
+
+def _healthy(name: str, person: AvatarConfig, kind: Kind) -> list[Check]:
+    found, is_fitted = drop(examined(person), kind, "knee"), name in TUNED
+    who = f"{name}, {kind}: healthy"
+    rows = [
+        Check(
+            "swing",
+            f"{who} knee, relaxation index",
+            found.index,
+            1.5,
+            2.1,
+            "1",
+            BAJD,
+            "memory",
+            is_fitted,
+        ),
+        Check(
+            "swing",
+            f"{who} knee, swings",
+            found.swings,
+            5,
+            9,
+            "1",
+            f"{FIGURE}: 8",
+            "read",
+            is_fitted,
+        ),
+        Check(
+            "swing",
+            f"{who} knee, relaxation index of that leg",
+            found.index,
+            1.6,
+            2.1,
+            "1",
+            f"{FIGURE}: 1.87",
+            "read",
+            is_fitted,
+        ),
+        Check(
+            "swing",
+            f"{who} knee, second by first swing",
+            found.decrement,
+            0.5,
+            0.76,
+            "1",
+            f"{FIGURE}: 0.64",
+            "read",
+            is_fitted,
+        ),
+        Check(
+            "swing",
+            f"{who} knee, period",
+            found.period,
+            0.95,
+            1.25,
+            "s",
+            f"{FIGURE}: 1.10 s",
+            "read",
+            False,
+        ),
+        Check(
+            "swing",
+            f"{who} knee, greatest speed",
+            found.speed,
+            235,
+            365,
+            "deg/s",
+            WHITE,
+            "read",
+            False,
+        ),
+    ]
+    arm = drop(examined(person), kind, "elbow")
+    source = "our own expectation: an arm swings, and less often than a leg"
+    rows += [
+        Check(
+            "swing",
+            f"{who} elbow, relaxation index",
+            arm.index,
+            1.4,
+            2.0,
+            "1",
+            source,
+            "memory",
+            False,
+        ),
+        Check("swing", f"{who} elbow, swings", arm.swings, 3, 8, "1", source, "memory", False),
+    ]
+    return rows
+
+
+def _ordered(name: str, person: AvatarConfig, kind: Kind) -> list[Check]:
+    """Return how far the grades are apart at the least, and where spasticity begins."""
+    is_fitted, out = name in TUNED, []
+    drops = [
+        drop(examined(person, spasticity={SPASTIC["knee"]: g}), kind, "knee") for g in ASHWORTH
+    ]
+    who = f"{name}, {kind}: knee"
+    index = -np.diff([each.index for each in drops])
+    first = -np.diff([each.first for each in drops])
+    mild = drops[1].index
+    out.append(
+        Check(
+            "swing",
+            f"{who}, relaxation index at grade 1",
+            mild,
+            1.0,
+            1.4,
+            "1",
+            BAJD,
+            "memory",
+            is_fitted,
+        )
+    )
+    inf = math.inf
+    out.append(
+        Check(
+            "swing",
+            f"{who}, least fall of the index by grade",
+            float(index.min()),
+            0.0,
+            inf,
+            "1",
+            ORDER,
+            "read",
+            is_fitted,
+        )
+    )
+    out.append(
+        Check(
+            "swing",
+            f"{who}, least fall of the first swing by grade",
+            float(first.min()),
+            0.0,
+            inf,
+            "deg",
+            ORDER,
+            "read",
+            is_fitted,
+        )
+    )
+    for limb in LIMBS:
+        places = [catch(person, kind, limb, g) for g in ASHWORTH[1:]]
+        least = float((-np.diff([place for place, _ in places])).min())
+        out.append(
+            Check(
+                "swing",
+                f"{name}, {kind}: {limb}, least advance of the catch by grade",
+                least,
+                0.0,
+                inf,
+                "of the range",
+                ORDER,
+                "read",
+                is_fitted and limb == "knee",
+            )
+        )
+    for grade in ASHWORTH:
+        count = beats(person, kind, grade)[0]
+        low, high = (3.0, inf) if grade in ("3", "4") else (0.0, 2.0)
+        out.append(
+            Check(
+                "swing",
+                f"{name}, {kind}: ankle, beats of clonus at grade {grade}",
+                count,
+                low,
+                high,
+                "1",
+                "clonus at 3 and 4 only (from memory)",
+                "memory",
+                is_fitted,
+            )
+        )
+    return out
