@@ -33,8 +33,8 @@ from .musculature import Musculature, load_musculature
 from .skeletal import SkeletalDrive
 from .stretch_reflex import StretchReflex
 
-# MMT grade that holds a limb against gravity; below it furniture must, and where the limb is heavier as it lies
-# than in the test of its grade (a straight leg).
+# MMT grade that holds a limb against gravity; below it furniture must, and where the limb is heavier as it
+# lies than in the test of its grade (a straight leg).
 LEAST_GRADE = 3.0
 
 # Stature, and so lever arms, to those of our table; mean of women from memory.

@@ -47,6 +47,7 @@ Share = Callable[[Dof, str, float], float]  # DoF, motion, MMT grade -> share of
 FLICKER = 0.01  # of full excitation: what grade 1 shows; its motion's limit lets nothing move
 # Activation of grade 3 by what the range needs: muscles shorten while they move, the motion's limit is exact.
 SPARE = 1.25
+FAR = 0.93  # of the range, which is all of it to a clinician's eye: so far muscles must take the limb
 
 
 class Frame(NamedTuple):
@@ -258,6 +259,7 @@ def _found_holding(frame: Frame, muscles: Musculature, side: str, group: str) ->
     members = np.array([u.side == side and u.clinical_group == group for u in units], np.bool_)
     if not members.any():
         return Holding(LEAST_HOLDING, 0.0, frozenset())
+    test = _most_of(test)
     probe = _Probe(MuscleModel(units, muscles.joints, chain), test)
     makers = probe.makers
     shares = mmt_tests().shares
@@ -280,6 +282,14 @@ def _found_holding(frame: Frame, muscles: Musculature, side: str, group: str) ->
         else frozenset(u.name for u, helps in zip(units, active, strict=True) if helps)
     )
     return Holding(least(against), least(eliminated), helpers)
+
+
+def _most_of(test: RangeTest) -> RangeTest:
+    """Return a test without the last of its range, where muscles are at their shortest."""
+    along = np.linspace(0.0, FAR, len(test.path))
+    every = np.linspace(0.0, 1.0, len(test.path))
+    path, weight = (np.interp(along, every, values) for values in (test.path, test.weight))
+    return test._replace(path=path, weight=weight)
 
 
 class _Probe:
