@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
@@ -97,31 +98,11 @@ def make_drive(
     """
     rows = [DOFS[DOF_INDEX[name]] for name in chain.names]
     order = [DOF_INDEX[name] for name in chain.names]
-    profile = avatar.profile
     normal = normal_strength(avatar.sex)[order]
-    low, high = profile.strength(avatar.sex, torque_share(avatar, config.strength))
+    low, high = avatar.profile.strength(avatar.sex, torque_share(avatar, config.strength))
     strength = np.column_stack((low, high))[order]
-    weight = holding_torques(chain.arrays, posture, lying_gravity(lying))
-    able = np.where(weight > 0.0, strength[:, 1], strength[:, 0])
-    supported = np.array(
-        [
-            (
-                min(profile.grade(d, positive=True), profile.grade(d, positive=False)) < LEAST_GRADE
-                or abs(needed) > most
-            )
-            and (lying.supported == "all" or d.joint in lying.supported)
-            for d, needed, most in zip(rows, weight, able, strict=True)
-        ],
-        np.bool_,
-    )
-    reflex = StretchReflex(
-        _ashworth(avatar, rows),
-        passive=passive,
-        strength=normal_torques(avatar.sex)[order],
-        inertia=np.diag(chain.mass_matrix(posture)),
-        physics_dt=physics_dt,
-        by_muscle=config.kind == "muscle",
-    )
+    supported = _supported(avatar, chain, lying, posture, strength)
+    reflex = _reflex(avatar, chain, posture, passive, physics_dt, config)
     if config.kind == "skeletal":
         return SkeletalDrive(
             chain,
@@ -133,7 +114,7 @@ def make_drive(
             passive=passive,
             physics_dt=physics_dt,
             overcoming=_overcoming(avatar, rows),
-            reflex=None if reflex.is_silent else reflex,
+            reflex=reflex,
             shaking=_joint_shaking(avatar, order, np.minimum(low, high)),
         )
     model, groups = _muscles(avatar, chain, config)
@@ -153,9 +134,45 @@ def make_drive(
         passive=passive,
         physics_dt=physics_dt,
         motion_limits=motion_limits(avatar, config.strength)[:, order],
-        reflex=None if reflex.is_silent else reflex,
+        reflex=reflex,
         shaking=_shaking(avatar, graded, np.ones(len(graded))),
     )
+
+
+def _supported(
+    avatar: AvatarConfig, chain: JointTree, lying: PostureConfig, posture: Array, strength: Array
+) -> npt.NDArray[np.bool_]:
+    """Return whether furniture holds each limb: it can, and the person cannot; shape [n]."""
+    profile, out = avatar.profile, np.zeros(len(chain.names), np.bool_)
+    weight = holding_torques(chain.arrays, posture, lying_gravity(lying))
+    able = np.where(weight > 0.0, strength[:, 1], strength[:, 0])
+    for i, name in enumerate(chain.names):
+        dof = DOFS[DOF_INDEX[name]]
+        least = min(profile.grade(dof, positive=True), profile.grade(dof, positive=False))
+        is_weak = least < LEAST_GRADE or abs(weight[i]) > able[i]
+        out[i] = is_weak and (lying.supported == "all" or dof.joint in lying.supported)
+    return out
+
+
+def _reflex(
+    avatar: AvatarConfig,
+    chain: JointTree,
+    posture: Array,
+    passive: Array,
+    physics_dt: float,
+    config: ActuationConfig,
+) -> StretchReflex | None:
+    """Return what answers stretch; None if nobody is spastic."""
+    order = [DOF_INDEX[name] for name in chain.names]
+    reflex = StretchReflex(
+        _ashworth(avatar, [DOFS[i] for i in order]),
+        passive=passive,
+        strength=normal_torques(avatar.sex)[order],
+        inertia=np.diag(chain.mass_matrix(posture)),
+        physics_dt=physics_dt,
+        by_muscle=config.kind == "muscle",
+    )
+    return None if reflex.is_silent else reflex
 
 
 def lying_gravity(lying: PostureConfig) -> Array:

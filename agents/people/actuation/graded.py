@@ -47,7 +47,9 @@ Share = Callable[[Dof, str, float], float]  # DoF, motion, MMT grade -> share of
 FLICKER = 0.01  # of full excitation: what grade 1 shows; its motion's limit lets nothing move
 # Activation of grade 3 by what the range needs: muscles shorten while they move, the motion's limit is exact.
 SPARE = 1.25
-FAR = 0.93  # of the range, which is all of it to a clinician's eye: so far muscles must take the limb
+FAR = (
+    0.93  # of the range, which is all of it to a clinician's eye: so far muscles must take the limb
+)
 
 
 class Frame(NamedTuple):

@@ -129,13 +129,7 @@ class MuscleDrive:
         table[:, dynamics.STIFFNESS : dynamics.DAMPING + 1] = impedance(normal_strength, inertia)
         damping = joint_damping(chain.names, normal_strength, inertia)
         table[:, dynamics.TISSUE] = damping_beside_muscles(model, posture, damping)
-        table[:, dynamics.MOST_AGAINST : dynamics.MOST_ALONG + 1] = np.inf
-        if motion_limits is not None:
-            (
-                table[:, dynamics.MOST_AGAINST : dynamics.MOST_ALONG + 1],
-                table[:, dynamics.OVER_AGAINST : dynamics.OVER_ALONG + 1],
-            ) = motion_limits
-        self._most = table[:, dynamics.MOST_AGAINST : dynamics.MOST_ALONG + 1].copy()
+        self._most = _set_motion_limits(table, motion_limits)
         uncrossed = np.ones(count, np.bool_)
         uncrossed[model.layout.crossings[:-1, 0]] = False
         self._uncrossed = np.flatnonzero(uncrossed & willed)
@@ -150,14 +144,7 @@ class MuscleDrive:
         self.target = self._targets.values
         self._take_actions(excitation, groups)
         self.excitation = np.zeros(len(model.units))
-        # Will is scaled here, since a reflex is not: to the kernel all muscles obey.
-        self._rested = model.table[:, kernel.VOLUNTARY].copy()
-        self._voluntary = self._rested.copy()
-        model.table[:, kernel.VOLUNTARY] = 1.0
-        self._reflex = reflex
-        self._reflex_paths = reflex_paths(model, posture)[: None if reflex is not None else 0]
-        self._told, self._involuntary = np.zeros((2, len(model.units)))
-        self._no_share = np.zeros((count, 2))
+        self._take_will(reflex)
         self._start = model.settled_state(posture)
         self.state = self._start.copy()
         self._grip = np.where(resting & ~held, FRICTION_SHARE * normal_strength, 0.0)
@@ -168,16 +155,32 @@ class MuscleDrive:
         self._controller = MuscleController(
             model, inertia, self._voluntary, normal_strength=normal_strength, limits=limits
         )
-        axial = ("spine", "neck", "head")
-        self._is_axial = np.array([name.startswith(axial) for name in chain.names], np.bool_)
-        self._laid, self._resting = resting, resting.copy()
-        self._carried = self._bears = table[:, dynamics.CARRIED].copy()
+        self._lie_down(resting)
         self._beyond = _descendants(chain.arrays.parents)
         self._is_slack = False
         self._is_pursuing = True  # until the first command they hold still
         self._tick = 0
         self._muscles = kernel.make_muscles(table, chain.arrays.parents, model.layout, model.table)
         self._measured, self._out = np.zeros((2, count)), np.zeros(count)
+
+    def _lie_down(self, resting: npt.NDArray[np.bool_]) -> None:
+        """Set up what lies on furniture, and what that bears."""
+        axial = ("spine", "neck", "head")
+        self._is_axial = np.array([name.startswith(axial) for name in self.names], np.bool_)
+        self._laid, self._resting = resting, resting.copy()
+        self._carried = self._bears = self._table[:, dynamics.CARRIED].copy()
+
+    def _take_will(self, reflex: StretchReflex | None) -> None:
+        """Set up how will and reflexes excite; will is scaled here, to the kernel all muscles obey."""
+        model = self.model
+        self._rested = model.table[:, kernel.VOLUNTARY].copy()
+        self._voluntary = self._rested.copy()
+        model.table[:, kernel.VOLUNTARY] = 1.0
+        self._reflex = reflex
+        paths = reflex_paths(model, self._posture)
+        self._reflex_paths = paths if reflex is not None else paths[:0]
+        self._told, self._involuntary = np.zeros((2, len(model.units)))
+        self._no_share = np.zeros((len(self.names), 2))
 
     def _take_actions(self, excitation: Excitation, groups: Mapping[str, Sequence[int]]) -> None:
         """Set up what an action is; `_source` says which of its values excites each muscle."""
@@ -329,6 +332,15 @@ class MuscleDrive:
         step = gravity, self.state, self._dt, self.model.mode, self._out
         dynamics.drive(self._muscles, self._measured, *told, *step)
         return self._out.tolist()
+
+
+def _set_motion_limits(table: Array, motion_limits: Array | None) -> Array:
+    """Write what can be willed about each DoF, and return a copy of the greatest torques, shape [n, 2]."""
+    most = table[:, dynamics.MOST_AGAINST : dynamics.MOST_ALONG + 1]
+    most[:] = np.inf
+    if motion_limits is not None:
+        most[:], table[:, dynamics.OVER_AGAINST : dynamics.OVER_ALONG + 1] = motion_limits
+    return np.array(most)
 
 
 def _set_ligaments(
