@@ -139,27 +139,20 @@ class MuscleDrive:
         table[:, dynamics.POSTURE], table[:, dynamics.INERTIA] = posture, inertia
         _set_ligaments(table, passive, normal_strength, model, posture)
         self._table = table
-        self._posture = posture.copy()
         self._targets = TargetAngles(chain.names, posture.copy(), limits)
-        self.target = self._targets.values
+        self._posture, self.target = posture.copy(), self._targets.values
         self._take_actions(excitation, groups)
         self.excitation = np.zeros(len(model.units))
         self._take_will(reflex)
-        self._start = model.settled_state(posture)
-        self.state = self._start.copy()
         self._grip = np.where(resting & ~held, FRICTION_SHARE * normal_strength, 0.0)
-        self._elastic = np.array([DISC_STIFFNESS.get(n.split("_")[0], 0.0) for n in chain.names])
-        table[:, dynamics.ELASTIC] = self._elastic
-        # What rests on furniture does not drift by the tension of resting muscles.
-        table[:, dynamics.SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
+        self._elastic = table[:, dynamics.ELASTIC].copy()
         self._controller = MuscleController(
             model, inertia, self._voluntary, normal_strength=normal_strength, limits=limits
         )
         self._lie_down(resting)
         self._beyond = _descendants(chain.arrays.parents)
-        self._is_slack = False
-        self._is_pursuing = True  # until the first command they hold still
-        self._tick = 0
+        # Until the first command they hold still.
+        self._is_slack, self._is_pursuing, self._tick = False, True, 0
         self._muscles = kernel.make_muscles(table, chain.arrays.parents, model.layout, model.table)
         self._measured, self._out = np.zeros((2, count)), np.zeros(count)
 
@@ -181,6 +174,8 @@ class MuscleDrive:
         self._reflex_paths = paths if reflex is not None else paths[:0]
         self._told, self._involuntary = np.zeros((2, len(model.units)))
         self._no_share = np.zeros((len(self.names), 2))
+        self._start = model.settled_state(self._posture)
+        self.state = self._start.copy()
 
     def _take_actions(self, excitation: Excitation, groups: Mapping[str, Sequence[int]]) -> None:
         """Set up what an action is; `_source` says which of its values excites each muscle."""
@@ -346,10 +341,13 @@ def _set_motion_limits(table: Array, motion_limits: Array | None) -> Array:
 def _set_ligaments(
     table: Array, passive: Array, normal_strength: Array, model: MuscleModel, posture: Array
 ) -> None:
-    """Write where ligaments tighten, and to what."""
+    """Write where ligaments tighten, and to what; how discs resist; what resting muscles pull with."""
     table[:, dynamics.LEAST], table[:, dynamics.MOST] = passive.T
     width = np.maximum(passive[:, 1] - passive[:, 0], 1e-3)
     table[:, dynamics.ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
+    table[:, dynamics.ELASTIC] = [DISC_STIFFNESS.get(n.split("_")[0], 0.0) for n in model.dofs]
+    # What rests on furniture does not drift by the tension of resting muscles.
+    table[:, dynamics.SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
     pulls = np.abs(model.moment_arms(posture)).T @ model.table[:, kernel.FORCE]
     table[:, dynamics.LIGAMENT] = np.maximum(normal_strength, pulls)
 
