@@ -203,8 +203,10 @@ class SkeletalDrive:
             self._state[4] = self._shaking.after(self._dt)
         if self._reflex is not None:
             self._reflex.feel(self._state[0], self._state[1])
-            pull = self._reflex.torques()
-            self._state[4] = pull if self._shaking is None else self._state[4] + pull
+            if self._shaking is None:
+                self._state[4] = self._reflex.torques()
+            else:
+                self._state[4] += self._reflex.torques()
         _torques(*self._tree, self._state, gravity, self._dt, *self._room)
         return self._out.tolist()
 

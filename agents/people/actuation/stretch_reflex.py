@@ -146,27 +146,26 @@ class StretchReflex:
         self._table, self._strength = table, strength
         self._per_stretch = known.per_stretch
         self._pace = 1.0 if by_muscle else 1.0 - float(np.exp(-physics_dt / known.rise))
-        self.share = np.zeros((count, 2))
+        self.share, self._pull = np.zeros((count, 2)), np.zeros(count)
         self._late = np.zeros((max(round(known.delay / physics_dt), 1), count, 2))
         self._next = 0
 
     def reset(self) -> None:
         """Forget what was felt."""
-        self._late[:], self.share[:], self._next = 0.0, 0.0, 0
+        self._late[:], self.share[:], self._pull[:], self._next = 0.0, 0.0, 0.0, 0
 
     def torques(self) -> Array:
         """Return what they pull with now, at normal strength [N·m], shape [n]."""
-        pull = self.share * self._strength
-        return np.asarray(pull[:, 1] - pull[:, 0])
+        return self._pull
 
     def feel(self, positions: Array, velocities: Array) -> None:
         """Take the angles [rad] and rates [rad/s] of this physics step, and find `share`."""
         if self.is_silent:
             return
-        ring, now = self._late, self._next
-        self.share += self._pace * (ring[now] - self.share)
-        _answer(self._table, positions, velocities, self._per_stretch, ring[now])
-        self._next = (now + 1) % len(ring)
+        now, figures = self._next, (self._per_stretch, self._pace)
+        felt = self.share, self._strength, self._pull
+        _answer(self._table, positions, velocities, figures, self._late[now], *felt)
+        self._next = (now + 1) % len(self._late)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -185,16 +184,19 @@ def excite(paths, share, voluntary, excitation, told, involuntary) -> None:  # t
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _answer(table, positions, velocities, per_stretch, out) -> None:  # type: ignore[no-untyped-def]
-    """Write the share of strength that each stretch will be answered with."""
+def _answer(table, positions, velocities, figures, late, share, strength, pull) -> None:  # type: ignore[no-untyped-def]
+    """Follow what was felt long ago, and put what is felt now in its place, each of shape [n, 2]."""
+    per_stretch, pace = figures
     for i in range(table.shape[0]):
         for k in range(2):
             row = table[i, k]
             if row[MOST] == 0.0:
                 continue
+            share[i, k] += pace * (late[i, k] - share[i, k])
             turn = row[SIGN] * row[PER_RANGE]
             stretch = turn * (positions[i] - row[LOWEST])
             least = max(per_stretch * (row[ONSET] - stretch), row[LEAST_SPEED])
             given = row[GAIN] * max(turn * velocities[i] - least, 0.0)
             given += row[TONE] * max(stretch - row[ONSET], 0.0)
-            out[i, k] = min(given, row[MOST])
+            late[i, k] = min(given, row[MOST])
+        pull[i] = share[i, 1] * strength[i, 1] - share[i, 0] * strength[i, 0]
