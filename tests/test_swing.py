@@ -22,6 +22,7 @@ from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.profile import ASHWORTH
 from rcare_marl.agents.people.validation.swing import (
     KINDS,
+    LIMBS,
     SPASTIC,
     Kind,
     beats,
@@ -41,7 +42,7 @@ DT = 1 / 240
 @pytest.mark.parametrize("name", ["karan", "natalia", "kim"])
 def test_a_healthy_leg_swings_as_published(name: str, kind: Kind) -> None:
     found = drop(examined(load_avatar(name)), kind, "knee")
-    assert 1.5 < found.index < 2.1
+    assert 1.5 < found.relaxation < 2.1
     assert 5 <= found.swings <= 9
     arm = drop(examined(load_avatar(name)), kind, "elbow")
     assert arm.swings >= 3
@@ -54,15 +55,15 @@ def test_the_drop_is_ordered_by_ashworth_grade(name: str, kind: Kind) -> None:
     drops = [
         drop(examined(person, spasticity={SPASTIC["knee"]: g}), kind, "knee") for g in ASHWORTH
     ]
-    assert (np.diff([each.index for each in drops]) < 0).all()
+    assert (np.diff([each.relaxation for each in drops]) < 0).all()
     assert (np.diff([each.first for each in drops]) < 0).all()
-    assert drops[1].index < 1.4
+    assert drops[1].relaxation < 1.4
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_catch_comes_earlier_and_stronger_with_every_grade(kind: Kind) -> None:
-    for limb in ("knee", "elbow"):
-        found = [catch(load_avatar("karan"), kind, limb, grade) for grade in ASHWORTH]  # type: ignore[arg-type]
+    for limb in LIMBS:
+        found = [catch(load_avatar("karan"), kind, limb, grade) for grade in ASHWORTH]
         assert (np.diff([place for place, _ in found]) < 0).all()
         assert (np.diff([torque for _, torque in found]) > 0).all()
 

@@ -56,7 +56,7 @@ class Drop(NamedTuple):
     """A pendulum test.
 
     Attributes:
-        index: Relaxation index.
+        relaxation: Relaxation index.
         first: First swing [deg].
         swings: How often the limb swings beyond where it comes to rest, by 3 degrees or more.
         decrement: By what factor the second such swing is smaller than the first, 0 if there is none.
@@ -64,7 +64,7 @@ class Drop(NamedTuple):
         speed: Greatest speed [deg/s].
     """
 
-    index: float
+    relaxation: float
     first: float
     swings: int
     decrement: float
@@ -211,15 +211,24 @@ def _healthy(person: AvatarConfig, kind: Kind) -> list[_Row]:
     leg, arm = (drop(examined(person), kind, limb) for limb in LIMBS)
     knee, elbow = "healthy knee, ", "healthy elbow, "
     return [
-        _Row(f"{knee}relaxation index", leg.index, 1.5, 2.1, "1", BAJD, "memory", True),
-        _Row(f"{knee}index of that leg", leg.index, 1.6, 2.1, "1", f"{FIGURE}: 1.87", "read", True),
+        _Row(f"{knee}relaxation index", leg.relaxation, 1.5, 2.1, "1", BAJD, "memory", True),
+        _Row(
+            f"{knee}index of that leg",
+            leg.relaxation,
+            1.6,
+            2.1,
+            "1",
+            f"{FIGURE}: 1.87",
+            "read",
+            True,
+        ),
         _Row(f"{knee}swings", leg.swings, 5, 9, "1", f"{FIGURE}: 8", "read", True),
         _Row(
             f"{knee}second by first", leg.decrement, 0.5, 0.76, "1", f"{FIGURE}: 0.64", "read", True
         ),
         _Row(f"{knee}period", leg.period, 0.95, 1.25, "s", f"{FIGURE}: 1.10 s", "read", False),
         _Row(f"{knee}greatest speed", leg.speed, 235, 365, "deg/s", WHITE, "read", False),
-        _Row(f"{elbow}relaxation index", arm.index, 1.4, 2.0, "1", ARM, "memory", False),
+        _Row(f"{elbow}relaxation index", arm.relaxation, 1.4, 2.0, "1", ARM, "memory", False),
         _Row(f"{elbow}swings", arm.swings, 3, 8, "1", ARM, "memory", False),
     ]
 
@@ -230,11 +239,18 @@ def _spastic(person: AvatarConfig, kind: Kind) -> list[_Row]:
     drops = [
         drop(examined(person, spasticity={SPASTIC["knee"]: g}), kind, "knee") for g in ASHWORTH
     ]
-    index = float((-np.diff([each.index for each in drops])).min())
+    index = float((-np.diff([each.relaxation for each in drops])).min())
     first = float((-np.diff([each.first for each in drops])).min())
     out = [
         _Row(
-            "knee of grade 1, relaxation index", drops[1].index, 1.0, 1.4, "1", BAJD, "memory", True
+            "knee of grade 1, relaxation index",
+            drops[1].relaxation,
+            1.0,
+            1.4,
+            "1",
+            BAJD,
+            "memory",
+            True,
         ),
         _Row("knee, least fall of the index by grade", index, 0.0, inf, "1", ORDER, "read", True),
         _Row(
