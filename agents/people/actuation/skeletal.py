@@ -54,6 +54,9 @@ from .stretch_reflex import StretchReflex
 
 # Our own choices; no measurement of everyday joint impedance covers all 112 degrees of freedom.
 STIFFNESS_PER_TORQUE = 2.5  # [1/rad]: full strength answers an error of 0.4 rad
+# [s/rad] Whoever is awake braces: muscles that hold damp, by normal torque and the fourth root of the share of it
+# that is left: what is weak braces nearly as hard. A relaxed or paralysed limb has only its tissue. Our own choice.
+BRACING = 0.02
 # [rad/s] of a joint on its own stiffness: a finger's strength is not its stiffness.
 MAX_FREQUENCY = 40.0
 
@@ -130,6 +133,7 @@ class SkeletalDrive:
         table[:, _LEAST], table[:, _MOST] = passive.T
         self._table, self._rested = table, strength.copy()
         self._fresh, self._is_slack = np.ones(count), False
+        self._normal, self._relaxed = normal_strength, table[:, _TISSUE].copy()
         self._shaking, self._reflex = shaking, reflex
         # Angles, rates, targets, start; torques: involuntary, of muscles in the last step.
         self._state = np.zeros((6, count))
@@ -141,6 +145,7 @@ class SkeletalDrive:
         self.action_names = self._targets.action_names
         parents = chain.arrays.parents
         self._tree = table, parents, tree_depths(parents)
+        self._tell_strength()
         self._out = np.zeros(count)
         matrices = np.stack([packed_matrix(parents)] * 2)
         self._room = np.zeros((count, _SCRATCH)), matrices, self._out
@@ -189,7 +194,10 @@ class SkeletalDrive:
 
     def _tell_strength(self) -> None:
         share = 0.0 if self._is_slack else self._fresh[:, None]
-        self._table[:, _STRENGTH_AGAINST : _STRENGTH_ALONG + 1] = self._rested * share
+        strength = self._rested * share
+        self._table[:, _STRENGTH_AGAINST : _STRENGTH_ALONG + 1] = strength
+        part = np.minimum(strength.max(axis=1) / self._normal, 1.0)
+        self._table[:, _TISSUE] = self._relaxed + BRACING * self._normal * part**0.25
 
     def observables(self) -> Sequence[Observable]:
         return [Observable("joint_target", "rad", len(self.names), lambda: self.target)]

@@ -41,7 +41,7 @@ GROUPS = (
 )
 GRADES = (1.0, 2.0, 3.0, 4.0)
 SIDE = "right"
-SECONDS = 6.0
+SECONDS = 9.0
 COMPLETE = 0.9  # of the range of the test: the whole range, to a clinician's eye
 HALF = 0.5  # of the range: less against gravity is no more than 2+
 STILL_SHARE = 0.05  # of the range: less than this nobody sees
