@@ -54,8 +54,9 @@ from .stretch_reflex import StretchReflex
 
 # Our own choices; no measurement of everyday joint impedance covers all 112 degrees of freedom.
 STIFFNESS_PER_TORQUE = 2.5  # [1/rad]: full strength answers an error of 0.4 rad
-# [s/rad] Whoever is awake braces: muscles that hold damp, by normal torque and the fourth root of the share of it
-# that is left: what is weak braces nearly as hard. A relaxed or paralysed limb has only its tissue. Our own choice.
+# [s/rad] Whoever is awake braces: muscles that hold damp, by normal torque and the fourth root of the share
+# of it that is left, so what is weak braces nearly as hard. A relaxed or paralysed limb has its tissue only.
+# Our own choice.
 BRACING = 0.02
 # [rad/s] of a joint on its own stiffness: a finger's strength is not its stiffness.
 MAX_FREQUENCY = 40.0
