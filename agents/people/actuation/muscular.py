@@ -42,7 +42,7 @@ from .actuation import MAX_SPEED, Shaking, TargetAngles
 from .joint_tissue import damping_beside_muscles, joint_damping
 from .muscle_control import DAMPING_RATIO, FREQUENCY, Felt, MuscleController
 from .muscle_model import MuscleModel
-from .skeletal import impedance
+from .skeletal import BRACING, impedance
 from .stretch_reflex import StretchReflex, excite, reflex_paths
 
 # Our own choices.
@@ -128,8 +128,10 @@ class MuscleDrive:
         model.table[:, kernel.LEAST] *= RELAXED
         table[:, dynamics.STIFFNESS : dynamics.DAMPING + 1] = impedance(normal_strength, inertia)
         damping = joint_damping(chain.names, normal_strength, inertia)
-        table[:, dynamics.TISSUE] = damping_beside_muscles(model, posture, damping)
+        damping = damping_beside_muscles(model, posture, damping)
         self._most = _set_motion_limits(table, motion_limits)
+        part = np.minimum(self._most.min(axis=1) / normal_strength, 1.0) ** 0.25 * willed
+        self._relaxed, self._braced = damping, damping + BRACING * normal_strength * part
         uncrossed = np.ones(count, np.bool_)
         uncrossed[model.layout.crossings[:-1, 0]] = False
         self._uncrossed = np.flatnonzero(uncrossed & willed)
@@ -204,6 +206,7 @@ class MuscleDrive:
         if self._reflex is not None:
             self._reflex.reset()
         self._is_slack = False
+        self._brace()
         # Lengths, moment arms and weights in the start posture, without any time passing.
         self._measured[0], self._measured[1] = self._posture, 0.0
         step = gravity, self.state, 0.0, self.model.mode
@@ -221,6 +224,7 @@ class MuscleDrive:
         if self._is_slack and self._is_posture:  # whoever begins to move again begins here
             self.target[:] = self._measured[0]
         self._is_slack = False
+        self._brace()
         if not self._is_posture:
             self.excitation[:] = action[self._source]
             return
@@ -230,8 +234,13 @@ class MuscleDrive:
             self._lift(int(i))
         self._table[self._uncrossed, dynamics.POSTURE] = self.target[self._uncrossed]
 
+    def _brace(self) -> None:
+        """Let the joints of whoever pursues angles damp, as without muscles."""
+        self._table[:, dynamics.TISSUE] = self._braced if self._is_posture else self._relaxed
+
     def relax(self) -> None:
         self._is_slack, self._is_pursuing = True, False
+        self._table[:, dynamics.TISSUE] = self._relaxed
         self.excitation[:] = 0.0
 
     def _lift(self, dof: int) -> None:
