@@ -120,7 +120,8 @@ class HumanCast:
             `unit` where they learn or a policy file plays.
         tendon: With muscles, how tendons yield: `rigid`, `quasi_static` or `implicit`.
         musculature: With muscles, the user's own table (.csv) or MASS file (.xml); ours if None.
-        strength: How MMT grades become strength: `linear`, the paper's map, or `gravity`.
+        strength: How MMT grades become strength: `mmt`, what a clinician means by them, or `linear`, the
+            paper's map.
         posture: A posture's name or YAML file; the role's default if None.
         movable: Joints or DoFs that move; the role's default if None.
         moves: What actions move beside the joints: `walk`, `kneel`, `grasp`; the role's default if None.
@@ -136,7 +137,7 @@ class HumanCast:
     excitation: Excitation | None = None
     tendon: Tendon = "quasi_static"
     musculature: str | Path | None = None
-    strength: StrengthMap = "linear"
+    strength: StrengthMap = "mmt"
     posture: str | None = None
     movable: tuple[str, ...] | None = None
     moves: tuple[str, ...] | None = None

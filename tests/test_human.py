@@ -207,7 +207,7 @@ def test_each_side_has_its_own_ability() -> None:
     limits, (_, strength) = profile.limits("active"), profile.strength("male")
     left, right = (DOF_INDEX[f"{side}_elbow_flexion"] for side in SIDES)
     assert limits["left_shoulder_flexion"][1] < limits["right_shoulder_flexion"][1]
-    assert strength[left] == pytest.approx(0.6 * strength[right])  # grade 3 of 5, the paper's map
+    assert strength[left] == pytest.approx(0.6 * strength[right])  # of the norms: grade 3 of 5
 
 
 def test_the_muscle_never_exceeds_its_strength_nor_moves_beyond_the_active_range() -> None:

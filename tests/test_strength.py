@@ -1,123 +1,127 @@
 """MMT grades become strength as documented."""
 
-from typing import Literal
-
 import numpy as np
 import pytest
 
-from rcare_marl.agents.people.actuation import muscle_kernel as kernel
-from rcare_marl.agents.people.actuation.drive import (
-    ActuationConfig,
-    fitted_musculature,
-    muscle_share,
-    skeletal_share,
-    whole_chain,
+from rcare_marl.agents.people.actuation.drive import fitted_musculature
+from rcare_marl.agents.people.actuation.graded import (
+    body_test,
+    frame_of,
+    level_torques,
+    motion_limits,
+    normal_torques,
+    torque_holding,
+    torque_share,
+    unit_shares,
 )
-from rcare_marl.agents.people.actuation.muscle_model import MuscleModel
 from rcare_marl.agents.people.avatar import load_avatar
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS
+from rcare_marl.agents.people.profile import clinical_norms
 from rcare_marl.agents.people.strength import (
     LEAST_HOLDING,
     MOST_HOLDING,
-    gravity_tests,
-    level_torque,
+    GradeShares,
+    MmtTest,
     mmt_tests,
     strength_share,
+    tissue_share,
 )
-from rcare_marl.errors import UnknownNameError
-from rcare_marl.tree.joint_tree import JointTree, ancestors
+from rcare_marl.agents.people.validation.grades import graded_group, graded_side, resized
+from rcare_marl.errors import ConfigError, UnknownNameError
 
 CAREGIVER = load_avatar("caregiver")
-
-
-def chain() -> JointTree:
-    body = CAREGIVER
-    return whole_chain(body.body_path(), body.height_m, body.mass_kg, body.sex)
+FRAME = frame_of(CAREGIVER)
+FILE: tuple[None, tuple[int, int]] = (None, (0, 0))
 
 
 def test_the_linear_map_is_the_papers() -> None:
     assert [strength_share(g, "linear") for g in (0, 1, 2, 3, 4, 5)] == pytest.approx(
         [0, 0.2, 0.4, 0.6, 0.8, 1.0]
     )
+    assert np.isinf(motion_limits(graded_side(CAREGIVER, 2.0), "linear")[0]).all()
 
 
-def test_the_gravity_map_goes_through_its_grades_and_grows() -> None:
+def test_the_default_map_goes_through_its_grades_and_grows_without_a_jump() -> None:
     holding = 0.09
-    shares = [strength_share(g, "gravity", holding) for g in (0, 1, 2, 3, 4, 5)]
-    assert shares == pytest.approx([0, 0.01, 0.045, 0.09, 0.3, 1.0])
-    fine = [strength_share(g, "gravity", holding) for g in np.linspace(0, 5, 61)]
-    assert (np.diff(fine) > 0).all()
+    shares = [strength_share(g, "mmt", holding) for g in (0, 1, 2, 3, 4, 5)]
+    fourth = 0.09 + mmt_tests().shares.grade_4 * 0.91
+    assert shares == pytest.approx([0, 0, 0.09 * mmt_tests().shares.grade_2, 0.09, fourth, 1.0])
+    fine = np.array([strength_share(g, "mmt", holding) for g in np.linspace(0, 5, 5001)])
+    assert (np.diff(fine) >= 0).all()
+    assert (np.diff(fine[1001:]) > 0).all()
+    assert np.diff(fine).max() < 0.002
     # A plus is a third of the way on a log scale.
-    assert strength_share(3 + 1 / 3, "gravity", holding) == pytest.approx(
-        0.09 * (0.3 / 0.09) ** (1 / 3)
+    assert strength_share(3 + 1 / 3, "mmt", holding) == pytest.approx(
+        0.09 * (fourth / 0.09) ** (1 / 3)
     )
+    assert strength_share(2, "mmt", holding, poor=0.5) == holding
+    assert [tissue_share(g) for g in (0, 1, 1.5, 2, 5)] == [0, 0, 0.5, 1, 1]
 
 
-def test_a_wrong_grade_or_map_is_refused() -> None:
+def test_a_wrong_grade_map_range_or_order_is_refused() -> None:
     with pytest.raises(ValueError, match="0..5"):
         strength_share(6, "linear")
-    with pytest.raises(UnknownNameError, match="Did you mean 'gravity'"):
-        strength_share(3, "gravitiy")  # type: ignore[arg-type]
+    with pytest.raises(UnknownNameError, match="Did you mean 'linear'"):
+        strength_share(3, "linaer")  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="must grow"):
+        MmtTest("elbow_flexion", (90, 0), "upright")
+    with pytest.raises(ConfigError, match="holding"):
+        GradeShares(grade_2=0.25, holding=0.9, grade_4=0.4)
 
 
-def test_level_torque_is_mass_times_lever() -> None:
-    limb = chain()
+def test_grade_3_is_the_greatest_weight_of_the_range_for_each_body() -> None:
+    heavy = frame_of(resized(CAREGIVER, height=1.9, mass=120))
+    for group in mmt_tests().tests:
+        for side in ("left", "right"):
+            test = body_test(FRAME, side, group)
+            if test is None:
+                continue
+            needed = mmt_tests().shares.holding * float(test.weight.max())
+            normal = normal_torques("female")[test.dof, int(test.sign > 0)]
+            found = torque_holding(FRAME, side, group)
+            assert found == pytest.approx(np.clip(needed / normal, LEAST_HOLDING, MOST_HOLDING)), (
+                group
+            )
+            assert torque_holding(heavy, side, group) >= found
+    elbow = body_test(FRAME, "right", "elbow_flexors")
+    assert elbow is not None
+    assert 80 < np.degrees(elbow.path[elbow.weight.argmax()]) < 100  # where the forearm is level
+
+
+def test_every_motion_of_grade_3_holds_the_level_limb() -> None:
+    share, normal = torque_share(CAREGIVER, "mmt"), normal_torques("female")
+    level, tests = level_torques(FRAME), mmt_tests().tests
+    for i, dof in enumerate(DOFS):
+        for k, motion in enumerate((dof.negative, dof.positive)):
+            test = tests.get(clinical_norms().motions[motion].group)
+            if test is not None and test.motion != motion:
+                able = share(dof, motion, 3.0) * normal[i, k]
+                assert able >= min(level[i], 0.89 * normal[i, k]), (dof.name, motion)
+
+
+def test_a_motion_is_limited_by_its_own_grade_whichever_muscles_make_it() -> None:
+    most, tissue = motion_limits(graded_group(CAREGIVER, "elbow_flexors", 1.0), "mmt")
     i = DOF_INDEX["right_elbow_flexion"]
-    angles = np.zeros(len(DOFS))
-    beyond = [k for k in range(len(DOFS)) if i in ancestors(limb.arrays.parents, k)]
-    mass = limb.arrays.masses[beyond].sum()
-    torque = level_torque(limb, i, angles)
-    assert 0.02 * CAREGIVER.mass_kg < 1.3 * mass < 0.04 * CAREGIVER.mass_kg  # forearm and hand
-    assert 0.05 < torque / (9.81 * mass) < 0.25  # [m] from elbow to their centre
-    assert level_torque(limb, DOF_INDEX["right_elbow_pronation"], angles) < 0.05 * torque
+    assert most[i, 1] == 0.0
+    assert tissue[i, 1] == 0.0
+    assert np.isinf(most[i, 0])
+    assert np.isinf(most[DOF_INDEX["right_wrist_flexion"]]).all()
+    # From grade 4 on the limit opens without a jump.
+    near = motion_limits(graded_group(CAREGIVER, "elbow_flexors", 4.999), "mmt")[0]
+    assert near[i, 1] > 100 * normal_torques("female")[i, 1]
 
 
-def test_every_graded_group_gets_a_test_on_each_side_that_has_it() -> None:
-    tests = gravity_tests(chain())
-    groups = {group for _, group in tests}
-    assert groups == set(mmt_tests().tests)
-    assert {side for side, group in tests if group == "elbow_flexors"} == {"left", "right"}
-    assert all(test.torque > 0 for test in tests.values())
-
-
-@pytest.mark.parametrize("kind", ["skeletal", "muscle"])
-def test_grade_3_by_gravity_is_far_weaker_than_the_linear_one_at_elbow_and_knee(
-    kind: Literal["skeletal", "muscle"],
-) -> None:
-    config = ActuationConfig(kind=kind, strength="gravity")
-    share = (
-        skeletal_share(CAREGIVER, "gravity")
-        if kind == "skeletal"
-        else muscle_share(CAREGIVER, config)
-    )
-    for group in ("elbow_flexors", "knee_extensors"):
-        found = share("right", group, 3.0)
-        assert LEAST_HOLDING <= found < 0.2, group
-    for (side, group), _ in gravity_tests(chain()).items():
-        assert LEAST_HOLDING <= share(side, group, 3.0) <= MOST_HOLDING
-        assert share(side, group, 3.0) == pytest.approx(
-            share("left" if side == "right" else side, group, 3.0), rel=0.05
-        )
-
-
-def test_at_the_share_of_grade_3_a_group_just_carries_its_limb() -> None:
-    """Where the group can at all; the others are carried by all muscles of the motion together."""
-    limb, config = chain(), ActuationConfig(kind="muscle", strength="gravity")
-    muscles, share = fitted_musculature(CAREGIVER, None), muscle_share(CAREGIVER, config)
-    model = MuscleModel(muscles.units, muscles.joints, limb)
-    carried = []
-    for (side, group), test in gravity_tests(limb).items():
-        members = np.array([u.side == side and u.clinical_group == group for u in muscles.units])
-        arms = test.sign * model.moment_arms(test.angles)[:, test.dof]
-        rest = model.table[:, kernel.LEAST]
-
-        def torque(share: float) -> float:
-            told = np.where(members, np.maximum(share, rest), rest)  # noqa: B023
-            return float(arms @ model.isometric_forces(test.angles, told))  # noqa: B023
-
-        grade_3 = share(side, group, 3.0)
-        if torque(1.0) > test.torque and LEAST_HOLDING < grade_3 < MOST_HOLDING:
-            assert torque(grade_3) == pytest.approx(test.torque, rel=0.02), (side, group)
-            carried.append(group)
-    assert {"elbow_flexors", "elbow_extensors", "knee_extensors"} <= set(carried)
-    assert len(set(carried)) >= 8
+def test_muscles_of_grade_3_take_the_limb_through_the_range_or_are_helped() -> None:
+    muscles = fitted_musculature(CAREGIVER, None)
+    shares = {
+        grade: unit_shares(graded_side(CAREGIVER, grade), muscles.units, "mmt", muscles, FILE)
+        for grade in (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
+    }
+    right = np.array([unit.side == "right" for unit in muscles.units])
+    assert (shares[0.0][right] == 0).all()
+    assert (shares[1.0][right] > 0).all()  # a flicker to see
+    for low, high in ((0.0, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 5.0)):
+        assert (shares[low] <= shares[high] + 1e-12).all()
+    assert (shares[3.0][~right] == 1).all()
+    elbow = np.array([u.clinical_group == "elbow_flexors" for u in muscles.units]) & right
+    assert shares[3.0][elbow].min() < 0.3  # those of two joints may have to help at the shoulder

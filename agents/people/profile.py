@@ -229,14 +229,14 @@ class ClinicalProfile:
         return self.side(dof.side).mmt.get(motion.group, 5.0)
 
     def strength(
-        self, sex: Sex, share: Callable[[str, str, float], float] | None = None
+        self, sex: Sex, share: Callable[[Dof, str, float], float] | None = None
     ) -> tuple[Array, Array]:
         """Return the greatest torques of each DoF, negative and positive [N·m], each [112].
 
         Args:
             sex: Whose norms.
-            share: Share of the normal torque by side, muscle group and grade; the paper's uniform
-                map, grade / 5, if None.
+            share: Share of the normal torque by DoF, motion and grade; the paper's uniform map, grade / 5,
+                if None.
         """
         norms = clinical_norms()
         factor = norms.female_strength if sex == "female" else 1.0
@@ -244,7 +244,7 @@ class ClinicalProfile:
         for row, dof in zip(both, DOFS, strict=True):
             for k, name in enumerate((dof.negative, dof.positive)):
                 motion, grade = norms.motions[name], self.grade(dof, positive=k == 1)
-                found = grade / 5 if share is None else share(dof.side, motion.group, grade)
+                found = grade / 5 if share is None else share(dof, name, grade)
                 row[k] = motion.torque * factor * found
         return both[:, 0], both[:, 1]
 

@@ -91,6 +91,9 @@ class Actuation(Protocol):
         It changes nothing: only to `command` the action does.
         """
 
+    def relax(self) -> None:
+        """Let all muscles go until the next command, as who is examined is asked to."""
+
     def slack_action(self, duration: float) -> Array:
         """Return the action by which the muscles slacken; it changes nothing."""
 

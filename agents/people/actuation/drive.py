@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -13,40 +14,29 @@ import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
+from rcare_marl.tree.dynamics import holding_torques
 from rcare_marl.tree.joint_tree import JointTree
+from rcare_marl.world import GRAVITY
 
 from ..avatar import AvatarConfig, body_model, body_segments
 from ..body.anthropometry import Sex
 from ..body.person_tree import person_tree
 from ..body.posture import PostureConfig
 from ..body.skeleton import DOF_INDEX, DOFS, Dof
-from ..profile import ASHWORTH, clinical_norms, normal_strength
-from ..strength import (
-    LEAST_HOLDING,
-    GravityTest,
-    StrengthMap,
-    bisected,
-    gravity_tests,
-    holding_share,
-    strength_share,
-)
-from . import muscle_kernel as kernel
+from ..profile import clinical_norms, normal_strength
+from ..strength import StrengthMap, tissue_share
 from .actuation import Actuation, Shaking
+from .graded import motion_limits, normal_torques, torque_share, unit_shares
 from .muscle_model import MuscleModel, Tendon
 from .muscle_unit import crosses
 from .muscular import Excitation, MuscleDrive
 from .musculature import Musculature, load_musculature
 from .skeletal import SkeletalDrive
+from .stretch_reflex import StretchReflex
 
-Share = Callable[[str, str, float], float]  # side, muscle group, MMT grade -> share of strength
-
-LEAST_GRADE = 3.0  # MMT grade that holds a limb against gravity; below it furniture must
-
-# Resistance to stretch by Modified Ashworth grade, our own choice: at 2 rad/s, about the speed of the
-# test, grade 2 at the elbow gives some 10 N·m, as spastic elbows gave that were measured (from memory).
-_ASHWORTH_GAIN = dict(zip(ASHWORTH, (0.0, 0.02, 0.04, 0.08, 0.16, 0.4), strict=True))
-FIBRE_GAIN = 3.5  # [s per optimal length]: excitation by stretch speed, per share of torque by rate
-FIBRE_THRESHOLD = 0.1  # [optimal lengths/s]
+# MMT grade that holds a limb against gravity; below it furniture must, and where the limb is heavier as it
+# lies than in the test of its grade (a straight leg).
+LEAST_GRADE = 3.0
 
 # Stature, and so lever arms, to those of our table; mean of women from memory.
 FEMALE_SIZE = 1.62 / 1.75
@@ -64,14 +54,15 @@ class ActuationConfig:
             or changes of a `posture` that the person's own controller pursues.
         tendon: With muscles, how tendons yield: `rigid`, `quasi_static` or `implicit`.
         musculature: With muscles, the user's own table (.csv) or MASS file (.xml); ours if None.
-        strength: How MMT grades become strength: `linear` or `gravity`.
+        strength: How MMT grades become strength: `mmt`, what a clinician means by them, or `linear`, the
+            paper's map.
     """
 
     kind: Literal["skeletal", "muscle"] = "skeletal"
     excitation: Excitation = "unit"
     tendon: Tendon = "quasi_static"
     musculature: str | None = None
-    strength: StrengthMap = "linear"
+    strength: StrengthMap = "mmt"
 
     @property
     def description(self) -> str:
@@ -107,27 +98,23 @@ def make_drive(
     """
     rows = [DOFS[DOF_INDEX[name]] for name in chain.names]
     order = [DOF_INDEX[name] for name in chain.names]
-    profile = avatar.profile
-    supported = np.array(
-        [
-            min(profile.grade(d, positive=True), profile.grade(d, positive=False)) < LEAST_GRADE
-            and (lying.supported == "all" or d.joint in lying.supported)
-            for d in rows
-        ],
-        np.bool_,
-    )
     normal = normal_strength(avatar.sex)[order]
-    low, high = profile.strength(avatar.sex, skeletal_share(avatar, config.strength))
+    low, high = avatar.profile.strength(avatar.sex, torque_share(avatar, config.strength))
+    strength = np.column_stack((low, high))[order]
+    supported = _supported(avatar, chain, lying, posture, strength)
+    reflex = _reflex(avatar, chain, posture, passive, physics_dt, config)
     if config.kind == "skeletal":
         return SkeletalDrive(
             chain,
-            strength=np.column_stack((low, high))[order],
+            strength=strength,
             normal_strength=normal,
             supported=supported,
             posture=posture,
             limits=limits,
+            passive=passive,
             physics_dt=physics_dt,
-            reflex=_joint_reflex(avatar)[order],
+            overcoming=_overcoming(avatar, rows),
+            reflex=reflex,
             shaking=_joint_shaking(avatar, order, np.minimum(low, high)),
         )
     model, groups = _muscles(avatar, chain, config)
@@ -146,8 +133,52 @@ def make_drive(
         limits=limits,
         passive=passive,
         physics_dt=physics_dt,
+        motion_limits=motion_limits(avatar, config.strength)[:, order],
+        reflex=reflex,
         shaking=_shaking(avatar, graded, np.ones(len(graded))),
     )
+
+
+def _supported(
+    avatar: AvatarConfig, chain: JointTree, lying: PostureConfig, posture: Array, strength: Array
+) -> npt.NDArray[np.bool_]:
+    """Return whether furniture holds each limb: it can, and the person cannot; shape [n]."""
+    profile, out = avatar.profile, np.zeros(len(chain.names), np.bool_)
+    weight = holding_torques(chain.arrays, posture, lying_gravity(lying))
+    able = np.where(weight > 0.0, strength[:, 1], strength[:, 0])
+    for i, name in enumerate(chain.names):
+        dof = DOFS[DOF_INDEX[name]]
+        least = min(profile.grade(dof, positive=True), profile.grade(dof, positive=False))
+        is_weak = least < LEAST_GRADE or abs(weight[i]) > able[i]
+        out[i] = is_weak and (lying.supported == "all" or dof.joint in lying.supported)
+    return out
+
+
+def _reflex(
+    avatar: AvatarConfig,
+    chain: JointTree,
+    posture: Array,
+    passive: Array,
+    physics_dt: float,
+    config: ActuationConfig,
+) -> StretchReflex | None:
+    """Return what answers stretch; None if nobody is spastic."""
+    order = [DOF_INDEX[name] for name in chain.names]
+    reflex = StretchReflex(
+        _ashworth(avatar, [DOFS[i] for i in order]),
+        passive=passive,
+        strength=normal_torques(avatar.sex)[order],
+        inertia=np.diag(chain.mass_matrix(posture)),
+        physics_dt=physics_dt,
+        by_muscle=config.kind == "muscle",
+    )
+    return None if reflex.is_silent else reflex
+
+
+def lying_gravity(lying: PostureConfig) -> Array:
+    """Return gravity in the frame of a pelvis on level furniture [m/s²], shape [3]."""
+    recline = math.radians(lying.recline_deg)
+    return GRAVITY * np.array((0.0, -math.cos(recline), -math.sin(recline)))
 
 
 def _muscles(
@@ -161,17 +192,14 @@ def _muscles(
             f"no muscle of the musculature crosses a movable degree of freedom of {avatar.name!r}"
         )
     units = [muscles.units[m] for m in chosen]
-    share = muscle_share(avatar, config)
-    grades = [avatar.profile.side(u.side).mmt.get(u.clinical_group, 5.0) for u in units]
-    shares = [share(u.side, u.clinical_group, g) for u, g in zip(units, grades, strict=True)]
+    key = config.musculature, _version(config.musculature)
     model = MuscleModel(
         units,
         muscles.joints,
         chain,
         tendon=config.tendon,
-        strength=np.array(shares),
+        strength=unit_shares(avatar, units, config.strength, muscles, key),
     )
-    _add_reflex(avatar, model)
     groups = {
         name: [chosen.index(m) for m in members if m in chosen]
         for name, members in muscles.groups().items()
@@ -221,102 +249,21 @@ def whole_chain(body: Path, height: float, mass: float, sex: Sex) -> JointTree:
     )
 
 
-def skeletal_share(avatar: AvatarConfig, strength: StrengthMap) -> Share:
-    """Return the share of normal torque by side, muscle group and grade."""
-    if strength == "linear":
-        return lambda side, group, grade: strength_share(grade, "linear")
-    normal = normal_torques(avatar)
-    chain = whole_chain(avatar.body_path(), avatar.height_m, avatar.mass_kg, avatar.sex)
-    holding = {
-        key: holding_share(test.torque, normal[test.dof, int(test.sign > 0)])
-        for key, test in gravity_tests(chain).items()
-    }
-    return _by_gravity(holding)
+def _ashworth(avatar: AvatarConfig, rows: Sequence[Dof]) -> list[tuple[str, str]]:
+    """Return the Ashworth grades of what pulls against and along each DoF."""
+    motions = clinical_norms().motions
+    grades = [avatar.profile.side(d.side).spasticity for d in rows]
+    return [
+        (g.get(motions[d.negative].group, "0"), g.get(motions[d.positive].group, "0"))
+        for d, g in zip(rows, grades, strict=True)
+    ]
 
 
-def muscle_share(avatar: AvatarConfig, config: ActuationConfig) -> Share:
-    """Return the share of full excitation by side, muscle group and grade."""
-    if config.strength == "linear":
-        return lambda side, group, grade: strength_share(grade, "linear")
-    body = (avatar.body_path(), avatar.height_m, avatar.mass_kg, avatar.sex)
-    return _by_gravity(_muscle_holding(*body, config.musculature, _version(config.musculature)))
-
-
-def _by_gravity(holding: dict[tuple[str, str], float]) -> Share:
-    def share(side: str, group: str, grade: float) -> float:
-        return strength_share(grade, "gravity", holding.get((side, group), LEAST_HOLDING))
-
-    return share
-
-
-@lru_cache(maxsize=16)
-def _muscle_holding(
-    body: Path, height: float, mass: float, sex: Sex, path: str | None, version: tuple[int, int]
-) -> dict[tuple[str, str], float]:
-    """Return the share of grade 3 by side and group: what the muscles need in the test position."""
-    chain = whole_chain(body, height, mass, sex)
-    muscles = _fitted_musculature(body, height, sex, path, version)
-    model = MuscleModel(muscles.units, muscles.joints, chain)
-    out = {}
-    for (side, group), test in gravity_tests(chain).items():
-        members = np.array(
-            [u.side == side and u.clinical_group == group for u in muscles.units], np.bool_
-        )
-        if members.any():
-            found = _holding_activation(model, members, test)
-            out[side, group] = holding_share(found, 1.0)
-    return out
-
-
-def _holding_activation(
-    model: MuscleModel, members: npt.NDArray[np.bool_], test: GravityTest
-) -> float:
-    """Return the activation that just carries the level limb, the other muscles being at rest.
-
-    That of the whole group which the grade is about; and where the group alone is too weak in the test
-    position, since it owns only a part of the motion, that of all muscles which make the motion.
-    """
-    arms = test.sign * model.moment_arms(test.angles)[:, test.dof]
-    at_rest = model.table[:, kernel.LEAST]
-
-    def torque(activation: float, active: npt.NDArray[np.bool_]) -> float:
-        told = np.where(active, np.maximum(activation, at_rest), at_rest)
-        return float(arms @ model.isometric_forces(test.angles, told))
-
-    makers = members if torque(1.0, members) > test.torque else arms > 0
-    return bisected(lambda activation: torque(activation, makers), test.torque)
-
-
-def normal_torques(avatar: AvatarConfig) -> Array:
-    """Return a healthy person's greatest torques of each DoF, against and along it [N·m], [112, 2]."""
-    norms = clinical_norms()
-    factor = norms.female_strength if avatar.sex == "female" else 1.0
-    return factor * np.array(
-        [[norms.motions[d.negative].torque, norms.motions[d.positive].torque] for d in DOFS]
-    )
-
-
-def _joint_reflex(avatar: AvatarConfig) -> Array:
-    """Return the resistance to movement against and along each DoF [N·m·s/rad], shape [112, 2].
-
-    Movement against the axis stretches the muscles of the positive motion.
-    """
-    norms, torques = clinical_norms(), normal_torques(avatar)
-    out = np.zeros((len(DOFS), 2))
-    for i, dof in enumerate(DOFS):
-        grades = avatar.profile.side(dof.side).spasticity
-        for k, motion in enumerate((dof.positive, dof.negative)):
-            gain = _ASHWORTH_GAIN[grades.get(norms.motions[motion].group, "0")]
-            out[i, k] = gain * torques[i, 1 - k]
-    return out
-
-
-def _add_reflex(avatar: AvatarConfig, model: MuscleModel) -> None:
-    for m, unit in enumerate(model.units):
-        grade = avatar.profile.side(unit.side).spasticity.get(unit.clinical_group, "0")
-        if _ASHWORTH_GAIN[grade] > 0:
-            model.table[m, kernel.REFLEX_GAIN] = FIBRE_GAIN * _ASHWORTH_GAIN[grade]
-            model.table[m, kernel.REFLEX_THRESHOLD] = FIBRE_THRESHOLD
+def _overcoming(avatar: AvatarConfig, rows: Sequence[Dof]) -> Array:
+    """Return the share of the tissue's resistance that muscles overcome, shape [n, 2]."""
+    return np.array(
+        [[tissue_share(avatar.profile.grade(d, positive=k == 1)) for k in range(2)] for d in rows]
+    ).reshape(-1, 2)
 
 
 def _joint_shaking(avatar: AvatarConfig, order: Sequence[int], strength: Array) -> Shaking | None:

@@ -45,6 +45,7 @@ class Felt(NamedTuple):
         arms: Moment arm of each crossing [m].
         state: State of the muscles, shape [STATE_ROWS, m].
         resting: Whether a limb lies on something: then no torque is best, shape [n].
+        able: Greatest torques that can be willed against and along each axis [N·m], shape [n, 2].
     """
 
     positions: Array
@@ -53,6 +54,7 @@ class Felt(NamedTuple):
     arms: Array
     state: Array
     resting: npt.NDArray[np.bool_]
+    able: Array
 
 
 class MuscleController:
@@ -62,6 +64,7 @@ class MuscleController:
         self,
         model: MuscleModel,
         inertia: Array,
+        voluntary: Array,
         *,
         normal_strength: Array,
         limits: Array,
@@ -71,10 +74,11 @@ class MuscleController:
         Args:
             model: The muscles, m of them, over n DoFs.
             inertia: Of what hangs on each DoF [kg·m²], shape [n].
+            voluntary: Share of an excitation that reaches each muscle, shape [m]; the caller changes it.
             normal_strength: Torque of a healthy person [N·m], shape [n].
             limits: Active range [rad], shape [n, 2].
         """
-        self._model = model
+        self._model, self._voluntary = model, voluntary
         stiffness = np.maximum(FREQUENCY**2 * inertia, LEAST_STIFFNESS * normal_strength)
         damping = 2 * DAMPING_RATIO * np.sqrt(stiffness * inertia)
         self._inertia = inertia
@@ -106,6 +110,8 @@ class MuscleController:
                 values[column] += TOGETHER * (values[column].mean() - values[column])
         self._left[:] = stiffness * error - damping * rate
         self._left += felt.load
+        # To want more than a motion can would only strain others in vain.
+        np.clip(self._left, -felt.able[:, 0], felt.able[:, 1], out=self._left)
         self._left[felt.resting] = 0.0
         # At an end of the range what is too much does no harm to who wants to stay there.
         side = np.sign(positions - self._middle)
@@ -114,8 +120,8 @@ class MuscleController:
         )
         np.multiply(self._weights, np.where(at_end, END_WEIGHT, 1.0), out=self._now)
         self._now[felt.resting] *= REST_WEIGHT
-        layout, units = self._model.layout, self._model.table
-        _descend(layout.starts, layout.crossings, felt, units, self._now, self._left, excitation)
+        layout, felt_now = self._model.layout, (felt.arms, felt.state, self._voluntary)
+        _descend(layout.starts, layout.crossings, felt_now, self._now, self._left, excitation)
 
     def slack_target(self, felt: Felt, ahead: float) -> Array:
         """Return the angles [rad] that ask nothing of the muscles over the next `ahead` [s], shape [n]."""
@@ -135,16 +141,16 @@ def _columns(dofs: Sequence[str]) -> list[list[int]]:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _descend(starts, crossings, felt, units, weights, left, excitation) -> None:  # type: ignore[no-untyped-def]
+def _descend(starts, crossings, felt, weights, left, excitation) -> None:  # type: ignore[no-untyped-def]
     """Coordinate descent over excitations; `left` is the wished torque not yet made."""
-    count, arms, state = starts.shape[0] - 1, felt.arms, felt.state
+    count, (arms, state, voluntary) = starts.shape[0] - 1, felt
     for m in range(count):
-        force = state[kernel.CAPACITY, m] * units[m, kernel.VOLUNTARY] * excitation[m]
+        force = state[kernel.CAPACITY, m] * voluntary[m] * excitation[m]
         for c in range(starts[m, 1], starts[m + 1, 1]):
             left[crossings[c, 0]] -= arms[c] * force
     for _ in range(SWEEPS):
         for m in range(count):
-            capacity = state[kernel.CAPACITY, m] * units[m, kernel.VOLUNTARY]
+            capacity = state[kernel.CAPACITY, m] * voluntary[m]
             if capacity <= 0.0:
                 excitation[m] = 0.0
                 continue

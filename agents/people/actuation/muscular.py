@@ -9,8 +9,10 @@ implicit step; so 1/240 s is stable for a finger under full contraction.)
 Discs of the spine resist bending. Ligaments tighten over the last few degrees of the passive range, to
 what the muscles can pull with at its end; the hard stop there is the physics engine's.
 
-What a person wills ends at the active range: the net active torque that would lead further out fades
-over the last few degrees. Passive movement by others goes on to the end of the passive range.
+What a person wills ends at the limit of each motion, which its grade of strength sets whichever muscles
+make it (`graded.py`), and at the active range: the net willed torque that would lead further out fades over
+the last few degrees. Passive movement by others goes on to the end of the passive range. Reflexes know
+neither end.
 
 Where furniture holds a limb that is too weak, it does so as in `skeletal.py`; a limb that it carries it
 keeps from sagging below the start posture. A degree of freedom that no muscle crosses, such as those
@@ -26,49 +28,38 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.observable import Observable
 from rcare_marl.pose import Array
-from rcare_marl.tree.dynamics import WEIGHT, mass_matrix, part_table, place_masses, solve
+from rcare_marl.tree.dynamics import WEIGHT, part_table
 from rcare_marl.tree.joint_tree import JointTree
 
+from . import muscle_dynamics as dynamics
 from . import muscle_kernel as kernel
 from .actuation import MAX_SPEED, Shaking, TargetAngles
+from .joint_tissue import damping_beside_muscles, joint_damping
 from .muscle_control import DAMPING_RATIO, FREQUENCY, Felt, MuscleController
 from .muscle_model import MuscleModel
-from .skeletal import impedance
+from .skeletal import BRACING, impedance
+from .stretch_reflex import StretchReflex, excite, reflex_paths
 
 # Our own choices.
-ACTIVE_END = 0.07  # [rad] before the end of the active range where active torque begins to fade
-ACTIVE_END_DAMPING = 0.5  # [s/rad] of the torque that fades there
-CARRY_GAP = 0.01  # [rad] above the posture where furniture lets go
-GRIP_REACH = 0.02  # [rad] from where a limb was laid down: friction holds it no further
 LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligaments tighten ...
 LIGAMENT_SHARE = 0.3  # ... or this share of a narrower range
 # [N·m/rad] of bending, without muscles. A lumbar segment has some 1 to 2 N·m per degree, from memory;
 # one joint here stands for several in a row, stiffened by the weight on them.
 DISC_STIFFNESS = {"spine1": 60.0, "spine2": 60.0, "spine3": 60.0, "neck": 6.0, "head": 6.0}
 FRICTION_SHARE = 0.1  # of normal torque: less than this does not move a limb that rests
+# Of the model's resting activation: a relaxed muscle is silent (the model's is a habit of solvers).
+RELAXED = 0.1
 CONTROL_INTERVAL = 4  # physics steps between two looks of the controller: 60 Hz at 1/240 s
 LIFTED = 1e-3  # [rad] of a pursued angle from where the limb was laid: the person wants to move it
 REST_REACH = 0.05  # [rad] from where a limb was laid down: further away it rests no longer
 # [rad] from where a limb is to where excitations alone should bring it: at this the spring of the
 # controller moves it with about MAX_SPEED.
 LEAD = MAX_SPEED * 2 * DAMPING_RATIO / FREQUENCY
-
-# Columns of the table after those of the parts, one row a DoF.
-STIFFNESS, DAMPING, TISSUE, SUPPORT = 28, 29, 30, 31
-LOWEST, HIGHEST, POSTURE = 32, 33, 34
-LEAST, MOST, ZONE, LIGAMENT, INERTIA = 35, 36, 37, 38, 39
-CARRIED, SLACK, GRIP, BORNE, ELASTIC = 40, 41, 42, 43, 44
-COLUMNS = 45
-HELD = 32  # of the scratch: whether furniture holds the limb in this step
-
-# Rows of the torques: active, passive, faded active; damping at both kinds of ends; of ligaments the
-# torque and the stiffness.
 
 Excitation = Literal["unit", "group", "posture"]
 
@@ -104,6 +95,8 @@ class MuscleDrive:
         limits: Array,
         passive: Array,
         physics_dt: float,
+        motion_limits: Array | None = None,
+        reflex: StretchReflex | None = None,
         shaking: Shaking | None = None,
     ) -> None:
         """Prepare the tables of the kernel.
@@ -122,48 +115,69 @@ class MuscleDrive:
             limits: Where active movement ends [rad], shape [n, 2].
             passive: Where passive movement ends [rad], shape [n, 2].
             physics_dt: Physics step [s].
+            motion_limits: Greatest net torque that is willed against and along each axis [N·m], and the share
+                of passive resistance that is overcome besides, shape [2, n, 2]; none if None.
+            reflex: What answers stretch; nothing if None.
             shaking: Involuntary excitation of the muscles.
         """
         count = len(chain.names)
         self.names, self.model = chain.names, model
         self._dt, self._shaking = physics_dt, shaking
         inertia = np.diag(chain.mass_matrix(posture))
-        table = part_table(chain.arrays, COLUMNS)
-        table[:, STIFFNESS : TISSUE + 1] = impedance(normal_strength, inertia)
+        table = part_table(chain.arrays, dynamics.COLUMNS)
+        model.table[:, kernel.LEAST] *= RELAXED
+        table[:, dynamics.STIFFNESS : dynamics.DAMPING + 1] = impedance(normal_strength, inertia)
+        damping = joint_damping(chain.names, normal_strength, inertia)
+        damping = damping_beside_muscles(model, posture, damping)
+        self._most = _set_motion_limits(table, motion_limits)
+        part = np.minimum(self._most.min(axis=1) / normal_strength, 1.0) ** 0.25 * willed
+        self._relaxed, self._braced = damping, damping + BRACING * normal_strength * part
         uncrossed = np.ones(count, np.bool_)
         uncrossed[model.layout.crossings[:-1, 0]] = False
         self._uncrossed = np.flatnonzero(uncrossed & willed)
         held = supported | uncrossed
-        table[:, SUPPORT], table[:, CARRIED] = held, carried & ~held
-        table[:, LOWEST], table[:, HIGHEST] = limits.T
-        table[:, POSTURE], table[:, INERTIA] = posture, inertia
+        table[:, dynamics.SUPPORT], table[:, dynamics.CARRIED] = held, carried & ~held
+        table[:, dynamics.LOWEST], table[:, dynamics.HIGHEST] = limits.T
+        table[:, dynamics.POSTURE], table[:, dynamics.INERTIA] = posture, inertia
         _set_ligaments(table, passive, normal_strength, model, posture)
         self._table = table
-        self._posture = posture.copy()
         self._targets = TargetAngles(chain.names, posture.copy(), limits)
-        self.target = self._targets.values
+        self._posture, self.target = posture.copy(), self._targets.values
         self._take_actions(excitation, groups)
         self.excitation = np.zeros(len(model.units))
-        self._rested = model.table[:, kernel.VOLUNTARY].copy()
-        self._start = model.settled_state(posture)
-        self.state = self._start.copy()
+        self._take_will(reflex)
         self._grip = np.where(resting & ~held, FRICTION_SHARE * normal_strength, 0.0)
-        self._elastic = np.array([DISC_STIFFNESS.get(n.split("_")[0], 0.0) for n in chain.names])
-        table[:, ELASTIC] = self._elastic
-        # What rests on furniture does not drift by the tension of resting muscles.
-        table[:, SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
+        self._elastic = table[:, dynamics.ELASTIC].copy()
         self._controller = MuscleController(
-            model, inertia, normal_strength=normal_strength, limits=limits
+            model, inertia, self._voluntary, normal_strength=normal_strength, limits=limits
         )
-        axial = ("spine", "neck", "head")
-        self._is_axial = np.array([name.startswith(axial) for name in chain.names], np.bool_)
-        self._laid, self._resting = resting, resting.copy()
-        self._carried = self._bears = table[:, CARRIED].copy()
+        self._lie_down(resting)
         self._beyond = _descendants(chain.arrays.parents)
-        self._is_pursuing = True  # until the first command they hold still
-        self._tick = 0
+        # Until the first command they hold still.
+        self._is_slack, self._is_pursuing, self._tick = False, True, 0
         self._muscles = kernel.make_muscles(table, chain.arrays.parents, model.layout, model.table)
         self._measured, self._out = np.zeros((2, count)), np.zeros(count)
+
+    def _lie_down(self, resting: npt.NDArray[np.bool_]) -> None:
+        """Set up what lies on furniture, and what that bears."""
+        axial = ("spine", "neck", "head")
+        self._is_axial = np.array([name.startswith(axial) for name in self.names], np.bool_)
+        self._laid, self._resting = resting, resting.copy()
+        self._carried = self._bears = self._table[:, dynamics.CARRIED].copy()
+
+    def _take_will(self, reflex: StretchReflex | None) -> None:
+        """Set up how will and reflexes excite; will is scaled here, to the kernel all muscles obey."""
+        model = self.model
+        self._rested = model.table[:, kernel.VOLUNTARY].copy()
+        self._voluntary = self._rested.copy()
+        model.table[:, kernel.VOLUNTARY] = 1.0
+        self._reflex = reflex
+        paths = reflex_paths(model, self._posture)
+        self._reflex_paths = paths if reflex is not None else paths[:0]
+        self._told, self._involuntary = np.zeros((2, len(model.units)))
+        self._no_share = np.zeros((len(self.names), 2))
+        self._start = model.settled_state(self._posture)
+        self.state = self._start.copy()
 
     def _take_actions(self, excitation: Excitation, groups: Mapping[str, Sequence[int]]) -> None:
         """Set up what an action is; `_source` says which of its values excites each muscle."""
@@ -180,44 +194,62 @@ class MuscleDrive:
         self.action_names = tuple(f"{name} [excitation]" for name in names)
 
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
-        self.target[:] = self._table[:, POSTURE] = self._posture
-        self._table[:, GRIP] = self._grip
+        self.target[:] = self._table[:, dynamics.POSTURE] = self._posture
+        self._table[:, dynamics.GRIP] = self._grip
         self._resting[:] = self._laid
         self.state[:] = self._start
         self.excitation[:] = 0.0
         self._is_pursuing, self._tick = True, 0
+        self._involuntary[:] = 0.0
         if self._shaking is not None:
             self._shaking.reset(rng)
+        if self._reflex is not None:
+            self._reflex.reset()
+        self._is_slack = False
+        self._brace()
         # Lengths, moment arms and weights in the start posture, without any time passing.
         self._measured[0], self._measured[1] = self._posture, 0.0
         step = gravity, self.state, 0.0, self.model.mode
-        _observe(self._muscles, self._measured, self.excitation, *step)
-        self._table[:, BORNE] = borne = self._muscles.work[:, WEIGHT]
+        dynamics.observe(self._muscles, self._measured, self._told, *step)
+        self._table[:, dynamics.BORNE] = borne = self._muscles.work[:, WEIGHT]
         # A backrest pushes forwards only.
         self._bears = np.where(self._is_axial & (borne <= 0.0), 0.0, self._carried)
-        self._table[:, CARRIED] = self._bears
+        self._table[:, dynamics.CARRIED] = self._bears
 
     def lay(self, index: int, angle: float) -> None:
-        self.target[index] = self._table[index, POSTURE] = angle
+        self.target[index] = self._table[index, dynamics.POSTURE] = angle
 
     def command(self, action: Array, duration: float) -> None:
         self._is_pursuing = self._is_posture
+        if self._is_slack and self._is_posture:  # whoever begins to move again begins here
+            self.target[:] = self._measured[0]
+        self._is_slack = False
+        self._brace()
         if not self._is_posture:
             self.excitation[:] = action[self._source]
             return
         self._targets.move(action, duration)
-        wanted = np.abs(self.target - self._table[:, POSTURE]) > LIFTED
+        wanted = np.abs(self.target - self._table[:, dynamics.POSTURE]) > LIFTED
         for i in np.flatnonzero(wanted & self._resting):
             self._lift(int(i))
-        self._table[self._uncrossed, POSTURE] = self.target[self._uncrossed]
+        self._table[self._uncrossed, dynamics.POSTURE] = self.target[self._uncrossed]
+
+    def _brace(self) -> None:
+        """Let the joints of whoever pursues angles damp, as without muscles."""
+        self._table[:, dynamics.TISSUE] = self._braced if self._is_posture else self._relaxed
+
+    def relax(self) -> None:
+        self._is_slack, self._is_pursuing = True, False
+        self._table[:, dynamics.TISSUE] = self._relaxed
+        self.excitation[:] = 0.0
 
     def _lift(self, dof: int) -> None:
         """Let a limb and what hangs on it leave the furniture: from now on muscles hold it."""
         beyond = self._beyond[dof]
         if self._resting[beyond].any():
             self._resting[beyond] = False
-            self._table[beyond, GRIP] = self._table[beyond, CARRIED] = 0.0
-            self._table[dof, CARRIED] = self._bears[dof]
+            self._table[beyond, dynamics.GRIP] = self._table[beyond, dynamics.CARRIED] = 0.0
+            self._table[dof, dynamics.CARRIED] = self._bears[dof]
 
     def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
         if self._is_posture:
@@ -244,11 +276,14 @@ class MuscleDrive:
     def _feel(self) -> Felt:
         """Return the body after the last physics step."""
         muscles, (positions, velocities) = self._muscles, self._measured
-        moved = np.abs(positions - self._table[:, POSTURE])
+        moved = np.abs(positions - self._table[:, dynamics.POSTURE])
         passive = muscles.torques[1] - self._elastic * positions
-        load = muscles.work[:, WEIGHT] * (1.0 - muscles.work[:, HELD]) - passive
+        load = muscles.work[:, WEIGHT] * (1.0 - muscles.work[:, dynamics.HELD]) - passive
         resting = self._resting & (moved < REST_REACH)
-        return Felt(positions, velocities, load, muscles.arms, self.state, resting)
+        most = self._table[:, dynamics.MOST_AGAINST : dynamics.MOST_ALONG + 1]
+        over = self._table[:, dynamics.OVER_AGAINST : dynamics.OVER_ALONG + 1]
+        able = np.maximum(most + over * np.column_stack((passive, -passive)), 0.0)
+        return Felt(positions, velocities, load, muscles.arms, self.state, resting, able)
 
     @property
     def strength(self) -> Array:
@@ -265,9 +300,10 @@ class MuscleDrive:
         layout = self.model.layout
         starts, dofs = layout.starts[:-1, 1], layout.crossings[:-1, 0]
         # The tiredest region that a muscle crosses tells.
-        self.model.table[:, kernel.VOLUNTARY] = self._rested * np.minimum.reduceat(
-            fresh[dofs], starts
-        )
+        self._voluntary[:] = self._rested * np.minimum.reduceat(fresh[dofs], starts)
+        at_grade_5 = np.isinf(self._most)
+        most = np.where(at_grade_5, np.inf, np.where(at_grade_5, 0.0, self._most) * fresh[:, None])
+        self._table[:, dynamics.MOST_AGAINST : dynamics.MOST_ALONG + 1] = most
 
     def observables(self) -> Sequence[Observable]:
         state, count = self.state, len(self.model.units)
@@ -291,20 +327,38 @@ class MuscleDrive:
         excitation = self.excitation
         if self._shaking is not None:
             excitation = np.clip(excitation + self._shaking.after(self._dt), 0.0, 1.0)
+        share = self._no_share
+        if self._reflex is not None:
+            self._reflex.feel(*self._measured)
+            share = self._reflex.share
+        told = self._told, self._involuntary
+        excite(self._reflex_paths, share, self._voluntary, excitation, *told)
         step = gravity, self.state, self._dt, self.model.mode, self._out
-        _drive(self._muscles, self._measured, excitation, *step)
+        dynamics.drive(self._muscles, self._measured, *told, *step)
         return self._out.tolist()
+
+
+def _set_motion_limits(table: Array, motion_limits: Array | None) -> Array:
+    """Write what can be willed about each DoF, and return a copy of the greatest torques, shape [n, 2]."""
+    most = table[:, dynamics.MOST_AGAINST : dynamics.MOST_ALONG + 1]
+    most[:] = np.inf
+    if motion_limits is not None:
+        most[:], table[:, dynamics.OVER_AGAINST : dynamics.OVER_ALONG + 1] = motion_limits
+    return np.array(most)
 
 
 def _set_ligaments(
     table: Array, passive: Array, normal_strength: Array, model: MuscleModel, posture: Array
 ) -> None:
-    """Write where ligaments tighten, and to what."""
-    table[:, LEAST], table[:, MOST] = passive.T
+    """Write where ligaments tighten, and to what; how discs resist; what resting muscles pull with."""
+    table[:, dynamics.LEAST], table[:, dynamics.MOST] = passive.T
     width = np.maximum(passive[:, 1] - passive[:, 0], 1e-3)
-    table[:, ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
+    table[:, dynamics.ZONE] = np.minimum(LIGAMENT_ZONE, LIGAMENT_SHARE * width)
+    table[:, dynamics.ELASTIC] = [DISC_STIFFNESS.get(n.split("_")[0], 0.0) for n in model.dofs]
+    # What rests on furniture does not drift by the tension of resting muscles.
+    table[:, dynamics.SLACK] = model.isometric_torques(posture, model.table[:, kernel.LEAST])
     pulls = np.abs(model.moment_arms(posture)).T @ model.table[:, kernel.FORCE]
-    table[:, LIGAMENT] = np.maximum(normal_strength, pulls)
+    table[:, dynamics.LIGAMENT] = np.maximum(normal_strength, pulls)
 
 
 def _descendants(parents: npt.NDArray[np.int64]) -> list[list[int]]:
@@ -314,139 +368,3 @@ def _descendants(parents: npt.NDArray[np.int64]) -> list[list[int]]:
         if parents[i] >= 0:
             out[parents[i]].extend(out[i])
     return out
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _observe(muscles, measured, excitation, gravity, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
-    """Find lengths, moment arms, tensions, torques, weights and the mass matrix after `dt` [s].
-
-    With a `dt` of 0 no time passes: activations and the state of tendons stay.
-    """
-    kernel.advance(muscles, measured[0], measured[1], excitation, state, dt, mode)
-    place_masses(muscles.parts, muscles.work)
-    mass_matrix(muscles.parents, muscles.depths, gravity, muscles.work, muscles.matrix)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _drive(muscles, measured, excitation, gravity, state, dt, mode, out) -> None:  # type: ignore[no-untyped-def]
-    """Write the torque of each DoF into `out`."""
-    _observe(muscles, measured, excitation, gravity, state, dt, mode)
-    table, work, torques = muscles.parts, muscles.work, muscles.torques
-    depths, matrix = muscles.depths, muscles.matrix
-    _fade(table, measured, torques)
-    _tighten(table, measured, torques)
-    for i in range(table.shape[0]):
-        velocity, support = measured[1, i], _support(table, measured, work, i, dt)
-        work[i, HELD] = support
-        stiffness, damping = table[i, STIFFNESS], table[i, DAMPING]
-        loose = table[i, TISSUE] + torques[3, i] + dt * torques[5, i]
-        ahead = measured[0, i] + dt * velocity
-        out[i] = torques[1, i] + torques[2, i] + torques[4, i] - loose * velocity
-        held = stiffness * (table[i, POSTURE] - ahead) - damping * velocity - table[i, SLACK]
-        out[i] += support * held
-        out[i] -= (1.0 - support) * work[i, WEIGHT]
-        matrix[i, depths[i]] += dt * (loose + support * (damping + dt * stiffness))
-    _continue(muscles, state, out)
-    solve(muscles.parents, depths, matrix, out)
-    for i in range(table.shape[0]):
-        torques[0, i] = out[i]  # the acceleration, for `_settle`
-        support, after = work[i, HELD], measured[1, i] + dt * out[i]
-        there = measured[0, i] + dt * after
-        held = work[i, WEIGHT] + table[i, STIFFNESS] * (table[i, POSTURE] - there)
-        held -= table[i, DAMPING] * after + table[i, SLACK]
-        out[i] = torques[1, i] + torques[2, i] + torques[4, i] + support * held
-        out[i] -= (table[i, TISSUE] + torques[3, i] + dt * torques[5, i]) * after
-    _settle(muscles, state, out)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _support(table, measured, work, i, dt):  # type: ignore[no-untyped-def]
-    """Return whether furniture holds a limb now: 1.0 or 0.0."""
-    if table[i, SUPPORT] != 0.0:
-        return 1.0
-    weight, gap = work[i, WEIGHT], table[i, POSTURE] - measured[0, i] - dt * measured[1, i]
-    push = weight + table[i, STIFFNESS] * gap - table[i, DAMPING] * measured[1, i]
-    push -= table[i, SLACK]
-    extra = push + table[i, SLACK] - table[i, BORNE]  # beyond what it has borne from the start
-    if abs(extra) < table[i, GRIP] and abs(gap) < GRIP_REACH:  # friction
-        return 1.0
-    # What lies behind bears whom it bore at the start, not who leans to the other side.
-    is_carried = table[i, CARRIED] != 0.0 and weight * table[i, BORNE] > 0.0
-    sags = is_carried and weight * gap >= -abs(weight) * CARRY_GAP
-    return 1.0 if sags and push * weight > 0.0 else 0.0
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _fade(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
-    """Let active torque end at the active range, and damp the movement that it made."""
-    for i in range(table.shape[0]):
-        torque = torques[0, i]
-        if torque > 0.0:
-            left = (table[i, HIGHEST] - measured[0, i]) / ACTIVE_END
-        else:
-            left = (measured[0, i] - table[i, LOWEST]) / ACTIVE_END
-        share = min(max(left, 0.0), 1.0)
-        torques[2, i] = share * torque
-        is_outward = measured[1, i] * torque > 0.0
-        torques[3, i] = ACTIVE_END_DAMPING * (1.0 - share) * abs(torque) if is_outward else 0.0
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _tighten(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
-    """Find what discs do everywhere, and ligaments near the ends of the passive range."""
-    for i in range(table.shape[0]):
-        zone, torques[4, i] = table[i, ZONE], -table[i, ELASTIC] * measured[0, i]
-        torques[5, i] = table[i, ELASTIC]
-        over = 1.0 - (table[i, MOST] - measured[0, i]) / zone
-        under = 1.0 - (measured[0, i] - table[i, LEAST]) / zone
-        depth = max(over, under)
-        if depth <= 0.0:
-            continue
-        stiffness = 2.0 * table[i, LIGAMENT] * depth / zone
-        torques[4, i] += table[i, LIGAMENT] * depth * depth * (-1.0 if over > under else 1.0)
-        torques[5, i] += stiffness
-        torques[3, i] += 2.0 * np.sqrt(stiffness * table[i, INERTIA])
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _continue(muscles, state, out) -> None:  # type: ignore[no-untyped-def]
-    """Add to the torques what tensions grow by at the present rates, and to the matrix the rest."""
-    starts, crossings, arms = muscles.starts, muscles.crossings, muscles.arms
-    depths, matrix = muscles.depths, muscles.matrix
-    for m in range(starts.shape[0] - 1):
-        growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
-        first, last = starts[m, 1], starts[m + 1, 1]
-        reach = 0.0
-        for c in range(first, last):
-            i = crossings[c, 0]
-            out[i] += arms[c] * growth
-            reach += abs(arms[c])
-        for c in range(first, last):
-            i, lever = crossings[c, 0], arms[c] * implicit
-            if muscles.is_branched[
-                m
-            ]:  # a bound, on the diagonal: the factorisation knows branches only
-                matrix[i, depths[i]] += abs(lever) * reach
-                continue
-            for d in range(first, c + 1):
-                matrix[i, depths[crossings[d, 0]]] += lever * arms[d]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _settle(muscles, state, out) -> None:  # type: ignore[no-untyped-def]
-    """Add to the torques what tensions change by over the step."""
-    starts, crossings, arms = muscles.starts, muscles.crossings, muscles.arms
-    acceleration = muscles.torques[0]
-    for m in range(starts.shape[0] - 1):
-        first, last = starts[m, 1], starts[m + 1, 1]
-        growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
-        bend = reach = 0.0
-        for c in range(first, last):
-            bend += arms[c] * acceleration[crossings[c, 0]]
-            reach += abs(arms[c])
-        for c in range(first, last):
-            i = crossings[c, 0]
-            if muscles.is_branched[m]:
-                out[i] += arms[c] * growth - abs(arms[c]) * reach * implicit * acceleration[i]
-            else:
-                out[i] += arms[c] * (growth - implicit * bend)
