@@ -16,7 +16,7 @@ from rcare_marl.errors import UnknownNameError
 
 from ..agent import Array
 from .body.anthropometry import Sex
-from .body.posture import PostureConfig
+from .body.posture import Bearing, PostureConfig
 from .body.segment import Segment, make_segments
 from .body.skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINT_INDEX, JOINTS
 from .body.skin import BodyModel, load_body_model
@@ -40,6 +40,7 @@ class AvatarConfig:
         pronoun: For texts.
         age_years: Age [years].
         profile: What the person can do.
+        bearing: How they hold themselves, in place of what a posture says; a later entry counts.
     """
 
     name: str
@@ -51,6 +52,7 @@ class AvatarConfig:
     pronoun: str = "they"
     age_years: float = 40.0
     profile: ClinicalProfile = field(default_factory=ClinicalProfile)
+    bearing: tuple[Bearing, ...] = ()
 
     def __post_init__(self) -> None:
         for name, low, high in (("height_m", 0.5, 2.5), ("mass_kg", 5, 300), ("age_years", 0, 120)):
