@@ -80,7 +80,7 @@ def test_eyes_look_where_the_head_cannot() -> None:
 
 def test_locked_in_eyes_look_up_and_down_but_not_to_the_side() -> None:
     start = Scene("morgan").person.mouth_position()
-    eyes = ("left_eye_smplhf", "right_eye_smplhf", "neck_lateral_flexion_left", "jaw_opening")
+    eyes = ("left_eye_smplhf", "right_eye_smplhf", "head_rotation_left", "jaw_opening")
     scene = Scene("morgan", movable=eyes, spoon=lambda: start + (0.5, 0.5, 0.4)).run(3)
     for side in ("left", "right"):
         assert scene.angle(f"{side}_eye_elevation") > 0.2

@@ -22,6 +22,7 @@ from .body.skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINT_INDEX, JOINTS
 from .body.skin import BodyModel, load_body_model
 from .body.tissue import with_cores
 from .body.urdf import PersonUrdf, write_urdf
+from .eating import Eating
 from .profile import ClinicalProfile, Range
 
 
@@ -41,6 +42,7 @@ class AvatarConfig:
         age_years: Age [years].
         profile: What the person can do.
         bearing: How they hold themselves, in place of what a posture says; a later entry counts.
+        eating: How they chew and swallow.
     """
 
     name: str
@@ -53,6 +55,7 @@ class AvatarConfig:
     age_years: float = 40.0
     profile: ClinicalProfile = field(default_factory=ClinicalProfile)
     bearing: tuple[Bearing, ...] = ()
+    eating: Eating = field(default_factory=Eating)
 
     def __post_init__(self) -> None:
         for name, low, high in (("height_m", 0.5, 2.5), ("mass_kg", 5, 300), ("age_years", 0, 120)):
