@@ -22,7 +22,7 @@ from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
-from rcare_marl.envs.devices import Wheelchair, spawn_fitted
+from rcare_marl.envs.devices import Wheelchair, hang_ventilator, spawn_fitted
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.rendering import Camera
 from rcare_marl.rendering.film import Film
@@ -61,6 +61,8 @@ def scene(avatar: str, posture: str, *, muscles: bool) -> tuple[World, Human]:
     elif posture.startswith("bed"):
         support = Pose((0.0, 0.0, BED_HEIGHT))
     person.spawn(world, support)
+    if furniture and person.avatar.profile.ventilator_rate is not None:
+        hang_ventilator(world, chair, person)
     if posture.startswith("bed"):
         make_bed(world, person)
     for body in furniture:
