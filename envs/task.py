@@ -234,10 +234,10 @@ class Task(abc.ABC):
     def equip(self) -> None:
         """Hang what the recipient lives by on the wheelchair that they sit in, if it stands still."""
         chair, person = self.chair, self.cast.get("recipient")
-        sits = isinstance(person, Human) and person.posture.arms == "armrests"
-        if not sits or not isinstance(chair, Wheelchair) or chair.body.is_movable:
+        if not isinstance(person, Human) or person.avatar.profile.ventilator_rate is None:
             return
-        if person.avatar.profile.ventilator_rate is not None:
+        stands = isinstance(chair, Wheelchair) and not chair.body.is_movable
+        if chair is not None and stands and person.posture.arms == "armrests":
             hang_ventilator(self.world, chair, person)
 
     def let_overlap(self, *things: Body) -> None:

@@ -289,7 +289,8 @@ class Physiology:
         self._around = {"ambient": self._figures["neutral_ambient"], "bladder": 0.0}
         self._held = set[int]()
         self._pain_segment: str | None = None
-        self._stimulus, self._surge, self._start_upright = 0.0, 0.0, upright
+        self._stimulus, self._start_upright = 0.0, upright
+        self._surge = 0.0
 
     def advance(self, duration: float, load: Load) -> None:
         """Go on for `duration` [s] under a constant load."""

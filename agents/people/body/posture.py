@@ -111,11 +111,13 @@ class PostureConfig:
         """
         own = self._own_angles(bearings)
         held = {DOFS[DOF_INDEX[name]].joint for name in own}
-        arms = {side for side in SIDES if {f"{side}_shoulder", f"{side}_elbow"} & held}
+        arms: list[Literal["left", "right"]] = [
+            side for side in ("left", "right") if {f"{side}_shoulder", f"{side}_elbow"} & held
+        ]
         return dataclasses.replace(
             self,
             angles_deg=_by_dof(self.angles_deg) | own,
-            own_arms=tuple(sorted(arms)),
+            own_arms=tuple(arms),
         )
 
     def _own_angles(self, bearings: Sequence[Bearing]) -> dict[str, float]:
