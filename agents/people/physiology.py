@@ -286,11 +286,14 @@ class Physiology:
         """
         self._now = [*self._rest.values(), 0.0, 1.0]
         self._tired = [0.0] * len(REGIONS)
-        self._around = {"ambient": self._figures["neutral_ambient"], "bladder": 0.0}
+        self._around: dict[str, float] = {
+            "ambient": self._figures["neutral_ambient"],
+            "bladder": 0.0,
+        }
         self._held = set[int]()
         self._pain_segment: str | None = None
         self._stimulus, self._start_upright = 0.0, upright
-        self._surge = 0.0
+        self._surge: float = 0.0
 
     def advance(self, duration: float, load: Load) -> None:
         """Go on for `duration` [s] under a constant load."""

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.people.behaviour.behaviour_tree import BehaviourTree, eat_when_fed
-from rcare_marl.agents.people.eating import Eating, Mouthful, Texture
+from rcare_marl.agents.people.eating import Mouthful, Texture
 from rcare_marl.pose import Array, Pose, Vector, rotate
 from rcare_marl.world import World
 
@@ -126,13 +126,10 @@ class Feeding(Meal):
             for i in range(FOOD_COUNT)
         ]
         self._lay_food()
+        self._eating = self.recipient.avatar.eating
         if self.options.bites > 1:
             further, busy = self.options.bites - 1, self._eating.time(self.options.texture)
             self.time_limit += further * (BETWEEN_BITES + busy) + busy
-
-    @property
-    def _eating(self) -> Eating:
-        return self.recipient.avatar.eating
 
     def _lay_food(self) -> None:
         """Let the food come to rest in the spoon once, and remember where in the spoon it lies."""
@@ -192,9 +189,11 @@ class Feeding(Meal):
         mouth, jaw = lips + MOUTH_IN_FRONT * face, self.recipient.angle("jaw_opening")
         gap, up = mouth - bowl, rotate(quaternion, self._up_in_spoon)
         distance = math.sqrt(float(gap @ gap))
-        held = before is None or math.dist(bowl, before.bowl) < STILL * self.control_dt
-        is_filled = held and up[2] > LEVEL and distance > LOADED_FROM and self._is_hungry(before)
-        is_eaten, is_spilled = self._fates(before, bowl, mouth, jaw, is_filled=is_filled)
+        is_back = up[2] > LEVEL and distance > LOADED_FROM
+        is_filled = is_back and before is not None and self._waits_for_food(before, bowl)
+        if is_filled:
+            self._fill_spoon()
+        is_eaten, is_spilled = self._fates(None if is_filled else before, bowl, mouth, jaw)
         eaten = int(np.count_nonzero(is_eaten))
         mouthful = self._chew(now.time, before, eaten, distance)
         all_eaten = mouthful.taken == self.options.bites
@@ -216,10 +215,10 @@ class Feeding(Meal):
             mouthful=mouthful,
         )
 
-    def _is_hungry(self, before: FeedingState | None) -> bool:
-        """Return whether the spoon is empty and bites are left."""
-        is_empty = before is not None and before.eaten == FOOD_COUNT
-        return is_empty and before.mouthful.taken < self.options.bites  # type: ignore[union-attr]
+    def _waits_for_food(self, before: FeedingState, bowl: Array) -> bool:
+        """Return whether the spoon is empty and still, and bites are left."""
+        hungry = before.eaten == FOOD_COUNT and before.mouthful.taken < self.options.bites
+        return hungry and math.dist(bowl, before.bowl) < STILL * self.control_dt
 
     def _chew(
         self, time: float, before: FeedingState | None, eaten: int, distance: float
@@ -239,21 +238,13 @@ class Feeding(Meal):
         )
 
     def _fates(
-        self,
-        before: FeedingState | None,
-        bowl: Array,
-        mouth: Array,
-        jaw: float,
-        *,
-        is_filled: bool,
+        self, before: FeedingState | None, bowl: Array, mouth: Array, jaw: float
     ) -> tuple[Flags, Flags]:
         """Return which pieces have been eaten and which spilled; who eats takes them off the scene."""
         nothing = np.zeros(FOOD_COUNT, np.bool_)
-        if is_filled:
-            self._fill_spoon()
         eaten, spilled = (
             (nothing.copy(), nothing)
-            if before is None or is_filled
+            if before is None
             else (before.is_eaten.copy(), before.is_spilled.copy())
         )
         radius = MOUTH_RADIUS * self.options.tolerance
