@@ -127,6 +127,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                 assert isinstance(agent, Robot)  # only robots can be cast several times
                 start = self.task.beside(agent, int(role.rsplit("_", 1)[1]))
             agent.spawn(self.world, start)
+        self.task.equip()
         self.task.build(self.world)
         self.task.measure()
         self._fasten_markers()

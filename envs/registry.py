@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from collections.abc import Callable, Collection
 from functools import lru_cache, partial
@@ -34,6 +35,17 @@ class OffersFood(Protocol):
         """Return where the middle of the spoon's bowl is in the world [m], shape [3]."""
 
 
+@runtime_checkable
+class FillsMouth(Protocol):
+    """A task that knows what is in somebody's mouth."""
+
+    def mouth_is_full(self, role: str) -> bool:
+        """Return whether something is in the mouth of who plays a role."""
+
+    def chokes(self, role: str) -> bool:
+        """Return whether something went the wrong way there in the last control step."""
+
+
 TaskClass = TypeVar("TaskClass", bound=type[Task])
 PolicyFactory = Callable[["CareEnv", str], Policy]
 FactoryT = TypeVar("FactoryT", bound=PolicyFactory)
@@ -62,6 +74,9 @@ def _behaviour(env: CareEnv, role: str) -> Policy:
         spoon=task.bowl_position if isinstance(task, OffersFood) else None,
         partner=others[0].mouth_position if others else None,
     )
+    if isinstance(task, FillsMouth):
+        full, chokes = partial(task.mouth_is_full, role), partial(task.chokes, role)
+        around = dataclasses.replace(around, is_full=full, chokes=chokes)
     return AvatarBehaviour(person, around, task.control_dt)
 
 

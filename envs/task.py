@@ -23,7 +23,7 @@ from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Pose, about_z
 from rcare_marl.world import World
 
-from .devices import Wheelchair, add_stand
+from .devices import Wheelchair, add_stand, hang_ventilator
 from .place import BareFloor, DoorSite, Place
 from .reach import ReachSearch
 from .rectangle import Rectangle
@@ -230,6 +230,15 @@ class Task(abc.ABC):
     def people(self) -> list[Human]:
         """The people of the cast."""
         return [agent for agent in self.cast.values() if isinstance(agent, Human)]
+
+    def equip(self) -> None:
+        """Hang what the recipient lives by on the wheelchair that they sit in, if it stands still."""
+        chair, person = self.chair, self.cast.get("recipient")
+        if not isinstance(person, Human) or person.avatar.profile.ventilator_rate is None:
+            return
+        stands = isinstance(chair, Wheelchair) and not chair.body.is_movable
+        if chair is not None and stands and person.posture.arms == "armrests":
+            hang_ventilator(self.world, chair, person)
 
     def let_overlap(self, *things: Body) -> None:
         """Let people pass through what their posture fits, and a robot through the chair it is mounted on."""

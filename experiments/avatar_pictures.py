@@ -2,6 +2,10 @@
 
 python experiments/avatar_pictures.py --out runs/avatars [--avatar NAME]
 
+python experiments/avatar_pictures.py --conditions --out docs/images
+
+With `--conditions` it makes `condition_NAME.jpg` for each who is cared for: sitting from the front and from
+the side, lying, being fed, and being moved, by the tasks `feeding` and `limb_repositioning`. Else
 `sheet.png` shows every avatar in every posture, `muscles_NAME.png` skeleton, muscles and skin from the
 front and the side while the right arm reaches out, and `reach_NAME.mp4` films that reach.
 """
@@ -15,6 +19,7 @@ import numpy as np
 import typer
 from PIL import Image, ImageDraw, ImageFont
 
+import rcare_marl
 from rcare_marl import assets
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.actuation.muscle_lines import activation_color, show_muscles
@@ -22,11 +27,11 @@ from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
-from rcare_marl.envs.devices import Wheelchair, spawn_fitted
+from rcare_marl.envs.devices import Wheelchair, hang_ventilator, spawn_fitted
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.rendering import Camera
 from rcare_marl.rendering.film import Film
-from rcare_marl.rendering.portrait import INK, contact_sheet, snapshot
+from rcare_marl.rendering.portrait import INK, Picture, contact_sheet, snapshot
 from rcare_marl.world import World
 
 POSTURES = ("wheelchair", "bed_raised", "bed_supine", "standing")
@@ -38,6 +43,7 @@ REACH = {
 }
 REACHING = 1.2  # [s] until the picture
 FILMED = 4.0  # [s]
+LONGEST = 120  # control steps of an episode that is looked for
 BED = (2.0, 0.9, 0.16)  # [m]
 BED_HEIGHT = 0.55
 BACK = ("spine1", "spine2", "spine3", "neck", "head")
@@ -61,6 +67,8 @@ def scene(avatar: str, posture: str, *, muscles: bool) -> tuple[World, Human]:
     elif posture.startswith("bed"):
         support = Pose((0.0, 0.0, BED_HEIGHT))
     person.spawn(world, support)
+    if furniture and person.avatar.profile.ventilator_rate is not None:
+        hang_ventilator(world, chair, person)
     if posture.startswith("bed"):
         make_bed(world, person)
     for body in furniture:
@@ -128,6 +136,49 @@ def sheet(avatars: list[str], file: Path) -> None:
     save(contact_sheet(pictures, captions, columns=len(avatars)), file)
 
 
+def condition(avatar: str, file: Path) -> None:
+    """Draw how somebody sits and lies, is fed and is moved."""
+    width, height = 330, 330
+    pictures, captions = [], []
+    views = (("wheelchair", "front"), ("wheelchair", "between"), ("bed_supine", "side"))
+    for posture, view in views:
+        world, person = scene(avatar, posture, muscles=False)
+        pictures.append(snapshot(world, camera(person, view, width=width, height=height)))
+        captions.append(f"{person.avatar.name}, {'lying' if 'bed' in posture else 'sitting'}")
+        world.close()
+    for task, share, caption in (("feeding", 0.75, "fed"), ("limb_repositioning", 0.5, "moved")):
+        pictures.append(during(task, avatar, share, width=width, height=height))
+        captions.append(f"being {caption}")
+    picture = contact_sheet(pictures, captions, columns=len(pictures))
+    picture.save(file, quality=86, optimize=True)
+    print(file)
+
+
+def during(task: str, avatar: str, share: float, *, width: int, height: int) -> Picture:
+    """Return a picture of the scripted robot at work, after a share of the steps that it takes."""
+    policies = {"robot": "scripted", "recipient": "cooperative"}
+    env = rcare_marl.make(task, recipient=avatar, policies=policies)
+    steps = 0
+    for last in (LONGEST, None):
+        env.reset(seed=0)
+        stop = last or max(1, round(share * steps))
+        steps = 0
+        while not env.is_over and steps < stop:
+            env.step({})
+            steps += 1
+    person = env.cast["recipient"]
+    assert isinstance(person, Human)
+    joint = "head" if task == "feeding" else "left_elbow"
+    middle = np.array(person.joint_pose(joint).position) + (0.08, 0.0, -0.05)
+    eye = middle + ((0.85, 0.65, 0.25) if task == "feeding" else (1.2, 1.15, 0.65))
+    view = Camera(
+        tuple(eye.tolist()), tuple(middle.tolist()), fov_deg=44, width=width, height=height
+    )
+    picture = snapshot(env.world, view)
+    env.close()
+    return picture
+
+
 def muscles(avatar: str, posture: str, file: Path) -> None:
     """Draw bones and muscles, bare and under the skin, from the front and the side, in a reach."""
     world, person = scene(avatar, posture, muscles=True)
@@ -192,12 +243,18 @@ def main(
     out: Path = Path("runs/avatars"),
     avatar: str = "",
     every: Annotated[bool, typer.Option("--film")] = False,
+    conditions: bool = False,
 ) -> None:
     """Draw one avatar, or all; with --film every avatar is filmed, not Karan alone."""
     if avatar:
         load_avatar(avatar)  # which refuses an unknown name
     out.mkdir(parents=True, exist_ok=True)
     chosen = [avatar] if avatar else list(assets.names("avatars"))
+    if conditions:
+        for name in chosen:
+            if name != "caregiver":
+                condition(name, out / f"condition_{name}.jpg")
+        return
     sheet(chosen, out / "sheet.png")
     for name in chosen:
         posture = "standing" if name == "caregiver" else "wheelchair"

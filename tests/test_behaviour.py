@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from behaving_person import CLOSED, DRIVEN, OPEN, Kind, Scene
+from behaving_person import CLOSED, DRIVEN, OPEN, UPPER, Kind, Scene
 from variants import few
 
 from rcare_marl.agents.people.actuation.muscular import MuscleDrive
 from rcare_marl.agents.people.behaviour.avatar_tree import load_behaviour
+from rcare_marl.agents.people.behaviour.cue import GESTURES
 from rcare_marl.agents.people.behaviour.leaves import Actor, Settle, Threshold
 from rcare_marl.errors import ConfigError, UnknownNameError
 
@@ -77,9 +79,50 @@ def test_eyes_look_where_the_head_cannot() -> None:
         "jaw_opening",
         "head_rotation_left",
     )
-    scene = Scene("morgan", movable=eyes, spoon=lambda: start + (0.5, 0.5, 0.0)).run(3)
+    scene = Scene("jose", movable=eyes, spoon=lambda: start + (0.5, 0.5, 0.0)).run(3)
     assert scene.angle("left_eye_abduction") > 0.2  # both to the left
     assert scene.angle("right_eye_abduction") < -0.2
+
+
+def test_locked_in_eyes_look_up_and_down_but_not_to_the_side() -> None:
+    start = Scene("morgan").person.mouth_position()
+    eyes = ("left_eye_smplhf", "right_eye_smplhf", "head_rotation_left", "jaw_opening")
+    scene = Scene("morgan", movable=eyes, spoon=lambda: start + (0.5, 0.5, 0.4)).run(3)
+    for side in ("left", "right"):
+        assert scene.angle(f"{side}_eye_elevation") > 0.2
+        assert abs(scene.angle(f"{side}_eye_abduction")) < 0.02
+
+
+NEVER = {  # what a condition rules out
+    "morgan": ("raise", "bend", "straighten", "lift your left", "lower", "lean", "sit"),
+    "jose": ("raise", "bend", "straighten", "lift your left", "lower", "lean", "sit"),
+    "natalia": ("straighten", "lift your left", "lean", "sit"),
+    "daniel": ("lift your left", "lean", "sit"),
+}
+
+
+@pytest.mark.parametrize("avatar", NEVER)
+def test_what_no_muscle_can_do_is_answered_cannot_at_once(avatar: str) -> None:
+    instruction = Scene(avatar, movable=(*UPPER, "left_hip", "left_knee")).cues.instruction
+    for text in GESTURES:
+        instruction.say(text, speaker=lambda: np.array((0.8, -0.8, 1.2)))
+        if text.startswith(NEVER[avatar]):
+            assert instruction.answer == "cannot", text
+    for text in ("open your mouth", "look at me", "hold still"):
+        instruction.say(text, speaker=lambda: np.array((0.8, -0.8, 1.2)))
+        assert instruction.answer == "trying", text
+
+
+def test_done_is_said_of_the_way_gone_not_of_being_near() -> None:
+    scene = Scene("kim")  # her head is turned to the right already, and her trunk is stiff
+    scene.cues.instruction.say("turn your head right")
+    rest = scene.angle("neck_rotation_left")
+    while scene.answer() == "trying":
+        scene.run(0.1)
+    assert scene.answer() == "done"
+    assert scene.angle("neck_rotation_left") < 0.5 * (rest + math.radians(-22))
+    scene.cues.instruction.say("lean forward")
+    assert scene.run(6.3).answer() == "cannot"
 
 
 def follow_and_check(text: str, dof: str, least: float, kind: Kind) -> None:

@@ -208,6 +208,10 @@ def test_who_cannot_walk_is_a_named_error() -> None:
 # A caregiver's hands.
 
 
+# The arm was laid on the armrest by somebody, whatever his own bearing.
+LAID = ("spine1", "spine2", "spine3", "left_shoulder", "left_elbow", "left_wrist")
+
+
 class Room:
     """Karan in his wheelchair, his left forearm free, and a caregiver two steps away."""
 
@@ -220,7 +224,7 @@ class Room:
         self.karan = Human(
             "recipient",
             load_avatar("karan"),
-            posture=dataclasses.replace(posture, supported=held),
+            posture=dataclasses.replace(posture, supported=held, posed=LAID),
             movable=("left_shoulder", "left_elbow"),
         )
         soles = self.karan.soles(chair.frame("seat_back"))

@@ -9,9 +9,11 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import load_robot
-from rcare_marl.envs.devices import Spoon, Wheelchair
+from rcare_marl.envs.devices import Spoon, Wheelchair, hang_ventilator, spawn_fitted
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose, multiply, quaternion_from_axis_angle, quaternion_from_rpy, rotate
 from rcare_marl.world import World
@@ -137,3 +139,18 @@ def test_impossible_devices_say_so() -> None:
         Wheelchair().frame("cupholder")
     with pytest.raises(ConfigError, match="mounts"):
         Wheelchair(mounts="front")
+
+
+def test_a_ventilator_hangs_behind_the_chair_and_its_tube_ends_at_the_throat() -> None:
+    world, chair = World(), Wheelchair(mounts="none")
+    person = Human("recipient", load_avatar("jose"), posture=load_posture("wheelchair"))
+    person.spawn(world, spawn_fitted(chair, person, world))
+    device = hang_ventilator(world, chair, person)
+    root = device.model.links[device.model.root]
+    end = device.pose @ Pose(root.visual[-1].at)
+    mouth = person.mouth_position()
+    assert 0.04 < mouth[2] - end.position[2] < 0.2  # below the lips
+    assert abs(end.position[1] - mouth[1]) < 0.03 and end.position[0] < mouth[0]
+    assert len(root.collision) == 1  # the machine is solid, the tube gives way
+    assert world.separation(device.body, chair.body, within=0.1) > -0.02
+    assert device.pose.position[0] < chair.frame_in_world("backrest").position[0] - 0.1

@@ -12,6 +12,7 @@ from variants import every
 
 import rcare_marl
 from rcare_marl import assets
+from rcare_marl.agents.people.eating import COUGHING, Eating, Mouthful
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.tasks import feeding
 from rcare_marl.envs.tasks.feeding import Feeding
@@ -162,3 +163,74 @@ def test_every_control_mode_keeps_the_food_at_rest_for_a_second(control: str) ->
         env.step({"robot": rest})
     assert task_of(env).report()["spilled"] == 0
     env.close()
+
+
+def test_several_bites_are_chewed_and_swallowed_one_after_the_other() -> None:
+    several = {"bites": 2, "texture": "puree"}
+    env = rcare_marl.make("feeding", recipient="daniel", options=several, policies=BOTH)
+    told = {name for _, name, _ in env.describe("robot")}
+    assert {"mouth_ready", "bites_left"} <= told
+    task = run(env, 0)
+    report, busy = task.report(), task.recipient.avatar.eating.time("puree")
+    assert task.succeeded() and report["bites_swallowed"] == 2 and report["spilled"] == 0
+    assert report["coughs"] == report["early_offers"] == report["aspiration_risk"] == 0
+    assert report["time_to_mouth_s"] > busy and env.world.time >= 2 * busy
+    env.close()
+
+
+def test_one_bite_is_the_paper_s_task_with_nothing_more_to_see_or_to_be_paid_for() -> None:
+    env = rcare_marl.make("feeding", policies={"recipient": "still"})
+    env.reset(seed=0)
+    told = {name for _, name, _ in env.describe("robot")}
+    assert not told & {"mouth_ready", "bites_left"} and env.task.time_limit == 20
+    assert "cough" not in task_of(env).rewards("robot", task_of(env).state)
+    env.close()
+
+
+@pytest.mark.parametrize("bites", [0, 101])
+def test_a_number_of_bites_that_nobody_eats_is_refused(bites: int) -> None:
+    with pytest.raises(ConfigError, match=r"bites must lie in 1\.\.100"):
+        rcare_marl.make("feeding", options={"bites": bites})
+
+
+def taken(mouthful: Mouthful, time: float, eating: Eating) -> Mouthful:
+    return mouthful.after(time, eating, "solid", is_offered=True, enters=True, is_emptied=True)
+
+
+def test_food_taken_into_a_full_mouth_makes_one_cough_and_may_be_aspirated() -> None:
+    eating = Eating(solid_s=10, swallow_s=2, aspiration=0.3)
+    first = taken(Mouthful(), 1.0, eating)
+    assert (first.taken, first.coughs, first.swallowed, first.ready_at) == (1, 0, 0, 13)
+    second = taken(first, 4.0, eating)
+    assert (second.taken, second.coughs, second.early, second.swallowed) == (2, 1, 1, 0)
+    assert second.risk == pytest.approx(0.3 * 9 / 12) and second.ready_at == 13 + COUGHING + 12
+    waits = dict(is_offered=False, enters=False, is_emptied=False)
+    assert second.after(27.9, eating, "solid", **waits).swallowed == 0
+    last = second.after(28.0, eating, "solid", **waits)
+    assert last.swallowed == 2 and last.is_ready and last.coughs == 1
+    assert taken(last, 29.0, eating).coughs == 1  # offered in time
+
+
+def test_food_held_at_chewing_lips_is_an_early_offer_and_no_cough() -> None:
+    eating, mouth = Eating(), taken(Mouthful(), 1.0, Eating())
+    for time in (2.0, 2.1, 2.2):
+        mouth = mouth.after(time, eating, "solid", is_offered=True, enters=False, is_emptied=False)
+    assert (mouth.early, mouth.coughs, mouth.risk) == (1, 0, 0)
+
+
+def test_who_chokes_coughs_by_their_tree() -> None:
+    env = rcare_marl.make("feeding", options={"bites": 2}, policies={"recipient": "behaviour"})
+    env.reset(seed=0)
+    still = {"robot": np.zeros(6, np.float32)}
+    object.__setattr__(task_of(env).state.mouthful, "coughs_now", True)
+    env.step(still)
+    root = env.policies["recipient"].root  # type: ignore[attr-defined]
+    assert next(c for c in root.children if c.name == "cough").status.name == "RUNNING"
+    env.close()
+
+
+def test_who_lives_by_a_ventilator_has_it_on_the_chair_and_eats_beside_its_tube() -> None:
+    for avatar, count in (("jose", 1), ("karan", 0)):
+        env = rcare_marl.make("feeding", recipient=avatar, policies=BOTH)
+        assert sum(body.name == "ventilator" for body in env.world.bodies) == count
+        env.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cache
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,7 +13,13 @@ import pytest
 
 from rcare_marl import assets
 from rcare_marl.agents.people.actuation.skeletal import SkeletalDrive
-from rcare_marl.agents.people.avatar import load_avatar, load_posture, person_urdf
+from rcare_marl.agents.people.avatar import (
+    AvatarConfig,
+    load_avatar,
+    load_posture,
+    person_urdf,
+)
+from rcare_marl.agents.people.body.posture import Bearing
 from rcare_marl.agents.people.body.skeleton import (
     DOF_INDEX,
     DOFS,
@@ -25,7 +32,8 @@ from rcare_marl.agents.people.body.skeleton import (
 )
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.profile import clinical_norms
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.config import load
+from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.world import GRAVITY, World
 
@@ -262,16 +270,16 @@ def test_furniture_does_not_move_a_paralysed_person() -> None:
 
 
 def test_a_weak_muscle_moves_a_held_limb_a_little() -> None:
-    world, human = spawned("kim", movable=("right_elbow_flexion",))
+    world, human = spawned("kim", movable=("left_elbow_flexion",))
     assert isinstance(human.drive, SkeletalDrive)
-    assert human.drive._table[0, 33] == 1.0  # extensors of grade 2: the armrest holds the forearm
-    start = human.angle("right_elbow_flexion")
+    assert human.drive._table[0, 33] == 1.0  # extensors of grade 2: furniture holds the forearm
+    start = human.angle("left_elbow_flexion")
     for _ in range(10):
         human.command(np.ones(1), 0.1)
         run(world, human, 0.1)
     strength = human.drive._table[0, 32]
     limit = strength / human.drive._table[0, 28]
-    assert 0.02 < human.angle("right_elbow_flexion") - start < limit + 0.02
+    assert 0.02 < human.angle("left_elbow_flexion") - start < limit + 0.02
 
 
 def test_pushed_hard_a_joint_stops_at_its_passive_range() -> None:
@@ -423,10 +431,59 @@ def test_the_mouth_follows_head_and_jaw() -> None:
 @pytest.mark.parametrize("avatar", AVATARS)
 def test_forearms_lie_on_the_armrests_and_not_in_them(avatar: str) -> None:
     _, human = spawned(avatar)
-    for side in SIDES:
+    for side in set(SIDES) - set(human.posture.own_arms):
         elbow, wrist = (
             np.array(human.joint_pose(f"{side}_{j}").position) for j in ("elbow", "wrist")
         )
         radius = human.segments[f"{side}_elbow"].shapes[0].size[1]
         for point in (elbow, wrist):
             assert 0.77 + 0.5 * radius < point[2] < 0.77 + radius + 0.04
+
+
+def test_karan_holds_a_fist_before_his_belly_and_leans_to_the_weak_side() -> None:
+    _, human = spawned("karan")
+    at = {j: np.array(human.joint_pose(j).position) for j in ("pelvis", "spine3", "left_wrist")}
+    assert at["spine3"][1] > at["pelvis"][1] + 0.01  # to his left
+    assert abs(at["left_wrist"][1] - at["pelvis"][1]) < 0.15 < at["left_wrist"][0] - at["pelvis"][0]
+    assert human.angle("left_middle2_flexion") > 1.2 > human.angle("right_middle2_flexion")
+    assert human.posture.own_arms == ("left",)
+
+
+def test_a_bearing_is_cut_to_the_passive_range_and_leaves_out_what_the_posture_is_about() -> None:
+    karan = load_avatar("karan")
+    own = Bearing("a trial", {"elbow_flexion": 170, "left_wrist_flexion": 30}, ("sitting",))
+    avatar = dataclasses.replace(karan, bearing=(own,))
+    sits, hangs, stands = (
+        Human("p", avatar, posture=load_posture(name))
+        for name in ("wheelchair", "wheelchair_arm_out", "standing")
+    )
+    angles = sits.posture.angles(avatar.profile.limits("passive"))
+    assert angles[DOF_INDEX["right_elbow_flexion"]] == pytest.approx(np.radians(145))
+    assert angles[DOF_INDEX["left_elbow_flexion"]] == pytest.approx(np.radians(140))
+    assert sits.posture.own_arms == ("left", "right") and hangs.posture.own_arms == ("right",)
+    assert hangs.posture.angles_deg["left_elbow_flexion"] == 25
+    assert stands.posture.own_arms == () and "left_wrist_flexion" not in stands.posture.angles_deg
+
+
+@pytest.mark.parametrize(
+    ("bearing", "message"),
+    [
+        ({"reason": "so", "angles_deg": {"left_elbow_flexon": 3}}, "left_elbow_flexion"),
+        ({"reason": "so", "angles_deg": {"elbow_flexion": 200}}, "must lie in -180..180 deg"),
+        ({"reason": "so", "angles_deg": {}}, "needs an angle"),
+        ({"reason": " ", "angles_deg": {"elbow_flexion": 3}}, "needs its reason"),
+        ({"reason": "so", "angles_deg": {"elbow_flexion": 3}, "postures": ["sittin"]}, "sitting"),
+        ({"angles_deg": {"elbow_flexion": 3}}, "missing reason"),
+    ],
+)
+def test_a_bearing_that_makes_no_sense_is_refused(bearing: dict[str, Any], message: str) -> None:
+    own = {
+        "name": "A",
+        "condition": "none",
+        "sex": "male",
+        "height_m": 1.7,
+        "mass_kg": 70,
+        "body": "b",
+    }
+    with pytest.raises((ConfigError, UnknownNameError), match=message):
+        load(AvatarConfig, {**own, "bearing": [bearing]})

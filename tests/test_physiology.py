@@ -194,6 +194,44 @@ def test_a_stimulus_above_the_injury_is_no_dysreflexia() -> None:
     assert values["heart_rate"] >= 72
 
 
+@pytest.mark.parametrize("avatar", ["daniel", "jose", "natalia"])
+def test_severe_dysreflexia_that_nobody_treats_passes_250_within_minutes(avatar: str) -> None:
+    physiology, rest = Physiology(load_avatar(avatar)), load_avatar(avatar).profile.vitals
+    physiology.bladder, pinched = 1.0, Load(forces={"left_hip": 440})
+    assert rest.systolic + 40 < after(physiology, pinched, 15)["systolic"] < 170
+    values = after(physiology, pinched, 285)
+    assert 250 < values["systolic"] <= 300 and values["heart_rate"] < rest.heart_rate - 10
+    physiology.bladder = 0.0
+    assert after(physiology, Load(), 300)["systolic"] == pytest.approx(rest.systolic, abs=5)
+
+
+def test_pressures_set_or_held_in_dysreflexia_are_what_they_were_set_to() -> None:
+    physiology = body("C6")
+    physiology.bladder = 1.0
+    after(physiology, Load(), 200)
+    physiology.set({"systolic": 150, "diastolic": 90})
+    assert (physiology.systolic, physiology.diastolic) == pytest.approx((150, 90))
+    physiology.hold({"systolic": 170})
+    assert after(physiology, Load(), 60)["systolic"] == pytest.approx(170)
+
+
+def test_vital_signs_are_everybodys_own() -> None:
+    own = [load_avatar(name).profile.vitals for name in AVATARS]
+    for name in ("heart_rate", "systolic", "diastolic"):
+        assert len({getattr(vitals, name) for vitals in own}) >= len(own) - 1
+
+
+def test_a_ventilator_sets_the_breath_whatever_the_body_does() -> None:
+    avatar = load_avatar("jose")
+    assert avatar.profile.ventilator_rate == 12
+    set_to = dataclasses.replace(avatar.profile, ventilator_rate=16.0)
+    physiology = Physiology(dataclasses.replace(avatar, profile=set_to))
+    values = after(physiology, Load(power=300, forces={"head": 130}))
+    assert values["respiration_rate"] == 16
+    with pytest.raises(ConfigError, match="ventilator_rate must lie in 4..40 per minute"):
+        dataclasses.replace(avatar.profile, ventilator_rate=50.0)
+
+
 def test_a_full_bladder_is_enough() -> None:
     physiology = body("C6", axial="absent")
     physiology.bladder = 0.9
@@ -435,7 +473,7 @@ def test_a_weight_on_the_thigh_hurts_who_feels_it() -> None:
 def test_a_weight_on_the_thigh_raises_the_pressure_of_who_cannot_feel_it() -> None:
     physiology = under_a_weight("jose").physiology
     assert physiology.pain == 0
-    assert physiology.systolic > 97 and physiology.heart_rate < 60
+    assert physiology.systolic > 88 + 2 and physiology.heart_rate < 52
 
 
 def test_lying_and_sitting_are_told_apart() -> None:

@@ -16,12 +16,13 @@ from rcare_marl.errors import UnknownNameError
 
 from ..agent import Array
 from .body.anthropometry import Sex
-from .body.posture import PostureConfig
+from .body.posture import Bearing, PostureConfig
 from .body.segment import Segment, make_segments
 from .body.skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINT_INDEX, JOINTS
 from .body.skin import BodyModel, load_body_model
 from .body.tissue import with_cores
 from .body.urdf import PersonUrdf, write_urdf
+from .eating import Eating
 from .profile import ClinicalProfile, Range
 
 
@@ -40,6 +41,8 @@ class AvatarConfig:
         pronoun: For texts.
         age_years: Age [years].
         profile: What the person can do.
+        bearing: How they hold themselves, in place of what a posture says; a later entry counts.
+        eating: How they chew and swallow.
     """
 
     name: str
@@ -51,6 +54,8 @@ class AvatarConfig:
     pronoun: str = "they"
     age_years: float = 40.0
     profile: ClinicalProfile = field(default_factory=ClinicalProfile)
+    bearing: tuple[Bearing, ...] = ()
+    eating: Eating = field(default_factory=Eating)
 
     def __post_init__(self) -> None:
         for name, low, high in (("height_m", 0.5, 2.5), ("mass_kg", 5, 300), ("age_years", 0, 120)):

@@ -91,7 +91,7 @@ class Human(Agent):
         self.supports: list[Body] = []
         self._physiology_observed = physiology_observed
         self._is_tired = False
-        self.name, self.avatar, self.posture = name, avatar, posture
+        self.name, self.avatar, self.posture = name, avatar, posture.borne(avatar.bearing)
         self.movable = expand_movable(movable)
         self._fixed_base = fixed_base
         self._actuation = actuation or ActuationConfig()
@@ -171,10 +171,8 @@ class Human(Agent):
         self.pelvis = self._home = pelvis_pose(self.posture, self.model, angles, pose)
         if self.posture.arms == "armrests":
             for side, pad in self._arm_rests.items():
-                radius = self.segments[f"{side}_elbow"].shapes[0].size[1]
-                angles = lay_arm(
-                    side, self.model, angles, self.pelvis, pad, limits, clearance=radius
-                )
+                if side not in self.posture.own_arms:
+                    angles = self._laid(side, angles, pad)
         self.angles = angles
         urdf = person_urdf(
             avatar, "passive", movable=self.movable, posture=angles, tissue=self._soft
@@ -231,6 +229,22 @@ class Human(Agent):
                 world, self.body, self.model, self.frames, self._soft, skin=skin
             )
         self._face, self._jaw = (self._mouth_on(joint) for joint in ("head", "jaw"))
+
+    def _laid(self, side: str, angles: Array, pad: Pose) -> Array:
+        """Return angles of all DoFs [rad] with one arm laid on an armrest."""
+        limits = self.avatar.profile.limits("passive")
+        radius = self.segments[f"{side}_elbow"].shapes[0].size[1]
+        return lay_arm(side, self.model, angles, self.pelvis, pad, limits, clearance=radius)
+
+    def laid_on(self, side: str, pad: Pose) -> dict[str, float]:
+        """Return the angles of movable DoFs [rad] that lay an arm on an armrest, once spawned.
+
+        Args:
+            side: `left` or `right`.
+            pad: Middle of the pad's top in the world, x along it to the front.
+        """
+        laid = self._laid(side, self.angles, pad)
+        return {dof: float(laid[DOF_INDEX[dof]]) for dof in self.movable if dof.startswith(side)}
 
     def _mouth_on(self, joint: str) -> tuple[int, Array, Array]:
         """Return the link of a joint, and mouth and forward direction in the frame of that link."""

@@ -2,7 +2,8 @@
 
 Each value approaches a steady state exponentially. The steady state follows from the load on the body
 (effort, contact, posture) and from the surroundings, never from another value, so that a control step
-is exact and its length does not matter while the load stays the same. The fatigue of a region is the
+is exact and its length does not matter while the load stays the same. The pressures of untreated
+dysreflexia add a slow part of their own. The fatigue of a region is the
 three-compartment model of Xia & Frey-Law (J. Biomech. 2008) whose active compartment follows the
 effort at once. Figures and their sources: `assets/clinical/physiology.yaml`.
 """
@@ -80,6 +81,7 @@ SURROUNDINGS: dict[str, Quantity] = {
     "bladder": Quantity("1", 0, 1),
 }
 LEAST_PULSE = 10.0  # [mmHg] between the pressures at rest in any state; our own choice
+PRESSURES = ("systolic", "diastolic")
 _LAGS = tuple(name for name in QUANTITIES if name != "fatigue")
 _VITALS = _LAGS[:5]
 _INDEX = {name: i for i, name in enumerate(_LAGS)}
@@ -136,6 +138,10 @@ class Physiology:
         self._segments: dict[str, tuple[float, float, bool]] = {}
         vitals = avatar.profile.vitals
         self._rest = {name: float(getattr(vitals, name)) for name in _VITALS}
+        rate = avatar.profile.ventilator_rate
+        if rate is not None:
+            self._rest["respiration_rate"] = rate
+        self._is_ventilated = self._nerves.is_ventilated or rate is not None
         self._greatest_power, self._greatest_rate = self._capacity()
         stems = {"systolic": "pressure", "diastolic": "pressure", "respiration_rate": "respiration"}
         self._times = []  # of rise and fall
@@ -171,11 +177,16 @@ class Physiology:
     def get(self, name: str) -> float:
         """Return a quantity by name; UnknownNameError if there is none."""
         if name in _INDEX:
-            return self._now[_INDEX[name]]
+            value = self._now[_INDEX[name]]
+            return value if self._surge == 0 or name not in PRESSURES else self._surged(name, value)
         if name == "fatigue":
             return max(self._tired)
         check_name("physiological quantity", name, [*SURROUNDINGS, *QUANTITIES])
         return self._around[name]
+
+    def _surged(self, name: str, value: float) -> float:
+        """Return a pressure with what untreated dysreflexia adds to it [mmHg]."""
+        return min(value + self._surge * self._figures[f"surge_{name}"], QUANTITIES[name].high)
 
     def set(self, values: Mapping[str, float]) -> None:
         """Set quantities by name, all or none; from there they go on as the model says.
@@ -198,7 +209,8 @@ class Physiology:
             )
         for name, value in values.items():
             if name in _INDEX:
-                self._now[_INDEX[name]] = float(value)
+                added = self._surge * self._figures[f"surge_{name}"] if name in PRESSURES else 0.0
+                self._now[_INDEX[name]] = float(value) - added
             elif name == "fatigue":
                 self._tired = [float(value)] * len(REGIONS)
             else:
@@ -274,21 +286,26 @@ class Physiology:
         """
         self._now = [*self._rest.values(), 0.0, 1.0]
         self._tired = [0.0] * len(REGIONS)
-        self._around = {"ambient": self._figures["neutral_ambient"], "bladder": 0.0}
+        self._around: dict[str, float] = {
+            "ambient": self._figures["neutral_ambient"],
+            "bladder": 0.0,
+        }
         self._held = set[int]()
         self._pain_segment: str | None = None
         self._stimulus, self._start_upright = 0.0, upright
+        self._surge: float = 0.0
 
     def advance(self, duration: float, load: Load) -> None:
         """Go on for `duration` [s] under a constant load."""
         if duration <= 0:
             return
         now = self._now
-        for i, aim in enumerate(self.steady(load)):
+        for i, aim in enumerate(self._at_once(load)):
             if i not in self._held:
-                value = now[i]
-                rise, fall = self._times[i]
-                now[i] = aim + (value - aim) * math.exp(-duration / (rise if aim > value else fall))
+                now[i] = lagged(now[i], aim, duration, self._times[i])
+        if not self._held & {_INDEX[name] for name in PRESSURES}:
+            times = self._figures["surge_rise"], self._figures["surge_fall"]
+            self._surge = lagged(self._surge, self._untreated(), duration, times)
         least = self._figures["tireless_effort"]
         for i, effort in enumerate(load.efforts):
             demand = min(effort, 1.0) if effort > least else 0.0
@@ -297,9 +314,22 @@ class Physiology:
 
     def steady(self, load: Load) -> tuple[float, ...]:
         """Return where vital signs, pain and comfort tend to, in the order of `QUANTITIES`."""
+        out = list(self._at_once(load))
+        for name in PRESSURES:
+            surge = self._untreated() * self._figures[f"surge_{name}"]
+            out[_INDEX[name]] = _inside(name, out[_INDEX[name]] + surge)
+        return tuple(out)
+
+    def _untreated(self) -> float:
+        """Return the share of the slow part that the present stimulus would reach if it stayed."""
+        mild = self._figures["dysreflexia_mild"]
+        return max(self._stimulus - mild, 0.0) / (2.0 - mild)
+
+    def _at_once(self, load: Load) -> tuple[float, ...]:
+        """Return the same as `steady` without the slow part of dysreflexia."""
         f, nerves, rest = self._figures, self._nerves, self._rest
-        pain, touch, stimulus = self._feel(load.forces)
-        self._stimulus = stimulus
+        pain, touch, self._stimulus = self._feel(load.forces)
+        stimulus = min(self._stimulus, 1.0)
         exertion = min(max(load.power, 0.0) / self._greatest_power, 1.0)
         risen = load.upright - self._start_upright
         cut, left = 1 - nerves.outflow, nerves.outflow
@@ -323,7 +353,7 @@ class Physiology:
             + risen * (left * f["upright_diastolic"] + cut * f["upright_diastolic_tetraplegia"])
             + stimulus * f["dysreflexia_diastolic"]
         )
-        breath = 0.0 if nerves.is_ventilated else 1.0
+        breath = 0.0 if self._is_ventilated else 1.0
         respiration = rest["respiration_rate"] + breath * (
             exertion * f["effort_respiration"] + pain * f["pain_respiration"]
         )
@@ -343,13 +373,13 @@ class Physiology:
         )
 
     def _feel(self, forces: Mapping[str, float]) -> tuple[float, float, float]:
-        """Return pain (0 to 10), discomfort (0 to 1) and what a cut cord receives (0 to 1)."""
+        """Return pain (0 to 10), discomfort (0 to 1) and what a cut cord receives (0 to 2)."""
         f = self._figures
         worst, unnoticed = f["worst_pain_force"], f["unnoticed_force"]
         full = max(2 * self._around["bladder"] - 1, 0.0)
         is_cut = self._nerves.is_below(_BLADDER_LEVEL)
-        touch, stimulus = (0.0, full) if is_cut else (full, 0.0)
-        pain, hurt = 0.0, None
+        touch, bladder = (0.0, full) if is_cut else (full, 0.0)
+        pain, noxious, hurt = 0.0, 0.0, None
         for joint, force in forces.items():
             threshold, sensation, is_below = self._segment(joint)
             ratio = force / threshold
@@ -358,11 +388,11 @@ class Physiology:
             if felt > 1 and felt > pain:
                 pain, hurt = felt, joint
             if is_below and ratio > 1:
-                stimulus = max(stimulus, min((ratio - 1) / (worst - 1), 1.0))
+                noxious = max(noxious, min((ratio - 1) / (worst - 1), 1.0))
         if hurt is not None:
             self._pain_segment = hurt
             pain = WORST_PAIN * min((pain - 1) / (worst - 1), 1.0)
-        return pain, touch, stimulus if self._nerves.is_dysreflexic else 0.0
+        return pain, touch, noxious + bladder if self._nerves.is_dysreflexic else 0.0
 
     def _segment(self, joint: str) -> tuple[float, float, bool]:
         """Return force where pain begins [N], share that is felt, and whether the cord is cut above."""
@@ -375,6 +405,11 @@ class Physiology:
             share = {"normal": 1.0, "reduced": self._figures["reduced_sensation"], "absent": 0.0}
             self._segments[joint] = (part.pain_force, share[sensation], is_below)
         return self._segments[joint]
+
+
+def lagged(value: float, aim: float, duration: float, times: tuple[float, float]) -> float:
+    """Return where a value is after some time [s] on its way to an aim, for times of rise and fall [s]."""
+    return aim + (value - aim) * math.exp(-duration / (times[0] if aim > value else times[1]))
 
 
 def tire(tired: float, effort: float, duration: float, fatigue: float, recovery: float) -> float:

@@ -181,6 +181,8 @@ class ClinicalProfile:
         vitals: Vital signs at rest.
         injury_level: Lowest segment of the spinal cord that still works, such as `C6`; None without
             an injury of the cord. What lies above it feels normally, whatever `sensation` says.
+        ventilator_rate: Breaths a minute that a ventilator is set to, which breathes for them; None
+            for who breathes alone.
     """
 
     axial: SideProfile = field(default_factory=SideProfile)
@@ -188,8 +190,13 @@ class ClinicalProfile:
     right: SideProfile = field(default_factory=SideProfile)
     vitals: Vitals = field(default_factory=Vitals)
     injury_level: str | None = None
+    ventilator_rate: float | None = None
 
     def __post_init__(self) -> None:
+        if self.ventilator_rate is not None and not is_number(self.ventilator_rate, 4, 40):
+            raise ConfigError(
+                f"ventilator_rate must lie in 4..40 per minute, got {self.ventilator_rate!r}"
+            )
         if self.injury_level is not None and self.injury_level not in SPINAL_LEVELS:
             raise UnknownNameError("spinal level", self.injury_level, SPINAL_LEVELS)
         for side in ("axial", "left", "right"):

@@ -16,7 +16,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -150,7 +150,13 @@ class Temperament:
                 opens_within=self.habits.opens_within,
                 opening=opening,
             )
-        around = Surroundings(clock=lambda: self._env.world.time, spoon=offer)
+        around, task = Surroundings(clock=lambda: self._env.world.time, spoon=offer), self._env.task
+        if isinstance(task, Feeding):
+            full, chokes = (
+                partial(task.mouth_is_full, person.name),
+                partial(task.chokes, person.name),
+            )
+            around = dataclasses.replace(around, is_full=full, chokes=chokes)
         return AvatarBehaviour(person, around, self._env.task.control_dt, config=config)
 
     def act(self) -> Array:

@@ -1,17 +1,21 @@
-"""A hand-written robot that feeds: level the spoon, come in front of the mouth, wait, go in."""
+"""A hand-written robot that feeds: level the spoon, come in front of the mouth, wait, go in.
+
+Between bites it draws back until the spoon is filled, and waits until the mouth is empty.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.tasks.feeding import OPEN_MOUTH, Feeding
+from rcare_marl.envs.tasks.feeding import FOOD_COUNT, LOADED_FROM, OPEN_MOUTH, Feeding
 from rcare_marl.pose import Array
 
 from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 WAIT_IN_FRONT = 0.09  # [m] from mouth to bowl while the mouth is closed
+CLEAR = 0.03  # [m] beyond where the spoon is filled
 GAIN, TURN_GAIN = 2.5, 2.5  # [1/s]
 FAST, SLOW = 0.20, 0.06  # [m/s] far from the mouth, and near it
 NEAR = 0.12  # [m]
@@ -31,7 +35,11 @@ class ScriptedFeeding(ToolScript[Feeding]):
         task, seen = self._task, self._task.state
         level = seen.face * (1.0, 1.0, 0.0)
         level /= np.linalg.norm(level)
-        goal = seen.mouth + (0.0 if seen.jaw > OPEN_MOUTH else WAIT_IN_FRONT) * seen.face
+        goes_in = seen.jaw > OPEN_MOUTH and seen.mouthful.is_ready
+        away = 0.0 if goes_in else WAIT_IN_FRONT
+        if seen.eaten == FOOD_COUNT:
+            away = LOADED_FROM + CLEAR
+        goal = seen.mouth + away * seen.face
         error = goal - seen.bowl
         wished = limited(GAIN * error, SLOW if seen.distance < NEAR else FAST)
         step = ACCELERATION * task.control_dt

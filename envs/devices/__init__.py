@@ -37,6 +37,8 @@ from .sponge import SpongeBlock as SpongeBlock
 from .stand import add_stand as add_stand
 from .stand import needs_stand as needs_stand
 from .transfer_bench import TransferBench as TransferBench
+from .ventilator import Ventilator as Ventilator
+from .ventilator import hang_ventilator as hang_ventilator
 from .wash_basin import WashBasin as WashBasin
 from .wheelchair import Wheelchair as Wheelchair
 from .wheelchair import chair_for as chair_for
@@ -56,6 +58,7 @@ _CLASSES: Mapping[str, Callable[[], Device]] = {
     "powered_wheelchair": PoweredWheelchair,
     "sponge": Sponge,
     "spoon": Spoon,
+    "ventilator": Ventilator,
     "wash_basin": WashBasin,
     "wheelchair": Wheelchair,
 }

@@ -45,6 +45,7 @@ _ARMS = {
     "elbow_flexion": 70.0,
     "elbow_pronation": 75.0,
 }
+_POSED = tuple(f"{s}_{j}" for s in SIDES for j in ("shoulder", "elbow", "wrist", "hip", "knee"))
 
 
 @dataclass(frozen=True)
@@ -323,6 +324,7 @@ class HospitalBed(Device):
             description=f"lying in bed, backrest raised by {math.degrees(back):.0f} degrees",
             recline_deg=90.0 - math.degrees(back),
             angles_deg=lying.angles_deg | _ARMS | degrees,
+            posed=_POSED,
         )
 
     def support(self, person: Human) -> Pose:
@@ -360,7 +362,9 @@ class HospitalBed(Device):
     def _rest_of(self, avatar: AvatarConfig) -> BedRest:
         if self._lying is None or self._lying[0] is not avatar:
             lying = load_posture("bed_supine")
-            lying = dataclasses.replace(lying, angles_deg=lying.angles_deg | _ARMS)
+            lying = dataclasses.replace(
+                lying, angles_deg=lying.angles_deg | _ARMS, posed=_POSED
+            ).borne(avatar.bearing)
             sections = Sections(self._seat, self._thigh, self._thick)
             self._lying = (avatar, BedRest(avatar, lying, sections, sink=_SINK))
         return self._lying[1]

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.people.behaviour.behaviour_tree import BehaviourTree, eat_when_fed
+from rcare_marl.agents.people.eating import Mouthful, Texture
 from rcare_marl.pose import Array, Pose, Vector, rotate
 from rcare_marl.world import World
 
@@ -18,7 +19,7 @@ from ..devices import Spoon
 from ..reach import Trial
 from ..registry import register_policy, register_task
 from ..scenes.meal import Meal, MealOptions
-from ..state import Seen, State, Values, tolerance
+from ..state import Seen, State, Values, tolerance, where
 
 Flags = npt.NDArray[np.bool_]
 
@@ -33,6 +34,14 @@ START_GAP = (0.28, 0.36)  # [m] from mouth to spoon at the start; our own choice
 START_SPREAD = (0.0, 0.06, 0.05)  # [m] uniform, each way: along, across, up; our own choice
 HEAD_TURN, HEAD_TILT = math.radians(20), math.radians(8)  # uniform, each way; our own choice
 SETTLE_STEPS = 240  # physics steps that the food gets to come to rest in the spoon, once
+LOADED_FROM = 0.22  # [m] from mouth to bowl, where an empty spoon is filled again; our own choice
+STILL, LEVEL = (
+    0.05,
+    0.95,
+)  # [m/s], cosine of the tilt: of a spoon that can be filled; our own choice
+AT_LIPS = 0.05  # [m] from mouth to bowl: food is offered; our own choice
+BETWEEN_BITES = 12.0  # [s] beside chewing, for each further bite; our own choice
+COUGH = 10.0  # of the paper's reward, five control steps at best; our own choice
 APART = (0.0, 0.0, -50.0)  # [m] where eaten food is parked: bodies can never be removed
 
 
@@ -44,9 +53,19 @@ class FeedingOptions(MealOptions):
         reward: `paper` as in the RCareWorld paper; `shaped` adds comfort and a level spoon.
         mount: Side of the wheelchair that the robot is mounted on.
         force_limit: Force on the person that ends the episode as a failure [N].
+        bites: Spoonfuls that are eaten, one after the other; with more than one, chewing counts.
+        texture: What they are of, `puree` or `solid`: how long each is chewed, see `Eating`.
     """
 
     SHAPED_WEIGHTS = {"food": 0.1, "approach": 0.9, "comfort": 0.5, "level": 0.1}  # our own choice
+
+    bites: int = 1
+    texture: Texture = "puree"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1 <= self.bites <= 100:
+            raise ValueError(f"bites must lie in 1..100, got {self.bites}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +84,7 @@ class FeedingState(State):
     eaten: int  # how many of them are
     spilled: int  # likewise
     time_to_mouth: float  # when the last piece was eaten [s]; -1 before
+    mouthful: Mouthful  # what is in the mouth
 
 
 @register_task("feeding")
@@ -72,6 +92,7 @@ class Feeding(Meal):
     """A robot on the wheelchair feeds the person who sits in it.
 
     Goal: all food eaten. A piece is eaten when it comes near the mouth while the mouth is open.
+    Of several bites each is chewed and swallowed; the spoon is filled again where it is drawn back.
     Randomised at reset: where the spoon starts, how the head is turned and tilted.
     Success and failure: all pieces eaten; one spilled, or a force above the limit on the person.
     Tolerance: the radius about the mouth within which food is eaten.
@@ -105,6 +126,10 @@ class Feeding(Meal):
             for i in range(FOOD_COUNT)
         ]
         self._lay_food()
+        self._eating = self.recipient.avatar.eating
+        if self.options.bites > 1:
+            further, busy = self.options.bites - 1, self._eating.time(self.options.texture)
+            self.time_limit += further * (BETWEEN_BITES + busy) + busy
 
     def _lay_food(self) -> None:
         """Let the food come to rest in the spoon once, and remember where in the spoon it lies."""
@@ -138,8 +163,19 @@ class Feeding(Meal):
         self.turn_head(rng, HEAD_TURN, HEAD_TILT)
         offset = np.append(rng.uniform(-1, 1, 3) * START_SPREAD, rng.uniform())
         self._set_spoon(self._start_pose(offset))
+        self._fill_spoon()
+
+    def _fill_spoon(self) -> None:
         for piece, local in zip(self._food, self._food_in_spoon, strict=True):
             piece.set_base(self._spoon_body.base_pose() @ local)
+
+    def mouth_is_full(self, role: str) -> bool:
+        """Return whether who plays a role has something in the mouth."""
+        return role == self.recipient.name and not self.state.mouthful.is_ready
+
+    def chokes(self, role: str) -> bool:
+        """Return whether food went the wrong way there in the last control step."""
+        return role == self.recipient.name and bool(self.state.mouthful.coughs_now)
 
     def bowl_position(self) -> Array:
         """Return where the middle of the spoon's bowl is in the world [m], shape [3]."""
@@ -150,24 +186,54 @@ class Feeding(Meal):
         bowl = rotate(quaternion, self._bowl_in_spoon) + position
         lips, face = self.recipient.mouth_and_face()
         mouth, jaw = lips + MOUTH_IN_FRONT * face, self.recipient.angle("jaw_opening")
-        gap = mouth - bowl
-        is_eaten, is_spilled = self._fates(before, bowl, mouth, jaw)
+        gap, up = mouth - bowl, rotate(quaternion, self._up_in_spoon)
+        distance = math.sqrt(float(gap @ gap))
+        is_back = up[2] > LEVEL and distance > LOADED_FROM
+        is_filled = is_back and before is not None and self._waits_for_food(before, bowl)
+        if is_filled:
+            self._fill_spoon()
+        is_eaten, is_spilled = self._fates(None if is_filled else before, bowl, mouth, jaw)
         eaten = int(np.count_nonzero(is_eaten))
+        mouthful = self._chew(now.time, before, eaten, distance)
+        all_eaten = mouthful.taken == self.options.bites
         arrived = -1.0 if before is None else before.time_to_mouth
         return FeedingState(
             **vars(now),
             bowl=bowl,
-            up=rotate(quaternion, self._up_in_spoon),
+            up=up,
             turn=np.array(self._spoon_body.base_pose().quaternion),
             mouth=mouth,
             face=face,
-            distance=math.sqrt(float(gap @ gap)),
+            distance=distance,
             jaw=jaw,
             is_eaten=is_eaten,
             is_spilled=is_spilled,
             eaten=eaten,
             spilled=int(np.count_nonzero(is_spilled)),
-            time_to_mouth=now.time if arrived < 0 and eaten == FOOD_COUNT else arrived,
+            time_to_mouth=now.time if arrived < 0 and all_eaten else arrived,
+            mouthful=mouthful,
+        )
+
+    def _waits_for_food(self, before: FeedingState, bowl: Array) -> bool:
+        """Return whether the spoon is empty and still, and bites are left."""
+        hungry = before.eaten == FOOD_COUNT and before.mouthful.taken < self.options.bites
+        return hungry and math.dist(bowl, before.bowl) < STILL * self.control_dt
+
+    def _chew(
+        self, time: float, before: FeedingState | None, eaten: int, distance: float
+    ) -> Mouthful:
+        """Return what is in the mouth."""
+        if before is None:
+            return Mouthful()
+        was_full = before.eaten == FOOD_COUNT
+        more = eaten - (0 if was_full and eaten < FOOD_COUNT else before.eaten)
+        return before.mouthful.after(
+            time,
+            self._eating,
+            self.options.texture,
+            is_offered=eaten < FOOD_COUNT and distance < AT_LIPS,
+            enters=more > 0,
+            is_emptied=eaten == FOOD_COUNT and not was_full,
         )
 
     def _fates(
@@ -191,7 +257,12 @@ class Feeding(Meal):
         return eaten, spilled
 
     def observables(self, role: str) -> Sequence[Seen]:
+        several = [
+            Seen("mouth_ready", "1", 1, lambda s: s.mouthful.is_ready),
+            Seen("bites_left", "1", 1, lambda s: self.options.bites - s.mouthful.swallowed),
+        ]
         return [
+            *(several if self.options.bites > 1 else ()),
             Seen("bowl_position", "m", 3, lambda s: s.bowl),
             Seen("bowl_to_mouth", "m", 3, lambda s: s.mouth - s.bowl),
             Seen("bowl_up", "1", 3, lambda s: s.up),
@@ -207,6 +278,13 @@ class Feeding(Meal):
         # Food in the mouth counts as food on the spoon, or eating would cost reward.
         food = 1 - state.spilled / FOOD_COUNT
         near = tolerance(state.distance, bounds=(0, MOUTH_RADIUS), margin=0.3)
+        if (
+            self.options.bites > 1
+        ):  # an empty spoon belongs back, a full one before a mouth that is ready
+            back = tolerance(state.distance, bounds=(LOADED_FROM, 1.0), margin=0.3)
+            waiting = tolerance(state.distance, bounds=(2 * AT_LIPS, 1.0), margin=0.3)
+            is_full = np.logical_not(state.mouthful.is_ready)
+            near = where(state.eaten == FOOD_COUNT, back, where(is_full, waiting, near))
         terms = {"food": food * food, "approach": food * near}
         # An episode that ends well is paid as if it had gone on at its best: else to dawdle in
         # front of the mouth would pay more than to feed.
@@ -216,6 +294,9 @@ class Feeding(Meal):
             terms |= {"comfort": -excess, "level": state.up[..., 2] - 1.0}
             terms = self.options.weighted(terms)
             best = self.options.weight("food") + self.options.weight("approach")
+        if self.options.bites > 1:
+            share = COUGH / 2.0 * best
+            terms["cough"] = -share * np.asarray(state.mouthful.coughs_now, float)
         return {**terms, "eaten": self.for_the_rest(state, self.succeeded(state), best)}
 
     def metrics(self, state: FeedingState) -> Mapping[str, Values]:
@@ -223,10 +304,16 @@ class Feeding(Meal):
             "distance_m": state.distance,
             "spilled": state.spilled,
             "eaten_pieces": state.eaten,
+            "bites_swallowed": state.mouthful.swallowed,
+            "early_offers": state.mouthful.early,
+            "coughs": state.mouthful.coughs,
+            "aspiration_risk": state.mouthful.risk,
             "time_to_mouth_s": state.time_to_mouth,
         }
 
     def is_success(self, state: FeedingState) -> Values:
+        if self.options.bites > 1:
+            return state.mouthful.swallowed >= self.options.bites
         return state.eaten == FOOD_COUNT
 
     def is_failure(self, state: FeedingState) -> Values:
@@ -242,5 +329,10 @@ def cooperative(env: CareEnv, role: str) -> BehaviourTree:
     """Return a recipient who looks at the spoon and opens the mouth when it comes near."""
     assert isinstance(task := env.task, Feeding)
     return eat_when_fed(
-        task.recipient, lambda: task.state.bowl, lambda: task.state.distance, task.control_dt
+        task.recipient,
+        lambda: task.state.bowl,
+        lambda: task.state.distance,
+        task.control_dt,
+        is_full=lambda: task.mouth_is_full(role),
+        clock=lambda: env.world.time,
     )

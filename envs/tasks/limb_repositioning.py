@@ -165,9 +165,9 @@ class LimbRepositioning(Task):
     def _let_hang(self) -> None:
         """Find once where the arm comes to rest: laid on the armrest by hand, and hanging beside it."""
         person, start = self.recipient, list(self.recipient.positions)
-        person.set_angles({d: person.angle(d.replace("left", "right", 1)) for d in person.movable})
-        self._settle()
         pad = self.chair.frame_in_world("armrest_left")
+        person.set_angles(person.laid_on("left", pad))
+        self._settle()
         most = 0.5 * self.chair.armrest_size[0] - TARGET_SPREAD[0]
         along = min(max(float(self._see_arm()[0] - pad.position[0]), -most), most)
         self._place = np.add(pad.position, (along, 0.0, self.radius))

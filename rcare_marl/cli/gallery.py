@@ -17,7 +17,7 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.body import Body
 from rcare_marl.console import progress
-from rcare_marl.envs.devices import Wheelchair, spawn_fitted
+from rcare_marl.envs.devices import Wheelchair, hang_ventilator, spawn_fitted
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Pose
 from rcare_marl.rendering.portrait import Picture, contact_sheet, encoded, portrait
@@ -109,6 +109,8 @@ def avatar_plate(name: str) -> Plate:
         support = spawn_fitted(chair, person, world)
         bodies.append(chair.body)
     person.spawn(world, support)
+    if not stands and avatar.profile.ventilator_rate is not None:
+        hang_ventilator(world, chair, person)
     picture = portrait(world, [person.body, *bodies], VIEW, SIZE)
     world.close()
     return Plate(name, f"{avatar.condition}, {avatar.age_years:g}", picture)

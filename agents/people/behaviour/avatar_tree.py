@@ -88,11 +88,15 @@ class Surroundings:
         clock: Returns the simulated time [s].
         spoon: Returns where the spoon's bowl is in the world [m]; None where there is none.
         partner: Returns where somebody else's face is in the world [m]; None without company.
+        is_full: Returns whether something is in the person's mouth.
+        chokes: Returns whether something went the wrong way in the last control step.
     """
 
     clock: Callable[[], float]
     spoon: Callable[[], Array] | None = None
     partner: Callable[[], Array] | None = None
+    is_full: Callable[[], bool] = lambda: False
+    chokes: Callable[[], bool] = lambda: False
 
 
 def load_behaviour(name: str | Path) -> BehaviourConfig:
@@ -129,7 +133,13 @@ def make_tree(actor: Actor, config: BehaviourConfig, around: Surroundings) -> Be
         "refuse": refuse(actor, spoon),
         "rest": rest_when_tired(actor, tired=config.tired_from, rested=config.rested_below),
         "look": look(actor, choices[0] or choices[1]),
-        "mouth": mouth(actor, gap, opens_within=config.opens_within, opening=config.opening),
+        "mouth": mouth(
+            actor,
+            gap,
+            opens_within=config.opens_within,
+            opening=config.opening,
+            is_full=around.is_full,
+        ),
         "limbs": limbs(actor),
     }
     reactions = [branch for key in config.reactions if (branch := made[key]) is not None]
@@ -176,6 +186,7 @@ class AvatarBehaviour(BehaviourTree):
         self.config = config or behaviour_of(person)
         actor = Actor(person, around.clock)
         self.cues: Cues = actor.cues
+        self._chokes = around.chokes
         root = make_tree(actor, self.config, around)
         possible = {node.name for node in root.iterate()}
         actor.cues.instruction.possible = frozenset(possible & GESTURES.keys())
@@ -184,3 +195,7 @@ class AvatarBehaviour(BehaviourTree):
     def reset(self, rng: np.random.Generator) -> None:
         super().reset(rng)
         self.cues.clear()
+
+    def act(self) -> Array:
+        self.cues.must_cough = self.cues.must_cough or self._chokes()
+        return super().act()

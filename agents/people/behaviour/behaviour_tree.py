@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -17,7 +18,9 @@ from ..body.ik import reach
 from ..human import Human
 from .leaves import Actor, Condition, Intent, Pursue, Threshold, first_of, together, when
 
-OPENING = 0.8  # share of the active range that an eating mouth opens; our own choice
+# All our own choices.
+OPENING = 0.8  # share of the active range that an eating mouth opens
+CHEWING, CHEWING_RATE = 0.07, 1.25  # [rad], [1/s] of the jaw with something in the mouth
 
 
 class BehaviourTree:
@@ -165,29 +168,46 @@ def look_at(
     return wish
 
 
+def closed_or_chewing(is_full: Callable[[], bool], clock: Callable[[], float]) -> float:
+    """Return where a jaw goes that takes nothing [rad]: closed, or up and down while it chews."""
+    return CHEWING * math.sin(math.pi * CHEWING_RATE * clock()) ** 2 if is_full() else 0.0
+
+
 def eat_when_fed(
-    person: Human, spoon: Callable[[], Array], gap: Callable[[], float], control_dt: float
+    person: Human,
+    spoon: Callable[[], Array],
+    gap: Callable[[], float],
+    control_dt: float,
+    *,
+    is_full: Callable[[], bool] = lambda: False,
+    clock: Callable[[], float] = lambda: 0.0,
 ) -> BehaviourTree:
     """Return a person who watches the spoon, opens the mouth when it is near, and closes it again.
+
+    With the mouth full they chew, and open it for nothing.
 
     Args:
         person: Who eats.
         spoon: Returns where the spoon's bowl is in the world [m].
         gap: Returns the distance from bowl to mouth [m].
         control_dt: Length of a control step [s].
+        is_full: Returns whether something is in the mouth.
+        clock: Returns the simulated time [s].
 
     Raises:
         ConfigError: If the jaw cannot move.
     """
-    actor, jaw = Actor(person, clock=lambda: 0.0), "jaw_opening"  # none of its leaves tells time
+    actor, jaw = Actor(person, clock=clock), "jaw_opening"
     if jaw not in person.movable:
         raise ConfigError(
             f"to eat, {person.name!r} needs {jaw!r} among the movable degrees of freedom"
         )
     widest = float(person.active[person.movable.index(jaw), 1]) * OPENING
-    near = Condition("spoon is near", lambda: gap() < 0.20)
+    near = Condition("spoon is near", lambda: gap() < 0.20 and not is_full())
     opened = Pursue("open the mouth", actor, lambda: {jaw: widest})
-    closed = Pursue("close the mouth", actor, lambda: {jaw: 0.0})
+    closed = Pursue(
+        "close the mouth or chew", actor, lambda: {jaw: closed_or_chewing(is_full, clock)}
+    )
     eating = first_of("eat", when("take the food", near, opened), closed)
     watched = Pursue("watch the spoon", actor, look_at(person, spoon))
     return BehaviourTree(person, actor.intent, together("be fed", watched, eating), control_dt)

@@ -25,6 +25,8 @@ from .cue import Cues
 
 # Our own choices; muscles hold a posture less exactly than a skeletal drive does.
 WELL_ENOUGH = 0.15  # [rad] from what is wished, to call it reached
+LEAST_SHARE = 0.5  # of the way that a sentence asks for: less is not to have done it
+LEAST_WAY = 0.1  # [rad] from where there is something to do
 PATIENCE = 6.0  # [s] after which what a sentence asks for cannot be done
 LEAST_RANGE = math.radians(4)  # of active movement, below which a DoF is of no use
 MOVING_GRADE = 2.0  # MMT grade that moves anything: grade 1 is a flicker
@@ -60,7 +62,7 @@ class Actor:
         return profile.grade(row, positive=False), profile.grade(row, positive=True)
 
     def can_reach(self, angles: Mapping[str, float]) -> bool:
-        """Return whether the person has muscles to set out for some wishes [rad].
+        """Return whether the person has muscles and range to go half of the way to some wishes [rad].
 
         The first wish of a limb counts, such as the shoulder of a raised arm, and any of the head.
         """
@@ -72,8 +74,12 @@ class Actor:
 
     def _can_set_out(self, dof: str, angle: float) -> bool:
         against, along = self._grades(dof)
-        grade = along if angle > self.person.angles[DOF_INDEX[dof]] else against
-        return self.can_move(dof) and grade >= MOVING_GRADE
+        start = float(self.person.angles[DOF_INDEX[dof]])
+        grade = along if angle > start else against
+        if not self.can_move(dof) or grade < MOVING_GRADE:
+            return False
+        able, way = self.able({dof: angle})[dof] - start, angle - start
+        return abs(way) <= LEAST_WAY or able / way >= LEAST_SHARE
 
     def able(self, angles: Mapping[str, float]) -> dict[str, float]:
         """Return those wishes [rad] that the person can move towards, inside the active range."""
@@ -169,7 +175,8 @@ class Settle(Pursue):
 class Follow(Pursue):
     """Moves DoFs as long as one sentence is in force, else fails.
 
-    Answers `done` when it is done, and `cannot` if that has not happened after `PATIENCE`.
+    Answers `done` when it is done, and `cannot` if that has not happened after `PATIENCE`. It is done when
+    every angle is reached well enough, and half of the way gone where there was one to go.
     """
 
     def __init__(
@@ -191,15 +198,27 @@ class Follow(Pursue):
         super().__init__(text, actor, wish)
         self._instruction, self._is_done = actor.cues.instruction, is_done
         self._since, self._count = 0.0, 0
+        self._from: Sequence[float] = ()
 
     def initialise(self) -> None:
         self._begin()
 
     def _begin(self) -> None:
         self._since, self._count = self._actor.clock(), self._instruction.count
+        self._from = tuple(self._actor.person.positions)
 
     def is_near(self, wish: Mapping[str, float]) -> bool:
-        return super().is_near(wish) or self._is_done()
+        return (super().is_near(wish) and self._has_gone(wish)) or self._is_done()
+
+    def _has_gone(self, wish: Mapping[str, float]) -> bool:
+        """Return whether half of the way has been gone of every wish [rad] that was some way off."""
+        here, index = self._actor.person.positions, self._index
+        ways = {dof: angle - self._from[index[dof]] for dof, angle in wish.items()}
+        return all(
+            (here[index[dof]] - self._from[index[dof]]) / way >= LEAST_SHARE
+            for dof, way in ways.items()
+            if abs(way) > LEAST_WAY
+        )
 
     def update(self) -> Status:
         instruction = self._instruction

@@ -20,7 +20,7 @@ from ...agent import Array
 from ..body.skeleton import JOINT_INDEX
 from ..human import Human
 from ..physiology_model import physiology_model
-from .behaviour_tree import OPENING, look_at
+from .behaviour_tree import OPENING, closed_or_chewing, look_at
 from .cue import GESTURES
 from .leaves import (
     Act,
@@ -125,15 +125,21 @@ def follow(actor: Actor, part: str) -> list[Behaviour]:
 
 
 def mouth(
-    actor: Actor, gap: Callable[[], float] | None, *, opens_within: float, opening: float = OPENING
+    actor: Actor,
+    gap: Callable[[], float] | None,
+    *,
+    opens_within: float,
+    opening: float = OPENING,
+    is_full: Callable[[], bool] = lambda: False,
 ) -> Behaviour | None:
-    """Return: open the mouth when asked or when the spoon is near, else keep it closed.
+    """Return: open the mouth when asked or when the spoon is near, else keep it closed, or chew.
 
     Args:
         actor: Whose mouth it is.
         gap: Returns the distance from spoon to mouth [m]; None where there is no spoon.
         opens_within: Distance below which the mouth opens [m]; it closes a little beyond.
         opening: Share of the active range that it opens.
+        is_full: Returns whether something is in the mouth: then it opens for no spoon.
     """
     jaw = "jaw_opening"
     if not actor.can_move(jaw):
@@ -154,8 +160,14 @@ def mouth(
             begins=-opens_within,
             ends=-opens_within - LEAVING,
         )
-        branches.append(when("take the food", near, Pursue("open the mouth", actor, lambda: wide)))
-    branches.append(Pursue("close the mouth", actor, lambda: {jaw: 0.0}))
+        free = Condition("mouth is empty", lambda: not is_full())
+        opened = Pursue("open the mouth", actor, lambda: wide)
+        branches.append(when("take the food", near, free, opened))
+
+    def closed() -> Mapping[str, float]:
+        return {jaw: closed_or_chewing(is_full, actor.clock)}
+
+    branches.append(Pursue("close the mouth", actor, closed))
     return first_of("mouth", *branches)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -27,6 +28,34 @@ from .skin import BodyModel
 UPRIGHT = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
 
 
+PostureKind = Literal["sitting", "lying", "standing", "hanging"]
+
+
+@dataclass(frozen=True)
+class Bearing:
+    """How somebody holds a part of the body, in whatever posture of some kinds.
+
+    Attributes:
+        reason: What of the condition makes it so, and who describes it.
+        angles_deg: Clinical angle by DoF [deg], in place of the posture's; without a side it holds for
+            both. Cut to the passive range.
+        postures: Kinds of posture in which it shows.
+    """
+
+    reason: str
+    angles_deg: dict[str, float]
+    postures: tuple[PostureKind, ...] = ("sitting", "lying", "standing", "hanging")
+
+    def __post_init__(self) -> None:
+        if not self.angles_deg or not self.postures:
+            raise ValueError("a bearing needs an angle and a kind of posture at least")
+        if not self.reason.strip():
+            raise ValueError("a bearing needs its reason")
+        for name, angle in _by_dof(self.angles_deg).items():
+            if not -180 <= angle <= 180:
+                raise ValueError(f"{name} must lie in -180..180 deg, got {angle}")
+
+
 @dataclass(frozen=True)
 class PostureConfig:
     """A posture (`assets/postures/<name>.yaml`).
@@ -43,6 +72,9 @@ class PostureConfig:
         carried: Joints whose limb furniture bears from below, whoever lies there: it pushes against
             sagging from the posture, and never pulls. For muscle-driven people, who can relax.
         arms: `free`, or `armrests` where the device offers them.
+        kind: What a person's bearing goes by.
+        posed: Joints that the posture is about: there somebody's own bearing does not count.
+        own_arms: Sides whose arm is held by its owner, and laid on no armrest.
     """
 
     description: str
@@ -55,11 +87,14 @@ class PostureConfig:
     carried: tuple[str, ...] = ()
     arms: Literal["free", "armrests"] = "free"
     source: str = field(default="our own choice")
+    kind: PostureKind = "sitting"
+    posed: tuple[str, ...] = ()
+    own_arms: tuple[Literal["left", "right"], ...] = ()
 
     def __post_init__(self) -> None:
         for key in self.angles_deg:
             _dofs_named(key)
-        lists = [self.rests_on, self.leans_on, self.carried]
+        lists = [self.rests_on, self.leans_on, self.carried, self.posed]
         lists += [] if self.supported == "all" else [self.supported]
         for joint in (name for names in lists for name in names):
             check_name("joint", joint, JOINTS)
@@ -71,12 +106,39 @@ class PostureConfig:
     def angles(self, limits: Mapping[str, tuple[float, float]]) -> Array:
         """Return the angle of every DoF [rad], shape [112], kept inside `limits` [rad] by name."""
         out = np.array([-dof.clinical_zero for dof in DOFS])  # the anatomical position
-        for key, degrees in self.angles_deg.items():
-            for name in _dofs_named(key):
-                dof = DOFS[DOF_INDEX[name]]
-                out[DOF_INDEX[name]] = math.radians(degrees) - dof.clinical_zero
+        for name, degrees in _by_dof(self.angles_deg).items():
+            dof = DOFS[DOF_INDEX[name]]
+            out[DOF_INDEX[name]] = math.radians(degrees) - dof.clinical_zero
         low, high = np.array([limits[dof.name] for dof in DOFS]).T
         return np.clip(out, low, high)
+
+    def borne(self, bearings: Sequence[Bearing]) -> PostureConfig:
+        """Return the posture as somebody holds it: with their angles, where the posture has none of its own.
+
+        An arm whose shoulder or elbow they hold is laid on no armrest.
+        """
+        own = self._own_angles(bearings)
+        held = {DOFS[DOF_INDEX[name]].joint for name in own}
+        arms: list[Literal["left", "right"]] = [
+            side for side in ("left", "right") if {f"{side}_shoulder", f"{side}_elbow"} & held
+        ]
+        return dataclasses.replace(
+            self,
+            angles_deg=_by_dof(self.angles_deg) | own,
+            own_arms=tuple(arms),
+        )
+
+    def _own_angles(self, bearings: Sequence[Bearing]) -> dict[str, float]:
+        own: dict[str, float] = {}
+        for bearing in bearings:
+            if self.kind in bearing.postures:
+                own |= _by_dof(bearing.angles_deg)
+        return {n: a for n, a in own.items() if DOFS[DOF_INDEX[n]].joint not in self.posed}
+
+
+def _by_dof(angles_deg: Mapping[str, float]) -> dict[str, float]:
+    """Return angles by DoF; what has no side holds for both, and what comes later counts."""
+    return {name: angle for key, angle in angles_deg.items() for name in _dofs_named(key)}
 
 
 def _dofs_named(key: str) -> list[str]:
