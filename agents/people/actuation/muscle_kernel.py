@@ -36,7 +36,8 @@ from .hill import (
     tendon_curve,
     tendon_length,
 )
-from .muscle_unit import ARM, ARM_BEFORE, RADIUS, TURNS, PathLayout
+from .muscle_unit import ARM, ARM_BEFORE, FIRST_WRAP, LEAVES, RADIUS, TURNS, PathLayout
+from .muscle_wrap import CENTRE, IS_CYLINDER, TURN, WRAP_RADIUS, wrapped
 
 Ints = npt.NDArray[np.int64]
 
@@ -75,7 +76,7 @@ class Muscles(NamedTuple):
         parts: Table of the parts, shape [n, PART_COLUMNS or more]; see `dynamics.py`.
         parents: Part before each one, -1 for the pelvis, shape [n].
         depths: How many parts come before each one, shape [n].
-        points, pulleys, carriers, starts, crossings, entries, is_branched: See `PathLayout`.
+        points, pulleys, wraps, carriers, starts, crossings, entries, is_branched: See `PathLayout`.
         units: Figures of the units, shape [m, UNIT_COLUMNS].
         work: Scratch of the parts, shape [n, SCRATCH_COLUMNS].
         frames: Of the pelvis and all parts, shape [n + 1, FRAME_COLUMNS].
@@ -90,6 +91,7 @@ class Muscles(NamedTuple):
     depths: Ints
     points: Array
     pulleys: Array
+    wraps: Array
     carriers: Ints
     starts: Ints
     crossings: Ints
@@ -113,7 +115,7 @@ def make_muscles(parts: Array, parents: Ints, layout: PathLayout, units: Array) 
         parts,
         parents,
         tree_depths(parents),
-        *layout[:7],
+        *layout[:8],
         units,
         np.zeros((count, SCRATCH_COLUMNS)),
         frames,
@@ -168,32 +170,89 @@ def _turn_pulley(pulleys, pulley, frames, row, before, spots, k) -> None:  # typ
     spots[k, _X + 2] += radius * b2
 
 
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _on_surface(wraps, w, frames, row, spots, k):  # type: ignore[no-untyped-def]
+    """Return a spot in the frame of a surface."""
+    d0 = spots[k, _X] - frames[row, _ORIGIN]
+    d1 = spots[k, _X + 1] - frames[row, _ORIGIN + 1]
+    d2 = spots[k, _X + 2] - frames[row, _ORIGIN + 2]
+    x = frames[row, 0] * d0 + frames[row, 3] * d1 + frames[row, 6] * d2 - wraps[w, CENTRE]
+    y = frames[row, 1] * d0 + frames[row, 4] * d1 + frames[row, 7] * d2 - wraps[w, CENTRE + 1]
+    z = frames[row, 2] * d0 + frames[row, 5] * d1 + frames[row, 8] * d2 - wraps[w, CENTRE + 2]
+    return (
+        wraps[w, TURN] * x + wraps[w, TURN + 1] * y + wraps[w, TURN + 2] * z,
+        wraps[w, TURN + 3] * x + wraps[w, TURN + 4] * y + wraps[w, TURN + 5] * z,
+        wraps[w, TURN + 6] * x + wraps[w, TURN + 7] * y + wraps[w, TURN + 8] * z,
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _wrap_round(wraps, w, frames, row, spots, k):  # type: ignore[no-untyped-def]
+    """Write both spots on a surface, k - 2 and k - 1, between the points k - 3 and k.
+
+    Return how much longer than their distance the way between them is [m].
+    """
+    p0, p1, p2 = _on_surface(wraps, w, frames, row, spots, k - 3)
+    s0, s1, s2 = _on_surface(wraps, w, frames, row, spots, k)
+    is_cylinder = wraps[w, IS_CYLINDER] > 0.5
+    a0, a1, a2, b0, b1, b2, extra = wrapped(
+        p0, p1, p2, s0, s1, s2, wraps[w, WRAP_RADIUS], is_cylinder
+    )
+    t = wraps[w, TURN : TURN + 9]
+    for n, e0, e1, e2 in ((k - 2, a0, a1, a2), (k - 1, b0, b1, b2)):
+        x, y, z = _turned(
+            frames,
+            row,
+            t[0] * e0 + t[3] * e1 + t[6] * e2 + wraps[w, CENTRE],
+            t[1] * e0 + t[4] * e1 + t[7] * e2 + wraps[w, CENTRE + 1],
+            t[2] * e0 + t[5] * e1 + t[8] * e2 + wraps[w, CENTRE + 2],
+        )
+        spots[n, _X] = x + frames[row, _ORIGIN]
+        spots[n, _X + 1] = y + frames[row, _ORIGIN + 1]
+        spots[n, _X + 2] = z + frames[row, _ORIGIN + 2]
+    return extra
+
+
+@numba.njit(cache=True, error_model="numpy")
+def place_path(muscles, m):  # type: ignore[no-untyped-def]
+    """Write the spots of a unit's path; return how much longer its arcs are than their chords [m]."""
+    points, pulleys, carriers = muscles.points, muscles.pulleys, muscles.carriers
+    frames, spots, extra = muscles.frames, muscles.spots, 0.0
+    first, count = muscles.starts[m, 0], muscles.starts[m + 1, 0] - muscles.starts[m, 0]
+    for k in range(count):
+        p = first + k
+        row, pulley = carriers[p, 0], carriers[p, 1]
+        if carriers[p, 2] <= FIRST_WRAP:  # the point after the surface places both its spots
+            continue
+        x, y, z = _turned(frames, row, points[p, 0], points[p, 1], points[p, 2])
+        spots[k, _X] = x + frames[row, _ORIGIN]
+        spots[k, _X + 1] = y + frames[row, _ORIGIN + 1]
+        spots[k, _X + 2] = z + frames[row, _ORIGIN + 2]
+        if pulley >= 0:
+            _turn_pulley(pulleys, pulley, frames, row, carriers[p, 2], spots, k)
+        if k > 2 and carriers[p - 1, 1] == LEAVES:
+            surface = FIRST_WRAP - carriers[p - 1, 2]
+            extra += _wrap_round(muscles.wraps, surface, frames, carriers[p - 1, 0], spots, k)
+    return extra
+
+
 @numba.njit(cache=True, error_model="numpy")
 def find_arms(muscles, velocities, state) -> None:  # type: ignore[no-untyped-def]
     """Write the length and rate of each unit into `state`, and each crossing's moment arm."""
-    points, pulleys, carriers = muscles.points, muscles.pulleys, muscles.carriers
+    pulleys, carriers = muscles.pulleys, muscles.carriers
     starts, crossings, entries = muscles.starts, muscles.crossings, muscles.entries
     frames, spots, arms = muscles.frames, muscles.spots, muscles.arms
     for m in range(starts.shape[0] - 1):
         first, count = starts[m, 0], starts[m + 1, 0] - starts[m, 0]
-        length = 0.0
-        for k in range(count):
-            p = first + k
-            row, pulley = carriers[p, 0], carriers[p, 1]
-            x, y, z = _turned(frames, row, points[p, 0], points[p, 1], points[p, 2])
-            spots[k, _X] = x + frames[row, _ORIGIN]
-            spots[k, _X + 1] = y + frames[row, _ORIGIN + 1]
-            spots[k, _X + 2] = z + frames[row, _ORIGIN + 2]
-            if pulley >= 0:
-                _turn_pulley(pulleys, pulley, frames, row, carriers[p, 2], spots, k)
-            if k > 0:
-                d0 = spots[k, _X] - spots[k - 1, _X]
-                d1 = spots[k, _X + 1] - spots[k - 1, _X + 1]
-                d2 = spots[k, _X + 2] - spots[k - 1, _X + 2]
-                span = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-                length += span
-                each = 1.0 / max(span, 1e-12)
-                spots[k, _U], spots[k, _U + 1], spots[k, _U + 2] = d0 * each, d1 * each, d2 * each
+        length = place_path(muscles, m)
+        for k in range(1, count):
+            d0 = spots[k, _X] - spots[k - 1, _X]
+            d1 = spots[k, _X + 1] - spots[k - 1, _X + 1]
+            d2 = spots[k, _X + 2] - spots[k - 1, _X + 2]
+            span = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+            length += span
+            each = 1.0 / max(span, 1e-12)
+            spots[k, _U], spots[k, _U + 1], spots[k, _U + 2] = d0 * each, d1 * each, d2 * each
         rate = 0.0
         for c in range(starts[m, 1], starts[m + 1, 1]):
             dof = crossings[c, 0]

@@ -33,6 +33,7 @@ class MuscleModel:
         tendon: `rigid`, `quasi_static` (stretched by the force of the step before) or `implicit`
             (the fibre length is a state, carried on by backward Euler).
         table: Figures of the units for the kernels, shape [m, UNIT_COLUMNS].
+        kernel_muscles: What the kernels know of them, and their room to work in.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class MuscleModel:
         self.parents = chain.arrays.parents
         self.parts = part_table(chain.arrays, PART_COLUMNS)
         self.table = _unit_table(self.units, strength)
-        self._muscles = kernel.make_muscles(self.parts, self.parents, self.layout, self.table)
+        self.kernel_muscles = kernel.make_muscles(self.parts, self.parents, self.layout, self.table)
 
     def index(self, name: str) -> int:
         """Return the place of a muscle; UnknownNameError if there is none of that name."""
@@ -116,7 +117,7 @@ class MuscleModel:
         wanted = {"q": (q, count), "qd": (qd, count), "out": (out, count)}
         for name, (values, size) in (wanted | {"excitation": (excitation, muscles)}).items():
             _sized(values, size, name)
-        _step(self._muscles, q, qd, excitation, state, dt, self.mode, out)
+        _step(self.kernel_muscles, q, qd, excitation, state, dt, self.mode, out)
         return out
 
     def step_many(
@@ -149,7 +150,7 @@ class MuscleModel:
         for name, (values, shape) in given.items():
             if values.shape != shape:  # the kernel would read beyond the end
                 raise ActionError(f"{name} must have shape {shape}, got {values.shape}")
-        _step_many(self._muscles, q, qd, excitation, state, dt, self.mode, out)
+        _step_many(self.kernel_muscles, q, qd, excitation, state, dt, self.mode, out)
         return out
 
     def lengths(self, q: Array) -> Array:
@@ -162,7 +163,7 @@ class MuscleModel:
 
     def _at(self, q: Array) -> tuple[Array, Array]:
         q = _sized(q, len(self.dofs), "q")
-        layout, state, muscles = self.layout, self.new_state(), self._muscles
+        layout, state, muscles = self.layout, self.new_state(), self.kernel_muscles
         place_frames(self.parts, self.parents, q, muscles.work)
         kernel.gather_frames(muscles.work, muscles.frames)
         kernel.find_arms(muscles, np.zeros(len(q)), state)
