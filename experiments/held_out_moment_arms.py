@@ -2,8 +2,9 @@
 
 Nothing of ours is fitted to them or chosen by them. MyoArm descends from Saul 2015 and Holzbaur 2005, MyoLegs from
 Rajagopal 2016. A moment arm is -dL/dq by a difference of the tendon's length, about the right side's joint; joints
-that the model couples to it (the knee's gliding, the kneecap) move along, but the shoulder girdle, which ours
-does not couple to the arm, stays at 0. `compare` is a part of `rcare_marl.agents.people.validation.moment_arms`.
+that the model couples to it (the knee's gliding, the kneecap, the shoulder girdle) move along. With the girdle
+held still instead, MyoArm's own anterior deltoid would lower a raised arm: its paths are made for the rhythm of
+both. `compare` is a part of `rcare_marl.agents.people.validation.moment_arms`.
 
 How the joints correspond was checked with muscles whose sign nobody doubts (`SURE`); the script stops
 if one of them is against it.
@@ -26,6 +27,7 @@ import typer
 FILE = Path(__file__).parents[1] / "assets" / "muscles" / "held_out_moment_arms.csv"
 COLUMNS = ("model", "version", "region", "muscle", "dof", "posture_deg", "arm_mm")
 STEP = 1e-4  # [rad]
+TURNED = 5.0  # [mm] by which a muscle would turn a joint the wrong way
 LEAST = 0.2  # [mm] below which a muscle does not cross a joint
 
 # Joint of the model -> our DoF and the sign of its positive direction.
@@ -56,7 +58,6 @@ LEG = (
     "glmed1 glmed2 glmed3 glmin1 glmin2 glmin3 grac iliacus perbrev perlong piri psoas recfem sart semimem "
     "semiten soleus tfl tibant tibpost vasint vaslat vasmed edl ehl fdl fhl"
 ).split()
-GIRDLE = ("sternoclavicular", "unrotscap", "acromioclavicular", "unrothum")
 # Grids: model, region, muscles, joints measured, values of the joints that make the posture [deg].
 GRIDS: tuple[tuple[str, str, list[str], tuple[str, ...], dict[str, tuple[float, ...]]], ...] = (
     (
@@ -105,6 +106,7 @@ GRIDS: tuple[tuple[str, str, list[str], tuple[str, ...], dict[str, tuple[float, 
 )
 SURE = {  # muscle and joint -> sign
     ("DELT2", "shoulder_elv_r"): 1,
+    ("INFSP", "shoulder_rot_r"): -1,
     ("SUBSC", "shoulder_rot_r"): 1,
     ("BRA", "elbow_flexion_r"): 1,
     ("TRIlat", "elbow_flexion_r"): -1,
@@ -141,9 +143,8 @@ class Model:
             if self.model.eq_type[e] != mujoco.mjtEq.mjEQ_JOINT or self.model.eq_obj2id[e] < 0:
                 continue
             name = self.model.joint(self.model.eq_obj1id[e]).name
-            if not name.startswith(GIRDLE):
-                driver = self.model.joint(self.model.eq_obj2id[e]).name
-                self._couplings.append((name, driver, tuple(self.model.eq_data[e][:5])))
+            driver = self.model.joint(self.model.eq_obj2id[e]).name
+            self._couplings.append((name, driver, tuple(self.model.eq_data[e][:5])))
 
     def lengths(self, angles: dict[str, float]) -> dict[str, float]:
         """Return the length of each tendon that an actuator pulls, at joint angles [rad] [m]."""
@@ -206,14 +207,12 @@ def rows() -> Iterator[dict[str, str]]:
             if region == "hand":
                 posture |= {"mcp3_flexion_r": posture["mcp2_flexion_r"], "pm3_flexion_r": posture["pm2_flexion_r"]}
             angles = {joint: math.radians(value) for joint, value in posture.items()}
-            if "elv_angle_r" in angles:
-                angles["shoulder1_r2_r"] = -angles["elv_angle_r"]
             for joint in joints:
                 dof, sign = our_dof(joint, posture.get("elv_angle_r") == 90)
                 arms = model.arms(angles, joint)
                 for muscle in own:
                     sure = SURE.get((muscle, joint))
-                    if sure is not None and sure * arms[muscle] < -2:
+                    if sure is not None and sure * arms[muscle] < -TURNED:
                         raise SystemExit(f"{muscle} turns {joint} the wrong way at {posture}: {arms[muscle]:.1f} mm")
                     if abs(arms[muscle]) >= LEAST:
                         yield {
