@@ -49,8 +49,12 @@ JOINTS = {
     "ankle_angle_r": ("right_ankle_dorsiflexion", 1),
     "subtalar_angle_r": ("right_ankle_eversion", -1),
 }
-SHOULDER = "DELT1 DELT2 DELT3 SUPSP INFSP SUBSC TMIN TMAJ PECM1 PECM2 PECM3 LAT1 LAT2 LAT3 CORB".split()
-ELBOW = "TRIlong TRIlat TRImed ANC SUP BIClong BICshort BRA BRD ECRL ECRB ECU FCR FCU PL PT PQ".split()
+SHOULDER = (
+    "DELT1 DELT2 DELT3 SUPSP INFSP SUBSC TMIN TMAJ PECM1 PECM2 PECM3 LAT1 LAT2 LAT3 CORB".split()
+)
+ELBOW = (
+    "TRIlong TRIlat TRImed ANC SUP BIClong BICshort BRA BRD ECRL ECRB ECU FCR FCU PL PT PQ".split()
+)
 WRIST = "ECRL ECRB ECU FCR FCU PL".split()
 FINGERS = {"2": "index", "3": "middle"}
 LEG = (
@@ -158,12 +162,15 @@ class Model:
         self._mujoco.mj_forward(self.model, self.data)
         names = [self.model.actuator(i).name for i in range(self.model.nu)]
         tendons = self.model.actuator_trnid[:, 0]
-        return {name: float(self.data.ten_length[t]) for name, t in zip(names, tendons, strict=True)}
+        return {
+            name: float(self.data.ten_length[t]) for name, t in zip(names, tendons, strict=True)
+        }
 
     def arms(self, angles: dict[str, float], joint: str) -> dict[str, float]:
         """Return -dL/dq of each muscle about a joint [mm]."""
         ends = [
-            self.lengths({**angles, joint: angles.get(joint, 0.0) + sign * STEP}) for sign in (1, -1)
+            self.lengths({**angles, joint: angles.get(joint, 0.0) + sign * STEP})
+            for sign in (1, -1)
         ]
         return {name: (ends[1][name] - ends[0][name]) / (2 * STEP) * 1e3 for name in ends[0]}
 
@@ -205,7 +212,10 @@ def rows() -> Iterator[dict[str, str]]:
         for point in itertools.product(*values.values()):
             posture = dict(zip(values, map(float, point), strict=True))
             if region == "hand":
-                posture |= {"mcp3_flexion_r": posture["mcp2_flexion_r"], "pm3_flexion_r": posture["pm2_flexion_r"]}
+                posture |= {
+                    "mcp3_flexion_r": posture["mcp2_flexion_r"],
+                    "pm3_flexion_r": posture["pm2_flexion_r"],
+                }
             angles = {joint: math.radians(value) for joint, value in posture.items()}
             for joint in joints:
                 dof, sign = our_dof(joint, posture.get("elv_angle_r") == 90)
@@ -213,7 +223,9 @@ def rows() -> Iterator[dict[str, str]]:
                 for muscle in own:
                     sure = SURE.get((muscle, joint))
                     if sure is not None and sure * arms[muscle] < -TURNED:
-                        raise SystemExit(f"{muscle} turns {joint} the wrong way at {posture}: {arms[muscle]:.1f} mm")
+                        raise SystemExit(
+                            f"{muscle} turns {joint} the wrong way at {posture}: {arms[muscle]:.1f} mm"
+                        )
                     if abs(arms[muscle]) >= LEAST:
                         yield {
                             "model": name,

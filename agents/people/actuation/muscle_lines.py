@@ -14,6 +14,7 @@ from ..body.skin import PersonSkin
 from ..human import Human
 from . import muscle_kernel as kernel
 from .muscle_model import MuscleModel
+from .muscle_path import place_path
 from .muscular import MuscleDrive
 
 RELAXED, FULL = (66, 116, 226), (232, 30, 24)  # sRGB
@@ -36,8 +37,8 @@ def path_points(model: MuscleModel, q: Array) -> Array:
     """
     model.lengths(q)
     found: list[Array] = []
-    for m, count in enumerate(np.diff(model.layout.starts[:, 0])):
-        kernel.place_path(model.kernel_muscles, m)
+    for m in range(len(model.names)):
+        count = place_path(model.kernel_muscles, m)
         found.append(model.kernel_muscles.spots[:count, :3].copy())
     return np.concatenate(found)
 

@@ -15,6 +15,7 @@ from rcare_marl.tree.joint_tree import JointTree
 
 from . import muscle_kernel as kernel
 from .hill import RESTING_ACTIVATION, SHORTEST, inverse_tendon_force, passive_offset
+from .muscle_path import find_arms, gather_frames
 from .muscle_unit import MuscleUnit, make_layout
 
 Tendon = Literal["rigid", "quasi_static", "implicit"]
@@ -165,8 +166,8 @@ class MuscleModel:
         q = _sized(q, len(self.dofs), "q")
         layout, state, muscles = self.layout, self.new_state(), self.kernel_muscles
         place_frames(self.parts, self.parents, q, muscles.work)
-        kernel.gather_frames(muscles.work, muscles.frames)
-        kernel.find_arms(muscles, np.zeros(len(q)), state)
+        gather_frames(muscles.work, muscles.frames)
+        find_arms(muscles, np.zeros(len(q)), state)
         arms = np.zeros((len(self.units), len(self.dofs)))
         for m, (first, last) in enumerate(
             zip(layout.starts[:-1, 1], layout.starts[1:, 1], strict=True)

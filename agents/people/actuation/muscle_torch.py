@@ -176,6 +176,8 @@ class TorchMuscles(torch.nn.Module):
             ("_wrap_point", wraps),
             ("_wrap_carrier", rows[layout.carriers[wraps, 0]]),
             ("_wrap_owner", owner[wraps]),
+            ("_wrap_into", segment[wraps]),
+            ("_wrap_out", segment[wraps + 2]),
             ("_crossing_owner", crossing_owner),
             ("_crossing_dof", layout.crossings[:-1, 0]),
             ("_entry_crossing", crossing),
@@ -194,7 +196,7 @@ class TorchMuscles(torch.nn.Module):
             ("_wrap_axial", layout.wraps[:, IS_CYLINDER, None]),
             ("_has_into", is_end[pulleys, None]),
             ("_has_out", ~is_last[pulleys, None]),
-            ("_entry_sign", np.where(kind == TURNS, 1, kind)),
+            ("_entry_sign", np.where(kind == TURNS, 1, np.sign(kind))),
         ):
             self._keep(name, values[..., None].astype(float))
 
@@ -286,11 +288,13 @@ class TorchMuscles(torch.nn.Module):
         norm = 1.0 / (middle.norm(dim=1, keepdim=True) + 1e-12)
         middle = middle * norm
         points = points.index_add(0, self._pulley_point, self._radius * middle)
-        points, extra = self._wrap(rotations, places, points)
+        points, extra, push, other = self._wrap(rotations, places, points)
         ends = points.index_select(0, self._end)
         ways = ends - points.index_select(0, self._end - 1)
         spans = ways.norm(dim=1, keepdim=True)
         ways = ways / spans.clamp(min=1e-12)
+        ways = ways.index_add(0, self._wrap_into, -push).index_add(0, self._wrap_out, other)
+        ends = ends.index_copy(0, self._wrap_into, points.index_select(0, self._wrap_point - 1))
         # What the rim of a pulley is pulled with; it moves by lever (I - m mT) (axis x arm).
         pulled = self._has_into * ways.index_select(0, self._pulley_into)
         pulled = pulled - self._has_out * ways.index_select(0, self._pulley_out)
@@ -305,8 +309,8 @@ class TorchMuscles(torch.nn.Module):
         lengths = _collected(spans[:, 0], self._segment_owner, len(self.names))
         return lengths.index_add(0, self._wrap_owner, extra), arms
 
-    def _wrap(self, rotations: Tensor, places: Tensor, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the points with the spots on surfaces, and how much longer arcs are than chords."""
+    def _wrap(self, rotations: Tensor, places: Tensor, points: Tensor) -> tuple[Tensor, ...]:
+        """Return points with the spots on surfaces, how much longer arcs are than chords, and pushes."""
         turns = rotations.index_select(0, self._wrap_carrier)
         origins = places.index_select(0, self._wrap_carrier)
         # From the frame of the pelvis into those of the surfaces, whose axes are rows.
@@ -318,12 +322,15 @@ class TorchMuscles(torch.nn.Module):
             away = points.index_select(0, self._wrap_point + step) - origins
             return _turned(turns, away) - _turned(self._wrap_turn, self._wrap_centre)
 
-        first, second, extra = wrapped(local(-1), local(2), self._wrap_radius, self._wrap_axial)
+        first, second, extra, *pushes = wrapped(
+            local(-1), local(2), self._wrap_radius, self._wrap_axial
+        )
         back = turns.transpose(1, 2)
         centre = _turned(self._wrap_turn, self._wrap_centre)
         both = [_turned(back, spot + centre) + origins for spot in (first, second)]
         at = torch.cat((self._wrap_point, self._wrap_point + 1))
-        return points.index_copy(0, at, torch.cat(both)), extra
+        push, other = (_turned(back, each) for each in pushes)
+        return points.index_copy(0, at, torch.cat(both)), extra, push, other
 
     def _activate(self, activation: Tensor, excitation: Tensor, rates: Tensor, dt: float) -> Tensor:
         least = self._least[:, None]

@@ -11,7 +11,7 @@ step visits nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -147,6 +147,9 @@ def path_lengths(
                 frame = surface_frame(np.array(surface.axis)) @ turns[carriers[first + k]].T
                 before, after = (frame @ (own[n] - own[k]) for n in (k - 1, k + 1))
                 found = wrapped(*before, *after, surface.radius, surface.kind == "cylinder")
+                if found[6] < 0.0:
+                    del own[k]
+                    continue
                 own[k : k + 1] = [own[k] + found[a : a + 3] @ frame for a in (0, 3)]
                 out[m] += found[6]
         first += len(path)
@@ -168,8 +171,9 @@ class PathLayout(NamedTuple):
         crossings: DoF and first entry of each crossing of a muscle and a DoF, and the ends, shape
             [c + 1, 2].
         entries: What changes length there: (point of the path, kind), shape [e, 2]. Kind +1 or -1: the
-            segment that ends in the point is carried at its end, or at its start; `TURNS`: the
-            pulley of the point turns.
+            segment that ends in the point is carried at its end, or at its start; +2 or -2: the same
+            of a segment on to a surface, whose pull goes through its start; `TURNS`: the pulley of the
+            point turns.
         longest: Points of the longest path.
         is_branched: Whether a muscle crosses DoFs that do not lie on one branch of the tree, [m].
     """
@@ -211,7 +215,8 @@ def make_layout(units: Sequence[MuscleUnit], joints: Array, chain: JointTree) ->
             for n, (_, _, part, before) in zip(twice, own, strict=True)
             for _ in range(n)
         ]
-        crossed = _crossings(ends, above)
+        onto = {sum(twice[:n]) for n, count in enumerate(twice) if count == 2}
+        crossed = _crossings(ends, above, onto)
         for dof, found in crossed:
             crossings.append((dof, len(entries)))
             entries.extend(found)
@@ -282,9 +287,9 @@ def _wrap(point: PathPoint, centre: Array, chain: JointTree) -> Array:
 
 
 def _crossings(
-    carriers: Sequence[tuple[int, int]], above: Sequence[frozenset[int]]
+    carriers: Sequence[tuple[int, int]], above: Sequence[frozenset[int]], onto: Set[int]
 ) -> list[tuple[int, list[tuple[int, int]]]]:
-    """Return each crossed DoF with its entries (point, kind), proximal first."""
+    """Return each crossed DoF with its entries (point, kind), proximal first; surfaces begin at `onto`."""
     none: frozenset[int] = frozenset()
     carried = [above[part] if part >= 0 else none for part, _ in carriers]
     whole = [
@@ -296,7 +301,8 @@ def _crossings(
         entries = []
         for k, on in enumerate(whole):
             if k and (dof in on) != (dof in whole[k - 1]):
-                entries.append((k, 1 if dof in on else -1))
+                sign = 1 if dof in on else -1
+                entries.append((k, 2 * sign if k in onto else sign))
             if dof in carried[k] and dof not in on:
                 entries.append((k, TURNS))
         if entries:

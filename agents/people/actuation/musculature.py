@@ -90,16 +90,9 @@ class SkeletonFit:
             return None
         axis = np.array(point.surface.axis)
         if point.joint in _BONES:
-            ends = _BONES[point.joint]
-            axis = (
-                _turn(
-                    *(
-                        _at(joints, ends[1]) - _at(joints, ends[0])
-                        for joints in (self.old, self.new)
-                    )
-                )
-                @ axis
-            )
+            start, end = _BONES[point.joint]
+            bones = [_at(joints, end) - _at(joints, start) for joints in (self.old, self.new)]
+            axis = _turn(*bones) @ axis
         radius = point.surface.radius * self._stature()
         return Surface(point.surface.kind, radius, (float(axis[0]), float(axis[1]), float(axis[2])))
 
