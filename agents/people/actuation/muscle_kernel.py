@@ -26,7 +26,6 @@ from .hill import (
     ACTIVATION_TIME,
     DEACTIVATION_TIME,
     FIBRE_DAMPING,
-    MAX_SPEED,
     SHORTEST,
     active_curve,
     next_activation,
@@ -50,7 +49,8 @@ Ints = npt.NDArray[np.int64]
 # Columns of the table of units.
 FORCE, FIBRE, SLACK, PENNATION_SINE, STRAIN = 0, 1, 2, 3, 4
 OFFSET, VOLUNTARY, REFLEX_GAIN, REFLEX_THRESHOLD, LEAST = 5, 6, 7, 8, 9
-UNIT_COLUMNS = 10
+SPEED = 10  # [optimal fibre lengths/s] at which a fibre shortens without load
+UNIT_COLUMNS = 11
 
 # Rows of the state of the units, shape [STATE_ROWS, m]: what goes on from step to step ...
 ACTIVATION, TENDON = 0, 1  # TENDON: last tension [F_max], or in the implicit mode fibre length
@@ -171,7 +171,7 @@ def pull(units, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
         state[TENDON, m] = contractile + rest
         force *= cosine * cosine / units[m, FIBRE]
         stiffness = force * max(a * active_slope * by_speed + passive_slope, 0.0)
-        damping = force * (a * active * speed_slope + FIBRE_DAMPING) * (1.0 / MAX_SPEED)
+        damping = force * (a * active * speed_slope + FIBRE_DAMPING) / units[m, SPEED]
         state[IMPLICIT, m] = dt * (damping + dt * stiffness)
         state[GROWTH, m] = dt * stiffness * state[RATE, m]
 
@@ -187,7 +187,7 @@ def _stretch(units, state, mode, lengths, cosines, speeds) -> None:  # type: ign
         length = math.sqrt(along * along + units[m, PENNATION_SINE] ** 2)
         cosine = along / length
         lengths[m], cosines[m] = length, cosine
-        speed = state[RATE, m] * per_fibre * (1.0 / MAX_SPEED) * cosine
+        speed = state[RATE, m] * per_fibre / units[m, SPEED] * cosine
         speeds[m] = min(max(speed, -1.0), 1.0)
 
 
@@ -208,7 +208,7 @@ def _fibre_balance(unit, length, old, reach, activation, dt):  # type: ignore[no
     """Return fibre less tendon force at a fibre length, its slope, and both fibre forces [F_max]."""
     height = unit[PENNATION_SINE]
     cosine = math.sqrt(max(1.0 - (height / length) ** 2, 1e-4))
-    speed = min(max((length - old) / (dt * MAX_SPEED), -1.0), 1.0)
+    speed = min(max((length - old) / (dt * unit[SPEED]), -1.0), 1.0)
     active, active_slope = active_curve(length)
     by_speed, speed_slope = speed_curve(speed)
     passive, passive_slope = passive_curve(length, unit[STRAIN], unit[OFFSET])
@@ -216,7 +216,7 @@ def _fibre_balance(unit, length, old, reach, activation, dt):  # type: ignore[no
     contractile = activation * active * by_speed
     rest = passive + FIBRE_DAMPING * speed
     fibre_slope = activation * active_slope * by_speed + passive_slope
-    fibre_slope += (activation * active * speed_slope + FIBRE_DAMPING) / (dt * MAX_SPEED)
+    fibre_slope += (activation * active * speed_slope + FIBRE_DAMPING) / (dt * unit[SPEED])
     turn = height * height / (length**3 * cosine)  # of the cosine with the length
     slope = fibre_slope * cosine + (contractile + rest) * turn
     slope += tendon_slope * unit[FIBRE] / unit[SLACK] * (cosine + length * turn)

@@ -248,6 +248,7 @@ def _unit_table(units: Sequence[MuscleUnit], strength: Array | None) -> Array:
         table[m, kernel.SLACK] = unit.tendon_slack_length
         table[m, kernel.PENNATION_SINE] = np.sin(unit.pennation)
         table[m, kernel.STRAIN] = unit.passive_strain
+        table[m, kernel.SPEED] = unit.max_speed
         table[m, kernel.OFFSET] = passive_offset(unit.passive_strain)
     table[:, kernel.VOLUNTARY] = 1.0 if strength is None else strength
     table[:, kernel.LEAST] = RESTING_ACTIVATION * table[:, kernel.VOLUNTARY]

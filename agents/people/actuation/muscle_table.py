@@ -21,6 +21,7 @@ from rcare_marl.pose import Array
 
 from ..body.skeleton import CARRIERS, JOINT_INDEX, JOINTS, PARENTS
 from ..profile import clinical_norms
+from .hill import MAX_SPEED
 from .muscle_unit import MuscleUnit, PathPoint, Side
 from .muscle_wrap import KINDS, Surface
 
@@ -28,9 +29,9 @@ REQUIRED = (
     "name side region clinical_group fmax_N lopt_m lts_m pennation_deg passive_strain "
     "architecture_ref architecture_checked geometry_source path"
 ).split()
-# What a row may say besides: how its figures came about. Kept for readers, not used.
+# What a row may say besides; most of it tells readers how its figures came about, and is not used.
 OPTIONAL = (
-    "action_group fmax_published_N fmax_factor lopt_published_m lts_published_m calibration "
+    "action_group vmax_per_s fmax_published_N fmax_factor lopt_published_m lts_published_m calibration "
     "ma_rms_error_mm lm_norm_min lm_norm_max note"
 ).split()
 _NUMBERS = {  # column: (least, greatest); bounds keep out a wrong unit, such as mm for m
@@ -166,6 +167,9 @@ def _unit(row: dict[str, str], where: str) -> MuscleUnit:
         path=parse_path(row["path"], where),
         source="architecture: {}; checked: {}; geometry: {}".format(*sources),
         action_group=row.get("action_group", "").strip() or prefix + group,
+        max_speed=number(row, "vmax_per_s", where, 1.0, 30.0)
+        if row.get("vmax_per_s")
+        else MAX_SPEED,
     )
 
 

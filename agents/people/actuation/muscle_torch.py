@@ -102,6 +102,7 @@ class TorchMuscles(torch.nn.Module):
             self.register_parameter(name, torch.nn.Parameter(values, requires_grad=False))
         # What never changes: first of the units, then of the parts, sorted by depth, then of the paths.
         self._keep("_least", model.table[:, kernel.LEAST])
+        self._keep("_speed", model.table[:, kernel.SPEED])
         self._keep("_reflex_gain", model.table[:, kernel.REFLEX_GAIN])
         self._keep("_reflex_threshold", model.table[:, kernel.REFLEX_THRESHOLD])
         self._lay_paths(model, self._lay_tree(model))
@@ -358,7 +359,7 @@ class TorchMuscles(torch.nn.Module):
         along = ((lengths - slack) / fibre).clamp(min=hill.SHORTEST)
         length = torch.sqrt(along * along + self.pennation_sine[:, None] ** 2)
         cosine = along / length
-        speed = (rates / (fibre * hill.MAX_SPEED) * cosine).clamp(-1.0, 1.0)
+        speed = (rates / (fibre * self._speed[:, None]) * cosine).clamp(-1.0, 1.0)
         contractile = activation * force_length(length) * force_velocity(speed) * cosine
         rest = passive_force(length, self.strain[:, None]) + hill.FIBRE_DAMPING * speed
         rest = torch.maximum(rest * cosine, -contractile)
@@ -417,7 +418,7 @@ class TorchMuscles(torch.nn.Module):
         self, length: Tensor, lengths: Tensor, activation: Tensor, old: Tensor, dt: float
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Return fibre less tendon force at a fibre length, and both fibre forces [F_max]."""
-        speed = ((length - old) / (dt * hill.MAX_SPEED)).clamp(-1.0, 1.0)
+        speed = ((length - old) / (dt * self._speed[:, None])).clamp(-1.0, 1.0)
         contractile = activation * force_length(length) * force_velocity(speed)
         rest = passive_force(length, self.strain[:, None]) + hill.FIBRE_DAMPING * speed
         tendon = tendon_force((lengths - self._along(length)) / self.slack[:, None])

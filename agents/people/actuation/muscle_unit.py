@@ -27,6 +27,7 @@ from ..body.skeleton import (
     carrier_joint,
     with_ulnae,
 )
+from .hill import MAX_SPEED
 from .muscle_wrap import (
     CENTRE,
     IS_CYLINDER,
@@ -91,6 +92,7 @@ class MuscleUnit:
         source: Where architecture and geometry come from, and what was checked.
         action_group: Units that a person uses together, with the side: the smaller action space.
             If empty, the clinical group with its side.
+        max_speed: At which the fibres shorten without load [optimal fibre lengths/s].
     """
 
     name: str
@@ -105,6 +107,7 @@ class MuscleUnit:
     path: tuple[PathPoint, ...]
     source: str
     action_group: str = ""
+    max_speed: float = MAX_SPEED
 
 
 def t_pose_position(point: PathPoint, joints: Array) -> Array:
