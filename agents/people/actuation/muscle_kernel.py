@@ -25,7 +25,7 @@ from rcare_marl.tree.dynamics import (
 from .hill import (
     ACTIVATION_TIME,
     DEACTIVATION_TIME,
-    FIBRE_DAMPING,
+    DAMPING,
     SHORTEST,
     active_curve,
     next_activation,
@@ -165,13 +165,13 @@ def pull(units, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
         by_speed, speed_slope = speed_curve(speed)
         capacity = cosine * active * by_speed
         contractile = a * capacity
-        rest = max(cosine * (work[5, m] + FIBRE_DAMPING * speed), -contractile)
+        rest = max(cosine * (work[5, m] + units[m, SPEED] * DAMPING * speed), -contractile)
         state[CAPACITY, m] = force * capacity
         state[ACTIVE, m], state[PASSIVE, m] = force * contractile, force * rest
         state[TENDON, m] = contractile + rest
         force *= cosine * cosine / units[m, FIBRE]
         stiffness = force * max(a * active_slope * by_speed + passive_slope, 0.0)
-        damping = force * (a * active * speed_slope + FIBRE_DAMPING) / units[m, SPEED]
+        damping = force * (a * active * speed_slope / units[m, SPEED] + DAMPING)
         state[IMPLICIT, m] = dt * (damping + dt * stiffness)
         state[GROWTH, m] = dt * stiffness * state[RATE, m]
 
@@ -214,9 +214,9 @@ def _fibre_balance(unit, length, old, reach, activation, dt):  # type: ignore[no
     passive, passive_slope = passive_curve(length, unit[STRAIN], unit[OFFSET])
     tendon, tendon_slope = tendon_curve((reach - length * unit[FIBRE] * cosine) / unit[SLACK])
     contractile = activation * active * by_speed
-    rest = passive + FIBRE_DAMPING * speed
+    rest = passive + unit[SPEED] * DAMPING * speed
     fibre_slope = activation * active_slope * by_speed + passive_slope
-    fibre_slope += (activation * active * speed_slope + FIBRE_DAMPING) / (dt * unit[SPEED])
+    fibre_slope += (activation * active * speed_slope / unit[SPEED] + DAMPING) / dt
     turn = height * height / (length**3 * cosine)  # of the cosine with the length
     slope = fibre_slope * cosine + (contractile + rest) * turn
     slope += tendon_slope * unit[FIBRE] / unit[SLACK] * (cosine + length * turn)

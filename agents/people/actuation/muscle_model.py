@@ -185,6 +185,22 @@ class MuscleModel:
         """
         return self._still(q, activation)[[kernel.ACTIVE, kernel.PASSIVE]].sum(axis=0)
 
+    def steady_forces(self, q: Array, qd: Array, activation: Array | float) -> Array:
+        """Return the tension of each muscle while joints turn steadily, in passing `q` [N], shape [m].
+
+        The tendon is in balance with the fibres and keeps its length, as in an isokinetic test.
+
+        Args:
+            q: Joint angles [rad], shape [n].
+            qd: Joint rates [rad/s], shape [n].
+            activation: In [0, 1], of all or of each, shape [m].
+
+        Raises:
+            ActionError: If an activation lies outside [0, 1].
+        """
+        rates = -self.moment_arms(q) @ _sized(qd, len(self.dofs), "qd")
+        return self._still(q, activation, rates)[[kernel.ACTIVE, kernel.PASSIVE]].sum(axis=0)
+
     def isometric_torques(self, q: Array, activation: Array | float) -> Array:
         """Return the torque about each DoF of muscles held still at `q` [rad] [N·m], shape [n]."""
         return self.moment_arms(q).T @ self.isometric_forces(q, activation)
@@ -199,8 +215,11 @@ class MuscleModel:
         along = np.maximum(along / self.table[:, kernel.FIBRE], SHORTEST)
         return np.hypot(along, self.table[:, kernel.PENNATION_SINE])
 
-    def _still(self, q: Array, activation: Array | float) -> Array:
+    def _still(
+        self, q: Array, activation: Array | float, rates: Array | float = 0.0
+    ) -> Array:
         state = self.new_state()
+        state[kernel.RATE] = rates
         state[kernel.ACTIVATION] = checked_excitation(
             np.broadcast_to(np.asarray(activation, np.float64), (len(self.units),)), self.names
         )
