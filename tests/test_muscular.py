@@ -154,7 +154,7 @@ def test_energy_does_not_grow_in_a_free_swing() -> None:
     assert fallen > 1.0  # the arm did fall
     assert max(energies[1:]) < energies[0]
     # Stretched fibres give back a part of what they took; every swing is lower than the one before.
-    assert np.maximum(np.diff(energies), 0).sum() < 0.25 * fallen
+    assert np.maximum(np.diff(energies), 0).sum() < 0.3 * fallen
     assert np.ptp(energies[15:]) < 0.1 * np.ptp(energies[:15])
 
 

@@ -24,8 +24,8 @@ from rcare_marl.tree.dynamics import (
 
 from .hill import (
     ACTIVATION_TIME,
-    DEACTIVATION_TIME,
     DAMPING,
+    DEACTIVATION_TIME,
     SHORTEST,
     active_curve,
     next_activation,

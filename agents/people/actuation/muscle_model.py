@@ -215,9 +215,7 @@ class MuscleModel:
         along = np.maximum(along / self.table[:, kernel.FIBRE], SHORTEST)
         return np.hypot(along, self.table[:, kernel.PENNATION_SINE])
 
-    def _still(
-        self, q: Array, activation: Array | float, rates: Array | float = 0.0
-    ) -> Array:
+    def _still(self, q: Array, activation: Array | float, rates: Array | float = 0.0) -> Array:
         state = self.new_state()
         state[kernel.RATE] = rates
         state[kernel.ACTIVATION] = checked_excitation(

@@ -361,7 +361,10 @@ class TorchMuscles(torch.nn.Module):
         cosine = along / length
         speed = (rates / (fibre * self._speed[:, None]) * cosine).clamp(-1.0, 1.0)
         contractile = activation * force_length(length) * force_velocity(speed) * cosine
-        rest = passive_force(length, self.strain[:, None]) + hill.DAMPING * self._speed[:, None] * speed
+        rest = (
+            passive_force(length, self.strain[:, None])
+            + hill.DAMPING * self._speed[:, None] * speed
+        )
         rest = torch.maximum(rest * cosine, -contractile)
         return force * contractile, force * rest, contractile + rest
 
@@ -420,7 +423,10 @@ class TorchMuscles(torch.nn.Module):
         """Return fibre less tendon force at a fibre length, and both fibre forces [F_max]."""
         speed = ((length - old) / (dt * self._speed[:, None])).clamp(-1.0, 1.0)
         contractile = activation * force_length(length) * force_velocity(speed)
-        rest = passive_force(length, self.strain[:, None]) + hill.DAMPING * self._speed[:, None] * speed
+        rest = (
+            passive_force(length, self.strain[:, None])
+            + hill.DAMPING * self._speed[:, None] * speed
+        )
         tendon = tendon_force((lengths - self._along(length)) / self.slack[:, None])
         return (contractile + rest) * self._cosine(length) - tendon, contractile, rest
 

@@ -72,7 +72,7 @@ def _round(p: Tensor, s0: Tensor, s1: Tensor, radius: Tensor) -> tuple[Tensor, .
     a0, a1 = r * r / p, r * out / p
     b0, b1 = r * (r * s0 + back * s1) / (s * s), r * (r * s1 - back * s0) / (s * s)
     sine = a0 * b1 - a1 * b0
-    touches = torch.where(s1 < 0.0, s0 < 0.0, sine > 0.0)
+    touches = torch.where(s1 < 0.0, s0 < -s1, sine > 0.0)
     angle = torch.atan2(sine, a0 * b0 + a1 * b1)
     angle = torch.where(angle < 0.0, angle + 2.0 * torch.pi, angle)
     arc = torch.where(touches, r * angle, -torch.ones_like(p))

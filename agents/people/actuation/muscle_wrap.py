@@ -6,8 +6,9 @@ that of a path through two fixed points, and the arc adds nothing but its length
 clears the surface both spots are one point of that line.
 
 The side of a cylinder is data: from origin to insertion the path turns about its axis by the right-hand
-rule, and only so. It wraps by up to 270 degrees between the directions of its neighbours and never jumps to
-the other side. A sphere is gone round the short way. Length and moment arm are continuous where contact begins.
+rule, and only so. It wraps by up to 315 degrees between the directions of its neighbours and never jumps to
+the other side. A sphere is gone round the short way. Length and moment arm are continuous where contact
+begins.
 
 Where a surface makes room for a neighbour of its path, that neighbour feels a push along its distance, as a
 derivative has it; `wrapped` returns it, and moment arms stay exact.
@@ -30,8 +31,8 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 # Columns of the table of wraps: the surface's frame in its part (rows; the axis is the last), its centre.
 TURN, CENTRE, WRAP_RADIUS, IS_CYLINDER = 0, 9, 12, 13
 WRAP_COLUMNS = 14
-# A surface makes room for a point that comes nearer than `NEAR` radii: its radius falls smoothly, in the end to
-# `CLEAR` of the point's distance, so that no posture puts a point inside.
+# A surface makes room for a point that comes nearer than `NEAR` radii: its radius falls smoothly, in the end
+# to `CLEAR` of the point's distance, so that no posture puts a point inside.
 NEAR, CLEAR = 1.25, 0.95
 BLEND = 2.0 * (NEAR - 1.0 / CLEAR)
 _BEND = 0.5 * CLEAR / BLEND
@@ -96,7 +97,7 @@ def _round(dot, cross, p, s, radius):  # type: ignore[no-untyped-def]
         r = radius * share * other
         by_p, by_s = slope * other / far, other_slope * share / away
     if cross < 0.0:
-        touches = dot < 0.0
+        touches = dot < -cross
     else:  # the nearest point of the line lies between both, and inside
         touches = p > dot and s > dot and cross * cross < r * r * (p + s - 2.0 * dot)
     if not touches:

@@ -1,8 +1,8 @@
 """Moment arms of the reference skeleton's muscles, against publications and against open models.
 
 MyoSuite's MyoArm was fitted by nobody here and nothing of ours was chosen by it, so its rows are held out.
-MyoLegs descends from Rajagopal 2016, to which our leg paths were once fitted: agreement with it proves little,
-and its rows count as fitted. `experiments/held_out_moment_arms.py` wrote the rows and says how.
+MyoLegs descends from Rajagopal 2016, to which our leg paths were once fitted: agreement with it proves
+little, and its rows count as fitted. `experiments/held_out_moment_arms.py` wrote the rows and says how.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ from .published import published_check
 from .reference_muscles import muscle_model
 
 LARGE = 5.0  # [mm] from which the sign of a moment arm matters
-TOLERANCE = 10.0  # [mm] of a single row, our own choice; models of the same muscle differ by as much
+TOLERANCE = (
+    10.0  # [mm] of a single row, our own choice; models of the same muscle differ by as much
+)
 MOST_WRONG = 2.0  # [%] of large moment arms with the wrong sign
 MOST_ERROR = {"myoarm": 6.0, "myolegs": 5.0}  # [mm] root mean square
 KIN = ("myolegs",)  # of models that paths of ours were fitted to
@@ -72,9 +74,7 @@ def model_arms() -> tuple[ModelArm, ...]:
         ours = arms[text][model.index(row["muscle"]), model.dofs.index(row["dof"])]
         case = f"{row['muscle']} {row['dof']} at {text}"
         theirs = number(row, "arm_mm", where, -300.0, 300.0)
-        out.append(
-            ModelArm(row["model"], row["version"], row["region"], case, theirs, float(ours))
-        )
+        out.append(ModelArm(row["model"], row["version"], row["region"], case, theirs, float(ours)))
     return tuple(out)
 
 
@@ -106,12 +106,12 @@ def checks() -> list[Check]:
             (f"{name}: root mean square", rms_error(own), most, "mm"),
         ):
             out.append(
-                Check("moment arms of a model", case, ours, 0.0, high, unit, source, "model", is_kin)
+                Check(
+                    "moment arms of a model", case, ours, 0.0, high, unit, source, "model", is_kin
+                )
             )
         for row in own:
             low, high = row.theirs - TOLERANCE, row.theirs + TOLERANCE
             family = f"moment arm, {name}"
-            out.append(
-                Check(family, row.case, row.ours, low, high, "mm", source, "model", is_kin)
-            )
+            out.append(Check(family, row.case, row.ours, low, high, "mm", source, "model", is_kin))
     return out

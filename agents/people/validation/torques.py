@@ -1,7 +1,7 @@
 """Torques of the reference skeleton's muscles against publications: over angles, at speed, and at rest.
 
-Torques are those of the agonists alone at full activation, tendons in balance. The bands are of adult men; the
-reference skeleton is a man of 1.75 m, and torques published per mass are for 75 kg. Shares, of a
+Torques are those of the agonists alone at full activation, tendons in balance. The bands are of adult men;
+the reference skeleton is a man of 1.75 m, and torques published per mass are for 75 kg. Shares, of a
 torque in another posture or at another speed, are of men and women.
 """
 
