@@ -166,6 +166,7 @@ def test_units_do_what_their_clinical_group_says() -> None:
         assert sign * arms[musculature.index(name), DOF_INDEX[dof]] > 2e-3, (name, dof)
 
 
+TURNED = range(-60, 81, 20)  # [deg] of the shoulder
 # Who turns which way over the whole range, as every textbook has it: units, DoF, sign, least arm [mm], and
 # the postures: DoFs with their clinical angles [deg].
 TURNS: tuple[tuple[str, str, int, float, dict[str, Sequence[float]]], ...] = (
