@@ -3,8 +3,8 @@
 Nothing of ours is fitted to them or chosen by them. MyoArm descends from Saul 2015 and Holzbaur 2005; MyoLegs
 from Rajagopal 2016, to which our legs were once fitted. A moment arm is -dL/dq by a difference of the
 tendon's length, about the right side's joint. Joints that the model couples to it (the knee's gliding, the
-kneecap, the shoulder girdle) move along. With the girdle held still instead, MyoArm's own anterior deltoid would lower a
-raised arm: its paths are made for the rhythm of both.
+kneecap, the shoulder girdle) move along. With the girdle held still instead, MyoArm's own anterior deltoid
+would lower a raised arm: its paths are made for the rhythm of both.
 
 How the joints correspond was checked with muscles whose sign nobody doubts (`SURE`); the script stops
 if one of them is against it.

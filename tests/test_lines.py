@@ -85,7 +85,7 @@ def test_lines_are_as_long_as_the_muscles(world: World, movable: tuple[str, ...]
         is_round = np.array([any(p.surface for p in unit.path) for unit in model.units])
         arcs = model.lengths(q) - drawn  # a line cuts the corner where a path goes round a surface
         np.testing.assert_allclose(arcs[~is_round], 0.0, atol=1e-9)
-        assert (arcs > -1e-9).all() and arcs.max() < 0.02
+        assert (arcs > -1e-9).all() and arcs.max() < 0.03
 
 
 def test_lines_follow_the_person(world: World) -> None:

@@ -79,7 +79,8 @@ def slope(muscles: MuscleModel, q: Array, dof: int) -> Array:
 def round_path(q: float, radius: float = 0.02, *, sphere: bool = False) -> float:
     """Return the length of a path round a surface at the origin whose second point turns by q."""
     p, s = np.array((0.05, 0.0, 0.01)), 0.06 * np.array((np.cos(q), np.sin(q), 0.0))
-    a0, a1, a2, b0, b1, b2, extra, _, _ = wrapped(*p, *s, radius, not sphere)
+    figures = (*p, *s, radius, not sphere)
+    a0, a1, a2, b0, b1, b2, extra, _, _ = wrapped(*figures)
     if extra < 0:
         return float(np.linalg.norm(s - p))
     spots = np.array((p, (a0, a1, a2), (b0, b1, b2), s))
@@ -146,7 +147,7 @@ def test_moment_arms_are_the_slope_of_length(path: int) -> None:
     for q in postures(muscles, 40):
         arms = muscles.moment_arms(q)[0]
         for dof in np.flatnonzero(np.abs(arms) > 0):
-            assert arms[dof] == pytest.approx(-slope(muscles, q, dof)[0], abs=1e-6)
+            assert arms[dof] == pytest.approx(-slope(muscles, q, int(dof))[0], abs=1e-6)
         spots = path_points(muscles, q)
         touched += bool(np.abs(np.diff(spots, axis=0)).sum(axis=1).min() > 1e-6)
     assert touched > 3  # the surface is met

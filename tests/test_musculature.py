@@ -223,7 +223,7 @@ TURNS: tuple[tuple[str, str, int, float, dict[str, Sequence[float]]], ...] = (
         "trilong_l trilat_l trimed_l anc_l",
         "elbow_flexion",
         -1,
-        1.0,
+        4.0,
         {"elbow_flexion": range(0, 141, 20)},
     ),
     (

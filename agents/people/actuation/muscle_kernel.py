@@ -36,12 +36,12 @@ from .hill import (
 )
 from .muscle_path import (
     FRAME_COLUMNS,
-    LENGTH,
-    RATE,
     SPOT_COLUMNS,
     find_arms,
     gather_frames,
 )
+from .muscle_path import LENGTH as LENGTH
+from .muscle_path import RATE as RATE
 from .muscle_unit import PathLayout
 
 Ints = npt.NDArray[np.int64]

@@ -323,14 +323,14 @@ class TorchMuscles(torch.nn.Module):
             away = points.index_select(0, self._wrap_point + step) - origins
             return _turned(turns, away) - _turned(self._wrap_turn, self._wrap_centre)
 
-        first, second, extra, *pushes = wrapped(
+        first, second, extra, push, other = wrapped(
             local(-1), local(2), self._wrap_radius, self._wrap_axial
         )
         back = turns.transpose(1, 2)
         centre = _turned(self._wrap_turn, self._wrap_centre)
         both = [_turned(back, spot + centre) + origins for spot in (first, second)]
         at = torch.cat((self._wrap_point, self._wrap_point + 1))
-        push, other = (_turned(back, each) for each in pushes)
+        push, other = _turned(back, push), _turned(back, other)
         return points.index_copy(0, at, torch.cat(both)), extra, push, other
 
     def _activate(self, activation: Tensor, excitation: Tensor, rates: Tensor, dt: float) -> Tensor:

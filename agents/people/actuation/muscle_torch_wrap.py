@@ -10,8 +10,8 @@ from .muscle_wrap import BLEND, CLEAR, NEAR, TINY
 
 def wrapped(
     before: Tensor, after: Tensor, radius: Tensor, axial: Tensor
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Return both spots on w surfaces, and how much longer than their distance the way between them is.
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    """Return both spots on w surfaces, and how much longer than their distance the way between is, and pushes.
 
     Args:
         before: The point before each surface, in its frame [m], shape [w, 3, n].

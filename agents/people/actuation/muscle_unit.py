@@ -149,7 +149,8 @@ def path_lengths(
             if surface is not None:
                 frame = surface_frame(np.array(surface.axis)) @ turns[carriers[first + k]].T
                 before, after = (frame @ (own[n] - own[k]) for n in (k - 1, k + 1))
-                found = wrapped(*before, *after, surface.radius, surface.kind == "cylinder")
+                figures = (*before, *after, surface.radius, surface.kind == "cylinder")
+                found = wrapped(*figures)
                 if found[6] < 0.0:
                     del own[k]
                     continue

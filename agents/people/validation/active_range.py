@@ -13,7 +13,7 @@ from ..actuation.hill import RESTING_ACTIVATION
 from ..actuation.muscle_model import MuscleModel
 from ..body.skeleton import DOF_INDEX, DOFS, EYES, SIDES
 from ..profile import ClinicalProfile, clinical_norms
-from .check import Check
+from .check import Basis, Check
 from .reference_muscles import muscle_model
 
 STEPS = 25  # in which a motion is followed through its range
@@ -92,7 +92,7 @@ def checks() -> list[Check]:
         norm = norms[motion.name]
         way = float(np.degrees(abs(motion.end - motion.start)))
         source = f"range: {norm.range_source}"
-        basis = "read" if norm.range_source == "aaos" else "memory"
+        basis: Basis = "read" if norm.range_source == "aaos" else "memory"
         ours = reached(model, motion) * way
         case = f"{motion.name} ({motion.dof})"
         low = SHARE * way
