@@ -11,7 +11,7 @@ from .muscle_wrap import BLEND, CLEAR, NEAR, TINY
 def wrapped(
     before: Tensor, after: Tensor, radius: Tensor, axial: Tensor
 ) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-    """Return both spots on w surfaces, and how much longer than their distance the way between is, and pushes.
+    """Return both spots on w surfaces, how much longer than their distance the way is, and pushes.
 
     Args:
         before: The point before each surface, in its frame [m], shape [w, 3, n].
