@@ -21,7 +21,7 @@ from rcare_marl.pose import Array
 from ..body.skeleton import DOF_INDEX, DOFS
 from ..profile import clinical_norms
 from . import muscle_kernel as kernel
-from .hill import FIBRE_DAMPING, MAX_SPEED
+from .hill import DAMPING
 from .muscle_model import MuscleModel
 
 # Columns of `end_tissue`: torque at either end [N·m] and where it has fallen to 1/e [rad].
@@ -100,7 +100,7 @@ def damping_beside_muscles(model: MuscleModel, posture: Array, damping: Array) -
         damping: What the joints should have in all [N·m·s/rad], shape [n].
     """
     table, arms = model.table, model.moment_arms(posture)
-    each = FIBRE_DAMPING * table[:, kernel.FORCE] / (MAX_SPEED * table[:, kernel.FIBRE])
+    each = DAMPING * table[:, kernel.FORCE] / table[:, kernel.FIBRE]
     fibres = 0.5 * each @ (arms * arms)
     return np.maximum(damping - fibres, LEAST_DAMPING * damping)
 
