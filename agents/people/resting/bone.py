@@ -56,7 +56,7 @@ class RestingFlesh:
         modulus_pa: Of small strain [Pa], as in `Layer`.
         limit: Strain that no pressure reaches.
         reach_m: By how much more flesh than over a prominence skin may have to belong to its region [m].
-        wasted: Share of the flesh of buttocks and legs left where hip extensors have grade 0.
+        wasted: Share of the flesh over prominences of buttocks and legs left where hip extensors have grade 0.
         cover_m: Thickness over bone away from prominences, by SMPL-X joint without its side [m].
         relaxed: Stiffness of joints that let a resting limb down, about the axis across [N·m/rad].
         prominences: By name.
@@ -157,7 +157,7 @@ def bones(model: BodyModel, height: float) -> Bones:
 
 
 def over_bone(
-    found: Bones, turns: Array, places: Array, points: Array, cover: Array
+    found: Bones, turns: Array, places: Array, points: Array, cover: Array, left: Array
 ) -> tuple[Array, npt.NDArray[np.intp]]:
     """Return thickness of the flesh at points of the skin [m] and their regions, each of shape [n].
 
@@ -167,6 +167,7 @@ def over_bone(
         places: Their positions [m], shape [55, 3].
         points: On the skin in the world [m], shape [n, 3].
         cover: Thickness away from prominences [m], shape [n].
+        left: Share of the flesh over prominences that is left, shape [n].
     """
     j = found.joints
     middles = np.einsum("bac,bc->ba", turns[j], found.centres) + places[j]
@@ -174,7 +175,7 @@ def over_bone(
     beyond = off - found.flesh
     region = found.regions[np.argmin(beyond, axis=1)]
     region = np.where(beyond.min(axis=1) < resting_flesh().reach_m, region, len(regions()) - 1)
-    flesh = np.minimum(cover, off.min(axis=1))
+    flesh = np.minimum(cover, left * off.min(axis=1))
     return np.maximum(flesh, THINNEST), region
 
 
@@ -182,9 +183,7 @@ def _kind(joint: str) -> str:
     return joint.split("_", 1)[1] if joint.startswith(SIDES) else joint
 
 
-def _way_out(
-    skin: Array, faces: npt.NDArray[np.int32], begin: Array, along: Array
-) -> float | None:
+def _way_out(skin: Array, faces: npt.NDArray[np.int32], begin: Array, along: Array) -> float | None:
     """Return the way from a point to where a line last leaves the skin [m]; None if it meets none."""
     a, b, c = (skin[faces[:, k]] for k in range(3))
     u, w = b - a, c - a

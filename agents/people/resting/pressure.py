@@ -34,11 +34,14 @@ if TYPE_CHECKING:
 Ints = npt.NDArray[np.intp]
 
 CELL = 0.005  # [m] edge of a cell
-SENSOR = 0.015  # [m] edge of the square over which a peak is taken, as sensors of mats (10 to 28 mm)
+SENSOR = (
+    0.015  # [m] edge of the square over which a peak is taken, as sensors of mats (10 to 28 mm)
+)
 CONTACT = 670.0  # [Pa] from which skin counts as in contact: 5 mmHg, where mats begin to read
 _ABOVE = 0.15  # [m] over a pad within which skin may come to rest on it
 _NEAR = 0.1  # [m] within which a limb makes its joint let it down
 _LEAST_WIDTH = 0.01  # [m]
+_HELD = 25  # steps
 _STEPS, _STRIDE, _BALANCED = 200, 0.02, 1e-5  # at most; [m] or [rad] a step; of the weight
 
 
@@ -120,7 +123,9 @@ class PressureMap:
         chosen = np.ones(len(self.pressure), bool)
         if region:
             check_name("region of skin", region, (*known, *names))
-            same = [i for i, name in enumerate(names) if name == region or name.endswith(f"_{region}")]
+            same = [
+                i for i, name in enumerate(names) if name == region or name.endswith(f"_{region}")
+            ]
             chosen &= np.isin(self.regions, same)
         return chosen if pad is None else chosen & (self.pads == pad)
 
@@ -180,7 +185,9 @@ def pressure_map(who: Human | PosedBody, support: Support, *, cell: float = CELL
     motion = _motion(cells.points, cells.shares, body.places, base, joints)
     normals = np.array([pad.axes[:, 2] for pad in support.pads])[cells.pads]
     lift = np.einsum("na,nka->nk", normals, motion)
-    slide = np.einsum("na,nka->nk", np.array([p.axes[:, 0] for p in support.pads])[cells.pads], motion)
+    slide = np.einsum(
+        "na,nka->nk", np.array([p.axes[:, 0] for p in support.pads])[cells.pads], motion
+    )
     grips = np.array([pad.grips for pad in support.pads])[cells.pads]
     layers = [pad.cushion.layer for pad in support.pads]
     upper, lower = _columns(flesh, stiff.modulus_pa, stiff.limit), _columns_of(layers, cells.pads)
@@ -191,16 +198,25 @@ def pressure_map(who: Human | PosedBody, support: Support, *, cell: float = CELL
     def settle(at: Array, lower: Columns) -> tuple[Array, Array, Array]:
         """Return where the body comes to rest, pressures, and what is left out of balance."""
         shear = cell**2 * grips / (3 * (upper[0] / upper[1] + lower[0] / lower[1]))  # of E / 3
-        for _ in range(_STEPS):
+        for k in range(_STEPS):
             pressure, slope = _series(-cells.gaps - lift @ at, upper, lower)
-            held = shear * (pressure > 0)
-            left = pull + lift.T @ (pressure * cell**2) - slide.T @ (held * (slide @ at)) - hold * at
+            if (
+                k < _HELD
+            ):  # then what sticks stays the same, or some cells might come and go for ever
+                held = shear * (pressure > 0)
+            left = (
+                pull + lift.T @ (pressure * cell**2) - slide.T @ (held * (slide @ at)) - hold * at
+            )
             if np.abs(left).max() < _BALANCED * weight:
                 return at, pressure, left
-            matrix = (lift * (slope * cell**2)[:, None]).T @ lift + (slide * held[:, None]).T @ slide
+            matrix = (lift * (slope * cell**2)[:, None]).T @ lift + (
+                slide * held[:, None]
+            ).T @ slide
             step = np.linalg.solve(matrix + np.diag(hold + 1e-3 * weight), left)
             at = at + step * min(1.0, _STRIDE / np.abs(step).max())
-        raise ConfigError(f"{body.avatar.name} does not come to rest: the support does not bear them")
+        raise ConfigError(
+            f"{body.avatar.name} does not come to rest: the support does not bear them"
+        )
 
     def on_pads(values: Array) -> list[Array]:
         grids = [np.zeros(_shape(pad, cell)) for pad in support.pads]
@@ -302,7 +318,9 @@ def _footprint(
         corner, share = chosen[face[first]], shares[part[first]]
         blend = np.zeros((len(first), len(JOINTS)))
         weights = model.weights[corner] * share[:, :, None]
-        np.add.at(blend, (np.arange(len(first))[:, None, None], model.weight_joints[corner]), weights)
+        np.add.at(
+            blend, (np.arange(len(first))[:, None, None], model.weight_joints[corner]), weights
+        )
         where = np.einsum("nc,nca->na", share, skin[corner])
         cover = (found.cover[corner] * share).sum(axis=1)
         parts.append((where, points[first, 2], blend, cover, np.full(len(first), k), index[first]))
@@ -313,16 +331,14 @@ def _footprint(
 
 def _flesh(body: PosedBody, cells: _Cells) -> tuple[Array, Ints]:
     """Return thickness of flesh [m] and region of each cell; paralysed buttocks and legs are wasted."""
-    found = bones(body.model, body.avatar.height_m)
-    flesh, where = over_bone(found, body.turns, body.places, cells.points, cells.cover)
     wasted, left = resting_flesh().wasted, np.ones(len(JOINTS))
     for side in SIDES:
         dof = DOFS[DOF_INDEX[f"{side}_hip_flexion"]]
         grade = body.avatar.profile.grade(dof, positive=False)
-        legs = _below(JOINT_INDEX[f"{side}_hip"])
-        left[legs] = wasted + (1 - wasted) * grade / 5
+        left[_below(JOINT_INDEX[f"{side}_hip"])] = wasted + (1 - wasted) * grade / 5
     left[0] = 0.5 * sum(left[JOINT_INDEX[f"{side}_hip"]] for side in SIDES)
-    return flesh * (cells.shares @ left), where
+    found = bones(body.model, body.avatar.height_m)
+    return over_bone(found, body.turns, body.places, cells.points, cells.cover, cells.shares @ left)
 
 
 def _below(joint: int) -> npt.NDArray[np.bool_]:

@@ -151,7 +151,9 @@ def seat_and_back(
     turned = tuple(quaternion_from_rpy(0.0, 0.5 * math.pi - lean, 0.0).tolist())
     return Support(
         (
-            Pad("seat", fold @ Pose((0.5 * seat_size[0], 0, 0)), seat_size, load_cushion(seat), True),
+            Pad(
+                "seat", fold @ Pose((0.5 * seat_size[0], 0, 0)), seat_size, load_cushion(seat), True
+            ),
             Pad("back", fold @ Pose(tuple(middle.tolist()), turned), back_size, load_cushion(back)),
         ),
         elsewhere,
@@ -175,5 +177,10 @@ def bed(fold: Pose, mattress: str | Path = "hospital_foam", head_deg: float = 0.
     """Return a bed whose head is raised [deg] from the fold, towards -x."""
     size = 0.9  # width [m]
     return seat_and_back(
-        fold, 90.0 - head_deg, seat=mattress, back=mattress, seat_size=(1.3, size), back_size=(1.0, size)
+        fold,
+        90.0 - head_deg,
+        seat=mattress,
+        back=mattress,
+        seat_size=(1.3, size),
+        back_size=(1.0, size),
     )
