@@ -56,7 +56,7 @@ class RestingFlesh:
         modulus_pa: Of small strain [Pa], as in `Layer`.
         limit: Strain that no pressure reaches.
         reach_m: By how much more flesh than over a prominence skin may have to belong to its region [m].
-        wasted: Share of the flesh over prominences of buttocks and legs left where hip extensors have grade 0.
+        wasted: Share of the flesh over prominences of buttocks and legs left at hip extensors of grade 0.
         cover_m: Thickness over bone away from prominences, by SMPL-X joint without its side [m].
         relaxed: Stiffness of joints that let a resting limb down, about the axis across [N·m/rad].
         prominences: By name.
@@ -175,7 +175,7 @@ def over_bone(
     beyond = off - found.flesh
     region = found.regions[np.argmin(beyond, axis=1)]
     region = np.where(beyond.min(axis=1) < resting_flesh().reach_m, region, len(regions()) - 1)
-    flesh = np.minimum(cover, left * off.min(axis=1))
+    flesh = np.minimum(cover, (off - (1 - left)[:, None] * found.flesh).min(axis=1))
     return np.maximum(flesh, THINNEST), region
 
 

@@ -104,7 +104,7 @@ class PressureDose:
         self._posed: tuple[Support, Array, Array] | None = None
 
     def rest(self, who: Human | PosedBody, support: Support | None) -> None:
-        """Take the pressure of a person as they are now; nothing is found anew while trunk and legs lie still.
+        """Take the pressure of a person as they are now; found anew once trunk or legs moved.
 
         Args:
             who: The person.
@@ -153,7 +153,7 @@ class PressureDose:
         return name, self._doses[name]
 
     def time_left(self, region: str = "") -> float:
-        """Return how long until a region has borne all it can as it is now [s]; of the first one if unnamed."""
+        """Return how long until a region has borne all it can [s]; of the first one if unnamed."""
         if not region:
             return min(self.time_left(name) for name in self._doses)
         check_name("region of skin", region, self._doses)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import distance_transform_edt, uniform_filter
+from scipy.ndimage import distance_transform_edt, uniform_filter  # type: ignore[import-untyped]
 
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array, Pose

@@ -175,12 +175,15 @@ def chair(fold: Pose, cushion: str | Path = "foam", recline_deg: float = 10.0) -
 
 def bed(fold: Pose, mattress: str | Path = "hospital_foam", head_deg: float = 0.0) -> Support:
     """Return a bed whose head is raised [deg] from the fold, towards -x."""
-    size = 0.9  # width [m]
+    foot, head, width = 1.3, 1.0, 0.9  # [m]
+    if head_deg == 0:
+        middle = fold @ Pose((0.5 * (foot - head), 0.0, 0.0))
+        return Support((Pad("bed", middle, (foot + head, width), load_cushion(mattress), True),))
     return seat_and_back(
         fold,
         90.0 - head_deg,
         seat=mattress,
         back=mattress,
-        seat_size=(1.3, size),
-        back_size=(1.0, size),
+        seat_size=(foot, width),
+        back_size=(head, width),
     )

@@ -11,7 +11,10 @@ from rcare_marl.errors import check_name
 from . import body, pressure
 from .check import Check
 
-FAMILIES: Mapping[str, Callable[[], Sequence[Check]]] = {"body": body.checks, "pressure": pressure.checks}
+FAMILIES: Mapping[str, Callable[[], Sequence[Check]]] = {
+    "body": body.checks,
+    "pressure": pressure.checks,
+}
 SPLITS = ("fitted", "held out", "memory")
 
 

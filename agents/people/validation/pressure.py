@@ -8,13 +8,12 @@ from functools import cache
 
 import numpy as np
 
-from rcare_marl import assets
 from rcare_marl.pose import Pose, quaternion_from_rpy
 
 from ..avatar import AvatarConfig, load_avatar, load_posture
 from ..profile import ClinicalProfile
 from ..resting.pressure import PosedBody, PressureMap, pressure_map
-from ..resting.support import FOREARMS, LEGS, Support, bed, chair
+from ..resting.support import bed, chair
 from .check import Basis, Check
 
 MMHG = 133.322  # [Pa]
@@ -67,9 +66,9 @@ def seated(
 
 
 @cache
-def slumped(name: str, cushion: str, *, slid: float = 0.05) -> PressureMap:
+def slumped(name: str, cushion: str, *, able: bool = True, slid: float = 0.05) -> PressureMap:
     """Return the pressure of somebody whose pelvis rolled back by `SLUMP` and slid forward [m]."""
-    avatar, upright = person(name, able=True), load_posture("wheelchair")
+    avatar, upright = person(name, able=able), load_posture("wheelchair")
     at = float(PosedBody.laid(avatar, upright).places[0, 0])
     posture = dataclasses.replace(
         upright,
