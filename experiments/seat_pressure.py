@@ -24,20 +24,15 @@ BED = 10.0  # [kPa] at that of the bed
 
 def draw(axes: Axes, found: PressureMap, title: str, full: float) -> None:
     """Draw what a mat would read on the first pad."""
-    mine = found.of(pad=0)
-    along, across = found.spots[mine].T
-    axes.scatter(
-        along,
-        across,
-        c=found.sensed[mine] / 1e3,
-        s=2.2,
-        marker="s",
-        cmap="turbo",
-        vmin=0,
-        vmax=full,
-        linewidths=0,
+    mine, cell = found.of(pad=0), found.area**0.5
+    corner = found.spots[mine].min(axis=0)
+    place = np.rint((found.spots[mine] - corner) / cell).astype(int)
+    grid = np.full(place.max(axis=0) + 1, np.nan)
+    grid[tuple(place.T)] = found.sensed[mine] / 1e3
+    (left, bottom), (right, top) = corner - 0.5 * cell, corner + (np.array(grid.shape) - 0.5) * cell
+    axes.imshow(
+        grid.T, extent=(left, right, bottom, top), origin="lower", cmap="turbo", vmin=0, vmax=full
     )
-    axes.set_aspect("equal")
     axes.set_xticks([])
     axes.set_yticks([])
     axes.set_title(f"{title}\npeak {found.peak(pad=0) / 1e3:.1f} kPa", fontsize=9)
@@ -59,10 +54,12 @@ def main(out: Path = Path("runs/pressure.png"), avatar: str = "natalia") -> None
         draw(axes, found, title, FULL)
         axes.set_xlim(-0.22, 0.22)
         axes.set_ylim(-0.23, 0.23)
-    top.colorbar(axes.collections[0], ax=top.axes, label="kPa", shrink=0.8)
+    top.colorbar(axes.images[0], ax=top.axes, label="kPa", shrink=0.8)
     bed = bottom.subplots(1, 1)
     draw(bed, lying(avatar, "hospital_foam"), "standard mattress", BED)
-    bottom.colorbar(bed.collections[0], ax=bed, label="kPa", shrink=0.8)
+    bed.set_xlim(-1.15, 1.15)
+    bed.set_ylim(-0.45, 0.45)
+    bottom.colorbar(bed.images[0], ax=bed, label="kPa", shrink=0.8)
     out.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(out)
 
