@@ -178,6 +178,7 @@ FEATURES = {
     "many environments for a learner": ("envs/learning", "BatchedEnv"),
     "meshes": ("rcare_marl/model", "Mesh"),
     "pictures": ("rcare_marl/rendering", "Camera"),
+    "pressure on seats and beds": ("agents/people/resting", "pressure_map"),
     "robot control modes": ("agents/robots/control", "ToolDelta"),
     "scripted robots": ("baselines/scripted", "ScriptedFeeding"),
     "the coach's page": ("baselines/coaching/page", "Server"),

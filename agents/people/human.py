@@ -33,6 +33,8 @@ from .motion.legs import Legs
 from .moves import Moves, expand_moves
 from .physiology import Physiology
 from .physiology_model import REGIONS, physiology_model
+from .resting.dose import PressureDose
+from .resting.support import Support
 
 FRICTION = 0.6  # skin and clothes against plastic and metal; our own choice
 
@@ -50,6 +52,7 @@ class Human(Agent):
         velocities: Their rates then [rad/s].
         physiology: Vital signs, fatigue, pain and comfort.
         tissue: Flesh that yields, if any.
+        pressure_dose: Pressure over time on the skin of who rests, see `rest_on`.
         supports: Bodies that can move and carry the person: to rest on them is no pressure.
         pelvis: Where the pelvis was put, in the world; where a held pelvis is.
         moves: What actions move beside the joints: `walk`, `kneel`, `grasp`.
@@ -89,6 +92,8 @@ class Human(Agent):
         self.moves = expand_moves(moves)
         self.physiology = Physiology(avatar)
         self.supports: list[Body] = []
+        self.pressure_dose = PressureDose()
+        self._borne_by: Support | None = None
         self._physiology_observed = physiology_observed
         self._is_tired = False
         self.name, self.avatar, self.posture = name, avatar, posture.borne(avatar.bearing)
@@ -276,6 +281,7 @@ class Human(Agent):
             self.place(self._home)
         self.body.set_joints(self._joints, self._start)
         self.drive.reset(rng, self._gravity)
+        self.pressure_dose.reset()
         self._moves.reset()
         self._sensed_at = self._world.time
         self.physiology.reset(upright=self._meter.upright())
@@ -353,6 +359,17 @@ class Human(Agent):
         if passed > 0:
             self.physiology.advance(passed, self._meter.read())
             self._tire()
+            if self._borne_by is not None:
+                self.pressure_dose.rest(self, self._borne_by)
+            self.pressure_dose.advance(passed)
+
+    def rest_on(self, support: Support | None) -> None:
+        """Say what bears the person from now on, for `pressure_dose`; None, as at first, while nothing does.
+
+        Nothing else changes. Each control step after trunk or legs moved takes some tenths of a second.
+        """
+        self._borne_by = support
+        self.pressure_dose.rest(self, support)
 
     def _tire(self) -> None:
         """Let tired regions lose strength."""

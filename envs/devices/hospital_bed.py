@@ -21,6 +21,7 @@ from rcare_marl.agents.people.body.skeleton import (
     forward_kinematics,
 )
 from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.resting.support import Support, bed
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, axis_rotation, quaternion_from_matrix
@@ -289,6 +290,14 @@ class HospitalBed(Device):
     def mattress_height(self) -> float:
         """Return the present height of the top of the mattress [m]."""
         return self._low + self._thick + self.position("height")
+
+    def bears(self, mattress: str = "hospital_foam") -> Support:
+        """Return what bears somebody in it now, for `Human.rest_on`, thighs and calves flat.
+
+        Args:
+            mattress: Of `assets/cushions`.
+        """
+        return bed(self.frame_in_world("fold"), mattress, math.degrees(self.position("backrest")))
 
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Body:
         body = super().spawn(world, pose, name=name)

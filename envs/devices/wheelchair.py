@@ -8,6 +8,7 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.resting.support import Support, chair
 from rcare_marl.agents.robots.robot_config import Mount
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError, check_name
@@ -149,6 +150,10 @@ class Wheelchair(Device):
             check_name("side", side, SIDES)
         bare = self.model.without([f"armrest_{side}" for side in without_armrest])
         self.model = with_posts(bare, place, signs)
+
+    def bears(self, cushion: str = "foam") -> Support:
+        """Return what bears somebody in it now, for `Human.rest_on`; a cushion of `assets/cushions`."""
+        return chair(self.frame_in_world("seat_back"), cushion)
 
     def fit_footplates(self, left: Vector, right: Vector) -> None:
         """Move the footplates under a person's soles, given in the chair's frame [m], before `spawn`.

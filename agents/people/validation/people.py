@@ -8,10 +8,13 @@ from typing import Any
 
 from rcare_marl.errors import check_name
 
-from . import body
+from . import body, pressure
 from .check import Check
 
-FAMILIES: Mapping[str, Callable[[], Sequence[Check]]] = {"body": body.checks}
+FAMILIES: Mapping[str, Callable[[], Sequence[Check]]] = {
+    "body": body.checks,
+    "pressure": pressure.checks,
+}
 SPLITS = ("fitted", "held out", "memory")
 
 
