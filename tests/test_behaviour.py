@@ -178,7 +178,9 @@ def test_no_sentence_is_tried_for_ever(kind: Kind) -> None:
     scene = Scene("kim", kind=kind)
     for text in sorted(scene.cues.instruction.possible):
         scene.cues.instruction.say(text, speaker=lambda: np.array((0.8, -0.8, 1.2)))
-        scene.person.physiology.fatigue = 0.0  # weak limbs tire, and the tired rest before they answer
+        scene.person.physiology.fatigue = (
+            0.0  # weak limbs tire, and the tired rest before they answer
+        )
         assert scene.run(6.2).answer() in ("done", "cannot")
 
 

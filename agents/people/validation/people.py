@@ -8,11 +8,16 @@ from typing import Any
 
 from rcare_marl.errors import check_name
 
-from . import body, pressure
+from . import active_range, body, grades, moment_arms, pressure, swing, torques
 from .check import Check
 
 FAMILIES: Mapping[str, Callable[[], Sequence[Check]]] = {
     "body": body.checks,
+    "moment_arm": moment_arms.checks,
+    "torque": torques.checks,
+    "active_range": active_range.checks,
+    "grade": grades.checks,
+    "swing": swing.checks,
     "pressure": pressure.checks,
 }
 SPLITS = ("fitted", "held out", "memory")
