@@ -78,7 +78,7 @@ def test_the_robot_can_be_mounted_on_the_left() -> None:
     env.close()
 
 
-@pytest.mark.parametrize("robot", ["nao", "stretch_re1", "ur5"])
+@pytest.mark.parametrize("robot", ["nao", "stretch_re1", "fetch"])
 def test_a_robot_that_cannot_reach_is_refused(robot: str) -> None:
     with pytest.raises(ConfigError, match="no arm that reaches"):
         rcare_marl.make("drinking", robot=robot)
