@@ -57,7 +57,8 @@ def tallies(checks: Sequence[Check]) -> list[Tally]:
     found: dict[tuple[str, str], list[bool]] = {}
     for check in checks:
         found.setdefault((check.family, check.split), []).append(check.is_in_band)
-    order = sorted(found, key=lambda key: (list(FAMILIES).index(key[0]), SPLITS.index(key[1])))
+    families = list(dict.fromkeys(check.family for check in checks))
+    order = sorted(found, key=lambda key: (families.index(key[0]), SPLITS.index(key[1])))
     return [Tally(*key, sum(found[key]), len(found[key])) for key in order]
 
 
