@@ -235,8 +235,8 @@ def pressure_map(who: Human | PosedBody, support: Support, *, cell: float = CELL
     )
     try:
         at, pressure, _ = foundation.settle(np.zeros(len(pull)), lower)
-        contact = _on_pads(pressure > 0, cells, support, cell)
-        narrow = _off_pads([_half_width(grid > 0, cell) for grid in contact], cells)
+        grids = _on_pads(pressure, cells, support, cell)
+        narrow = _off_pads([_half_width(grid > 0, cell) for grid in grids], cells)
         spread = np.array([layer.spread for layer in layers])[cells.pads] * lower[0] / narrow
         stiffer = (lower[0], lower[1] * (1 + 2 / np.pi * spread), *lower[2:])
         at, pressure, off = foundation.settle(at, stiffer)
