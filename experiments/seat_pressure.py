@@ -41,7 +41,7 @@ def draw(axes: Axes, found: PressureMap, title: str, full: float) -> None:
 def main(out: Path = Path("runs/pressure.png"), avatar: str = "natalia") -> None:
     """Draw the maps."""
     figure = pyplot.figure(figsize=(9, 5.6), dpi=130, layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=(1.0, 1.05))
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.0, 1.05))[:, 0]
     seats = {
         "hard board": seated(avatar, "board", able=False),
         "foam": seated(avatar, "foam", able=False),

@@ -160,6 +160,42 @@ class _Cells:
     index: Ints  # row and column, [n, 2]
 
 
+Columns = tuple[Array, Array, Array, Array]  # thickness, modulus, limit, preload; each [n]
+
+
+@dataclass(frozen=True, eq=False)
+class _Foundation:
+    """Columns beneath a body, and the k ways in which it can give."""
+
+    gaps: Array  # between skin and pad [m], shape [n]
+    area: float
+    lift: Array  # how each way moves skin off and along its pad, [n, k]
+    slide: Array
+    grips: npt.NDArray[np.bool_]
+    flesh: Columns
+    pull: Array  # of gravity on each way, [k]
+    weight: float
+    hold: Array  # stiffness of each way, [k]
+
+    def settle(self, at: Array, lower: Columns) -> tuple[Array, Array, float]:
+        """Return where the body comes to rest on cushions, pressures, and what is left out of balance."""
+        lift, slide, area = self.lift, self.slide, self.area
+        give = 3 * (self.flesh[0] / self.flesh[1] + lower[0] / lower[1])  # of E / 3
+        for k in range(_STEPS):
+            pressure, slope = _series(-self.gaps - lift @ at, self.flesh, lower)
+            if k < _HELD:  # then the same cells stick, or some might come and go for ever
+                held = area * self.grips * (pressure > 0) / give
+            left = self.pull + lift.T @ (pressure * area) - slide.T @ (held * (slide @ at))
+            left -= self.hold * at
+            off = float(np.abs(left).max() / self.weight)
+            if off < _BALANCED:
+                return at, pressure, off
+            matrix = (lift * (slope * area)[:, None]).T @ lift + (slide * held[:, None]).T @ slide
+            step = np.linalg.solve(matrix + np.diag(self.hold + 1e-3 * self.weight), left)
+            at = at + step * min(1.0, _STRIDE / np.abs(step).max())
+        raise ConfigError("does not come to rest: the support does not bear them")
+
+
 def pressure_map(who: Human | PosedBody, support: Support, *, cell: float = CELL) -> PressureMap:
     """Return the pressure of a person on a support, settled from the posture in which they are.
 
@@ -179,63 +215,35 @@ def pressure_map(who: Human | PosedBody, support: Support, *, cell: float = CELL
     if not len(cells.gaps):
         raise ConfigError(f"{body.avatar.name} is not over the support")
     flesh, where = _flesh(body, cells)
-    stiff = resting_flesh()
-    base = support.pads[0].axes
+    stiff, layers = resting_flesh(), [pad.cushion.layer for pad in support.pads]
+    own, lower = _columns(flesh, stiff.modulus_pa, stiff.limit), _columns_of(layers, cells.pads)
     joints = [j for j in _relaxed(cells) if borne[j]]
+    base = support.pads[0].axes
     motion = _motion(cells.points, cells.shares, body.places, base, joints)
-    normals = np.array([pad.axes[:, 2] for pad in support.pads])[cells.pads]
-    lift = np.einsum("na,nka->nk", normals, motion)
-    slide = np.einsum(
-        "na,nka->nk", np.array([p.axes[:, 0] for p in support.pads])[cells.pads], motion
-    )
-    grips = np.array([pad.grips for pad in support.pads])[cells.pads]
-    layers = [pad.cushion.layer for pad in support.pads]
-    upper, lower = _columns(flesh, stiff.modulus_pa, stiff.limit), _columns_of(layers, cells.pads)
+    axes = np.array([pad.axes for pad in support.pads])[cells.pads]
     pull, weight = _weights(body, borne, base, joints)
-    hold = np.zeros(4 + len(joints))
-    hold[4:] = [stiff.relaxed[_kind(JOINTS[j])] for j in joints]
-
-    def settle(at: Array, lower: Columns) -> tuple[Array, Array, Array]:
-        """Return where the body comes to rest, pressures, and what is left out of balance."""
-        shear = cell**2 * grips / (3 * (upper[0] / upper[1] + lower[0] / lower[1]))  # of E / 3
-        for k in range(_STEPS):
-            pressure, slope = _series(-cells.gaps - lift @ at, upper, lower)
-            if (
-                k < _HELD
-            ):  # then what sticks stays the same, or some cells might come and go for ever
-                held = shear * (pressure > 0)
-            left = (
-                pull + lift.T @ (pressure * cell**2) - slide.T @ (held * (slide @ at)) - hold * at
-            )
-            if np.abs(left).max() < _BALANCED * weight:
-                return at, pressure, left
-            matrix = (lift * (slope * cell**2)[:, None]).T @ lift + (
-                slide * held[:, None]
-            ).T @ slide
-            step = np.linalg.solve(matrix + np.diag(hold + 1e-3 * weight), left)
-            at = at + step * min(1.0, _STRIDE / np.abs(step).max())
-        raise ConfigError(
-            f"{body.avatar.name} does not come to rest: the support does not bear them"
-        )
-
-    def on_pads(values: Array) -> list[Array]:
-        grids = [np.zeros(_shape(pad, cell)) for pad in support.pads]
-        for k, grid in enumerate(grids):
-            grid[tuple(cells.index[cells.pads == k].T)] = values[cells.pads == k]
-        return grids
-
-    def off_pads(grids: list[Array]) -> Array:
-        out = np.zeros(len(flesh))
-        for k, grid in enumerate(grids):
-            out[cells.pads == k] = grid[tuple(cells.index[cells.pads == k].T)]
-        return out
-
-    at, pressure, _ = settle(np.zeros(len(hold)), lower)
-    narrow = off_pads([_half_width(grid > 0, cell) for grid in on_pads(pressure)])
-    spread = np.array([layer.spread for layer in layers])[cells.pads] * lower[0] / narrow
-    at, pressure, left = settle(at, (lower[0], lower[1] * (1 + 2 / np.pi * spread), *lower[2:]))
-    wide = max(round(SENSOR / cell), 1)
-    sensed = off_pads([uniform_filter(grid, wide, mode="constant") for grid in on_pads(pressure)])
+    foundation = _Foundation(
+        gaps=cells.gaps,
+        area=cell**2,
+        lift=np.einsum("na,nka->nk", axes[:, :, 2], motion),
+        slide=np.einsum("na,nka->nk", axes[:, :, 0], motion),
+        grips=np.array([pad.grips for pad in support.pads])[cells.pads],
+        flesh=own,
+        pull=pull,
+        weight=weight,
+        hold=np.array([0.0] * 4 + [stiff.relaxed[_kind(JOINTS[j])] for j in joints]),
+    )
+    try:
+        at, pressure, _ = foundation.settle(np.zeros(len(pull)), lower)
+        grids = _on_pads(pressure, cells, support, cell)
+        narrow = _off_pads([_half_width(grid > 0, cell) for grid in grids], cells)
+        spread = np.array([layer.spread for layer in layers])[cells.pads] * lower[0] / narrow
+        stiffer = (lower[0], lower[1] * (1 + 2 / np.pi * spread), *lower[2:])
+        at, pressure, off = foundation.settle(at, stiffer)
+    except ConfigError as error:
+        raise ConfigError(f"{body.avatar.name} {error}") from error
+    wide, grids = max(round(SENSOR / cell), 1), _on_pads(pressure, cells, support, cell)
+    sensed = _off_pads([uniform_filter(grid, wide, mode="constant") for grid in grids], cells)
     loaded = pressure > 0
     sizes = np.array([pad.size for pad in support.pads])[cells.pads]
     return PressureMap(
@@ -248,7 +256,7 @@ def pressure_map(who: Human | PosedBody, support: Support, *, cell: float = CELL
         regions=where[loaded],
         squeeze=(pressure / (stiff.modulus_pa + pressure / stiff.limit))[loaded],
         weight=weight,
-        off=float(np.abs(left).max() / weight),
+        off=off,
         tilt=-float(at[2]),
     )
 
@@ -259,6 +267,22 @@ def _kind(joint: str) -> str:
 
 def _shape(pad: Pad, cell: float) -> tuple[int, int]:
     return int(np.ceil(pad.size[0] / cell)), int(np.ceil(pad.size[1] / cell))
+
+
+def _on_pads(values: Array, cells: _Cells, support: Support, cell: float) -> list[Array]:
+    """Return values of the cells as one grid a pad."""
+    grids = [np.zeros(_shape(pad, cell)) for pad in support.pads]
+    for k, grid in enumerate(grids):
+        grid[tuple(cells.index[cells.pads == k].T)] = values[cells.pads == k]
+    return grids
+
+
+def _off_pads(grids: list[Array], cells: _Cells) -> Array:
+    """Return the values in grids by cell."""
+    out = np.zeros(len(cells.gaps))
+    for k, grid in enumerate(grids):
+        out[cells.pads == k] = grid[tuple(cells.index[cells.pads == k].T)]
+    return out
 
 
 def _half_width(contact: npt.NDArray[np.bool_], cell: float) -> Array:
@@ -379,9 +403,6 @@ def _weights(
     centres = np.einsum("jab,jb->ja", body.turns, np.array([s.centre for s in own])) + body.places
     motion = _motion(centres, np.eye(len(JOINTS)), body.places, base, joints)
     return -GRAVITY * mass @ motion[:, :, 2], float(GRAVITY * mass.sum())
-
-
-Columns = tuple[Array, Array, Array, Array]  # thickness, modulus, limit, preload; each [n]
 
 
 def _columns(thickness: Array, modulus: float, limit: float) -> Columns:
