@@ -444,8 +444,7 @@ class World:
         return found
 
     def _points(self, a: Body, b: Body | None) -> Sequence[Any]:
-        other, own = -1 if b is None else b.uid, a.uid
-        # Arguments in their order: names cost half a microsecond.
+        other, own = -1 if b is None else b.uid, a.uid  # no keywords: each costs half a microsecond
         points = bullet.getContactPoints(own, other, ALL_LINKS, ALL_LINKS, self.client) or ()
         return points if b is not None else [p for p in points if p[1] != p[2]]
 

@@ -21,10 +21,10 @@ from .actuation.actuation import Actuation
 from .actuation.drive import ActuationConfig, make_drive
 from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf
 from .body.person_tree import person_tree
-from .body.posture import PostureConfig, lay_arm, pelvis_pose
+from .body.posture import PostureConfig, lay_arm, pelvis_pose, soles
 from .body.segment import nearest, shape_row
-from .body.self_contact import meeting_links
-from .body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, SIDES, forward_kinematics
+from .body.self_contact import clear_arms, meeting_links
+from .body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, SIDES
 from .body.skin import JointFrame, PersonSkin
 from .body.tissue import Tissue, attach_tissue, expand_tissue
 from .hand import Hand
@@ -152,19 +152,7 @@ class Human(Agent):
     def soles(self, pose: Pose) -> dict[str, Array]:
         """Return the middle of each sole, by side [m], for the posture on the support at `pose`."""
         model = body_model(self.avatar.body_path(), self.avatar.height_m)
-        angles = self.posture.angles(self.avatar.profile.limits("passive"))
-        base = pelvis_pose(self.posture, model, angles, pose).matrix()
-        rotations, positions = forward_kinematics(model.joints, angles)
-        surface, out = model.posed(rotations, positions), {}
-        for side in SIDES:
-            ankle = JOINT_INDEX[f"{side}_ankle"]
-            foot = np.isin(model.owner, (ankle, JOINT_INDEX[f"{side}_foot"]))
-            local = (surface[foot] - positions[ankle]) @ rotations[ankle]  # y out of the sole
-            low, high = local.min(axis=0), local.max(axis=0)
-            middle = (0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2]))
-            here = rotations[ankle] @ middle + positions[ankle]
-            out[side] = (base @ np.append(here, 1.0))[:3]
-        return out
+        return soles(self.posture, model, self.avatar.profile.limits("passive"), pose)
 
     def spawn(self, world: World, pose: Pose) -> None:
         """Load the person onto the support at `pose`; see `body.posture.pelvis_pose`."""
@@ -178,15 +166,16 @@ class Human(Agent):
             for side, pad in self._arm_rests.items():
                 if side not in self.posture.own_arms:
                     angles = self._laid(side, angles, pad)
+        angles = clear_arms(angles, self.segments, self.model.joints, limits)
         self.angles = angles
         urdf = person_urdf(
             avatar, "passive", movable=self.movable, posture=angles, tissue=self._soft
         )
         file = cached(avatar.name.lower().replace(" ", "_"), ".urdf", urdf.text)
         self._fixed_base = self._fixed_base and not self.rides
-        can_meet = world.own_groups < OWN_GROUPS
+        meets, held = world.own_groups < OWN_GROUPS, self._fixed_base
         self.body = world.load_urdf(
-            file, self.pelvis, name=self.name, fixed=self._fixed_base, self_collision=can_meet
+            file, self.pelvis, name=self.name, fixed=held, self_collision=meets
         )
         self.body.exclude_own_links()
         self.body.set_damping()
@@ -208,9 +197,8 @@ class Human(Agent):
             if self.segments[joint].shapes:
                 self._segments_on.setdefault(frame.link, []).append((joint, frame))
         parts = {link: [joint for joint, _ in here] for link, here in self._segments_on.items()}
-        if can_meet:
-            puppet = {"walk", "kneel"} & set(self.moves)  # whose legs are nobody's to plan round
-            self.body.let_meet(meeting_links(parts, legs=not puppet))
+        puppet = {"walk", "kneel"} & set(self.moves)  # whose legs are nobody's to plan round
+        self.body.let_meet(meeting_links(parts, legs=not puppet))
         self.drive = self._make_drive(world.physics_dt)
         self._moves = Moves(self, world)
         self._sensed_at = world.time

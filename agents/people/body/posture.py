@@ -177,6 +177,28 @@ def pelvis_pose(posture: PostureConfig, model: BodyModel, angles: Array, support
     return support @ local
 
 
+def soles(
+    posture: PostureConfig,
+    model: BodyModel,
+    limits: Mapping[str, tuple[float, float]],
+    support: Pose,
+) -> dict[str, Array]:
+    """Return the middle of each sole in the world, by side [m], for a body on a support."""
+    angles = posture.angles(limits)
+    base = pelvis_pose(posture, model, angles, support).matrix()
+    rotations, positions = forward_kinematics(model.joints, angles)
+    surface, out = model.posed(rotations, positions), {}
+    for side in SIDES:
+        ankle = JOINT_INDEX[f"{side}_ankle"]
+        foot = np.isin(model.owner, (ankle, JOINT_INDEX[f"{side}_foot"]))
+        local = (surface[foot] - positions[ankle]) @ rotations[ankle]  # y out of the sole
+        low, high = local.min(axis=0), local.max(axis=0)
+        middle = (0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2]))
+        here = rotations[ankle] @ middle + positions[ankle]
+        out[side] = (base @ np.append(here, 1.0))[:3]
+    return out
+
+
 _ARM_DOFS = (
     "shoulder_abduction",
     "shoulder_flexion",

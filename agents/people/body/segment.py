@@ -110,6 +110,15 @@ def nearest(rows, point):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
+def least_gap(rows, point):  # type: ignore[no-untyped-def]
+    """Return how far a point [3] is from the nearest of the shapes in `rows` [n, 16] [m]."""
+    least = np.inf
+    for k in range(rows.shape[0]):
+        least = min(least, _gap(rows[k], point))
+    return least
+
+
+@numba.njit(cache=True)
 def _gap(row, point):  # type: ignore[no-untyped-def]
     """Return how far a point [3] of the link is from the surface of a shape [m]; negative inside."""
     local, beyond = np.zeros(3), np.empty(3)
