@@ -37,7 +37,7 @@ CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest
 SINK = 0.4  # [rad/s] of the forearm on its way down
 UNDER = 0.012  # [m] of plate and room between pad and forearm, when it is let go
 AWAY = 0.2  # [m] that the plate is drawn out
-LOST = 0.06  # [m] from the plate to where it should be: the arm has slipped off
+LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 
 
 @register_policy("limb_repositioning", "robot", "scripted")
