@@ -14,6 +14,7 @@ from .parameter import print_json
 
 TALLY = ("family", "split", "in band", "of", "share")
 ROW = ("case", "ours", "band", "unit", "in band", "split", "source")
+LONG = 200  # rows of a family that a page does not list
 PAGE = """# Validation of people
 
 Made by `rcare-marl validate people --page docs/validation.md`. Each row has a figure of ours, the band that
@@ -69,6 +70,10 @@ def page_text(checks: Sequence[Check]) -> str:
     """Return the page of the docs: shares in band, then all rows by family."""
     parts = [PAGE.format(tally=markdown_table(TALLY, tally_cells(checks)))]
     for family in dict.fromkeys(check.family for check in checks):
-        own = [cells(check) for check in checks if check.family == family]
-        parts.append(f"\n## {family}\n\n{markdown_table(ROW, own)}\n")
+        own = [check for check in checks if check.family == family]
+        parts.append(f"\n## {family}\n")
+        if len(own) > LONG:
+            parts.append(f"\n{len(own)} rows, too many for a page: `--output FILE` leaves them as JSON.\n")
+        else:
+            parts.append(f"\n{markdown_table(ROW, [cells(check) for check in own])}\n")
     return "".join(parts)
