@@ -162,11 +162,12 @@ class Human(Agent):
         limits = avatar.profile.limits("passive")
         angles = self.posture.angles(limits)
         self.pelvis = self._home = pelvis_pose(self.posture, self.model, angles, pose)
-        if self.posture.arms == "armrests":
-            for side, pad in self._arm_rests.items():
-                if side not in self.posture.own_arms:
-                    angles = self._laid(side, angles, pad)
-        angles = clear_arms(angles, self.segments, self.model.joints, limits)
+        rests = self._arm_rests if self.posture.arms == "armrests" else {}
+        laid = [side for side in rests if side not in self.posture.own_arms]
+        for side in laid:
+            angles = self._laid(side, angles, rests[side])
+        free = [side for side in SIDES if side not in laid]
+        angles = clear_arms(free, angles, self.segments, self.model.joints, limits)
         self.angles = angles
         urdf = person_urdf(
             avatar, "passive", movable=self.movable, posture=angles, tissue=self._soft

@@ -78,6 +78,7 @@ def _overlaps(pair: Iterable[str]) -> bool:
 
 
 def clear_arms(
+    sides: Iterable[str],
     angles: Array,
     segments: Mapping[str, Segment],
     rest: Array,
@@ -89,6 +90,7 @@ def clear_arms(
     turned out of it at shoulder and elbow by steps of `_STEP`, each the one that helps most.
 
     Args:
+        sides: Whose arms, of `left` and `right`.
         angles: Angle of every DoF [rad], shape [112].
         segments: The segments of the body, by joint.
         rest: Joint centres in the T-pose [m], shape [55, 3].
@@ -96,7 +98,7 @@ def clear_arms(
     """
     out = angles.copy()
     solid = [joint for joint in (*_TRUNK, "neck", "head", *_legs()) if segments[joint].shapes]
-    for side in SIDES:
+    for side in sides:
         chosen = [DOF_INDEX[f"{side}_{name}"] for name in _TURNED]
         low, high = np.array([limits[f"{side}_{name}"] for name in _TURNED]).T
         depth = _depth(side, out, segments, rest, solid)
