@@ -244,8 +244,9 @@ def _torques(table, parents, depths, state, gravity, dt, work, matrices, out) ->
         is_paralysed = row[_STRENGTH_ALONG] == 0.0 and row[_STRENGTH_AGAINST] == 0.0
         work[i, _CLIPPED] = 1.0 if is_paralysed else 0.0
     # A muscle at the end of its strength pulls with that strength, whatever the stiffness: when some
-    # are, the accelerations are found once more without theirs.
-    for _ in range(2):
+    # are, the accelerations are found once more without theirs, until no more muscles are.
+    is_new = True
+    while is_new:
         for i in range(count):
             row = table[i]
             for a in range(depths[i] + 1):
@@ -287,8 +288,6 @@ def _torques(table, parents, depths, state, gravity, dt, work, matrices, out) ->
             out[i] += (1 - support) * work[i, _PULL]
             if work[i, _CLIPPED] != 0.0:
                 out[i] -= (1 - support) * dt * work[i, _STIFF] * after
-        if not is_new:
-            break
 
 
 @numba.njit(cache=True, error_model="numpy")
