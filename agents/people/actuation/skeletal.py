@@ -159,6 +159,7 @@ class SkeletalDrive:
         self.target[:] = self._state[3] = self._posture
         self._is_slack = False
         self._tell_strength()
+        self._room[0][:, _CLIPPED] = 0.0
         if self._shaking is not None:
             self._shaking.reset(rng)
         if self._reflex is not None:
@@ -241,11 +242,13 @@ def _torques(table, parents, depths, state, gravity, dt, work, matrices, out) ->
     for i in range(count):
         row = table[i]
         _tighten(row, work[i], state[0, i])
-        is_paralysed = row[_STRENGTH_ALONG] == 0.0 and row[_STRENGTH_AGAINST] == 0.0
-        work[i, _CLIPPED] = 1.0 if is_paralysed else 0.0
-    # A muscle at the end of its strength pulls with that strength, whatever the stiffness: when some
-    # are, the accelerations are found once more without theirs.
-    for _ in range(2):
+        if row[_STRENGTH_ALONG] == 0.0 and row[_STRENGTH_AGAINST] == 0.0:
+            work[i, _CLIPPED] = 1.0
+    # A muscle at the end of its strength pulls with that strength, whatever the stiffness. Which ones are
+    # is taken from the last step; when others are, or no longer are, the accelerations are found once
+    # more, until no more muscles are.
+    is_first = is_new = True
+    while is_new:
         for i in range(count):
             row = table[i]
             for a in range(depths[i] + 1):
@@ -273,22 +276,22 @@ def _torques(table, parents, depths, state, gravity, dt, work, matrices, out) ->
             after = state[1, i] + dt * out[i]
             there = state[0, i] + dt * after
             held = weight + row[_STIFFNESS] * (state[3, i] - there) - row[_DAMPING] * after
-            if work[i, _CLIPPED] == 0.0:
+            was, muscle = work[i, _CLIPPED], 0.0
+            if is_first or was == 0.0:
                 muscle = row[_STIFFNESS] * (state[2, i] - there) - row[_DAMPING] * after
                 muscle += (1 - support) * (weight - work[i, _PULL])
-                if muscle > work[i, _MOST_ALONG]:
-                    work[i, _CLIPPED], muscle, is_new = 1.0, work[i, _MOST_ALONG], True
-                elif muscle < -work[i, _MOST_AGAINST]:
-                    work[i, _CLIPPED], muscle, is_new = -1.0, -work[i, _MOST_AGAINST], True
-            else:
+                along, against = work[i, _MOST_ALONG], work[i, _MOST_AGAINST]
+                now = 1.0 if muscle > along else -1.0 if muscle < -against else 0.0
+                if now != was and (row[_STRENGTH_ALONG] > 0.0 or row[_STRENGTH_AGAINST] > 0.0):
+                    work[i, _CLIPPED], is_new = now, True
+            if work[i, _CLIPPED] != 0.0:
                 muscle = _spent(work[i])
             state[5, i] = muscle
             out[i] = muscle + support * held + state[4, i] - row[_TISSUE] * after
             out[i] += (1 - support) * work[i, _PULL]
             if work[i, _CLIPPED] != 0.0:
                 out[i] -= (1 - support) * dt * work[i, _STIFF] * after
-        if not is_new:
-            break
+        is_first = False
 
 
 @numba.njit(cache=True, error_model="numpy")
