@@ -79,7 +79,7 @@ def test_a_joint_alone_moves_as_in_the_physics_engine(kind: Kind) -> None:
     human = Human("p", person, posture=posture, movable=[dof], actuation=config)
     human.spawn(world, Pose((0, 0, 0.5)))
     human.reset(np.random.default_rng(0))
-    angles = posture.angles(person.profile.limits("passive"))
+    angles = human.angles.copy()  # with the person's bearing
     joint = SingleJoint(person, dof, config, angles=angles, gravity=np.array((0, -1.0, 0)))
     found = joint.move(2.0, towards=2.0).angles
     there = []

@@ -134,7 +134,7 @@ def test_wrong_data_of_joints_and_reflexes_are_refused() -> None:
     with pytest.raises(ConfigError, match="below 0"):
         PassiveJoint(-1.0, (1, 1), (1, 1))
     with pytest.raises(ConfigError, match="grades of the reflex"):
-        Spasticity(0.03, 0.04, 4.0, 600.0, {})
+        Spasticity(0.03, 0.04, 4.0, 600.0, 1650.0, {})
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -43,7 +43,7 @@ from .joint_tissue import damping_beside_muscles, joint_damping
 from .muscle_control import DAMPING_RATIO, FREQUENCY, Felt, MuscleController
 from .muscle_model import MuscleModel
 from .skeletal import BRACING, impedance
-from .stretch_reflex import StretchReflex, excite, reflex_paths
+from .stretch_reflex import StretchReflex, excite, reflex_capacity, reflex_paths
 
 # Our own choices.
 LIGAMENT_ZONE = 0.05  # [rad] before the end of the passive range where ligaments tighten ...
@@ -145,7 +145,7 @@ class MuscleDrive:
         self._posture, self.target = posture.copy(), self._targets.values
         self._take_actions(excitation, groups)
         self.excitation = np.zeros(len(model.units))
-        self._take_will(reflex)
+        self._take_will(reflex, passive)
         self._grip = np.where(resting & ~held, FRICTION_SHARE * normal_strength, 0.0)
         self._elastic = table[:, dynamics.ELASTIC].copy()
         self._controller = MuscleController(
@@ -165,7 +165,7 @@ class MuscleDrive:
         self._laid, self._resting = resting, resting.copy()
         self._carried = self._bears = self._table[:, dynamics.CARRIED].copy()
 
-    def _take_will(self, reflex: StretchReflex | None) -> None:
+    def _take_will(self, reflex: StretchReflex | None, passive: Array) -> None:
         """Set up how will and reflexes excite; will is scaled here, to the kernel all muscles obey."""
         model = self.model
         self._rested = model.table[:, kernel.VOLUNTARY].copy()
@@ -174,6 +174,8 @@ class MuscleDrive:
         self._reflex = reflex
         paths = reflex_paths(model, self._posture)
         self._reflex_paths = paths if reflex is not None else paths[:0]
+        if reflex is not None:
+            reflex.excite_by(reflex_capacity(model, self._posture, passive, paths))
         self._told, self._involuntary = np.zeros((2, len(model.units)))
         self._no_share = np.zeros((len(self.names), 2))
         self._start = model.settled_state(self._posture)

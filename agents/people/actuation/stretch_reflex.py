@@ -27,6 +27,7 @@ from .muscle_model import MuscleModel
 # Columns of the table, one row a DoF and direction of torque (against the axis, then along it).
 LOWEST, PER_RANGE, SIGN, ONSET, LEAST_SPEED, GAIN, TONE, MOST = 0, 1, 2, 3, 4, 5, 6, 7
 COLUMNS = 8
+SAMPLES = 7  # angles of a range at which muscles are asked for their strength
 LEAST_RANGE = 0.6  # [rad] that a speed is a share of: joints that hardly turn are hardly stretched
 
 
@@ -58,6 +59,7 @@ class Spasticity:
         rise: Time constant of activation where no muscle has its own [s].
         per_stretch: By how much the threshold of speed falls with stretch [1/s].
         most_acceleration: Of the limb by its reflex [rad/s²].
+        most_acceleration_by_muscle: Likewise with muscles.
         grades: By Ashworth grade; absent is none.
     """
 
@@ -65,6 +67,7 @@ class Spasticity:
     rise: float
     per_stretch: float
     most_acceleration: float
+    most_acceleration_by_muscle: float
     grades: dict[str, ReflexGrade]
 
     def __post_init__(self) -> None:
@@ -97,6 +100,30 @@ def reflex_paths(model: MuscleModel, posture: Array) -> Ints:
     return np.array(out, np.int64).reshape(-1, 3)
 
 
+def reflex_capacity(model: MuscleModel, posture: Array, passive: Array, paths: Ints) -> Array:
+    """Return what the muscles of each reflex give at full excitation [N·m], shape [n, 2].
+
+    It is the greatest over the passive range of the DoF, the others as in a posture.
+
+    Args:
+        model: The muscles.
+        posture: Angles [rad], shape [n].
+        passive: Passive range [rad], shape [n, 2].
+        paths: See `reflex_paths`.
+    """
+    out, full = np.zeros((len(posture), 2)), np.ones(len(model.units))
+    for i, k in {(int(i), int(k)) for _, i, k in paths}:
+        mine = paths[(paths[:, 1] == i) & (paths[:, 2] == k), 0]
+        pulls = []
+        for at in np.linspace(*passive[i], SAMPLES):
+            angles = posture.copy()
+            angles[i] = at
+            arms = (1.0 if k else -1.0) * model.moment_arms(angles)[mine, i]
+            pulls.append(float(arms @ model.isometric_forces(angles, full)[mine]))
+        out[i, k] = max(*pulls, 0.0)
+    return out
+
+
 class StretchReflex:
     """The reflexes of n DoFs in both directions.
 
@@ -123,7 +150,7 @@ class StretchReflex:
             strength: Normal torque against and along the axis [N·m], shape [n, 2].
             inertia: Of what hangs on each DoF [kg·m²], shape [n].
             physics_dt: Physics step [s].
-            by_muscle: Whether muscles answer: they take their own time, and damp light parts themselves.
+            by_muscle: Whether muscles answer: they take their own time. See `excite_by`.
         """
         known, count = spasticity(), len(grades)
         self.is_silent = all(grade == "0" for pair in grades for grade in pair)
@@ -133,14 +160,15 @@ class StretchReflex:
         # What pulls along the axis is shortest at the upper end of the range.
         table[:, 0, SIGN], table[:, 1, SIGN] = 1.0, -1.0
         table[:, 0, LOWEST], table[:, 1, LOWEST] = passive[:, 0], passive[:, 1]
+        limit = known.most_acceleration_by_muscle if by_muscle else known.most_acceleration
         strongest = max(row.most for row in known.grades.values())
         for i, pair in enumerate(grades):
             for k, grade in enumerate(pair):
                 if grade == "0":
                     continue
                 row = known.grades[grade]
-                bound = known.most_acceleration * inertia[i] / max(strength[i, k], 1e-9)
-                light = 1.0 if by_muscle else min(bound / strongest, 1.0)
+                bound = limit * inertia[i] / max(strength[i, k], 1e-9)
+                light = min(bound / strongest, 1.0)
                 table[i, k, ONSET], table[i, k, LEAST_SPEED] = row.onset, row.least_speed
                 table[i, k, GAIN : MOST + 1] = light * np.array((row.gain, row.tone, row.most))
         self._table, self._strength = table, strength
@@ -149,6 +177,16 @@ class StretchReflex:
         self.share, self._pull = np.zeros((count, 2)), np.zeros(count)
         self._late = np.zeros((max(round(known.delay / physics_dt), 1), count, 2))
         self._next = 0
+
+    def excite_by(self, capacity: Array) -> None:
+        """Make shares of normal strength excitations of muscles.
+
+        Args:
+            capacity: Torque of each direction's spastic muscles at full excitation [N·m], shape [n, 2].
+        """
+        scale = np.where(capacity > 0.0, self._strength / np.maximum(capacity, 1e-9), 1.0)
+        self._table[:, :, GAIN : MOST + 1] *= scale[:, :, None]
+        self._table[:, :, MOST] = np.minimum(self._table[:, :, MOST], 1.0)
 
     def reset(self) -> None:
         """Forget what was felt."""
