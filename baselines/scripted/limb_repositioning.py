@@ -31,7 +31,7 @@ LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
 # Where the forearm points when it is up: while the elbow is behind the armrest, and beside it.
 OUTWARD = np.array((0.58, 0.8, 0.1))
 RAISED = 0.2  # [rad] of the wrist above the elbow, so that a drooping hand clears the armrest
-SETTLING = np.array((0.03, 0.015, 0.0))  # [m] that the forearm goes back when it is let go
+SETTLING = np.array((0.01, 0.0, 0.0))  # [m] that the forearm goes back when it is let go
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
 CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest
 SINK = 0.4  # [rad/s] of the forearm on its way down

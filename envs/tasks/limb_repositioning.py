@@ -52,7 +52,8 @@ SWING = {  # of the arm out of where it hangs, forward and outward
     "left_elbow_flexion": math.radians(25),
 }
 BESIDE = "wheelchair_beside"  # where robots stand that do not reach the arm from the chair
-SETTLE_STEPS = 1440  # physics steps that the arm gets to come to rest, once
+LAID = (0.0, -0.03, -0.06, -0.09, -0.12)  # [m] from the pad's middle where it is tried to lie
+SETTLE_STEPS = 1440  # physics steps that the arm gets to come to rest, each time
 # The wrist is held straight, as by a resting splint; name it in `movable` to let the hand droop.
 MOVABLE = ("left_shoulder", "left_elbow_flexion", "left_elbow_pronation")
 NEEDED = (*SWING, "left_shoulder_external_rotation")
@@ -166,14 +167,29 @@ class LimbRepositioning(Task):
         """Find once where the arm comes to rest: laid on the armrest by hand, and hanging beside it."""
         person, start = self.recipient, list(self.recipient.positions)
         pad = self.chair.frame_in_world("armrest_left")
-        person.set_angles(person.laid_on("left", pad))
-        self._settle()
+        middle = self._lay(pad)
         most = 0.5 * self.chair.armrest_size[0] - TARGET_SPREAD[0]
-        along = min(max(float(self._see_arm()[0] - pad.position[0]), -most), most)
+        along = min(max(float(middle[0] - pad.position[0]), -most), most)
         self._place = np.add(pad.position, (along, 0.0, self.radius))
         person.set_angles(dict(zip(person.movable, start, strict=True)))
         self._settle()
         self._hanging = dict(zip(person.movable, person.positions, strict=True))
+
+    def _lay(self, pad: Pose) -> Array:
+        """Lay the arm on the pad, as far in front as it stays, and return the middle of the forearm [m].
+
+        The farther the elbow is before the shoulder, the more the upper arm draws the forearm off the pad.
+        """
+        person, start = self.recipient, dict(zip(self.recipient.movable, self.recipient.positions))
+        for shift in LAID:
+            person.set_angles(start)  # whence the arm's angles are sought
+            person.set_angles(person.laid_on("left", pad @ Pose((shift, 0.0, 0.0))))
+            self._settle()
+            middle = self._see_arm()
+            aside = abs(float(middle[1] - pad.position[1]))
+            if self._force_on_pad() >= PAD_FORCE and aside <= TARGET_RADIUS:
+                return middle
+        raise ConfigError("the left arm of the recipient slips off the armrest wherever it is laid")
 
     def _settle(self) -> None:
         person, relaxed = self.recipient, GoAlong(self.recipient, self.control_dt)
