@@ -115,7 +115,7 @@ def reflex_capacity(model: MuscleModel, posture: Array, passive: Array, paths: I
     for i, k in {(int(i), int(k)) for _, i, k in paths}:
         mine = paths[(paths[:, 1] == i) & (paths[:, 2] == k), 0]
         pulls = []
-        for at in np.linspace(*passive[i], SAMPLES):
+        for at in np.linspace(passive[i, 0], passive[i, 1], SAMPLES):
             angles = posture.copy()
             angles[i] = at
             arms = (1.0 if k else -1.0) * model.moment_arms(angles)[mine, i]
