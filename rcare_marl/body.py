@@ -79,6 +79,7 @@ class Body:
         self._inertial = Pose(dynamics[3], dynamics[4])
         self._from_inertial = self._inertial.inverse()
         self._has_offset = self._inertial != Pose()
+        self._meeting: list[tuple[int, int]] = []  # own links that collide
         self._released: set[int] = set()  # joints without a motor
         self.may_sleep = False
 
@@ -391,11 +392,15 @@ class Body:
 
         The body must have been loaded with `self_collision`, and its own links excluded.
         """
-        for a, b in pairs:
-            if self.own_gap(a, b) >= 0.0:
-                bullet.setCollisionFilterPair(
-                    self.uid, self.uid, a, b, 1, physicsClientId=self._client
-                )
+        self._meeting = [pair for pair in pairs if self.own_gap(*pair) >= 0.0]
+        self.part_own(False)
+
+    def part_own(self, apart: bool) -> None:
+        """Keep the pairs of `let_meet` from colliding for a while, or let them again."""
+        for pair in self._meeting:
+            bullet.setCollisionFilterPair(
+                self.uid, self.uid, *pair, int(not apart), physicsClientId=self._client
+            )
 
     def set_softness(
         self, *, stiffness: float, damping: float, links: Iterable[int] | None = None

@@ -367,7 +367,6 @@ class World:
         self._attachments = [attachment for attachment, _ in self._marked]
         self._restore_bonds()
         self.set_solver_iterations(self._marked_iterations)
-        # First to the joint angles of the start: pairs of a body's own links must be forgotten too.
         bullet.restoreState(self._start, physicsClientId=self.client)
         self._forget_pairs()
         self.sleeping.begin()  # far apart: none wakes another
@@ -378,17 +377,18 @@ class World:
         self.step_count = 0
 
     def _forget_pairs(self) -> None:
-        """Let the broad phase forget the last episode.
+        """Let the broad phase forget the last episode: pairs, which `restoreState` keeps, order the solver.
 
-        `restoreState` does not restore it: its fattened boxes, and so its pairs, keep a trace of where
-        bodies have been, and pairs decide the order in which the solver works. Far from everything
-        each box is made anew and no pair is left; a few stale ones are dropped at each pass.
+        Far away boxes are made anew and no pair is left, nor one of own links that may not meet.
         """
         for i, body in enumerate(self.bodies):
+            body.part_own(True)
             if body.joints or body.is_movable:
                 body.set_base(Pose((FAR_AWAY * (i + 1), FAR_AWAY, FAR_AWAY)))
-        for _ in range(STALE_PAIR_PASSES):
+        for _ in range(STALE_PAIR_PASSES):  # each drops a few stale ones
             bullet.performCollisionDetection(physicsClientId=self.client)
+        for body in self.bodies:
+            body.part_own(False)
 
     def contacts(self, a: Body, b: Body | None = None) -> list[Contact]:
         """Return the contact points of `a` with `b`, or with anything else, after the last step."""

@@ -165,30 +165,24 @@ class LimbRepositioning(Task):
 
     def _let_hang(self) -> None:
         """Find once where the arm comes to rest: laid on the armrest by hand, and hanging beside it."""
-        person, start = self.recipient, list(self.recipient.positions)
-        pad = self.chair.frame_in_world("armrest_left")
-        middle = self._lay(pad)
+        person, pad = self.recipient, self.chair.frame_in_world("armrest_left")
+        start = dict(zip(person.movable, person.positions, strict=True))
         most = 0.5 * self.chair.armrest_size[0] - TARGET_SPREAD[0]
-        along = min(max(float(middle[0] - pad.position[0]), -most), most)
+        along = min(max(float(self._lay(pad, start)[0] - pad.position[0]), -most), most)
         self._place = np.add(pad.position, (along, 0.0, self.radius))
-        person.set_angles(dict(zip(person.movable, start, strict=True)))
+        person.set_angles(start)
         self._settle()
         self._hanging = dict(zip(person.movable, person.positions, strict=True))
 
-    def _lay(self, pad: Pose) -> Array:
-        """Lay the arm on the pad, as far in front as it stays, and return the middle of the forearm [m].
-
-        The farther the elbow is before the shoulder, the more the upper arm draws the forearm off the pad.
-        """
-        person, start = self.recipient, dict(zip(self.recipient.movable, self.recipient.positions))
+    def _lay(self, pad: Pose, start: Mapping[str, float]) -> Array:
+        """Lay the arm on the pad, as far in front as it stays, and return the middle of the forearm [m]."""
         for shift in LAID:
-            person.set_angles(start)  # whence the arm's angles are sought
-            person.set_angles(person.laid_on("left", pad @ Pose((shift, 0.0, 0.0))))
+            self.recipient.set_angles(start)  # whence the arm's angles are sought
+            self.recipient.set_angles(self.recipient.laid_on("left", pad @ Pose((shift, 0.0, 0.0))))
             self._settle()
-            middle = self._see_arm()
-            aside = abs(float(middle[1] - pad.position[1]))
-            if self._force_on_pad() >= PAD_FORCE and aside <= TARGET_RADIUS:
-                return middle
+            aside = abs(float(self._see_arm()[1] - pad.position[1]))
+            if aside <= TARGET_RADIUS and self._force_on_pad() >= PAD_FORCE:
+                return self._middle
         raise ConfigError("the left arm of the recipient slips off the armrest wherever it is laid")
 
     def _settle(self) -> None:
