@@ -81,15 +81,18 @@ def test_lines_are_as_long_as_the_muscles(world: World, movable: tuple[str, ...]
         points = path_points(model, q)
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         starts = model.layout.starts[:, 0]
-        drawn = [steps[a : b - 1].sum() for a, b in zip(starts, starts[1:], strict=False)]
-        np.testing.assert_allclose(drawn, model.lengths(q), atol=1e-9)
+        drawn = np.array([steps[a : b - 1].sum() for a, b in zip(starts, starts[1:], strict=False)])
+        is_round = np.array([any(p.surface for p in unit.path) for unit in model.units])
+        arcs = model.lengths(q) - drawn  # a line cuts the corner where a path goes round a surface
+        np.testing.assert_allclose(arcs[~is_round], 0.0, atol=1e-9)
+        assert (arcs > -1e-9).all() and arcs.max() < 0.03
 
 
 def test_lines_follow_the_person(world: World) -> None:
     person = spawn(world)
     lines = MuscleLines(person)
-    unit = lines.model.units[lines.model.index("bra_r")]
-    last = lines.starts[lines.model.index("bra_r") + 1] - 1
+    unit = lines.model.units[lines.model.index("biclong_r")]
+    last = lines.starts[lines.model.index("biclong_r") + 1] - 1
     assert unit.path[-1].joint == "right_elbow" and unit.path[-1].parent is None
 
     def carried() -> np.ndarray:  # where the forearm carries the insertion, by the physics

@@ -146,7 +146,7 @@ def test_isometric_force_agrees_with_the_reference_points(
     """A muscle of 1 N held still, its tendon rigid or in balance with it; figures of OpenSim 4.6."""
     units = np.zeros((1, kernel.UNIT_COLUMNS))
     units[0, [kernel.FORCE, kernel.FIBRE, kernel.SLACK, kernel.STRAIN]] = 1.0, 0.1, 0.2, 0.6
-    units[0, kernel.OFFSET] = passive_offset(0.6)
+    units[0, [kernel.OFFSET, kernel.SPEED]] = passive_offset(0.6), 10.0
     wanted = activation * active + passive
     state = np.zeros((kernel.STATE_ROWS, 1))
     state[kernel.ACTIVATION] = activation

@@ -154,7 +154,7 @@ def test_energy_does_not_grow_in_a_free_swing() -> None:
     assert fallen > 1.0  # the arm did fall
     assert max(energies[1:]) < energies[0]
     # Stretched fibres give back a part of what they took; every swing is lower than the one before.
-    assert np.maximum(np.diff(energies), 0).sum() < 0.25 * fallen
+    assert np.maximum(np.diff(energies), 0).sum() < 0.3 * fallen
     assert np.ptp(energies[15:]) < 0.1 * np.ptp(energies[:15])
 
 
@@ -269,7 +269,7 @@ def test_spastic_muscles_resist_fast_stretch_more_than_slow_and_by_their_grade()
     free = resistance("0", 2.0) - resistance("0", 0.2)
     mild = resistance("1+", 2.0) - resistance("1+", 0.2)
     strong = resistance("3", 2.0) - resistance("3", 0.2)
-    assert mild > free + 0.5
+    assert mild > free + 0.4
     assert strong > mild + 2.0
 
 

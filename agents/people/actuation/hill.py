@@ -24,6 +24,9 @@ from rcare_marl.pose import Array
 
 MAX_SPEED = 10.0  # [optimal fibre lengths/s] at which a fibre shortens without load
 FIBRE_DAMPING = 0.1  # beta: of the fibre, a share of F_max at MAX_SPEED
+DAMPING = (
+    FIBRE_DAMPING / MAX_SPEED
+)  # [F_max·s/optimal fibre length], whatever a unit's own greatest speed
 PASSIVE_STRAIN = 0.6  # e_0: strain of the fibre at which passive force is F_max
 PASSIVE_CAP = 2.0  # of F_max; the published exponential reaches 14 at twice the length
 ACTIVATION_TIME, DEACTIVATION_TIME = 0.010, 0.040  # [s]; OpenSim's defaults, after Millard 2013

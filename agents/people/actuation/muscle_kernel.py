@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from rcare_marl.pose import Array
 from rcare_marl.tree.dynamics import (
-    AXIS_NOW,
     SCRATCH_COLUMNS,
     packed_matrix,
     place_frames,
@@ -25,9 +24,8 @@ from rcare_marl.tree.dynamics import (
 
 from .hill import (
     ACTIVATION_TIME,
+    DAMPING,
     DEACTIVATION_TIME,
-    FIBRE_DAMPING,
-    MAX_SPEED,
     SHORTEST,
     active_curve,
     next_activation,
@@ -36,34 +34,34 @@ from .hill import (
     tendon_curve,
     tendon_length,
 )
-from .muscle_unit import ARM, ARM_BEFORE, RADIUS, TURNS, PathLayout
+from .muscle_path import (
+    FRAME_COLUMNS,
+    SPOT_COLUMNS,
+    find_arms,
+    gather_frames,
+)
+from .muscle_path import LENGTH as LENGTH
+from .muscle_path import RATE as RATE
+from .muscle_unit import PathLayout
 
 Ints = npt.NDArray[np.int64]
 
 # Columns of the table of units.
 FORCE, FIBRE, SLACK, PENNATION_SINE, STRAIN = 0, 1, 2, 3, 4
 OFFSET, VOLUNTARY, REFLEX_GAIN, REFLEX_THRESHOLD, LEAST = 5, 6, 7, 8, 9
-UNIT_COLUMNS = 10
+SPEED = 10  # [optimal fibre lengths/s] at which a fibre shortens without load
+UNIT_COLUMNS = 11
 
 # Rows of the state of the units, shape [STATE_ROWS, m]: what goes on from step to step ...
 ACTIVATION, TENDON = 0, 1  # TENDON: last tension [F_max], or in the implicit mode fibre length
 # ... and what the last step found.
-LENGTH, RATE, ACTIVE, PASSIVE, IMPLICIT, GROWTH, CAPACITY = 2, 3, 4, 5, 6, 7, 8
+ACTIVE, PASSIVE, IMPLICIT, GROWTH, CAPACITY = 4, 5, 6, 7, 8  # after `LENGTH` and `RATE`
 STATE_ROWS = 9
 
 RIGID, QUASI_STATIC, IMPLICIT_TENDON = 0, 1, 2
 # [slack lengths] A tendon in balance lies between: fibres pull with -0.1 to 3.9 F_max at any state.
 SHORTEST_TENDON, LONGEST_TENDON = 0.98, 1.09
 BALANCED = 1e-11  # [F_max]: between fibre and tendon, where the implicit mode is content
-
-# Columns of the frames, one row a part after one for the pelvis: rotation, origin, axis.
-_ORIGIN, _AXIS = 9, 12
-FRAME_COLUMNS = 15
-
-# Columns of the spots, the points of one path at a time: where it is, the way from the point before; of a
-# pulley the arm as the part carries it, the direction between both arms, radius by its length.
-_X, _U, _ARM_NOW, _MIDDLE, _LEVER = 0, 3, 6, 9, 12
-SPOT_COLUMNS = 13
 
 
 class Muscles(NamedTuple):
@@ -75,7 +73,7 @@ class Muscles(NamedTuple):
         parts: Table of the parts, shape [n, PART_COLUMNS or more]; see `dynamics.py`.
         parents: Part before each one, -1 for the pelvis, shape [n].
         depths: How many parts come before each one, shape [n].
-        points, pulleys, carriers, starts, crossings, entries, is_branched: See `PathLayout`.
+        points, pulleys, wraps, carriers, starts, crossings, entries, is_branched: See `PathLayout`.
         units: Figures of the units, shape [m, UNIT_COLUMNS].
         work: Scratch of the parts, shape [n, SCRATCH_COLUMNS].
         frames: Of the pelvis and all parts, shape [n + 1, FRAME_COLUMNS].
@@ -90,6 +88,7 @@ class Muscles(NamedTuple):
     depths: Ints
     points: Array
     pulleys: Array
+    wraps: Array
     carriers: Ints
     starts: Ints
     crossings: Ints
@@ -113,7 +112,7 @@ def make_muscles(parts: Array, parents: Ints, layout: PathLayout, units: Array) 
         parts,
         parents,
         tree_depths(parents),
-        *layout[:7],
+        *layout[:8],
         units,
         np.zeros((count, SCRATCH_COLUMNS)),
         frames,
@@ -122,129 +121,6 @@ def make_muscles(parts: Array, parents: Ints, layout: PathLayout, units: Array) 
         np.zeros((6, count)),
         packed_matrix(parents),
     )
-
-
-@numba.njit(cache=True, error_model="numpy")
-def gather_frames(work, frames) -> None:  # type: ignore[no-untyped-def]
-    """Write the frames of all parts close together; the row of the pelvis is never written."""
-    for i in range(work.shape[0]):
-        for a in range(12):
-            frames[i + 1, a] = work[i, a]
-        for a in range(3):
-            frames[i + 1, _AXIS + a] = work[i, AXIS_NOW + a]
-
-
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _turned(frames, row, x, y, z):  # type: ignore[no-untyped-def]
-    """Return a vector of a part's frame in that of the pelvis."""
-    return (
-        frames[row, 0] * x + frames[row, 1] * y + frames[row, 2] * z,
-        frames[row, 3] * x + frames[row, 4] * y + frames[row, 5] * z,
-        frames[row, 6] * x + frames[row, 7] * y + frames[row, 8] * z,
-    )
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _turn_pulley(pulleys, pulley, frames, row, before, spots, k) -> None:  # type: ignore[no-untyped-def]
-    """Move a point from the centre of its pulley to its rim."""
-    a0, a1, a2 = _turned(
-        frames, row, pulleys[pulley, ARM], pulleys[pulley, ARM + 1], pulleys[pulley, ARM + 2]
-    )
-    c0, c1, c2 = (
-        pulleys[pulley, ARM_BEFORE],
-        pulleys[pulley, ARM_BEFORE + 1],
-        pulleys[pulley, ARM_BEFORE + 2],
-    )
-    b0, b1, b2 = _turned(frames, before, c0, c1, c2)
-    spots[k, _ARM_NOW], spots[k, _ARM_NOW + 1], spots[k, _ARM_NOW + 2] = a0, a1, a2
-    b0, b1, b2 = a0 + b0, a1 + b1, a2 + b2
-    norm = 1.0 / (math.sqrt(b0 * b0 + b1 * b1 + b2 * b2) + 1e-12)
-    b0, b1, b2 = b0 * norm, b1 * norm, b2 * norm
-    radius = pulleys[pulley, RADIUS]
-    spots[k, _MIDDLE], spots[k, _MIDDLE + 1], spots[k, _MIDDLE + 2] = b0, b1, b2
-    spots[k, _LEVER] = radius * norm
-    spots[k, _X] += radius * b0
-    spots[k, _X + 1] += radius * b1
-    spots[k, _X + 2] += radius * b2
-
-
-@numba.njit(cache=True, error_model="numpy")
-def find_arms(muscles, velocities, state) -> None:  # type: ignore[no-untyped-def]
-    """Write the length and rate of each unit into `state`, and each crossing's moment arm."""
-    points, pulleys, carriers = muscles.points, muscles.pulleys, muscles.carriers
-    starts, crossings, entries = muscles.starts, muscles.crossings, muscles.entries
-    frames, spots, arms = muscles.frames, muscles.spots, muscles.arms
-    for m in range(starts.shape[0] - 1):
-        first, count = starts[m, 0], starts[m + 1, 0] - starts[m, 0]
-        length = 0.0
-        for k in range(count):
-            p = first + k
-            row, pulley = carriers[p, 0], carriers[p, 1]
-            x, y, z = _turned(frames, row, points[p, 0], points[p, 1], points[p, 2])
-            spots[k, _X] = x + frames[row, _ORIGIN]
-            spots[k, _X + 1] = y + frames[row, _ORIGIN + 1]
-            spots[k, _X + 2] = z + frames[row, _ORIGIN + 2]
-            if pulley >= 0:
-                _turn_pulley(pulleys, pulley, frames, row, carriers[p, 2], spots, k)
-            if k > 0:
-                d0 = spots[k, _X] - spots[k - 1, _X]
-                d1 = spots[k, _X + 1] - spots[k - 1, _X + 1]
-                d2 = spots[k, _X + 2] - spots[k - 1, _X + 2]
-                span = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-                length += span
-                each = 1.0 / max(span, 1e-12)
-                spots[k, _U], spots[k, _U + 1], spots[k, _U + 2] = d0 * each, d1 * each, d2 * each
-        rate = 0.0
-        for c in range(starts[m, 1], starts[m + 1, 1]):
-            dof = crossings[c, 0]
-            slope = 0.0
-            for e in range(crossings[c, 1], crossings[c + 1, 1]):
-                k, kind = entries[e, 0], entries[e, 1]
-                if kind == TURNS:
-                    radius = pulleys[carriers[first + k, 1], RADIUS]
-                    slope += _pulley_slope(spots, radius, k, count, frames, dof + 1)
-                else:
-                    slope += kind * _segment_slope(spots, k, frames, dof + 1)
-            arms[c] = -slope
-            rate += slope * velocities[dof]
-        state[LENGTH, m], state[RATE, m] = length, rate
-
-
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _segment_slope(spots, k, frames, row):  # type: ignore[no-untyped-def]
-    """Return how fast a segment grows whose end turns with a joint at unit rate."""
-    d0 = spots[k, _X] - frames[row, _ORIGIN]
-    d1 = spots[k, _X + 1] - frames[row, _ORIGIN + 1]
-    d2 = spots[k, _X + 2] - frames[row, _ORIGIN + 2]
-    u0, u1, u2 = spots[k, _U], spots[k, _U + 1], spots[k, _U + 2]
-    return (
-        frames[row, _AXIS] * (d1 * u2 - d2 * u1)
-        + frames[row, _AXIS + 1] * (d2 * u0 - d0 * u2)
-        + frames[row, _AXIS + 2] * (d0 * u1 - d1 * u0)
-    )
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _pulley_slope(spots, radius, k, count, frames, row):  # type: ignore[no-untyped-def]
-    """Return how fast a path grows whose pulley is turned at one side by a joint at unit rate."""
-    a0, a1, a2 = frames[row, _AXIS], frames[row, _AXIS + 1], frames[row, _AXIS + 2]
-    w0 = a1 * spots[k, _ARM_NOW + 2] - a2 * spots[k, _ARM_NOW + 1]
-    w1 = a2 * spots[k, _ARM_NOW] - a0 * spots[k, _ARM_NOW + 2]
-    w2 = a0 * spots[k, _ARM_NOW + 1] - a1 * spots[k, _ARM_NOW]
-    m0, m1, m2 = spots[k, _MIDDLE], spots[k, _MIDDLE + 1], spots[k, _MIDDLE + 2]
-    along, lever = w0 * m0 + w1 * m1 + w2 * m2, spots[k, _LEVER]
-    c0 = spots[k, _X] - radius * m0 - frames[row, _ORIGIN]  # the centre may be carried too
-    c1 = spots[k, _X + 1] - radius * m1 - frames[row, _ORIGIN + 1]
-    c2 = spots[k, _X + 2] - radius * m2 - frames[row, _ORIGIN + 2]
-    v0 = lever * (w0 - along * m0) + a1 * c2 - a2 * c1
-    v1 = lever * (w1 - along * m1) + a2 * c0 - a0 * c2
-    v2 = lever * (w2 - along * m2) + a0 * c1 - a1 * c0
-    slope = 0.0
-    if k > 0:
-        slope += spots[k, _U] * v0 + spots[k, _U + 1] * v1 + spots[k, _U + 2] * v2
-    if k < count - 1:
-        slope -= spots[k + 1, _U] * v0 + spots[k + 1, _U + 1] * v1 + spots[k + 1, _U + 2] * v2
-    return slope
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -289,13 +165,13 @@ def pull(units, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
         by_speed, speed_slope = speed_curve(speed)
         capacity = cosine * active * by_speed
         contractile = a * capacity
-        rest = max(cosine * (work[5, m] + FIBRE_DAMPING * speed), -contractile)
+        rest = max(cosine * (work[5, m] + units[m, SPEED] * DAMPING * speed), -contractile)
         state[CAPACITY, m] = force * capacity
         state[ACTIVE, m], state[PASSIVE, m] = force * contractile, force * rest
         state[TENDON, m] = contractile + rest
         force *= cosine * cosine / units[m, FIBRE]
         stiffness = force * max(a * active_slope * by_speed + passive_slope, 0.0)
-        damping = force * (a * active * speed_slope + FIBRE_DAMPING) * (1.0 / MAX_SPEED)
+        damping = force * (a * active * speed_slope / units[m, SPEED] + DAMPING)
         state[IMPLICIT, m] = dt * (damping + dt * stiffness)
         state[GROWTH, m] = dt * stiffness * state[RATE, m]
 
@@ -311,7 +187,7 @@ def _stretch(units, state, mode, lengths, cosines, speeds) -> None:  # type: ign
         length = math.sqrt(along * along + units[m, PENNATION_SINE] ** 2)
         cosine = along / length
         lengths[m], cosines[m] = length, cosine
-        speed = state[RATE, m] * per_fibre * (1.0 / MAX_SPEED) * cosine
+        speed = state[RATE, m] * per_fibre / units[m, SPEED] * cosine
         speeds[m] = min(max(speed, -1.0), 1.0)
 
 
@@ -332,15 +208,15 @@ def _fibre_balance(unit, length, old, reach, activation, dt):  # type: ignore[no
     """Return fibre less tendon force at a fibre length, its slope, and both fibre forces [F_max]."""
     height = unit[PENNATION_SINE]
     cosine = math.sqrt(max(1.0 - (height / length) ** 2, 1e-4))
-    speed = min(max((length - old) / (dt * MAX_SPEED), -1.0), 1.0)
+    speed = min(max((length - old) / (dt * unit[SPEED]), -1.0), 1.0)
     active, active_slope = active_curve(length)
     by_speed, speed_slope = speed_curve(speed)
     passive, passive_slope = passive_curve(length, unit[STRAIN], unit[OFFSET])
     tendon, tendon_slope = tendon_curve((reach - length * unit[FIBRE] * cosine) / unit[SLACK])
     contractile = activation * active * by_speed
-    rest = passive + FIBRE_DAMPING * speed
+    rest = passive + unit[SPEED] * DAMPING * speed
     fibre_slope = activation * active_slope * by_speed + passive_slope
-    fibre_slope += (activation * active * speed_slope + FIBRE_DAMPING) / (dt * MAX_SPEED)
+    fibre_slope += (activation * active * speed_slope / unit[SPEED] + DAMPING) / dt
     turn = height * height / (length**3 * cosine)  # of the cosine with the length
     slope = fibre_slope * cosine + (contractile + rest) * turn
     slope += tendon_slope * unit[FIBRE] / unit[SLACK] * (cosine + length * turn)

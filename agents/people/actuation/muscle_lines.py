@@ -7,7 +7,6 @@ import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, matrix_from_quaternion
-from rcare_marl.tree.dynamics import SCRATCH_COLUMNS, place_frames
 from rcare_marl.world import World
 
 from ..body.bone_lines import BoneLines
@@ -15,7 +14,7 @@ from ..body.skin import PersonSkin
 from ..human import Human
 from . import muscle_kernel as kernel
 from .muscle_model import MuscleModel
-from .muscle_unit import ARM, ARM_BEFORE, RADIUS
+from .muscle_path import place_path
 from .muscular import MuscleDrive
 
 RELAXED, FULL = (66, 116, 226), (232, 30, 24)  # sRGB
@@ -36,22 +35,12 @@ def path_points(model: MuscleModel, q: Array) -> Array:
 
     The points of muscle i begin at `model.layout.starts[i, 0]`.
     """
-    layout = model.layout
-    work = np.zeros((len(model.dofs), SCRATCH_COLUMNS))
-    frames = np.zeros((len(model.dofs) + 1, kernel.FRAME_COLUMNS))
-    frames[0, :9] = np.eye(3).ravel()
-    place_frames(model.parts, model.parents, np.asarray(q, np.float64), work)
-    kernel.gather_frames(work, frames)
-    turns, origins = frames[:, :9].reshape(-1, 3, 3), frames[:, 9:12]
-    row, pulley, before = layout.carriers.T
-    points: Array = np.einsum("pab,pb->pa", turns[row], layout.points) + origins[row]
-    on = np.flatnonzero(pulley >= 0)
-    rim = layout.pulleys[pulley[on]]
-    between = np.einsum("pab,pb->pa", turns[row[on]], rim[:, ARM : ARM + 3])
-    between += np.einsum("pab,pb->pa", turns[before[on]], rim[:, ARM_BEFORE : ARM_BEFORE + 3])
-    between /= np.linalg.norm(between, axis=1, keepdims=True)
-    points[on] += rim[:, RADIUS, None] * between
-    return points
+    model.lengths(q)
+    found: list[Array] = []
+    for m in range(len(model.names)):
+        count = place_path(model.kernel_muscles, m)
+        found.append(model.kernel_muscles.spots[:count, :3].copy())
+    return np.concatenate(found)
 
 
 class MuscleLines:

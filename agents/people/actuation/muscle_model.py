@@ -15,6 +15,7 @@ from rcare_marl.tree.joint_tree import JointTree
 
 from . import muscle_kernel as kernel
 from .hill import RESTING_ACTIVATION, SHORTEST, inverse_tendon_force, passive_offset
+from .muscle_path import find_arms, gather_frames
 from .muscle_unit import MuscleUnit, make_layout
 
 Tendon = Literal["rigid", "quasi_static", "implicit"]
@@ -33,6 +34,7 @@ class MuscleModel:
         tendon: `rigid`, `quasi_static` (stretched by the force of the step before) or `implicit`
             (the fibre length is a state, carried on by backward Euler).
         table: Figures of the units for the kernels, shape [m, UNIT_COLUMNS].
+        kernel_muscles: What the kernels know of them, and their room to work in.
     """
 
     def __init__(
@@ -71,7 +73,7 @@ class MuscleModel:
         self.parents = chain.arrays.parents
         self.parts = part_table(chain.arrays, PART_COLUMNS)
         self.table = _unit_table(self.units, strength)
-        self._muscles = kernel.make_muscles(self.parts, self.parents, self.layout, self.table)
+        self.kernel_muscles = kernel.make_muscles(self.parts, self.parents, self.layout, self.table)
 
     def index(self, name: str) -> int:
         """Return the place of a muscle; UnknownNameError if there is none of that name."""
@@ -116,7 +118,7 @@ class MuscleModel:
         wanted = {"q": (q, count), "qd": (qd, count), "out": (out, count)}
         for name, (values, size) in (wanted | {"excitation": (excitation, muscles)}).items():
             _sized(values, size, name)
-        _step(self._muscles, q, qd, excitation, state, dt, self.mode, out)
+        _step(self.kernel_muscles, q, qd, excitation, state, dt, self.mode, out)
         return out
 
     def step_many(
@@ -149,7 +151,7 @@ class MuscleModel:
         for name, (values, shape) in given.items():
             if values.shape != shape:  # the kernel would read beyond the end
                 raise ActionError(f"{name} must have shape {shape}, got {values.shape}")
-        _step_many(self._muscles, q, qd, excitation, state, dt, self.mode, out)
+        _step_many(self.kernel_muscles, q, qd, excitation, state, dt, self.mode, out)
         return out
 
     def lengths(self, q: Array) -> Array:
@@ -162,10 +164,10 @@ class MuscleModel:
 
     def _at(self, q: Array) -> tuple[Array, Array]:
         q = _sized(q, len(self.dofs), "q")
-        layout, state, muscles = self.layout, self.new_state(), self._muscles
+        layout, state, muscles = self.layout, self.new_state(), self.kernel_muscles
         place_frames(self.parts, self.parents, q, muscles.work)
-        kernel.gather_frames(muscles.work, muscles.frames)
-        kernel.find_arms(muscles, np.zeros(len(q)), state)
+        gather_frames(muscles.work, muscles.frames)
+        find_arms(muscles, np.zeros(len(q)), state)
         arms = np.zeros((len(self.units), len(self.dofs)))
         for m, (first, last) in enumerate(
             zip(layout.starts[:-1, 1], layout.starts[1:, 1], strict=True)
@@ -183,6 +185,22 @@ class MuscleModel:
         """
         return self._still(q, activation)[[kernel.ACTIVE, kernel.PASSIVE]].sum(axis=0)
 
+    def steady_forces(self, q: Array, qd: Array, activation: Array | float) -> Array:
+        """Return the tension of each muscle while joints turn steadily, in passing `q` [N], shape [m].
+
+        The tendon is in balance with the fibres and keeps its length, as in an isokinetic test.
+
+        Args:
+            q: Joint angles [rad], shape [n].
+            qd: Joint rates [rad/s], shape [n].
+            activation: In [0, 1], of all or of each, shape [m].
+
+        Raises:
+            ActionError: If an activation lies outside [0, 1].
+        """
+        rates = -self.moment_arms(q) @ _sized(qd, len(self.dofs), "qd")
+        return self._still(q, activation, rates)[[kernel.ACTIVE, kernel.PASSIVE]].sum(axis=0)
+
     def isometric_torques(self, q: Array, activation: Array | float) -> Array:
         """Return the torque about each DoF of muscles held still at `q` [rad] [N·m], shape [n]."""
         return self.moment_arms(q).T @ self.isometric_forces(q, activation)
@@ -197,8 +215,9 @@ class MuscleModel:
         along = np.maximum(along / self.table[:, kernel.FIBRE], SHORTEST)
         return np.hypot(along, self.table[:, kernel.PENNATION_SINE])
 
-    def _still(self, q: Array, activation: Array | float) -> Array:
+    def _still(self, q: Array, activation: Array | float, rates: Array | float = 0.0) -> Array:
         state = self.new_state()
+        state[kernel.RATE] = rates
         state[kernel.ACTIVATION] = checked_excitation(
             np.broadcast_to(np.asarray(activation, np.float64), (len(self.units),)), self.names
         )
@@ -246,6 +265,7 @@ def _unit_table(units: Sequence[MuscleUnit], strength: Array | None) -> Array:
         table[m, kernel.SLACK] = unit.tendon_slack_length
         table[m, kernel.PENNATION_SINE] = np.sin(unit.pennation)
         table[m, kernel.STRAIN] = unit.passive_strain
+        table[m, kernel.SPEED] = unit.max_speed
         table[m, kernel.OFFSET] = passive_offset(unit.passive_strain)
     table[:, kernel.VOLUNTARY] = 1.0 if strength is None else strength
     table[:, kernel.LEAST] = RESTING_ACTIVATION * table[:, kernel.VOLUNTARY]

@@ -2,7 +2,8 @@
 
 `assets/muscles/whole_body.csv` is ours; a user's own table has the same columns. A path is written as
 points separated by `;`, each `segment@reference:x,y,z` in metres, or `child+parent@child:x,y,z` for a
-pulley at the child's joint. See docs/muscles.md.
+pulley at the child's joint. `|cylinder:radius:x,y,z` or `|sphere:radius` after a point makes it the centre
+of a surface that the path goes round. See docs/muscles.md.
 """
 
 from __future__ import annotations
@@ -18,17 +19,19 @@ import numpy as np
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
 
-from ..body.skeleton import JOINT_INDEX, JOINTS, PARENTS
+from ..body.skeleton import CARRIERS, JOINT_INDEX, JOINTS, PARENTS
 from ..profile import clinical_norms
+from .hill import MAX_SPEED
 from .muscle_unit import MuscleUnit, PathPoint, Side
+from .muscle_wrap import KINDS, Surface
 
 REQUIRED = (
     "name side region clinical_group fmax_N lopt_m lts_m pennation_deg passive_strain "
     "architecture_ref architecture_checked geometry_source path"
 ).split()
-# What a row may say besides: how its figures came about. Kept for readers, not used.
+# What a row may say besides; most of it tells readers how its figures came about, and is not used.
 OPTIONAL = (
-    "action_group fmax_published_N fmax_factor lopt_published_m lts_published_m calibration "
+    "action_group vmax_per_s fmax_published_N fmax_factor lopt_published_m lts_published_m calibration "
     "ma_rms_error_mm lm_norm_min lm_norm_max note"
 ).split()
 _NUMBERS = {  # column: (least, greatest); bounds keep out a wrong unit, such as mm for m
@@ -38,6 +41,7 @@ _NUMBERS = {  # column: (least, greatest); bounds keep out a wrong unit, such as
     "pennation_deg": (0.0, 60.0),
     "passive_strain": (0.05, 5.0),
 }
+LEAST_RADIUS = 1e-4  # [m] of a surface
 _MIRROR = {"left": "right", "right": "left", "axial": "axial"}  # of every side
 
 
@@ -163,6 +167,9 @@ def _unit(row: dict[str, str], where: str) -> MuscleUnit:
         path=parse_path(row["path"], where),
         source="architecture: {}; checked: {}; geometry: {}".format(*sources),
         action_group=row.get("action_group", "").strip() or prefix + group,
+        max_speed=number(row, "vmax_per_s", where, 1.0, 30.0)
+        if row.get("vmax_per_s")
+        else MAX_SPEED,
     )
 
 
@@ -171,23 +178,33 @@ def parse_path(text: str, where: str) -> tuple[PathPoint, ...]:
 
     Raises:
         ConfigError: If a point is not written as described above, a pulley is not between a joint
-            and its parent, or there are fewer than two points.
-        UnknownNameError: If a joint is unknown.
+            and its parent, there are fewer than two points, or a surface has a wrong radius or axis or
+            no point on either side.
+        UnknownNameError: If a joint, segment or surface is unknown.
     """
     points = tuple(_point(part.strip(), where) for part in text.split(";") if part.strip())
     if len(points) < 2:
         raise ConfigError(f"{where}: a path needs at least two points, got {len(points)}")
+    wraps = [k for k, point in enumerate(points) if point.surface is not None]
+    if wraps and (wraps[0] == 0 or wraps[-1] == len(points) - 1):
+        raise ConfigError(f"{where}: a path cannot start or end on a surface")
+    if any(b - a == 1 for a, b in zip(wraps, wraps[1:], strict=False)):
+        raise ConfigError(f"{where}: between two surfaces a path needs a point")
     return points
 
 
 def _point(text: str, where: str) -> PathPoint:
+    text, bar, surface = text.partition("|")
     carriers, at, rest = text.partition("@")
     reference, colon, offset = rest.partition(":")
     if not (at and colon):
         raise ConfigError(f"{where}: a point is written segment@reference:x,y,z, got {text!r}")
     joint, plus, parent = carriers.partition("+")
-    for name in (joint, reference, *([parent] if plus else [])):
+    check_name(f"segment in the path ({where})", joint, JOINTS if plus else CARRIERS)
+    for name in (reference, *([parent] if plus else [])):
         check_name(f"joint in the path ({where})", name, JOINTS)
+    if plus and bar:
+        raise ConfigError(f"{where}: a surface is fixed to one segment, got {text!r}")
     if plus:
         before = PARENTS[JOINT_INDEX[joint]]
         if reference != joint or before < 0 or JOINTS[before] != parent:
@@ -195,14 +212,36 @@ def _point(text: str, where: str) -> PathPoint:
                 f"{where}: a pulley is written child+parent@child:x,y,z with the joint's own parent, "
                 f"got {text!r}"
             )
-    try:
-        values = [float(part) for part in offset.split(",")]
-    except ValueError:
-        values = []
+    values = _numbers(offset)
     # 1 m keeps out millimetres: no attachment is that far from a joint of its own segment.
     if len(values) != 3 or not all(abs(value) < 1.0 for value in values):
         raise ConfigError(f"{where}: an offset is three numbers below 1 m, got {offset!r}")
-    return PathPoint(joint, parent if plus else None, reference, (values[0], values[1], values[2]))
+    own = _surface(surface, where) if bar else None
+    place = (values[0], values[1], values[2])
+    return PathPoint(joint, parent if plus else None, reference, place, own)
+
+
+def _surface(text: str, where: str) -> Surface:
+    kind, *figures = text.split(":")
+    check_name(f"surface in the path ({where})", kind, KINDS)
+    form = {"cylinder": "cylinder:radius:x,y,z", "sphere": "sphere:radius"}[kind]
+    if len(figures) != form.count(":"):
+        raise ConfigError(f"{where}: a {kind} is written {form}, got {text!r}")
+    radius = number({"radius": figures[0]}, "radius", where, LEAST_RADIUS, 0.5)
+    if kind == "sphere":
+        return Surface("sphere", radius)
+    axis = _numbers(figures[1])
+    if len(axis) != 3 or not all(map(math.isfinite, axis)) or math.hypot(*axis) < 1e-6:
+        raise ConfigError(f"{where}: an axis is three numbers, not all 0, got {figures[1]!r}")
+    return Surface("cylinder", radius, (axis[0], axis[1], axis[2]))
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the numbers between commas; none if one of them is no number."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        return []
 
 
 def number(

@@ -27,7 +27,9 @@ from rcare_marl.tree.joint_tree import Ints
 from . import hill
 from . import muscle_kernel as kernel
 from .muscle_model import MuscleModel
-from .muscle_unit import ARM, ARM_BEFORE, RADIUS, TURNS
+from .muscle_torch_wrap import wrapped
+from .muscle_unit import ARM, ARM_BEFORE, FIRST_WRAP, LEAVES, RADIUS, TURNS
+from .muscle_wrap import CENTRE, IS_CYLINDER, TURN, WRAP_RADIUS
 
 NEWTON_STEPS = 60  # at most, for the fibre length of the implicit tendon; it needs 4 to 8
 NEWTON_ERROR = 1e-12  # [optimal fibre lengths] at which they end
@@ -100,6 +102,7 @@ class TorchMuscles(torch.nn.Module):
             self.register_parameter(name, torch.nn.Parameter(values, requires_grad=False))
         # What never changes: first of the units, then of the parts, sorted by depth, then of the paths.
         self._keep("_least", model.table[:, kernel.LEAST])
+        self._keep("_speed", model.table[:, kernel.SPEED])
         self._keep("_reflex_gain", model.table[:, kernel.REFLEX_GAIN])
         self._keep("_reflex_threshold", model.table[:, kernel.REFLEX_THRESHOLD])
         self._lay_paths(model, self._lay_tree(model))
@@ -155,6 +158,9 @@ class TorchMuscles(torch.nn.Module):
         pulleys = np.flatnonzero(layout.carriers[:, 1] >= 0)
         is_last = np.append(~is_end[1:], True)
         turn = np.cumsum(layout.carriers[:, 1] >= 0) - 1 + is_end.sum()  # wrench of a pulley
+        wraps = np.flatnonzero(
+            (layout.carriers[:, 2] <= FIRST_WRAP) & (layout.carriers[:, 1] != LEAVES)
+        )
         crossing_owner = np.repeat(np.arange(muscles), np.diff(layout.starts[:, 1]))
         crossing = np.repeat(np.arange(len(layout.crossings) - 1), np.diff(layout.crossings[:, 1]))
         point = layout.starts[crossing_owner[crossing], 0] + layout.entries[:, 0]
@@ -168,6 +174,11 @@ class TorchMuscles(torch.nn.Module):
             ("_pulley_before", rows[layout.carriers[pulleys, 2]]),
             ("_pulley_into", np.where(is_end, segment, 0)[pulleys]),
             ("_pulley_out", np.where(is_last, 0, segment + 1)[pulleys]),
+            ("_wrap_point", wraps),
+            ("_wrap_carrier", rows[layout.carriers[wraps, 0]]),
+            ("_wrap_owner", owner[wraps]),
+            ("_wrap_into", segment[wraps]),
+            ("_wrap_out", segment[wraps + 2]),
             ("_crossing_owner", crossing_owner),
             ("_crossing_dof", layout.crossings[:-1, 0]),
             ("_entry_crossing", crossing),
@@ -180,9 +191,13 @@ class TorchMuscles(torch.nn.Module):
             ("_arm", layout.pulleys[:, ARM : ARM + 3]),
             ("_arm_before", layout.pulleys[:, ARM_BEFORE : ARM_BEFORE + 3]),
             ("_radius", layout.pulleys[:, RADIUS : RADIUS + 1]),
+            ("_wrap_turn", layout.wraps[:, TURN : TURN + 9].reshape(len(wraps), 3, 3)),
+            ("_wrap_centre", layout.wraps[:, CENTRE : CENTRE + 3]),
+            ("_wrap_radius", layout.wraps[:, WRAP_RADIUS]),
+            ("_wrap_axial", layout.wraps[:, IS_CYLINDER, None]),
             ("_has_into", is_end[pulleys, None]),
             ("_has_out", ~is_last[pulleys, None]),
-            ("_entry_sign", np.where(kind == TURNS, 1, kind)),
+            ("_entry_sign", np.where(kind == TURNS, 1, np.sign(kind))),
         ):
             self._keep(name, values[..., None].astype(float))
 
@@ -274,10 +289,13 @@ class TorchMuscles(torch.nn.Module):
         norm = 1.0 / (middle.norm(dim=1, keepdim=True) + 1e-12)
         middle = middle * norm
         points = points.index_add(0, self._pulley_point, self._radius * middle)
+        points, extra, push, other = self._wrap(rotations, places, points)
         ends = points.index_select(0, self._end)
         ways = ends - points.index_select(0, self._end - 1)
         spans = ways.norm(dim=1, keepdim=True)
         ways = ways / spans.clamp(min=1e-12)
+        ways = ways.index_add(0, self._wrap_into, -push).index_add(0, self._wrap_out, other)
+        ends = ends.index_copy(0, self._wrap_into, points.index_select(0, self._wrap_point - 1))
         # What the rim of a pulley is pulled with; it moves by lever (I - m mT) (axis x arm).
         pulled = self._has_into * ways.index_select(0, self._pulley_into)
         pulled = pulled - self._has_out * ways.index_select(0, self._pulley_out)
@@ -289,7 +307,31 @@ class TorchMuscles(torch.nn.Module):
         power = wrenches.index_select(0, self._entry_wrench)
         power = (power * screws.index_select(0, self._entry_part)).sum(1) * self._entry_sign
         arms = -_collected(power, self._entry_crossing, len(self._crossing_dof))
-        return _collected(spans[:, 0], self._segment_owner, len(self.names)), arms
+        lengths = _collected(spans[:, 0], self._segment_owner, len(self.names))
+        return lengths.index_add(0, self._wrap_owner, extra), arms
+
+    def _wrap(self, rotations: Tensor, places: Tensor, points: Tensor) -> tuple[Tensor, ...]:
+        """Return points with the spots on surfaces, how much longer arcs are than chords, and pushes."""
+        turns = rotations.index_select(0, self._wrap_carrier)
+        origins = places.index_select(0, self._wrap_carrier)
+        # From the frame of the pelvis into those of the surfaces, whose axes are rows.
+        turns = _product(
+            self._wrap_turn.expand(-1, -1, -1, points.shape[-1]), turns.transpose(1, 2)
+        )
+
+        def local(step: int) -> Tensor:
+            away = points.index_select(0, self._wrap_point + step) - origins
+            return _turned(turns, away) - _turned(self._wrap_turn, self._wrap_centre)
+
+        first, second, extra, push, other = wrapped(
+            local(-1), local(2), self._wrap_radius, self._wrap_axial
+        )
+        back = turns.transpose(1, 2)
+        centre = _turned(self._wrap_turn, self._wrap_centre)
+        both = [_turned(back, spot + centre) + origins for spot in (first, second)]
+        at = torch.cat((self._wrap_point, self._wrap_point + 1))
+        push, other = _turned(back, push), _turned(back, other)
+        return points.index_copy(0, at, torch.cat(both)), extra, push, other
 
     def _activate(self, activation: Tensor, excitation: Tensor, rates: Tensor, dt: float) -> Tensor:
         least = self._least[:, None]
@@ -317,9 +359,12 @@ class TorchMuscles(torch.nn.Module):
         along = ((lengths - slack) / fibre).clamp(min=hill.SHORTEST)
         length = torch.sqrt(along * along + self.pennation_sine[:, None] ** 2)
         cosine = along / length
-        speed = (rates / (fibre * hill.MAX_SPEED) * cosine).clamp(-1.0, 1.0)
+        speed = (rates / (fibre * self._speed[:, None]) * cosine).clamp(-1.0, 1.0)
         contractile = activation * force_length(length) * force_velocity(speed) * cosine
-        rest = passive_force(length, self.strain[:, None]) + hill.FIBRE_DAMPING * speed
+        rest = (
+            passive_force(length, self.strain[:, None])
+            + hill.DAMPING * self._speed[:, None] * speed
+        )
         rest = torch.maximum(rest * cosine, -contractile)
         return force * contractile, force * rest, contractile + rest
 
@@ -376,9 +421,12 @@ class TorchMuscles(torch.nn.Module):
         self, length: Tensor, lengths: Tensor, activation: Tensor, old: Tensor, dt: float
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Return fibre less tendon force at a fibre length, and both fibre forces [F_max]."""
-        speed = ((length - old) / (dt * hill.MAX_SPEED)).clamp(-1.0, 1.0)
+        speed = ((length - old) / (dt * self._speed[:, None])).clamp(-1.0, 1.0)
         contractile = activation * force_length(length) * force_velocity(speed)
-        rest = passive_force(length, self.strain[:, None]) + hill.FIBRE_DAMPING * speed
+        rest = (
+            passive_force(length, self.strain[:, None])
+            + hill.DAMPING * self._speed[:, None] * speed
+        )
         tendon = tendon_force((lengths - self._along(length)) / self.slack[:, None])
         return (contractile + rest) * self._cosine(length) - tendon, contractile, rest
 

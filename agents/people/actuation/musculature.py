@@ -22,6 +22,7 @@ from ..body.skeleton import FINGERS, JOINT_INDEX, JOINTS, PARENTS, SIDES
 from .mass_xml import read_mass_xml
 from .muscle_table import read_skeleton, read_table
 from .muscle_unit import MuscleUnit, PathPoint, t_pose_length, t_pose_position
+from .muscle_wrap import Surface
 
 _TABLE = assets.ROOT / "muscles" / "whole_body.csv"
 _TRUNK = ("pelvis", "spine1", "spine2", "spine3")
@@ -38,6 +39,7 @@ def _bones() -> dict[str, tuple[str, str]]:
         for limb in (("hip", "knee", "ankle", "foot"), ("shoulder", "elbow", "wrist", "middle1")):
             for start, end in zip(limb, limb[1:], strict=False):
                 bones[f"{side}_{start}"] = (f"{side}_{start}", f"{side}_{end}")
+        bones[f"{side}_ulna"] = bones[f"{side}_elbow"]
         bones[f"{side}_foot"] = (f"{side}_ankle", f"{side}_foot")
         for finger in FINGERS:
             for own, (first, second) in {1: (1, 2), 2: (2, 3), 3: (2, 3)}.items():
@@ -74,10 +76,25 @@ class SkeletonFit:
         out = []
         for point in path:
             offset = self._offset(point)
+            carrier = self._carrier(point, offset)
             out.append(
-                PathPoint(self._carrier(point, offset), point.parent, point.reference, offset)
+                dataclasses.replace(
+                    point, joint=carrier, offset=offset, surface=self._surface(point)
+                )
             )
         return tuple(out)
+
+    def _surface(self, point: PathPoint) -> Surface | None:
+        """Return a surface of a radius that grows with the stature, turned with the bone it is on."""
+        if point.surface is None:
+            return None
+        axis = np.array(point.surface.axis)
+        if point.joint in _BONES:
+            start, end = _BONES[point.joint]
+            bones = [_at(joints, end) - _at(joints, start) for joints in (self.old, self.new)]
+            axis = _turn(*bones) @ axis
+        radius = point.surface.radius * self._stature()
+        return Surface(point.surface.kind, radius, (float(axis[0]), float(axis[1]), float(axis[2])))
 
     def _carrier(self, point: PathPoint, offset: tuple[float, float, float]) -> str:
         """Return the segment for a vertebra or rib: above the next joint the next segment moves it."""

@@ -1,4 +1,4 @@
-"""Published moment arms and isometric torques, and what a musculature gives in the same posture.
+"""Published moment arms and torques, and what a musculature gives in the same posture.
 
 `assets/muscles/published_bands.csv` holds a band for each: mean and standard deviation, or the range
 that was reported. Its column `checked` says whether the figures were read in the source (`read`), some
@@ -22,11 +22,12 @@ from ..body.skeleton import DOF_INDEX, DOFS, SIDES
 from .muscle_model import MuscleModel
 from .muscle_table import number, read_csv
 
-Quantity = Literal["moment_arm", "torque", "passive_torque"]
+Quantity = Literal["moment_arm", "torque", "torque_share", "passive_torque"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 _COLUMNS = (
     "name quantity dof direction posture_deg units low high unit source checked fitted note"
 ).split()
+_MAY = ("speed_deg_s", "reference_deg", "reference_speed_deg_s")
 _WORDS = {"direction": ("+", "-"), "checked": ("read", "part", "memory"), "fitted": ("yes", "no")}
 _LEAST_ARM = 1e-5  # [m] by which a muscle counts as an agonist
 _MILLIMETRE = 1e-3
@@ -39,7 +40,8 @@ class PublishedBand:
     Attributes:
         name: Of the joint and posture.
         quantity: `moment_arm` [mm], mean of the units weighted by their strength; `torque` [N·m], the
-            greatest isometric one; or `passive_torque` [N·m] of relaxed muscles.
+            greatest one; `torque_share` [1], a torque as a share of that in the posture of reference;
+            or `passive_torque` [N·m] of relaxed muscles.
         dof: About which it is measured.
         sign: +1 if the motion is in the positive direction of the DoF, else -1.
         angles: Posture: angle of every DoF, zero in the T-pose [rad], shape [112]. What the file does
@@ -50,6 +52,8 @@ class PublishedBand:
         source: Citation, with its figures.
         checked: `read`, `part` or `memory`.
         is_fitted: Whether our table was fitted to it, so that agreement proves little.
+        speed: At which the motion goes on [rad/s].
+        reference: Of a share: angles and speed of the posture of reference.
     """
 
     name: str
@@ -63,6 +67,8 @@ class PublishedBand:
     source: str
     checked: str
     is_fitted: bool
+    speed: float
+    reference: tuple[Array, float]
 
 
 def load_bands(path: str | Path | None = None) -> tuple[PublishedBand, ...]:
@@ -74,7 +80,8 @@ def load_bands(path: str | Path | None = None) -> tuple[PublishedBand, ...]:
     """
     file = assets.ROOT / "muscles" / "published_bands.csv" if path is None else Path(path)
     return tuple(
-        _band(row, f"{file}, row {i}") for i, row in enumerate(read_csv(file, _COLUMNS), start=2)
+        _band(row, f"{file}, row {i}")
+        for i, row in enumerate(read_csv(file, _COLUMNS, _MAY), start=2)
     )
 
 
@@ -91,15 +98,29 @@ def measured(model: MuscleModel, band: PublishedBand) -> float:
     Raises:
         UnknownNameError: If the band names a muscle that the model does not have.
     """
-    column = model.dofs.index(band.dof)
-    q = band.angles[[DOF_INDEX[name] for name in model.dofs]]
+    if band.quantity == "torque_share":
+        angles, speed = band.reference
+        return _torque(model, band, band.angles, band.speed) / _torque(model, band, angles, speed)
+    if band.quantity != "moment_arm":
+        return _torque(model, band, band.angles, band.speed)
+    chosen, arms, _ = _chosen(model, band, band.angles)
+    strength = np.array([model.units[m].max_isometric_force for m in chosen])
+    return float(arms @ strength / strength.sum()) / _MILLIMETRE
+
+
+def _chosen(model: MuscleModel, band: PublishedBand, angles: Array) -> tuple[Array, Array, Array]:
+    """Return the places of a band's muscles, their arms in its direction [m], and the angles [rad]."""
+    q = angles[[DOF_INDEX[name] for name in model.dofs]]
     chosen = np.array([model.index(name) for name in band.units] or range(len(model.names)))
-    arms = band.sign * model.moment_arms(q)[chosen, column]
-    if band.quantity == "moment_arm":
-        strength = np.array([model.units[m].max_isometric_force for m in chosen])
-        return float(arms @ strength / strength.sum()) / _MILLIMETRE
-    is_active = band.quantity == "torque"
-    forces = model.isometric_forces(q, 1.0 if is_active else 0.0)[chosen]
+    return chosen, band.sign * model.moment_arms(q)[chosen, model.dofs.index(band.dof)], q
+
+
+def _torque(model: MuscleModel, band: PublishedBand, angles: Array, speed: float) -> float:
+    is_active = band.quantity != "passive_torque"
+    chosen, arms, q = _chosen(model, band, angles)
+    rates = np.zeros(len(q))
+    rates[model.dofs.index(band.dof)] = band.sign * speed
+    forces = model.steady_forces(q, rates, 1.0 if is_active else 0.0)[chosen]
     return float((arms * forces)[(arms > _LEAST_ARM) | (not is_active)].sum())
 
 
@@ -113,22 +134,37 @@ def _band(row: dict[str, str], where: str) -> PublishedBand:
     low, high = (number(row, key, where, 0.0, 1000.0) for key in ("low", "high"))
     if low > high:
         raise ConfigError(f"{where}: low {low:g} is above high {high:g}")
+    speeds = [
+        math.radians(number(row, key, where, 0.0, 1000.0)) if row.get(key) else 0.0
+        for key in ("speed_deg_s", "reference_speed_deg_s")
+    ]
     return PublishedBand(
         name=row["name"],
         quantity=cast(Quantity, row["quantity"]),
         dof=row["dof"],
         sign=1 if row["direction"] == "+" else -1,
-        angles=_angles(row["posture_deg"], where),
+        angles=posture(row["posture_deg"], where),
         units=tuple(row["units"].split()),
         low=low,
         high=high,
         source=row["source"],
         checked=row["checked"],
         is_fitted=row["fitted"] == "yes",
+        speed=speeds[0],
+        reference=(posture(row.get("reference_deg") or row["posture_deg"], where), speeds[1]),
     )
 
 
-def _angles(text: str, where: str) -> Array:
+def posture(text: str, where: str) -> Array:
+    """Return the angle of every DoF of a written posture, zero in the T-pose [rad], shape [112].
+
+    It names DoFs with their clinical angles [deg], as `left_knee_flexion:60; left_hip_flexion:85`; all others
+    are as in the anatomical position, arms at the side.
+
+    Raises:
+        ConfigError: If an angle is no number, or out of range.
+        UnknownNameError: If a DoF is unknown.
+    """
     angles = np.zeros(len(DOFS))
     for side in SIDES:
         angles[DOF_INDEX[f"{side}_shoulder_abduction"]] = -math.pi / 2

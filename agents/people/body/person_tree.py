@@ -13,7 +13,7 @@ from rcare_marl.pose import Array, axis_rotation
 from rcare_marl.tree.joint_tree import JointTree, Tree
 
 from .segment import LEAST_INERTIA, Segment, combined
-from .skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINTS, PARENTS, Dof
+from .skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINTS, PARENTS, PRONATIONS, Dof
 
 Place = tuple[int, Array, Array]
 Mass = tuple[float, Array, Array]
@@ -49,25 +49,29 @@ class Melted:
         flesh: Mass [kg], centre [m] and inertia about it [kg·m²] of what each part is made of, the
             pelvis before all; empty for the first axes of a joint.
         frames: Of each SMPL-X joint: its part, rotation and offset [m] in it.
+        ulnae: The same of both ulnae: the elbows before they pronate.
     """
 
     dofs: list[Dof]
     places: list[Place]
     flesh: list[list[Mass]]
     frames: list[Place]
+    ulnae: list[Place]
 
 
 def melted(
     segments: Mapping[str, Segment], joints: Array, posture: Array, movable: Container[str]
 ) -> Melted:
     """Return the moving parts of a person; arguments as for `person_tree`."""
-    out = Melted([], [], [[]], [])
+    out = Melted([], [], [[]], [], [])
     for j, joint in enumerate(JOINTS):
         part, rotation, offset = (-1, np.eye(3), np.zeros(3))
         if j:
             part, rotation, before = out.frames[PARENTS[j]]
             offset = before + rotation @ (joints[j] - joints[PARENTS[j]])
         for dof in DOFS_OF[joint]:
+            if dof.name in PRONATIONS:
+                out.ulnae.append((part, rotation, offset))
             if dof.name not in movable:
                 rotation = rotation @ axis_rotation(dof.axis, float(posture[DOF_INDEX[dof.name]]))
                 continue
@@ -85,7 +89,7 @@ def melted(
 def person_tree(
     segments: Mapping[str, Segment], joints: Array, posture: Array, movable: Sequence[str]
 ) -> JointTree:
-    """Return the moving parts of a person, rooted in the pelvis; its frames are the 55 SMPL-X joints.
+    """Return the moving parts of a person, rooted in the pelvis; its frames are `CARRIERS`.
 
     Args:
         segments: The 55 segments by joint.
@@ -110,7 +114,7 @@ def person_tree(
         inertias=np.array(inertias, np.float64).reshape(n, 3, 3),
         lags=np.zeros(n),
     )
-    frames = map(np.array, zip(*body.frames, strict=True))
+    frames = map(np.array, zip(*body.frames, *body.ulnae, strict=True))
     return JointTree(tuple(dof.name for dof in body.dofs), tree, *frames)
 
 

@@ -207,6 +207,11 @@ DOFS_OF: dict[str, tuple[Dof, ...]] = {
     joint: tuple(dof for dof in DOFS if dof.joint == joint) for joint in JOINTS
 }
 EYES = ("left_eye_smplhf", "right_eye_smplhf")
+# What may carry flesh and bone: the joints, and the ulnae, which bend with the elbow but do not pronate.
+ULNAE = ("left_ulna", "right_ulna")
+CARRIERS = (*JOINTS, *ULNAE)
+CARRIER_INDEX = {name: i for i, name in enumerate(CARRIERS)}
+PRONATIONS = tuple(f"{side}_elbow_pronation" for side in SIDES)  # what an ulna does not do
 
 
 def joint_rotation(joint: str, angles: Array) -> Array:
@@ -222,6 +227,28 @@ def joint_rotation(joint: str, angles: Array) -> Array:
 def joint_rotations(angles: Array) -> Array:
     """Return each joint's local rotation for DoF `angles` [rad], shape [112] -> [55, 3, 3]."""
     return np.stack([joint_rotation(joint, angles) for joint in JOINTS])
+
+
+def carrier_joint(carrier: str) -> str:
+    """Return the joint at which a carrier starts: itself, or the elbow of an ulna."""
+    return carrier.replace("ulna", "elbow") if carrier in ULNAE else carrier
+
+
+def with_ulnae(rotations: Array, positions: Array) -> tuple[Array, Array]:
+    """Return global rotations [57, 3, 3] and positions [57, 3] of `CARRIERS` for those of the joints."""
+    turns, places = [rotations], [positions]
+    for ulna in ULNAE:
+        j = JOINT_INDEX[carrier_joint(ulna)]
+        before = rotations[PARENTS[j]]
+        x, y, z = (
+            before.T @ rotations[j, :, 0]
+        )  # the axis of pronation, which pronation leaves alone
+        bent = axis_rotation(Y, math.atan2(-z, x)) @ axis_rotation(
+            Z, math.asin(min(max(y, -1.0), 1.0))
+        )
+        turns.append((before @ bent)[None])
+        places.append(positions[j][None])
+    return np.concatenate(turns), np.concatenate(places)
 
 
 def forward_kinematics(rest: Array, angles: Array) -> tuple[Array, Array]:

@@ -1,0 +1,117 @@
+"""Moment arms of the reference skeleton's muscles, against publications and against open models.
+
+MyoSuite's MyoArm was fitted by nobody here and nothing of ours was chosen by it, so its rows are held out.
+MyoLegs descends from Rajagopal 2016, to which our leg paths were once fitted: agreement with it proves
+little, and its rows count as fitted. `experiments/held_out_moment_arms.py` wrote the rows and says how.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from rcare_marl import assets
+from rcare_marl.pose import Array
+
+from ..actuation.muscle_table import number, read_csv
+from ..actuation.published_band import load_bands, measured, posture
+from ..body.skeleton import DOF_INDEX
+from .check import Check
+from .published import published_check
+from .reference_muscles import muscle_model
+
+LARGE = 5.0  # [mm] from which the sign of a moment arm matters
+TOLERANCE = (
+    10.0  # [mm] of a single row, our own choice; models of the same muscle differ by as much
+)
+MOST_WRONG = 2.0  # [%] of large moment arms with the wrong sign
+MOST_ERROR = {"myoarm": 6.0, "myolegs": 5.0}  # [mm] root mean square
+KIN = ("myolegs",)  # of models that paths of ours were fitted to
+_FILE = assets.ROOT / "muscles" / "held_out_moment_arms.csv"
+_COLUMNS = ("model", "version", "region", "muscle", "dof", "posture_deg", "arm_mm")
+
+
+@dataclass(frozen=True)
+class ModelArm:
+    """A moment arm in an open model and ours in the same posture.
+
+    Attributes:
+        model: Name of the model.
+        version: Version of the package that it came from.
+        region: Part of the limb.
+        case: Muscle, DoF and posture.
+        theirs: The model's moment arm [mm].
+        ours: Ours [mm].
+    """
+
+    model: str
+    version: str
+    region: str
+    case: str
+    theirs: float
+    ours: float
+
+
+@lru_cache(maxsize=1)
+def model_arms() -> tuple[ModelArm, ...]:
+    """Return every row of the open models beside ours.
+
+    Raises:
+        ConfigError: If the file is missing or wrong.
+        UnknownNameError: If it names a muscle or a DoF that we do not have.
+    """
+    model, arms = muscle_model(), dict[str, Array]()
+    out = []
+    for i, row in enumerate(read_csv(_FILE, _COLUMNS), start=2):
+        where = f"{_FILE}, row {i}"
+        text = row["posture_deg"]
+        if text not in arms:
+            q = posture(text, where)[[DOF_INDEX[name] for name in model.dofs]]
+            arms[text] = 1e3 * model.moment_arms(q)
+        ours = arms[text][model.index(row["muscle"]), model.dofs.index(row["dof"])]
+        case = f"{row['muscle']} {row['dof']} at {text}"
+        theirs = number(row, "arm_mm", where, -300.0, 300.0)
+        out.append(ModelArm(row["model"], row["version"], row["region"], case, theirs, float(ours)))
+    return tuple(out)
+
+
+def wrong_signs(rows: tuple[ModelArm, ...]) -> float:
+    """Return the share of large moment arms whose sign is not the model's [%]."""
+    wrong = [row.theirs * row.ours <= 0 for row in rows if abs(row.theirs) > LARGE]
+    return 100.0 * float(np.mean(wrong))
+
+
+def rms_error(rows: tuple[ModelArm, ...]) -> float:
+    """Return the root of the mean squared difference [mm]."""
+    return math.sqrt(float(np.mean([(row.ours - row.theirs) ** 2 for row in rows])))
+
+
+def checks() -> list[Check]:
+    """Return every moment arm with its band, and how each open model agrees as a whole."""
+    model = muscle_model()
+    out = [
+        published_check("moment arm", band, measured(model, band), "mm")
+        for band in load_bands()
+        if band.quantity == "moment_arm"
+    ]
+    rows = model_arms()
+    for name, most in MOST_ERROR.items():
+        own = tuple(row for row in rows if row.model == name)
+        is_kin, source = name in KIN, f"myo-sim {own[0].version}, {name}"
+        for case, ours, high, unit in (
+            (f"{name}: wrong signs above {LARGE:g} mm", wrong_signs(own), MOST_WRONG, "%"),
+            (f"{name}: root mean square", rms_error(own), most, "mm"),
+        ):
+            out.append(
+                Check(
+                    "moment arms of a model", case, ours, 0.0, high, unit, source, "model", is_kin
+                )
+            )
+        for row in own:
+            low, high = row.theirs - TOLERANCE, row.theirs + TOLERANCE
+            family = f"moment arm, {name}"
+            out.append(Check(family, row.case, row.ours, low, high, "mm", source, "model", is_kin))
+    return out
