@@ -82,6 +82,12 @@ class Kind(str, Enum):
     algorithms = "algorithms"
 
 
+class Subject(str, Enum):
+    """What `validate` can check."""
+
+    people = "people"
+
+
 @app.callback(invoke_without_command=True)
 def root(
     version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
@@ -358,6 +364,31 @@ def play(
         options=settings(option),
         cast=cast_of(robot, recipient, caregiver) | place_of(home, level, room),
     )
+
+
+@app.command()
+def validate(
+    subject: Annotated[Subject, typer.Argument(help="What to check.")],
+    family: Annotated[
+        list[str] | None,
+        typer.Option("--family", help="Only these checks; may be given several times."),
+    ] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Show every row, not only those out of band.")
+    ] = False,
+    output: OutputFile = None,
+    page: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Leave all rows as a page in Markdown.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Compare simulated people with published figures, fitted and held-out ones apart.
+
+    Example: rcare-marl validate people --family body --all
+    """
+    from . import validation
+
+    validation.run(family or (), every=every, as_json=as_json, record=output, page=page)
 
 
 app.command()(train)

@@ -1,10 +1,10 @@
 """Segment masses and inertias from published shares of body weight.
 
-Source of masses, centres and radii of gyration: P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's
-segment inertia parameters", J. Biomechanics 29(9), 1996, tables 4; quoted from memory (the mass
-columns were checked to sum to 100 %). How a published segment is divided among the SMPL-X joints
-that lie inside it (a trunk third among two vertebrae, a hand among palm and phalanges) is our own
-choice, and says so below.
+Source of lengths, masses, centres and radii of gyration: P. de Leva, "Adjustments to
+Zatsiorsky-Seluyanov's segment inertia parameters", J. Biomechanics 29(9), 1996, table 4, as two
+transcriptions have it that agree (the mass columns sum to 100 %). How a published segment is divided
+among the SMPL-X joints that lie inside it (a trunk third among two vertebrae, a hand among palm and
+phalanges) is our own choice, and says so below.
 """
 
 from __future__ import annotations
@@ -35,6 +35,16 @@ CENTRE_OF_MASS: dict[str, tuple[float, float]] = {
     "forearm": (0.457, 0.456),
     "thigh": (0.410, 0.361),
     "shank": (0.446, 0.442),
+}
+
+# Length between joint centres as a share of stature, the hand's to its tip: (male, female).
+SEGMENT_LENGTHS: dict[str, tuple[float, float]] = {  # cm of men of 174.1 and women of 173.5 cm
+    "upper_arm": (28.17 / 174.1, 27.51 / 173.5),
+    "forearm": (26.89 / 174.1, 26.43 / 173.5),
+    "thigh": (42.22 / 174.1, 36.85 / 173.5),
+    "shank": (43.40 / 174.1, 43.23 / 173.5),
+    "hand": (18.79 / 174.1, 17.01 / 173.5),
+    "trunk": (51.55 / 174.1, 49.79 / 173.5),  # between the middles of shoulder and hip joints
 }
 
 # Radii of gyration about the centre of mass as a share of segment length: sagittal, transverse,
