@@ -73,7 +73,9 @@ def page_text(checks: Sequence[Check]) -> str:
         own = [check for check in checks if check.family == family]
         parts.append(f"\n## {family}\n")
         if len(own) > LONG:
-            parts.append(f"\n{len(own)} rows, too many for a page: `--output FILE` leaves them as JSON.\n")
+            parts.append(
+                f"\n{len(own)} rows, too many for a page: `--output FILE` leaves them as JSON.\n"
+            )
         else:
             parts.append(f"\n{markdown_table(ROW, [cells(check) for check in own])}\n")
     return "".join(parts)
