@@ -26,7 +26,6 @@ from .pose import Pose, Vector
 
 GRAVITY = 9.81  # [m/s²]
 FAR_AWAY = 100.0  # [m]
-STALE_PAIR_PASSES = 12  # of the broad phase, more than any scene has needed
 SOLVER_ITERATIONS = 30  # of Bullet's 50: food stays on the spoon just as well
 
 
@@ -129,6 +128,8 @@ class World:
         self._attachments: list[Attachment] = []
         self._marked: list[tuple[Attachment, bool]] = []
         self._start: int | None = None
+        # Bullet's usual broad phase drops stale pairs in an order that depends on all it has ever seen.
+        bullet.resetSimulation(bullet.RESET_USE_SIMPLE_BROADPHASE, physicsClientId=self.client)
         # Bullet sorts overlapping pairs by address unless told otherwise: that breaks repeatability.
         bullet.setPhysicsEngineParameter(
             fixedTimeStep=physics_dt, deterministicOverlappingPairs=1, physicsClientId=self.client
@@ -379,14 +380,13 @@ class World:
     def _forget_pairs(self) -> None:
         """Let the broad phase forget the last episode: pairs, which `restoreState` keeps, order the solver.
 
-        Far away boxes are made anew and no pair is left, nor one of own links that may not meet.
+        Far away no pair is left, nor one of own links that may not meet.
         """
         for i, body in enumerate(self.bodies):
             body.part_own(True)
             if body.joints or body.is_movable:
                 body.set_base(Pose((FAR_AWAY * (i + 1), FAR_AWAY, FAR_AWAY)))
-        for _ in range(STALE_PAIR_PASSES):  # each drops a few stale ones
-            bullet.performCollisionDetection(physicsClientId=self.client)
+        bullet.performCollisionDetection(physicsClientId=self.client)
         for body in self.bodies:
             body.part_own(False)
 
