@@ -27,8 +27,14 @@ from .skeleton import (
 # Our own choices.
 CLEARANCE = 0.004  # [m] between an arm and the body at the start
 CLEAR_BESIDE = 0.02  # [m] between an arm and what is beside the body
-_STEP, _STEPS, _STRIDES = np.radians(2.0), 40, (1, 4, 12)
+_STEP, _STEPS = np.radians(2.0), 40
 _TURNED = ("shoulder_abduction", "shoulder_flexion", "shoulder_external_rotation", "elbow_flexion")
+# Ways round a thing that no step leads out of, in the order of `_TURNED`, the least first; to bend an elbow
+# counts half.
+_WAYS = sorted(
+    np.radians(list(product(range(0, 43, 6), range(-18, 19, 6), (-18, 0, 18), range(0, 73, 6)))),
+    key=lambda way: float(np.abs(way) @ (1.0, 1.0, 1.0, 0.5)),
+)
 _TRUNK = ("pelvis", "spine1", "spine2", "spine3")
 _ARM, _LEG = ("elbow", "wrist"), ("hip", "knee", "ankle")
 _CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
@@ -112,19 +118,23 @@ def clear_arms(
         for _ in range(_STEPS):
             if depth <= 0.0:
                 break
-            for stride in _STRIDES:  # longer ones where no short one helps
-                found = []
-                for k, sign in product(range(len(chosen)), (1.0, -1.0)):
-                    trial, way = out.copy(), sign * stride * _STEP
-                    trial[chosen[k]] = np.clip(trial[chosen[k]] + way, low[k], high[k])
-                    deep = _depth(side, trial, segments, rest, solid, things)
-                    found.append((deep, len(found), trial))
-                best = min(found, key=lambda each: each[:2])
-                if best[0] < depth:
-                    break
-            else:
+            found = []
+            for k, sign in product(range(len(chosen)), (1.0, -1.0)):
+                trial = out.copy()
+                trial[chosen[k]] = np.clip(trial[chosen[k]] + sign * _STEP, low[k], high[k])
+                deep = _depth(side, trial, segments, rest, solid, things)
+                found.append((deep, len(found), trial))
+            best = min(found, key=lambda each: each[:2])
+            if best[0] >= depth:
                 break
             depth, out = best[0], best[2]
+        if depth > 0.0 and len(things):
+            for way in _WAYS:  # no short step helps: the shortest way round that does
+                trial = out.copy()
+                trial[chosen] = np.clip(angles[chosen] + way, low, high)
+                if _depth(side, trial, segments, rest, solid, things) <= 0.0:
+                    out = trial
+                    break
     return out
 
 
