@@ -18,7 +18,7 @@ from rcare_marl.world import GRAVITY
 
 # Our own choice. Muscles of grade 3 lift an arm through its range once; for many repetitions a weight may take
 # this share of the strength of a rested shoulder, and arms rise by these steps in search of it.
-SHARE = 0.6
+SHARE = 0.85
 RISE = math.radians(3.0)
 
 

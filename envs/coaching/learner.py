@@ -57,8 +57,9 @@ WEARY_FROM, WEARY_SIZE = (
 MEANS_MORE, MOST_MORE = 2.0, math.radians(15.0)
 
 # Elevation of an arm up to which it hangs as it did at the start, clear of wheels and cushion, and from which it
-# is as shown.
+# is as shown; both are less where it is to rise less.
 HANGS, IS_CLEAR = math.radians(25.0), math.radians(50.0)
+BARELY = math.radians(1.0)  # an arm that is to rise less hangs
 
 
 class Shown(Protocol):
@@ -204,14 +205,18 @@ class Learner:
     def _hang(self, wished: Array, dofs: dict[str, float]) -> None:
         """Let arms hang as they did at the start when they are meant to hang, the less the more they rise."""
         person = self._person
-        hung = Imitation(self._limits)(self._lesson.session.exercise.angles(0.0))
+        keys = self._lesson.session.exercise.keys
+        hung = Imitation(self._limits)(keys[0])
         for side in SIDES:
-            up = (float(wished[ARM[side].start]) - HANGS) / (IS_CLEAR - HANGS)
+            elevations = keys[:, ARM[side].start]
+            high = max(float(elevations[0]) + BARELY, min(IS_CLEAR, float(elevations.max())))
+            low = min(HANGS, 0.5 * (float(elevations[0]) + high))
+            up = (float(wished[ARM[side].start]) - low) / (high - low)
             share = 1.0 - min(max(up, 0.0), 1.0)
             for dof in (name for name in dofs if name.startswith(side)):
-                low, high = self._limits[dof]
                 own = float(person.angles[DOF_INDEX[dof]]) - hung[dof]
-                dofs[dof] = min(max(dofs[dof] + share * own, low), high)
+                angle = dofs[dof] + share * own
+                dofs[dof] = min(max(angle, self._limits[dof][0]), self._limits[dof][1])
 
     def _mean_more(self, dofs: dict[str, float]) -> None:
         """Aim beyond what is meant where muscles have long stayed behind it."""

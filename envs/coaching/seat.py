@@ -58,11 +58,16 @@ class Seat:
         self._let_arms_hang()
 
     def _let_arms_hang(self) -> None:
-        """Let nothing hold the arms that exercise; what the person cannot raise lies on its armrest."""
+        """Let nothing hold the arms that exercise; what the person cannot raise lies on its armrest.
+
+        Hands lie on the wheels or in the lap between repetitions: hanging arms tire nobody.
+        """
         held = self.person.posture.supported
         joints = JOINTS if held == "all" else held
         kept = tuple(joint for joint in joints if joint not in self.hanging)
-        self.person.posture = dataclasses.replace(self.person.posture, supported=kept)
+        self.person.posture = dataclasses.replace(
+            self.person.posture, supported=kept, eased=self.hanging
+        )
 
     def spawn(self, world: World, pose: Pose = Pose(), *, name: str = "") -> Pose:
         """Add the chair at a pose, and return the support on which the person is to be spawned.
