@@ -13,7 +13,9 @@ from standing_person import CONTROL_DT, CONTROL_STEPS, person_in
 
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.body.ik import surface_point
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, JOINT_INDEX, JOINTS
+from rcare_marl.agents.people.hand import GRIP_GAP
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.motion.caregiving import Caregiving, Do
 from rcare_marl.agents.people.motion.clip import heading_of
@@ -213,9 +215,9 @@ LAID = ("spine1", "spine2", "spine3", "left_shoulder", "left_elbow", "left_wrist
 
 
 class Room:
-    """Karan in his wheelchair, his left forearm free, and a caregiver two steps away."""
+    """Somebody in a wheelchair, the left forearm free, and a caregiver two steps away."""
 
-    def __init__(self) -> None:
+    def __init__(self, avatar: str = "karan") -> None:
         self.world = World()
         floor = self.world.add_box((6, 6, 0.1), Pose((0, 0, -0.05)), name="floor")
         chair = Wheelchair(mounts="none")
@@ -223,7 +225,7 @@ class Room:
         held = tuple(joint for joint in JOINTS[1:] if not joint.startswith("left_"))
         self.karan = Human(
             "recipient",
-            load_avatar("karan"),
+            load_avatar(avatar),
             posture=dataclasses.replace(posture, supported=held, posed=LAID),
             movable=("left_shoulder", "left_elbow"),
         )
@@ -246,18 +248,17 @@ class Room:
         self.world.mark_start()
 
     def forearm(self) -> Array:
-        elbow, wrist = (
-            np.array(self.karan.joint_pose(f"left_{joint}").position)
-            for joint in ("elbow", "wrist")
-        )
-        return np.asarray(wrist + 0.12 * (elbow - wrist) + (0.0, 0.0, 0.045))
+        """Return a point on the upper side of the forearm, near the wrist [m]."""
+        return surface_point(self.karan, "left_elbow", 0.88, (0.0, 0.0, 1.0), gap=0.01)
 
     def lift(self, do: Caregiving) -> None:
         do.walk_to(0.5, 0.68, math.radians(-140))
-        do.reach(self.forearm, palm=(0, 0, -1), fingers=(-0.3, -1, 0))
+        palm, fingers = (0, 0, -1), (-0.3, -1, 0)
+        do.reach(self.forearm, palm=palm, fingers=fingers, near=GRIP_GAP, follow=True)
         do.grasp(self.karan, "left_elbow")
-        do.move_by((0.0, 0.0, 0.15), speed=0.25)
-        do.move_by((0.0, 0.0, -0.15), speed=0.25)
+        # A heavy limb sags, and what it lies on comes first: some centimetres do.
+        do.move_by((0.0, 0.0, 0.15), speed=0.25, near=GRIP_GAP)
+        do.move_by((0.0, 0.0, -0.15), speed=0.25, near=GRIP_GAP)
         do.release()
         do.lower_arm()
 
@@ -280,8 +281,7 @@ class Room:
                 self.sent.append(self.caregiving.act().copy())
             action = self.sent[k] if replayed is None else replayed[k]
             self.helper.command(action, CONTROL_DT)
-            present = {dof: self.karan.angle(dof) for dof in self.karan.movable}
-            self.karan.command(self.karan.action_towards(present, CONTROL_DT), CONTROL_DT)
+            self.karan.command(self.karan.slack_action(CONTROL_DT), CONTROL_DT)  # goes along
             for _ in range(CONTROL_STEPS):
                 self.karan.actuate()
                 self.helper.actuate()

@@ -13,7 +13,7 @@ from rcare_marl.world import World
 from ..agent import Array
 from .actuation.skeletal import SkeletalDrive
 from .body.person_tree import person_tree
-from .body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX
+from .body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS
 from .physiology import Load
 from .physiology_model import REGIONS, physiology_model
 
@@ -47,12 +47,13 @@ class LoadMeter:
         figures = [model.figure(name) for name in ("muscle_efficiency", "holding_heat")]
         self._figures = (*figures, LEAVES_SUPPORT)
         joints = [DOFS[DOF_INDEX[dof]].joint for dof in person.movable]
-        held, count = person.posture.supported, len(joints)
+        posed, count = person.posture, len(joints)
+        held = (*JOINTS,) if posed.supported == "all" else (*posed.supported, *posed.eased)
         self._table = table = np.zeros((count, _COLUMNS))
         table[:, _AGAINST], table[:, _ALONG] = person.drive.strength.T
         table[:, _POSTURE] = posture
         if count and isinstance(person.drive, SkeletalDrive):  # muscles never hold what lies
-            is_held = [held == "all" or joint in held for joint in joints]
+            is_held = [joint in held for joint in joints]
             tree = person_tree(person.segments, person.model.joints, person.angles, person.movable)
             weights = holding_torques(tree.arrays, posture, gravity)
             table[:, _CARRIED] = np.where(is_held, weights, 0.0)

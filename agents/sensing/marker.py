@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError, WorldError, check_name
@@ -21,6 +22,7 @@ from ..agent import Agent
 from ..people.body.skeleton import JOINT_INDEX, JOINTS, PARENTS, SIDES
 from ..people.body.skin import PersonSkin
 from ..people.human import Human
+from ..people.motion.clip import rotation_between
 from .marker_print import DICTIONARIES, THICKNESS, dictionary_size, plate_edge, plate_urdf
 
 WORLD = "world"
@@ -30,6 +32,8 @@ _ALONG = {"shoulder": 0.35, "elbow": 0.25}
 _ELSEWHERE = 0.5
 _ARM = ("collar", "shoulder", "elbow", "wrist")
 _NEAR = 0.03  # [m]; skin farther above or below a plate is not what it lies on
+_FREE = 0.08  # [m] over a plate whose spot nobody chose, in which no other skin is to be
+_TURNS = tuple(math.radians(sign * k) for k in range(0, 181, 10) for sign in (1, -1))
 _GAP = 0.0005  # [m] between the skin and what lies on it, so that neither is drawn into the other
 
 Ints = npt.NDArray[np.int64]
@@ -195,7 +199,8 @@ def lie_on_skin(
 
     A ray from the bone through `at` finds the outermost skin. The plate lies on it as a stiff one
     would, touching the highest point below it. Its z points out of the skin, its y along the bone
-    towards the joint.
+    towards the joint. Where nobody chose the spot and the body's own skin is over it, as in the crook of an
+    elbow, it goes on around the bone until it is free.
 
     Args:
         world: Where the person is.
@@ -215,22 +220,62 @@ def lie_on_skin(
     rotations, positions = skin.joint_transforms()
     surface = person.model.posed(rotations, positions).astype(np.float64)
     bone = _bone(index, positions)
-    start, ray = _ray(joint, at, positions[index], rotations[index], bone)
+    frame = _frame_of(person, index, rotations) if at is None else rotations[index]
+    start, ray = _ray(joint, at, positions[index], frame, bone)
     faces = _faces_of(person, index)
-    hit = _outermost(surface[faces], start, ray)
-    if hit is None:
+    turns = (0.0,) if at is not None else _TURNS
+    for turned in turns:
+        way = Rotation.from_rotvec(turned * bone / np.linalg.norm(bone)).apply(ray)
+        plate = _plate(surface, faces, start, way, bone, edge)
+        if plate is not None and _is_free(plate, surface, edge):
+            break
+    else:
+        plate = _plate(surface, faces, start, ray, bone, edge)
+    if plate is None:
         where = "where markers go by themselves" if at is None else f"on the ray through {at}"
         raise ConfigError(
             f"segment {joint!r} has no skin of its own {where}: say another `at`, or choose a "
             "segment next to it"
         )
+    place, turn = plate
+    pose = Pose(tuple(place.tolist()), tuple(quaternion_from_matrix(turn).tolist()))
+    return person.frames[index].link, pose
+
+
+def _plate(
+    surface: Array, faces: Ints, start: Array, ray: Array, bone: Array, edge: float
+) -> tuple[Array, Array] | None:
+    """Return where a plate's back lies on the skin [m], and its axes as columns; None if no skin is there."""
+    hit = _outermost(surface[faces], start, ray)
+    if hit is None:
+        return None
     turn = _turned(surface[faces], hit, ray, bone, edge)
     local = (surface[np.unique(faces)] - hit) @ turn
     under = (np.abs(local[:, :2]) < edge / 2).all(axis=1) & (np.abs(local[:, 2]) < _NEAR)
     height = float(local[under, 2].max(initial=0.0)) + _GAP
-    place = hit + height * turn[:, 2]
-    pose = Pose(tuple(place.tolist()), tuple(quaternion_from_matrix(turn).tolist()))
-    return person.frames[index].link, pose
+    return hit + height * turn[:, 2], turn
+
+
+def _is_free(plate: tuple[Array, Array], surface: Array, edge: float) -> bool:
+    """Return whether no skin is close over a plate."""
+    place, turn = plate
+    local = (surface - place) @ turn
+    over = (np.abs(local[:, :2]) < edge / 2).all(axis=1)
+    return not (over & (local[:, 2] > 0) & (local[:, 2] < _FREE)).any()
+
+
+def _frame_of(person: Human, index: int, rotations: Array) -> Array:
+    """Return the frame in which the sides of a segment are told, shape [3, 3].
+
+    An upper arm that is turned about itself keeps its outer side outside: its frame is that of the collar,
+    swung as the bone is.
+    """
+    if not JOINTS[index].endswith("_shoulder"):
+        return np.asarray(rotations[index])
+    rest = _bone(index, person.model.joints)
+    parent = rotations[PARENTS[index]]
+    now = parent.T @ rotations[index] @ rest
+    return np.asarray(parent @ rotation_between(rest, now))
 
 
 def _bone(index: int, positions: Array) -> Array:

@@ -18,6 +18,7 @@ from rcare_marl.agents.coaching.session import Session, Word
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, SIDES
 from rcare_marl.agents.people.actuation.actuation import MAX_SPEED
 from rcare_marl.agents.people.actuation.muscular import MuscleDrive
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array
 
@@ -55,9 +56,10 @@ WEARY_FROM, WEARY_SIZE = (
 # missing each second [1/s], and by so much at most [rad].
 MEANS_MORE, MOST_MORE = 2.0, math.radians(15.0)
 
-# A hanging hand would be in the wheel or the cushion: an elbow is bent so far while the arm is no further
-# from hanging than this, and not at all where it is clear. Found by trying with the people who ship.
-BENT, HANGS, IS_CLEAR = math.radians(35.0), math.radians(25.0), math.radians(50.0)
+# Elevation of an arm up to which it hangs as it did at the start, clear of wheels and cushion, and from which it
+# is as shown; both are less where it is to rise less.
+HANGS, IS_CLEAR = math.radians(25.0), math.radians(50.0)
+BARELY = math.radians(1.0)  # an arm that is to rise less hangs
 
 
 class Shown(Protocol):
@@ -112,8 +114,10 @@ class Learner:
             control_dt: Length of a control step [s].
         """
         self._person, self._lesson, self._control_dt = person, lesson, control_dt
-        limits = dict(zip(person.movable, map(tuple, person.active.tolist()), strict=True))
-        self._imitation = Imitation(limits)
+        self._limits: dict[str, tuple[float, float]] = dict(
+            zip(person.movable, map(tuple, person.active.tolist()), strict=True)
+        )
+        self._imitation = Imitation(self._limits)
         self._index = {dof: i for i, dof in enumerate(person.movable)}
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -144,8 +148,8 @@ class Learner:
         wished = rest.copy() if self.waits else self._understood(shown_then, rest)
         if not self.is_attentive and "head" not in session.exercise.parts:
             wished[MOTION_INDEX["neck_rotation_left"]] += self._away
-        _clear_of_wheels(wished)
         dofs = self._imitation(wished)
+        self._hang(wished, dofs)
         if isinstance(self._person.drive, MuscleDrive):
             self._mean_more(dofs)
         self._keep_together(dofs)
@@ -198,6 +202,22 @@ class Learner:
                 meant[plane] += turn
         return meant
 
+    def _hang(self, wished: Array, dofs: dict[str, float]) -> None:
+        """Let arms hang as they did at the start when they are meant to hang, the less the more they rise."""
+        person = self._person
+        keys = self._lesson.session.exercise.keys
+        hung = Imitation(self._limits)(keys[0])
+        for side in SIDES:
+            elevations = keys[:, ARM[side].start]
+            high = max(float(elevations[0]) + BARELY, min(IS_CLEAR, float(elevations.max())))
+            low = min(HANGS, 0.5 * (float(elevations[0]) + high))
+            up = (float(wished[ARM[side].start]) - low) / (high - low)
+            share = 1.0 - min(max(up, 0.0), 1.0)
+            for dof in (name for name in dofs if name.startswith(side)):
+                own = float(person.angles[DOF_INDEX[dof]]) - hung[dof]
+                angle = dofs[dof] + share * own
+                dofs[dof] = min(max(angle, self._limits[dof][0]), self._limits[dof][1])
+
     def _mean_more(self, dofs: dict[str, float]) -> None:
         """Aim beyond what is meant where muscles have long stayed behind it."""
         gain = MEANS_MORE * self._control_dt
@@ -219,12 +239,3 @@ class Learner:
             share = min(1.0, most / max(*map(abs, ways.values()), 1e-9))
             for dof, way in ways.items():
                 dofs[dof] -= (1.0 - share) * way
-
-
-def _clear_of_wheels(angles: Array) -> None:
-    """Bend the elbows of arms that hang, in place; angles [rad] have shape [16]."""
-    for side in SIDES:
-        arm = ARM[side]
-        far = (angles[arm.start] - HANGS) / (IS_CLEAR - HANGS)
-        bent = BENT * (1.0 - min(max(float(far), 0.0), 1.0))
-        angles[arm.start + 3] = max(float(angles[arm.start + 3]), bent)

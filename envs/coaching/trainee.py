@@ -27,6 +27,7 @@ from rcare_marl.pose import Array
 
 from ..state import Seen, Values, where
 from ..task_options import TaskOptions
+from .endurance import reach_within_strength
 
 # [rad/s] of an arm or the head in what is shown: people here go at 0.8 and catch up; muscles come later.
 # Our own choice.
@@ -123,6 +124,8 @@ class Trainee:
         if isinstance(person.drive, MuscleDrive):
             self.reach = reach_of_muscles(self.reach)
             self.speed = SPEED_OF_MUSCLES
+        else:
+            self.reach = reach_within_strength(self.reach, person)
 
     def ask(self, exercises: Sequence[Exercise], repetitions: int) -> None:
         """Give the person their programme."""

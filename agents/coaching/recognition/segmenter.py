@@ -17,6 +17,7 @@ from .template import VECTORS, Template, feature
 QUICK, SLOW = 0.06, 0.2  # time constants of two running means [s]
 BACK = 0.15  # the speed is what the quick one has changed since then [s]
 STILL = math.radians(28)  # slower than this nothing moves [rad/s]
+SLOWEST = 0.45  # nor slower than this share of the slowest move that is shown, where that is less
 DWELL = 0.1  # how long rest must last at the end [s]
 DWELL_AMID = 0.2  # and before the last key pose [s]
 STUCK = 3.5  # who stays so much longer than shown away from rest is done [s]
@@ -79,6 +80,7 @@ class Segmenter:
         hold = max((pose.hold_s for pose in exercise.poses), default=0.0)
         self._stuck = STUCK + exercise.judged.tempo[1] * hold
         self._patience = exercise.judged.tempo[1] * exercise.duration + 3.0
+        self._still = min(STILL, SLOWEST * template.slowest_move)
         self._clear()
 
     def _clear(self) -> None:
@@ -164,7 +166,7 @@ class Segmenter:
         )
 
     def _note_still(self, speed: float, time: float) -> None:
-        self._fast_frames = self._fast_frames + 1 if speed >= STILL else 0
+        self._fast_frames = self._fast_frames + 1 if speed >= self._still else 0
         if self._fast_frames > 1:  # one alone is noise
             self._still_since = None
         elif self._still_since is None:
@@ -186,7 +188,7 @@ class Segmenter:
             self._learn_rest(at_once=True)
             distance = self._distances(self.rest)
         if float((distance * self._weights).max()) > self._begins and (
-            speed >= STILL or self._still_for(time) < 0.5
+            speed >= self._still or self._still_for(time) < 0.5
         ):
             self.moving, self._began, self._calm_since = True, time, None
             return

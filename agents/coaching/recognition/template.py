@@ -12,6 +12,7 @@ import numpy as np
 
 from rcare_marl.pose import Array
 
+from ...people.motion.trajectory import PEAK
 from ..exercise import SMALLEST, Exercise
 from ..upper_body import FOREARM, UPPER_ARM
 
@@ -166,6 +167,8 @@ class Template:
         exercise: The exercise.
         ways: What each part does that has to move.
         moving_time: From where it has begun to where it is nearly back [s].
+        slowest_move: Greatest speed of any part on the way from one key pose to the next, of the move where
+            that is least [rad/s]; infinite where nothing moves.
         elbows: Greatest flexion of left and right elbow at the key poses [rad].
     """
 
@@ -182,6 +185,7 @@ class Template:
             between(rows[:, COLUMN[p]], way.rest) / way.excursion for p, way in self.ways.items()
         ]
         moved = np.flatnonzero(np.max(spread, axis=0) > STARTED) if spread else np.zeros(1)
+        self.slowest_move = _slowest_move(exercise, keys)
         self.moving_time = max(float(moved[-1] - moved[0]) / RATE, 1 / RATE)
         self.elbows = {
             side: float(keys[1:-1, ANGLE_COLUMN[f"{side}_elbow"]].max(initial=0.0))
@@ -192,6 +196,14 @@ class Template:
     def arms(self) -> tuple[str, ...]:
         """The arms that have to move."""
         return tuple(part for part in self.ways if part != "head")
+
+
+def _slowest_move(exercise: Exercise, keys: Array) -> float:
+    """Return the greatest speed of any part on the slowest move [rad/s]; `keys` are its features."""
+    columns = [COLUMN[part] for part in MOVING]
+    ways = np.max([between(keys[1:, c], keys[:-1, c]) for c in columns], axis=0)
+    times = np.array([*(pose.move_s for pose in exercise.poses), exercise.return_s])
+    return float((PEAK * ways / times)[ways >= SMALLEST].min(initial=math.inf))
 
 
 def _way(part: str, keys: Array, path: Array) -> Way:

@@ -71,6 +71,8 @@ class PostureConfig:
             grade 3; `all` for every joint.
         carried: Joints whose limb furniture bears from below, whoever lies there: it pushes against
             sagging from the posture, and never pulls. For muscle-driven people, who can relax.
+        eased: Joints that nothing holds, but whose limb lies on something near the posture, such as a hand on
+            a wheel or in the lap that is not simulated: there its weight tires nobody.
         arms: `free`, or `armrests` where the device offers them.
         kind: What a person's bearing goes by.
         posed: Joints that the posture is about: there somebody's own bearing does not count.
@@ -85,6 +87,7 @@ class PostureConfig:
     sink: float = 0.0
     supported: tuple[str, ...] | Literal["all"] = "all"
     carried: tuple[str, ...] = ()
+    eased: tuple[str, ...] = ()
     arms: Literal["free", "armrests"] = "free"
     source: str = field(default="our own choice")
     kind: PostureKind = "sitting"
@@ -94,7 +97,7 @@ class PostureConfig:
     def __post_init__(self) -> None:
         for key in self.angles_deg:
             _dofs_named(key)
-        lists = [self.rests_on, self.leans_on, self.carried, self.posed]
+        lists = [self.rests_on, self.leans_on, self.carried, self.eased, self.posed]
         lists += [] if self.supported == "all" else [self.supported]
         for joint in (name for names in lists for name in names):
             check_name("joint", joint, JOINTS)

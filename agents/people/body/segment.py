@@ -26,18 +26,22 @@ _CHILD_OF = {  # the joint at the far end of a segment, where it has several chi
 }
 
 
+_KINDS = {"capsule": 0.0, "box": 1.0, "cylinder": 2.0}
+
+
 @dataclass(frozen=True, eq=False)
 class Shape:
     """A collision shape in the frame of its joint.
 
     Attributes:
-        kind: `capsule` along its own z axis, or `box`.
-        size: Capsule: length between the centres of its ends, and radius; box: three edges [m].
+        kind: `capsule` along its own z axis, or `box`; of things beside a person `cylinder`, too.
+        size: Capsule: length between the centres of its ends, and radius; cylinder: length and radius; box:
+            three edges [m].
         centre: Centre [m], shape [3].
         rotation: Axes of the shape, shape [3, 3].
     """
 
-    kind: Literal["capsule", "box"]
+    kind: Literal["capsule", "box", "cylinder"]
     size: tuple[float, ...]
     centre: Array
     rotation: Array
@@ -92,10 +96,9 @@ class Segment:
 
 def shape_row(shape: Shape, rotation: Array, offset: Array) -> Array:
     """Return a shape whose joint is turned and shifted in a link as a row for `nearest`, shape [16]."""
-    is_box = shape.kind == "box"
     size = (*shape.size, 0.0)[:3]
     turn = (rotation @ shape.rotation).T
-    return np.array((is_box, *size, *(rotation @ shape.centre + offset), *turn.ravel()), np.float64)
+    return np.array((_KINDS[shape.kind], *size, *(rotation @ shape.centre + offset), *turn.ravel()), np.float64)
 
 
 @numba.njit(cache=True)
@@ -132,6 +135,10 @@ def _gap(row, point):  # type: ignore[no-untyped-def]
             outside += max(beyond[i], 0.0) ** 2
             inside = max(inside, beyond[i])
         return np.sqrt(outside) + min(inside, 0.0)
+    if row[0] == 2.0:
+        aside = np.sqrt(local[0] ** 2 + local[1] ** 2) - row[2]
+        ahead = abs(local[2]) - 0.5 * row[1]
+        return np.hypot(max(aside, 0.0), max(ahead, 0.0)) + min(max(aside, ahead), 0.0)
     along = min(max(local[2], -0.5 * row[1]), 0.5 * row[1])
     return np.sqrt(local[0] ** 2 + local[1] ** 2 + (local[2] - along) ** 2) - row[2]
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from rcare_marl.pose import Array
 
-from .segment import Segment, least_gap, shape_row
+from .segment import Segment, Shape, least_gap, shape_row
 from .skeleton import (
     DOF_INDEX,
     FINGERS,
@@ -26,10 +26,19 @@ from .skeleton import (
 
 # Our own choices.
 CLEARANCE = 0.004  # [m] between an arm and the body at the start
+CLEAR_BESIDE = 0.02  # [m] between an arm and what is beside the body
 _STEP, _STEPS = np.radians(2.0), 40
 _TURNED = ("shoulder_abduction", "shoulder_flexion", "shoulder_external_rotation", "elbow_flexion")
+# Ways round a thing that no step leads out of, in the order of `_TURNED`, the least first; to bend an elbow
+# counts half.
+_WAYS = sorted(
+    np.radians(list(product(range(0, 43, 6), range(-18, 19, 6), (-18, 0, 18), range(0, 73, 6)))),
+    key=lambda way: float(np.abs(way) @ (1.0, 1.0, 1.0, 0.5)),
+)
 _TRUNK = ("pelvis", "spine1", "spine2", "spine3")
 _ARM, _LEG = ("elbow", "wrist"), ("hip", "knee", "ankle")
+_CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
+_MIDDLES = np.array([p for p in product((-0.5, 0.0, 0.5), repeat=3) if 0.0 in p])
 _ARM_ENDS = (*_ARM, *(f"{finger}{k}" for finger in FINGERS for k in (1, 2, 3)))
 
 
@@ -83,11 +92,13 @@ def clear_arms(
     segments: Mapping[str, Segment],
     rest: Array,
     limits: Mapping[str, tuple[float, float]],
+    beside: Sequence[Shape] = (),
 ) -> Array:
     """Return angles [rad] by which forearms and hands are outside the rest of the body.
 
-    A posture is written for nobody's body. An arm that would be inside the trunk, the head or a leg is
-    turned out of it at shoulder and elbow by steps of `_STEP`, each the one that helps most.
+    A posture is written for nobody's body. An arm that would be inside the trunk, the head, a leg or what is
+    beside the body is turned out of it at shoulder and elbow by steps of `_STEP`, each the one that helps
+    most.
 
     Args:
         sides: Whose arms, of `left` and `right`.
@@ -95,13 +106,15 @@ def clear_arms(
         segments: The segments of the body, by joint.
         rest: Joint centres in the T-pose [m], shape [55, 3].
         limits: Limits by DoF [rad].
+        beside: What else is there, each in the frame of the body's root.
     """
     out = angles.copy()
+    things = np.array([shape_row(shape, np.eye(3), np.zeros(3)) for shape in beside])
     solid = [joint for joint in (*_TRUNK, "neck", "head", *_legs()) if segments[joint].shapes]
     for side in sides:
         chosen = [DOF_INDEX[f"{side}_{name}"] for name in _TURNED]
         low, high = np.array([limits[f"{side}_{name}"] for name in _TURNED]).T
-        depth = _depth(side, out, segments, rest, solid)
+        depth = _depth(side, out, segments, rest, solid, things)
         for _ in range(_STEPS):
             if depth <= 0.0:
                 break
@@ -109,18 +122,34 @@ def clear_arms(
             for k, sign in product(range(len(chosen)), (1.0, -1.0)):
                 trial = out.copy()
                 trial[chosen[k]] = np.clip(trial[chosen[k]] + sign * _STEP, low[k], high[k])
-                found.append((_depth(side, trial, segments, rest, solid), len(found), trial))
+                deep = _depth(side, trial, segments, rest, solid, things)
+                found.append((deep, len(found), trial))
             best = min(found, key=lambda each: each[:2])
             if best[0] >= depth:
                 break
             depth, out = best[0], best[2]
+        if depth > 0.0 and len(things):
+            for way in _WAYS:  # no short step helps: the shortest way round that does
+                trial = out.copy()
+                trial[chosen] = np.clip(angles[chosen] + way, low, high)
+                if _depth(side, trial, segments, rest, solid, things) <= 0.0:
+                    out = trial
+                    break
     return out
 
 
 def _depth(
-    side: str, angles: Array, segments: Mapping[str, Segment], rest: Array, solid: Sequence[str]
+    side: str,
+    angles: Array,
+    segments: Mapping[str, Segment],
+    rest: Array,
+    solid: Sequence[str],
+    things: Array,
 ) -> float:
-    """Return how deep a forearm and hand are in other parts of the body [m]; negative if they are clear."""
+    """Return by how much a forearm and hand are too near to anything [m]; negative if they are clear.
+
+    Things are the rows of shapes beside the body, shape [n, 16].
+    """
     rotations, positions = forward_kinematics(rest, angles)
 
     def rows(joints: Iterable[str]) -> Array:
@@ -133,20 +162,23 @@ def _depth(
         )
 
     arm = [j for j in JOINTS if j.startswith(side) and j.endswith(_ARM_ENDS)]
-    points, radii = [], []
+    points: list[tuple[Array, float]] = []
+    between: list[Array] = []  # corners of boxes, which an edge of a thing may be in
     for row in rows(arm):
         centre, axes = row[4:7], row[7:16].reshape(3, 3)  # rows of `axes` are those of the shape
         if row[0] == 1.0:
-            corners = np.array(list(product((-0.5, 0.5), repeat=3))) * row[1:4]
-            points += list(centre + corners @ axes)
-            radii += [0.0] * len(corners)
+            points += [(centre + corner * row[1:4] @ axes, 0.0) for corner in _CORNERS]
+            between += [centre + middle * row[1:4] @ axes for middle in _MIDDLES]
         else:
             along = np.linspace(-0.5, 0.5, 7)[:, None] * row[1] * axes[2]
-            points += list(centre + along)
-            radii += [float(row[2])] * len(along)
+            points += [(centre + step, float(row[2])) for step in along]
     body = rows(solid)
-    gaps = [least_gap(body, point) - r for point, r in zip(points, radii, strict=True)]
-    return CLEARANCE - min(gaps)
+    depth = CLEARANCE - min(least_gap(body, point) - r for point, r in points)
+    if len(things):
+        points += [(point, 0.0) for point in between]
+        gap = min(least_gap(things, point) - r for point, r in points)
+        depth = max(depth, CLEAR_BESIDE - gap)
+    return float(depth)
 
 
 def _legs() -> list[str]:

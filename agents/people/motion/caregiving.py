@@ -213,6 +213,7 @@ class Caregiving:
         fingers: Point | None = None,
         speed: float = HAND_SPEED,
         near: float | None = None,
+        follow: bool = False,
     ) -> None:
         """Ask for the hand to be brought straight to a point.
 
@@ -223,8 +224,9 @@ class Caregiving:
             speed: Of the hand at its quickest [m/s].
             near: Distance from the point that is near enough [m]; `NEAR`, or `NEAR_LADEN` while the
                 hand holds something, if None.
+            follow: Whether the hand follows a point that moves on, as a limb does that nobody holds yet.
         """
-        self._skills.append(Reach(self, point, palm, fingers, speed, near))
+        self._skills.append(Reach(self, point, palm, fingers, speed, near, follows=follow))
 
     def grasp(
         self, what: Human | Body, part: str | None = None, *, force: float = GRIP_FORCE

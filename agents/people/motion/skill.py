@@ -148,6 +148,8 @@ class Reach(Skill):
         fingers: Point | None,
         speed: float,
         near: float | None,
+        *,
+        follows: bool = False,
     ) -> None:
         for name, value in (("speed", speed), ("tolerance", NEAR if near is None else near)):
             if not (math.isfinite(value) and value > 0):
@@ -161,6 +163,7 @@ class Reach(Skill):
             for target, local in wished
             if target is not None
         ]
+        self._follows = follows
         if not callable(point):
             Position(owner.wrist, point)  # complains now about what could never be reached
 
@@ -171,7 +174,7 @@ class Reach(Skill):
         aim, turn = owner.wished_hand()
         self._start = aim - owner.aside
         self._from = [turn @ np.asarray(d.local) for d in self._steer]
-        self._goal = np.asarray(self._point() if callable(self._point) else self._point, np.float64)
+        self._find_goal()
         way = float(np.linalg.norm(self._goal - self._start))
         self._duration = max(PEAK * way / self._speed, owner.control_dt)
         self._since, self._rest = owner.world.time, owner.angles.copy()
@@ -183,8 +186,13 @@ class Reach(Skill):
     def _passed(self) -> float:
         return self._owner.world.time - self._since
 
+    def _find_goal(self) -> None:
+        self._goal = np.asarray(self._point() if callable(self._point) else self._point, np.float64)
+
     def wish(self) -> dict[str, float]:
         owner = self._owner
+        if self._follows:
+            self._find_goal()
         # A load draws the hand down: aim beside the way by as much as it takes.
         here = minimum_jerk(self._passed() / self._duration)
         gap = self._start + here * (self._goal - self._start) - owner.hand()
