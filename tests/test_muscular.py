@@ -96,9 +96,11 @@ def healthy(**right: Any) -> AvatarConfig:
 # --- stability -----------------------------------------------------------------------------------
 
 
-def check_stable(name: str, posture: str, seconds: float, tendon: Tendon) -> None:
+def check_stable(
+    name: str, posture: str, seconds: float, tendon: Tendon, *, seed: int = 11
+) -> None:
     world, person = spawned(name, posture, tendon=tendon)
-    rng = np.random.default_rng(11)
+    rng = np.random.default_rng(seed)
     angles = go_on(world, person, lambda: rng.uniform(0, 1, person.action_size), seconds)
     assert np.isfinite(angles).all()
     assert np.abs(person.velocities).max() < 25
@@ -119,6 +121,10 @@ def test_random_excitations_of_the_whole_body_stay_stable(
     name: str, posture: str, tendon: Tendon
 ) -> None:
     check_stable(name, posture, 2.0, tendon)
+
+
+def test_a_hand_that_hits_the_thigh_flings_no_finger_past_its_end() -> None:
+    check_stable("caregiver", "bed_supine", 0.2, "rigid", seed=1)
 
 
 @pytest.mark.slow
