@@ -337,9 +337,13 @@ def test_any_avatar_can_be_cast_with_muscles(excitation: str) -> None:
         env.close()
 
 
-def test_episodes_with_muscles_are_bit_equal() -> None:
-    cast = {"model": "karan", "actuation": "muscle"}
-    env = rcare_marl.make("feeding", recipient=cast, policies={"robot": "random"})
+@pytest.mark.parametrize(
+    ("task", "name", "excitation"),
+    [("feeding", "karan", "unit"), ("handing_over", "kim", "posture")],
+)
+def test_episodes_with_muscles_are_bit_equal(task: str, name: str, excitation: str) -> None:
+    cast = {"model": name, "actuation": "muscle", "excitation": excitation}
+    env = rcare_marl.make(task, recipient=cast, policies={"robot": "random"})
     try:
         runs = []
         for _ in range(2):
