@@ -96,9 +96,11 @@ def healthy(**right: Any) -> AvatarConfig:
 # --- stability -----------------------------------------------------------------------------------
 
 
-def check_stable(name: str, posture: str, seconds: float, tendon: Tendon) -> None:
+def check_stable(
+    name: str, posture: str, seconds: float, tendon: Tendon, *, seed: int = 11
+) -> None:
     world, person = spawned(name, posture, tendon=tendon)
-    rng = np.random.default_rng(11)
+    rng = np.random.default_rng(seed)
     angles = go_on(world, person, lambda: rng.uniform(0, 1, person.action_size), seconds)
     assert np.isfinite(angles).all()
     assert np.abs(person.velocities).max() < 25
@@ -119,6 +121,10 @@ def test_random_excitations_of_the_whole_body_stay_stable(
     name: str, posture: str, tendon: Tendon
 ) -> None:
     check_stable(name, posture, 2.0, tendon)
+
+
+def test_a_hand_that_hits_the_thigh_flings_no_finger_past_its_end() -> None:
+    check_stable("caregiver", "bed_supine", 0.2, "rigid", seed=1)
 
 
 @pytest.mark.slow
@@ -331,9 +337,13 @@ def test_any_avatar_can_be_cast_with_muscles(excitation: str) -> None:
         env.close()
 
 
-def test_episodes_with_muscles_are_bit_equal() -> None:
-    cast = {"model": "karan", "actuation": "muscle"}
-    env = rcare_marl.make("feeding", recipient=cast, policies={"robot": "random"})
+@pytest.mark.parametrize(
+    ("task", "name", "excitation"),
+    [("feeding", "karan", "unit"), ("handing_over", "kim", "posture")],
+)
+def test_episodes_with_muscles_are_bit_equal(task: str, name: str, excitation: str) -> None:
+    cast = {"model": name, "actuation": "muscle", "excitation": excitation}
+    env = rcare_marl.make(task, recipient=cast, policies={"robot": "random"})
     try:
         runs = []
         for _ in range(2):

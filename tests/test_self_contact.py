@@ -64,6 +64,40 @@ def test_a_hand_that_is_pressed_on_the_belly_stays_outside_and_hurts_nobody() ->
     world.close()
 
 
+def test_flung_arms_move_alike_after_other_episodes_and_in_a_fresh_world() -> None:
+    def made() -> tuple[World, Human]:
+        world = World()
+        person = Human("person", load_avatar("kim"), posture=load_posture("standing"), movable=ARMS)
+        person.spawn(world, Pose())
+        world.mark_start()
+        return world, person
+
+    def flung(world: World, person: Human, seed: int, steps: int) -> tuple[list[float], int]:
+        """Return all states in a row, and in how many of them something touches itself."""
+        world.rewind()
+        rng = np.random.default_rng(seed)
+        person.reset(rng)
+        states: list[float] = []
+        touching = 0
+        for _ in range(steps):
+            person.command(rng.uniform(-1, 1, person.action_size), CONTROL)
+            for _ in range(round(CONTROL / world.physics_dt)):
+                person.actuate()
+                world.step()
+                states.extend(person.body.state())
+            touching += bool(world.contacts(person.body, person.body))
+        return states, touching
+
+    (world, person), (fresh, other) = made(), made()
+    for seed in range(3):
+        flung(world, person, 10 + seed, 1 + 7 * seed)
+        states, touching = flung(world, person, seed, 20)
+        assert flung(fresh, other, seed, 20) == (states, touching)
+        assert touching > 3
+    world.close()
+    fresh.close()
+
+
 @pytest.mark.parametrize("posture", assets.names("postures"))
 def test_nobody_begins_inside_themselves(posture: str) -> None:
     for name in assets.names("avatars"):

@@ -20,6 +20,7 @@ from ..agent import Agent, Array
 from .actuation.actuation import Actuation
 from .actuation.drive import ActuationConfig, make_drive
 from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf
+from .body.end_stops import EndStops
 from .body.person_tree import person_tree
 from .body.posture import PostureConfig, lay_arm, pelvis_pose, soles
 from .body.segment import nearest, shape_row
@@ -188,6 +189,7 @@ class Human(Agent):
         self._lowest = np.minimum(self.active[:, 0], self._start)
         self._highest = np.maximum(self.active[:, 1], self._start)
         self.body.set_joints(self._joints, self._start)
+        self._stops = EndStops(self.body, self._joints, self.passive)
         self._world = world
         self.frames = [
             JointFrame(self.body.link_index(f.link), f.rotation, f.offset) for f in urdf.frames
@@ -338,12 +340,11 @@ class Human(Agent):
             self._moves.legs.advance()
         if not (self._fixed_base or self.rides):  # who rides stays level
             self._find_gravity()
-        body, joints = self.body, self._joints
-        positions, velocities = body.joint_states(joints)
-        body.drive_torques(joints, self.drive.torques(positions, velocities, self._gravity))
+        torques = self.drive.torques(*self._stops.joint_states(), self._gravity)
+        self.body.drive_torques(self._joints, torques)
 
     def sense(self) -> None:
-        self.positions, self.velocities = self.body.joint_states(self._joints)
+        self.positions, self.velocities = self._stops.joint_states()
         passed, self._sensed_at = self._world.time - self._sensed_at, self._world.time
         if passed > 0:
             self.physiology.advance(passed, self._meter.read())

@@ -211,6 +211,7 @@ class MuscleDrive:
         self._brace()
         # Lengths, moment arms and weights in the start posture, without any time passing.
         self._measured[0], self._measured[1] = self._posture, 0.0
+        self._muscles.work[:, dynamics.HELD] = 0.0  # nor what the last episode's furniture held
         step = gravity, self.state, 0.0, self.model.mode
         dynamics.observe(self._muscles, self._measured, self._told, *step)
         self._table[:, dynamics.BORNE] = borne = self._muscles.work[:, WEIGHT]
