@@ -398,12 +398,12 @@ class World:
         return found
 
     def touches(self, a: Body) -> list[Touch]:
-        """Return what all contacts did to `a` in the last step; soft matter's friction is in `force`."""
+        """Return what others' contacts did to `a` in the last step; soft matter's friction is in `force`."""
         found = []
         # Asked for one body, Bullet turns its normals as needed, but not the friction: ask for all.
         for p in bullet.getContactPoints(physicsClientId=self.client) or ():
             for own, side in ((p[1], 1), (p[2], -1)):
-                if own != a.uid or p[9] <= 0:
+                if own != a.uid or p[1] == p[2] or p[9] <= 0:
                     continue
                 link, other, point = (p[3], p[2], p[6]) if side > 0 else (p[4], p[1], p[5])
                 (nx, ny, nz), (ax, ay, az), (bx, by, bz) = p[7], p[11], p[13]

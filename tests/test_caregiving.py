@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 from py_trees.common import Status
 from standing_person import CONTROL_DT, CONTROL_STEPS, person_in
+from variants import few
 
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
@@ -315,6 +316,15 @@ def test_a_caregiver_walks_up_lifts_an_arm_and_lays_it_back_bit_for_bit_the_same
     np.testing.assert_array_equal(room.episode(), rows)
     other = Room()
     np.testing.assert_array_equal(other.episode(replayed=room.sent), rows)  # actions are all
+
+
+@pytest.mark.parametrize("avatar", few(("kim", "daniel", "morgan", "jose", "natalia"), "kim"))
+def test_an_arm_of_any_body_is_found_and_lifted(avatar: str) -> None:
+    room = Room(avatar)
+    rows = room.episode()
+    assert room.caregiving.trouble == "" and room.caregiving.is_idle
+    wrist, holding = rows[:, -2], rows[:, -1]
+    assert wrist.max() > wrist[holding == 1][0] + 0.10
 
 
 def test_an_episode_cut_short_in_the_middle_of_a_lift_leaves_no_trace() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 from variants import every, few
 
+from rcare_marl import assets
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.sensing.marker import Marker, MarkerConfig, fasten
@@ -270,6 +272,24 @@ def test_markers_lie_on_the_skin_and_not_in_it(seated: tuple[World, Human, list[
     world.rewind()
     for marker in markers:
         assert -0.004 < depth_below(person, world, marker) < 0.0, marker.config.on
+
+
+@pytest.mark.parametrize("posture", ["wheelchair", "standing"])
+def test_nobodys_skin_lies_over_a_marker_that_found_its_own_place(posture: str) -> None:
+    for name in assets.names("avatars"):
+        world = World()
+        person = Human("person", load_avatar(name), posture=load_posture(posture))
+        person.spawn(world, Pose((0.0, 0.0, 0.5)))
+        surface = world.skins[0].vertices().astype(np.float64)
+        for i, on in enumerate(
+            (*product(("left", "right"), ("shoulder", "elbow", "hip", "knee")),)
+        ):
+            marker = fasten(world, person, MarkerConfig(i, on="_".join(on)))
+            pose = marker.pose().matrix()
+            local = (surface - pose[:3, 3]) @ pose[:3, :3]
+            over = (np.abs(local[:, :2]) < plate_edge("4x4_50", 0.05) / 2).all(axis=1)
+            assert not (over & (local[:, 2] > 0.0) & (local[:, 2] < 0.07)).any(), (name, on)
+        world.close()
 
 
 def test_a_persons_marker_faces_outwards_and_stands_along_the_bone(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,6 +15,7 @@ import rcare_marl
 from rcare_marl.agents.coaching.recognition.recogniser import Judgement, Repetition
 from rcare_marl.agents.coaching.session import Order
 from rcare_marl.agents.coaching.upper_body import ARM
+from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.coaching.coaching_task import SIZE, encode
@@ -244,9 +246,23 @@ def test_an_arm_that_cannot_be_raised_lies_on_its_armrest_and_takes_no_part(name
     env.close()
 
 
-@pytest.mark.parametrize("name", ["daniel", "kim", "karan", "natalia"])
-def test_hanging_hands_are_clear_of_wheels_and_cushion(name: str) -> None:
-    env = make(recipient=name)
+def in_size(name: str, height: float | None) -> AvatarConfig:
+    """Return an avatar, of another stature [m] and the weight that goes with it if one is given."""
+    avatar = load_avatar(name)
+    height = height or avatar.height_m
+    mass = avatar.mass_kg * (height / avatar.height_m) ** 2
+    return dataclasses.replace(avatar, height_m=height, mass_kg=mass)
+
+
+WITH_ARMS = ("daniel", "kim", "karan", "natalia", "caregiver")
+SIZES: list[tuple[str, float | None]] = [(name, None) for name in WITH_ARMS]
+SIZES += [("kim", 1.48), ("daniel", 1.48), ("caregiver", 1.48), ("karan", 1.6), ("natalia", 1.95)]
+SIZES += [("kim", 1.95), ("daniel", 1.95)]
+
+
+@pytest.mark.parametrize(("name", "height"), SIZES)
+def test_hanging_hands_are_clear_of_wheels_and_cushion(name: str, height: float | None) -> None:
+    env = make(recipient={"model": in_size(name, height)})
     task = task_of(env)
     env.reset(seed=0)
     chair, person = task.seats["recipient"].chair.body, task.recipient
@@ -259,6 +275,7 @@ def test_hanging_hands_are_clear_of_wheels_and_cushion(name: str) -> None:
     assert hands and all(
         env.world.gaps([(person.body, link)], chair, within=0.05)[0] > 0.003 for link in hands
     )
+    assert not any(contact.force for contact in env.world.contacts(person.body, person.body))
     env.close()
 
 
@@ -286,7 +303,7 @@ def test_muscles_do_as_much_of_the_programme_as_the_docs_say(name: str, exercise
 def test_muscles_are_asked_for_less_than_targets_reach() -> None:
     found = {}
     for kind in ("skeletal", "muscle"):
-        env = make(recipient={"model": "kim", "actuation": kind})
+        env = make(recipient={"model": "daniel", "actuation": kind})
         lift, turn = (task_of(env).session.exercises[i].keys for i in (1, 4))
         found[kind] = np.degrees(lift[:, ARM["left"].start].max()), np.degrees(turn[:, 5].max())
         env.close()

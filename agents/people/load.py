@@ -27,7 +27,8 @@ LEAVES_SUPPORT = 0.2  # [rad] from the start, where furniture carries no more; o
 # Columns of the kernel's table, one row a DoF.
 _AGAINST, _ALONG = 0, 1  # greatest torques [N·m]
 _POSTURE, _CARRIED = 2, 3  # start angle [rad], and the torque that furniture saves there [N·m]
-_COLUMNS = 4
+_COUNTS_AGAINST, _COUNTS_ALONG = 4, 5  # what effort there counts for the region
+_COLUMNS = 6
 
 
 class LoadMeter:
@@ -57,10 +58,24 @@ class LoadMeter:
             tree = person_tree(person.segments, person.model.joints, person.angles, person.movable)
             weights = holding_torques(tree.arrays, posture, gravity)
             table[:, _CARRIED] = np.where(is_held, weights, 0.0)
+        table[:, _COUNTS_AGAINST : _COUNTS_ALONG + 1] = 1.0
         self._regions = np.array([REGIONS.index(model.region(joint)) for joint in joints], np.int64)
+        if count and isinstance(person.drive, SkeletalDrive):
+            self._weigh(person.drive)
         self._out = np.zeros(len(REGIONS) + 1)
         frame = person.frames[JOINT_INDEX[TRUNK]]
         self._trunk, self._up = frame.link, frame.rotation[:, 1].tolist()
+
+    def _weigh(self, drive: SkeletalDrive) -> None:
+        """Let muscles count by what is left of them, against the best that is left in their region.
+
+        One that is nearly lost does all it can most of the time; it tires itself, and no arm with it.
+        """
+        left = np.minimum(drive.strength / drive.normal_strength[:, None], 1.0)
+        best = np.zeros(len(REGIONS))
+        np.maximum.at(best, self._regions, left.max(axis=1))
+        counts = left / np.maximum(best[self._regions], 1e-9)[:, None]
+        self._table[:, _COUNTS_AGAINST : _COUNTS_ALONG + 1] = counts
 
     def read(self) -> Load:
         """Return the load at the end of the last physics step."""
@@ -115,7 +130,8 @@ def _exert(table, regions, figures, torques, positions, velocities, out) -> None
         else:
             torque = min(torque - min(carried, 0.0), 0.0)
         strength = row[_ALONG] if torque > 0.0 else row[_AGAINST]
+        counts = row[_COUNTS_ALONG] if torque > 0.0 else row[_COUNTS_AGAINST]
         if strength > 0.0:  # a muscle without strength makes no effort
             share = min(abs(torque) / strength, 1.0)
-            out[regions[i]] = max(out[regions[i]], share)
+            out[regions[i]] = max(out[regions[i]], share * counts)
             out[last] += max(torque * velocities[i], 0.0) / efficiency + holding * abs(torque)

@@ -134,7 +134,8 @@ class ContactForce(TouchSensor):
 
     Channel: `force`; with `per_link` one row for each of `names`. Vectors are in the world and point
     from what touches into the body: a hand that lies on a table feels a force upward. Yielding flesh
-    counts as part of its person. Bonds such as that of a grasped spoon are no contact. Before the first
+    counts as part of its person. Bonds such as that of a grasped spoon are no contact, nor is what an agent
+    does to itself, such as a hand that lies on the own thigh. Before the first
     physics step of an episode nothing touches.
 
     Attributes:

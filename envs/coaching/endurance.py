@@ -16,10 +16,10 @@ from rcare_marl.pose import Array, matrix_from_quaternion
 from rcare_marl.tree.dynamics import holding_torques
 from rcare_marl.world import GRAVITY
 
-# Our own choice. Muscles of grade 3 lift an arm through its range once; for many repetitions a weight may take
-# this share of the strength of a rested shoulder, and arms rise by these steps in search of it.
-SHARE = 0.85
-RISE = math.radians(3.0)
+# Share of the strength of a rested shoulder that an arm's weight may take for many repetitions: muscles of
+# grade 3 lift it through its range once. Our own choice.
+SHARE = 0.8
+RISE = math.radians(3.0)  # steps by which that is searched for
 
 
 def reach_within_strength(reach: Reach, person: Human) -> Reach:

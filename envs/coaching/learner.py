@@ -56,8 +56,8 @@ WEARY_FROM, WEARY_SIZE = (
 # missing each second [1/s], and by so much at most [rad].
 MEANS_MORE, MOST_MORE = 2.0, math.radians(15.0)
 
-# Elevation of an arm up to which it hangs as it did at the start, clear of wheels and cushion, and from which it
-# is as shown; both are less where it is to rise less.
+# Elevation of an arm up to which it hangs as it did at the start, clear of wheels and cushion, and from which
+# it is as shown; both are less where it is to rise less.
 HANGS, IS_CLEAR = math.radians(25.0), math.radians(50.0)
 BARELY = math.radians(1.0)  # an arm that is to rise less hangs
 

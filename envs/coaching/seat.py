@@ -86,7 +86,6 @@ class Seat:
         self._hang_beside()
         return chair.frame_in_world("seat_back")
 
-
     def _hang_beside(self) -> None:
         """Turn the arms that hang out of the chair: how wide it is against a person, no posture knows."""
         avatar, posture = self.person.avatar, self.person.posture

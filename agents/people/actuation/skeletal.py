@@ -155,6 +155,11 @@ class SkeletalDrive:
     def strength(self) -> Array:
         return self._rested
 
+    @property
+    def normal_strength(self) -> Array:
+        """Torque of a healthy person [N·m], shape [n]."""
+        return self._normal
+
     def reset(self, rng: np.random.Generator, gravity: Array) -> None:
         self.target[:] = self._state[3] = self._posture
         self._is_slack = False

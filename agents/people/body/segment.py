@@ -98,7 +98,9 @@ def shape_row(shape: Shape, rotation: Array, offset: Array) -> Array:
     """Return a shape whose joint is turned and shifted in a link as a row for `nearest`, shape [16]."""
     size = (*shape.size, 0.0)[:3]
     turn = (rotation @ shape.rotation).T
-    return np.array((_KINDS[shape.kind], *size, *(rotation @ shape.centre + offset), *turn.ravel()), np.float64)
+    return np.array(
+        (_KINDS[shape.kind], *size, *(rotation @ shape.centre + offset), *turn.ravel()), np.float64
+    )
 
 
 @numba.njit(cache=True)
