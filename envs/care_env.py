@@ -290,7 +290,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             watch(self)
         return (
             {role: self._vectors[role].read() for role in self.agents},
-            self._infos({role: self.task.rewards(role, self.task.state) for role in self.agents}),
+            self._infos({role: self.task.paid(role, self.task.state) for role in self.agents}),
         )
 
     def step(
@@ -325,7 +325,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                 watch()
         self._sense()
         roles = self.agents
-        terms = {role: task.rewards(role, task.state) for role in roles}
+        terms = {role: task.paid(role, task.state) for role in roles}
         done = bool(task.is_success(task.state) | task.failed())
         late = world.time >= task.time_limit - 1e-9
         observations = {role: self._vectors[role].read() for role in roles}

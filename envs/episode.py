@@ -352,7 +352,7 @@ def _numbers(env: CareEnv) -> dict[str, float]:
         "success": float(task.succeeded()),
         **{name: float(value) for name, value in task.report().items()},
         **{
-            f"reward of {role}": float(sum(task.rewards(role, task.state).values()))
+            f"reward of {role}": float(sum(task.paid(role, task.state).values()))
             for role in env.cast
         },
     }

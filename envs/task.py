@@ -169,6 +169,7 @@ class Task(abc.ABC):
         chair: The wheelchair of a task that has one, on which robots can be mounted.
         tools: What robots hold, beside which they should be slow near a person; filled in `build`.
         bystanders: Roles of people whom nobody cares for, so that their safety is not measured.
+        paper_terms: Names of those terms of its reward that the RCareWorld paper's table has, if it is there.
     """
 
     Options: type[Any]
@@ -183,6 +184,7 @@ class Task(abc.ABC):
     state: Any
     chair: Wheelchair | None = None
     bystanders: Sequence[str] = ("caregiver",)
+    paper_terms: Collection[str] = ()
     control_dt: float = 0.1
     time_limit: float = 20.0  # 200 control steps, as in Assistive Gym
 
@@ -428,6 +430,16 @@ class Task(abc.ABC):
     @abc.abstractmethod
     def rewards(self, role: str, state: Any) -> Mapping[str, Values]:
         """Return the named, weighted reward terms of `role`; their sum is the reward."""
+
+    def literal(self, role: str, state: Any) -> Mapping[str, Values]:
+        """Return the terms of the RCareWorld paper's table alone; all of a task that is not in it."""
+        terms = self.rewards(role, state)
+        return {name: terms[name] for name in self.paper_terms or terms if name in terms}
+
+    def paid(self, role: str, state: Any) -> Mapping[str, Values]:
+        """Return the terms of the reward that the options name."""
+        is_literal = getattr(self.options, "reward", "") == "paper_literal"
+        return (self.literal if is_literal else self.rewards)(role, state)
 
     def metrics(self, state: Any) -> Mapping[str, Values]:
         """Return what is worth reporting beside safety, always under the same names."""

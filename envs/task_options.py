@@ -18,7 +18,8 @@ class TaskOptions:
     """Settings of a task: which reward, how its terms weigh, and how much force is too much.
 
     Attributes:
-        reward: `paper` as in the RCareWorld paper; `shaped` as the page of the task says.
+        reward: `paper` as in the RCareWorld paper, graded, and with its ends paid for; `paper_literal` its
+            terms alone; `shaped` as the page of the task says.
         weights: Of terms of the shaped reward by name; those not named keep the weights of the task.
         force_limit: Force on the person that ends the episode as a failure [N].
         spread: Share of what the task randomises at reset, 0 to 1; about its middle. The whole of it,
@@ -33,7 +34,7 @@ class TaskOptions:
 
     SHAPED_WEIGHTS: ClassVar[Mapping[str, float]] = {}
 
-    reward: Literal["paper", "shaped"] = "paper"
+    reward: Literal["paper", "paper_literal", "shaped"] = "paper"
     weights: dict[str, float] = field(default_factory=dict)
     force_limit: float = FORCE_LIMIT
     spread: float = 1.0
@@ -46,7 +47,7 @@ class TaskOptions:
             raise ValueError(f"spread must lie in [0, 1], got {self.spread}")
         if not self.tolerance >= 1:
             raise ValueError(f"tolerance must be at least 1, got {self.tolerance}")
-        if self.weights and self.reward == "paper":
+        if self.weights and self.reward != "shaped":
             raise ValueError("the paper's reward has no weights: use them with reward 'shaped'")
         for name in self.weights:
             check_name("term of the shaped reward", name, self.SHAPED_WEIGHTS)

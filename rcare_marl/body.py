@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pybullet as bullet
 
+from .body_part import Gear, Joint, Touching, VisualShape
 from .errors import check_name
 from .joint_feedback import JointFeedback
+from .model.urdf import Model
 from .pose import Array, Pose, Vector, matrix_from_quaternion
 
 if TYPE_CHECKING:
@@ -20,29 +22,6 @@ if TYPE_CHECKING:
 
 GEAR_ERP = 0.9  # share of a gear's position error that is removed in one physics step
 FIRST_OWN_GROUP, OWN_GROUPS = 64, 20  # collision groups; Bullet uses the lower ones itself
-
-
-@dataclass(frozen=True)
-class Joint:
-    """A movable joint as its URDF states it.
-
-    Attributes:
-        index: Index in the physics client.
-        kind: `revolute` or `prismatic`.
-        lower: Lower limit [rad or m]; -inf for a continuous joint.
-        upper: Upper limit [rad or m]; inf for a continuous joint.
-        effort: Greatest torque or force [N·m or N].
-        velocity: Greatest speed [rad/s or m/s].
-        dof: Place among the movable joints of the body.
-    """
-
-    index: int
-    kind: str
-    lower: float
-    upper: float
-    effort: float
-    velocity: float
-    dof: int
 
 
 class Body:
@@ -55,10 +34,17 @@ class Body:
         links: Link indices by name; the base is -1 and is found under its own name and as `base`.
         is_movable: Whether the base can move.
         may_sleep: Whether it sleeps while it is still; see `SleepingBodies`.
+        source: The URDF file that it was read from, or the model.
+        meets_itself: Whether links that are not parent and child collide.
+        meeting: Pairs of own links that collide though the others do not, see `let_meet`.
+        gears: Joints that the physics couples.
+        friction: Dry friction [N·m or N] of the joints that have no motor, by index.
     """
 
-    def __init__(self, world: World, uid: int, name: str) -> None:
+    def __init__(self, world: World, uid: int, name: str, source: Path | Model) -> None:
         self._world, self._client, self.uid, self.name = world, world.client, uid, name
+        self.source, self.meets_itself = source, False
+        self.gears: list[Gear] = []
         base_link = bullet.getBodyInfo(uid, physicsClientId=self._client)[0].decode()
         self.links: dict[str, int] = {"base": -1, base_link: -1}
         self.joints: dict[str, Joint] = {}
@@ -79,8 +65,8 @@ class Body:
         self._inertial = Pose(dynamics[3], dynamics[4])
         self._from_inertial = self._inertial.inverse()
         self._has_offset = self._inertial != Pose()
-        self._meeting: list[tuple[int, int]] = []  # own links that collide
-        self._released: set[int] = set()  # joints without a motor
+        self.meeting: list[tuple[int, int]] = []  # own links that collide, see `let_meet`
+        self.friction: dict[int, float] = {}
         self.may_sleep = False
 
     def indices(self, joints: Iterable[str]) -> list[int]:
@@ -130,7 +116,7 @@ class Body:
 
     def has_motor(self, index: int) -> bool:
         """Whether a joint is driven by a motor; not after `release_motors` without friction."""
-        return index not in self._released
+        return self.friction.get(index) != 0.0
 
     def link_centre_states(self, links: Sequence[int]) -> list[tuple[tuple[float, ...], ...]]:
         """Return how centres of mass of `links` are and move in the world; not of the base.
@@ -167,9 +153,7 @@ class Body:
     def exclude_pairs(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Let pairs of links of the body, by name, pass through each other."""
         for a, b in pairs:
-            bullet.setCollisionFilterPair(
-                self.uid, self.uid, self.links[a], self.links[b], 0, physicsClientId=self._client
-            )
+            self._world.filter.set((self.uid, self.links[a]), (self.uid, self.links[b]), False)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the corners of the box round all collision shapes in the world [m], each [3]."""
@@ -203,6 +187,11 @@ class Body:
         """Return mass [kg] and principal moments of inertia [kg·m²], shape [3], of a link."""
         info = bullet.getDynamicsInfo(self.uid, index, physicsClientId=self._client)
         return float(info[0]), np.array(info[2])
+
+    def touching(self, index: int) -> Touching:
+        """Return how the surface of a link touches."""
+        info = bullet.getDynamicsInfo(self.uid, index, physicsClientId=self._client)
+        return Touching(info[1], info[6], info[7], max(info[9], 0.0), max(info[8], 0.0))
 
     def in_centre_frame(self, pose: Pose) -> Pose:
         """Return a pose in the base link's frame relative to its centre of mass and principal axes."""
@@ -270,7 +259,8 @@ class Body:
         remove in one physics step.
         """
         self.wake()
-        self._released.difference_update(indices)
+        for index in indices:
+            self.friction.pop(index, None)
         count = len(indices)
         bullet.setJointMotorControlArray(
             self.uid,
@@ -287,7 +277,8 @@ class Body:
     def drive_velocities(self, indices: Sequence[int], targets: Vector, forces: Vector) -> None:
         """Drive joints at `targets` [rad/s or m/s] with at most `forces` [N·m or N]."""
         self.wake()
-        self._released.difference_update(indices)
+        for index in indices:
+            self.friction.pop(index, None)
         bullet.setJointMotorControlArray(
             self.uid,
             indices,
@@ -308,8 +299,7 @@ class Body:
         """Turn off the default velocity motors, leaving `friction` [N·m or N]."""
         if indices:
             self.drive_velocities(indices, [0.0] * len(indices), [friction] * len(indices))
-            if friction == 0.0:
-                self._released.update(indices)
+            self.friction |= dict.fromkeys(indices, friction)
 
     def gear(self, leader: int, follower: int, multiplier: float, force: float) -> None:
         """Couple two joints: `follower` moves `multiplier` times as far, by at most `force` [N·m or N].
@@ -317,6 +307,7 @@ class Body:
         The physics solves it with all else, where a motor that follows would react a step late. It
         lasts as long as the world.
         """
+        self.gears.append(Gear(leader, follower, multiplier, force))
         pair, frames = (self.uid, leader, self.uid, follower), ((0, 0, 1), (0, 0, 0), (0, 0, 0))
         gear = bullet.createConstraint(
             *pair, bullet.JOINT_GEAR, *frames, physicsClientId=self._client
@@ -384,6 +375,7 @@ class Body:
         """
         if self._world.own_groups >= OWN_GROUPS:
             return
+        self.meets_itself = False
         bit = FIRST_OWN_GROUP << self._world.own_groups
         self._world.own_groups += 1
         for link in range(-1, self.link_count):
@@ -396,12 +388,12 @@ class Body:
 
         The body must have been loaded with `self_collision`, and its own links excluded.
         """
-        self._meeting = [pair for pair in pairs if self.own_gap(*pair) >= 0.0]
+        self.meeting = [pair for pair in pairs if self.own_gap(*pair) >= 0.0]
         self.part_own(False)
 
     def part_own(self, apart: bool) -> None:
         """Keep the pairs of `let_meet` from colliding for a while, or let them again."""
-        for pair in self._meeting:
+        for pair in self.meeting:
             bullet.setCollisionFilterPair(
                 self.uid, self.uid, *pair, int(not apart), physicsClientId=self._client
             )
@@ -453,27 +445,6 @@ class Body:
         at = self.inertial_pose(link)
         points = np.array(found[1] if found else ()).reshape(-1, 3)
         return points @ matrix_from_quaternion(at.quaternion).T + at.position
-
-
-@dataclass(frozen=True)
-class VisualShape:
-    """A shape to draw or to collide with, in the frame of its link.
-
-    Attributes:
-        link: Link index, -1 for the base.
-        kind: `box`, `sphere`, `cylinder`, `capsule`, `mesh` or `plane`.
-        size: Box edges; sphere radius; cylinder or capsule length and radius [m]; mesh scale.
-        mesh: File of a mesh, empty otherwise.
-        pose: Pose in the frame of the link.
-        rgba: Colour, each value in [0, 1].
-    """
-
-    link: int
-    kind: str
-    size: tuple[float, ...]
-    mesh: str
-    pose: Pose
-    rgba: tuple[float, ...]
 
 
 _SHAPES = {

@@ -15,7 +15,8 @@ import pybullet as bullet
 from .pose import Array, Pose, matrix_from_quaternion
 
 if TYPE_CHECKING:
-    from .body import Body, VisualShape
+    from .body import Body
+    from .body_part import VisualShape
 
 ALL_LINKS = -2  # where Bullet asks for one
 SLACK = (

@@ -22,6 +22,9 @@ from .attachment import Attachment
 from .body import Body
 from .contact import Contact, Press, Touch
 from .errors import ConfigError, WorldError
+from .model.shape import Shape
+from .model.urdf import Model, lump
+from .pair_filter import PairFilter
 from .pose import Pose, Vector
 
 GRAVITY = 9.81  # [m/s²]
@@ -92,6 +95,7 @@ class World:
         lines: Thin tubes for the renderers, such as muscles.
         matter: What is simulated beside Bullet, such as soft bodies.
         sleeping: Bodies that sleep while nobody uses them.
+        bonds: All bonds, broken ones too, in the order in which they were made.
         teleports: How often a body was set to a pose or joint angle instead of moving there.
         solver_iterations: Of the solver in each physics step; see `set_solver_iterations`.
     """
@@ -123,9 +127,10 @@ class World:
         self.sleeping = SleepingBodies(self.client)
         self._ties: list[int] = []  # constraints without force between jointed bodies
         self._separations = SeparationQuery(self.client)
+        self.filter = PairFilter(self.client)
         self.teleports = 0
         self.own_groups = 0  # bodies that have a collision group of their own
-        self._attachments: list[Attachment] = []
+        self.bonds: list[Attachment] = []
         self._marked: list[tuple[Attachment, bool]] = []
         self._start: int | None = None
         # Bullet's usual broad phase drops stale pairs in an order that depends on all it has ever seen.
@@ -186,7 +191,8 @@ class World:
             )
         except bullet.error as error:
             raise ConfigError(f"Bullet cannot read the URDF {path}: {error}") from error
-        body = self._register(uid, name or Path(path).stem)
+        body = self._register(uid, name or Path(path).stem, Path(path))
+        body.meets_itself = self_collision
         body.set_base(pose)
         return body
 
@@ -201,7 +207,7 @@ class World:
         collides: bool = True,
     ) -> Body:
         """Add a sphere of `radius` [m] and `mass` [kg]; mass 0 makes it immovable."""
-        return self._add(bullet.GEOM_SPHERE, {"radius": radius}, pose, mass, name, rgba, collides)
+        return self._add(Shape("sphere", radius=radius), pose, mass, name, rgba, collides)
 
     def add_box(
         self,
@@ -214,35 +220,30 @@ class World:
         collides: bool = True,
     ) -> Body:
         """Add a box with edges `size` [m], shape [3], and `mass` [kg]; mass 0 makes it immovable."""
-        half = [0.5 * float(edge) for edge in size]
-        return self._add(bullet.GEOM_BOX, {"halfExtents": half}, pose, mass, name, rgba, collides)
+        x, y, z = (float(edge) for edge in size)
+        return self._add(Shape("box", size=(x, y, z)), pose, mass, name, rgba, collides)
 
     def _add(
-        self,
-        kind: int,
-        geometry: dict[str, float | list[float]],
-        pose: Pose,
-        mass: float,
-        name: str,
-        rgba: Vector,
-        collides: bool,
+        self, solid: Shape, pose: Pose, mass: float, name: str, rgba: Vector, collides: bool
     ) -> Body:
         self._check_unmarked("add a body")
-        shape = -1
+        geometry: dict[str, float | list[float]] = {"radius": solid.radius}
+        kind = bullet.GEOM_SPHERE
+        if solid.kind == "box":
+            kind, geometry = bullet.GEOM_BOX, {"halfExtents": [0.5 * edge for edge in solid.size]}
+        shape, client = -1, self.client
         if collides:
-            shape = bullet.createCollisionShape(kind, **geometry, physicsClientId=self.client)
-        visual = bullet.createVisualShape(
-            kind, **geometry, rgbaColor=rgba, physicsClientId=self.client
-        )
+            shape = bullet.createCollisionShape(kind, **geometry, physicsClientId=client)
+        drawn = bullet.createVisualShape(kind, **geometry, rgbaColor=rgba, physicsClientId=client)
         uid = bullet.createMultiBody(
-            mass, shape, visual, pose.position, pose.quaternion, physicsClientId=self.client
+            mass, shape, drawn, pose.position, pose.quaternion, physicsClientId=client
         )
-        return self._register(uid, name)
+        return self._register(uid, name, lump(name, solid, mass, rgba, collides=collides))
 
-    def _register(self, uid: int, name: str) -> Body:
+    def _register(self, uid: int, name: str, source: Path | Model) -> Body:
         taken = {body.name for body in self.bodies}
         unique = name if name not in taken else f"{name}_{uid}"
-        body = Body(self, uid, unique)
+        body = Body(self, uid, unique, source)
         self.bodies.append(body)
         return body
 
@@ -278,7 +279,7 @@ class World:
             self, parent, index, child, child_index, child_in_link, force, point
         )
         attachment._make()
-        self._attachments.append(attachment)
+        self.bonds.append(attachment)
         return attachment
 
     def detach(self, attachment: Attachment) -> None:
@@ -297,9 +298,7 @@ class World:
         """Switch the collision of all links of `a` (or `links_a`) with those of `b` (or `links_b`)."""
         for link_a in range(-1, a.link_count) if links_a is None else links_a:
             for link_b in range(-1, b.link_count) if links_b is None else links_b:
-                bullet.setCollisionFilterPair(
-                    a.uid, b.uid, link_a, link_b, int(enabled), physicsClientId=self.client
-                )
+                self.filter.set((a.uid, link_a), (b.uid, link_b), enabled)
 
     def step(self) -> None:
         """Advance by one physics step."""
@@ -318,7 +317,7 @@ class World:
         else:
             bullet.removeState(self._start, physicsClientId=self.client)
         self._start = bullet.saveState(physicsClientId=self.client)
-        self._marked = [(a, a.is_active) for a in self._attachments]
+        self._marked = [(a, a.is_active) for a in self.bonds]
         self._marked_iterations = self.solver_iterations
         for matter in self.matter:
             matter.mark()
@@ -362,10 +361,10 @@ class World:
         if self._start is None:
             raise WorldError("rewind() needs a state to return to: call mark_start() first")
         marked = {attachment for attachment, _ in self._marked}
-        for attachment in self._attachments:
+        for attachment in self.bonds:
             if attachment not in marked:
                 attachment._break()
-        self._attachments = [attachment for attachment, _ in self._marked]
+        self.bonds = [attachment for attachment, _ in self._marked]
         self._restore_bonds()
         self.set_solver_iterations(self._marked_iterations)
         bullet.restoreState(self._start, physicsClientId=self.client)
@@ -420,7 +419,7 @@ class World:
         """Return the bodies that bonds of `body` hold at present, and what those hold in turn."""
         found = [body]
         for holder in found:  # grows as it goes
-            for bond in self._attachments:
+            for bond in self.bonds:
                 if bond.is_active and bond.parent is holder and bond.child not in found:
                     found.append(bond.child)
         return found[1:]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -60,3 +61,26 @@ def test_discomfort_begins_at_comfort_and_is_full_at_the_limit() -> None:
     options = TaskOptions(force_limit=30.0)
     assert [options.discomfort(f, 10.0) for f in (0.0, 10.0, 20.0, 30.0, 90.0)] == [0, 0, 0.5, 1, 1]
     assert TaskOptions(force_limit=8.0).discomfort(6.0, 10.0) == 0.5  # half the limit is less
+
+
+@pytest.mark.parametrize(
+    ("task", "names"),
+    [
+        ("feeding", {"food", "near"}),
+        ("bathing", {"distance", "force"}),
+        ("dressing", {"distance"}),
+        ("limb_repositioning", {"distance"}),
+        ("ambulating", {"rotation_angle"}),
+        ("toileting", {"open_angle"}),
+    ],
+)
+def test_the_literal_reward_has_the_terms_of_the_papers_table_alone(
+    task: str, names: set[str]
+) -> None:
+    with closing(rcare_marl.make(task, options={"reward": "paper_literal"})) as env:
+        env.reset(seed=0)
+        quiet = {role: np.zeros(env.action_space(role).shape, np.float32) for role in env.agents}
+        _, rewards, _, _, _ = env.step(quiet)
+        terms = env.task.paid("robot", env.task.state)
+    assert set(terms) == names
+    assert rewards["robot"] == pytest.approx(sum(terms.values()))

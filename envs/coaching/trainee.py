@@ -225,7 +225,7 @@ def trainee_rewards(
 ) -> dict[str, Values]:
     """Return what a control step was worth to a person, while the coach says something or not."""
     terms: dict[str, Values] = {"repetition": trainee.new_right}
-    if options.reward == "paper":
+    if options.reward != "shaped":
         return terms
     terms["wrong"] = -trainee.new_wrong
     looks = where(trainee.gaze > math.cos(LOOKS), 0.5, 0.0)

@@ -116,6 +116,7 @@ class Ambulating(Task):
     least_success = 95
     Options = AmbulatingOptions
     room_kinds = ("bedroom", "other", "living", "lounge", "kitchen", "bathroom")
+    paper_terms = ("distance", "rotation_angle")
     site = "door"
     time_limit = TIME_LIMIT
     options: AmbulatingOptions

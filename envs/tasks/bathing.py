@@ -255,6 +255,9 @@ class Bathing(Task):
         # All terms of a step are losses: without this, to hurt would end them and pay.
         return {**terms, "hurt": self.for_the_rest(state, self.failed(state), -HURT)}
 
+    def literal(self, role: str, state: BathingState) -> Mapping[str, Values]:
+        return {"distance": -state.distance, "force": -state.push_size}
+
     def metrics(self, state: BathingState) -> Mapping[str, Values]:
         return {
             "distance_m": state.distance,

@@ -122,6 +122,7 @@ class Dressing(Task):
     least_success = 85
     Options = DressingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
+    paper_terms = ("distance",)
     footprint = Rectangle(-0.8, -1.1, 2.0, 1.1)  # [m] the chair, and a caregiver before it
     time_limit = TIME_LIMIT
     options: DressingOptions

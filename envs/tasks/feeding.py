@@ -278,17 +278,14 @@ class Feeding(Meal):
         # Food in the mouth counts as food on the spoon, or eating would cost reward.
         food = 1 - state.spilled / FOOD_COUNT
         near = tolerance(state.distance, bounds=(0, MOUTH_RADIUS), margin=0.3)
-        if (
-            self.options.bites > 1
-        ):  # an empty spoon belongs back, a full one before a mouth that is ready
+        if self.options.bites > 1:
+            # An empty spoon belongs back, a full one before a mouth that is ready.
             back = tolerance(state.distance, bounds=(LOADED_FROM, 1.0), margin=0.3)
             waiting = tolerance(state.distance, bounds=(2 * AT_LIPS, 1.0), margin=0.3)
             is_full = np.logical_not(state.mouthful.is_ready)
             near = where(state.eaten == FOOD_COUNT, back, where(is_full, waiting, near))
         terms = {"food": food * food, "approach": food * near}
-        # An episode that ends well is paid as if it had gone on at its best: else to dawdle in
-        # front of the mouth would pay more than to feed.
-        best = 2.0
+        best = 2.0  # what ends well is paid as if it went on: else to dawdle would pay more than to feed
         if self.options.reward == "shaped":
             excess = self.options.discomfort(state.force, COMFORT_FORCE)
             terms |= {"comfort": -excess, "level": state.up[..., 2] - 1.0}
@@ -298,6 +295,10 @@ class Feeding(Meal):
             share = COUGH / 2.0 * best
             terms["cough"] = -share * np.asarray(state.mouthful.coughs_now, float)
         return {**terms, "eaten": self.for_the_rest(state, self.succeeded(state), best)}
+
+    def literal(self, role: str, state: FeedingState) -> Mapping[str, Values]:
+        food = where(state.spilled + state.eaten < FOOD_COUNT, 1.0, 0.0)
+        return {"food": food, "near": where(state.distance <= MOUTH_RADIUS, food, 0.0)}
 
     def metrics(self, state: FeedingState) -> Mapping[str, Values]:
         return {

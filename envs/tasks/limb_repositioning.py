@@ -69,7 +69,6 @@ class LimbRepositioningOptions(TaskOptions):
     """
 
     SHAPED_WEIGHTS = {"distance": 1.0, "reach": 0.3, "comfort": 0.3, "rest": 0.5}  # our own choice
-
     force_limit: float = FORCE_LIMIT
 
 
@@ -117,6 +116,7 @@ class LimbRepositioning(Task):
     least_success = 85
     Options = LimbRepositioningOptions
     room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
+    paper_terms = ("distance",)
     footprint = Rectangle(-0.8, -1.1, 1.2, 1.4)  # [m] the chair, a robot or helper at its side
     time_limit = TIME_LIMIT
     options: LimbRepositioningOptions

@@ -109,6 +109,7 @@ class Toileting(Task):
     least_success = 95
     Options = ToiletingOptions
     room_kinds = ("bathroom",)
+    paper_terms = ("open_angle",)
     footprint = Rectangle(0.73, -0.3, 1.55, 0.37)  # [m] before the bowl
     site = "toilet"
     bystanders = ()

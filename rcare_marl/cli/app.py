@@ -15,6 +15,7 @@ from rcare_marl.console import print_error, print_line
 from rcare_marl.errors import RcareError
 
 from .coach import coach
+from .export import export
 from .parameter import (
     BestPolicyName,
     CaregiverModel,
@@ -392,6 +393,7 @@ def validate(
 
 
 app.command()(train)
+app.command()(export)
 app.add_typer(coach, name="coach")
 
 

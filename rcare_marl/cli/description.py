@@ -68,7 +68,7 @@ def _role(env: CareEnv, task: str, role: str) -> dict[str, Any]:
             {"name": name, "shape": list(shape), "unit": unit}
             for shape, name, unit in env.describe_arrays(role)
         ],
-        "rewards": list(env.task.rewards(role, env.task.state)),
+        "rewards": list(env.task.paid(role, env.task.state)),
     }
 
 

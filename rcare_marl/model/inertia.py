@@ -79,8 +79,9 @@ def of_box(mass: float, size: Sequence[float]) -> Inertia:
     return (mass * (y + z) / 12, 0.0, 0.0, mass * (x + z) / 12, 0.0, mass * (x + y) / 12)
 
 
-def of_ball(mass: float) -> Inertia:
-    """Return the inertia of a ball of `mass` [kg] as dense as water."""
-    radius = (3 * mass / (4 * math.pi * _DENSITY)) ** (1 / 3)
+def of_ball(mass: float, radius: float | None = None) -> Inertia:
+    """Return the inertia of a ball of `mass` [kg] and `radius` [m]; as dense as water if None."""
+    if radius is None:
+        radius = (3 * mass / (4 * math.pi * _DENSITY)) ** (1 / 3)
     moment = 0.4 * mass * radius**2
     return (moment, 0.0, 0.0, moment, 0.0, moment)

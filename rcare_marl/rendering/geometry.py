@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import pybullet as bullet
 
-from ..body import Body, VisualShape
+from ..body import Body
+from ..body_part import VisualShape
 from ..model.mesh import Mesh
 from ..pose import matrix_from_quaternion
 from ..world import World

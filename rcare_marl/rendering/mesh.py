@@ -13,7 +13,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from ..body import VisualShape
+from ..body_part import VisualShape
 from ..model.mesh import Mesh, corner_normals, merge
 from .collada import read_collada
 

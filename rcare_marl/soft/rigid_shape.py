@@ -11,7 +11,8 @@ import numpy as np
 import pybullet as bullet
 from scipy.spatial import ConvexHull  # type: ignore[import-untyped]
 
-from ..body import Body, VisualShape
+from ..body import Body
+from ..body_part import VisualShape
 from ..errors import WorldError
 from ..pose import Array, Pose, matrix_from_quaternion
 from ..rendering.mesh import shape_mesh

@@ -100,7 +100,8 @@ class SoftWorld:
             if color is not None:
                 # Renderers draw a skin in place of its body, but the carrier is to be seen as well: a
                 # second handle on the same body.
-                handle = Body(world, soft.carrier.body.uid, soft.carrier.body.name)
+                carrier = soft.carrier.body
+                handle = Body(world, carrier.uid, carrier.name, carrier.source)
                 world.skins.append(SoftBodySkin(soft, handle, color, world.client))
         elif isinstance(soft, Cloth):
             soft.bind(world.client)

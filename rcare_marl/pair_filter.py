@@ -1,0 +1,28 @@
+"""Which pairs of links were told to collide or to pass through each other: Bullet does not tell it."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import pybullet as bullet
+
+Place: TypeAlias = tuple[int, int]  # unique id of a body, index of a link
+
+
+class PairFilter:
+    """The filter of a physics client. What was said of a pair last holds.
+
+    Attributes:
+        said: Whether a pair of links collides, for each pair of which something was said.
+    """
+
+    def __init__(self, client: int) -> None:
+        self._client = client
+        self.said: dict[frozenset[Place], bool] = {}
+
+    def set(self, a: Place, b: Place, enabled: bool) -> None:
+        """Let two links collide, or pass through each other."""
+        self.said[frozenset((a, b))] = enabled
+        bullet.setCollisionFilterPair(
+            a[0], b[0], a[1], b[1], int(enabled), physicsClientId=self._client
+        )
