@@ -3,9 +3,9 @@
 python experiments/paper_table.py [--markdown] [--evaluate] [--processes N] [--folder FOLDER]
 
 Each row reads `<name>.json`, the record that `rcare-marl evaluate <task> --policies ... --out` left of the
-policies of five training seeds when they were trained, and on the same episodes `<name>_shipped.json` and
-`<name>_scripted.json`, of the one that ships and of the scripted policy. --evaluate makes these two anew,
-with the code as it is.
+policies of several training seeds when they were trained, and on the same episodes `<name>_shipped.json`
+and `<name>_scripted.json`, of the one that ships and of the scripted policy. --evaluate makes these two
+anew, with the code as it is. Without the former, what ships did in the first counts.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ import typer
 from rcare_marl.atomic_file import write_whole
 from rcare_marl.baselines import trained
 from rcare_marl.baselines.evaluation.model_card import beginning
-from rcare_marl.baselines.evaluation.protocol import Plan, assess, read_record, record_text
+from rcare_marl.baselines.evaluation.protocol import Plan, assess, digest, read_record, record_text
+from rcare_marl.baselines.policy_file import SUFFIX
 from rcare_marl.console import console, markdown_table, table
 from rcare_marl.errors import ConfigError
 
@@ -151,6 +152,11 @@ def success_of(kind: str, row: Row, record: Mapping[str, Any], folder: Path) -> 
         ConfigError: If its record is of other episodes.
     """
     file = folder / f"{row.name}_{kind}.json"
+    ours = folder / f"{row.name}{SUFFIX}"
+    if kind == SHIPPED and ours.is_file() and not file.is_file():
+        ships = digest(ours)
+        places = [i for i, e in enumerate(record["policies"]) if e["file"]["sha256"] == ships]
+        return float(record["summary"]["success"]["runs"][places[0]]) if places else None
     if not file.is_file():
         return None
     other = read_record(file)
