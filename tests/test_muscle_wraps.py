@@ -33,6 +33,10 @@ PATHS = (
     "left_shoulder@left_shoulder:0.08,0.02,0.01",
     "left_shoulder@left_elbow:-0.09,0,0.03;left_ulna@left_elbow:0.04,0,0|cylinder:0.01:1,0,0;"
     "left_elbow@left_elbow:0.045,-0.005,-0.011",
+    "left_scapula@left_shoulder:-0.08,-0.02,-0.07;left_scapula@left_shoulder:-0.02,0.01,-0.02|sphere:0.025;"
+    "left_shoulder@left_shoulder:0.08,0.02,0.01",
+    "spine3@spine3:0,0.1,-0.06;right_scapula@right_shoulder:0.04,0.02,-0.05;"
+    "right_collar@right_shoulder:0.01,0.05,0.05;right_shoulder@right_shoulder:-0.08,0.02,0.01",
     "pelvis@left_hip:0,0.03,0.05;left_hip@left_hip:0,-0.3,0.05;"
     "left_hip@left_knee:0,0,0|cylinder:0.03:-1,0,0;left_knee@left_knee:0,-0.07,0.05",
 )
@@ -150,7 +154,7 @@ def test_moment_arms_are_the_slope_of_length(path: int) -> None:
             assert arms[dof] == pytest.approx(-slope(muscles, q, int(dof))[0], abs=1e-6)
         spots = path_points(muscles, q)
         touched += bool(np.abs(np.diff(spots, axis=0)).sum(axis=1).min() > 1e-6)
-    assert touched > 3  # the surface is met
+    assert touched > 3  # a surface is met
 
 
 def test_lengths_are_those_of_the_table_functions() -> None:

@@ -34,15 +34,17 @@ from .hill import (
     tendon_curve,
     tendon_length,
 )
+from .muscle_layout import BLADE_ROWS, PathLayout
 from .muscle_path import (
+    BLADE_ROOM,
     FRAME_COLUMNS,
-    SPOT_COLUMNS,
+    LINK_COLUMNS,
+    SPOT_ROWS,
     find_arms,
     gather_frames,
 )
 from .muscle_path import LENGTH as LENGTH
 from .muscle_path import RATE as RATE
-from .muscle_unit import PathLayout
 
 Ints = npt.NDArray[np.int64]
 
@@ -73,11 +75,14 @@ class Muscles(NamedTuple):
         parts: Table of the parts, shape [n, PART_COLUMNS or more]; see `dynamics.py`.
         parents: Part before each one, -1 for the pelvis, shape [n].
         depths: How many parts come before each one, shape [n].
-        points, pulleys, wraps, carriers, starts, crossings, entries, is_branched: See `PathLayout`.
+        points, rows, pulleys, pulley_spots, wraps, wrap_spots, scapulae, blades, starts, crossings,
+            entries, is_branched: See `PathLayout`.
         units: Figures of the units, shape [m, UNIT_COLUMNS].
         work: Scratch of the parts, shape [n, SCRATCH_COLUMNS].
-        frames: Of the pelvis and all parts, shape [n + 1, FRAME_COLUMNS].
-        spots: Scratch of one path, shape [points of the longest path, SPOT_COLUMNS].
+        frames: Of the pelvis, all parts and the scapulae, shape [n + 1 + 4 s, FRAME_COLUMNS].
+        spots: Of all paths, shape [SPOT_ROWS, p].
+        pulley_work, wrap_work: Scratch of pulleys and surfaces, shape [k or w, LINK_COLUMNS].
+        blade_work: Scratch of one scapula.
         arms: Moment arm of each crossing [m].
         torques: Of each DoF; the first rows by active and by passive tension [N·m], shape [6, n].
         matrix: The mass matrix, packed as in `dynamics.mass_matrix`.
@@ -87,9 +92,13 @@ class Muscles(NamedTuple):
     parents: Ints
     depths: Ints
     points: Array
+    rows: Ints
     pulleys: Array
+    pulley_spots: Ints
     wraps: Array
-    carriers: Ints
+    wrap_spots: Ints
+    scapulae: Ints
+    blades: Array
     starts: Ints
     crossings: Ints
     entries: Ints
@@ -98,6 +107,9 @@ class Muscles(NamedTuple):
     work: Array
     frames: Array
     spots: Array
+    pulley_work: Array
+    wrap_work: Array
+    blade_work: Array
     arms: Array
     torques: Array
     matrix: Array
@@ -106,17 +118,20 @@ class Muscles(NamedTuple):
 def make_muscles(parts: Array, parents: Ints, layout: PathLayout, units: Array) -> Muscles:
     """Return muscles with room of their own; the tables are shared with the caller."""
     count = len(parents)
-    frames = np.zeros((count + 1, FRAME_COLUMNS))
+    frames = np.zeros((count + 1 + BLADE_ROWS * len(layout.scapulae), FRAME_COLUMNS))
     frames[0, :9] = np.eye(3).ravel()
     return Muscles(
         parts,
         parents,
         tree_depths(parents),
-        *layout[:8],
+        *layout,
         units,
         np.zeros((count, SCRATCH_COLUMNS)),
         frames,
-        np.zeros((layout.longest, SPOT_COLUMNS)),
+        np.zeros((SPOT_ROWS, len(layout.points))),
+        np.zeros((len(layout.pulleys), LINK_COLUMNS)),
+        np.zeros((len(layout.wraps), LINK_COLUMNS)),
+        np.zeros(BLADE_ROOM),
         np.zeros(len(layout.crossings) - 1),
         np.zeros((6, count)),
         packed_matrix(parents),
@@ -286,7 +301,7 @@ def project(muscles, state) -> None:  # type: ignore[no-untyped-def]
 def advance(muscles, q, qd, excitation, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
     """Find paths, and tensions and torques after `dt` [s]; with 0 activations and tendons stay."""
     place_frames(muscles.parts, muscles.parents, q, muscles.work)
-    gather_frames(muscles.work, muscles.frames)
+    gather_frames(muscles)
     find_arms(muscles, qd, state)
     if dt > 0.0:
         activate(muscles.units, state, excitation, dt)

@@ -15,8 +15,9 @@ from rcare_marl.tree.joint_tree import JointTree
 
 from . import muscle_kernel as kernel
 from .hill import RESTING_ACTIVATION, SHORTEST, inverse_tendon_force, passive_offset
+from .muscle_layout import make_layout
 from .muscle_path import find_arms, gather_frames
-from .muscle_unit import MuscleUnit, make_layout
+from .muscle_unit import MuscleUnit
 
 Tendon = Literal["rigid", "quasi_static", "implicit"]
 TENDONS: tuple[Tendon, ...] = get_args(Tendon)
@@ -166,7 +167,7 @@ class MuscleModel:
         q = _sized(q, len(self.dofs), "q")
         layout, state, muscles = self.layout, self.new_state(), self.kernel_muscles
         place_frames(self.parts, self.parents, q, muscles.work)
-        gather_frames(muscles.work, muscles.frames)
+        gather_frames(muscles)
         find_arms(muscles, np.zeros(len(q)), state)
         arms = np.zeros((len(self.units), len(self.dofs)))
         for m, (first, last) in enumerate(

@@ -16,6 +16,8 @@ import numpy as np
 
 from rcare_marl.pose import Array, axis_rotation
 
+from .scapula import turn_scapula
+
 BODY = tuple(
     """
     pelvis left_hip right_hip spine1 left_knee right_knee spine2 left_ankle right_ankle spine3
@@ -207,9 +209,11 @@ DOFS_OF: dict[str, tuple[Dof, ...]] = {
     joint: tuple(dof for dof in DOFS if dof.joint == joint) for joint in JOINTS
 }
 EYES = ("left_eye_smplhf", "right_eye_smplhf")
-# What may carry flesh and bone: the joints, and the ulnae, which bend with the elbow but do not pronate.
+# What may carry flesh and bone: the joints; the ulnae, which bend with the elbow but do not pronate; and the
+# shoulder blades, which turn with the arm as `scapula.py` says.
 ULNAE = ("left_ulna", "right_ulna")
-CARRIERS = (*JOINTS, *ULNAE)
+SCAPULAE = ("left_scapula", "right_scapula")
+CARRIERS = (*JOINTS, *ULNAE, *SCAPULAE)
 CARRIER_INDEX = {name: i for i, name in enumerate(CARRIERS)}
 PRONATIONS = tuple(f"{side}_elbow_pronation" for side in SIDES)  # what an ulna does not do
 
@@ -230,25 +234,36 @@ def joint_rotations(angles: Array) -> Array:
 
 
 def carrier_joint(carrier: str) -> str:
-    """Return the joint at which a carrier starts: itself, or the elbow of an ulna."""
-    return carrier.replace("ulna", "elbow") if carrier in ULNAE else carrier
+    """Return the joint at which a carrier starts: itself, the elbow of an ulna, the shoulder of a scapula."""
+    if carrier in JOINT_INDEX:
+        return carrier
+    return carrier.replace("ulna", "elbow").replace("scapula", "shoulder")
 
 
-def with_ulnae(rotations: Array, positions: Array) -> tuple[Array, Array]:
-    """Return global rotations [57, 3, 3] and positions [57, 3] of `CARRIERS` for those of the joints."""
+def with_carriers(rotations: Array, positions: Array) -> tuple[Array, Array]:
+    """Return global rotations [59, 3, 3] and positions [59, 3] of `CARRIERS` for those of the joints."""
     turns, places = [rotations], [positions]
-    for ulna in ULNAE:
-        j = JOINT_INDEX[carrier_joint(ulna)]
+    for carrier in CARRIERS[len(JOINTS) :]:
+        j = JOINT_INDEX[carrier_joint(carrier)]
         before = rotations[PARENTS[j]]
-        x, y, z = (
-            before.T @ rotations[j, :, 0]
-        )  # the axis of pronation, which pronation leaves alone
-        bent = axis_rotation(Y, math.atan2(-z, x)) @ axis_rotation(
-            Z, math.asin(min(max(y, -1.0), 1.0))
-        )
-        turns.append((before @ bent)[None])
+        turn = _bent if carrier in ULNAE else _followed
+        turns.append((before @ turn(carrier, before.T @ rotations[j]))[None])
         places.append(positions[j][None])
     return np.concatenate(turns), np.concatenate(places)
+
+
+def _bent(ulna: str, elbow: Array) -> Array:
+    """Return the rotation of an ulna for that of the elbow: up to pronation, which leaves its axis alone."""
+    x, y, z = elbow[:, 0]
+    return axis_rotation(Y, math.atan2(-z, x)) @ axis_rotation(Z, math.asin(min(max(y, -1.0), 1.0)))
+
+
+def _followed(scapula: str, shoulder: Array) -> Array:
+    """Return the rotation of a shoulder blade for that of the shoulder."""
+    side = 1.0 if scapula.startswith("left") else -1.0
+    turn, spin = np.empty((3, 3)), np.empty((3, 3))
+    turn_scapula(side, *(side * shoulder[:, 0]), turn, spin)
+    return turn
 
 
 def forward_kinematics(rest: Array, angles: Array) -> tuple[Array, Array]:
