@@ -40,6 +40,7 @@ from .muscle_path import (
     FRAME_COLUMNS,
     LINK_COLUMNS,
     SPOT_ROWS,
+    WRENCH_COLUMNS,
     find_arms,
     gather_frames,
 )
@@ -75,12 +76,13 @@ class Muscles(NamedTuple):
         parts: Table of the parts, shape [n, PART_COLUMNS or more]; see `dynamics.py`.
         parents: Part before each one, -1 for the pelvis, shape [n].
         depths: How many parts come before each one, shape [n].
-        points, rows, pulleys, pulley_spots, wraps, wrap_spots, scapulae, blades, starts, crossings,
+        points, rows, pulleys, pulley_spots, wraps, wrap_spots, scapulae, blades, starts, crossed, cuts,
             entries, is_branched: See `PathLayout`.
         units: Figures of the units, shape [m, UNIT_COLUMNS].
         work: Scratch of the parts, shape [n, SCRATCH_COLUMNS].
         frames: Of the pelvis, all parts and the scapulae, shape [n + 1 + 4 s, FRAME_COLUMNS].
         spots: Of all paths, shape [SPOT_ROWS, p].
+        wrenches: Of a unit pull through each cut and on each pulley, shape [s + k, WRENCH_COLUMNS].
         pulley_work, wrap_work: Scratch of pulleys and surfaces, shape [k or w, LINK_COLUMNS].
         blade_work: Scratch of one scapula.
         arms: Moment arm of each crossing [m].
@@ -100,13 +102,15 @@ class Muscles(NamedTuple):
     scapulae: Ints
     blades: Array
     starts: Ints
-    crossings: Ints
+    crossed: Ints
+    cuts: Ints
     entries: Ints
     is_branched: npt.NDArray[np.bool_]
     units: Array
     work: Array
     frames: Array
     spots: Array
+    wrenches: Array
     pulley_work: Array
     wrap_work: Array
     blade_work: Array
@@ -129,10 +133,11 @@ def make_muscles(parts: Array, parents: Ints, layout: PathLayout, units: Array) 
         np.zeros((count, SCRATCH_COLUMNS)),
         frames,
         np.zeros((SPOT_ROWS, len(layout.points))),
+        np.zeros((len(layout.cuts) + len(layout.pulleys), WRENCH_COLUMNS)),
         np.zeros((len(layout.pulleys), LINK_COLUMNS)),
         np.zeros((len(layout.wraps), LINK_COLUMNS)),
         np.zeros(BLADE_ROOM),
-        np.zeros(len(layout.crossings) - 1),
+        np.zeros(len(layout.crossed)),
         np.zeros((6, count)),
         packed_matrix(parents),
     )
@@ -286,13 +291,13 @@ def _implicit(units, state, m, dt) -> None:  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def project(muscles, state) -> None:  # type: ignore[no-untyped-def]
     """Write the torque about each DoF by active and by passive tension [N·m]."""
-    starts, crossings, arms = muscles.starts, muscles.crossings, muscles.arms
+    starts, crossed, arms = muscles.starts, muscles.crossed, muscles.arms
     active, passive = muscles.torques[0], muscles.torques[1]
     active[:] = 0.0
     passive[:] = 0.0
     for m in range(starts.shape[0] - 1):
         for c in range(starts[m, 1], starts[m + 1, 1]):
-            dof = crossings[c, 0]
+            dof = crossed[c]
             active[dof] += arms[c] * state[ACTIVE, m]
             passive[dof] += arms[c] * state[PASSIVE, m]
 

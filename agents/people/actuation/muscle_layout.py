@@ -7,7 +7,7 @@ the shoulder it is a body of its own, between collar and humerus, that turns abo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +24,6 @@ from .muscle_wrap import CENTRE, IS_CYLINDER, TURN, WRAP_COLUMNS, WRAP_RADIUS, s
 ARM, ARM_BEFORE, RADIUS = 0, 3, 6
 PULLEY_COLUMNS = 7
 FIXED = -2  # in place of the part before: no pulley
-TURNS = 0  # sign of an entry: a pulley; of others, the end of a segment that is carried
 
 # Columns of `PathLayout.scapulae`: rows of the frames of collar and humerus, of its own first frame, of the
 # first and the second DoF that turn it (0: none), and 1 of the left or -1.
@@ -43,17 +42,18 @@ class PathLayout(NamedTuple):
         points: Each point, or the centre of its pulley, in the frame of its part [m], shape [p, 3].
         rows: Row of the part of each point, shape [p].
         pulleys: Geometry of each pulley [m], shape [k, 7]; the columns are named in this module.
-        pulley_spots: Point of each pulley, and the rows of its part and the part before, shape [k, 3].
+        pulley_spots: Point of each pulley, the rows of its part and the part before, and whether a
+            segment comes from the point before and one goes on, shape [k, 5].
         wraps: Geometry of each surface [m], shape [w, 14]; the columns are named in `muscle_wrap.py`.
         wrap_spots: First of the two spots of each surface, and the row of its part, shape [w, 2].
         scapulae: Rows of each shoulder blade, shape [s, 6]; the columns are named in this module.
         blades: Geometry of the same, shape [s, 15].
         starts: First point and first crossing of each muscle, and the ends, shape [m + 1, 2].
-        crossings: DoF and first entry of each crossing of a muscle and a DoF, and the ends, shape
-            [c + 1, 2].
-        entries: What changes length there, shape [e, 4]: point where a segment ends, or a pulley; a
-            spot on the line of its pull; +1 or -1 if its end or its start is carried, `TURNS` of a
-            pulley; and the row whose axis it turns about.
+        crossed: DoF of each crossing of a muscle and a DoF, shape [c].
+        cuts: Segments whose ends do not move together: the point where each ends, and a spot on the line
+            of its pull, shape [s, 2].
+        entries: What changes length: crossing; cut, or s and the number of a pulley; +1 or -1 if its end
+            or its start is carried; and the row whose axis it turns about; shape [e, 4].
         is_branched: Whether a muscle crosses DoFs that do not lie on one branch of the tree, [m].
     """
 
@@ -66,7 +66,8 @@ class PathLayout(NamedTuple):
     scapulae: Ints
     blades: Array
     starts: Ints
-    crossings: Ints
+    crossed: Ints
+    cuts: Ints
     entries: Ints
     is_branched: npt.NDArray[np.bool_]
 
@@ -146,16 +147,17 @@ def make_layout(units: Sequence[MuscleUnit], joints: Array, chain: JointTree) ->
     points: list[Array] = []
     rows: list[int] = []
     pulleys: list[Array] = []
-    pulley_spots: list[tuple[int, int, int]] = []
+    pulley_spots: list[tuple[int, ...]] = []
     wraps: list[Array] = []
     wrap_spots: list[tuple[int, int]] = []
     starts: list[tuple[int, int]] = []
-    crossings: list[tuple[int, int]] = []
+    crossed: list[int] = []
+    cuts: list[tuple[int, int]] = []
     entries: list[tuple[int, int, int, int]] = []
     branched: list[bool] = []
     for unit in units:
         first = len(points)
-        starts.append((first, len(crossings)))
+        starts.append((first, len(crossed)))
         ends: list[tuple[int, int]] = []
         onto: set[int] = set()
         turning: dict[int, int] = {}
@@ -167,32 +169,41 @@ def make_layout(units: Sequence[MuscleUnit], joints: Array, chain: JointTree) ->
                 turn = carriage.place(point.joint, chain)[1]
                 wraps.append(_wrap(point, place, turn))
             if pulley is not None:
+                joined = len(ends) > 0, point is not unit.path[-1]
+                pulley_spots.append((len(points), part + 1, before + 1, *map(int, joined)))
                 turning[len(ends)] = len(pulleys)
-                pulley_spots.append((len(points), part + 1, before + 1))
                 pulleys.append(pulley)
             for _ in range(1 if point.surface is None else 2):
                 points.append(place)
                 rows.append(part + 1)
                 ends.append((part, before))
-        crossed = _crossings(ends, carriage, onto, turning.__getitem__, first)
-        for dof, found in crossed:
-            crossings.append((dof, len(entries)))
-            entries.extend(found)
-        branched.append(not carriage.is_branch([dof for dof, _ in crossed]))
-    starts.append((len(points), len(crossings)))
-    crossings.append((-1, len(entries)))
+        found = _crossings(ends, carriage)
+        own = sorted({k for _, pulls in found for k, sign, _ in pulls if sign})
+        cut = {k: len(cuts) + n for n, k in enumerate(own)}
+        # On to a surface the pull goes through the start.
+        cuts.extend((first + k, first + k - (k in onto)) for k in own)
+        for dof, pulls in found:
+            for k, sign, row in pulls:
+                pulled = cut[k] if sign else -1 - turning[k]
+                entries.append((len(crossed), pulled, sign or 1, row))
+            crossed.append(dof)
+        branched.append(not carriage.is_branch([dof for dof, _ in found]))
+    starts.append((len(points), len(crossed)))
+    table = np.array(entries, np.int64).reshape(-1, 4)
+    table[:, 1] = np.where(table[:, 1] < 0, len(cuts) - 1 - table[:, 1], table[:, 1])
     return PathLayout(
         np.array(points).reshape(-1, 3),
         np.array(rows, np.int64),
         np.array(pulleys).reshape(-1, PULLEY_COLUMNS),
-        np.array(pulley_spots, np.int64).reshape(-1, 3),
+        np.array(pulley_spots, np.int64).reshape(-1, 5),
         np.array(wraps).reshape(-1, WRAP_COLUMNS),
         np.array(wrap_spots, np.int64).reshape(-1, 2),
         carriage.scapulae,
         carriage.blades,
         np.array(starts, np.int64),
-        np.array(crossings, np.int64),
-        np.array(entries, np.int64).reshape(-1, 4),
+        np.array(crossed, np.int64),
+        np.array(cuts, np.int64).reshape(-1, 2),
+        table,
         np.array(branched, np.bool_),
     )
 
@@ -234,32 +245,25 @@ def _wrap(point: PathPoint, centre: Array, turn: Array) -> Array:
 
 
 def _crossings(
-    ends: Sequence[tuple[int, int]],
-    carriage: _Carriage,
-    onto: Set[int],
-    pulley: Callable[[int], int],
-    first: int,
-) -> list[tuple[int, list[tuple[int, int, int, int]]]]:
-    """Return each crossed DoF with its entries, proximal first.
+    ends: Sequence[tuple[int, int]], carriage: _Carriage
+) -> list[tuple[int, list[tuple[int, int, int]]]]:
+    """Return each crossed DoF with what it changes, proximal first: spot, sign (0: a pulley) and row.
 
     Args:
         ends: Part of each spot of a path, and the part before if it is a pulley.
         carriage: Which DoF carries which part.
-        onto: Spots where surfaces begin: a segment's pull on to one goes through its start.
-        pulley: The number of a spot's pulley.
-        first: Number of the first spot.
     """
     # The parts that carry the spots as rigid bodies would.
     whole = [part if before == FIXED else before for part, before in ends]
     found = []
     for dof in sorted(frozenset().union(*(carriage.above(part) for part, _ in ends))):
-        entries = []
+        pulls = []
         for k, (part, before) in enumerate(ends):
             sign, row = carriage.turn(dof, whole[k - 1], whole[k]) if k else (0, 0)
             if sign:
-                entries.append((first + k, first + k - (k in onto), sign, row))
+                pulls.append((k, sign, row))
             if before != FIXED and dof in carriage.above(part) - carriage.above(before):
-                entries.append((pulley(k), 0, TURNS, dof + 1))
-        if entries:
-            found.append((dof, entries))
+                pulls.append((k, 0, dof + 1))
+        if pulls:
+            found.append((dof, pulls))
     return found

@@ -173,7 +173,7 @@ class MuscleModel:
         for m, (first, last) in enumerate(
             zip(layout.starts[:-1, 1], layout.starts[1:, 1], strict=True)
         ):
-            arms[m, layout.crossings[first:last, 0]] = muscles.arms[first:last]
+            arms[m, layout.crossed[first:last]] = muscles.arms[first:last]
         return state[kernel.LENGTH].copy(), arms
 
     def isometric_forces(self, q: Array, activation: Array | float) -> Array:

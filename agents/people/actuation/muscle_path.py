@@ -28,24 +28,25 @@ from .muscle_layout import (
     SHAFT,
     SHOULDER,
     SIDE,
-    TURNS,
 )
 from .muscle_wrap import CENTRE, IS_CYLINDER, TURN, WRAP_RADIUS, wrapped
 
 LENGTH, RATE = 2, 3  # rows of the state of the units, see `muscle_kernel.py`
 
-# Columns of the frames, one row a part after one for the pelvis: rotation, origin, axis.
-_ORIGIN, _AXIS = 9, 12
-FRAME_COLUMNS = 15
+# Columns of the frames, one row a part after one for the pelvis: rotation, origin, axis, origin x axis.
+_ORIGIN, _AXIS, _SWEEP = 9, 12, 15
+FRAME_COLUMNS = 18
 
 # Rows of the spots: where each is, the direction from the one before, and how far that is.
-X, U, SPAN = 0, 3, 6
+X, _U, SPAN = 0, 3, 6
 SPOT_ROWS = 7
-# Columns of the pulleys' scratch: arm as the part carries it, direction between both arms, radius by length.
-_ARM_NOW, _MIDDLE, _LEVER = 0, 3, 6
+WRENCH_COLUMNS = 6  # moment about the pelvis and force
+# Columns of the pulleys' scratch: arm as the part carries it, direction between both arms, radius by length,
+# radius.
+_ARM_NOW, _MIDDLE, _LEVER, _RADIUS = 0, 3, 6, 7
 # Columns of the surfaces' scratch: push on the point before and on that after, what the arc is longer.
 _PUSH, _OTHER, _EXTRA = 0, 3, 6
-LINK_COLUMNS = 7  # of both
+LINK_COLUMNS = 8  # of both
 BLADE_ROOM = (2, 3, 3)  # shape of the scratch of a scapula
 
 
@@ -58,8 +59,18 @@ def gather_frames(muscles) -> None:  # type: ignore[no-untyped-def]
             frames[i + 1, a] = work[i, a]
         for a in range(3):
             frames[i + 1, _AXIS + a] = work[i, AXIS_NOW + a]
+        _sweep(frames[i + 1])
     for s in range(muscles.scapulae.shape[0]):
         _place_scapula(muscles.scapulae[s], muscles.blades[s], frames, muscles.blade_work)
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _sweep(frame) -> None:  # type: ignore[no-untyped-def]
+    """Write how the pelvis' origin would move, turned about an axis at unit rate."""
+    x, y, z = frame[_ORIGIN], frame[_ORIGIN + 1], frame[_ORIGIN + 2]
+    frame[_SWEEP] = y * frame[_AXIS + 2] - z * frame[_AXIS + 1]
+    frame[_SWEEP + 1] = z * frame[_AXIS] - x * frame[_AXIS + 2]
+    frame[_SWEEP + 2] = x * frame[_AXIS + 1] - y * frame[_AXIS]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -98,6 +109,8 @@ def _place_scapula(rows, blade, frames, room) -> None:  # type: ignore[no-untype
         frames[first + 2 + k, _AXIS] = a0 - w0
         frames[first + 2 + k, _AXIS + 1] = a1 - w1
         frames[first + 2 + k, _AXIS + 2] = a2 - w2
+        _sweep(frames[first + k])
+        _sweep(frames[first + 2 + k])
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -177,7 +190,7 @@ def _turn_pulleys(pulleys, places, frames, spots, links) -> None:  # type: ignor
         b0, b1, b2 = b0 * norm, b1 * norm, b2 * norm
         radius = pulleys[k, RADIUS]
         links[k, _MIDDLE], links[k, _MIDDLE + 1], links[k, _MIDDLE + 2] = b0, b1, b2
-        links[k, _LEVER] = radius * norm
+        links[k, _LEVER], links[k, _RADIUS] = radius * norm, radius
         spots[X, p] += radius * b0
         spots[X + 1, p] += radius * b1
         spots[X + 2, p] += radius * b2
@@ -261,7 +274,7 @@ def _wrap_round(wraps, places, frames, spots, links) -> None:  # type: ignore[no
 
 @numba.njit(cache=True, error_model="numpy")
 def _segments(x, y, z, u, v, w, spans) -> None:  # type: ignore[no-untyped-def]
-    """Write the way to each spot from the one before it, whether or not of the same path."""
+    """Write the way to each spot from the one before, whether or not of one path."""
     for k in range(1, x.shape[0]):
         d0, d1, d2 = x[k] - x[k - 1], y[k] - y[k - 1], z[k] - z[k - 1]
         span = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
@@ -270,79 +283,100 @@ def _segments(x, y, z, u, v, w, spans) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def place_paths(muscles) -> None:  # type: ignore[no-untyped-def]
-    """Write the spots of all paths and the ways between them, after `gather_frames`."""
-    frames, spots, places = muscles.frames, muscles.spots, muscles.wrap_spots
-    _place_points(muscles.points, muscles.rows, frames, spots)
-    _turn_pulleys(muscles.pulleys, muscles.pulley_spots, frames, spots, muscles.pulley_work)
-    _wrap_round(muscles.wraps, places, frames, spots, muscles.wrap_work)
-    _segments(spots[0], spots[1], spots[2], spots[3], spots[4], spots[5], spots[6])
-    links = muscles.wrap_work
+def _push(places, links, spots) -> None:  # type: ignore[no-untyped-def]
+    """Add arcs to lengths, and to the pulls on points beside a surface how it makes room for them."""
     for w in range(links.shape[0]):
         k = places[w, 0]
         spots[SPAN, k + 1] += links[w, _EXTRA]
-        for a in range(3):  # how the surface makes room for the points beside it
-            spots[U + a, k] -= links[w, _PUSH + a]
-            spots[U + a, k + 2] += links[w, _OTHER + a]
+        for a in range(3):
+            spots[_U + a, k] -= links[w, _PUSH + a]
+            spots[_U + a, k + 2] += links[w, _OTHER + a]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _pull(cuts, spots, wrenches) -> None:  # type: ignore[no-untyped-def]
+    """Write the wrench of a unit pull through each segment that a joint cuts."""
+    for c in range(cuts.shape[0]):
+        k, at = cuts[c, 0], cuts[c, 1]
+        x, y, z = spots[X, at], spots[X + 1, at], spots[X + 2, at]
+        _write_wrench(wrenches[c], x, y, z, spots[_U, k], spots[_U + 1, k], spots[_U + 2, k])
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _write_wrench(wrench, x, y, z, u, v, w) -> None:  # type: ignore[no-untyped-def]
+    """Write moment and force of a pull through a point."""
+    wrench[0], wrench[1], wrench[2] = y * w - z * v, z * u - x * w, x * v - y * u
+    wrench[3], wrench[4], wrench[5] = u, v, w
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _pull_pulleys(places, links, spots, wrenches) -> None:  # type: ignore[no-untyped-def]
+    """Write what each pulley's arm is pulled with, as a wrench."""
+    for k in range(places.shape[0]):
+        p, link, wrench = places[k, 0], links[k], wrenches[k]
+        # The rim moves by lever (I - m mT) (axis x arm), and with the centre.
+        into, on = places[k, 3], places[k, 4]
+        f0 = into * spots[_U, p] - on * spots[_U, p + on]
+        f1 = into * spots[_U + 1, p] - on * spots[_U + 1, p + on]
+        f2 = into * spots[_U + 2, p] - on * spots[_U + 2, p + on]
+        m0, m1, m2 = link[_MIDDLE], link[_MIDDLE + 1], link[_MIDDLE + 2]
+        along, lever, radius = f0 * m0 + f1 * m1 + f2 * m2, link[_LEVER], link[_RADIUS]
+        g0 = lever * (f0 - along * m0)
+        g1 = lever * (f1 - along * m1)
+        g2 = lever * (f2 - along * m2)
+        x, y, z = (
+            spots[X, p] - radius * m0,
+            spots[X + 1, p] - radius * m1,
+            spots[X + 2, p] - radius * m2,
+        )
+        _write_wrench(wrench, x, y, z, f0, f1, f2)
+        a0, a1, a2 = link[_ARM_NOW], link[_ARM_NOW + 1], link[_ARM_NOW + 2]
+        wrench[0] += a1 * g2 - a2 * g1
+        wrench[1] += a2 * g0 - a0 * g2
+        wrench[2] += a0 * g1 - a1 * g0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def place_paths(muscles) -> None:  # type: ignore[no-untyped-def]
+    """Write the spots of all paths and the wrenches of unit pulls, after `gather_frames`."""
+    frames, spots, wrenches, cuts = muscles.frames, muscles.spots, muscles.wrenches, muscles.cuts
+    pulleys, places, links = muscles.pulley_spots, muscles.wrap_spots, muscles.wrap_work
+    _place_points(muscles.points, muscles.rows, frames, spots)
+    _turn_pulleys(muscles.pulleys, pulleys, frames, spots, muscles.pulley_work)
+    _wrap_round(muscles.wraps, places, frames, spots, links)
+    _segments(spots[0], spots[1], spots[2], spots[3], spots[4], spots[5], spots[6])
+    _push(places, links, spots)
+    _pull(cuts, spots, wrenches)
+    _pull_pulleys(pulleys, muscles.pulley_work, spots, wrenches[cuts.shape[0] :])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _project(entries, wrenches, frames, arms) -> None:  # type: ignore[no-untyped-def]
+    """Write moment arms: a joint's screw times a path's wrench, both lines in space."""
+    arms[:] = 0.0
+    for e in range(entries.shape[0]):
+        wrench, screw = wrenches[entries[e, 1]], frames[entries[e, 3]]
+        power = (
+            wrench[0] * screw[_AXIS] + wrench[1] * screw[_AXIS + 1] + wrench[2] * screw[_AXIS + 2]
+        ) + (
+            wrench[3] * screw[_SWEEP]
+            + wrench[4] * screw[_SWEEP + 1]
+            + wrench[5] * screw[_SWEEP + 2]
+        )
+        arms[entries[e, 0]] -= entries[e, 2] * power
 
 
 @numba.njit(cache=True, error_model="numpy")
 def find_arms(muscles, velocities, state) -> None:  # type: ignore[no-untyped-def]
     """Write the length and rate of each unit into `state`, and each crossing's moment arm."""
     place_paths(muscles)
-    starts, crossings, entries = muscles.starts, muscles.crossings, muscles.entries
-    frames, spots, arms = muscles.frames, muscles.spots, muscles.arms
+    starts, crossed, arms = muscles.starts, muscles.crossed, muscles.arms
+    _project(muscles.entries, muscles.wrenches, muscles.frames, arms)
+    spans = muscles.spots[SPAN]
     for m in range(starts.shape[0] - 1):
         length = rate = 0.0
         for k in range(starts[m, 0] + 1, starts[m + 1, 0]):
-            length += spots[SPAN, k]
+            length += spans[k]
         for c in range(starts[m, 1], starts[m + 1, 1]):
-            slope = 0.0
-            for e in range(crossings[c, 1], crossings[c + 1, 1]):
-                k, at, sign, row = entries[e, 0], entries[e, 1], entries[e, 2], entries[e, 3]
-                if sign == TURNS:
-                    slope += _pulley_slope(muscles, k, row, starts[m, 0], starts[m + 1, 0])
-                else:
-                    slope += sign * _segment_slope(spots, k, at, frames, row)
-            arms[c] = -slope
-            rate += slope * velocities[crossings[c, 0]]
+            rate -= arms[c] * velocities[crossed[c]]
         state[LENGTH, m], state[RATE, m] = length, rate
-
-
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _segment_slope(spots, k, at, frames, row):  # type: ignore[no-untyped-def]
-    """Return how fast a segment grows whose end, on the line through a spot, turns at unit rate."""
-    d0 = spots[X, at] - frames[row, _ORIGIN]
-    d1 = spots[X + 1, at] - frames[row, _ORIGIN + 1]
-    d2 = spots[X + 2, at] - frames[row, _ORIGIN + 2]
-    u0, u1, u2 = spots[U, k], spots[U + 1, k], spots[U + 2, k]
-    return (
-        frames[row, _AXIS] * (d1 * u2 - d2 * u1)
-        + frames[row, _AXIS + 1] * (d2 * u0 - d0 * u2)
-        + frames[row, _AXIS + 2] * (d0 * u1 - d1 * u0)
-    )
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _pulley_slope(muscles, pulley, row, first, last):  # type: ignore[no-untyped-def]
-    """Return how fast a path grows whose pulley is turned at one side by a joint at unit rate."""
-    frames, spots, link = muscles.frames, muscles.spots, muscles.pulley_work[pulley]
-    radius, k = muscles.pulleys[pulley, RADIUS], muscles.pulley_spots[pulley, 0]
-    a0, a1, a2 = frames[row, _AXIS], frames[row, _AXIS + 1], frames[row, _AXIS + 2]
-    w0 = a1 * link[_ARM_NOW + 2] - a2 * link[_ARM_NOW + 1]
-    w1 = a2 * link[_ARM_NOW] - a0 * link[_ARM_NOW + 2]
-    w2 = a0 * link[_ARM_NOW + 1] - a1 * link[_ARM_NOW]
-    m0, m1, m2 = link[_MIDDLE], link[_MIDDLE + 1], link[_MIDDLE + 2]
-    along, lever = w0 * m0 + w1 * m1 + w2 * m2, link[_LEVER]
-    c0 = spots[X, k] - radius * m0 - frames[row, _ORIGIN]  # the centre may be carried too
-    c1 = spots[X + 1, k] - radius * m1 - frames[row, _ORIGIN + 1]
-    c2 = spots[X + 2, k] - radius * m2 - frames[row, _ORIGIN + 2]
-    v0 = lever * (w0 - along * m0) + a1 * c2 - a2 * c1
-    v1 = lever * (w1 - along * m1) + a2 * c0 - a0 * c2
-    v2 = lever * (w2 - along * m2) + a0 * c1 - a1 * c0
-    slope = 0.0
-    if k > first:
-        slope += spots[U, k] * v0 + spots[U + 1, k] * v1 + spots[U + 2, k] * v2
-    if k < last - 1:
-        slope -= spots[U, k + 1] * v0 + spots[U + 1, k + 1] * v1 + spots[U + 2, k + 1] * v2
-    return slope

@@ -26,7 +26,7 @@ from rcare_marl.tree.joint_tree import Ints
 
 from . import hill
 from . import muscle_kernel as kernel
-from .muscle_layout import ARM, ARM_BEFORE, BLADE_ROWS, RADIUS, TURNS
+from .muscle_layout import ARM, ARM_BEFORE, BLADE_ROWS, RADIUS
 from .muscle_model import MuscleModel
 from .muscle_torch_scapula import TorchScapulae
 from .muscle_torch_wrap import wrapped
@@ -163,10 +163,9 @@ class TorchMuscles(torch.nn.Module):
         is_last = np.append(~is_end[1:], True)
         wraps = layout.wrap_spots[:, 0]
         crossing_owner = np.repeat(np.arange(muscles), np.diff(layout.starts[:, 1]))
-        crossing = np.repeat(np.arange(len(layout.crossings) - 1), np.diff(layout.crossings[:, 1]))
-        spot, _, sign, axis = layout.entries.T
+        crossing, pull, sign, axis = layout.entries.T
         # Wrenches of pulleys come after those of segments.
-        wrench = np.where(sign == TURNS, is_end.sum() + spot, segment[spot])
+        wrench = np.append(segment[layout.cuts[:, 0]], is_end.sum() + np.arange(len(pulleys)))
         for name, whole in (
             ("_carrier", rows[layout.rows]),
             ("_end", np.flatnonzero(is_end)),
@@ -182,9 +181,9 @@ class TorchMuscles(torch.nn.Module):
             ("_wrap_into", segment[wraps]),
             ("_wrap_out", segment[wraps + 2]),
             ("_crossing_owner", crossing_owner),
-            ("_crossing_dof", layout.crossings[:-1, 0]),
+            ("_crossing_dof", layout.crossed),
             ("_entry_crossing", crossing),
-            ("_entry_wrench", wrench),
+            ("_entry_wrench", wrench[pull]),
             ("_entry_part", rows[axis] - 1),
         ):
             self._keep(name, whole)
@@ -199,7 +198,7 @@ class TorchMuscles(torch.nn.Module):
             ("_wrap_axial", layout.wraps[:, IS_CYLINDER, None]),
             ("_has_into", is_end[pulleys, None]),
             ("_has_out", ~is_last[pulleys, None]),
-            ("_entry_sign", np.where(sign == TURNS, 1, sign)),
+            ("_entry_sign", sign),
         ):
             self._keep(name, values[..., None].astype(float))
 
