@@ -35,7 +35,7 @@ PATHS = (
     "left_elbow@left_elbow:0.045,-0.005,-0.011",
     "left_scapula@left_shoulder:-0.08,-0.02,-0.07;left_scapula@left_shoulder:-0.02,0.01,-0.02|sphere:0.025;"
     "left_shoulder@left_shoulder:0.08,0.02,0.01",
-    "spine3@spine3:0,0.1,-0.06;right_scapula@right_shoulder:0.04,0.02,-0.05;"
+    "spine3@spine3:0,0.1,-0.06;right_blade@right_shoulder:0.04,0.02,-0.05;"
     "right_collar@right_shoulder:0.01,0.05,0.05;right_shoulder@right_shoulder:-0.08,0.02,0.01",
     "pelvis@left_hip:0,0.03,0.05;left_hip@left_hip:0,-0.3,0.05;"
     "left_hip@left_knee:0,0,0|cylinder:0.03:-1,0,0;left_knee@left_knee:0,-0.07,0.05",

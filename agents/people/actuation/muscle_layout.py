@@ -2,7 +2,7 @@
 
 A degree of freedom changes the length of a path through the segments of which it carries one end and not
 the other, and through the pulleys that it turns halfway. A shoulder blade follows the humerus: to a DoF of
-the shoulder it is a body of its own, between collar and humerus, that turns about the same centre.
+the shoulder it is a body of its own, between collar and humerus.
 """
 
 from __future__ import annotations
@@ -13,10 +13,19 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
 from rcare_marl.tree.joint_tree import Ints, JointTree, ancestors
 
-from ..body.skeleton import CARRIER_INDEX, DOFS_OF, JOINT_INDEX, SCAPULAE, carrier_joint
+from ..body.skeleton import (
+    CARRIER_INDEX,
+    DOFS_OF,
+    JOINT_INDEX,
+    JOINTS,
+    SCAPULAE,
+    carrier_joint,
+    carrier_origin,
+)
 from .muscle_unit import MuscleUnit, PathPoint, t_pose_position
 from .muscle_wrap import CENTRE, IS_CYLINDER, TURN, WRAP_COLUMNS, WRAP_RADIUS, surface_frame
 
@@ -28,10 +37,12 @@ FIXED = -2  # in place of the part before: no pulley
 # Columns of `PathLayout.scapulae`: rows of the frames of collar and humerus, of its own first frame, of the
 # first and the second DoF that turn it (0: none), and 1 of the left or -1.
 COLLAR, HUMERUS, FIRST_ROW, FIRST_DOF, SECOND_DOF, SIDE = 0, 1, 2, 3, 4, 5
-# Columns of `PathLayout.blades`: the collar in its part; of the humerus in its part centre and direction.
-COLLAR_TURN, SHOULDER, SHAFT = 0, 9, 12
+# Columns of `PathLayout.blades`: the collar in its part; of the humerus in its part centre and direction;
+# from there to where the blade turns, in the collar.
+COLLAR_TURN, SHOULDER, SHAFT, AWAY = 0, 9, 12, 15
 # Frames of a scapula; each has an axis: as it turns by either DoF, and as the humerus turns against it.
 BLADE_ROWS = 4
+_HALFWAY = 0.5  # of a scapula: a DoF of the shoulder takes it along, but not as far as the humerus
 _LED_BY = 2  # DoFs of a shoulder, the first ones: the third turns the humerus about itself
 
 
@@ -47,7 +58,7 @@ class PathLayout(NamedTuple):
         wraps: Geometry of each surface [m], shape [w, 14]; the columns are named in `muscle_wrap.py`.
         wrap_spots: First of the two spots of each surface, and the row of its part, shape [w, 2].
         scapulae: Rows of each shoulder blade, shape [s, 6]; the columns are named in this module.
-        blades: Geometry of the same, shape [s, 15].
+        blades: Geometry of the same, shape [s, 18].
         starts: First point and first crossing of each muscle, and the ends, shape [m + 1, 2].
         crossed: DoF of each crossing of a muscle and a DoF, shape [c].
         cuts: Segments whose ends do not move together: the point where each ends, and a spot on the line
@@ -75,7 +86,7 @@ class PathLayout(NamedTuple):
 class _Carriage:
     """Which DoF carries which part, and about which row's axis one part turns against another."""
 
-    def __init__(self, chain: JointTree) -> None:
+    def __init__(self, chain: JointTree, joints: Array) -> None:
         count = len(chain.names)
         self._above = [frozenset(ancestors(chain.arrays.parents, i)) for i in range(count)]
         self._led: dict[int, list[int]] = {}  # by the part of a scapula: the DoFs that turn it
@@ -92,7 +103,12 @@ class _Carriage:
             scapulae.append((*parts, first, *rows, side))
             turn = chain.frame_rotations[j]
             blades.append(
-                (*chain.frame_rotations[c].ravel(), *chain.frame_offsets[j], *side * turn[:, 0])
+                (
+                    *chain.frame_rotations[c].ravel(),
+                    *chain.frame_offsets[j],
+                    *side * turn[:, 0],
+                    *(carrier_origin(scapula, joints) - joints[j]),
+                )
             )
             self._led[first - 1] = led
             collar = int(chain.frame_parts[c])
@@ -114,6 +130,8 @@ class _Carriage:
     def turn(self, dof: int, before: int, after: int) -> tuple[int, int]:
         """Return which end of a segment a DoF carries, +1, -1 or 0 for none or both, and the row."""
         states = [self._state(dof, part) for part in (before, after)]
+        if states == [_HALFWAY, _HALFWAY] and before != after:
+            raise ConfigError("a path cannot go from a scapula to a blade: they are one bone")
         if states[0] == states[1]:
             return 0, 0
         sign = 1 if states[1] > states[0] else -1
@@ -127,7 +145,7 @@ class _Carriage:
     def _state(self, dof: int, part: int) -> float:
         """Return how far a DoF takes a part along: 0, 1 or a half of a scapula."""
         if dof in self._led.get(part, ()):
-            return 0.5
+            return _HALFWAY
         return float(dof in self.above(part))
 
     def is_branch(self, dofs: Sequence[int]) -> bool:
@@ -143,7 +161,7 @@ def make_layout(units: Sequence[MuscleUnit], joints: Array, chain: JointTree) ->
         joints: The person's joint centres in the T-pose [m], shape [55, 3].
         chain: The moving parts.
     """
-    carriage = _Carriage(chain)
+    carriage = _Carriage(chain, joints)
     points: list[Array] = []
     rows: list[int] = []
     pulleys: list[Array] = []
@@ -210,7 +228,7 @@ def make_layout(units: Sequence[MuscleUnit], joints: Array, chain: JointTree) ->
 
 def crosses(unit: MuscleUnit, chain: JointTree) -> bool:
     """Return whether any DoF of the chain can change a muscle's length."""
-    carriage = _Carriage(chain)
+    carriage = _Carriage(chain, np.zeros((len(JOINTS), 3)))  # where is of no concern
     parts = {carriage.place(point.joint, chain)[0] for point in unit.path}
     parts |= {carriage.place(p.parent, chain)[0] for p in unit.path if p.parent}
     return len({carriage.above(part) for part in parts}) > 1
@@ -221,7 +239,7 @@ def _point(
 ) -> tuple[Array, Array | None, int, int]:
     """Return where a point is in its part, its pulley if it turns, its part and the part before."""
     part, turn, centre = carriage.place(point.joint, chain)
-    arm = t_pose_position(point, joints) - joints[JOINT_INDEX[carrier_joint(point.joint)]]
+    arm = t_pose_position(point, joints) - carrier_origin(point.joint, joints)
     if point.parent is None:
         return centre + turn @ arm, None, part, FIXED
     b = JOINT_INDEX[point.parent]

@@ -17,6 +17,7 @@ from ..body.scapula import turn_scapula
 from .muscle_layout import (
     ARM,
     ARM_BEFORE,
+    AWAY,
     BLADE_ROWS,
     COLLAR,
     COLLAR_TURN,
@@ -87,10 +88,11 @@ def _place_scapula(rows, blade, frames, room) -> None:  # type: ignore[no-untype
     for b in range(3):
         y0, y1, y2 = _ahead(base, turn[0, b], turn[1, b], turn[2, b])
         frames[first, b], frames[first, 3 + b], frames[first, 6 + b] = y0, y1, y2
+    b0, b1, b2 = _ahead(base, blade[AWAY], blade[AWAY + 1], blade[AWAY + 2])
     for k in range(BLADE_ROWS):
-        frames[first + k, _ORIGIN] = c0
-        frames[first + k, _ORIGIN + 1] = c1
-        frames[first + k, _ORIGIN + 2] = c2
+        frames[first + k, _ORIGIN] = c0 + b0
+        frames[first + k, _ORIGIN + 1] = c1 + b1
+        frames[first + k, _ORIGIN + 2] = c2 + b2
     for k in range(2):
         dof = rows[FIRST_DOF] if k == 0 else rows[SECOND_DOF]
         if dof == 0:
@@ -106,11 +108,9 @@ def _place_scapula(rows, blade, frames, room) -> None:  # type: ignore[no-untype
         frames[first + k, _AXIS] = w0
         frames[first + k, _AXIS + 1] = w1
         frames[first + k, _AXIS + 2] = w2
-        frames[first + 2 + k, _AXIS] = a0 - w0
-        frames[first + 2 + k, _AXIS + 1] = a1 - w1
-        frames[first + 2 + k, _AXIS + 2] = a2 - w2
         _sweep(frames[first + k])
-        _sweep(frames[first + 2 + k])
+        for a in range(_AXIS, _SWEEP + 3):
+            frames[first + 2 + k, a] = frames[dof, a] - frames[first + k, a]
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -380,3 +380,14 @@ def find_arms(muscles, velocities, state) -> None:  # type: ignore[no-untyped-de
         for c in range(starts[m, 1], starts[m + 1, 1]):
             rate -= arms[c] * velocities[crossed[c]]
         state[LENGTH, m], state[RATE, m] = length, rate
+
+
+def release_scapulae(muscles) -> None:  # type: ignore[no-untyped-def]
+    """Find moment arms anew, after `find_arms`, as if shoulder blades did not follow arms."""
+    frames, columns = muscles.frames, slice(_AXIS, _SWEEP + 3)
+    for rows in muscles.scapulae:
+        for k, dof in enumerate(rows[[FIRST_DOF, SECOND_DOF]]):
+            blade = rows[FIRST_ROW] + k
+            frames[blade, columns] = 0.0
+            frames[blade + 2, columns] = frames[dof, columns]
+    _project(muscles.entries, muscles.wrenches, frames, muscles.arms)

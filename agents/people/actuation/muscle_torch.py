@@ -277,11 +277,10 @@ class TorchMuscles(torch.nn.Module):
             first += size
         rotations, places = torch.cat(turns), torch.cat(origins)
         axes = _turned(rotations[1:], self._axes)
-        frames = zip(
-            (rotations, places, axes), self._scapulae(rotations, places, axes), strict=True
-        )
-        rotations, places, axes = (torch.cat(pair) for pair in frames)
-        return rotations, places, torch.cat((axes, _cross(places[1:], axes)), 1)
+        frames = rotations, places, torch.cat((axes, _cross(places[1:], axes)), 1)
+        blades = self._scapulae(rotations, places, axes)
+        rotations, places, screws = (torch.cat(p) for p in zip(frames, blades, strict=True))
+        return rotations, places, screws
 
     def _paths(self, q: Tensor) -> tuple[Tensor, Tensor]:
         """Return lengths [m, n] and the moment arm of every crossing [c, n]."""

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ..body.scapula import ANGLES, T_POSE
 from .muscle_layout import (
+    AWAY,
     BLADE_ROWS,
     COLLAR,
     COLLAR_TURN,
@@ -51,6 +52,7 @@ class TorchScapulae(torch.nn.Module):
             ("_is_led", (led > 0)[..., None, None].astype(float)),
             ("_collar_turn", blades[:, COLLAR_TURN : COLLAR_TURN + 9].reshape(-1, 3, 3, 1)),
             ("_shoulder", blades[:, SHOULDER : SHOULDER + 3, None]),
+            ("_away", blades[:, AWAY : AWAY + 3, None]),
             ("_shaft", blades[:, SHAFT : SHAFT + 3, None]),
             ("_side", side[..., None].astype(float)),
             ("_mirrored", mirrored[..., None].astype(float)),
@@ -62,7 +64,7 @@ class TorchScapulae(torch.nn.Module):
     def forward(
         self, rotations: Tensor, places: Tensor, axes: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Return rotations [4 s, 3, 3, n], origins [m] and axes [4 s, 3, n] of the frames of all blades.
+        """Return rotations [4 s, 3, 3, n], origins [m] [4 s, 3, n] and screws [4 s, 6, n] of all blades.
 
         Args:
             rotations: Of the pelvis and all parts, shape [k + 1, 3, 3, n].
@@ -70,11 +72,12 @@ class TorchScapulae(torch.nn.Module):
             axes: Of the joints, shape [k, 3, n].
         """
         collar = rotations.index_select(0, self._collar)
-        humerus = rotations.index_select(0, self._humerus)
+        arm = rotations.index_select(0, self._humerus)
         base = torch.einsum("sabn,sbcn->sacn", collar, self._collar_turn.expand_as(collar))
-        shaft = (humerus * self._shaft[:, None]).sum(2)
-        centre = (humerus * self._shoulder[:, None]).sum(2)
+        shaft = (arm * self._shaft[:, None]).sum(2)
+        centre = (arm * self._shoulder[:, None]).sum(2)
         centre = centre + places.index_select(0, self._humerus)
+        around = centre + (base * self._away[:, None]).sum(2)
         turn, spin = self._turned((base * shaft[:, :, None]).sum(1))
         turn = torch.einsum("sabn,sbcn->sacn", base, turn)
         own = axes.index_select(0, self._dofs).view(len(base), 2, 3, -1) * self._is_led
@@ -83,10 +86,16 @@ class TorchScapulae(torch.nn.Module):
         swept = torch.einsum("sabn,skbn->skan", spin, swept)
         swept = torch.einsum("sabn,skbn->skan", base, swept)
         n = turn.shape[-1]
+        blade = torch.cat(
+            (swept, torch.linalg.cross(around[:, None].expand_as(swept), swept, dim=2)), 2
+        )
+        humerus = torch.cat(
+            (own, torch.linalg.cross(centre[:, None].expand_as(own), own, dim=2)), 2
+        )
         return (
             turn[:, None].expand(-1, BLADE_ROWS, -1, -1, -1).reshape(-1, 3, 3, n),
-            centre[:, None].expand(-1, BLADE_ROWS, -1, -1).reshape(-1, 3, n),
-            torch.cat((swept, own - swept), 1).reshape(-1, 3, n),
+            around[:, None].expand(-1, BLADE_ROWS, -1, -1).reshape(-1, 3, n),
+            torch.cat((blade, humerus - blade), 1).reshape(-1, 6, n),
         )
 
     def _turned(self, direction: Tensor) -> tuple[Tensor, Tensor]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from rcare_marl.pose import Array
 
-from ..body.skeleton import CARRIER_INDEX, JOINT_INDEX, carrier_joint, with_carriers
+from ..body.skeleton import CARRIER_INDEX, JOINT_INDEX, carrier_origin, with_carriers
 from .hill import MAX_SPEED
 from .muscle_wrap import Surface, surface_frame, wrapped
 
@@ -30,7 +30,7 @@ class PathPoint:
     """A point of a muscle's path, or a surface that it goes round.
 
     Attributes:
-        joint: Joint whose segment carries the point, an ulna or a scapula (`CARRIERS`).
+        joint: Joint whose segment carries the point, an ulna, a scapula or a blade (`CARRIERS`).
         parent: None, or for a pulley the joint of the segment before `joint`: the point then stands
             at the distance |offset| from the centre of `joint`, in the direction halfway between
             the offsets as the two segments carry them.
@@ -106,8 +106,8 @@ def path_lengths(
     """
     turns, places = with_carriers(rotations, positions)
     points = [point for path in paths for point in path]
-    starts = [JOINT_INDEX[carrier_joint(point.joint)] for point in points]
-    arms = np.array([t_pose_position(point, joints) for point in points]) - joints[starts]
+    starts = np.array([carrier_origin(point.joint, joints) for point in points])
+    arms = np.array([t_pose_position(point, joints) for point in points]) - starts
     carriers = np.array([CARRIER_INDEX[point.joint] for point in points])
     parents = np.array([CARRIER_INDEX[point.parent or point.joint] for point in points])
     # Halfway between what both segments carry; where both are the same it is what that one carries.

@@ -8,7 +8,10 @@ the humerus' direction, which has no singularity: least squares over 30 to 150 d
 the side to the front, at most 2.8 degrees off. Upward rotation begins slowly, gains 0.4 degrees a degree
 between 30 and 150, and 58 of 180 in all: two to one.
 
-The blade turns about the centre of the shoulder, which stays where the collar has it.
+The centre of the shoulder does not rise with the arm, as a person's does by 4 to 6 cm. So the bone has two
+carriers of one rotation: the humerus sees a `scapula` that turns about the centre of the shoulder, and the
+trunk a `blade` that turns about its middle, near where a person's does (from the root of its spine to the
+acromion: S.D. Bagg & W.J. Forrest 1988, from memory; the place is our own choice).
 """
 
 from __future__ import annotations
@@ -26,7 +29,23 @@ ANGLES = (
     (0.1190, 0.1785, 0.0556, -0.0252),
 )
 _P, _U, _T = ANGLES
+# From the shoulder to where the blade turns: sideways, up and forward [distances from collar to shoulder].
+PIVOT = (-0.5, -0.1, -0.3)
 _REST = tuple(row[0] - row[3] for row in ANGLES)  # in the T-pose
+
+
+def pivot(carrier: str, collar: Array, shoulder: Array) -> Array:
+    """Return from the shoulder to where a carrier turns, in the frame of the collar [m], shape [3].
+
+    Args:
+        carrier: A scapula or a blade.
+        collar, shoulder: Joint centres, in any posture [m], shape [3].
+    """
+    if not carrier.endswith("blade"):
+        return np.zeros(3)
+    side = 1.0 if carrier.startswith("left") else -1.0
+    size = float(np.linalg.norm(shoulder - collar))
+    return size * np.array((side * PIVOT[0], *PIVOT[1:]))
 
 
 def scapula_angles(direction: Array) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 
 from rcare_marl.pose import Array, axis_rotation
 
-from .scapula import turn_scapula
+from .scapula import pivot, turn_scapula
 
 BODY = tuple(
     """
@@ -210,9 +210,9 @@ DOFS_OF: dict[str, tuple[Dof, ...]] = {
 }
 EYES = ("left_eye_smplhf", "right_eye_smplhf")
 # What may carry flesh and bone: the joints; the ulnae, which bend with the elbow but do not pronate; and the
-# shoulder blades, which turn with the arm as `scapula.py` says.
+# shoulder blades as the humerus and as the trunk sees them, which turn with the arm as `scapula.py` says.
 ULNAE = ("left_ulna", "right_ulna")
-SCAPULAE = ("left_scapula", "right_scapula")
+SCAPULAE = ("left_scapula", "right_scapula", "left_blade", "right_blade")
 CARRIERS = (*JOINTS, *ULNAE, *SCAPULAE)
 CARRIER_INDEX = {name: i for i, name in enumerate(CARRIERS)}
 PRONATIONS = tuple(f"{side}_elbow_pronation" for side in SIDES)  # what an ulna does not do
@@ -234,25 +234,38 @@ def joint_rotations(angles: Array) -> Array:
 
 
 def carrier_joint(carrier: str) -> str:
-    """Return the joint at which a carrier starts: itself, the elbow of an ulna, the shoulder of a scapula."""
+    """Return the joint at which a carrier starts: itself, the elbow of an ulna, the shoulder of a blade."""
     if carrier in JOINT_INDEX:
         return carrier
-    return carrier.replace("ulna", "elbow").replace("scapula", "shoulder")
+    side, kind = carrier.split("_")
+    return f"{side}_{'elbow' if kind == 'ulna' else 'shoulder'}"
+
+
+def carrier_origin(carrier: str, joints: Array) -> Array:
+    """Return where a carrier turns in the T-pose [m], shape [3], for joint centres [55, 3]."""
+    j = JOINT_INDEX[carrier_joint(carrier)]
+    if carrier not in SCAPULAE:
+        return np.asarray(joints[j])
+    return np.asarray(joints[j] + pivot(carrier, joints[PARENTS[j]], joints[j]))
 
 
 def with_carriers(rotations: Array, positions: Array) -> tuple[Array, Array]:
-    """Return global rotations [59, 3, 3] and positions [59, 3] of `CARRIERS` for those of the joints."""
+    """Return global rotations [61, 3, 3] and positions [61, 3] of `CARRIERS` for those of the joints."""
     turns, places = [rotations], [positions]
     for carrier in CARRIERS[len(JOINTS) :]:
         j = JOINT_INDEX[carrier_joint(carrier)]
-        before = rotations[PARENTS[j]]
-        turn = _bent if carrier in ULNAE else _followed
-        turns.append((before @ turn(carrier, before.T @ rotations[j]))[None])
-        places.append(positions[j][None])
+        before, place = rotations[PARENTS[j]], positions[j]
+        if carrier in ULNAE:
+            turn = _bent(before.T @ rotations[j])
+        else:
+            turn = _followed(carrier, before.T @ rotations[j])
+            place = place + before @ pivot(carrier, positions[PARENTS[j]], place)
+        turns.append((before @ turn)[None])
+        places.append(place[None])
     return np.concatenate(turns), np.concatenate(places)
 
 
-def _bent(ulna: str, elbow: Array) -> Array:
+def _bent(elbow: Array) -> Array:
     """Return the rotation of an ulna for that of the elbow: up to pronation, which leaves its axis alone."""
     x, y, z = elbow[:, 0]
     return axis_rotation(Y, math.atan2(-z, x)) @ axis_rotation(Z, math.asin(min(max(y, -1.0), 1.0)))
