@@ -12,6 +12,7 @@ import torch
 
 from rcare_marl import assets
 from rcare_marl.agents.people.actuation.drive import fitted_musculature, whole_chain
+from rcare_marl.agents.people.actuation.muscle_layout import crosses
 from rcare_marl.agents.people.actuation.muscle_lines import path_points
 from rcare_marl.agents.people.actuation.muscle_model import MuscleModel
 from rcare_marl.agents.people.actuation.muscle_table import parse_path
@@ -214,6 +215,28 @@ def test_an_ulna_stays_where_a_fixed_pronation_leaves_it() -> None:
         person_tree(segments, muscles.joints, posture, [d.name for d in DOFS]),
     )
     assert some.lengths(np.zeros(2))[0] == pytest.approx(everything.lengths(posture)[0], abs=1e-12)
+
+
+def test_one_joint_of_the_shoulder_is_crossed_from_trunk_blade_and_scapula() -> None:
+    avatar = load_avatar("karan")
+    muscles, segments = fitted_musculature(avatar, None), whole_segments("karan")
+    posture = np.zeros(len(DOFS))
+    posture[DOF_INDEX["left_shoulder_flexion"]] = 0.4
+    everything = person_tree(segments, muscles.joints, posture, [d.name for d in DOFS])
+    whole_model = MuscleModel(muscles.units, muscles.joints, everything)
+    for joint, names in (
+        ("left_shoulder_abduction", "delt2_l serr_inf_l pecm2_l"),
+        ("jaw_opening", ""),
+    ):
+        chain = person_tree(segments, muscles.joints, posture, [joint])
+        units = [unit for unit in muscles.units if crosses(unit, chain)]
+        assert {unit.name for unit in units} >= set(names.split())
+        assert not any(unit.name.startswith("delt") for unit in units) or names
+        one = MuscleModel(units, muscles.joints, chain)
+        column = whole_model.moment_arms(posture)[:, DOF_INDEX[joint]]
+        theirs = column[[whole_model.index(name) for name in one.names]]
+        np.testing.assert_allclose(one.moment_arms(np.zeros(1))[:, 0], theirs, atol=1e-12)
+        assert np.abs(column).sum() == pytest.approx(np.abs(theirs).sum())
 
 
 def whole_segments(name: str):  # type: ignore[no-untyped-def]

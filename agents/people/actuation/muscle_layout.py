@@ -127,6 +127,10 @@ class _Carriage:
         """Return the DoFs that carry a part."""
         return self._above[part] | frozenset(self._led.get(part, ())) if part >= 0 else frozenset()
 
+    def motion(self, part: int) -> tuple[frozenset[int], bool]:
+        """Return what two parts share that never move against each other."""
+        return self.above(part), bool(self._led.get(part))
+
     def turn(self, dof: int, before: int, after: int) -> tuple[int, int]:
         """Return which end of a segment a DoF carries, +1, -1 or 0 for none or both, and the row."""
         states = [self._state(dof, part) for part in (before, after)]
@@ -231,7 +235,7 @@ def crosses(unit: MuscleUnit, chain: JointTree) -> bool:
     carriage = _Carriage(chain, np.zeros((len(JOINTS), 3)))  # where is of no concern
     parts = {carriage.place(point.joint, chain)[0] for point in unit.path}
     parts |= {carriage.place(p.parent, chain)[0] for p in unit.path if p.parent}
-    return len({carriage.above(part) for part in parts}) > 1
+    return len({carriage.motion(part) for part in parts}) > 1
 
 
 def _point(
