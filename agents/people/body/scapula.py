@@ -31,7 +31,6 @@ ANGLES = (
 _P, _U, _T = ANGLES
 # From the shoulder to where the blade turns: sideways, up and forward [distances from collar to shoulder].
 PIVOT = (-0.5, -0.1, -0.3)
-_REST = tuple(row[0] - row[3] for row in ANGLES)  # in the T-pose
 
 
 def pivot(carrier: str, collar: Array, shoulder: Array) -> Array:
@@ -70,8 +69,8 @@ def _turned(protraction, upward, tilt, out) -> None:  # type: ignore[no-untyped-
 
 
 def _t_pose() -> Array:
-    out = np.zeros((3, 3))
-    _turned(*_REST, out)
+    out, (protraction, upward, tilt) = np.zeros((3, 3)), scapula_angles(np.array((1.0, 0.0, 0.0)))
+    _turned.py_func(protraction, upward, tilt, out)  # so that an import compiles nothing
     return out
 
 

@@ -275,7 +275,8 @@ def _followed(scapula: str, shoulder: Array) -> Array:
     """Return the rotation of a shoulder blade for that of the shoulder."""
     side = 1.0 if scapula.startswith("left") else -1.0
     turn, spin = np.empty((3, 3)), np.empty((3, 3))
-    turn_scapula(side, *(side * shoulder[:, 0]), turn, spin)
+    x, y, z = side * shoulder[:, 0]
+    turn_scapula(side, x, y, z, turn, spin)
     return turn
 
 
