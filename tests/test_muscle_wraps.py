@@ -268,6 +268,12 @@ def test_a_wrong_surface_is_named(text: str, error: type[Exception], message: st
         parse_path(around.format(text), "row 2")
 
 
+def test_a_path_does_not_leave_the_scapula_for_the_blade() -> None:
+    path = "left_scapula@left_shoulder:0,0.03,0;left_blade@left_shoulder:-0.1,0,-0.05"
+    with pytest.raises(ConfigError, match="they are one bone"):
+        model((path,))
+
+
 def test_surfaces_stand_between_points() -> None:
     surface, point = "left_elbow@left_elbow:0,0,0|sphere:0.01", "left_elbow@left_elbow:0.1,0,0"
     for path in (f"{surface};{point}", f"{point};{surface}"):

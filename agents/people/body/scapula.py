@@ -5,7 +5,7 @@ Protraction, upward rotation and posterior tilt are those of the regression of J
 elevation and plane of elevation and a rest of 32, 11 and -10 degrees; figures as the open Delft shoulder
 model quotes them. The plane has no meaning where the arm hangs, so each angle is instead a polynomial of
 the humerus' direction, which has no singularity: least squares over 30 to 150 degrees of elevation from
-the side to the front, at most 2.8 degrees off. Upward rotation begins slowly, gains 0.4 degrees a degree
+the side to the front, at most 2.8 degrees off. Upward rotation begins slowly, gains 0.39 degrees a degree
 between 30 and 150, and 58 of 180 in all: two to one.
 
 The centre of the shoulder does not rise with the arm, as a person's does by 4 to 6 cm. So the bone has two
