@@ -20,9 +20,9 @@ from rcare_marl.agents.people.actuation.hill import (
     passive_force,
     tendon_force,
 )
+from rcare_marl.agents.people.actuation.muscle_layout import crosses
 from rcare_marl.agents.people.actuation.muscle_model import TENDONS, MuscleModel, Tendon
 from rcare_marl.agents.people.actuation.muscle_torch import TorchMuscles, TorchState
-from rcare_marl.agents.people.actuation.muscle_unit import crosses
 from rcare_marl.agents.people.avatar import body_model, body_segments, expand_movable, load_avatar
 from rcare_marl.agents.people.body.person_tree import person_tree
 from rcare_marl.agents.people.body.skeleton import DOFS

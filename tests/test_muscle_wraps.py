@@ -12,6 +12,7 @@ import torch
 
 from rcare_marl import assets
 from rcare_marl.agents.people.actuation.drive import fitted_musculature, whole_chain
+from rcare_marl.agents.people.actuation.muscle_layout import crosses
 from rcare_marl.agents.people.actuation.muscle_lines import path_points
 from rcare_marl.agents.people.actuation.muscle_model import MuscleModel
 from rcare_marl.agents.people.actuation.muscle_table import parse_path
@@ -33,6 +34,10 @@ PATHS = (
     "left_shoulder@left_shoulder:0.08,0.02,0.01",
     "left_shoulder@left_elbow:-0.09,0,0.03;left_ulna@left_elbow:0.04,0,0|cylinder:0.01:1,0,0;"
     "left_elbow@left_elbow:0.045,-0.005,-0.011",
+    "left_scapula@left_shoulder:-0.08,-0.02,-0.07;left_scapula@left_shoulder:-0.02,0.01,-0.02|sphere:0.025;"
+    "left_shoulder@left_shoulder:0.08,0.02,0.01",
+    "spine3@spine3:0,0.1,-0.06;right_blade@right_shoulder:0.04,0.02,-0.05;"
+    "right_collar@right_shoulder:0.01,0.05,0.05;right_shoulder@right_shoulder:-0.08,0.02,0.01",
     "pelvis@left_hip:0,0.03,0.05;left_hip@left_hip:0,-0.3,0.05;"
     "left_hip@left_knee:0,0,0|cylinder:0.03:-1,0,0;left_knee@left_knee:0,-0.07,0.05",
 )
@@ -150,7 +155,7 @@ def test_moment_arms_are_the_slope_of_length(path: int) -> None:
             assert arms[dof] == pytest.approx(-slope(muscles, q, int(dof))[0], abs=1e-6)
         spots = path_points(muscles, q)
         touched += bool(np.abs(np.diff(spots, axis=0)).sum(axis=1).min() > 1e-6)
-    assert touched > 3  # the surface is met
+    assert touched > 3  # a surface is met
 
 
 def test_lengths_are_those_of_the_table_functions() -> None:
@@ -212,6 +217,28 @@ def test_an_ulna_stays_where_a_fixed_pronation_leaves_it() -> None:
     assert some.lengths(np.zeros(2))[0] == pytest.approx(everything.lengths(posture)[0], abs=1e-12)
 
 
+def test_one_joint_of_the_shoulder_is_crossed_from_trunk_blade_and_scapula() -> None:
+    avatar = load_avatar("karan")
+    muscles, segments = fitted_musculature(avatar, None), whole_segments("karan")
+    posture = np.zeros(len(DOFS))
+    posture[DOF_INDEX["left_shoulder_flexion"]] = 0.4
+    everything = person_tree(segments, muscles.joints, posture, [d.name for d in DOFS])
+    whole_model = MuscleModel(muscles.units, muscles.joints, everything)
+    for joint, names in (
+        ("left_shoulder_abduction", "delt2_l serr_inf_l pecm2_l"),
+        ("jaw_opening", ""),
+    ):
+        chain = person_tree(segments, muscles.joints, posture, [joint])
+        units = [unit for unit in muscles.units if crosses(unit, chain)]
+        assert {unit.name for unit in units} >= set(names.split())
+        assert not any(unit.name.startswith("delt") for unit in units) or names
+        one = MuscleModel(units, muscles.joints, chain)
+        column = whole_model.moment_arms(posture)[:, DOF_INDEX[joint]]
+        theirs = column[[whole_model.index(name) for name in one.names]]
+        np.testing.assert_allclose(one.moment_arms(np.zeros(1))[:, 0], theirs, atol=1e-12)
+        assert np.abs(column).sum() == pytest.approx(np.abs(theirs).sum())
+
+
 def whole_segments(name: str):  # type: ignore[no-untyped-def]
     from rcare_marl.agents.people.avatar import body_segments
 
@@ -239,6 +266,12 @@ def test_a_wrong_surface_is_named(text: str, error: type[Exception], message: st
     around = "left_shoulder@left_elbow:-0.1,0,0.04;{};left_elbow@left_elbow:0.06,0.005,0.03"
     with pytest.raises(error, match=message):
         parse_path(around.format(text), "row 2")
+
+
+def test_a_path_does_not_leave_the_scapula_for_the_blade() -> None:
+    path = "left_scapula@left_shoulder:0,0.03,0;left_blade@left_shoulder:-0.1,0,-0.05"
+    with pytest.raises(ConfigError, match="they are one bone"):
+        model((path,))
 
 
 def test_surfaces_stand_between_points() -> None:

@@ -374,8 +374,8 @@ def test_torques_lie_in_the_published_bands() -> None:
     found = torques.checks()
     held = [check for check in found if check.split == "held out"]
     assert len(held) >= 120
-    assert share_in_band(found, "held out") >= 0.78
-    assert share_in_band(found, "fitted") >= 0.80
+    assert share_in_band(found, "held out") >= 0.79
+    assert share_in_band(found, "fitted") >= 0.92
     passive = [check for check in found if check.family == "passive torque"]
     assert len(passive) >= 10 and all(check.is_in_band for check in passive)
     assert all(check.source for check in found)
@@ -393,7 +393,7 @@ def test_moment_arms_agree_with_open_models() -> None:
     assert len(rows) > 1900
     regions = {row.region for row in rows}
     assert regions == {"shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle"}
-    most = {"shoulder": (14.0, 13.0), "elbow": (1.0, 7.0), "wrist": (0.0, 4.5), "hand": (0.0, 2.0)}
+    most = {"shoulder": (12.5, 13.0), "elbow": (1.0, 7.0), "wrist": (0.0, 4.5), "hand": (0.0, 2.0)}
     most |= {"hip": (0.5, 4.5), "knee": (0.0, 9.0), "ankle": (1.5, 4.5)}
     for region, (wrong, error) in most.items():
         own = tuple(row for row in rows if row.region == region)

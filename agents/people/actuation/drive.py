@@ -27,8 +27,8 @@ from ..profile import clinical_norms, normal_strength
 from ..strength import StrengthMap, tissue_share
 from .actuation import Actuation, Shaking
 from .graded import motion_limits, normal_torques, torque_share, unit_shares
+from .muscle_layout import crosses
 from .muscle_model import MuscleModel, Tendon
-from .muscle_unit import crosses
 from .muscular import Excitation, MuscleDrive
 from .musculature import Musculature, load_musculature
 from .skeletal import SkeletalDrive

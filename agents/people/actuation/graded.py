@@ -38,8 +38,9 @@ from ..strength import (
     tissue_share,
 )
 from . import muscle_kernel as kernel
+from .muscle_layout import crosses
 from .muscle_model import MuscleModel
-from .muscle_unit import MuscleUnit, crosses
+from .muscle_unit import MuscleUnit
 from .musculature import Musculature
 
 Share = Callable[[Dof, str, float], float]  # DoF, motion, MMT grade -> share of strength

@@ -121,7 +121,7 @@ class MuscleController:
         np.multiply(self._weights, np.where(at_end, END_WEIGHT, 1.0), out=self._now)
         self._now[felt.resting] *= REST_WEIGHT
         layout, felt_now = self._model.layout, (felt.arms, felt.state, self._voluntary)
-        _descend(layout.starts, layout.crossings, felt_now, self._now, self._left, excitation)
+        _descend(layout.starts, layout.crossed, felt_now, self._now, self._left, excitation)
 
     def slack_target(self, felt: Felt, ahead: float) -> Array:
         """Return the angles [rad] that ask nothing of the muscles over the next `ahead` [s], shape [n]."""
@@ -141,13 +141,13 @@ def _columns(dofs: Sequence[str]) -> list[list[int]]:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _descend(starts, crossings, felt, weights, left, excitation) -> None:  # type: ignore[no-untyped-def]
+def _descend(starts, crossed, felt, weights, left, excitation) -> None:  # type: ignore[no-untyped-def]
     """Coordinate descent over excitations; `left` is the wished torque not yet made."""
     count, (arms, state, voluntary) = starts.shape[0] - 1, felt
     for m in range(count):
         force = state[kernel.CAPACITY, m] * voluntary[m] * excitation[m]
         for c in range(starts[m, 1], starts[m + 1, 1]):
-            left[crossings[c, 0]] -= arms[c] * force
+            left[crossed[c]] -= arms[c] * force
     for _ in range(SWEEPS):
         for m in range(count):
             capacity = state[kernel.CAPACITY, m] * voluntary[m]
@@ -156,11 +156,11 @@ def _descend(starts, crossings, felt, weights, left, excitation) -> None:  # typ
                 continue
             slope, curve = -EFFORT_WEIGHT * excitation[m], EFFORT_WEIGHT
             for c in range(starts[m, 1], starts[m + 1, 1]):
-                i, torque = crossings[c, 0], arms[c] * capacity
+                i, torque = crossed[c], arms[c] * capacity
                 slope += weights[i] * torque * left[i]
                 curve += weights[i] * torque * torque
             after = min(max(excitation[m] + slope / curve, 0.0), 1.0)
             change = (after - excitation[m]) * capacity
             excitation[m] = after
             for c in range(starts[m, 1], starts[m + 1, 1]):
-                left[crossings[c, 0]] -= arms[c] * change
+                left[crossed[c]] -= arms[c] * change

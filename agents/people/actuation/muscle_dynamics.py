@@ -101,15 +101,15 @@ def _support(table, measured, work, i, dt):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def _take_reflexes(muscles, state, involuntary) -> None:  # type: ignore[no-untyped-def]
     """Part the torque of reflexes from the active torque: what is left of that is willed."""
-    starts, crossings, arms = muscles.starts, muscles.crossings, muscles.arms
+    starts, crossed, arms = muscles.starts, muscles.crossed, muscles.arms
     table, active = muscles.parts, muscles.torques[0]
     table[:, REFLEX] = 0.0
     for m in range(starts.shape[0] - 1):
         if involuntary[m] > 0.0:
             force = involuntary[m] * state[kernel.ACTIVE, m]
             for c in range(starts[m, 1], starts[m + 1, 1]):
-                table[crossings[c, 0], REFLEX] += arms[c] * force
-                active[crossings[c, 0]] -= arms[c] * force
+                table[crossed[c], REFLEX] += arms[c] * force
+                active[crossed[c]] -= arms[c] * force
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -157,41 +157,41 @@ def _tighten(table, measured, torques) -> None:  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def _continue(muscles, state, out) -> None:  # type: ignore[no-untyped-def]
     """Add to the torques what tensions grow by at the present rates, and to the matrix the rest."""
-    starts, crossings, arms = muscles.starts, muscles.crossings, muscles.arms
+    starts, crossed, arms = muscles.starts, muscles.crossed, muscles.arms
     depths, matrix = muscles.depths, muscles.matrix
     for m in range(starts.shape[0] - 1):
         growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
         first, last = starts[m, 1], starts[m + 1, 1]
         reach = 0.0
         for c in range(first, last):
-            i = crossings[c, 0]
+            i = crossed[c]
             out[i] += arms[c] * growth
             reach += abs(arms[c])
         for c in range(first, last):
-            i, lever = crossings[c, 0], arms[c] * implicit
+            i, lever = crossed[c], arms[c] * implicit
             if muscles.is_branched[
                 m
             ]:  # a bound, on the diagonal: the factorisation knows branches only
                 matrix[i, depths[i]] += abs(lever) * reach
                 continue
             for d in range(first, c + 1):
-                matrix[i, depths[crossings[d, 0]]] += lever * arms[d]
+                matrix[i, depths[crossed[d]]] += lever * arms[d]
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _settle(muscles, state, out) -> None:  # type: ignore[no-untyped-def]
     """Add to the torques what tensions change by over the step."""
-    starts, crossings, arms = muscles.starts, muscles.crossings, muscles.arms
+    starts, crossed, arms = muscles.starts, muscles.crossed, muscles.arms
     acceleration = muscles.torques[0]
     for m in range(starts.shape[0] - 1):
         first, last = starts[m, 1], starts[m + 1, 1]
         growth, implicit = state[kernel.GROWTH, m], state[kernel.IMPLICIT, m]
         bend = reach = 0.0
         for c in range(first, last):
-            bend += arms[c] * acceleration[crossings[c, 0]]
+            bend += arms[c] * acceleration[crossed[c]]
             reach += abs(arms[c])
         for c in range(first, last):
-            i = crossings[c, 0]
+            i = crossed[c]
             if muscles.is_branched[m]:
                 out[i] += arms[c] * growth - abs(arms[c]) * reach * implicit * acceleration[i]
             else:

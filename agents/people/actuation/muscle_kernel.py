@@ -34,15 +34,18 @@ from .hill import (
     tendon_curve,
     tendon_length,
 )
+from .muscle_layout import BLADE_ROWS, PathLayout
 from .muscle_path import (
+    BLADE_ROOM,
     FRAME_COLUMNS,
-    SPOT_COLUMNS,
+    LINK_COLUMNS,
+    SPOT_ROWS,
+    WRENCH_COLUMNS,
     find_arms,
     gather_frames,
 )
 from .muscle_path import LENGTH as LENGTH
 from .muscle_path import RATE as RATE
-from .muscle_unit import PathLayout
 
 Ints = npt.NDArray[np.int64]
 
@@ -73,11 +76,15 @@ class Muscles(NamedTuple):
         parts: Table of the parts, shape [n, PART_COLUMNS or more]; see `dynamics.py`.
         parents: Part before each one, -1 for the pelvis, shape [n].
         depths: How many parts come before each one, shape [n].
-        points, pulleys, wraps, carriers, starts, crossings, entries, is_branched: See `PathLayout`.
+        points, rows, pulleys, pulley_spots, wraps, wrap_spots, scapulae, blades, starts, crossed, cuts,
+            entries, is_branched: See `PathLayout`.
         units: Figures of the units, shape [m, UNIT_COLUMNS].
         work: Scratch of the parts, shape [n, SCRATCH_COLUMNS].
-        frames: Of the pelvis and all parts, shape [n + 1, FRAME_COLUMNS].
-        spots: Scratch of one path, shape [points of the longest path, SPOT_COLUMNS].
+        frames: Of the pelvis, all parts and the scapulae, shape [n + 1 + 4 s, FRAME_COLUMNS].
+        spots: Of all paths, shape [SPOT_ROWS, p].
+        wrenches: Of a unit pull through each cut and on each pulley, shape [s + k, WRENCH_COLUMNS].
+        pulley_work, wrap_work: Scratch of pulleys and surfaces, shape [k or w, LINK_COLUMNS].
+        blade_work: Scratch of one scapula.
         arms: Moment arm of each crossing [m].
         torques: Of each DoF; the first rows by active and by passive tension [N·m], shape [6, n].
         matrix: The mass matrix, packed as in `dynamics.mass_matrix`.
@@ -87,17 +94,26 @@ class Muscles(NamedTuple):
     parents: Ints
     depths: Ints
     points: Array
+    rows: Ints
     pulleys: Array
+    pulley_spots: Ints
     wraps: Array
-    carriers: Ints
+    wrap_spots: Ints
+    scapulae: Ints
+    blades: Array
     starts: Ints
-    crossings: Ints
+    crossed: Ints
+    cuts: Ints
     entries: Ints
     is_branched: npt.NDArray[np.bool_]
     units: Array
     work: Array
     frames: Array
     spots: Array
+    wrenches: Array
+    pulley_work: Array
+    wrap_work: Array
+    blade_work: Array
     arms: Array
     torques: Array
     matrix: Array
@@ -106,18 +122,22 @@ class Muscles(NamedTuple):
 def make_muscles(parts: Array, parents: Ints, layout: PathLayout, units: Array) -> Muscles:
     """Return muscles with room of their own; the tables are shared with the caller."""
     count = len(parents)
-    frames = np.zeros((count + 1, FRAME_COLUMNS))
+    frames = np.zeros((count + 1 + BLADE_ROWS * len(layout.scapulae), FRAME_COLUMNS))
     frames[0, :9] = np.eye(3).ravel()
     return Muscles(
         parts,
         parents,
         tree_depths(parents),
-        *layout[:8],
+        *layout,
         units,
         np.zeros((count, SCRATCH_COLUMNS)),
         frames,
-        np.zeros((layout.longest, SPOT_COLUMNS)),
-        np.zeros(len(layout.crossings) - 1),
+        np.zeros((SPOT_ROWS, len(layout.points))),
+        np.zeros((len(layout.cuts) + len(layout.pulleys), WRENCH_COLUMNS)),
+        np.zeros((len(layout.pulleys), LINK_COLUMNS)),
+        np.zeros((len(layout.wraps), LINK_COLUMNS)),
+        np.zeros(BLADE_ROOM),
+        np.zeros(len(layout.crossed)),
         np.zeros((6, count)),
         packed_matrix(parents),
     )
@@ -271,13 +291,13 @@ def _implicit(units, state, m, dt) -> None:  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def project(muscles, state) -> None:  # type: ignore[no-untyped-def]
     """Write the torque about each DoF by active and by passive tension [N·m]."""
-    starts, crossings, arms = muscles.starts, muscles.crossings, muscles.arms
+    starts, crossed, arms = muscles.starts, muscles.crossed, muscles.arms
     active, passive = muscles.torques[0], muscles.torques[1]
     active[:] = 0.0
     passive[:] = 0.0
     for m in range(starts.shape[0] - 1):
         for c in range(starts[m, 1], starts[m + 1, 1]):
-            dof = crossings[c, 0]
+            dof = crossed[c]
             active[dof] += arms[c] * state[ACTIVE, m]
             passive[dof] += arms[c] * state[PASSIVE, m]
 
@@ -286,7 +306,7 @@ def project(muscles, state) -> None:  # type: ignore[no-untyped-def]
 def advance(muscles, q, qd, excitation, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
     """Find paths, and tensions and torques after `dt` [s]; with 0 activations and tendons stay."""
     place_frames(muscles.parts, muscles.parents, q, muscles.work)
-    gather_frames(muscles.work, muscles.frames)
+    gather_frames(muscles)
     find_arms(muscles, qd, state)
     if dt > 0.0:
         activate(muscles.units, state, excitation, dt)

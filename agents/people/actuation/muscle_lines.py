@@ -14,7 +14,7 @@ from ..body.skin import PersonSkin
 from ..human import Human
 from . import muscle_kernel as kernel
 from .muscle_model import MuscleModel
-from .muscle_path import place_path
+from .muscle_path import X
 from .muscular import MuscleDrive
 
 RELAXED, FULL = (66, 116, 226), (232, 30, 24)  # sRGB
@@ -36,11 +36,7 @@ def path_points(model: MuscleModel, q: Array) -> Array:
     The points of muscle i begin at `model.layout.starts[i, 0]`.
     """
     model.lengths(q)
-    found: list[Array] = []
-    for m in range(len(model.names)):
-        count = place_path(model.kernel_muscles, m)
-        found.append(model.kernel_muscles.spots[:count, :3].copy())
-    return np.concatenate(found)
+    return model.kernel_muscles.spots[X : X + 3].T.copy()
 
 
 class MuscleLines:

@@ -15,8 +15,9 @@ from rcare_marl.tree.joint_tree import JointTree
 
 from . import muscle_kernel as kernel
 from .hill import RESTING_ACTIVATION, SHORTEST, inverse_tendon_force, passive_offset
-from .muscle_path import find_arms, gather_frames
-from .muscle_unit import MuscleUnit, make_layout
+from .muscle_layout import make_layout
+from .muscle_path import find_arms, gather_frames, release_scapulae
+from .muscle_unit import MuscleUnit
 
 Tendon = Literal["rigid", "quasi_static", "implicit"]
 TENDONS: tuple[Tendon, ...] = get_args(Tendon)
@@ -162,18 +163,27 @@ class MuscleModel:
         """Return -dL/dq of each muscle and DoF at joint angles `q` [rad] [m], shape [m, n]."""
         return self._at(q)[1]
 
+    def glenohumeral_arms(self, q: Array) -> Array:
+        """Return `moment_arms` with the shoulder blades held where they are: of specimens, [m, n]."""
+        self._at(q)
+        muscles = self.kernel_muscles
+        release_scapulae(muscles)
+        return self._laid_out(muscles.arms)
+
     def _at(self, q: Array) -> tuple[Array, Array]:
         q = _sized(q, len(self.dofs), "q")
-        layout, state, muscles = self.layout, self.new_state(), self.kernel_muscles
+        state, muscles = self.new_state(), self.kernel_muscles
         place_frames(self.parts, self.parents, q, muscles.work)
-        gather_frames(muscles.work, muscles.frames)
+        gather_frames(muscles)
         find_arms(muscles, np.zeros(len(q)), state)
+        return state[kernel.LENGTH].copy(), self._laid_out(muscles.arms)
+
+    def _laid_out(self, crossings: Array) -> Array:
+        """Return the moment arms of the crossings by muscle and DoF [m], shape [m, n]."""
         arms = np.zeros((len(self.units), len(self.dofs)))
-        for m, (first, last) in enumerate(
-            zip(layout.starts[:-1, 1], layout.starts[1:, 1], strict=True)
-        ):
-            arms[m, layout.crossings[first:last, 0]] = muscles.arms[first:last]
-        return state[kernel.LENGTH].copy(), arms
+        owner = np.repeat(np.arange(len(self.units)), np.diff(self.layout.starts[:, 1]))
+        arms[owner, self.layout.crossed] = crossings
+        return arms
 
     def isometric_forces(self, q: Array, activation: Array | float) -> Array:
         """Return the tension of each muscle held still at `q` [rad] [N], shape [m].

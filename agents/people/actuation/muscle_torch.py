@@ -26,9 +26,10 @@ from rcare_marl.tree.joint_tree import Ints
 
 from . import hill
 from . import muscle_kernel as kernel
+from .muscle_layout import ARM, ARM_BEFORE, BLADE_ROWS, RADIUS
 from .muscle_model import MuscleModel
+from .muscle_torch_scapula import TorchScapulae
 from .muscle_torch_wrap import wrapped
-from .muscle_unit import ARM, ARM_BEFORE, FIRST_WRAP, LEAVES, RADIUS, TURNS
 from .muscle_wrap import CENTRE, IS_CYLINDER, TURN, WRAP_RADIUS
 
 NEWTON_STEPS = 60  # at most, for the fibre length of the implicit tendon; it needs 4 to 8
@@ -149,41 +150,41 @@ class TorchMuscles(torch.nn.Module):
     def _lay_paths(self, model: MuscleModel, rows: Ints) -> None:
         """Lay out points, segments between them, pulleys and what crosses which DoF."""
         layout = model.layout
+        self._scapulae = TorchScapulae(layout, rows)
+        blades = BLADE_ROWS * len(layout.scapulae)
+        rows = np.append(rows, len(rows) + np.arange(blades))
         muscles = len(model.names)
         points = len(layout.points)
         owner = np.repeat(np.arange(muscles), np.diff(layout.starts[:, 0]))
         is_end = np.ones(points, np.bool_)
         is_end[layout.starts[:-1, 0]] = False
         segment = np.cumsum(is_end) - 1  # the segment that ends in a point
-        pulleys = np.flatnonzero(layout.carriers[:, 1] >= 0)
+        pulleys = layout.pulley_spots[:, 0]
         is_last = np.append(~is_end[1:], True)
-        turn = np.cumsum(layout.carriers[:, 1] >= 0) - 1 + is_end.sum()  # wrench of a pulley
-        wraps = np.flatnonzero(
-            (layout.carriers[:, 2] <= FIRST_WRAP) & (layout.carriers[:, 1] != LEAVES)
-        )
+        wraps = layout.wrap_spots[:, 0]
         crossing_owner = np.repeat(np.arange(muscles), np.diff(layout.starts[:, 1]))
-        crossing = np.repeat(np.arange(len(layout.crossings) - 1), np.diff(layout.crossings[:, 1]))
-        point = layout.starts[crossing_owner[crossing], 0] + layout.entries[:, 0]
-        kind = layout.entries[:, 1]
+        crossing, pull, sign, axis = layout.entries.T
+        # Wrenches of pulleys come after those of segments.
+        wrench = np.append(segment[layout.cuts[:, 0]], is_end.sum() + np.arange(len(pulleys)))
         for name, whole in (
-            ("_carrier", rows[layout.carriers[:, 0]]),
+            ("_carrier", rows[layout.rows]),
             ("_end", np.flatnonzero(is_end)),
             ("_segment_owner", owner[is_end]),
             ("_pulley_point", pulleys),
-            ("_pulley_carrier", rows[layout.carriers[pulleys, 0]]),
-            ("_pulley_before", rows[layout.carriers[pulleys, 2]]),
+            ("_pulley_carrier", rows[layout.pulley_spots[:, 1]]),
+            ("_pulley_before", rows[layout.pulley_spots[:, 2]]),
             ("_pulley_into", np.where(is_end, segment, 0)[pulleys]),
             ("_pulley_out", np.where(is_last, 0, segment + 1)[pulleys]),
             ("_wrap_point", wraps),
-            ("_wrap_carrier", rows[layout.carriers[wraps, 0]]),
+            ("_wrap_carrier", rows[layout.wrap_spots[:, 1]]),
             ("_wrap_owner", owner[wraps]),
             ("_wrap_into", segment[wraps]),
             ("_wrap_out", segment[wraps + 2]),
             ("_crossing_owner", crossing_owner),
-            ("_crossing_dof", layout.crossings[:-1, 0]),
+            ("_crossing_dof", layout.crossed),
             ("_entry_crossing", crossing),
-            ("_entry_wrench", np.where(kind == TURNS, turn[point], segment[point])),
-            ("_entry_part", rows[layout.crossings[crossing, 0] + 1] - 1),
+            ("_entry_wrench", wrench[pull]),
+            ("_entry_part", rows[axis] - 1),
         ):
             self._keep(name, whole)
         for name, values in (
@@ -197,7 +198,7 @@ class TorchMuscles(torch.nn.Module):
             ("_wrap_axial", layout.wraps[:, IS_CYLINDER, None]),
             ("_has_into", is_end[pulleys, None]),
             ("_has_out", ~is_last[pulleys, None]),
-            ("_entry_sign", np.where(kind == TURNS, 1, np.sign(kind))),
+            ("_entry_sign", sign),
         ):
             self._keep(name, values[..., None].astype(float))
 
@@ -258,7 +259,7 @@ class TorchMuscles(torch.nn.Module):
         return out
 
     def _frames(self, q: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return rotation and origin of the pelvis and all parts, and the screws of the joints."""
+        """Return rotation and origin of the pelvis, all parts and scapulae, and the screws."""
         q = q.index_select(0, self._order)[:, None, None]
         local = self._still + torch.cos(q) * self._even + torch.sin(q) * self._odd
         n = q.shape[-1]
@@ -276,7 +277,10 @@ class TorchMuscles(torch.nn.Module):
             first += size
         rotations, places = torch.cat(turns), torch.cat(origins)
         axes = _turned(rotations[1:], self._axes)
-        return rotations, places, torch.cat((axes, _cross(places[1:], axes)), 1)
+        frames = rotations, places, torch.cat((axes, _cross(places[1:], axes)), 1)
+        blades = self._scapulae(rotations, places, axes)
+        rotations, places, screws = (torch.cat(p) for p in zip(frames, blades, strict=True))
+        return rotations, places, screws
 
     def _paths(self, q: Tensor) -> tuple[Tensor, Tensor]:
         """Return lengths [m, n] and the moment arm of every crossing [c, n]."""

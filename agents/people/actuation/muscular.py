@@ -133,7 +133,7 @@ class MuscleDrive:
         part = np.minimum(self._most.min(axis=1) / normal_strength, 1.0) ** 0.25 * willed
         self._relaxed, self._braced = damping, damping + BRACING * normal_strength * part
         uncrossed = np.ones(count, np.bool_)
-        uncrossed[model.layout.crossings[:-1, 0]] = False
+        uncrossed[model.layout.crossed] = False
         self._uncrossed = np.flatnonzero(uncrossed & willed)
         held = supported | uncrossed
         table[:, dynamics.SUPPORT], table[:, dynamics.CARRIED] = held, carried & ~held
@@ -301,7 +301,7 @@ class MuscleDrive:
 
     def weaken(self, fresh: Array) -> None:
         layout = self.model.layout
-        starts, dofs = layout.starts[:-1, 1], layout.crossings[:-1, 0]
+        starts, dofs = layout.starts[:-1, 1], layout.crossed
         # The tiredest region that a muscle crosses tells.
         self._voluntary[:] = self._rested * np.minimum.reduceat(fresh[dofs], starts)
         at_grade_5 = np.isinf(self._most)

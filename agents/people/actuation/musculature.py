@@ -169,8 +169,9 @@ class SkeletonFit:
     def _on_block(self, point: PathPoint) -> Array:
         """Head, jaw and shoulder girdle: as the stature; a girdle's breadth as its own length."""
         scale = np.full(3, self._stature())
-        if point.joint.endswith("collar"):
-            scale[0] = self._ratio(point.joint, point.joint.replace("collar", "shoulder"), axes=0)
+        side, _, kind = point.joint.partition("_")
+        if kind in ("collar", "scapula", "blade"):
+            scale[0] = self._ratio(f"{side}_collar", f"{side}_shoulder", axes=0)
         return scale * point.offset
 
 

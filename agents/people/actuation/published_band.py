@@ -88,6 +88,7 @@ def load_bands(path: str | Path | None = None) -> tuple[PublishedBand, ...]:
 def measured(model: MuscleModel, band: PublishedBand) -> float:
     """Return what a model gives where a band was measured, in the band's unit.
 
+    Moment arms were measured on specimens whose scapula is held, so ours are with it held too.
     A torque is that of the agonists at full activation with their tendons in balance; antagonists
     are slack. People activate less than fully and antagonists hold a little against it.
 
@@ -103,7 +104,8 @@ def measured(model: MuscleModel, band: PublishedBand) -> float:
         return _torque(model, band, band.angles, band.speed) / _torque(model, band, angles, speed)
     if band.quantity != "moment_arm":
         return _torque(model, band, band.angles, band.speed)
-    chosen, arms, _ = _chosen(model, band, band.angles)
+    chosen, _, q = _chosen(model, band, band.angles)
+    arms = band.sign * model.glenohumeral_arms(q)[chosen, model.dofs.index(band.dof)]
     strength = np.array([model.units[m].max_isometric_force for m in chosen])
     return float(arms @ strength / strength.sum()) / _MILLIMETRE
 

@@ -89,7 +89,9 @@ def melted(
 def person_tree(
     segments: Mapping[str, Segment], joints: Array, posture: Array, movable: Sequence[str]
 ) -> JointTree:
-    """Return the moving parts of a person, rooted in the pelvis; its frames are `CARRIERS`.
+    """Return the moving parts of a person, rooted in the pelvis.
+
+    Its frames are `CARRIERS` less the scapulae, which no part carries.
 
     Args:
         segments: The 55 segments by joint.

@@ -16,6 +16,8 @@ import numpy as np
 
 from rcare_marl.pose import Array, axis_rotation
 
+from .scapula import pivot, turn_scapula
+
 BODY = tuple(
     """
     pelvis left_hip right_hip spine1 left_knee right_knee spine2 left_ankle right_ankle spine3
@@ -207,9 +209,11 @@ DOFS_OF: dict[str, tuple[Dof, ...]] = {
     joint: tuple(dof for dof in DOFS if dof.joint == joint) for joint in JOINTS
 }
 EYES = ("left_eye_smplhf", "right_eye_smplhf")
-# What may carry flesh and bone: the joints, and the ulnae, which bend with the elbow but do not pronate.
+# What may carry flesh and bone: the joints; the ulnae, which bend with the elbow but do not pronate; and the
+# shoulder blades as the humerus and as the trunk sees them, which turn with the arm as `scapula.py` says.
 ULNAE = ("left_ulna", "right_ulna")
-CARRIERS = (*JOINTS, *ULNAE)
+SCAPULAE = ("left_scapula", "right_scapula", "left_blade", "right_blade")
+CARRIERS = (*JOINTS, *ULNAE, *SCAPULAE)
 CARRIER_INDEX = {name: i for i, name in enumerate(CARRIERS)}
 PRONATIONS = tuple(f"{side}_elbow_pronation" for side in SIDES)  # what an ulna does not do
 
@@ -230,25 +234,50 @@ def joint_rotations(angles: Array) -> Array:
 
 
 def carrier_joint(carrier: str) -> str:
-    """Return the joint at which a carrier starts: itself, or the elbow of an ulna."""
-    return carrier.replace("ulna", "elbow") if carrier in ULNAE else carrier
+    """Return the joint at which a carrier starts: itself, the elbow of an ulna, the shoulder of a blade."""
+    if carrier in JOINT_INDEX:
+        return carrier
+    side, kind = carrier.split("_")
+    return f"{side}_{'elbow' if kind == 'ulna' else 'shoulder'}"
 
 
-def with_ulnae(rotations: Array, positions: Array) -> tuple[Array, Array]:
-    """Return global rotations [57, 3, 3] and positions [57, 3] of `CARRIERS` for those of the joints."""
+def carrier_origin(carrier: str, joints: Array) -> Array:
+    """Return where a carrier turns in the T-pose [m], shape [3], for joint centres [55, 3]."""
+    j = JOINT_INDEX[carrier_joint(carrier)]
+    if carrier not in SCAPULAE:
+        return np.asarray(joints[j])
+    return np.asarray(joints[j] + pivot(carrier, joints[PARENTS[j]], joints[j]))
+
+
+def with_carriers(rotations: Array, positions: Array) -> tuple[Array, Array]:
+    """Return global rotations [61, 3, 3] and positions [61, 3] of `CARRIERS` for those of the joints."""
     turns, places = [rotations], [positions]
-    for ulna in ULNAE:
-        j = JOINT_INDEX[carrier_joint(ulna)]
-        before = rotations[PARENTS[j]]
-        x, y, z = (
-            before.T @ rotations[j, :, 0]
-        )  # the axis of pronation, which pronation leaves alone
-        bent = axis_rotation(Y, math.atan2(-z, x)) @ axis_rotation(
-            Z, math.asin(min(max(y, -1.0), 1.0))
-        )
-        turns.append((before @ bent)[None])
-        places.append(positions[j][None])
+    for carrier in CARRIERS[len(JOINTS) :]:
+        j = JOINT_INDEX[carrier_joint(carrier)]
+        before, place = rotations[PARENTS[j]], positions[j]
+        if carrier in ULNAE:
+            turn = _bent(before.T @ rotations[j])
+        else:
+            turn = _followed(carrier, before.T @ rotations[j])
+            place = place + before @ pivot(carrier, positions[PARENTS[j]], place)
+        turns.append((before @ turn)[None])
+        places.append(place[None])
     return np.concatenate(turns), np.concatenate(places)
+
+
+def _bent(elbow: Array) -> Array:
+    """Return the rotation of an ulna for that of the elbow: up to pronation, which leaves its axis alone."""
+    x, y, z = elbow[:, 0]
+    return axis_rotation(Y, math.atan2(-z, x)) @ axis_rotation(Z, math.asin(min(max(y, -1.0), 1.0)))
+
+
+def _followed(scapula: str, shoulder: Array) -> Array:
+    """Return the rotation of a shoulder blade for that of the shoulder."""
+    side = 1.0 if scapula.startswith("left") else -1.0
+    turn, spin = np.empty((3, 3)), np.empty((3, 3))
+    x, y, z = side * shoulder[:, 0]
+    turn_scapula(side, x, y, z, turn, spin)
+    return turn
 
 
 def forward_kinematics(rest: Array, angles: Array) -> tuple[Array, Array]:
