@@ -125,4 +125,4 @@ def test_muscles_of_grade_3_take_the_limb_through_the_range_or_are_helped() -> N
     assert (shares[3.0][~right] == 1).all()
     elbow = np.array([u.clinical_group == "elbow_flexors" for u in muscles.units]) & right
     # At the end of flexion they are short and their arms small; those of two joints help at the shoulder.
-    assert shares[3.0][elbow].min() < 0.45
+    assert shares[3.0][elbow].min() < 0.5

@@ -10,6 +10,7 @@ from rcare_marl.body import Body
 from rcare_marl.pose import Array
 
 PLAY = 0.01  # [rad] by which a joint may pass its end; our own choice
+FLUNG = 2.0  # [rad/s] above which a joint past its end was flung there, not forced; our own choice
 TOP_SPEED = 20.0  # [rad/s] of a joint, as its URDF states it
 
 
@@ -17,7 +18,8 @@ class EndStops:
     """What keeps joints inside the passive range when something hits the limb.
 
     A hand that is stopped by the trunk flings light fingers on: within a single step they would be far
-    past the ends of their range, and back only after several. They are put back to the end, at rest.
+    past the ends of their range, and back only after several. They are put back to the end, at rest. What
+    somebody slowly forces beyond its end stays there, and counts as harm.
     """
 
     def __init__(self, body: Body, joints: Sequence[int], limits: Array) -> None:
@@ -37,7 +39,7 @@ class EndStops:
         """Return angles [rad] and rates [rad/s] of the joints, none of them past its end."""
         angles, rates = self._body.joint_states(self._joints)
         for i, (angle, (low, high)) in enumerate(zip(angles, self._watched, strict=True)):
-            if angle < low or angle > high:
+            if (angle < low or angle > high) and abs(rates[i]) > FLUNG:
                 angles[i], rates[i] = self._ends[i][int(angle > high)], 0.0
                 self._body.set_joints([self._joints[i]], [angles[i]])
         return angles, rates
