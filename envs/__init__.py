@@ -56,6 +56,7 @@ def make(
     home: str | None = None,
     level: int | None = None,
     room: str | None = None,
+    engine: str = "bullet",
     **cast: CastEntry,
 ) -> CareEnv:
     """Return a new environment, a PettingZoo parallel environment.
@@ -74,6 +75,7 @@ def make(
         level: Level of accessibility: 1 usual, 2 partially barrier-free, 3 barrier-free; 1 if None. That
             of the house, or of the furniture or door that the task builds itself on a bare floor.
         room: Name of the room, such as `dining_1`; the first that suits the task if None.
+        engine: What computes the motion: `bullet`, the reference, or `mujoco` where the task allows it.
         **cast: For a role of the task: the name of a robot or avatar, a YAML file, or a mapping
             such as `{"model": "karan", "policy": "cooperative"}`; None leaves an optional role out.
             What is not named is played by the task's default.
@@ -104,7 +106,7 @@ def make(
         scene.place = BareFloor(level)
     elif level is not None or room is not None:
         raise ConfigError("level and room are those of a home: name one, such as home='house_07'")
-    env = CareEnv(scene, agents, factories, physics_dt=physics_dt, render_mode=render_mode)
+    env = CareEnv(scene, agents, factories, physics_dt=physics_dt, render_mode=render_mode, engine=engine)
     place = {"home": home, "level": level, "room": room}
     env.setup = {
         "task": task,

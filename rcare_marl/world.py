@@ -101,6 +101,8 @@ class World:
         solver_iterations: Of the solver in each physics step; see `set_solver_iterations`.
     """
 
+    body_type: type[Body] = Body
+
     def __init__(
         self, physics_dt: float = 1 / 240, *, solver_iterations: int = SOLVER_ITERATIONS
     ) -> None:
@@ -242,7 +244,7 @@ class World:
     def _register(self, uid: int, name: str, source: Path | Model) -> Body:
         taken = {body.name for body in self.bodies}
         unique = name if name not in taken else f"{name}_{uid}"
-        body = Body(self, uid, unique, source)
+        body = self.body_type(self, uid, unique, source)
         self.bodies.append(body)
         return body
 
@@ -400,7 +402,7 @@ class World:
         """Return what all contacts did to `a` in the last step; soft matter's friction is in `force`."""
         found = []
         # Asked for one body, Bullet turns its normals as needed, but not the friction: ask for all.
-        for p in bullet.getContactPoints(physicsClientId=self.client) or ():
+        for p in self._all_points():
             for own, side in ((p[1], 1), (p[2], -1)):
                 if own != a.uid or p[9] <= 0:
                     continue
@@ -446,6 +448,9 @@ class World:
         other, own = -1 if b is None else b.uid, a.uid  # no keywords: each costs half a microsecond
         points = bullet.getContactPoints(own, other, ALL_LINKS, ALL_LINKS, self.client) or ()
         return points if b is not None else [p for p in points if p[1] != p[2]]
+
+    def _all_points(self) -> Sequence[Any]:
+        return bullet.getContactPoints(physicsClientId=self.client) or ()
 
     def separation(
         self,

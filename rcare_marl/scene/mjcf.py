@@ -37,21 +37,30 @@ def joint_name(body: str, joint: str) -> str:
     return f"{body}/{joint}"
 
 
-def mjcf(scene: Scene, drawings: Mapping[Place, Sequence[Drawn]] | None = None) -> dict[str, str]:
+def mjcf(
+    scene: Scene,
+    drawings: Mapping[Place, Sequence[Drawn]] | None = None,
+    *,
+    drives: bool = True,
+) -> dict[str, str]:
     """Return the files of a scene by name: `scene.xml` and the meshes that it needs.
 
     Args:
         scene: The scene.
         drawings: What to draw of each link; only what collides if None.
+        drives: Whether joints have actuators.
 
     Raises:
         ConfigError: If more bodies of their own rules of contact are in it than MuJoCo can tell apart.
     """
-    return _Writer(scene, drawings or {}).files()
+    return _Writer(scene, drawings or {}, drives=drives).files()
 
 
 class _Writer:
-    def __init__(self, scene: Scene, drawings: Mapping[Place, Sequence[Drawn]]) -> None:
+    def __init__(
+        self, scene: Scene, drawings: Mapping[Place, Sequence[Drawn]], *, drives: bool
+    ) -> None:
+        self._drives = drives
         self._scene, self._drawings, self._held = scene, drawings, scene.held()
         self._files: dict[str, str] = {}
         self._root = xml.Element("mujoco", model="scene")
@@ -217,7 +226,7 @@ class _Writer:
         slow = {"damping": repr(joint.damping)} if joint.damping else {}
         full = joint_name(body.name, name)
         _add(element, "joint", name=full, **own, **dry, **slow)
-        if name in body.gears or friction:
+        if name in body.gears or friction or not self._drives:
             return
         if name not in body.efforts:
             _add(self._motors, "motor", name=full, joint=full)

@@ -1,0 +1,100 @@
+"""Bullet's motors and contacts as rows of MuJoCo's solver.
+
+Bullet solves each physics step for the speeds at its end: a motor's row is its wished speed within an
+impulse, a contact's row leaves a share of the overlap and gives way by its softness. MuJoCo's rows say
+`J a + R f = aref`, with dry friction `|f| <= frictionloss`. So a motor is dry friction against something
+that moves at its wished speed, and with `a = (v' - v) / dt`
+
+- motor: aref = (wished - v) / dt, R about 0;
+- contact of stiffness k [N/m] and damping c [N·s/m]: aref = (k overlap / (dt k + c) - v) / dt and
+  R = 1 / (dt (dt k + c)), as of a spring and a damper at the end of the step;
+- rigid contact: aref = (0.2 overlap / dt - v) / dt, R about 0, with Bullet's share of 0.2.
+
+The force of a motor is then what really acted in the step, as Bullet tells it.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from rcare_marl.pose import Array
+
+ERP = 0.2  # share of the overlap of rigid bodies that Bullet removes in a physics step
+MOTOR_GIVE = 1e-4  # R of a motor as a share of what its joint alone gives way by
+CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
+LEAST_FRICTION = 1e-5  # MuJoCo's
+FRICTION_ROW, CONTACT_ROW = 1, 7  # MuJoCo's mjCNSTR_FRICTION_DOF and mjCNSTR_CONTACT_ELLIPTIC
+
+
+def motor_table(count: int) -> Array:
+    """Return motors at rest, shape [count, 4].
+
+    Columns: target [rad or m], wished speed there, share of the error removed in a physics step,
+    greatest speed.
+    """
+    table = np.zeros((count, 4))
+    table[:, 3] = np.inf
+    return table
+
+
+@numba.njit(cache=True)
+def write_rows(  # type: ignore[no-untyped-def]
+    dt, positions, velocities, motors, surfaces, owners, rows, contacts, touched
+):
+    """Write motors and contacts into the rows of a step, and which bodies touch something.
+
+    Args:
+        dt: Physics step [s].
+        positions: Of each degree of freedom of a joint [rad or m], else 0, shape [nv].
+        velocities: Of each degree of freedom, shape [nv].
+        motors: See `motor_table`.
+        surfaces: Friction, stiffness (0 if rigid) and damping of each geom, shape [ngeom, 3].
+        owners: Number of the body of each geom.
+        rows: `efc_type`, `efc_id`, `efc_vel`, `efc_diagA`, `efc_aref`, `efc_R`, `efc_D`.
+        contacts: `geom`, `dist`, `efc_address`, `dim`, `friction`, `mu` of each contact.
+        touched: Of each body, written.
+    """
+    kinds, ids, speeds, gives, aref, soft, hard = rows
+    for row in range(len(kinds)):
+        if kinds[row] != FRICTION_ROW:
+            continue
+        dof = ids[row]
+        target, wished, gain, most = motors[dof]
+        if gain > 0.0:
+            wished += gain * (target - positions[dof]) / dt
+        wished = min(max(wished, -most), most)
+        aref[row] = (wished - velocities[dof]) / dt
+        soft[row] = MOTOR_GIVE * gives[row]
+        hard[row] = 1.0 / soft[row]
+    geoms, gaps, addresses, sizes, frictions, mus = contacts
+    touched[:] = False
+    for i in range(len(gaps)):
+        row = addresses[i]
+        if row < 0 or kinds[row] != CONTACT_ROW:
+            continue
+        one, other = geoms[i, 0], geoms[i, 1]
+        touched[owners[one]] = touched[owners[other]] = True
+        near = gives[row]
+        first, second = surfaces[one, 1], surfaces[other, 1]
+        gap, give = gaps[i], CONTACT_GIVE * near
+        wished = -gap / dt if gap > 0.0 else -ERP * gap / dt
+        if first > 0.0 or second > 0.0:
+            spring = first + second
+            if first > 0.0 and second > 0.0:
+                spring = first * second / spring
+            whole = dt * spring + surfaces[one, 2] + surfaces[other, 2]
+            give = 1.0 / (dt * whole)
+            if gap <= 0.0:
+                wished = -gap * spring / whole
+        aref[row] = (wished - speeds[row]) / dt
+        soft[row], hard[row] = give, 1.0 / give
+        rub = max(surfaces[one, 0] * surfaces[other, 0], LEAST_FRICTION)
+        frictions[i, 0] = frictions[i, 1] = rub
+        slip = CONTACT_GIVE * near
+        mus[i] = rub * np.sqrt(slip / give)
+        for k in range(1, sizes[i]):
+            share = rub / max(frictions[i, k - 1], LEAST_FRICTION)
+            aref[row + k] = -speeds[row + k] / dt
+            soft[row + k] = slip * share * share
+            hard[row + k] = 1.0 / soft[row + k]
