@@ -8,7 +8,12 @@ that moves at its wished speed, and with `a = (v' - v) / dt`
 - motor: aref = (wished - v) / dt, R about 0;
 - contact of stiffness k [N/m] and damping c [N·s/m]: aref = (k overlap / (dt k + c) - v) / dt and
   R = 1 / (dt (dt k + c)), as of a spring and a damper at the end of the step;
+- bond: aref = (-0.2 error / dt - v) / dt, R about 0, and a gear with its own share;
 - rigid contact: aref = (0.2 overlap / dt - v) / dt, R about 0, with Bullet's share of 0.2.
+
+The rows are solved as Bullet solves them, by projected Gauss-Seidel with the same number of iterations,
+from nothing in each step. That is no detail: in thirty iterations Bullet's forces on a pressed mouth stay a
+fifth below what they converge to, since the bond between hand and spoon is slow to solve.
 
 The force of a motor is then what really acted in the step, as Bullet tells it.
 """
@@ -21,10 +26,10 @@ import numpy as np
 from rcare_marl.pose import Array
 
 ERP = 0.2  # share of the overlap of rigid bodies that Bullet removes in a physics step
-MOTOR_GIVE = 1e-4  # R of a motor as a share of what its joint alone gives way by
+MOTOR_GIVE = 1e-4  # R of a motor or bond as a share of what its joint alone gives way by
 CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
 LEAST_FRICTION = 1e-5  # MuJoCo's
-FRICTION_ROW, CONTACT_ROW = 1, 7  # MuJoCo's mjCNSTR_FRICTION_DOF and mjCNSTR_CONTACT_ELLIPTIC
+EQUALITY_ROW, FRICTION_ROW, CONTACT_ROW = 0, 1, 7  # MuJoCo's mjtConstraint
 
 
 def motor_table(count: int) -> Array:
@@ -40,7 +45,7 @@ def motor_table(count: int) -> Array:
 
 @numba.njit(cache=True)
 def write_rows(  # type: ignore[no-untyped-def]
-    dt, positions, velocities, motors, surfaces, owners, rows, contacts, touched
+    dt, positions, velocities, motors, gears, surfaces, owners, rows, dual, contacts, touched
 ):
     """Write motors and contacts into the rows of a step, and which bodies touch something.
 
@@ -49,14 +54,23 @@ def write_rows(  # type: ignore[no-untyped-def]
         positions: Of each degree of freedom of a joint [rad or m], else 0, shape [nv].
         velocities: Of each degree of freedom, shape [nv].
         motors: See `motor_table`.
+        gears: Share of the error of each equality that is removed in a physics step.
         surfaces: Friction, stiffness (0 if rigid) and damping of each geom, shape [ngeom, 3].
         owners: Number of the body of each geom.
-        rows: `efc_type`, `efc_id`, `efc_vel`, `efc_diagA`, `efc_aref`, `efc_R`, `efc_D`.
+        rows: `efc_type`, `efc_id`, `efc_pos`, `efc_vel`, `efc_diagA`, `efc_aref`, `efc_R`, `efc_D`.
+        dual: `efc_AR`, whose diagonal has R in it.
         contacts: `geom`, `dist`, `efc_address`, `dim`, `friction`, `mu` of each contact.
         touched: Of each body, written.
     """
-    kinds, ids, speeds, gives, aref, soft, hard = rows
-    for row in range(len(kinds)):
+    kinds, ids, errors, speeds, gives, aref, soft, hard = rows
+    count = len(kinds)
+    for row in range(count):
+        dual[row * count + row] -= soft[row]
+    for row in range(count):
+        if kinds[row] == EQUALITY_ROW:
+            aref[row] = (-gears[ids[row]] * errors[row] / dt - speeds[row]) / dt
+            soft[row] = MOTOR_GIVE * gives[row]
+            hard[row] = 1.0 / soft[row]
         if kinds[row] != FRICTION_ROW:
             continue
         dof = ids[row]
@@ -98,3 +112,5 @@ def write_rows(  # type: ignore[no-untyped-def]
             aref[row + k] = -speeds[row + k] / dt
             soft[row + k] = slip * share * share
             hard[row + k] = 1.0 / soft[row + k]
+    for row in range(count):
+        dual[row * count + row] += soft[row]

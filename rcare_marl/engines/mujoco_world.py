@@ -300,17 +300,25 @@ class MujocoWorld(World):
         if self.sim is None:
             super().rewind()
             return
+        self._restore_bonds()
+        self.set_solver_iterations(self._marked_iterations)
         self.sim.rewind()
         self.teleports += 1
         self.step_count = 0
 
+    def set_solver_iterations(self, count: int) -> None:
+        super().set_solver_iterations(count)
+        if self.sim is not None:
+            self.sim.set_iterations(count)
+
     def attach(self, *args: Any, **settings: Any) -> Attachment:
-        self._check_bonds()
+        self._check_before("make bonds")
         return super().attach(*args, **settings)
 
     def detach(self, attachment: Attachment) -> None:
-        self._check_bonds()
         super().detach(attachment)
+        if self.sim is not None:
+            self.sim.set_bond(self.bonds.index(attachment), False)
 
     def set_collision(
         self,
@@ -321,14 +329,13 @@ class MujocoWorld(World):
         links_a: Iterable[int] | None = None,
         links_b: Sequence[int] | None = None,
     ) -> None:
-        self._check_bonds()
+        self._check_before("change what collides")
         super().set_collision(a, b, enabled, links_a=links_a, links_b=links_b)
 
-    def _check_bonds(self) -> None:
+    def _check_before(self, what: str) -> None:
         if self.sim is not None:
             raise WorldError(
-                "engine 'mujoco' cannot make or break bonds, nor change what collides, in an episode: "
-                "use engine='bullet'"
+                f"engine 'mujoco' cannot {what} in an episode: use engine='bullet'"
             )
 
     def _points(self, a: Body, b: Body | None) -> Sequence[Any]:

@@ -9,17 +9,18 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from rcare_marl.body import Body
+from rcare_marl.body import GEAR_ERP, Body
 from rcare_marl.pose import Array, Pose, Vector
 from rcare_marl.scene.mjcf import START, body_name, joint_name, mjcf
 from rcare_marl.scene.scene import Place, Scene
 
-from .bullet_rows import motor_table, write_rows
+from .bullet_rows import ERP, motor_table, write_rows
 
 Ints = npt.NDArray[np.int64]
 MARGIN = 0.001  # [m] from which on a contact is reckoned with: as far as an arm goes in a physics step
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
-TIGHT = 2.05  # time constant of gears, bonds and limits, in physics steps
+TIGHT = 2.05  # time constant of joint limits, in physics steps
+TOLERANCE = 0.0  # every iteration counts, as in Bullet
 FACING, SIDEWAYS = slice(0, 3), (slice(3, 6), slice(6, 9))  # axes in the frame of a contact
 
 
@@ -31,10 +32,9 @@ class BodyPlaces:
         positions: Place of each joint in `qpos` by Bullet's index; -1 where it is fixed, shape [links].
         dofs: The same in `qvel`.
         free: Places of a base that can move in `qpos` and `qvel`; None of another.
-        is_held: Whether somebody holds it for good, as a part of the hand.
     """
 
-    def __init__(self, model: Any, body: Body, root: str, *, is_held: bool) -> None:
+    def __init__(self, model: Any, body: Body, root: str) -> None:
         names = [root, *(body.link_names[i] for i in range(body.link_count))]
         links = [model.body(body_name((body.name, name))).id for name in names]
         self.links = np.array(links, np.int64)
@@ -44,8 +44,8 @@ class BodyPlaces:
             found = model.joint(joint_name(body.name, name))
             self.positions[joint.index] = found.qposadr[0]
             self.dofs[joint.index] = found.dofadr[0]
-        self.is_held, self.free = is_held, None
-        if body.is_movable and not is_held:
+        self.free: tuple[int, int] | None = None
+        if body.is_movable:
             joint = model.joint(joint_name(body.name, "free"))
             self.free = int(joint.qposadr[0]), int(joint.dofadr[0])
 
@@ -67,22 +67,24 @@ class Simulation:
         Raises:
             ConfigError: If MuJoCo cannot tell so many bodies apart.
         """
-        files = mjcf(scene, drives=False)
+        files = mjcf(scene, drives=False, parts=False)
         assets = {name: text.encode() for name, text in files.items()}
         self.model = model = mujoco.MjModel.from_xml_string(files["scene.xml"], assets)
         self.data = data = mujoco.MjData(model)
         option, bits = model.opt, mujoco.mjtDisableBit
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        option.disableflags |= int(bits.mjDSBL_ISLAND) | int(bits.mjDSBL_ACTUATION)
+        option.solver, option.tolerance = mujoco.mjtSolver.mjSOL_PGS, TOLERANCE
+        option.iterations = scene.iterations
+        option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # so that `write_rows` finds the diagonal
+        for bit in (bits.mjDSBL_ISLAND, bits.mjDSBL_ACTUATION, bits.mjDSBL_WARMSTART):
+            option.disableflags |= int(bit)
         model.geom_margin[:] = MARGIN / 2  # of both partners together
-        for solref in (model.eq_solref, model.jnt_solref):
-            solref[:] = (TIGHT * scene.physics_dt, 1.0)
-        held = scene.held()
+        model.jnt_solref[:] = (TIGHT * scene.physics_dt, 1.0)
+        is_gear = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
+        self._shares = np.where(is_gear, GEAR_ERP, ERP)
+        self._bonds = [model.equality(f"bond:{i}").id for i in range(len(scene.bonds))]
         self._roots = {body.name: scene.bodies[body.name].model.root for body in bodies}
-        self.places = [
-            BodyPlaces(model, body, self._roots[body.name], is_held=body.name in held)
-            for body in bodies
-        ]
+        self.places = [BodyPlaces(model, body, self._roots[body.name]) for body in bodies]
         self._bodies, self._dt = list(bodies), scene.physics_dt
         self._find_geoms(scene)
         self.motors = motor_table(model.nv)
@@ -176,12 +178,14 @@ class Simulation:
             self._angles,
             data.qvel,
             self.motors,
+            self._shares,
             self._surfaces,
             self._geom_body,
             (
-                *(data.efc_type, data.efc_id, data.efc_vel, data.efc_diagA),
+                *(data.efc_type, data.efc_id, data.efc_pos, data.efc_vel, data.efc_diagA),
                 *(data.efc_aref, data.efc_R, data.efc_D),
             ),
+            data.efc_AR.reshape(-1),
             (
                 *(contact.geom, contact.dist, contact.efc_address),
                 *(contact.dim, contact.friction, contact.mu),
@@ -224,11 +228,17 @@ class Simulation:
         row[:3] += force
         row[3:] += np.cross(np.subtract(point, self.data.xipos[link]), force)
 
+    def set_iterations(self, count: int) -> None:
+        """Let the solver go over all rows `count` times in a physics step."""
+        self.model.opt.iterations = count
+
+    def set_bond(self, number: int, holds: bool) -> None:
+        """Let a bond of the scene hold, or not."""
+        self.data.eq_active[self._bonds[number]] = holds
+
     def set_base(self, number: int, pose: Pose) -> None:
-        """Put the base of a body somewhere, at rest; what is held for good stays in the hand."""
+        """Put the base of a body somewhere, at rest."""
         places, data = self.places[number], self.data
-        if places.is_held:
-            return
         x, y, z, w = pose.quaternion
         if places.free is None:
             self.model.body_pos[places.links[0]] = pose.position

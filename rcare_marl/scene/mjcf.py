@@ -42,6 +42,7 @@ def mjcf(
     drawings: Mapping[Place, Sequence[Drawn]] | None = None,
     *,
     drives: bool = True,
+    parts: bool = True,
 ) -> dict[str, str]:
     """Return the files of a scene by name: `scene.xml` and the meshes that it needs.
 
@@ -49,19 +50,25 @@ def mjcf(
         scene: The scene.
         drawings: What to draw of each link; only what collides if None.
         drives: Whether joints have actuators.
+        parts: Whether what is held rigidly is a part of who holds it; a weld if not.
 
     Raises:
         ConfigError: If more bodies of their own rules of contact are in it than MuJoCo can tell apart.
     """
-    return _Writer(scene, drawings or {}, drives=drives).files()
+    return _Writer(scene, drawings or {}, drives=drives, parts=parts).files()
 
 
 class _Writer:
     def __init__(
-        self, scene: Scene, drawings: Mapping[Place, Sequence[Drawn]], *, drives: bool
+        self,
+        scene: Scene,
+        drawings: Mapping[Place, Sequence[Drawn]],
+        *,
+        drives: bool,
+        parts: bool,
     ) -> None:
-        self._drives = drives
-        self._scene, self._drawings, self._held = scene, drawings, scene.held()
+        self._drives, self._scene, self._drawings = drives, scene, drawings
+        self._held = scene.held() if parts else {}
         self._files: dict[str, str] = {}
         self._root = xml.Element("mujoco", model="scene")
         _add(self._root, "compiler", angle="radian", autolimits="true", boundinertia="1e-9")
@@ -284,7 +291,8 @@ class _Writer:
             _add(self._contacts, "pair", geom1=first, geom2=second, friction=friction)
 
     def _bond(self, bond: Bond) -> None:
-        ends = {"body1": body_name(bond.parent), "body2": body_name(bond.child)}
+        name = f"bond:{self._scene.bonds.index(bond)}"
+        ends = {"name": name, "body1": body_name(bond.parent), "body2": body_name(bond.child)}
         ends["active"] = str(bond.is_active).lower()
         if bond.pivot is not None:
             _add(self._equalities, "connect", **ends, anchor=_text(bond.pivot))
