@@ -332,6 +332,10 @@ class Body:
         tell = bullet.setJointMotorControlArray
         return partial(tell, self.uid, chosen, mode, forces=forces, physicsClientId=client)
 
+    def limit_joint(self, index: int, lower: float, upper: float) -> None:
+        """Change the range of a joint [rad or m]."""
+        self._change((index,), jointLowerLimit=lower, jointUpperLimit=upper)
+
     def limit_speed(self, most: float) -> None:
         """Let the physics cut all joint speeds at `most` [rad/s or m/s]."""
         bullet.changeDynamics(self.uid, -1, maxJointVelocity=most, physicsClientId=self._client)

@@ -19,6 +19,7 @@ from rcare_marl.errors import ConfigError, WorldError
 from rcare_marl.joint_feedback import JointFeedback
 from rcare_marl.pose import Array, Pose, Vector
 from rcare_marl.scene.scene import scene_of
+from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import World
 
 from .simulation import Simulation
@@ -35,7 +36,7 @@ class MujocoBody(Body):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.sim: Simulation | None = None
-        self._drives: list[Callable[[], None]] = []  # what was told to motors before there were any
+        self._told: list[Callable[[], None]] = []  # what was told to motors before there were any
         self._mirrored = (-1, -1)
 
     def enter(self, sim: Simulation, number: int) -> None:
@@ -46,9 +47,9 @@ class MujocoBody(Body):
             number: Place of the body in the world.
         """
         self.sim, self.number, self._places = sim, number, sim.places[number]
-        for told in self._drives:
+        for told in self._told:
             told()
-        self._drives.clear()
+        self._told.clear()
 
     def mirror(self) -> None:
         """Let Bullet know where it is, for shapes and gaps."""
@@ -61,9 +62,7 @@ class MujocoBody(Body):
         if self.joints:
             indices = [joint.index for joint in self.joints.values()]
             found = [[position] for position in self.joint_states(indices)[0]]
-            bullet.resetJointStatesMultiDof(
-                self.uid, indices, found, physicsClientId=self._client
-            )
+            bullet.resetJointStatesMultiDof(self.uid, indices, found, physicsClientId=self._client)
 
     def state(self) -> Array:
         if self.sim is None:
@@ -186,7 +185,7 @@ class MujocoBody(Body):
     def _drive(self, indices: Sequence[int], rows: Sequence[Vector], forces: Vector) -> None:
         """Tell motors target, speed there, gain and greatest speed, and their greatest forces."""
         if self.sim is None:
-            self._drives.append(partial(self._drive, list(indices), rows, list(forces)))
+            self._told.append(partial(self._drive, list(indices), rows, list(forces)))
             return
         for index, row, force in zip(indices, rows, forces, strict=True):
             dof = self._places.dofs[index]
@@ -245,6 +244,13 @@ class MujocoBody(Body):
 
         return apply
 
+    def limit_joint(self, index: int, lower: float, upper: float) -> None:
+        if self.sim is None:
+            super().limit_joint(index, lower, upper)
+            self._told.append(partial(self.limit_joint, index, lower, upper))
+            return
+        self.sim.limit(int(self._places.dofs[index]), lower, upper)
+
     def limit_speed(self, most: float) -> None:
         """Do nothing after the start: motors whose force is limited do not overshoot here."""
         if self.sim is None:
@@ -275,12 +281,14 @@ class MujocoWorld(World):
         """
         if self.sim is not None:
             self.sim.mark()
+            self._marked = [(bond, bond.is_active) for bond in self.bonds]
+            for matter in self.matter:
+                matter.mark()
             return
-        if self.matter:
-            kinds = ", ".join(sorted({type(each).__name__ for each in self.matter}))
+        if any(isinstance(matter, SoftWorld) for matter in self.matter):
             raise ConfigError(
-                f"engine 'mujoco' has no cloth, sponge, water or flesh, and this scene has {kinds}: "
-                "leave it out, or use engine='bullet'"
+                "engine 'mujoco' has no cloth, sponge, water or flesh, and something of this scene is of "
+                "them: leave it out, or use engine='bullet'"
             )
         super().mark_start()
         self.sim = Simulation(scene_of(self), self.bodies)
@@ -293,6 +301,8 @@ class MujocoWorld(World):
         if self.sim is None:
             super().step()
             return
+        for matter in self.matter:
+            matter.step()
         self.sim.step()
         self.step_count += 1
 
@@ -303,6 +313,8 @@ class MujocoWorld(World):
         self._restore_bonds()
         self.set_solver_iterations(self._marked_iterations)
         self.sim.rewind()
+        for matter in self.matter:
+            matter.rewind()
         self.teleports += 1
         self.step_count = 0
 
@@ -334,9 +346,7 @@ class MujocoWorld(World):
 
     def _check_before(self, what: str) -> None:
         if self.sim is not None:
-            raise WorldError(
-                f"engine 'mujoco' cannot {what} in an episode: use engine='bullet'"
-            )
+            raise WorldError(f"engine 'mujoco' cannot {what} in an episode: use engine='bullet'")
 
     def _points(self, a: Body, b: Body | None) -> Sequence[Any]:
         if self.sim is None:
@@ -348,6 +358,9 @@ class MujocoWorld(World):
 
     def _all_points(self) -> Sequence[Any]:
         return super()._all_points() if self.sim is None else self.sim.points(None)
+
+    def show(self) -> None:
+        self._mirror(*self.bodies)
 
     def separation(
         self,

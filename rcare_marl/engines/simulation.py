@@ -17,7 +17,9 @@ from rcare_marl.scene.scene import Place, Scene
 from .bullet_rows import ERP, motor_table, write_rows
 
 Ints = npt.NDArray[np.int64]
-MARGIN = 0.001  # [m] from which on a contact is reckoned with: as far as an arm goes in a physics step
+MARGIN = (
+    0.001  # [m] from which on a contact is reckoned with: as far as an arm goes in a physics step
+)
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
 TIGHT = 2.05  # time constant of joint limits, in physics steps
 TOLERANCE = 0.0  # every iteration counts, as in Bullet
@@ -129,22 +131,20 @@ class Simulation:
 
     def mark(self) -> None:
         """Remember the present state."""
+        self._marked = [array.copy() for array in self._state()]
+
+    def _state(self) -> list[Any]:
+        """Return all arrays that an episode changes and the next must not see."""
         model, data = self.model, self.data
-        self._marked = tuple(
-            array.copy()
-            for array in (
-                *(data.qpos, data.qvel, data.eq_active, model.body_pos, model.body_quat),
-                *(model.dof_frictionloss, self.motors),
-            )
-        )
+        return [
+            *(data.qpos, data.qvel, data.eq_active, model.body_pos, model.body_quat, self.motors),
+            *(model.dof_frictionloss, model.jnt_limited, model.jnt_range),
+        ]
 
     def rewind(self) -> None:
         """Return to the state that was marked."""
-        model, data = self.model, self.data
-        mujoco.mj_resetData(model, data)
-        arrays = (data.qpos, data.qvel, data.eq_active, model.body_pos, model.body_quat)
-        arrays += (model.dof_frictionloss, self.motors)
-        for array, marked in zip(arrays, self._marked, strict=True):
+        mujoco.mj_resetData(self.model, self.data)
+        for array, marked in zip(self._state(), self._marked, strict=True):
             array[:] = marked
         self.touched[:] = self._pushed = False
         self.moved()
@@ -231,6 +231,12 @@ class Simulation:
     def set_iterations(self, count: int) -> None:
         """Let the solver go over all rows `count` times in a physics step."""
         self.model.opt.iterations = count
+
+    def limit(self, dof: int, lower: float, upper: float) -> None:
+        """Change the range of a joint [rad or m]."""
+        joint = self.model.dof_jntid[dof]
+        self.model.jnt_limited[joint] = True
+        self.model.jnt_range[joint] = lower, upper
 
     def set_bond(self, number: int, holds: bool) -> None:
         """Let a bond of the scene hold, or not."""
