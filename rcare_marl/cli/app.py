@@ -402,11 +402,16 @@ def bench(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="TASK|all|avatars|homes|learning",
+            metavar="TASK|all|avatars|batch|homes|learning|parity",
             help="A task, [bold]all[/bold] tasks, [bold]avatars[/bold] for people, "
-            "[bold]homes[/bold] for houses or [bold]learning[/bold].",
+            "[bold]homes[/bold] for houses, [bold]learning[/bold], or [bold]batch[/bold] and "
+            "[bold]parity[/bold] for MuJoCo beside Bullet.",
         ),
     ],
+    of: Annotated[
+        str | None,
+        typer.Argument(metavar="TASK", help="Of `batch` and `parity`; feeding if left out."),
+    ] = None,
     steps: Annotated[
         int | None, typer.Option(min=1, help="Control steps to time; 300 if left out.")
     ] = None,
@@ -433,6 +438,7 @@ def bench(
     task: Annotated[
         str | None, typer.Option(help="What `learning` measures; feeding if left out.")
     ] = None,
+    device: Annotated[str | None, typer.Option(help="Where `batch` lets MuJoCo run: cpu.")] = None,
     processes: Annotated[
         str | None,
         typer.Option(metavar="COUNTS", help="Of workers, for `learning`; 1,2 if left out."),
@@ -452,6 +458,10 @@ def bench(
 
     learning: steps per second with a policy, on one core and over processes, and updates per second.
 
+    parity: how nearly MuJoCo does what Bullet does, each figure with its bound; batch: how fast.
+
+    Example: rcare-marl bench parity feeding --json
+
     Example: rcare-marl bench feeding --json
 
     Example: rcare-marl bench all
@@ -461,7 +471,14 @@ def bench(
     from rcare_marl.baselines.benchmark import choice as speed
 
     options: dict[str, Any] = {"steps": steps, "seed": seed, "avatar": avatar, "seconds": seconds}
-    options |= {"task": task, "processes": processes, **place_of(home, level, room)}
+    if of is not None and what not in ("batch", "parity"):
+        raise typer.BadParameter(f"bench {what} takes no task", param_hint="TASK")
+    options |= {
+        "task": of or task,
+        "device": device,
+        "processes": processes,
+        **place_of(home, level, room),
+    }
     options |= cast_of(robot, recipient, caregiver)
     given = {name: value for name, value in options.items() if value is not None}
     for name in speed.unwanted(what, given):

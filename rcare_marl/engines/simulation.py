@@ -228,6 +228,15 @@ class Simulation:
         row[:3] += force
         row[3:] += np.cross(np.subtract(point, self.data.xipos[link]), force)
 
+    def at_rest(self) -> tuple[Array, Array]:
+        """Return the mass matrix, shape [nv, nv], and what gravity asks of each joint [N·m or N], [nv]."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.data.qpos
+        mujoco.mj_forward(self.model, data)
+        matrix = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, data, matrix)
+        return matrix, np.array(data.qfrc_bias)
+
     def set_iterations(self, count: int) -> None:
         """Let the solver go over all rows `count` times in a physics step."""
         self.model.opt.iterations = count
