@@ -45,14 +45,26 @@ def motor_table(count: int) -> Array:
 
 @numba.njit(cache=True)
 def write_rows(  # type: ignore[no-untyped-def]
-    dt, positions, velocities, motors, gears, surfaces, owners, rows, dual, contacts, touched
+    dt,
+    positions,
+    velocities,
+    places,
+    motors,
+    gears,
+    surfaces,
+    owners,
+    rows,
+    dual,
+    contacts,
+    touched,
 ):
     """Write motors and contacts into the rows of a step, and which bodies touch something.
 
     Args:
         dt: Physics step [s].
-        positions: Of each degree of freedom of a joint [rad or m], else 0, shape [nv].
+        positions: MuJoCo's `qpos`.
         velocities: Of each degree of freedom, shape [nv].
+        places: Where in `positions` the joint of a degree of freedom is, shape [nv].
         motors: See `motor_table`.
         gears: Share of the error of each equality that is removed in a physics step.
         surfaces: Friction, stiffness (0 if rigid) and damping of each geom, shape [ngeom, 3].
@@ -76,7 +88,7 @@ def write_rows(  # type: ignore[no-untyped-def]
         dof = ids[row]
         target, wished, gain, most = motors[dof]
         if gain > 0.0:
-            wished += gain * (target - positions[dof]) / dt
+            wished += gain * (target - positions[places[dof]]) / dt
         wished = min(max(wished, -most), most)
         aref[row] = (wished - velocities[dof]) / dt
         soft[row] = MOTOR_GIVE * gives[row]

@@ -22,10 +22,20 @@ from rcare_marl.scene.scene import scene_of
 from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import World
 
-from .simulation import Simulation
+from .simulation import Ints, Simulation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+
+Chosen = slice | Ints  # of an array
+
+
+def _run(places: Ints) -> Chosen:
+    """Return places of an array as a slice, if they follow each other."""
+    first = int(places[0]) if len(places) else 0
+    follows = np.array_equal(places, np.arange(first, first + len(places)))
+    return slice(first, first + len(places)) if follows and first >= 0 else places
 
 
 class MujocoBody(Body):
@@ -38,6 +48,7 @@ class MujocoBody(Body):
         self.sim: Simulation | None = None
         self._told: list[Callable[[], None]] = []  # what was told to motors before there were any
         self._mirrored = (-1, -1)
+        self._looked_up: dict[tuple[int, ...], tuple[Chosen, Chosen, Ints | None]] = {}
 
     def enter(self, sim: Simulation, number: int) -> None:
         """Move in MuJoCo from now on.
@@ -76,16 +87,24 @@ class MujocoBody(Body):
     def joint_states(self, indices: Sequence[int]) -> tuple[list[float], list[float]]:
         if self.sim is None:
             return super().joint_states(indices)
-        data, chosen = self.sim.data, list(indices)
-        if not chosen:
-            return [], []
-        places = self._places.positions[chosen]
-        if (places >= 0).all():
-            return data.qpos[places].tolist(), data.qvel[self._places.dofs[chosen]].tolist()
-        fixed = places < 0
-        positions, rates = data.qpos[places], data.qvel[self._places.dofs[chosen]]
-        positions[fixed] = rates[fixed] = 0.0
+        places, dofs, fixed = self._lookup(tuple(indices))
+        positions, rates = self.sim.qpos[places], self.sim.qvel[dofs]
+        if fixed is not None:
+            positions[fixed] = rates[fixed] = 0.0
         return positions.tolist(), rates.tolist()
+
+    def _lookup(self, indices: tuple[int, ...]) -> tuple[Chosen, Chosen, Ints | None]:
+        """Return where joints are in `qpos` and `qvel`, as slices where they follow each other.
+
+        And which of them are fixed, if any.
+        """
+        if indices not in self._looked_up:
+            chosen = list(indices)
+            places, dofs = self._places.positions[chosen], self._places.dofs[chosen]
+            fixed = np.flatnonzero(places < 0)
+            some = fixed if len(fixed) else None
+            self._looked_up[indices] = _run(places), _run(dofs), some
+        return self._looked_up[indices]
 
     def joint_torques(self, indices: Sequence[int]) -> list[float]:
         if self.sim is None:
@@ -101,7 +120,7 @@ class MujocoBody(Body):
         return [(p, v, (), t) for p, v, t in zip(positions, rates, torques, strict=True)]
 
     @property
-    def feedback(self) -> JointFeedback:  # type: ignore[override]
+    def feedback(self) -> JointFeedback:
         raise ConfigError(
             "sensors of joint loads work on Bullet alone: leave them out, or engine='mujoco'"
         )
@@ -232,7 +251,7 @@ class MujocoBody(Body):
         if self.sim is None:
             super().drive_torques(indices, torques)
             return
-        self.sim.torque[self._places.dofs[indices]] += torques
+        self.sim.torque[self._lookup(tuple(indices))[1]] += torques
 
     def pushing(self, indices: Sequence[int], torques: Sequence[float]) -> Callable[[], object]:
         if self.sim is None:

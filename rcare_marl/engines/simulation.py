@@ -60,6 +60,8 @@ class Simulation:
         data: Its data.
         places: Where the bodies are in its arrays, in the order of the world.
         motors: See `bullet_rows.motor_table`; their greatest forces are `model.dof_frictionloss`.
+        qpos: Positions, as MuJoCo has them.
+        qvel: Velocities.
         torque: What joints are pushed with in the coming step, shape [nv].
     """
 
@@ -80,7 +82,6 @@ class Simulation:
         option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # so that `write_rows` finds the diagonal
         for bit in (bits.mjDSBL_ISLAND, bits.mjDSBL_ACTUATION, bits.mjDSBL_WARMSTART):
             option.disableflags |= int(bit)
-        model.geom_margin[:] = MARGIN / 2  # of both partners together
         model.jnt_solref[:] = (TIGHT * scene.physics_dt, 1.0)
         is_gear = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
         self._shares = np.where(is_gear, GEAR_ERP, ERP)
@@ -92,10 +93,8 @@ class Simulation:
         self.motors = motor_table(model.nv)
         self._begin_motors()
         self.torque, self._pushed = data.qfrc_applied, False
-        self._joints = np.flatnonzero(np.isin(model.jnt_type, (2, 3)))  # slides and hinges
-        self._joint_q = model.jnt_qposadr[self._joints]
-        self._joint_v = model.jnt_dofadr[self._joints]
-        self._angles = np.zeros(model.nv)
+        self.qpos, self.qvel = data.qpos, data.qvel
+        self._joint_of = model.jnt_qposadr[model.dof_jntid].astype(np.int64)  # of free bases unused
         self.touched = np.zeros(len(bodies), np.bool_)
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
         self.moved()
@@ -114,6 +113,7 @@ class Simulation:
             number, link, (name, link_name) = whose[int(model.geom_bodyid[geom])]
             touch = scene.bodies[name].touching[link_name]
             self._geom_body[geom], self._geom_link[geom] = number, link
+            model.geom_margin[geom] = MARGIN if self._bodies[number].joints else 0.0
             self._surfaces[geom] = touch.friction, touch.stiffness, 0.0
             if touch.stiffness > 0:
                 self._surfaces[geom, 2] = touch.damping
@@ -171,12 +171,12 @@ class Simulation:
         """Advance by one physics step."""
         model, data = self.model, self.data
         mujoco.mj_step1(model, data)
-        self._angles[self._joint_v] = data.qpos[self._joint_q]
         contact = data.contact
         write_rows(
             self._dt,
-            self._angles,
-            data.qvel,
+            self.qpos,
+            self.qvel,
+            self._joint_of,
             self.motors,
             self._shares,
             self._surfaces,
