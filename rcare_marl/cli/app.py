@@ -460,8 +460,6 @@ def bench(
 
     parity: how nearly MuJoCo does what Bullet does, each figure with its bound; batch: how fast.
 
-    Example: rcare-marl bench parity feeding --json
-
     Example: rcare-marl bench feeding --json
 
     Example: rcare-marl bench all

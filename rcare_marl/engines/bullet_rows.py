@@ -28,7 +28,6 @@ from rcare_marl.pose import Array
 ERP = 0.2  # share of the overlap of rigid bodies that Bullet removes in a physics step
 MOTOR_GIVE = 1e-4  # R of a motor or bond as a share of what its joint alone gives way by
 CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
-LEAST_FRICTION = 1e-5  # MuJoCo's
 EQUALITY_ROW, FRICTION_ROW, CONTACT_ROW = 0, 1, 7  # MuJoCo's mjtConstraint
 
 
@@ -71,13 +70,13 @@ def write_rows(  # type: ignore[no-untyped-def]
         owners: Number of the body of each geom.
         rows: `efc_type`, `efc_id`, `efc_pos`, `efc_vel`, `efc_diagA`, `efc_aref`, `efc_R`, `efc_D`.
         dual: `efc_AR`, whose diagonal has R in it.
-        contacts: `geom`, `dist`, `efc_address`, `dim`, `friction`, `mu` of each contact.
+        contacts: `geom`, `dist`, `efc_address`, `dim`, `friction` of each contact.
         touched: Of each body, written.
     """
     kinds, ids, errors, speeds, gives, aref, soft, hard = rows
     count = len(kinds)
     for row in range(count):
-        dual[row * count + row] -= soft[row]
+        dual[row, row] -= soft[row]
     for row in range(count):
         if kinds[row] == EQUALITY_ROW:
             aref[row] = (-gears[ids[row]] * errors[row] / dt - speeds[row]) / dt
@@ -93,7 +92,7 @@ def write_rows(  # type: ignore[no-untyped-def]
         aref[row] = (wished - velocities[dof]) / dt
         soft[row] = MOTOR_GIVE * gives[row]
         hard[row] = 1.0 / soft[row]
-    geoms, gaps, addresses, sizes, frictions, mus = contacts
+    geoms, gaps, addresses, sizes, frictions = contacts
     touched[:] = False
     for i in range(len(gaps)):
         row = addresses[i]
@@ -115,14 +114,100 @@ def write_rows(  # type: ignore[no-untyped-def]
                 wished = -gap * spring / whole
         aref[row] = (wished - speeds[row]) / dt
         soft[row], hard[row] = give, 1.0 / give
-        rub = max(surfaces[one, 0] * surfaces[other, 0], LEAST_FRICTION)
-        frictions[i, 0] = frictions[i, 1] = rub
-        slip = CONTACT_GIVE * near
-        mus[i] = rub * np.sqrt(slip / give)
         for k in range(1, sizes[i]):
-            share = rub / max(frictions[i, k - 1], LEAST_FRICTION)
             aref[row + k] = -speeds[row + k] / dt
-            soft[row + k] = slip * share * share
-            hard[row + k] = 1.0 / soft[row + k]
+            soft[row + k], hard[row + k] = CONTACT_GIVE * near, 1.0 / (CONTACT_GIVE * near)
+        frictions[i, 0] = frictions[i, 1] = surfaces[one, 0] * surfaces[other, 0]
     for row in range(count):
-        dual[row * count + row] += soft[row]
+        dual[row, row] += soft[row]
+
+
+@numba.njit(cache=True, inline="always")  # a call costs more than the row
+def _solve_row(row, least, most, dual, left, forces) -> None:  # type: ignore[no-untyped-def]
+    wanted = forces[row] - left[row] / dual[row, row]
+    _set_force(row, min(max(wanted, least), most), dual, left, forces)
+
+
+@numba.njit(cache=True, inline="always")
+def _set_force(row, force, dual, left, forces) -> None:  # type: ignore[no-untyped-def]
+    change = force - forces[row]
+    if change != 0.0:
+        forces[row] = force
+        for k in range(len(left)):
+            left[k] += dual[row, k] * change
+
+
+@numba.njit(cache=True)
+def solve_rows(  # type: ignore[no-untyped-def]
+    iterations, kinds, ids, limits, dual, jacobian, aref, free, contacts, forces, pushes
+):
+    """Solve the rows in Bullet's order, from nothing, and write what they push joints with.
+
+    In each sweep motors and limits come first and bonds after them, the other way round in every other
+    sweep; then the normals of all contacts, then their friction, within the cone of the normal forces.
+
+    Args:
+        iterations: Sweeps.
+        kinds: `efc_type`.
+        ids: `efc_id`.
+        limits: Greatest forces of motors by degree of freedom, and of bonds by equality.
+        dual: `efc_AR`.
+        jacobian: `efc_J`.
+        aref: `efc_aref`.
+        free: Acceleration without constraints, shape [nv].
+        contacts: `efc_address`, `dim`, `friction` of each contact.
+        forces: `efc_force`, written.
+        pushes: What the rows push each degree of freedom with, shape [nv], written.
+    """
+    count, width = len(kinds), len(free)
+    motors, bonds = limits
+    addresses, sizes, frictions = contacts
+    left = np.empty(count)  # b + A f
+    order = np.empty(count, np.int64)
+    most = np.full(count, np.inf)
+    others = 0
+    for row in range(count):
+        total = -aref[row]
+        for dof in range(width):
+            total += jacobian[row, dof] * free[dof]
+        left[row] = total
+        forces[row] = 0.0
+        if kinds[row] == FRICTION_ROW:
+            most[row] = motors[ids[row]]
+        if kinds[row] == EQUALITY_ROW:
+            most[row] = bonds[ids[row]]
+        elif kinds[row] < CONTACT_ROW:
+            order[others] = row
+            others += 1
+    for row in range(count):
+        if kinds[row] == EQUALITY_ROW:
+            order[others] = row
+            others += 1
+    for sweep in range(iterations):
+        for k in range(others):
+            row = order[k] if sweep % 2 else order[others - 1 - k]
+            least = 0.0 if kinds[row] > FRICTION_ROW else -most[row]
+            _solve_row(row, least, most[row], dual, left, forces)
+        for i in range(len(addresses)):
+            if addresses[i] >= 0:
+                _solve_row(addresses[i], 0.0, np.inf, dual, left, forces)
+        for i in range(len(addresses)):
+            row = addresses[i]
+            if row < 0 or forces[row] <= 0.0:
+                continue
+            for k in range(3, sizes[i]):
+                reach = frictions[i, k - 1] * forces[row]
+                _solve_row(row + k, -reach, reach, dual, left, forces)
+            if sizes[i] < 3:
+                continue
+            first = forces[row + 1] - left[row + 1] / dual[row + 1, row + 1]
+            second = forces[row + 2] - left[row + 2] / dual[row + 2, row + 2]
+            reach, size = frictions[i, 0] * forces[row], np.sqrt(first * first + second * second)
+            share = reach / size if size > reach else 1.0
+            _set_force(row + 1, share * first, dual, left, forces)
+            _set_force(row + 2, share * second, dual, left, forces)
+    pushes[:] = 0.0
+    for row in range(count):
+        if forces[row] != 0.0:
+            for dof in range(width):
+                pushes[dof] += jacobian[row, dof] * forces[row]

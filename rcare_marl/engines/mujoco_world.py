@@ -340,7 +340,7 @@ class MujocoWorld(World):
     def set_solver_iterations(self, count: int) -> None:
         super().set_solver_iterations(count)
         if self.sim is not None:
-            self.sim.set_iterations(count)
+            self.sim.iterations = count
 
     def attach(self, *args: Any, **settings: Any) -> Attachment:
         self._check_before("make bonds")

@@ -14,7 +14,7 @@ from rcare_marl.pose import Array, Pose, Vector
 from rcare_marl.scene.mjcf import START, body_name, joint_name, mjcf
 from rcare_marl.scene.scene import Place, Scene
 
-from .bullet_rows import ERP, motor_table, write_rows
+from .bullet_rows import ERP, motor_table, solve_rows, write_rows
 
 Ints = npt.NDArray[np.int64]
 MARGIN = (
@@ -22,7 +22,6 @@ MARGIN = (
 )
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
 TIGHT = 2.05  # time constant of joint limits, in physics steps
-TOLERANCE = 0.0  # every iteration counts, as in Bullet
 FACING, SIDEWAYS = slice(0, 3), (slice(3, 6), slice(6, 9))  # axes in the frame of a contact
 
 
@@ -62,6 +61,8 @@ class Simulation:
         motors: See `bullet_rows.motor_table`; their greatest forces are `model.dof_frictionloss`.
         qpos: Positions, as MuJoCo has them.
         qvel: Velocities.
+        iterations: Sweeps of the solver in a physics step.
+        strengths: Greatest force of each equality [N], shape [neq].
         torque: What joints are pushed with in the coming step, shape [nv].
     """
 
@@ -77,16 +78,19 @@ class Simulation:
         self.data = data = mujoco.MjData(model)
         option, bits = model.opt, mujoco.mjtDisableBit
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        option.solver, option.tolerance = mujoco.mjtSolver.mjSOL_PGS, TOLERANCE
-        option.iterations = scene.iterations
+        option.solver = mujoco.mjtSolver.mjSOL_PGS  # which makes `efc_AR`
+        self.iterations = scene.iterations
         option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # so that `write_rows` finds the diagonal
         for bit in (bits.mjDSBL_ISLAND, bits.mjDSBL_ACTUATION, bits.mjDSBL_WARMSTART):
             option.disableflags |= int(bit)
         model.jnt_solref[:] = (TIGHT * scene.physics_dt, 1.0)
         is_gear = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
         self._shares = np.where(is_gear, GEAR_ERP, ERP)
+        self.strengths = np.full(model.neq, np.inf)
+        self._gain = np.zeros((1, model.nv))
         self._bonds = [model.equality(f"bond:{i}").id for i in range(len(scene.bonds))]
         self._roots = {body.name: scene.bodies[body.name].model.root for body in bodies}
+        self.strengths[self._bonds] = [bond.force for bond in scene.bonds]
         self.places = [BodyPlaces(model, body, self._roots[body.name]) for body in bodies]
         self._bodies, self._dt = list(bodies), scene.physics_dt
         self._find_geoms(scene)
@@ -138,7 +142,7 @@ class Simulation:
         model, data = self.model, self.data
         return [
             *(data.qpos, data.qvel, data.eq_active, model.body_pos, model.body_quat, self.motors),
-            *(model.dof_frictionloss, model.jnt_limited, model.jnt_range),
+            *(model.dof_frictionloss, model.jnt_limited, model.jnt_range, self.strengths),
         ]
 
     def rewind(self) -> None:
@@ -171,7 +175,10 @@ class Simulation:
         """Advance by one physics step."""
         model, data = self.model, self.data
         mujoco.mj_step1(model, data)
-        contact = data.contact
+        contact, aref, count = data.contact, data.efc_aref, data.nefc
+        dual = data.efc_AR.reshape(count, count)
+        kinds, ids, frictions = data.efc_type, data.efc_id, contact.friction
+        addresses, sizes = contact.efc_address, contact.dim
         write_rows(
             self._dt,
             self.qpos,
@@ -182,17 +189,30 @@ class Simulation:
             self._surfaces,
             self._geom_body,
             (
-                *(data.efc_type, data.efc_id, data.efc_pos, data.efc_vel, data.efc_diagA),
-                *(data.efc_aref, data.efc_R, data.efc_D),
+                *(kinds, ids, data.efc_pos, data.efc_vel, data.efc_diagA),
+                *(aref, data.efc_R, data.efc_D),
             ),
-            data.efc_AR.reshape(-1),
-            (
-                *(contact.geom, contact.dist, contact.efc_address),
-                *(contact.dim, contact.friction, contact.mu),
-            ),
+            dual,
+            (contact.geom, contact.dist, addresses, sizes, frictions),
             self.touched,
         )
-        mujoco.mj_step2(model, data)
+        mujoco.mj_fwdAcceleration(model, data)
+        solve_rows(
+            self.iterations,
+            kinds,
+            ids,
+            (model.dof_frictionloss, self.strengths),
+            dual,
+            data.efc_J.reshape(count, model.nv),
+            aref,
+            data.qacc_smooth,
+            (addresses, sizes, frictions),
+            data.efc_force,
+            data.qfrc_constraint,
+        )
+        mujoco.mj_solveM(model, data, self._gain, data.qfrc_constraint[None])
+        np.add(data.qacc_smooth, self._gain[0], out=data.qacc)
+        mujoco.mj_Euler(model, data)
         self.torque[:] = 0.0
         if self._pushed:
             data.xfrc_applied[:] = 0.0
@@ -236,10 +256,6 @@ class Simulation:
         matrix = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, data, matrix)
         return matrix, np.array(data.qfrc_bias)
-
-    def set_iterations(self, count: int) -> None:
-        """Let the solver go over all rows `count` times in a physics step."""
-        self.model.opt.iterations = count
 
     def limit(self, dof: int, lower: float, upper: float) -> None:
         """Change the range of a joint [rad or m]."""
