@@ -11,6 +11,7 @@ import pytest
 
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError, WorldError
+from rcare_marl.model.urdf import Link, Model
 from rcare_marl.pose import Pose, quaternion_from_axis_angle
 from rcare_marl.soft.cloth import Cloth
 from rcare_marl.soft.constraint import FOLD_SOFTNESS, make_constraints
@@ -68,13 +69,16 @@ def lay(
     return cloth, grid
 
 
+BARE = Model("bare", "", {"base": Link()})
+
+
 def add_capsule(world: World, radius: float, length: float, at: tuple[float, ...]) -> Body:
     """Put an immovable capsule along x into a world."""
     shape = bullet.createCollisionShape(
         bullet.GEOM_CAPSULE, radius=radius, height=length, physicsClientId=world.client
     )
     uid = bullet.createMultiBody(0, shape, -1, at, SIDEWAYS, physicsClientId=world.client)
-    return world._register(uid, "capsule")
+    return world._register(uid, "capsule", BARE)
 
 
 def hung(world: World, fabric: Fabric, nx: int, ny: int, size: float) -> tuple[Cloth, Grid]:
@@ -209,7 +213,7 @@ def test_a_leg_at_a_metre_per_second_does_not_tunnel(is_set: bool) -> None:
         uid = bullet.createMultiBody(
             20.0, shape, -1, (0, -0.2, 1.0), SIDEWAYS, physicsClientId=world.client
         )
-        leg = world._register(uid, "leg")
+        leg = world._register(uid, "leg", BARE)
     for step in range(84):
         if is_set:
             leg.set_base(Pose((0, -0.2 + (step + 1) / 240, 1.0), SIDEWAYS))

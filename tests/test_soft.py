@@ -13,6 +13,7 @@ import pytest
 
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
+from rcare_marl.model.urdf import Link, Model
 from rcare_marl.pose import Pose, quaternion_from_axis_angle
 from rcare_marl.soft import contact
 from rcare_marl.soft.collider import WORLD_FRAME, Colliders, NearShapes
@@ -413,7 +414,7 @@ def make_tool(world: World, kind: str) -> Body:
     shape = shapes[kind]
     made = bullet.createCollisionShape(shape[0], physicsClientId=world.client, **shape[1])
     uid = bullet.createMultiBody(0, made, -1, (0, 0, 1), physicsClientId=world.client)
-    return world._register(uid, kind)
+    return world._register(uid, kind, Model(kind, "", {"base": Link()}))
 
 
 @pytest.mark.parametrize("kind", ["sphere", "box", "capsule", "cylinder", "hull"])

@@ -91,7 +91,7 @@ class Plate(Body):
         self, world: World, body: Body, carrier: Body | None, link: int, offset: Pose
     ) -> None:
         """Stand in for `body`, which was loaded for this."""
-        super().__init__(world, body.uid, body.name)
+        super().__init__(world, body.uid, body.name, body.source)
         self.carrier, self.link, self.offset = carrier, link, offset
 
     def base_pose(self) -> Pose:

@@ -119,7 +119,7 @@ class Sling:
         """
         # Renderers draw a skin in place of its body, but the lift is to be seen as well: a second
         # handle on the same body.
-        self.body = Body(world, lift.uid, lift.name)
+        self.body = Body(world, lift.uid, lift.name, lift.source)
         self._link = lift.link_index(link)
         self._hooks = {name: np.array(at) for name, at in hooks.items()}
         self.clear()

@@ -286,7 +286,6 @@ class MujocoWorld(World):
     """A world that moves in MuJoCo from `mark_start` on."""
 
     body_type = MujocoBody
-    bodies: list[MujocoBody]  # type: ignore[assignment]
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         self.sim: Simulation | None = None
@@ -313,7 +312,10 @@ class MujocoWorld(World):
         self.sim = Simulation(scene_of(self), self.bodies)
         self._numbers: Mapping[int, int] = {body.uid: i for i, body in enumerate(self.bodies)}
         for number, body in enumerate(self.bodies):
-            body.enter(self.sim, number)
+            if isinstance(
+                body, MujocoBody
+            ):  # not the plate of a marker, which goes with its carrier
+                body.enter(self.sim, number)
         self.sim.mark()
 
     def step(self) -> None:
@@ -405,5 +407,5 @@ class MujocoWorld(World):
 
     def _mirror(self, *bodies: Body) -> None:
         for body in bodies:
-            assert isinstance(body, MujocoBody)
-            body.mirror()
+            if isinstance(body, MujocoBody):
+                body.mirror()

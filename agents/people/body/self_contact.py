@@ -105,7 +105,7 @@ def clear_arms(
         for _ in range(_STEPS):
             if depth <= 0.0:
                 break
-            found = []
+            found: list[tuple[float, int, Array]] = []
             for k, sign in product(range(len(chosen)), (1.0, -1.0)):
                 trial = out.copy()
                 trial[chosen[k]] = np.clip(trial[chosen[k]] + sign * _STEP, low[k], high[k])
