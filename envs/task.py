@@ -179,7 +179,7 @@ class Task(abc.ABC):
     site: str = ""
     reachable_by: Collection[str] | None = None
     least_success: int = 0
-    engines: Collection[str] = ("bullet",)
+    engines: Collection[str] = ("bullet", "mujoco")
     place: Place
     cast: Mapping[str, Agent]
     world: World

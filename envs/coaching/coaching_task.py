@@ -148,7 +148,6 @@ class CoachingTask(Task):
     robot = Role(Robot, default="nao", partner="scripted", control="joint_position", moves=LIMBS)
 
     reachable_by = ("nao", "pepper")
-    engines = ("bullet", "mujoco")
     Options = SocialCoachingOptions
     room_kinds = ("living", "lounge", "gym", "bedroom", "dining")
     options: SocialCoachingOptions

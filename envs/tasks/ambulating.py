@@ -114,7 +114,6 @@ class Ambulating(Task):
 
     reachable_by = CHAIR_ROBOTS | {"hsr", "stretch_re1_dex"}
     least_success = 95
-    engines = ("bullet", "mujoco")
     Options = AmbulatingOptions
     room_kinds = ("bedroom", "other", "living", "lounge", "kitchen", "bathroom")
     paper_terms = ("distance", "rotation_angle")

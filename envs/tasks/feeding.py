@@ -98,7 +98,6 @@ class Feeding(Meal):
     Tolerance: the radius about the mouth within which food is eaten.
     """
 
-    engines = ("bullet", "mujoco")
     Options = FeedingOptions
     options: FeedingOptions
     state: FeedingState

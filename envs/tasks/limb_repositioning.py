@@ -114,7 +114,6 @@ class LimbRepositioning(Task):
 
     reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"hsr", "stretch_re1_dex"}
     least_success = 85
-    engines = ("bullet", "mujoco")
     Options = LimbRepositioningOptions
     room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
     paper_terms = ("distance",)

@@ -107,7 +107,6 @@ class Toileting(Task):
 
     reachable_by = CHAIR_ROBOTS | {"hsr", "stretch_re1_dex"}
     least_success = 95
-    engines = ("bullet", "mujoco")
     Options = ToiletingOptions
     room_kinds = ("bathroom",)
     paper_terms = ("open_angle",)
