@@ -153,7 +153,7 @@ def test_what_does_not_run_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize("task", ["limb_repositioning", "toileting"])
 def test_other_scripts_succeed(task: str) -> None:
     with closing(rcare_marl.make(task, engine="mujoco", policies={"robot": "scripted"})) as env:
-        rest = {role: "cooperative" for role in env.agents}
+        rest = {role: "cooperative" for role in env.possible_agents}
     policies = {"robot": "scripted", **rest}
     with closing(rcare_marl.make(task, engine="mujoco", policies=policies)) as env:
         assert isinstance(env.cast["robot"], Robot)

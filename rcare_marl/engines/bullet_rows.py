@@ -68,12 +68,12 @@ def write_rows(  # type: ignore[no-untyped-def]
         gears: Share of the error of each equality that is removed in a physics step.
         surfaces: Friction, stiffness (0 if rigid) and damping of each geom, shape [ngeom, 3].
         owners: Number of the body of each geom.
-        rows: `efc_type`, `efc_id`, `efc_pos`, `efc_vel`, `efc_diagA`, `efc_aref`, `efc_R`, `efc_D`.
+        rows: `efc_type`, `efc_id`, `efc_pos`, `efc_vel`, `efc_diagA`, `efc_aref`, `efc_R`.
         dual: `efc_AR`, whose diagonal has R in it.
         contacts: `geom`, `dist`, `efc_address`, `dim`, `friction` of each contact.
         touched: Of each body, written.
     """
-    kinds, ids, errors, speeds, gives, aref, soft, hard = rows
+    kinds, ids, errors, speeds, gives, aref, soft = rows
     count = len(kinds)
     for row in range(count):
         dual[row, row] -= soft[row]
@@ -81,7 +81,6 @@ def write_rows(  # type: ignore[no-untyped-def]
         if kinds[row] == EQUALITY_ROW:
             aref[row] = (-gears[ids[row]] * errors[row] / dt - speeds[row]) / dt
             soft[row] = MOTOR_GIVE * gives[row]
-            hard[row] = 1.0 / soft[row]
         if kinds[row] != FRICTION_ROW:
             continue
         dof = ids[row]
@@ -91,7 +90,6 @@ def write_rows(  # type: ignore[no-untyped-def]
         wished = min(max(wished, -most), most)
         aref[row] = (wished - velocities[dof]) / dt
         soft[row] = MOTOR_GIVE * gives[row]
-        hard[row] = 1.0 / soft[row]
     geoms, gaps, addresses, sizes, frictions = contacts
     touched[:] = False
     for i in range(len(gaps)):
@@ -113,10 +111,10 @@ def write_rows(  # type: ignore[no-untyped-def]
             if gap <= 0.0:
                 wished = -gap * spring / whole
         aref[row] = (wished - speeds[row]) / dt
-        soft[row], hard[row] = give, 1.0 / give
+        soft[row] = give
         for k in range(1, sizes[i]):
             aref[row + k] = -speeds[row + k] / dt
-            soft[row + k], hard[row + k] = CONTACT_GIVE * near, 1.0 / (CONTACT_GIVE * near)
+            soft[row + k] = CONTACT_GIVE * near
         frictions[i, 0] = frictions[i, 1] = surfaces[one, 0] * surfaces[other, 0]
     for row in range(count):
         dual[row, row] += soft[row]

@@ -17,9 +17,8 @@ from rcare_marl.scene.scene import Place, Scene
 from .bullet_rows import ERP, motor_table, solve_rows, write_rows
 
 Ints = npt.NDArray[np.int64]
-MARGIN = (
-    0.001  # [m] from which on a contact is reckoned with: as far as an arm goes in a physics step
-)
+# [m] from which on a contact of what has joints is reckoned with: an arm's way in a physics step.
+MARGIN = 0.001
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
 TIGHT = 2.05  # time constant of joint limits, in physics steps
 FACING, SIDEWAYS = slice(0, 3), (slice(3, 6), slice(6, 9))  # axes in the frame of a contact
@@ -190,7 +189,7 @@ class Simulation:
             self._geom_body,
             (
                 *(kinds, ids, data.efc_pos, data.efc_vel, data.efc_diagA),
-                *(aref, data.efc_R, data.efc_D),
+                *(aref, data.efc_R),
             ),
             dual,
             (contact.geom, contact.dist, addresses, sizes, frictions),
