@@ -8,7 +8,7 @@ that moves at its wished speed, and with `a = (v' - v) / dt`
 - motor: aref = (wished - v) / dt, R about 0;
 - contact of stiffness k [N/m] and damping c [N·s/m]: aref = (k overlap / (dt k + c) - v) / dt and
   R = 1 / (dt (dt k + c)), as of a spring and a damper at the end of the step;
-- bond: aref = (-0.2 error / dt - v) / dt, R about 0, and a gear with its own share;
+- bond or joint limit: aref = (-0.2 error / dt - v) / dt, R about 0; a gear has a share of its own;
 - rigid contact: aref = (0.2 overlap / dt - v) / dt, R about 0, with Bullet's share of 0.2.
 
 The rows are solved as Bullet solves them, by projected Gauss-Seidel with the same number of iterations,
@@ -28,7 +28,7 @@ from rcare_marl.pose import Array
 ERP = 0.2  # share of the overlap of rigid bodies that Bullet removes in a physics step
 MOTOR_GIVE = 1e-4  # R of a motor or bond as a share of what its joint alone gives way by
 CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
-EQUALITY_ROW, FRICTION_ROW, CONTACT_ROW = 0, 1, 7  # MuJoCo's mjtConstraint
+EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
 
 
 def motor_table(count: int) -> Array:
@@ -78,8 +78,9 @@ def write_rows(  # type: ignore[no-untyped-def]
     for row in range(count):
         dual[row, row] -= soft[row]
     for row in range(count):
-        if kinds[row] == EQUALITY_ROW:
-            aref[row] = (-gears[ids[row]] * errors[row] / dt - speeds[row]) / dt
+        if kinds[row] == EQUALITY_ROW or kinds[row] == LIMIT_ROW:
+            share = gears[ids[row]] if kinds[row] == EQUALITY_ROW else ERP
+            aref[row] = (-share * errors[row] / dt - speeds[row]) / dt
             soft[row] = MOTOR_GIVE * gives[row]
         if kinds[row] != FRICTION_ROW:
             continue
