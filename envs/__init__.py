@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError
+from rcare_marl.engines import ENGINES
+from rcare_marl.errors import ConfigError, check_name
 
 from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
@@ -56,6 +57,7 @@ def make(
     home: str | None = None,
     level: int | None = None,
     room: str | None = None,
+    engine: str = "bullet",
     **cast: CastEntry,
 ) -> CareEnv:
     """Return a new environment, a PettingZoo parallel environment.
@@ -74,6 +76,7 @@ def make(
         level: Level of accessibility: 1 usual, 2 partially barrier-free, 3 barrier-free; 1 if None. That
             of the house, or of the furniture or door that the task builds itself on a bare floor.
         room: Name of the room, such as `dining_1`; the first that suits the task if None.
+        engine: What computes the motion: `bullet`, the reference, or `mujoco` where the task allows it.
         **cast: For a role of the task: the name of a robot or avatar, a YAML file, or a mapping
             such as `{"model": "karan", "policy": "cooperative"}`; None leaves an optional role out.
             What is not named is played by the task's default.
@@ -91,6 +94,10 @@ def make(
         if value is not None and not isinstance(value, Mapping):
             raise ConfigError(f"{name} must be a mapping, got {type(value).__name__} {value!r}")
     cls = task_class(task)
+    check_name("engine", engine, ENGINES)
+    if engine not in cls.engines:
+        able = ", ".join(name for name in task_names() if engine in task_class(name).engines)
+        raise ConfigError(f"{task!r} does not run on engine {engine!r}; these do: {able}")
     agents, factories = make_cast(task, cls, cast, policies or {})
     scene = cls(load(cls.Options, dict(options or {}), f"options of {task!r}"))
     scene.cast = agents
@@ -104,12 +111,15 @@ def make(
         scene.place = BareFloor(level)
     elif level is not None or room is not None:
         raise ConfigError("level and room are those of a home: name one, such as home='house_07'")
-    env = CareEnv(scene, agents, factories, physics_dt=physics_dt, render_mode=render_mode)
+    env = CareEnv(
+        scene, agents, factories, physics_dt=physics_dt, render_mode=render_mode, engine=engine
+    )
     place = {"home": home, "level": level, "room": room}
     env.setup = {
         "task": task,
         "options": dict(options or {}),
         "physics_dt": physics_dt,
         "cast": cast | {name: value for name, value in place.items() if value is not None},
+        **({} if engine == "bullet" else {"engine": engine}),
     }
     return env

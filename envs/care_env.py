@@ -16,6 +16,7 @@ from rcare_marl.agents.policy import Policy
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.sensing.marker import fasten
 from rcare_marl.agents.sensing.suite import SensorSuite
+from rcare_marl.engines import make_world
 from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNameError, check_name
 from rcare_marl.observable import Observable, Observation
 from rcare_marl.world import World
@@ -64,6 +65,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         *,
         physics_dt: float = 1 / 240,
         render_mode: str | None = None,
+        engine: str = "bullet",
     ) -> None:
         """Build the scene.
 
@@ -73,6 +75,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             policies: For roles that are not learned, what makes their policy.
             physics_dt: Physics step [s]; the control step must be a multiple of it.
             render_mode: `rgb_array`, `human` or None.
+            engine: What computes the motion, one of `rcare_marl.engines.ENGINES`.
 
         Raises:
             ConfigError: If the time steps do not fit, or a policy is for a role that nobody plays.
@@ -95,7 +98,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         self.metadata = {**type(self).metadata, "render_fps": round(1 / task.control_dt)}
         self.task = task
         self.cast: dict[str, Agent] = dict(cast)
-        self.world = World(physics_dt)
+        self.world: World = make_world(engine, physics_dt)
         self._renderer: Renderer | None = None
         self._viewer: Viewer | None = None
         self._suites: tuple[SensorSuite, ...] = ()

@@ -157,6 +157,7 @@ class RecordedEpisode:
             options=setup.options,
             physics_dt=setup.physics_dt,
             render_mode=render_mode,
+            engine=setup.engine,
             **setup.cast,
         )
         try:
@@ -189,9 +190,10 @@ class _Setup:
     options: dict[str, Any]
     physics_dt: float
     cast: dict[str, Any]
+    engine: str = "bullet"
 
     def __post_init__(self) -> None:
-        for name in ("task", "options", "policies", "physics_dt", "render_mode"):
+        for name in ("task", "options", "policies", "physics_dt", "render_mode", "engine"):
             if name in self.cast:
                 raise ConfigError(f"{name!r} is no role of a cast")
 

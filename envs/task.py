@@ -157,6 +157,7 @@ class Task(abc.ABC):
             does not say.
         least_success: Of a hundred episodes, how many the scripted robot must end well; 0 if it does not
             say.
+        engines: What can compute its motion, see `rcare_marl.engines`.
         control_dt: Length of a control step [s].
         time_limit: Length of an episode [s].
         room_kinds: Kinds of rooms of a home that suit the task, the best first.
@@ -178,6 +179,7 @@ class Task(abc.ABC):
     site: str = ""
     reachable_by: Collection[str] | None = None
     least_success: int = 0
+    engines: Collection[str] = ("bullet", "mujoco")
     place: Place
     cast: Mapping[str, Agent]
     world: World

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pybullet as bullet
@@ -108,6 +108,11 @@ class Body:
     def joint_torques(self, indices: Sequence[int]) -> list[float]:
         """Return what the motors of joints applied in the last physics step [N·m or N]."""
         return [s[3] for s in bullet.getJointStates(self.uid, indices, self._client)]
+
+    def joint_readings(self, indices: Sequence[int]) -> Sequence[tuple[Any, ...]]:
+        """Return of joints position [rad or m], velocity, feedback and motor torque, as Bullet has them."""
+        found: Sequence[tuple[Any, ...]] = bullet.getJointStates(self.uid, indices, self._client)
+        return found
 
     @cached_property
     def feedback(self) -> JointFeedback:
@@ -274,6 +279,24 @@ class Body:
             physicsClientId=self._client,
         )
 
+    def drive_to(
+        self,
+        indices: Sequence[int],
+        targets: Sequence[float],
+        speeds: Sequence[float],
+        forces: Sequence[float],
+        gains: Sequence[float],
+    ) -> None:
+        """Drive joints to `targets` no faster than `speeds`, with at most `forces`; see `drive_positions`."""
+        # One call a joint: the call for many joints has no speed limit. Arguments in their order, since
+        # names cost as much as the call: target, its speed, force, two gains, greatest speed.
+        tell, mode = bullet.setJointMotorControl2, bullet.POSITION_CONTROL
+        uid, client = self.uid, self._client
+        for index, target, speed, force, gain in zip(
+            indices, targets, speeds, forces, gains, strict=True
+        ):
+            tell(uid, index, mode, target, 0.0, force, gain, 1.0, speed, client)
+
     def drive_velocities(self, indices: Sequence[int], targets: Vector, forces: Vector) -> None:
         """Drive joints at `targets` [rad/s or m/s] with at most `forces` [N·m or N]."""
         self.wake()
@@ -294,6 +317,28 @@ class Body:
             self.wake()
         tell, mode = bullet.setJointMotorControlArray, bullet.TORQUE_CONTROL
         tell(self.uid, indices, mode, forces=torques, physicsClientId=self._client)
+
+    def pushing(self, indices: Sequence[int], torques: Sequence[float]) -> Callable[[], object]:
+        """Return what applies joint `torques` for a physics step: one call to Bullet, or none."""
+        loaded = [(i, t) for i, t in zip(indices, torques, strict=True) if t != 0.0]
+        mode, client = bullet.TORQUE_CONTROL, self._client
+        if not loaded:
+            return tuple  # nothing to do
+        if len(loaded) == 1:  # in half the time of the call for many joints
+            ((i, t),) = loaded
+            tell = bullet.setJointMotorControl2
+            return partial(tell, self.uid, i, mode, 0.0, 0.0, t, 0.0, 0.0, 0.0, client)
+        chosen, forces = zip(*loaded, strict=True)
+        tell = bullet.setJointMotorControlArray
+        return partial(tell, self.uid, chosen, mode, forces=forces, physicsClientId=client)
+
+    def limit_joint(self, index: int, lower: float, upper: float) -> None:
+        """Change the range of a joint [rad or m]."""
+        self._change((index,), jointLowerLimit=lower, jointUpperLimit=upper)
+
+    def limit_speed(self, most: float) -> None:
+        """Let the physics cut all joint speeds at `most` [rad/s or m/s]."""
+        bullet.changeDynamics(self.uid, -1, maxJointVelocity=most, physicsClientId=self._client)
 
     def release_motors(self, indices: Sequence[int], friction: float = 0.0) -> None:
         """Turn off the default velocity motors, leaving `friction` [N·m or N]."""

@@ -9,10 +9,8 @@ from __future__ import annotations
 import weakref
 from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import pybullet as bullet
 
 from rcare_marl.separation import ALL_LINKS, SeparationQuery
@@ -26,61 +24,13 @@ from .model.shape import Shape
 from .model.urdf import Model, lump
 from .pair_filter import PairFilter
 from .pose import Pose, Vector
+from .world_part import Lines as Lines
+from .world_part import Skin as Skin
+from .world_part import SteppedMatter as SteppedMatter
 
 GRAVITY = 9.81  # [m/s²]
 FAR_AWAY = 100.0  # [m]
 SOLVER_ITERATIONS = 30  # of Bullet's 50: food stays on the spoon just as well
-
-
-class Skin(Protocol):
-    """A deforming surface to draw in place of a body's own shapes.
-
-    `colors` has shape [n, 3], or [n, 4] with opacity. It may be replaced, not written into.
-    """
-
-    body: Body
-    faces: npt.NDArray[np.int32]
-    colors: npt.NDArray[np.uint8]
-
-    def vertices(self) -> npt.NDArray[np.float32]:
-        """Return the present vertices in the world [m], shape [n, 3]."""
-
-    def rest_pieces(self) -> list[tuple[int, npt.NDArray[np.float32], npt.NDArray[np.int32]]]:
-        """Return (link, vertices in the link's frame, indices of its faces) of rigid pieces."""
-
-
-class Lines(Protocol):
-    """Polylines to draw as thin round tubes; they may move and change colour at any time.
-
-    Attributes:
-        starts: First point of each line, and the end of the last, shape [m + 1].
-        radii: Radius at each point [m], shape [p].
-    """
-
-    starts: npt.NDArray[np.int64]
-    radii: npt.NDArray[np.float32]
-
-    def points(self) -> npt.NDArray[np.float32]:
-        """Return the present points in the world [m], shape [p, 3]."""
-
-    def colors(self) -> npt.NDArray[np.uint8]:
-        """Return the present colour of each point, shape [p, 3]."""
-
-
-class SteppedMatter(Protocol):
-    """Matter that Bullet does not know; it moves with the world and is rewound with it."""
-
-    def step(self) -> None:
-        """Go on to the end of the coming physics step, and push the rigid bodies."""
-
-    def contacts(self, a: Body, b: Body | None = None) -> list[Contact]:
-        """Return where `a`, or matter on it, pressed on `b` or matter on that, as `World.contacts`."""
-
-    def mark(self) -> None:
-        """Remember the present state."""
-
-    def rewind(self) -> None:
-        """Return to the state that was marked."""
 
 
 class World:
@@ -99,6 +49,8 @@ class World:
         teleports: How often a body was set to a pose or joint angle instead of moving there.
         solver_iterations: Of the solver in each physics step; see `set_solver_iterations`.
     """
+
+    body_type: type[Body] = Body
 
     def __init__(
         self, physics_dt: float = 1 / 240, *, solver_iterations: int = SOLVER_ITERATIONS
@@ -243,7 +195,7 @@ class World:
     def _register(self, uid: int, name: str, source: Path | Model) -> Body:
         taken = {body.name for body in self.bodies}
         unique = name if name not in taken else f"{name}_{uid}"
-        body = Body(self, uid, unique, source)
+        body = self.body_type(self, uid, unique, source)
         self.bodies.append(body)
         return body
 
@@ -400,7 +352,7 @@ class World:
         """Return what others' contacts did to `a` in the last step; soft matter's friction is in `force`."""
         found = []
         # Asked for one body, Bullet turns its normals as needed, but not the friction: ask for all.
-        for p in bullet.getContactPoints(physicsClientId=self.client) or ():
+        for p in self._all_points():
             for own, side in ((p[1], 1), (p[2], -1)):
                 if own != a.uid or p[1] == p[2] or p[9] <= 0:
                     continue
@@ -446,6 +398,12 @@ class World:
         other, own = -1 if b is None else b.uid, a.uid  # no keywords: each costs half a microsecond
         points = bullet.getContactPoints(own, other, ALL_LINKS, ALL_LINKS, self.client) or ()
         return points if b is not None else [p for p in points if p[1] != p[2]]
+
+    def _all_points(self) -> Sequence[Any]:
+        return bullet.getContactPoints(physicsClientId=self.client) or ()
+
+    def show(self) -> None:
+        """Let Bullet know where everything is, where something else moves it: before asking it for rays."""
 
     def separation(
         self,

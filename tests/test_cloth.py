@@ -26,8 +26,6 @@ Grid = npt.NDArray[np.intp]
 JERSEY = Fabric(0.17, 200.0, 120.0, 30.0, 5e-6)
 SIDEWAYS = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # a capsule along x
 
-BARE = Model("bare", "", {"base": Link()})
-
 
 def sheet(nx: int, ny: int, size: float) -> tuple[Array, Indices, Grid]:
     """Return particles, faces and their grid of a sheet in the plane, its middle at the origin."""
@@ -69,6 +67,9 @@ def lay(
     )
     SoftWorld.of(world).add(cloth)
     return cloth, grid
+
+
+BARE = Model("bare", "", {"base": Link()})
 
 
 def add_capsule(world: World, radius: float, length: float, at: tuple[float, ...]) -> Body:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from variants import few
 
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
@@ -24,7 +25,6 @@ from rcare_marl.agents.people.validation.grades import (
 from rcare_marl.agents.people.validation.single_joint import SingleJoint
 from rcare_marl.pose import Pose
 from rcare_marl.world import World
-from variants import few
 
 
 def wrong(cases: list[grades.Case]) -> list[grades.Case]:

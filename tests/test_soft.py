@@ -40,8 +40,6 @@ RADIUS = 0.02  # [m] of the sphere that presses
 _EVEN = ((0, 4, 2, 1), (6, 2, 4, 7), (5, 1, 4, 7), (3, 2, 1, 7), (1, 2, 4, 7))
 _ODD = ((4, 0, 5, 6), (2, 0, 6, 3), (1, 0, 3, 5), (7, 6, 5, 3), (0, 6, 5, 3))
 
-BARE = Model("bare", "", {"base": Link()})
-
 
 def pad_mesh(
     cells: tuple[int, int, int] = (10, 10, 3),
@@ -416,7 +414,7 @@ def make_tool(world: World, kind: str) -> Body:
     shape = shapes[kind]
     made = bullet.createCollisionShape(shape[0], physicsClientId=world.client, **shape[1])
     uid = bullet.createMultiBody(0, made, -1, (0, 0, 1), physicsClientId=world.client)
-    return world._register(uid, kind, BARE)
+    return world._register(uid, kind, Model(kind, "", {"base": Link()}))
 
 
 @pytest.mark.parametrize("kind", ["sphere", "box", "capsule", "cylinder", "hull"])

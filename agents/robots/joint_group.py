@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-import pybullet as bullet
 
 from rcare_marl.body import Body
 from rcare_marl.model.urdf import Follow
@@ -64,7 +62,7 @@ class JointGroup:
             telescope: Those of them that lie on the way to the tip.
         """
         self.body, self.names = body, tuple(names)
-        self._world, self._client, self._uid = world, world.client, body.uid
+        self._world = world
         self.physics_dt = world.physics_dt
         joints = [body.joint(name) for name in self.names]
         self.indices = [joint.index for joint in joints]
@@ -131,7 +129,7 @@ class JointGroup:
         now = (self._world.step_count, self._world.teleports)
         if now != self._read_at:
             self._read_at = now
-            states = bullet.getJointStates(self._uid, self._asked, self._client)
+            states = self.body.joint_readings(self._asked)
             self._everything = [state[0] for state in states]
             own = [states[place] for place in self._places]
             positions, velocities, _, torques = zip(*own, strict=True)
@@ -205,14 +203,8 @@ class JointGroup:
     def _drive_each(
         self, indices: Sequence[int], targets: Array, speeds: Array, forces: Array
     ) -> None:
-        # One call a joint: the call for many joints has no speed limit. Arguments in their order, since
-        # names cost as much as the call: target, its speed, force, two gains, greatest speed.
-        tell, mode, gains = bullet.setJointMotorControl2, bullet.POSITION_CONTROL, self._gains
-        uid, client = self._uid, self._client
-        for index, target, speed, force in zip(
-            indices, targets.tolist(), speeds.tolist(), forces.tolist(), strict=True
-        ):
-            tell(uid, index, mode, target, 0.0, force, gains[index], 1.0, speed, client)
+        gains = [self._gains[index] for index in indices]
+        self.body.drive_to(indices, targets.tolist(), speeds.tolist(), forces.tolist(), gains)
 
     def speeds_for(self, way: Array, duration: float) -> Array:
         """Return motor speeds that cover `way` [rad or m] in `duration` [s], within limits."""
@@ -238,33 +230,15 @@ class JointGroup:
         if torques is self._told:
             self._push()
         elif isinstance(torques, tuple) and not self.body.may_sleep:
-            self._told, self._push = torques, self._pushing(torques)
+            self._told = torques
+            self._push = self.body.pushing(self.indices, torques)
             self._push()
         else:
             self.body.drive_torques(self.indices, torques)
-
-    def _pushing(self, torques: tuple[float, ...]) -> Callable[[], object]:
-        """Return what applies torques for a physics step: one call to Bullet, or none."""
-        loaded = [(i, t) for i, t in zip(self.indices, torques, strict=True) if t != 0.0]
-        mode, client = bullet.TORQUE_CONTROL, self._client
-        if not loaded:
-            return tuple  # nothing to do
-        if len(loaded) == 1:  # in half the time of the call for many joints
-            ((i, t),) = loaded
-            tell = bullet.setJointMotorControl2
-            return partial(tell, self._uid, i, mode, 0.0, 0.0, t, 0.0, 0.0, 0.0, client)
-        indices, forces = zip(*loaded, strict=True)
-        tell = bullet.setJointMotorControlArray
-        return partial(tell, self._uid, indices, mode, forces=forces, physicsClientId=client)
 
     def limit_speed(self) -> None:
         """Let the physics cut all joint speeds a fifth above the greatest that any joint may have.
 
         For modes whose motors do not rule the speed.
         """
-        bullet.changeDynamics(
-            self._uid,
-            -1,
-            maxJointVelocity=1.2 * float(self.velocity.max()),
-            physicsClientId=self._client,
-        )
+        self.body.limit_speed(1.2 * float(self.velocity.max()))

@@ -64,6 +64,7 @@ def _hits(
 ) -> list[tuple[int, float]]:
     """Return body, -1 for none, and share of the way of a hit of each of `rays`."""
     found: list[tuple[int, float]] = []
+    world.show()
     for at in range(0, len(rays), BATCH):
         part = rays[at : at + BATCH]
         rows = bullet.rayTestBatch(

@@ -15,11 +15,13 @@ TAKES = {
     "avatars": ("avatar", "seconds"),
     "homes": ("home", "level", "steps"),
     "learning": ("task", "processes", "seconds"),
+    "parity": ("task", "seed"),
+    "batch": ("task", "device", "steps", "seed"),
 }
-NOT_OF_TASKS = ("avatar", "seconds", "task", "processes")
+NOT_OF_TASKS = ("avatar", "seconds", "task", "processes", "device")
 MODULES = {
     **{"all": "task_suite", "avatars": "avatars", "homes": "homes"},
-    "learning": ".training.throughput",
+    **{"learning": ".training.throughput", "parity": "parity", "batch": "batch"},
 }
 
 
@@ -40,7 +42,7 @@ def measure(what: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a benchmark measured, as plain values for JSON.
 
     Args:
-        what: `all`, `avatars`, `homes`, `learning` or a task.
+        what: `all`, `avatars`, `batch`, `homes`, `learning`, `parity` or a task.
         options: Those of the command that were given.
     """
     if what in TAKES:

@@ -259,17 +259,8 @@ class Device:
         control = self._control(name)
         joint = self.body.joint(control.joint)
         self.body.wake()
-        bullet.setJointMotorControl2(
-            self.body.uid,
-            joint.index,
-            bullet.POSITION_CONTROL,
-            targetPosition=min(max(float(target), joint.lower), joint.upper),
-            force=control.force,
-            maxVelocity=control.speed,
-            positionGain=1.0,
-            velocityGain=1.0,
-            physicsClientId=self._client,
-        )
+        place = min(max(float(target), joint.lower), joint.upper)
+        self.body.drive_to([joint.index], [place], [control.speed], [control.force], [1.0])
 
     def stop(self, name: str) -> None:
         """Hold a control where it stands; UnknownNameError if there is none of that name."""

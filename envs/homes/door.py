@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import pybullet as bullet
-
 from rcare_marl.body import Body
 from rcare_marl.errors import ActionError, ConfigError
 from rcare_marl.model.shape import Shape, Triple
@@ -30,6 +28,7 @@ LEVER_REACH, LEVER_OUT, LEVER_TURN = 0.11, 0.05, 0.7
 BAR_LENGTH, BAR_OUT, BAR_EDGE = 0.3, 0.04, 0.015
 SWING = 1.6  # [rad] that leaves open unless a wall is nearer; own choice
 RELEASE = 0.6  # share of its turn at which a handle frees the latch; own choice
+SPRING_GAIN = 0.1  # share of the way back that the spring of a handle makes in a physics step
 FITTED = 0.012  # what is nearer to a shut door is what it is fitted into
 OVERLAP = 0.02  # of a shut panel with the wall, where it comes out of it; own choice
 # The spring of a handle yields to this share of the force that the rules allow; own choice.
@@ -372,24 +371,16 @@ class Door(Device):
         if self._is_hinged:
             body.exclude_pairs((("leaf", "handle"),))  # they never touch, but would cost time
             hinge, handle = (body.joint(j).index for j in ("hinge", self.opening.hardware))
-            self._latch = Latch(
-                body, world.client, hinge, handle, release=self.release_angle, swing=self.swing
-            )
+            self._latch = Latch(body, hinge, handle, release=self.release_angle, swing=self.swing)
             Latches.of(world).add(self._latch)
         return body
 
     def reset(self) -> None:
         super().reset()
         if self._is_hinged:  # a spring of constant torque turns the handle back
-            bullet.setJointMotorControl2(
-                self.body.uid,
-                self.body.joint(self.opening.hardware).index,
-                bullet.POSITION_CONTROL,
-                targetPosition=0.0,
-                force=spring_torque(self.opening, self._rules),
-                maxVelocity=6.0,
-                physicsClientId=self._client,
-            )
+            handle = self.body.joint(self.opening.hardware).index
+            force = spring_torque(self.opening, self._rules)
+            self.body.drive_to([handle], [0.0], [6.0], [force], [SPRING_GAIN])
 
     @property
     def name(self) -> str:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import pybullet as bullet
-
 from rcare_marl.body import Body
 from rcare_marl.contact import Contact
 from rcare_marl.world import World
@@ -21,7 +19,6 @@ class Latch:
 
     Attributes:
         body: The door.
-        client: Its physics client.
         hinge: Index of the joint that it holds.
         handle: Index of the joint that draws the bolt, either way.
         release: How far the handle is turned when the bolt is out of its hole [rad].
@@ -30,7 +27,6 @@ class Latch:
     """
 
     body: Body
-    client: int
     hinge: int
     handle: int
     release: float
@@ -41,13 +37,7 @@ class Latch:
         """Let the bolt in or out."""
         self.is_latched = is_latched
         # Limits hold against any force, and cost nothing while the door does not press on them.
-        bullet.changeDynamics(
-            self.body.uid,
-            self.hinge,
-            jointLowerLimit=-PLAY,
-            jointUpperLimit=PLAY if is_latched else self.swing,
-            physicsClientId=self.client,
-        )
+        self.body.limit_joint(self.hinge, -PLAY, PLAY if is_latched else self.swing)
 
     def look(self) -> None:
         """Let the bolt follow the handle; its slanted face lets a shutting door push it back."""

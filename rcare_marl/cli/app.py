@@ -17,6 +17,10 @@ from rcare_marl.errors import RcareError
 from .coach import coach
 from .export import export
 from .parameter import (
+    BenchAvatar,
+    BenchDevice,
+    BenchSeconds,
+    BenchTask,
     BestPolicyName,
     CaregiverModel,
     HomeLevel,
@@ -34,6 +38,7 @@ from .parameter import (
     Seed,
     Task,
     TaskOptions,
+    WorkerCounts,
     cast_of,
     pairs,
     place_of,
@@ -402,11 +407,13 @@ def bench(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="TASK|all|avatars|homes|learning",
+            metavar="TASK|all|avatars|batch|homes|learning|parity",
             help="A task, [bold]all[/bold] tasks, [bold]avatars[/bold] for people, "
-            "[bold]homes[/bold] for houses or [bold]learning[/bold].",
+            "[bold]homes[/bold] for houses, [bold]learning[/bold], or [bold]batch[/bold] and "
+            "[bold]parity[/bold] for MuJoCo beside Bullet.",
         ),
     ],
+    of: BenchTask = None,
     steps: Annotated[
         int | None, typer.Option(min=1, help="Control steps to time; 300 if left out.")
     ] = None,
@@ -419,24 +426,13 @@ def bench(
     home: HomeName = None,
     level: HomeLevel = None,
     room: HomeRoom = None,
-    avatar: Annotated[
-        str | None,
-        typer.Option(metavar="MODEL", help="Whom `avatars` measures; karan if left out."),
-    ] = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option(
-            min=0.1,
-            help="Simulated time for `avatars`, 5 if left out; time of each part of `learning`, 10.",
-        ),
-    ] = None,
+    avatar: BenchAvatar = None,
+    seconds: BenchSeconds = None,
     task: Annotated[
         str | None, typer.Option(help="What `learning` measures; feeding if left out.")
     ] = None,
-    processes: Annotated[
-        str | None,
-        typer.Option(metavar="COUNTS", help="Of workers, for `learning`; 1,2 if left out."),
-    ] = None,
+    device: BenchDevice = None,
+    processes: WorkerCounts = None,
     as_json: Json = False,
 ) -> None:
     """Measure speed: of a task or all of them, of people with and without muscles, of houses, of learning.
@@ -452,7 +448,11 @@ def bench(
 
     learning: steps per second with a policy, on one core and over processes, and updates per second.
 
+    parity: how nearly MuJoCo does what Bullet does, each figure with its bound; batch: how fast.
+
     Example: rcare-marl bench feeding --json
+
+    Example: rcare-marl bench parity feeding --json
 
     Example: rcare-marl bench all
 
@@ -461,8 +461,10 @@ def bench(
     from rcare_marl.baselines.benchmark import choice as speed
 
     options: dict[str, Any] = {"steps": steps, "seed": seed, "avatar": avatar, "seconds": seconds}
-    options |= {"task": task, "processes": processes, **place_of(home, level, room)}
-    options |= cast_of(robot, recipient, caregiver)
+    if of is not None and what not in ("batch", "parity"):
+        raise typer.BadParameter(f"bench {what} takes no task", param_hint="TASK")
+    options |= {"task": of or task, "device": device, "processes": processes}
+    options |= {**place_of(home, level, room), **cast_of(robot, recipient, caregiver)}
     given = {name: value for name, value in options.items() if value is not None}
     for name in speed.unwanted(what, given):
         raise typer.BadParameter(f"bench {what} does not take it", param_hint=f"--{name}")

@@ -89,6 +89,25 @@ RolePolicies = Annotated[
 Seed = Annotated[
     int, typer.Option(min=0, help="Seed of the first episode; episode i has the seed SEED + i.")
 ]
+BenchTask = Annotated[
+    str | None,
+    typer.Argument(metavar="TASK", help="Of `batch` and `parity`; feeding if left out."),
+]
+BenchAvatar = Annotated[
+    str | None, typer.Option(metavar="MODEL", help="Whom `avatars` measures; karan if left out.")
+]
+BenchSeconds = Annotated[
+    float | None,
+    typer.Option(
+        min=0.1,
+        help="Simulated time for `avatars`, 5 if left out; time of each part of `learning`, 10.",
+    ),
+]
+BenchDevice = Annotated[str | None, typer.Option(help="Where `batch` lets MuJoCo run: cpu.")]
+WorkerCounts = Annotated[
+    str | None,
+    typer.Option(metavar="COUNTS", help="Of workers, for `learning`; 1,2 if left out."),
+]
 Processes = Annotated[
     int, typer.Option(min=1, help="How many processes run them; the numbers are the same.")
 ]

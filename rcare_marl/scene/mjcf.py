@@ -37,22 +37,38 @@ def joint_name(body: str, joint: str) -> str:
     return f"{body}/{joint}"
 
 
-def mjcf(scene: Scene, drawings: Mapping[Place, Sequence[Drawn]] | None = None) -> dict[str, str]:
+def mjcf(
+    scene: Scene,
+    drawings: Mapping[Place, Sequence[Drawn]] | None = None,
+    *,
+    drives: bool = True,
+    parts: bool = True,
+) -> dict[str, str]:
     """Return the files of a scene by name: `scene.xml` and the meshes that it needs.
 
     Args:
         scene: The scene.
         drawings: What to draw of each link; only what collides if None.
+        drives: Whether joints have actuators.
+        parts: Whether what is held rigidly is a part of who holds it; a weld if not.
 
     Raises:
         ConfigError: If more bodies of their own rules of contact are in it than MuJoCo can tell apart.
     """
-    return _Writer(scene, drawings or {}).files()
+    return _Writer(scene, drawings or {}, drives=drives, parts=parts).files()
 
 
 class _Writer:
-    def __init__(self, scene: Scene, drawings: Mapping[Place, Sequence[Drawn]]) -> None:
-        self._scene, self._drawings, self._held = scene, drawings, scene.held()
+    def __init__(
+        self,
+        scene: Scene,
+        drawings: Mapping[Place, Sequence[Drawn]],
+        *,
+        drives: bool,
+        parts: bool,
+    ) -> None:
+        self._drives, self._scene, self._drawings = drives, scene, drawings
+        self._held = scene.held() if parts else {}
         self._files: dict[str, str] = {}
         self._root = xml.Element("mujoco", model="scene")
         _add(self._root, "compiler", angle="radian", autolimits="true", boundinertia="1e-9")
@@ -217,7 +233,7 @@ class _Writer:
         slow = {"damping": repr(joint.damping)} if joint.damping else {}
         full = joint_name(body.name, name)
         _add(element, "joint", name=full, **own, **dry, **slow)
-        if name in body.gears or friction:
+        if name in body.gears or friction or not self._drives:
             return
         if name not in body.efforts:
             _add(self._motors, "motor", name=full, joint=full)
@@ -275,7 +291,8 @@ class _Writer:
             _add(self._contacts, "pair", geom1=first, geom2=second, friction=friction)
 
     def _bond(self, bond: Bond) -> None:
-        ends = {"body1": body_name(bond.parent), "body2": body_name(bond.child)}
+        name = f"bond:{self._scene.bonds.index(bond)}"
+        ends = {"name": name, "body1": body_name(bond.parent), "body2": body_name(bond.child)}
         ends["active"] = str(bond.is_active).lower()
         if bond.pivot is not None:
             _add(self._equalities, "connect", **ends, anchor=_text(bond.pivot))

@@ -1,0 +1,172 @@
+"""MuJoCo beside Bullet: the same tasks, people and controllers, on either engine."""
+
+from __future__ import annotations
+
+import builtins
+import json
+import sys
+from contextlib import closing
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import rcare_marl
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.baselines.benchmark import parity
+from rcare_marl.cli import app
+from rcare_marl.engines import make_world
+from rcare_marl.engines.mujoco_world import MujocoWorld
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError, WorldError
+from rcare_marl.pose import Pose
+from rcare_marl.world import GRAVITY
+
+SCRIPTED = {"robot": "scripted", "recipient": "cooperative"}
+
+
+def played(env: CareEnv, seed: int) -> tuple[bool, list[Any]]:
+    """Return whether an episode of all policies succeeds, and the exact states after each step."""
+    env.reset(seed=seed)
+    states = []
+    while not env.is_over:
+        env.step({})
+        states.append([body.state() for body in env.world.bodies])
+    return bool(env.task.succeeded()), states
+
+
+def same(one: list[Any], other: list[Any]) -> bool:
+    pairs = zip(one, other, strict=True)
+    return all(np.array_equal(a, b) for x, y in pairs for a, b in zip(x, y, strict=True))
+
+
+def test_a_script_feeds_and_an_episode_repeats_bit_for_bit() -> None:
+    with closing(rcare_marl.make("feeding", engine="mujoco", policies=SCRIPTED)) as env:
+        first = played(env, 0)
+        assert first[0]
+        assert all(played(env, seed)[0] for seed in (1, 2, 3))
+        assert same(first[1], played(env, 0)[1])
+    with closing(rcare_marl.make("feeding", engine="mujoco", policies=SCRIPTED)) as env:
+        assert same(first[1], played(env, 0)[1])
+
+
+def test_people_act_by_muscles_too() -> None:
+    person = {"model": "karan", "actuation": "muscle"}
+    with closing(rcare_marl.make("feeding", engine="mujoco", recipient=person)) as env:
+        env.reset(seed=0)
+        for _ in range(5):
+            actions = {r: np.zeros(env.action_space(r).shape, np.float32) for r in env.agents}
+            seen = env.step(actions)[0]
+        assert all(np.isfinite(value).all() for value in seen.values())
+
+
+def test_reset_and_one_second_of_the_same_actions_are_bullets() -> None:
+    found = parity.bench("feeding", seed=20, postures=2)["figures"]
+    for key in ("link_pose_m", "mass_matrix", "gravity", "arm_rad", "person_rad"):
+        assert found[key]["met"], (key, found[key])
+
+
+def test_presses_are_those_of_bullet() -> None:
+    seeds = range(parity.FIRST_PRESS, parity.FIRST_PRESS + 5)
+    bullet, mujoco = (parity.presses(name, seeds) for name in ("bullet", "mujoco"))
+    ratios = [sum(p.mean for p in mujoco) / sum(p.mean for p in bullet)]
+    ratios.append(sum(p.peak for p in mujoco) / sum(p.peak for p in bullet))
+    assert np.allclose(ratios, 1.0, atol=0.4)  # of few postures; `bench parity` takes twenty
+
+
+@pytest.fixture
+def world() -> MujocoWorld:
+    made = make_world("mujoco", 1 / 240)
+    assert isinstance(made, MujocoWorld)
+    made.add_box((4, 4, 0.2), Pose((0, 0, -0.1)), name="floor")
+    return made
+
+
+def test_a_box_presses_with_its_weight_and_slides_by_friction(world: MujocoWorld) -> None:
+    box = world.add_box((0.2, 0.2, 0.2), Pose((0, 0, 0.1)), mass=3.0)
+    world.mark_start()
+    for _ in range(240):
+        world.step()
+    floor = world.bodies[0]
+    assert world.contact_force(box, floor) == pytest.approx(3 * GRAVITY, rel=0.01)
+    assert world.contact_force(box) == pytest.approx(3 * GRAVITY, rel=0.01)
+    pushes = np.sum([touch.force * np.array(touch.normal) for touch in world.touches(box)], axis=0)
+    assert pushes == pytest.approx([0, 0, 3 * GRAVITY], abs=0.1)
+    force = 0.9 * 0.25 * 3 * GRAVITY  # below what sticks: coefficients are multiplied, 0.5 by 0.5
+    start = box.base_pose().position[0]
+    for _ in range(120):
+        box.apply_force(-1, (force, 0, 0), box.base_pose().position)
+        world.step()
+    assert box.base_pose().position[0] == pytest.approx(start, abs=0.005)
+    drag = np.sum([touch.friction for touch in world.touches(box)], axis=0)
+    assert drag[0] == pytest.approx(-force, rel=0.05)
+    for _ in range(60):
+        box.apply_force(-1, (2 * force, 0, 0), box.base_pose().position)
+        world.step()
+    assert box.link_motion(-1)[1][0] > 0.1
+    assert world.separation(box, floor, within=0.1) == pytest.approx(0.0, abs=0.003)
+
+
+def test_a_bond_holds_until_it_is_broken_and_comes_back(world: MujocoWorld) -> None:
+    post = world.add_box((0.1, 0.1, 0.1), Pose((0, 0, 2.0)), name="post")
+    ball = world.add_sphere(0.05, Pose((0.2, 0, 2.0)), mass=0.2, name="ball")
+    bond = world.attach(post, "base", ball)
+    world.mark_start()
+    for _ in range(2):
+        for _ in range(60):
+            world.step()
+        assert ball.base_pose().position == pytest.approx((0.2, 0, 2.0), abs=0.002)
+        world.detach(bond)
+        for _ in range(60):
+            world.step()
+        assert ball.base_pose().position[2] == pytest.approx(2.0 - 0.5 * GRAVITY / 16, abs=0.03)
+        world.rewind()
+        assert bond.is_active
+    with pytest.raises(WorldError, match="in an episode"):
+        world.attach(post, "base", ball)
+
+
+def test_what_does_not_run_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ConfigError, match="dressing.*these do: .*feeding"):
+        rcare_marl.make("dressing", engine="mujoco")
+    with pytest.raises(UnknownNameError, match="Did you mean 'mujoco'"):
+        rcare_marl.make("feeding", engine="mujocco")
+    with pytest.raises(ConfigError, match="flesh"):
+        rcare_marl.make(
+            "feeding", engine="mujoco", recipient={"model": "karan", "tissue": ["left_elbow"]}
+        )
+    real = builtins.__import__
+
+    def without(name: str, *args: Any) -> Any:
+        if name == "mujoco":
+            raise ImportError(name)
+        return real(name, *args)
+
+    monkeypatch.delitem(sys.modules, "mujoco", raising=False)
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(MissingPackageError, match=r"rcare-marl\[batch\]"):
+        rcare_marl.make("feeding", engine="mujoco")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", ["limb_repositioning", "toileting"])
+def test_other_scripts_succeed(task: str) -> None:
+    with closing(rcare_marl.make(task, engine="mujoco", policies={"robot": "scripted"})) as env:
+        rest = {role: "cooperative" for role in env.possible_agents}
+    policies = {"robot": "scripted", **rest}
+    with closing(rcare_marl.make(task, engine="mujoco", policies=policies)) as env:
+        assert isinstance(env.cast["robot"], Robot)
+        assert all(played(env, seed)[0] for seed in range(3))
+
+
+def test_bench_batch_tells_both_speeds_and_the_ratio() -> None:
+    told = CliRunner().invoke(
+        app, ["bench", "batch", "feeding", "--device", "cpu", "--steps", "10", "--json"]
+    )
+    assert told.exit_code == 0, told.output
+    found = json.loads(told.stdout)
+    both = found["env_steps_per_s"] / found["bullet_env_steps_per_s"]
+    assert found["ratio"] == pytest.approx(both)
+    assert CliRunner().invoke(app, ["bench", "batch", "--device", "tpu"]).exit_code != 0
+    assert CliRunner().invoke(app, ["bench", "homes", "feeding"]).exit_code == 2
