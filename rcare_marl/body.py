@@ -391,10 +391,6 @@ class Body:
         )
         bullet.resetBaseVelocity(self.uid, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
 
-    def limit_speed(self, most: float) -> None:
-        """Let no joint move faster than `most` [rad/s or m/s]."""
-        self._change((-1,), maxJointVelocity=most)
-
     def set_damping(self) -> None:
         """Take Bullet's default damping off every link."""
         self._change(None, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0)
