@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rcare_marl.agents.people.validation.check import Check
-from rcare_marl.agents.people.validation.people import as_rows, tallies, validate
+from rcare_marl.agents.people.validation.people import FAMILIES, as_rows, tallies, validate
 from rcare_marl.atomic_file import write_whole
 from rcare_marl.console import console, markdown_table, table
 
@@ -36,7 +36,7 @@ def run(
 
         write_whole(record, (json.dumps(rows, indent=1, ensure_ascii=False) + "\n").encode())
     if page is not None:
-        write_whole(page, page_text(checks).encode())
+        write_whole(page, page_text(checks, families).encode())
     if as_json:
         print_json(rows)
         return
@@ -66,9 +66,11 @@ def tally_cells(checks: Sequence[Check]) -> list[tuple[str, ...]]:
     ]
 
 
-def page_text(checks: Sequence[Check]) -> str:
-    """Return the page of the docs: shares in band, then all rows by family."""
+def page_text(checks: Sequence[Check], asked: Sequence[str] = ()) -> str:
+    """Return the page of the docs: shares in band, then all rows by family; of some families if asked."""
     parts = [PAGE.format(tally=markdown_table(TALLY, tally_cells(checks)))]
+    if missing := [family for family in FAMILIES if asked and family not in asked]:
+        parts.append(f"\nNot on this page, but in the command: {', '.join(missing)}.\n")
     for family in dict.fromkeys(check.family for check in checks):
         own = [check for check in checks if check.family == family]
         parts.append(f"\n## {family}\n")
