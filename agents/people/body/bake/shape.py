@@ -24,6 +24,7 @@ _STRETCHED = {
     "forearm": (("lowerarm01", "lowerarm02"), "wrist"),
     "hand": (("wrist",), "finger3-1"),
 }
+_TO_THE_TIP = ("wrist", "finger3-1", "finger3-2", "finger3-3")
 
 
 @dataclass
@@ -134,13 +135,21 @@ def _stretch(
             along = (stop - start) / np.linalg.norm(stop - start)
             length = float(np.linalg.norm(stop - start))
             if name == "hand":
-                tip = vertices[source.weights[:, source.bone_index[f"finger3-3.{s}"]] > 0.5]
-                length = float(((tip - start) @ along).max())
+                length = _hand_length(source, vertices, heads, s)
                 wrist = source.bone_index[f"wrist.{s}"]
                 chain = [i for i in range(len(heads)) if source.descends(i, wrist)]
             wanted = limb_length(name, recipe.gender) * recipe.height
             for i in chain:
                 turns[i] = turns[i] @ (np.eye(3) + (wanted / length - 1) * np.outer(along, along))
+
+
+def _hand_length(source: ShapeSource, vertices: Floats, heads: Floats, side: str) -> float:
+    """Return the length from the wrist to the tip of the middle finger, held straight [m]."""
+    bones = [source.bone_index[f"{bone}.{side}"] for bone in _TO_THE_TIP]
+    steps = np.diff(heads[bones], axis=0)
+    tip = vertices[source.weights[:, bones[-1]] > 0.5] - heads[bones[-1]]
+    along = steps[-1] / np.linalg.norm(steps[-1])
+    return float(np.linalg.norm(steps, axis=1).sum() + (tip @ along).max())
 
 
 def _place_hips(joints: Floats) -> None:
