@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 from ..anthropometry import limb_length
 from ..skeleton import JOINT_INDEX, JOINTS
+from .girth import swollen
 from .mesh import Floats, Ints, WeightedMesh, smoothstep
 from .phenotype import phenotype_age
 from .recipe import BodyRecipe
@@ -24,6 +27,7 @@ _STRETCHED = {
     "forearm": (("lowerarm01", "lowerarm02"), "wrist"),
     "hand": (("wrist",), "finger3-1"),
 }
+_CHILD, _GROWN = 11.0, 18.0  # [years] between which limbs take adult proportions; our own choice
 _TO_THE_TIP = ("wrist", "finger3-1", "finger3-2", "finger3-3")
 
 
@@ -96,8 +100,21 @@ def solve_body(source: ShapeSource, recipe: BodyRecipe) -> NakedBody:
 
 
 def pose_body(
-    source: ShapeSource, recipe: BodyRecipe, phenotype: dict[str, float], layer: float
+    source: ShapeSource,
+    recipe: BodyRecipe,
+    phenotype: dict[str, float],
+    layer: float,
+    swell: Mapping[str, float] = MappingProxyType({}),
 ) -> NakedBody:
+    """Return the body of a phenotype in the T-pose.
+
+    Args:
+        source: Where rest shapes come from.
+        recipe: Changes, stature and proportions.
+        phenotype: Values by name.
+        layer: Thickness of a soft layer over trunk and limbs [m].
+        swell: Factors of girths by name.
+    """
     vertices, heads = source.rest(phenotype, recipe.changes)
     turns = _t_pose_turns(source, heads)
     _stretch(source, vertices, heads, turns, recipe)
@@ -115,6 +132,8 @@ def pose_body(
     mesh = WeightedMesh(posed, faces, source.joint_weights)
     if layer:
         mesh.vertices = mesh.vertices + layer * _soft_layer(mesh)[:, None] * mesh.normals()
+    if swell:
+        mesh.vertices = swollen(mesh, joints, swell)
     skin = WeightedMesh(mesh.vertices, faces[: len(source.faces)], mesh.weights)
     body = mesh.vertices[source.index < BODY.stop]
     floor = body[:, 1].min()
@@ -127,7 +146,11 @@ def pose_body(
 def _stretch(
     source: ShapeSource, vertices: Floats, heads: Floats, turns: Floats, recipe: BodyRecipe
 ) -> None:
-    """Stretch the turns of arms, hands and legs lengthwise until they have their published lengths."""
+    """Stretch the turns of arms, hands and legs lengthwise until they have their published lengths.
+
+    What is published is of adults; children keep the lengths that the source gives their age.
+    """
+    grown = float(np.clip((recipe.age - _CHILD) / (_GROWN - _CHILD), 0.0, 1.0))
     for _, s, _ in RIG_SIDES:
         for name, (first, end) in _STRETCHED.items():
             start, stop = (heads[source.bone_index[f"{bone}.{s}"]] for bone in (first[0], end))
@@ -139,8 +162,10 @@ def _stretch(
                 wrist = source.bone_index[f"wrist.{s}"]
                 chain = [i for i in range(len(heads)) if source.descends(i, wrist)]
             wanted = limb_length(name, recipe.gender) * recipe.height
+            stretch = 1 + grown * (wanted / length - 1)
+            stretch *= recipe.proportions.get(name, 1.0)
             for i in chain:
-                turns[i] = turns[i] @ (np.eye(3) + (wanted / length - 1) * np.outer(along, along))
+                turns[i] = turns[i] @ (np.eye(3) + (stretch - 1) * np.outer(along, along))
 
 
 def _hand_length(source: ShapeSource, vertices: Floats, heads: Floats, side: str) -> float:
