@@ -35,7 +35,9 @@ def main() -> None:
         help="folder for the npz files",
     )
     parser.add_argument(
-        "--basis", action="store_true", help=f"make the shape basis, {BASIS_FILE.name}, in place of bodies"
+        "--basis",
+        action="store_true",
+        help=f"make the shape basis, {BASIS_FILE.name}, in place of bodies",
     )
     options = parser.parse_args()
     if unknown := set(options.names) - set(recipes):

@@ -137,8 +137,6 @@ class AnnySource(ShapeSource):
         return np.array(out, dtype=np.int64)
 
 
-
-
 def _plain(label: str) -> str:
     return label[2:] if label.startswith(("l-", "r-")) else label
 

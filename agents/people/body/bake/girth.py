@@ -70,14 +70,23 @@ def swollen(mesh: WeightedMesh, joints: Floats, factors: Mapping[str, float]) ->
     out[:, 0] += grow * out[:, 0]
     out[:, 2] += grow * (out[:, 2] - neck[2])
     for side in ("left", "right"):
-        for first, last in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist")):
-            mine = {n: (p, factors.get(n, 1.0)) for n, (a, _, p) in _LIMB_GIRTHS.items() if a == first}
+        for first, last in (
+            ("hip", "knee"),
+            ("knee", "ankle"),
+            ("shoulder", "elbow"),
+            ("elbow", "wrist"),
+        ):
+            mine = {
+                n: (p, factors.get(n, 1.0)) for n, (a, _, p) in _LIMB_GIRTHS.items() if a == first
+            }
             a, b = (joints[JOINT_INDEX[f"{side}_{j}"]] for j in (first, last))
             length = float(np.linalg.norm(b - a))
             along = (b - a) / length
             t = (out - a) @ along / length
             places = sorted(mine.values())
-            profile = _between(t, [-0.05, *(p for p, _ in places), 1.1], [1.0, *(f for _, f in places), 1.0])
+            profile = _between(
+                t, [-0.05, *(p for p, _ in places), 1.1], [1.0, *(f for _, f in places), 1.0]
+            )
             weight = mesh.weights[:, JOINT_INDEX[f"{side}_{first}"]]
             if last in ("wrist", "ankle"):
                 weight = weight + mesh.weights[:, JOINT_INDEX[f"{side}_{last}"]]

@@ -20,12 +20,13 @@ _INFLUENCES = 12  # bones that move a vertex, at most
 YOUNGEST, OLDEST = 6.0, 95.0  # [years]
 # Local changes that travel: faces, and a body that no girth or length describes.
 CHANGES = """
-    eye-height1-incr eye-height2-incr eye-height3-incr eye-bag-incr eyebrows-trans-forward nose-hump-incr
-    nose-scale-horiz-incr nose-scale-vert-incr nose-curve-convex nose-width2-incr nose-width3-incr nose-point-up
-    chin-width-incr chin-height-incr chin-prominent-incr mouth-scale-horiz-incr mouth-upperlip-height-incr
-    mouth-lowerlip-height-incr cheek-bones-incr cheek-volume-incr head-fat-incr head-age-incr head-scale-horiz-incr
-    head-scale-vert-incr head-scale-depth-incr ear-scale-incr neck-double-incr stomach-pregnant-incr
-    buttocks-volume-incr torso-vshape-incr foot-scale-incr measure-shoulder-dist-incr hip-scale-horiz-incr
+    eye-height1-incr eye-height2-incr eye-height3-incr eye-bag-incr eyebrows-trans-forward
+    nose-hump-incr nose-scale-horiz-incr nose-scale-vert-incr nose-curve-convex nose-width2-incr
+    nose-width3-incr nose-point-up chin-width-incr chin-height-incr chin-prominent-incr
+    mouth-scale-horiz-incr mouth-upperlip-height-incr mouth-lowerlip-height-incr cheek-bones-incr
+    cheek-volume-incr head-fat-incr head-age-incr head-scale-horiz-incr head-scale-vert-incr
+    head-scale-depth-incr ear-scale-incr neck-double-incr stomach-pregnant-incr buttocks-volume-incr
+    torso-vshape-incr foot-scale-incr measure-shoulder-dist-incr hip-scale-horiz-incr
 """.split()
 Single = NDArray[np.float32]
 
@@ -124,7 +125,9 @@ def _people(rng: np.random.Generator) -> dict[str, Floats]:
 def _random(rng: np.random.Generator, count: int) -> dict[str, Floats]:
     ages = [phenotype_age(years) for years in rng.uniform(YOUNGEST, OLDEST, count)]
     shares = rng.dirichlet((0.6, 0.6, 0.6), count)
-    sex = np.where(rng.uniform(size=count) < 0.7, rng.integers(0, 2, count), rng.uniform(size=count))
+    sex = np.where(
+        rng.uniform(size=count) < 0.7, rng.integers(0, 2, count), rng.uniform(size=count)
+    )
     return {
         "gender": sex,
         "age": np.array(ages),
