@@ -11,8 +11,9 @@ from rcare_marl.agents.agent import Agent
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.actuation.muscle_model import Tendon
 from rcare_marl.agents.people.actuation.muscular import Excitation
-from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.people.avatar import AvatarConfig, load_posture
 from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.sampling.population import find_avatar
 from rcare_marl.agents.people.strength import StrengthMap
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import Mount, RobotConfig, load_robot, urdf_robot
@@ -111,7 +112,8 @@ class HumanCast:
     """How a person is cast.
 
     Attributes:
-        model: An avatar's name, a YAML file, or an `AvatarConfig`; the role's default if None.
+        model: An avatar's name, a YAML file, a person of a population (`population:test:17`), or an
+            `AvatarConfig`; the role's default if None.
         actuation: How the joints are driven: `skeletal` pulls them towards target angles, `muscle` moves
             them by muscles.
         excitation: With muscles, what an action is: an excitation in [0, 1] of each `unit` or of each
@@ -255,7 +257,7 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any], *, is_scripted
         return agent
     person = load(HumanCast, fields, f"cast of {name!r}")
     model = person.model if person.model is not None else role.default
-    avatar = model if isinstance(model, AvatarConfig) else load_avatar(_named(name, model))
+    avatar = model if isinstance(model, AvatarConfig) else find_avatar(_named(name, model))
     human = Human(
         name,
         avatar,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from PIL import Image
 
 from rcare_marl.agents.people.avatar import AvatarConfig, load_posture
 from rcare_marl.agents.people.human import Human
@@ -19,7 +20,7 @@ _DISTANCE, _EYE_HEIGHT, _LOOKS_AT = 2.5, 1.25, 0.62  # [m]: everybody at one sca
 
 def draw_people(
     avatars: Sequence[AvatarConfig], *, columns: int = 8, size: tuple[int, int] = (190, 230)
-) -> Picture:
+) -> Image.Image:
     """Return a contact sheet of people, with name, age, stature and mass.
 
     Args:

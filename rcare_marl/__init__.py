@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import gymnasium
 
 if TYPE_CHECKING:
+    from rcare_marl.agents.people.sampling.sampler import sample_person
     from rcare_marl.envs import (
         CareHome,
         home_names,
@@ -32,11 +33,16 @@ __all__ = [
     "policy_names",
     "register_policy",
     "register_task",
+    "sample_person",
     "task_names",
 ]
 
 
 def __getattr__(name: str) -> object:
+    if name == "sample_person":
+        from rcare_marl.agents.people.sampling import sampler
+
+        return sampler.sample_person
     # Loaded at first use, so that importing a single module of the package stays cheap (PEP 562).
     if name in __all__:
         from rcare_marl import envs

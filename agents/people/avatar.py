@@ -24,6 +24,7 @@ from .body.skin import BodyModel, load_body_model
 from .body.tissue import with_cores
 from .body.urdf import PersonUrdf, write_urdf
 from .eating import Eating
+from .manner import Manner
 from .profile import ClinicalProfile, Range
 
 
@@ -45,6 +46,7 @@ class AvatarConfig:
         profile: What the person can do.
         bearing: How they hold themselves, in place of what a posture says; a later entry counts.
         eating: How they chew and swallow.
+        manner: How they make themselves understood, and their temper.
     """
 
     name: str
@@ -58,6 +60,7 @@ class AvatarConfig:
     profile: ClinicalProfile = field(default_factory=ClinicalProfile)
     bearing: tuple[Bearing, ...] = ()
     eating: Eating = field(default_factory=Eating)
+    manner: Manner = field(default_factory=Manner)
 
     def __post_init__(self) -> None:
         for name, low, high in (("height_m", 0.5, 2.5), ("mass_kg", 5, 300), ("age_years", 0, 120)):
