@@ -15,7 +15,7 @@ from rcare_marl.world import World
 
 from .devices import Wheelchair, spawn_fitted
 
-_DISTANCE, _EYE_HEIGHT, _LOOKS_AT = 2.5, 1.25, 0.62  # [m]: everybody at one scale
+_DISTANCE, _EYE_HEIGHT, _LOOKS_AT = 2.6, 1.25, 0.7  # [m]: everybody at one scale
 
 
 def draw_people(

@@ -129,7 +129,7 @@ def find_avatar(name: str | Path) -> AvatarConfig:
 
 def avatar_fields(avatar: AvatarConfig) -> dict[str, Any]:
     """Return what a YAML file of an avatar holds; what is as in a healthy adult is left out."""
-    return plain(_departures(avatar), avatar.name)  # type: ignore[no-any-return]
+    return plain(_departures(avatar), avatar.name)
 
 
 def _departures(value: Any) -> dict[str, Any]:
