@@ -62,7 +62,8 @@ class Role(Generic[AgentT]):
         gripper: What a robot's gripper does where the cast names no parts to move; see `Robot`.
         contact_force: Force at a robot's tool from which it gives way in `tool_delta` [N].
         moves: Parts of a robot that move where the cast names none and it has them all; its main arm if
-            None. Of a person what actions move beside the joints: `walk`, `kneel`, `grasp`.
+            None. Of a person what actions do beside moving the joints: `walk`, `kneel`, `grasp`, `speak`.
+        speaks: Whether a person whom a script plays has `speak` among the moves: the task listens.
     """
 
     def __init__(
@@ -78,8 +79,9 @@ class Role(Generic[AgentT]):
         gripper: GripperUse = "held",
         contact_force: float = CONTACT_FORCE,
         moves: Sequence[str] | None = None,
+        speaks: bool = False,
     ) -> None:
-        self.kind, self.default, self.optional = kind, default, optional
+        self.kind, self.default, self.optional, self.speaks = kind, default, optional, speaks
         self.posture, self.movable, self.gripper = posture, movable, gripper
         self.control, self.partner, self.moves = control, partner, moves
         self.contact_force = contact_force
