@@ -32,6 +32,7 @@ Action = npt.NDArray[np.float32]
 Obs = Any  # a vector, or a dictionary of it and of arrays such as pictures
 RENDER_MODES = ("rgb_array", "human")
 OVERLAP = 0.001  # [m] that robots may overlap at the start
+CLEAR = 0.001  # [m] that they keep from people then; nearer, they press in the first physics step
 STARTS = 20  # that are drawn in an episode until robots are clear of people; our own choice
 ROUNDING = 1e-6  # by which an excitation may leave [0, 1]
 APART = 2**64  # numbers that lie between the chance of policies and all other chance of an episode
@@ -187,10 +188,10 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             people = [(r, a) for r, a in self.cast.items() if not isinstance(a, Robot)]
             for second, other in [*robots[i + 1 :], *people]:
                 gap = self.world.separation(robot.body, other.body, within=0.01)
-                if gap < -OVERLAP:
+                if gap < (-OVERLAP if isinstance(other, Robot) else CLEAR):
+                    how = f"stand in each other by {-1e3 * gap:.0f} mm" if gap < 0 else "touch"
                     return (
-                        f"{first!r} and {second!r} stand in each other by {-1e3 * gap:.0f} mm: give "
-                        "the robot another mount or posture"
+                        f"{first!r} and {second!r} {how}: give the robot another mount or posture"
                     )
         return None
 

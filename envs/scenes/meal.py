@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -125,17 +125,17 @@ class Meal(Task):
         start |= {f"{part}_flexion": tilted for part in ("neck", "head")}
         self.recipient.set_angles({d: a for d, a in start.items() if d in self._head_dofs})
 
-    def refused(self, now: State, before: Refusal | None, face: Array, way: Array) -> Refusal:
+    def refused(self, now: State, before: Any, face: Array, way: Array) -> Refusal:
         """Return what the recipient has refused.
 
         Args:
             now: What every task reads.
-            before: What was refused a control step before; None at the beginning of an episode.
+            before: The state of the task a control step before; None at the beginning of an episode.
             face: Where the face looks, a unit vector, shape [3].
             way: From the mouth to what is offered [m], shape [3].
         """
         distance, jaw = math.sqrt(float(way @ way)), self.recipient.angle("jaw_opening")
-        return (before or Refusal()).after(
+        return (Refusal() if before is None else before.refusal).after(
             says_no=self.recipient.says_no,
             turns_away=turns_away(self.recipient, face, way, jaw),
             is_offered=distance < OFFERED,

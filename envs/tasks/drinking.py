@@ -209,7 +209,7 @@ class Drinking(Meal):
             drunk=drunk,
             spilled=float(np.mean(spilled & ~self._drunk)),
             time_to_drink=now.time if is_first else arrived,
-            refusal=self.refused(now, before and before.refusal, mouth.face, rim - mouth.position),
+            refusal=self.refused(now, before, mouth.face, rim - mouth.position),
         )
 
     def observables(self, role: str) -> Sequence[Seen]:

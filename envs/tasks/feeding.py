@@ -212,7 +212,7 @@ class Feeding(Meal):
             spilled=int(np.count_nonzero(is_spilled)),
             time_to_mouth=now.time if arrived < 0 and all_eaten else arrived,
             mouthful=mouthful,
-            refusal=self.refused(now, before and before.refusal, face, -gap),
+            refusal=self.refused(now, before, face, -gap),
         )
 
     def _waits_for_food(self, before: FeedingState, bowl: Array) -> bool:
