@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -168,18 +168,23 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                 fasten(self.world, agent, marker)
 
     def _check_apart(self) -> None:
-        """Refuse robots that stand in each other, in people, or in the house."""
-        if (fault := self._overlap()) is not None:
+        """Refuse robots that stand in each other or in people, and all who stand in the house."""
+        fault = self._overlap() or self._in_house(self.cast)
+        if fault is not None:
             raise ConfigError(fault)
+
+    def _in_house(self, roles: Iterable[str]) -> str | None:
+        """Return who of some roles stands in walls or furniture, as an error says it; None if nobody."""
         place = self.task.place
-        for role, agent in self.cast.items():
+        for role in roles:
             for name, thing in place.obstacles:
-                gap = self.world.separation(agent.body, thing, within=0.01)
+                gap = self.world.separation(self.cast[role].body, thing, within=0.01)
                 if gap < -OVERLAP:
-                    raise ConfigError(
+                    return (
                         f"{role!r} stands in {name} of {place.name} by {-1e3 * gap:.0f} mm: "
                         "choose another room, mount or posture"
                     )
+        return None
 
     def _overlap(self) -> str | None:
         """Return which robot stands in another one or in somebody, as an error says it; None if none."""
@@ -266,15 +271,16 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                 raise ConfigError(f"a seed is a whole number from 0 on, got {seed!r}")
             self.seed, self._seeds = int(seed), np.random.default_rng([seed, 1])
         rng = np.random.default_rng(self.seed)
+        robots = [role for role, agent in self.cast.items() if isinstance(agent, Robot)]
         for _ in range(STARTS):
             self.world.rewind()
             for agent in self._order:
                 agent.reset(rng)
             self.task.begin(rng)
-            if (fault := self._overlap()) is None:
+            if (fault := self._overlap() or self._in_house(robots)) is None:
                 break
         else:
-            raise ConfigError(f"no start in {STARTS} is clear of people: {fault}")
+            raise ConfigError(f"no start in {STARTS} is clear: {fault}")
         for suite in self._suites:
             suite.reset(rng)
         self._sense()
