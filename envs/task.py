@@ -61,8 +61,8 @@ class Role(Generic[AgentT]):
         partner: Policy that plays the role where another one is the only learner.
         gripper: What a robot's gripper does where the cast names no parts to move; see `Robot`.
         contact_force: Force at a robot's tool from which it gives way in `tool_delta` [N].
-        moves: Parts of a robot that move where the cast names none and it has them all; its main arm if
-            None. Of a person what actions do beside moving the joints: `walk`, `kneel`, `grasp`, `speak`.
+        moves: Parts of a robot that move where the cast names none and it has them all, its main arm if
+            None; of a person see `agents.people.moves`.
         speaks: Whether a person whom a script plays has `speak` among the moves: the task listens.
     """
 
@@ -160,8 +160,7 @@ class Task(abc.ABC):
         least_success: Of a hundred episodes, how many the scripted robot must end well; 0 if it does not
             say.
         engines: What can compute its motion, see `rcare_marl.engines`.
-        control_dt: Length of a control step [s].
-        time_limit: Length of an episode [s].
+        control_dt, time_limit: Length of a control step, and of an episode [s].
         room_kinds: Kinds of rooms of a home that suit the task, the best first.
         footprint: The free floor that it needs, about the origin [m].
         site: What the origin is at: `door`, or a kind of furniture such as `toilet`, whose frame it
