@@ -11,7 +11,7 @@ from rcare_marl.errors import ConfigError, check_name
 
 from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
-from .cast import CastEntry, make_cast
+from .cast import CastEntry, make_cast, speaking
 from .place import BareFloor
 from .registry import policy_names, register_policy, register_task, task_class, task_names
 from .state import Seen, State
@@ -119,7 +119,8 @@ def make(
         "task": task,
         "options": dict(options or {}),
         "physics_dt": physics_dt,
-        "cast": cast | {name: value for name, value in place.items() if value is not None},
+        "cast": speaking(cast, agents)
+        | {name: value for name, value in place.items() if value is not None},
         **({} if engine == "bullet" else {"engine": engine}),
     }
     return env

@@ -56,7 +56,7 @@ class Human(Agent):
         pressure_dose: Pressure over time on the skin of who rests, see `rest_on`.
         supports: Bodies that can move and carry the person: to rest on them is no pressure.
         pelvis: Where the pelvis was put, in the world; where a held pelvis is.
-        moves: What actions move beside the joints: `walk`, `kneel`, `grasp`.
+        moves: What actions do beside moving the joints: `walk`, `kneel`, `grasp`, `speak`.
     """
 
     def __init__(
@@ -83,8 +83,8 @@ class Human(Agent):
             actuation: How the joints are driven; `skeletal` if None.
             tissue: Segments whose flesh yields, as in `body.tissue.expand_tissue`.
             physiology_observed: Whether the person observes their own physiology.
-            moves: What actions move beside the joints: `walk`, `kneel`, `grasp`. Legs that walk or
-                kneel have no action values of their own.
+            moves: What actions do beside moving the joints: `walk`, `kneel`, `grasp`, `speak`. Legs
+                that walk or kneel have no action values of their own.
 
         Raises:
             UnknownNameError: If there is no such DoF, joint, tissue or move.
@@ -144,6 +144,11 @@ class Human(Agent):
     def hands(self) -> Mapping[str, Hand]:
         """What grasps, by side: each hand whose arm can move, if `grasp` is among the `moves`."""
         return self._moves.hands
+
+    @property
+    def says_no(self) -> bool:
+        """Whether the person said no in the last control step, if `speak` is among the `moves`."""
+        return self._moves.says_no
 
     def use_arm_rests(self, left: Pose | None, right: Pose | None) -> None:
         """Say where armrests are, before `spawn`: middle of a pad's top, x along it to the front."""
@@ -210,9 +215,8 @@ class Human(Agent):
         self._find_gravity()
         # A task may let everybody settle before the first episode.
         self.drive.reset(np.random.default_rng(0), self._gravity)
-        self._regions = [
-            REGIONS.index(physiology_model().region(DOFS[i].joint)) for i in self._order
-        ]
+        region = physiology_model().region
+        self._regions = [REGIONS.index(region(DOFS[i].joint)) for i in self._order]
         self._meter = LoadMeter(self, world, gravity=self._gravity, posture=self._start)
         self.physiology.reset(upright=self._meter.upright())
         self._is_tired = True  # perhaps from the last episode
@@ -308,7 +312,7 @@ class Human(Agent):
     def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
         """Return the action that pursues `angles` [rad] of some movable DoFs, whatever drives them.
 
-        It asks for no walking, kneeling or grasping: a policy writes those into it, see `entries`.
+        It asks for none of the `moves`: a policy writes those into it, see `entries`.
 
         Args:
             angles: Wished angles by DoF [rad]; the other DoFs stay where they are held.
