@@ -21,6 +21,7 @@ from .tool_script import ToolScript, limited, turning
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
 FAST, SLOW = 0.2, 0.1  # [m/s] freely, and near or under the arm
+LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
 ACCELERATION = 0.8  # [m/s²]
 NEAR = 0.02  # [m] from a place that counts as reached
 STILL = 0.03  # [m/s] of the wrist of an arm that hangs still
@@ -41,10 +42,12 @@ UNDER = 0.012  # [m] of plate and room between pad and forearm, when it is let g
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 YIELDING = (0.6, 0.85)  # of the force limit: where it gets slower, and where it goes back
+SPIN = 0.8  # [rad/s] of the plate at the arm
 ROOM = 0.01  # [m] between plate and armrest
 AIM = 2.0  # [1/s] with which the plate goes where the forearm's middle is lacking
 FARTHEST = (0.03, 0.05)  # [m] that it does so along and across the pad
-INWARD = 0.006  # [m] that the forearm lies more to the middle of the chair as the plate is drawn out
+INWARD = (0.012, 0.04)  # [m] that the forearm lies more to the middle of the chair, at first and at most,
+# because the plate takes it along as it is drawn out
 CENTRED = 0.01  # [m] from there, where it may be
 SINKING, SUNK = 0.02, 0.008  # [m/s] on the pad until it carries the forearm, [m] at most
 LEAN = 4.0  # [N] on the pad, with which it does
@@ -64,7 +67,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._velocity = np.zeros(3)
         self.phase = "approach"
         self._wrist = np.zeros(3)
-        self._tries, self._shift = 0, np.zeros(3)
+        self._tries, self._shift, self._inward = 0, np.zeros(3), INWARD[0]
         self._since, self._was = 0.0, self.phase  # [s] in which phase
 
     def act(self) -> Array:
@@ -105,6 +108,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _let_go(self, seat: Array) -> None:
         self.phase, self._flat = "leave", self._over(0.0)[1]
+        self._drawn = float(self._task.state.gap[1])
         self._out = seat + (0.0, AWAY, 0.0)
 
     def _back(self, seat: Array) -> tuple[Array, Array, float]:
@@ -182,7 +186,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._turn_to(np.array((0.93, 0.35, math.tan(RAISED))))
         is_clear = task.state.wrist[2] > task.state.target[2] + CLEAR
         if self._forearm[2] > math.sin(RAISED) - 0.02 and is_clear:
-            self.phase = "carry"
+            self.phase, self._pitch, self._shift = "carry", RAISED, np.zeros(3)
         forearm = task.state.wrist - task.state.elbow
         length = math.sqrt(float(forearm @ forearm))
         elbow = task.state.elbow.copy()
@@ -214,7 +218,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _aim(self, seat: Array) -> float:
         """Move the place of the plate by what the forearm lacks, and return how far it is aside [m]."""
-        missed = self._task.state.gap - (0.0, INWARD, 0.0)
+        missed = self._task.state.gap - (0.0, self._inward, 0.0)
         if math.dist(self._over(self._pitch)[0], seat) < NEAR:
             self._shift[:2] += AIM * self._task.control_dt * missed[:2]
             self._shift[:2] = np.clip(self._shift[:2], np.negative(FARTHEST), FARTHEST)
@@ -226,9 +230,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal, _ = self._over(RAISED)
         if task.state.force > YIELDING[0] * task.force_limit and self._is_over_pad():
             goal[2] = min(float(goal[2]), float(seat[2]))
-        if abs(float((goal - seat)[1])) < NEAR:
-            self.phase, self._pitch = "lower", RAISED
-            self._shift = np.zeros(3)
+        if self._aim(seat) < NEAR:
+            self.phase = "lower"
         return goal, self._task.hook()[1], SLOW
 
     def _is_over_pad(self) -> bool:
@@ -261,16 +264,23 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         wrist = self._task.state.wrist
         is_still = math.dist(wrist, self._wrist) < STILL * self._task.control_dt
         self._wrist = wrist
-        if self._since > FREED and is_still and self._task.state.rested == 0.0:
+        state = self._task.state
+        if self._since < FREED:  # how far the plate took the forearm along
+            self._dragged = max(self._drawn - float(state.gap[1]), 0.0)
+        elif is_still and state.rested == 0.0:
             self.phase, self._tries = "approach", self._tries + 1
-        return self._out, self._flat, FAST
+            self._inward = min(max(self._inward, self._dragged), INWARD[1])
+        return self._out, self._flat, LEAVING
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
         wished = limited(GAIN * (goal - seat.position), limit) * self._eagerness()
-        most = ACCELERATION * self._task.control_dt * (3.0 if self.phase == "leave" else 1.0)
+        most = ACCELERATION * self._task.control_dt * (5.0 if self.phase == "leave" else 1.0)
         self._velocity = self._velocity + limited(wished - self._velocity, most)
         middle = np.array(seat.position)  # of the plate, about which it turns
-        return self._about(middle, self._velocity, turning(turn, seat.quaternion, TURN_GAIN))
+        spin = turning(turn, seat.quaternion, TURN_GAIN)
+        if self.phase in PRESSING:
+            spin = limited(spin, SPIN) * max(self._eagerness(), 0.0)
+        return self._about(middle, self._velocity, spin)
 
     def _eagerness(self) -> float:
         """Return the share of its speed with which it goes on, less the more it presses; negative: back."""
