@@ -14,13 +14,21 @@ import numpy as np
 from rcare_marl.envs.devices import HOOK_SHARE, HOOK_SHARE_HANGING
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix, rotate
+from rcare_marl.pose import (
+    Array,
+    Pose,
+    multiply,
+    quaternion_from_matrix,
+    quaternion_from_rpy,
+    rotate,
+)
 
 from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
 FAST, SLOW = 0.2, 0.1  # [m/s] freely, and near or under the arm
+TIPPED = 0.15  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
 LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
 ACCELERATION = 0.8  # [m/s²]
 NEAR = 0.02  # [m] from a place that counts as reached
@@ -43,12 +51,14 @@ AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 YIELDING = (0.6, 0.85)  # of the force limit: where it gets slower, and where it goes back
 SPIN = 0.8  # [rad/s] of the plate at the arm
+ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
 ROOM = 0.01  # [m] between plate and armrest
 AIM = 2.0  # [1/s] with which the plate goes where the forearm's middle is lacking
 FARTHEST = (0.03, 0.05)  # [m] that it does so along and across the pad
 INWARD = (0.012, 0.04)  # [m] that the forearm lies more to the middle of the chair, at first and at most,
 # because the plate takes it along as it is drawn out
 CENTRED = 0.01  # [m] from there, where it may be
+OVER = 0.035  # [m] from there, where the armrest is below it still
 SINKING, SUNK = 0.02, 0.008  # [m/s] on the pad until it carries the forearm, [m] at most
 LEAN = 4.0  # [N] on the pad, with which it does
 PATIENCE = {"free": 8.0, "slide": 4.0, "lift": 6.0, "carry": 4.0, "lower": 4.0, "settle": 3.0}  # [s]
@@ -99,7 +109,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._was = self.phase
         if self._since <= PATIENCE.get(self.phase, math.inf):
             return
-        if self.phase in ("lower", "settle"):
+        if self.phase == "carry" and abs(float(self._task.state.gap[1])) < OVER:
+            self.phase = "lower"
+        elif self.phase in ("lower", "settle"):
             self._let_go(seat)
         else:
             self.phase, self._tries = "back", self._tries + 1
@@ -107,9 +119,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             self._out = seat + (0.0, 0.5 * AWAY, -LOWERED)
 
     def _let_go(self, seat: Array) -> None:
-        self.phase, self._flat = "leave", self._over(0.0)[1]
+        half = 0.5 * self._task.cradle.model.figure("plate_length")
+        tipped = quaternion_from_rpy(TIPPED, 0.0, 0.0)
+        self.phase, self._flat = "leave", np.array(multiply(tipped, self._over(0.0)[1]))
         self._drawn = float(self._task.state.gap[1])
-        self._out = seat + (0.0, AWAY, 0.0)
+        self._out = seat + (0.0, AWAY, half * math.sin(TIPPED))
 
     def _back(self, seat: Array) -> tuple[Array, Array, float]:
         """Lower an arm that was stuck, outside of the armrest."""
@@ -132,6 +146,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal = place - 0.11 * inward + 0.03 * back
         if math.dist(seat, goal) < NEAR:
             self.phase = "reach"
+        if self._tries and abs(float(goal[2] - seat[2])) > 2 * NEAR:  # round the arm, and not through it
+            aside = ASIDE + max(float(wrist[1]), float(self._task.state.elbow[1]))
+            if seat[1] < aside - NEAR:
+                return np.array((seat[0], aside, seat[2])), turn, FAST
+            goal[1] = aside
         return goal, turn, FAST
 
     def _reach(self, seat: Array) -> tuple[Array, Array, float]:
@@ -218,10 +237,15 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _aim(self, seat: Array) -> float:
         """Move the place of the plate by what the forearm lacks, and return how far it is aside [m]."""
-        missed = self._task.state.gap - (0.0, self._inward, 0.0)
-        if math.dist(self._over(self._pitch)[0], seat) < NEAR:
-            self._shift[:2] += AIM * self._task.control_dt * missed[:2]
-            self._shift[:2] = np.clip(self._shift[:2], np.negative(FARTHEST), FARTHEST)
+        state, chair = self._task.state, self._task.chair
+        missed = state.gap - (0.0, self._inward, 0.0)
+        # The wrist goes no farther than the pad: the elbow comes after it when it sinks.
+        edge = state.target[1] - 0.5 * chair.armrest_size[1]
+        missed[1] = max(float(missed[1]), float(edge - state.wrist[1]))
+        is_there = np.abs(self._over(self._pitch)[0] - seat)[:2] < NEAR
+        is_there[0] &= self.phase != "carry"
+        self._shift[:2] += AIM * self._task.control_dt * missed[:2] * is_there
+        self._shift[:2] = np.clip(self._shift[:2], np.negative(FARTHEST), FARTHEST)
         return abs(float(missed[1]))
 
     def _carry(self, seat: Array) -> tuple[Array, Array, float]:
