@@ -58,6 +58,7 @@ FARTHEST = (0.03, 0.05)  # [m] that it does so along and across the pad
 INWARD = (0.012, 0.04)  # [m] that the forearm lies more to the middle of the chair, at first and at most,
 # because the plate takes it along as it is drawn out
 CENTRED = 0.01  # [m] from there, where it may be
+BRAKING = 0.04  # [m] from its place, from where it is carried more slowly: it swings inwards by itself
 OVER = 0.035  # [m] from there, where the armrest is below it still
 SINKING, SUNK = 0.02, 0.008  # [m/s] on the pad until it carries the forearm, [m] at most
 LEAN = 4.0  # [N] on the pad, with which it does
@@ -236,17 +237,17 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return place + self._shift, turn
 
     def _aim(self, seat: Array) -> float:
-        """Move the place of the plate by what the forearm lacks, and return how far it is aside [m]."""
+        """Move the place of the plate by what the forearm lacks, and return how far it is to go to the left [m]."""
         state, chair = self._task.state, self._task.chair
         missed = state.gap - (0.0, self._inward, 0.0)
-        # The wrist goes no farther than the pad: the elbow comes after it when it sinks.
-        edge = state.target[1] - 0.5 * chair.armrest_size[1]
+        # The wrist goes no farther than half way to the edge of the pad: the elbow comes after it when it sinks.
+        edge = state.target[1] - 0.25 * chair.armrest_size[1]
         missed[1] = max(float(missed[1]), float(edge - state.wrist[1]))
         is_there = np.abs(self._over(self._pitch)[0] - seat)[:2] < NEAR
         is_there[0] &= self.phase != "carry"
         self._shift[:2] += AIM * self._task.control_dt * missed[:2] * is_there
         self._shift[:2] = np.clip(self._shift[:2], np.negative(FARTHEST), FARTHEST)
-        return abs(float(missed[1]))
+        return float(missed[1])
 
     def _carry(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring the raised forearm over the armrest."""
@@ -254,9 +255,10 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal, _ = self._over(RAISED)
         if task.state.force > YIELDING[0] * task.force_limit and self._is_over_pad():
             goal[2] = min(float(goal[2]), float(seat[2]))
-        if self._aim(seat) < NEAR:
+        missed = self._aim(seat)
+        if missed > -NEAR:
             self.phase = "lower"
-        return goal, self._task.hook()[1], SLOW
+        return goal, task.hook()[1], SLOW if missed < -BRAKING else 0.5 * SLOW
 
     def _is_over_pad(self) -> bool:
         """Return whether elbow and wrist are high enough to go over the armrest."""
@@ -278,7 +280,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         aside, is_carried = self._aim(seat), task.state.pad_force >= LEAN
         if not is_carried:
             self._shift[2] = max(self._shift[2] - SINKING * task.control_dt, -SUNK)
-        elif aside < CENTRED:
+        elif abs(aside) < CENTRED:
             self._let_go(seat)
         goal, turn = self._over(0.0)
         return goal, turn, SLOW
@@ -291,10 +293,15 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         state = self._task.state
         if self._since < FREED:  # how far the plate took the forearm along
             self._dragged = max(self._drawn - float(state.gap[1]), 0.0)
-        elif is_still and state.rested == 0.0:
+        elif is_still and state.rested == 0.0 and not self._is_in_lap():
             self.phase, self._tries = "approach", self._tries + 1
             self._inward = min(max(self._inward, self._dragged), INWARD[1])
         return self._out, self._flat, LEAVING
+
+    def _is_in_lap(self) -> bool:
+        """Return whether the hand lies inside of the armrest, where the cradle cannot fetch it."""
+        task = self._task
+        return bool(task.state.wrist[1] < task.state.target[1] - 1.5 * task.chair.armrest_size[1])
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
         wished = limited(GAIN * (goal - seat.position), limit) * self._eagerness()
