@@ -32,6 +32,7 @@ SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
 EASED, HEADWAY = 2.0, 0.03  # [s] in which the hem has to make so many [m], or the pull is eased
 EASE, OFF = 0.08, 0.02  # [m] that it goes back then, and farther off the leg with each time
 MOST_OFF = 0.06  # [m]
+TOUCH, ROOM = 4.0, 0.03  # [N] beyond what the cloth presses: the hand touches, and stays so far away [m]
 YIELDING = (0.5, 0.8)  # of the force limit: where the pull gets slower, and where it goes back
 AWAY = (0.05, 0.0, 0.06)  # [m] that the open hand goes
 
@@ -48,6 +49,7 @@ class ScriptedDressing(ToolScript[Dressing]):
         self._along, self._left = HOLD_START, False
         self._caught = 0.0  # [s] in all
         self._hem, self._since, self._off = 0.0, 0.0, 0.0  # [m] as far as the hem was, [s] ago, [m]
+        self._most = math.inf  # [m] as far as it has found room
         self._turn = np.array(self._robot.tool_pose().quaternion)
         self._out = np.zeros(3)
 
@@ -73,7 +75,9 @@ class ScriptedDressing(ToolScript[Dressing]):
             low, high = (share * task.force_limit for share in YIELDING)
             eager = min(max((high - task.state.force) / (high - low), -1.0), 1.0)
             step = PULL * eager * task.control_dt
-            self._along = min(self._along + step, task.leg.shank + REACH + SPARE)
+            if task.state.force - task.state.cloth_force > TOUCH:
+                self._most = min(self._most, self._along - ROOM)
+            self._along = min(self._along + step, task.leg.shank + REACH + SPARE, self._most)
         if is_up:
             self._ease()
         if is_up and lag > CAUGHT:
