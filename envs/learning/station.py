@@ -268,11 +268,17 @@ class Station:
         self._board.first.show(self._places[k], self._envs[k])
         self._is_fresh[k] = True
 
-    def step(self, _: None = None) -> None:
-        """Take every environment's actions from the board and write what they lead to."""
+    def step(self, chosen: Bools | None) -> None:
+        """Take actions from the board and write what they lead to, in the chosen environments.
+
+        Args:
+            chosen: For each environment of the batch, shape [count]; all of them if None.
+        """
         board = self._board
         assert board is not None
         for k, (place, env) in enumerate(zip(self._places, self._envs, strict=True)):
+            if chosen is not None and not chosen[place]:
+                continue
             actions = {group: values[place] for group, values in board.action.items()}
             self._records[k].actions.append(np.concatenate([a.ravel() for a in actions.values()]))
             env.step(actions)

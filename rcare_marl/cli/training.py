@@ -162,6 +162,12 @@ def train(
     level: Annotated[
         int | None, typer.Option(min=1, max=3, help="Level of accessibility of home or door.")
     ] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="What computes the motion: bullet, the default, or mujoco."
+        ),
+    ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -178,7 +184,7 @@ def train(
 
     Example: rcare-marl train feeding --algo sac --seed 0 --steps 50000
     """
-    given = {"algo": algo, "seed": seed, "steps": steps, "envs": envs}
+    given = {"algo": algo, "seed": seed, "steps": steps, "envs": envs, "engine": engine}
     fields = {name: value for name, value in given.items() if value is not None}
     if workers is not None:
         fields["workers"] = _workers(workers)
