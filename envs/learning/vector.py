@@ -140,7 +140,7 @@ class CareVectorEnv(gymnasium.vector.VectorEnv[Floats, Floats, npt.NDArray[Any]]
         self._crew.call("step", ~begun if begun.any() else None)
         self._is_first = begun
         observations, infos = self._told()
-        rewards = np.where(begun, 0.0, board.reward[self._group][:, 0, 0])
+        rewards = np.where(begun, 0.0, board.reward[self._group][:, 0, 0].astype(np.float64))
         ended, late = board.terminated[:, 0] & ~begun, board.truncated[:, 0] & ~begun
         self._is_over = ended | late
         return observations, rewards, ended, late, infos

@@ -20,7 +20,7 @@ from ..devices import Cup
 from ..reach import Trial
 from ..registry import register_policy, register_task
 from ..scenes.meal import MOUTH_RADIUS, Meal, MealOptions, Mouth
-from ..state import Seen, State, Values, clip, tolerance
+from ..state import Seen, State, Values, clip, degrees, tolerance
 
 Flags = npt.NDArray[np.bool_]
 
@@ -238,7 +238,7 @@ class Drinking(Meal):
             "distance_m": state.distance,
             "drunk_share": state.drunk,
             "spilled_share": state.spilled,
-            "tilt_deg": np.degrees(state.tilt),
+            "tilt_deg": degrees(state.tilt),
             "time_to_drink_s": state.time_to_drink,
         }
 
