@@ -273,7 +273,8 @@ def changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, An
 def _name(config: TrainConfig) -> str:
     level = config.cast.get("level")
     place = config.task if level is None else f"{config.task}_level{level}"
-    return f"{place}_{config.algo}_seed{config.seed}"
+    engine = "" if config.engine == "bullet" else f"_{config.engine}"
+    return f"{place}{engine}_{config.algo}_seed{config.seed}"
 
 
 def _check_folder(folder: Path, config: TrainConfig) -> None:
