@@ -113,7 +113,7 @@ def test_a_training_on_mujoco_says_so_in_its_policy(tmp_path: Path) -> None:
     file = PolicyFile.read(result.policies["robots"])
     assert file.recipe["engine"] == "mujoco" and "mujoco" in file.training["versions"]
     robot = result.policies["robots"]
-    env = rcare_marl.make("toileting", policies={"robot": robot, "recipient": "still"})
+    env = rcare_marl.make("toileting", policies={"robot": robot})
     env.reset(seed=0)  # in Bullet
     env.step({})
     env.close()

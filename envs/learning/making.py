@@ -57,7 +57,7 @@ def make_batch(
 
     Example:
         >>> env = rcare_marl.make_batch("feeding", num_envs=64, processes=2, recipient=["karan", "kim"])
-        >>> batch = env.rollout(20)
+        >>> batch = env.rollout(20, break_when_any_done=False)
     """
     check_name("device of a batch", device, DEVICES)
     recipe = batch_recipe(task, engine, learners, options, policies, residual, cast)
