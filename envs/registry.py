@@ -19,6 +19,7 @@ from rcare_marl.agents.people.behaviour.behaviour_tree import RandomPolicy, Stay
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
 from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.engines import ENGINES
 from rcare_marl.errors import ConfigError, check_name
 
 from .task import Task, part_name
@@ -141,6 +142,19 @@ def task_class(name: str) -> type[Task]:
 def task_names() -> tuple[str, ...]:
     """Return the names of all registered tasks, sorted."""
     return tuple(sorted(_TASKS))
+
+
+def check_engine(task: str, engine: str) -> None:
+    """Refuse an engine that a task does not run on.
+
+    Raises:
+        UnknownNameError: If there is no such task or engine.
+        ConfigError: If the task does not run on it.
+    """
+    check_name("engine", engine, ENGINES)
+    if engine not in task_class(task).engines:
+        able = ", ".join(name for name in task_names() if engine in task_class(name).engines)
+        raise ConfigError(f"{task!r} does not run on engine {engine!r}; these do: {able}")
 
 
 def lead_roles(task: str) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from ..reach import Trial
 from ..registry import register_policy, register_task
 from ..scenes.meal import MOUTH_RADIUS, Meal, MealOptions, Mouth
 from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
-from ..state import Seen, State, Values, clip, tolerance
+from ..state import Seen, State, Values, clip, degrees, tolerance
 
 Flags = npt.NDArray[np.bool_]
 
@@ -247,7 +247,7 @@ class Drinking(Meal):
             "distance_m": state.distance,
             "drunk_share": state.drunk,
             "spilled_share": state.spilled,
-            "tilt_deg": np.degrees(state.tilt),
+            "tilt_deg": degrees(state.tilt),
             "time_to_drink_s": state.time_to_drink,
             **state.refusal.metrics(),
         }

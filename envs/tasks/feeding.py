@@ -20,7 +20,7 @@ from ..reach import Trial
 from ..registry import register_policy, register_task
 from ..scenes.meal import Meal, MealOptions
 from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
-from ..state import Seen, State, Values, tolerance, where
+from ..state import Seen, State, Values, negate, tolerance, where
 
 Flags = npt.NDArray[np.bool_]
 
@@ -281,7 +281,7 @@ class Feeding(Meal):
             # An empty spoon belongs back, a full one before a mouth that is ready.
             back = tolerance(state.distance, bounds=(LOADED_FROM, 1.0), margin=0.3)
             waiting = tolerance(state.distance, bounds=(2 * AT_LIPS, 1.0), margin=0.3)
-            is_full = np.logical_not(state.mouthful.is_ready)
+            is_full = negate(state.mouthful.is_ready)
             near = where(state.eaten == FOOD_COUNT, back, where(is_full, waiting, near))
         terms = {"food": food * food, "approach": food * near}
         best = 2.0  # what ends well is paid as if it went on: else to dawdle would pay more than to feed
@@ -292,7 +292,7 @@ class Feeding(Meal):
             best = self.options.weight("food") + self.options.weight("approach")
         if self.options.bites > 1:
             share = COUGH / 2.0 * best
-            terms["cough"] = -share * np.asarray(state.mouthful.coughs_now, float)
+            terms["cough"] = where(state.mouthful.coughs_now, -share, 0.0)
         return {**terms, "eaten": self.for_the_rest(state, self.succeeded(state), best)}
 
     def literal(self, role: str, state: FeedingState) -> Mapping[str, Values]:

@@ -21,7 +21,7 @@ from ..reach import Trial
 from ..rectangle import Rectangle
 from ..registry import register_task
 from ..scenes.step_peak import StepPeak
-from ..state import Seen, State, Values, clip, greatest, tolerance
+from ..state import Seen, State, Values, clip, degrees, greatest, tolerance
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
@@ -245,8 +245,8 @@ class Toileting(Task):
 
     def metrics(self, state: ToiletingState) -> Mapping[str, Values]:
         return {
-            "lid_angle_deg": np.degrees(state.angle),
-            "peak_lid_angle_deg": np.degrees(state.peak_angle),
+            "lid_angle_deg": degrees(state.angle),
+            "peak_lid_angle_deg": degrees(state.peak_angle),
             "toilet_force_n": state.push,
             "peak_toilet_force_n": state.peak_push,
             "time_to_open_s": state.time_to_open,
