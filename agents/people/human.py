@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from rcare_marl.world import GRAVITY, World
 from ..agent import Agent, Array
 from .actuation.actuation import Actuation
 from .actuation.drive import ActuationConfig, make_drive
+from .actuation.skeletal import SkeletalDrive
 from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf
 from .body.end_stops import EndStops
 from .body.person_tree import person_tree
@@ -182,7 +184,7 @@ class Human(Agent):
         self.body.exclude_own_links()
         self.body.set_damping()
         self.body.set_friction(range(-1, self.body.link_count), lateral=FRICTION)
-        self._joints = self.body.indices(self.movable)
+        self._joints = self.joint_indices = self.body.indices(self.movable)
         self.body.release_motors(self._joints)
         self._start = angles[self._order]
         # Where a posture starts outside the active range the person cannot go further out.
@@ -342,6 +344,17 @@ class Human(Agent):
             self._find_gravity()
         torques = self.drive.torques(*self._stops.joint_states(), self._gravity)
         self.body.drive_torques(self._joints, torques)
+
+    def compiled(self) -> tuple[Any, ...] | None:
+        """Return what drives the joints, for compiled code: the drive's part, and ends of joints [rad].
+
+        None where a person's torques are more than that.
+        """
+        steady = self._moves.legs is None and (self._fixed_base or self.rides) and self._joints
+        if not steady or not isinstance(self.drive, SkeletalDrive):
+            return None
+        drive = self.drive.compiled(self._gravity)
+        return None if drive is None else (drive, np.ascontiguousarray(self._stops.ends))
 
     def sense(self) -> None:
         self.positions, self.velocities = self._stops.joint_states()

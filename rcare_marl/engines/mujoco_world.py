@@ -22,7 +22,8 @@ from rcare_marl.scene.scene import scene_of
 from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import World
 
-from .simulation import Ints, Simulation
+from .native import Ints
+from .simulation import Simulation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -327,6 +328,26 @@ class MujocoWorld(World):
         self.sim.step()
         self.step_count += 1
 
+    @property
+    def is_compiled(self) -> bool:
+        return self.sim is not None and not self.matter
+
+    def stepped(self, count: int) -> None:
+        """Take note that compiled code made physics steps."""
+        assert self.sim is not None
+        self.sim.stepped()
+        self.step_count += count
+
+    def number(self, body: Body) -> int:
+        """Return the number of a body in `Simulation.touched`."""
+        return self._numbers[body.uid]
+
+    def places(self, body: Body, indices: Sequence[int]) -> tuple[Ints, Ints]:
+        """Return where joints are in MuJoCo's `qpos` and `qvel`, each of shape [n]."""
+        assert self.sim is not None
+        found, chosen = self.sim.places[self.number(body)], list(indices)
+        return found.positions[chosen], found.dofs[chosen]
+
     def rewind(self) -> None:
         if self.sim is None:
             super().rewind()
@@ -342,7 +363,7 @@ class MujocoWorld(World):
     def set_solver_iterations(self, count: int) -> None:
         super().set_solver_iterations(count)
         if self.sim is not None:
-            self.sim.iterations = count
+            self.sim.set_iterations(count)
 
     def attach(self, *args: Any, **settings: Any) -> Attachment:
         self._check_before("make bonds")
