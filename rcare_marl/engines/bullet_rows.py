@@ -51,7 +51,8 @@ def physics_step(places, state, inertia, rules, touched) -> None:  # type: ignor
 
     Args:
         places: See `native.addresses`.
-        state: `qpos`, `qvel`, `qfrc_applied`, `qacc_smooth`, `qacc`, `qfrc_constraint`.
+        state: `qpos`, `qvel`, `qfrc_applied`, `qacc_smooth`, `qacc`, `qfrc_constraint`; and what the motor of
+            each degree of freedom did, shape [nv], written.
         inertia: The factors of the mass matrix: `qLD`, `qLDiagInv`, `M_rownnz`, `M_rowadr`, `M_colind`; then
             the tree of each degree of freedom, and the first and the number of those of each tree.
         rules: Physics step [s]; sweeps of the solver, shape [1]; where in `qpos` the joint of a degree of
@@ -62,12 +63,12 @@ def physics_step(places, state, inertia, rules, touched) -> None:  # type: ignor
         touched: Of each body, whether it touches something, written.
     """
     model, data = places[native.MODEL], places[native.DATA]
-    qpos, qvel, _, smooth, acceleration, pushes = state
+    qpos, qvel, _, smooth, acceleration, pushes, acted = state
     dt, sweeps, joints, motors, greatest, strengths, shares, surfaces, owners = rules
     call(places[native.STEP_1], model, data)
     call(places[native.ACCELERATION], model, data)
     acceleration[:] = smooth
-    pushes[:] = 0.0
+    pushes[:] = acted[:] = 0.0
     touched[:] = False
     count = whole(data + places[native.NEFC], 1)[0]
     if count > 0:
@@ -96,6 +97,8 @@ def physics_step(places, state, inertia, rules, touched) -> None:  # type: ignor
         _solve(sweeps[0], kinds, most, coupling, left, contacts, forces)
         for row in range(count):
             force = forces[row]
+            if kinds[row] == FRICTION_ROW:
+                acted[ids[row]] = force
             if force != 0.0:
                 for k in range(starts[row], starts[row] + sizes[row]):
                     pushes[columns[k]] += jacobian[k] * force

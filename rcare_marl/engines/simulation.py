@@ -96,8 +96,10 @@ class Simulation:
         self._begin_motors()
         self.torque, self._pushed = data.qfrc_applied, False
         self.qpos, self.qvel = data.qpos, data.qvel
+        self._spots, self._turns = data.xpos, data.xquat
         self._joint_of = model.jnt_qposadr[model.dof_jntid].astype(np.int64)  # of free bases unused
         self.touched = np.zeros(len(bodies), np.bool_)
+        self._acted = np.zeros(model.nv)
         self.compiled = self._compiled()
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
         self.moved()
@@ -142,7 +144,8 @@ class Simulation:
         rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
         surfaces = self._surfaces, self._geom_body
         places = addresses(model, data)
-        return places, (*state, data.qfrc_constraint), (*factors, *trees), (*rules, *surfaces), self.touched
+        state = (*state, data.qfrc_constraint, self._acted)
+        return places, state, (*factors, *trees), (*rules, *surfaces), self.touched
 
     def mark(self) -> None:
         """Remember the present state."""
@@ -162,6 +165,7 @@ class Simulation:
         for array, marked in zip(self._state(), self._marked, strict=True):
             array[:] = marked
         self.touched[:] = self._pushed = False
+        self._acted[:] = 0.0
         self.moved()
 
     def moved(self) -> None:
@@ -195,11 +199,15 @@ class Simulation:
             self._pushed = False
         self.moved()
 
+    def place_of(self, link: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return place [m] and quaternion (x, y, z, w) of one of MuJoCo's bodies in the world."""
+        self.place()
+        w, x, y, z = self._turns[link].tolist()
+        return tuple(self._spots[link].tolist()), (x, y, z, w)
+
     def pose(self, link: int) -> Pose:
         """Return the pose of one of MuJoCo's bodies in the world."""
-        self.place()
-        w, x, y, z = self.data.xquat[link].tolist()
-        return Pose(tuple(self.data.xpos[link].tolist()), (x, y, z, w))
+        return Pose(*self.place_of(link))
 
     def motion(self, link: int) -> tuple[Array, Array]:
         """Return velocity [m/s] of the origin of one of MuJoCo's bodies, and rate of turning [rad/s]."""
@@ -211,11 +219,7 @@ class Simulation:
 
     def motor_force(self, dofs: Ints) -> Array:
         """Return what the motors of degrees of freedom did in the last step [N·m or N]."""
-        data = self.data
-        every = np.zeros(self.model.nv)
-        rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF))
-        every[data.efc_id[rows]] = data.efc_force[rows]
-        return np.where(dofs >= 0, every[dofs], 0.0)
+        return np.where(dofs >= 0, self._acted[dofs], 0.0)
 
     def push(self, link: int, force: Vector, point: Vector) -> None:
         """Push one of MuJoCo's bodies with `force` [N] at `point` [m] in the coming step."""
