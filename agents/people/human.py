@@ -20,7 +20,6 @@ from rcare_marl.world import GRAVITY, World
 from ..agent import Agent, Array
 from .actuation.actuation import Actuation
 from .actuation.drive import ActuationConfig, make_drive
-from .actuation.skeletal import SkeletalDrive
 from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf
 from .body.end_stops import EndStops
 from .body.person_tree import person_tree
@@ -346,14 +345,9 @@ class Human(Agent):
         self.body.drive_torques(self._joints, torques)
 
     def compiled(self) -> tuple[Any, ...] | None:
-        """Return what drives the joints, for compiled code: the drive's part, and ends of joints [rad].
-
-        None where a person's torques are more than that.
-        """
-        steady = self._moves.legs is None and (self._fixed_base or self.rides) and self._joints
-        if not steady or not isinstance(self.drive, SkeletalDrive):
-            return None
-        drive = self.drive.compiled(self._gravity)
+        """Return the drive's compiled part and ends of joints [rad]; None where more moves a person."""
+        is_held = self._moves.legs is None and (self._fixed_base or self.rides)
+        drive = self.drive.compiled(self._gravity) if is_held and self._joints else None
         return None if drive is None else (drive, np.ascontiguousarray(self._stops.ends))
 
     def sense(self) -> None:

@@ -12,8 +12,8 @@ that moves at its wished speed, and with `a = (v' - v) / dt`
 - rigid contact: aref = (0.2 overlap / dt - v) / dt, R about 0, with Bullet's share of 0.2.
 
 The rows are solved as Bullet solves them, by projected Gauss-Seidel over accelerations with the same number
-of iterations, from nothing in each step. That is no detail: in thirty iterations Bullet's forces on a pressed mouth stay a
-fifth below what they converge to, since the bond between hand and spoon is slow to solve.
+of iterations, from nothing in each step. That is no detail: in thirty iterations Bullet's forces on a pressed
+mouth stay a fifth below what they converge to, since the bond between hand and spoon is slow to solve.
 
 The force of a motor is then what really acted in the step, as Bullet tells it.
 """

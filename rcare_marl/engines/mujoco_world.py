@@ -425,8 +425,10 @@ class MujocoWorld(World):
         within: float,
         before: Sequence[float] = (),
     ) -> list[float]:
-        self._mirror(other, *dict.fromkeys(body for body, _ in links))
-        return super().gaps(links, other, within=within, before=before)
+        if self.sim is None:
+            return super().gaps(links, other, within=within, before=before)
+        numbers = self._numbers
+        return self.sim.gaps([(numbers[b.uid], i) for b, i in links], numbers[other.uid], within)
 
     def _mirror(self, *bodies: Body) -> None:
         for body in bodies:

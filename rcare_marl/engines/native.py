@@ -14,16 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 import numpy.typing as npt
-from numba import carray, njit, types
+from llvmlite import ir
+from numba import carray, njit, types  # type: ignore[attr-defined]
 from numba.core import cgutils
-from numba.extending import intrinsic
+from numba.extending import intrinsic as _intrinsic
 
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array
 
-
+intrinsic: Any = _intrinsic  # its stub has the caller give what numba gives
 Ints = npt.NDArray[np.int64]
 FUNCTIONS = ("mj_step1", "mj_fwdAcceleration", "mj_Euler")  # each takes a model and its data
 FIELDS = (  # of mjData
@@ -84,7 +83,7 @@ def _struct(name: str) -> Any:
             return type_of(kind.inner_type) * int(np.prod(kind.extents))
         return _VALUES.get(kind.name) or _struct(kind.name)
 
-    fields = [(f.name, type_of(f.type)) for f in structs.STRUCTS[name].fields]  # type: ignore[union-attr,arg-type]
+    fields = [(f.name, type_of(f.type)) for f in structs.STRUCTS[name].fields]
     return type(name, (ctypes.Structure,), {"_fields_": fields})
 
 
@@ -107,7 +106,7 @@ def addresses(model: Any, data: Any) -> Ints:
         [
             model._address,
             data._address,
-            *(_function(name) for name in FUNCTIONS),
+            *(function(name) for name in FUNCTIONS),
             *(getattr(kind, name).offset for name in FIELDS),
             *(getattr(contact, name).offset for name in CONTACT_FIELDS),
             ctypes.sizeof(contact),
@@ -117,7 +116,8 @@ def addresses(model: Any, data: Any) -> Ints:
 
 
 @cache
-def _function(name: str) -> int:
+def function(name: str) -> int:
+    """Return the address of one of MuJoCo's functions."""
     import mujoco
 
     (path,) = Path(mujoco.__file__).parent.glob("libmujoco*")
@@ -126,7 +126,7 @@ def _function(name: str) -> int:
     return found
 
 
-@intrinsic
+@intrinsic  # type: ignore[untyped-decorator]
 def _pointer(typing: Any, address: Any) -> Any:
     """Return a pointer to an address."""
 
@@ -136,7 +136,7 @@ def _pointer(typing: Any, address: Any) -> Any:
     return types.voidptr(types.int64), make
 
 
-@intrinsic
+@intrinsic  # type: ignore[untyped-decorator]
 def call(typing: Any, function: Any, model: Any, data: Any) -> Any:
     """Call one of MuJoCo's functions at an address, with a model and its data at theirs."""
 

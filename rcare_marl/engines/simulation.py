@@ -14,6 +14,7 @@ from rcare_marl.scene.mjcf import START, body_name, joint_name, mjcf
 from rcare_marl.scene.scene import Place, Scene
 
 from .bullet_rows import ERP, motor_table, physics_step
+from .gaps import Gaps
 from .native import Ints, addresses
 
 # [m] from which on a contact of what has joints is reckoned with: an arm's way in a physics step.
@@ -100,7 +101,7 @@ class Simulation:
         self._joint_of = model.jnt_qposadr[model.dof_jntid].astype(np.int64)  # of free bases unused
         self.touched = np.zeros(len(bodies), np.bool_)
         self._acted = np.zeros(model.nv)
-        self.compiled = self._compiled()
+        self.compiled, self._gaps = self._compiled(), Gaps(model, data)
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
         self.moved()
         self.mark()
@@ -122,6 +123,15 @@ class Simulation:
             self._surfaces[geom] = touch.friction, touch.stiffness, 0.0
             if touch.stiffness > 0:
                 self._surfaces[geom, 2] = touch.damping
+        pairs = list(zip(self._geom_body.tolist(), self._geom_link.tolist(), strict=True))
+        keys = {*pairs, *((number, None) for number in range(len(self._bodies)))}
+        self._geoms_of = {
+            (number, link): np.array(
+                [i for i, (n, at) in enumerate(pairs) if n == number and link in (None, at)],
+                np.int64,
+            )
+            for number, link in keys
+        }
 
     def _begin_motors(self) -> None:
         """Take dry friction of the joints that have any; others have the motor of Bullet's default."""
@@ -144,8 +154,8 @@ class Simulation:
         rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
         surfaces = self._surfaces, self._geom_body
         places = addresses(model, data)
-        state = (*state, data.qfrc_constraint, self._acted)
-        return places, state, (*factors, *trees), (*rules, *surfaces), self.touched
+        written = data.qfrc_constraint, self._acted
+        return places, (*state, *written), (*factors, *trees), (*rules, *surfaces), self.touched
 
     def mark(self) -> None:
         """Remember the present state."""
@@ -220,6 +230,18 @@ class Simulation:
     def motor_force(self, dofs: Ints) -> Array:
         """Return what the motors of degrees of freedom did in the last step [N·m or N]."""
         return np.where(dofs >= 0, self._acted[dofs], 0.0)
+
+    def gaps(self, links: Sequence[tuple[int, int]], other: int, within: float) -> list[float]:
+        """Return how far links of bodies are from a body [m], `within` at most.
+
+        Args:
+            links: Number of a body in the world, and of its link, -1 the base.
+            other: Number of a body.
+            within: How far to look [m].
+        """
+        self.place()
+        groups = [self._geoms_of[link] for link in links]
+        return self._gaps.between(groups, self._geoms_of[other, None], within)
 
     def push(self, link: int, force: Vector, point: Vector) -> None:
         """Push one of MuJoCo's bodies with `force` [N] at `point` [m] in the coming step."""

@@ -229,11 +229,6 @@ class SkeletalDrive:
         return self._out.tolist()
 
     def compiled(self, gravity: Array) -> tuple[Any, ...] | None:
-        """Return what `torques_of` takes; None where something else decides, too.
-
-        Args:
-            gravity: In the frame of the pelvis [m/s²], shape [3], kept up to date by its owner.
-        """
         if self._shaking is not None:
             return None
         silent = self._reflex is None or self._reflex.is_silent
