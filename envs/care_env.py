@@ -23,6 +23,7 @@ from rcare_marl.world import World
 
 from .registry import PolicyFactory
 from .state import Seen
+from .stride import make_stride
 from .task import Task, part_name
 
 if TYPE_CHECKING:
@@ -142,11 +143,13 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             if agent.sensors is not None:
                 agent.sensors.bind(self.world, agent)
         self.world.mark_start()
-        acting = [a for a in self._order if a.needs_actuation]
-        self._actuated = tuple(  # of robots their parts: a call less in every physics step
-            act for a in acting for act in (a.acting if isinstance(a, Robot) else (a.actuate,))
+        watched = [suite.after_substep for suite in self._suites if suite.watches]
+        self._stride = make_stride(
+            self.world,
+            self.cast,
+            [self.task.look_at_contacts, *watched],
+            None if watched else self.task.touching,
         )
-        self._watched = tuple(suite.after_substep for suite in self._suites if suite.watches)
         self._vectors = {role: self._observation(role) for role in self.cast}
         self._spaces: dict[str, spaces.Box[np.float32]] = {
             role: spaces.Box(agent.action_low, 1, (agent.action_size,), np.float32)
@@ -322,22 +325,15 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         commands = self._checked(actions)
         for role, policy in self.policies.items():
             commands[role] = self._valid(role, policy.act())
-        task, world, self.commands = self.task, self.world, commands
+        task, self.commands = self.task, commands
         for role, agent in self.cast.items():
             agent.command(commands[role], task.control_dt)
-        step, look = world.step, task.look_at_contacts
-        for _ in range(self._substeps):
-            for actuate in self._actuated:
-                actuate()
-            step()
-            look()
-            for watch in self._watched:
-                watch()
+        self._stride(self._substeps)
         self._sense()
         roles = self.agents
         terms = {role: task.paid(role, task.state) for role in roles}
         done = bool(task.is_success(task.state) | task.failed())
-        late = world.time >= task.time_limit - 1e-9
+        late = self.world.time >= task.time_limit - 1e-9
         observations = {role: self._vectors[role].read() for role in roles}
         infos = self._infos(terms)
         if done or late:

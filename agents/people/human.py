@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -187,7 +188,7 @@ class Human(Agent):
         self.body.exclude_own_links()
         self.body.set_damping()
         self.body.set_friction(range(-1, self.body.link_count), lateral=FRICTION)
-        self._joints = self.body.indices(self.movable)
+        self._joints = self.joint_indices = self.body.indices(self.movable)
         self.body.release_motors(self._joints)
         self._start = angles[self._order]
         # Where a posture starts outside the active range the person cannot go further out.
@@ -346,6 +347,12 @@ class Human(Agent):
             self._find_gravity()
         torques = self.drive.torques(*self._stops.joint_states(), self._gravity)
         self.body.drive_torques(self._joints, torques)
+
+    def compiled(self) -> tuple[Any, ...] | None:
+        """Return the drive's compiled part and ends of joints [rad]; None where more moves a person."""
+        is_held = self._moves.legs is None and (self._fixed_base or self.rides)
+        drive = self.drive.compiled(self._gravity) if is_held and self._joints else None
+        return None if drive is None else (drive, np.ascontiguousarray(self._stops.ends))
 
     def sense(self) -> None:
         self.positions, self.velocities = self._stops.joint_states()

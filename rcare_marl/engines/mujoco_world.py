@@ -22,7 +22,8 @@ from rcare_marl.scene.scene import scene_of
 from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import World
 
-from .simulation import Ints, Simulation
+from .native import Ints
+from .simulation import Simulation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -67,9 +68,10 @@ class MujocoBody(Body):
         now = (self._world.step_count, self._world.teleports)
         if self.sim is None or now == self._mirrored:
             return
+        if self.is_movable or now[1] != self._mirrored[1]:
+            super().set_base(self.base_pose())
+            self._world.teleports -= 1  # nothing moved
         self._mirrored = now
-        super().set_base(self.base_pose())
-        self._world.teleports -= 1  # nothing moved
         if self.joints:
             indices = [joint.index for joint in self.joints.values()]
             found = [[position] for position in self.joint_states(indices)[0]]
@@ -158,8 +160,9 @@ class MujocoBody(Body):
     def centre_pose(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         if self.sim is None:
             return super().centre_pose()
-        pose = self.base_pose()
-        pose = pose @ self._inertial if self._has_offset else pose
+        if not self._has_offset:
+            return self.sim.place_of(int(self._places.links[0]))
+        pose = self.base_pose() @ self._inertial
         return pose.position, pose.quaternion
 
     def link_pose(self, index: int) -> Pose:
@@ -327,6 +330,26 @@ class MujocoWorld(World):
         self.sim.step()
         self.step_count += 1
 
+    @property
+    def is_compiled(self) -> bool:
+        return self.sim is not None and not self.matter
+
+    def stepped(self, count: int) -> None:
+        """Take note that compiled code made physics steps."""
+        assert self.sim is not None
+        self.sim.stepped()
+        self.step_count += count
+
+    def number(self, body: Body) -> int:
+        """Return the number of a body in `Simulation.touched`."""
+        return self._numbers[body.uid]
+
+    def places(self, body: Body, indices: Sequence[int]) -> tuple[Ints, Ints]:
+        """Return where joints are in MuJoCo's `qpos` and `qvel`, each of shape [n]."""
+        assert self.sim is not None
+        found, chosen = self.sim.places[self.number(body)], list(indices)
+        return found.positions[chosen], found.dofs[chosen]
+
     def rewind(self) -> None:
         if self.sim is None:
             super().rewind()
@@ -342,7 +365,7 @@ class MujocoWorld(World):
     def set_solver_iterations(self, count: int) -> None:
         super().set_solver_iterations(count)
         if self.sim is not None:
-            self.sim.iterations = count
+            self.sim.set_iterations(count)
 
     def attach(self, *args: Any, **settings: Any) -> Attachment:
         self._check_before("make bonds")
@@ -402,8 +425,10 @@ class MujocoWorld(World):
         within: float,
         before: Sequence[float] = (),
     ) -> list[float]:
-        self._mirror(other, *dict.fromkeys(body for body, _ in links))
-        return super().gaps(links, other, within=within, before=before)
+        if self.sim is None:
+            return super().gaps(links, other, within=within, before=before)
+        numbers = self._numbers
+        return self.sim.gaps([(numbers[b.uid], i) for b, i in links], numbers[other.uid], within)
 
     def _mirror(self, *bodies: Body) -> None:
         for body in bodies:

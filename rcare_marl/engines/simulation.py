@@ -7,16 +7,16 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.body import GEAR_ERP, Body
 from rcare_marl.pose import Array, Pose, Vector
 from rcare_marl.scene.mjcf import START, body_name, joint_name, mjcf
 from rcare_marl.scene.scene import Place, Scene
 
-from .bullet_rows import ERP, motor_table, solve_rows, write_rows
+from .bullet_rows import ERP, motor_table, physics_step
+from .gaps import Gaps
+from .native import Ints, addresses
 
-Ints = npt.NDArray[np.int64]
 # [m] from which on a contact of what has joints is reckoned with: an arm's way in a physics step.
 MARGIN = 0.001
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
@@ -60,9 +60,10 @@ class Simulation:
         motors: See `bullet_rows.motor_table`; their greatest forces are `model.dof_frictionloss`.
         qpos: Positions, as MuJoCo has them.
         qvel: Velocities.
-        iterations: Sweeps of the solver in a physics step.
         strengths: Greatest force of each equality [N], shape [neq].
         torque: What joints are pushed with in the coming step, shape [nv].
+        touched: Of each body, whether it touched something in the last step.
+        compiled: What `physics_step` takes.
     """
 
     def __init__(self, scene: Scene, bodies: Sequence[Body]) -> None:
@@ -77,16 +78,15 @@ class Simulation:
         self.data = data = mujoco.MjData(model)
         option, bits = model.opt, mujoco.mjtDisableBit
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        option.solver = mujoco.mjtSolver.mjSOL_PGS  # which makes `efc_AR`
-        self.iterations = scene.iterations
-        option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # so that `write_rows` finds the diagonal
+        option.solver = mujoco.mjtSolver.mjSOL_NEWTON  # which leaves more undone before it solves
+        self._sweeps = np.array([scene.iterations])
+        option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
         for bit in (bits.mjDSBL_ISLAND, bits.mjDSBL_ACTUATION, bits.mjDSBL_WARMSTART):
             option.disableflags |= int(bit)
         model.jnt_solref[:] = (TIGHT * scene.physics_dt, 1.0)
         is_gear = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
         self._shares = np.where(is_gear, GEAR_ERP, ERP)
         self.strengths = np.full(model.neq, np.inf)
-        self._gain = np.zeros((1, model.nv))
         self._bonds = [model.equality(f"bond:{i}").id for i in range(len(scene.bonds))]
         self._roots = {body.name: scene.bodies[body.name].model.root for body in bodies}
         self.strengths[self._bonds] = [bond.force for bond in scene.bonds]
@@ -97,8 +97,11 @@ class Simulation:
         self._begin_motors()
         self.torque, self._pushed = data.qfrc_applied, False
         self.qpos, self.qvel = data.qpos, data.qvel
+        self._spots, self._turns = data.xpos, data.xquat
         self._joint_of = model.jnt_qposadr[model.dof_jntid].astype(np.int64)  # of free bases unused
         self.touched = np.zeros(len(bodies), np.bool_)
+        self._acted = np.zeros(model.nv)
+        self.compiled, self._gaps = self._compiled(), Gaps(model, data)
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
         self.moved()
         self.mark()
@@ -120,6 +123,15 @@ class Simulation:
             self._surfaces[geom] = touch.friction, touch.stiffness, 0.0
             if touch.stiffness > 0:
                 self._surfaces[geom, 2] = touch.damping
+        pairs = list(zip(self._geom_body.tolist(), self._geom_link.tolist(), strict=True))
+        keys = {*pairs, *((number, None) for number in range(len(self._bodies)))}
+        self._geoms_of = {
+            (number, link): np.array(
+                [i for i, (n, at) in enumerate(pairs) if n == number and link in (None, at)],
+                np.int64,
+            )
+            for number, link in keys
+        }
 
     def _begin_motors(self) -> None:
         """Take dry friction of the joints that have any; others have the motor of Bullet's default."""
@@ -131,6 +143,19 @@ class Simulation:
                 dry = body.friction.get(joint.index)
                 usual = 0.0 if joint.index in followers else DEFAULT_IMPULSE / self._dt
                 force[places.dofs[joint.index]] = usual if dry is None else dry
+
+    def _compiled(self) -> tuple[Any, ...]:
+        """Return what `physics_step` takes; the arrays are the same for as long as the scene lives."""
+        model, data = self.model, self.data
+        state = (data.qpos, data.qvel, data.qfrc_applied, data.qacc_smooth, data.qacc)
+        factors = data.qLD, data.qLDiagInv, model.M_rownnz, model.M_rowadr, model.M_colind
+        trees = model.dof_treeid, model.tree_dofadr, model.tree_dofnum
+        limits = model.dof_frictionloss, self.strengths
+        rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
+        surfaces = self._surfaces, self._geom_body
+        places = addresses(model, data)
+        written = data.qfrc_constraint, self._acted
+        return places, (*state, *written), (*factors, *trees), (*rules, *surfaces), self.touched
 
     def mark(self) -> None:
         """Remember the present state."""
@@ -150,6 +175,7 @@ class Simulation:
         for array, marked in zip(self._state(), self._marked, strict=True):
             array[:] = marked
         self.touched[:] = self._pushed = False
+        self._acted[:] = 0.0
         self.moved()
 
     def moved(self) -> None:
@@ -172,57 +198,26 @@ class Simulation:
 
     def step(self) -> None:
         """Advance by one physics step."""
-        model, data = self.model, self.data
-        mujoco.mj_step1(model, data)
-        contact, aref, count = data.contact, data.efc_aref, data.nefc
-        dual = data.efc_AR.reshape(count, count)
-        kinds, ids, frictions = data.efc_type, data.efc_id, contact.friction
-        addresses, sizes = contact.efc_address, contact.dim
-        write_rows(
-            self._dt,
-            self.qpos,
-            self.qvel,
-            self._joint_of,
-            self.motors,
-            self._shares,
-            self._surfaces,
-            self._geom_body,
-            (
-                *(kinds, ids, data.efc_pos, data.efc_vel, data.efc_diagA),
-                *(aref, data.efc_R),
-            ),
-            dual,
-            (contact.geom, contact.dist, addresses, sizes, frictions),
-            self.touched,
-        )
-        mujoco.mj_fwdAcceleration(model, data)
-        solve_rows(
-            self.iterations,
-            kinds,
-            ids,
-            (model.dof_frictionloss, self.strengths),
-            dual,
-            data.efc_J.reshape(count, model.nv),
-            aref,
-            data.qacc_smooth,
-            (addresses, sizes, frictions),
-            data.efc_force,
-            data.qfrc_constraint,
-        )
-        mujoco.mj_solveM(model, data, self._gain, data.qfrc_constraint[None])
-        np.add(data.qacc_smooth, self._gain[0], out=data.qacc)
-        mujoco.mj_Euler(model, data)
+        physics_step(*self.compiled)
+        self.stepped()
+
+    def stepped(self) -> None:
+        """Take note that `compiled` was stepped, and of what acted in it."""
         self.torque[:] = 0.0
         if self._pushed:
-            data.xfrc_applied[:] = 0.0
+            self.data.xfrc_applied[:] = 0.0
             self._pushed = False
         self.moved()
 
+    def place_of(self, link: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return place [m] and quaternion (x, y, z, w) of one of MuJoCo's bodies in the world."""
+        self.place()
+        w, x, y, z = self._turns[link].tolist()
+        return tuple(self._spots[link].tolist()), (x, y, z, w)
+
     def pose(self, link: int) -> Pose:
         """Return the pose of one of MuJoCo's bodies in the world."""
-        self.place()
-        w, x, y, z = self.data.xquat[link].tolist()
-        return Pose(tuple(self.data.xpos[link].tolist()), (x, y, z, w))
+        return Pose(*self.place_of(link))
 
     def motion(self, link: int) -> tuple[Array, Array]:
         """Return velocity [m/s] of the origin of one of MuJoCo's bodies, and rate of turning [rad/s]."""
@@ -234,11 +229,19 @@ class Simulation:
 
     def motor_force(self, dofs: Ints) -> Array:
         """Return what the motors of degrees of freedom did in the last step [N·m or N]."""
-        data = self.data
-        every = np.zeros(self.model.nv)
-        rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF))
-        every[data.efc_id[rows]] = data.efc_force[rows]
-        return np.where(dofs >= 0, every[dofs], 0.0)
+        return np.where(dofs >= 0, self._acted[dofs], 0.0)
+
+    def gaps(self, links: Sequence[tuple[int, int]], other: int, within: float) -> list[float]:
+        """Return how far links of bodies are from a body [m], `within` at most.
+
+        Args:
+            links: Number of a body in the world, and of its link, -1 the base.
+            other: Number of a body.
+            within: How far to look [m].
+        """
+        self.place()
+        groups = [self._geoms_of[link] for link in links]
+        return self._gaps.between(groups, self._geoms_of[other, None], within)
 
     def push(self, link: int, force: Vector, point: Vector) -> None:
         """Push one of MuJoCo's bodies with `force` [N] at `point` [m] in the coming step."""
@@ -255,6 +258,10 @@ class Simulation:
         matrix = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, data, matrix)
         return matrix, np.array(data.qfrc_bias)
+
+    def set_iterations(self, count: int) -> None:
+        """Change the number of sweeps of the solver in a physics step."""
+        self._sweeps[0] = count
 
     def limit(self, dof: int, lower: float, upper: float) -> None:
         """Change the range of a joint [rad or m]."""
