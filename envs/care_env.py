@@ -12,6 +12,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from rcare_marl.agents.agent import Agent, Array
+from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.sensing.marker import fasten
@@ -148,13 +149,19 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             self.world,
             self.cast,
             [self.task.look_at_contacts, *watched],
-            None if watched else self.task.touching,
+            None if watched else self._touching(),
         )
         self._vectors = {role: self._observation(role) for role in self.cast}
         self._spaces: dict[str, spaces.Box[np.float32]] = {
             role: spaces.Box(agent.action_low, 1, (agent.action_size,), np.float32)
             for role, agent in self.cast.items()
         }
+
+    def _touching(self) -> list[Human] | None:
+        """Return the people whose touches alone tell the task anything; None if other things do."""
+        if type(self.task).after_substep is not Task.after_substep:
+            return None
+        return [p for p in self.task.people if p.name not in self.task.bystanders]
 
     def _fasten_markers(self) -> None:
         """Put markers on everybody, behind all else, and refuse two that a camera could not tell apart."""

@@ -388,13 +388,6 @@ class Task(abc.ABC):
     def after_substep(self) -> None:
         """Look at the world after each physics step (contacts are short-lived)."""
 
-    @property
-    def touching(self) -> list[Human] | None:
-        """The people whose touches alone tell `look_at_contacts` anything; None if other things do."""
-        if type(self).after_substep is not Task.after_substep:
-            return None
-        return [person for person in self.people if person.name in self._meters]
-
     def look_at_contacts(self) -> None:
         """Measure what touches people, and `after_substep`; after each physics step."""
         for meter in self._meters.values():

@@ -365,10 +365,7 @@ class Human(Agent):
             self.pressure_dose.advance(passed)
 
     def rest_on(self, support: Support | None) -> None:
-        """Say what bears the person from now on, for `pressure_dose`; None, as at first, while nothing does.
-
-        Nothing else changes. Each control step after trunk or legs moved takes some tenths of a second.
-        """
+        """Say what bears the person from now on, for `pressure_dose` alone; None while nothing does."""
         self._borne_by = support
         self.pressure_dose.rest(self, support)
 
@@ -401,9 +398,7 @@ class Human(Agent):
     def may_take(self, what: Human | Body, part: str | None = None, *, hand: str) -> None:
         """Let a hand take a segment or a thing, by `grasp`, and pass through it for good.
 
-        Fingers that do not move cannot close around what they grasp. Call it before
-        `World.mark_start`: what collides must not change during an episode. Of a hand that does not
-        grasp nothing changes.
+        Call it before `World.mark_start`: what collides must not change during an episode.
 
         Args:
             what: A person or a thing.

@@ -237,10 +237,10 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return place + self._shift, turn
 
     def _aim(self, seat: Array) -> float:
-        """Move the place of the plate by what the forearm lacks, and return how far it is to go to the left [m]."""
+        """Move the place of the plate by what the forearm lacks, and return how far to go to the left [m]."""
         state, chair = self._task.state, self._task.chair
         missed = state.gap - (0.0, self._inward, 0.0)
-        # The wrist goes no farther than half way to the edge of the pad: the elbow comes after it when it sinks.
+        # The wrist goes no farther than half way to the edge of the pad: the elbow follows as it sinks.
         edge = state.target[1] - 0.25 * chair.armrest_size[1]
         missed[1] = max(float(missed[1]), float(edge - state.wrist[1]))
         is_there = np.abs(self._over(self._pitch)[0] - seat)[:2] < NEAR
