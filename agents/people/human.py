@@ -240,9 +240,7 @@ class Human(Agent):
     def laid_on(self, side: str, pad: Pose) -> dict[str, float]:
         """Return the angles of movable DoFs [rad] that lay an arm on an armrest, once spawned.
 
-        Args:
-            side: `left` or `right`.
-            pad: Middle of the pad's top in the world, x along it to the front.
+        `pad` is the middle of the pad's top in the world, x along it to the front.
         """
         laid = self._laid(side, self.angles, pad)
         return {dof: float(laid[DOF_INDEX[dof]]) for dof in self.movable if dof.startswith(side)}
@@ -398,7 +396,7 @@ class Human(Agent):
     def may_take(self, what: Human | Body, part: str | None = None, *, hand: str) -> None:
         """Let a hand take a segment or a thing, by `grasp`, and pass through it for good.
 
-        Call it before `World.mark_start`: what collides must not change during an episode.
+        Call it before `World.mark_start`.
 
         Args:
             what: A person or a thing.

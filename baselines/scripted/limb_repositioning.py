@@ -28,7 +28,9 @@ from .tool_script import ToolScript, limited, turning
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
 FAST, SLOW = 0.2, 0.1  # [m/s] freely, and near or under the arm
-TIPPED = 0.15  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
+TIPPED = (
+    0.15  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
+)
 LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
 ACCELERATION = 0.8  # [m/s²]
 NEAR = 0.02  # [m] from a place that counts as reached
@@ -55,14 +57,26 @@ ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
 ROOM = 0.01  # [m] between plate and armrest
 AIM = 2.0  # [1/s] with which the plate goes where the forearm's middle is lacking
 FARTHEST = (0.03, 0.05)  # [m] that it does so along and across the pad
-INWARD = (0.012, 0.04)  # [m] that the forearm lies more to the middle of the chair, at first and at most,
+INWARD = (
+    0.012,
+    0.04,
+)  # [m] that the forearm lies more to the middle of the chair, at first and at most,
 # because the plate takes it along as it is drawn out
 CENTRED = 0.01  # [m] from there, where it may be
-BRAKING = 0.04  # [m] from its place, from where it is carried more slowly: it swings inwards by itself
+BRAKING = (
+    0.04  # [m] from its place, from where it is carried more slowly: it swings inwards by itself
+)
 OVER = 0.035  # [m] from there, where the armrest is below it still
 SINKING, SUNK = 0.02, 0.008  # [m/s] on the pad until it carries the forearm, [m] at most
 LEAN = 4.0  # [N] on the pad, with which it does
-PATIENCE = {"free": 8.0, "slide": 4.0, "lift": 6.0, "carry": 4.0, "lower": 4.0, "settle": 3.0}  # [s]
+PATIENCE = {
+    "free": 8.0,
+    "slide": 4.0,
+    "lift": 6.0,
+    "carry": 4.0,
+    "lower": 4.0,
+    "settle": 3.0,
+}  # [s]
 FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
 HIGHER = 0.015  # [m] that a new try raises the elbow more
 LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
@@ -147,7 +161,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal = place - 0.11 * inward + 0.03 * back
         if math.dist(seat, goal) < NEAR:
             self.phase = "reach"
-        if self._tries and abs(float(goal[2] - seat[2])) > 2 * NEAR:  # round the arm, and not through it
+        if (
+            self._tries and abs(float(goal[2] - seat[2])) > 2 * NEAR
+        ):  # round the arm, and not through it
             aside = ASIDE + max(float(wrist[1]), float(self._task.state.elbow[1]))
             if seat[1] < aside - NEAR:
                 return np.array((seat[0], aside, seat[2])), turn, FAST

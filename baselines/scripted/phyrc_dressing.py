@@ -53,7 +53,10 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
         self._nearest, self._still = math.inf, 0  # [m] to the shoulder, and steps without headway
         self._side, self._steps, self._back = -1.0, 0, np.zeros(3)
         self._waited, self._eased = 0, 0  # steps in a phase, and times that it went back
-        self._before, self._best = BESIDE_NECK, 0.0  # [m] from the shoulder, and the most that was covered
+        self._before, self._best = (
+            BESIDE_NECK,
+            0.0,
+        )  # [m] from the shoulder, and the most that was covered
 
     def act(self) -> Array:
         task, pose = self._task, self._robot.tool_pose()
