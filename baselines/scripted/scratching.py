@@ -17,18 +17,23 @@ from .offering import Offering
 from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
-PRESS, TOUCH = 2.0, 0.2  # [N] that it presses with, and that count as contact
+PRESS, TOUCH = 1.5, 0.2  # [N] that it presses with, and that count as contact
 HOVER = 0.03  # [m] over the skin, before it presses
 REACHED, LEVEL = 0.012, 0.3  # [m], [rad] from there
 STROKE, RATE = 0.01, 0.8  # [m] each way, [1/s] of its strokes
 GAIN, TURN_GAIN = 2.5, 2.0  # [1/s]
 YIELD = 0.008  # [m/s] into the skin for each newton that is lacking
-FAST, SINK, ALONG = 0.15, 0.03, 0.06  # [m/s] through the air, onto the skin, along it
+FAST, AWAY, SINK, ALONG = (
+    0.15,
+    0.25,
+    0.03,
+    0.06,
+)  # [m/s] through the air, off, onto the skin, along it
 
 
 @register_policy("scratching", "robot", "scripted")
 class ScriptedScratching(ToolScript[Scratching]):
-    """Comes over where it itches, presses until it feels 2 N, and strokes; sees everything but the itch."""
+    """Comes over where it itches, presses until it feels 1.5 N, and strokes; sees everything but the itch."""
 
     KIND = Scratching
 
@@ -42,8 +47,8 @@ class ScriptedScratching(ToolScript[Scratching]):
         away = seen.said + HOVER * out - seen.tip
         if not self._offering.goes_on(seen.refusal, seen.time):
             self._is_down = False
-            away = away + (TAKEN_AWAY + 0.01 - HOVER) * out
-            return self._about(seen.tip, limited(GAIN * away, FAST), turn)
+            away = away + (TAKEN_AWAY + 0.015 - HOVER) * out
+            return self._about(seen.tip, limited(4 * GAIN * away, AWAY), turn)
         is_there = np.linalg.norm(away) < REACHED and np.linalg.norm(turn) < LEVEL * TURN_GAIN
         if not self._is_down and is_there:
             self._is_down, self._since = True, seen.time

@@ -11,6 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from rcare_marl.agents.people.human import Human
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.world import World
 
@@ -24,6 +25,7 @@ from ..state import Seen, State, Values, clip, tolerance
 from ..task import Role
 
 Site = Literal["forearm", "hand", "cheek"]
+Hold = tuple[float, float, float]
 SITES: tuple[Site, ...] = get_args(Site)
 
 NEAR = (
@@ -35,16 +37,24 @@ STROKE = (
 )
 RELIEF = 3.0  # [s] of scratching until the itch is gone; our own choice
 COMFORT_FORCE = 5.0  # [N] free of penalty; our own choice
-OFFERED, TAKEN_AWAY = 0.06, 0.08  # [m] from skin to tip: within offered, beyond no more; own choice
+OFFERED, TAKEN_AWAY = (
+    0.05,
+    0.065,
+)  # [m] from skin to tip: within offered, beyond no more; own choice
 START_GAP = (0.09, 0.14)  # [m] from skin to tip at the start; our own choice
 START_SPREAD = 0.03  # [m] along the skin, uniform each way; our own choice
 # Where it itches, uniform, our own choices: along forearm and hand, about them, on the cheek each way.
 ALONG = {"forearm": (0.35, 0.65), "hand": (0.4, 0.8)}
 ABOUT, ON_CHEEK = math.radians(15), 0.008
 SAID = 0.008  # [m] by which the person misses it who says where, uniform each way; our own choice
-# Our own choices, tried in turn: how the tool leans and is rolled, and what of the way may be missed.
-LEANS, ROLLS = (0.0, 0.4, 0.8), tuple(math.radians(a) for a in range(0, 360, 45))
+# Our own choices, tried in turn: how far and which way round the tool leans, how it is rolled [rad]; and what
+# of the way may be missed [m], also per radian.
+LEANS, ROUND = (0.0, 0.4, 0.8), tuple(math.radians(a) for a in range(0, 360, 60))
+ROLLS = tuple(math.radians(a) for a in range(0, 360, 45))
 MISS, MISS_TURN = 0.01, 0.15
+OTHER_WAY = (
+    1.0  # [rad] by which a joint differs where the arm is bent in another way; our own choice
+)
 TIP = 0.002  # [m] over the skin, where a robot must reach
 
 
@@ -55,7 +65,8 @@ class ScratchingOptions(RefusalOptions, MealOptions):
     Attributes:
         reward: `paper` in the manner of the RCareWorld paper's bathing, which has no scratching; `shaped`
             adds comfort.
-        site: Where it itches, `forearm`, `hand` or `cheek`; drawn in each episode if `any`.
+        site: Where it itches, `forearm`, `hand` or `cheek`; if `any` drawn in each episode from those that
+            the robot reaches.
     """
 
     SHAPED_WEIGHTS = {"distance": 1.0, "scratched": 10.0, "comfort": 0.5, "relieved": 10.0}
@@ -95,7 +106,7 @@ class Scratching(Meal):
     recipient = Role(
         Human, default="jose", posture="wheelchair", movable=MOVABLE, partner="still", speaks=True
     )
-    reachable_by = ("franka_panda", "kinova_gen2", "kinova_gen3", "pr2")
+    reachable_by = ("franka_panda", "kinova_gen2", "kinova_gen3")
     least_success = 90
     Options = ScratchingOptions
     options: ScratchingOptions
@@ -106,9 +117,19 @@ class Scratching(Meal):
         self.tool = Device("scratcher")
         body = self.tool.spawn(world)
         world.set_collision(body, self.chair.body, False)
+        self._side: dict[Site, str] = {}
+        self._near: dict[Site, Array] = {}  # postures of the arm before each site
         wanted = SITES if self.options.site == "any" else (self.options.site,)
-        self._holds = {site: self._find_hold(world, site) for site in wanted}
-        self._site = wanted[0]
+        self._holds: dict[Site, Hold] = {}
+        refusals = []
+        for site in wanted:
+            try:
+                self._holds[site] = self._find_hold(world, site)
+            except ConfigError as refusal:
+                refusals.append(refusal)
+        if not self._holds:  # it itches where the robot reaches, but somewhere it must
+            raise refusals[0]
+        self._site = next(iter(self._holds))
         self._draw(np.random.default_rng(0))
         self._set_tip(START_GAP[1], np.zeros(2))
         self.take_tool(self.robot, body, self._grip)
@@ -119,20 +140,34 @@ class Scratching(Meal):
         return Pose()
 
     def _spot(self, site: Site, along: float, about: float, shift: Array) -> SkinSpot:
-        """Return a spot where it may itch, on the side of the robot."""
-        side = self.options.mount
+        """Return a spot where it may itch, on the side where the robot reaches that site."""
+        side = self._side[site]
         if site == "cheek":
             return cheek_spot(self.recipient, side, shift)
         joint, end = ("elbow", "wrist") if site == "forearm" else ("wrist", "middle1")
         return limb_spot(self.recipient, f"{side}_{joint}", f"{side}_{end}", along, about)
 
-    def _find_hold(self, world: World, site: Site) -> tuple[float, float]:
-        """Find how the tool leans and is rolled so that the robot brings it to a site, clear of people."""
+    def _find_hold(self, world: World, site: Site) -> Hold:
+        """Find how the robot brings the tool to a site, clear of people: on its own side, or the other.
+
+        Raises:
+            ConfigError: If it can on neither side.
+        """
+        own = self.options.mount
+        self._side[site] = own
+        try:
+            return self._hold_there(world, site)
+        except ConfigError:
+            self._side[site] = "left" if own == "right" else "right"
+            return self._hold_there(world, site)
+
+    def _hold_there(self, world: World, site: Site) -> Hold:
+        """Find how the tool leans and is rolled for a site on the side that is set."""
         spot = self._spot(site, sum(ALONG.get(site, (0.0, 0.0))) / 2, 0.0, np.zeros(2))
         place, out = spot.in_world()
         trials = [
             Trial([self._tool_for(place + gap * out, out, hold) for gap in GAPS], hold=hold)
-            for hold in itertools.product(LEANS, ROLLS)
+            for hold in itertools.product(LEANS, ROUND, ROLLS)
         ]
         search = self.search(
             world,
@@ -141,26 +176,30 @@ class Scratching(Meal):
             within=lambda found: found.distance + MISS_TURN * found.angle < MISS,
             cost=lambda before, after: float(np.abs(after.posture - before.posture).max()),
         )
-        hold: tuple[float, float] = search.find(trials, f"the {site}").trial.hold
+        found = search.find(trials, f"the {site}")
+        self._near[site] = found.posture
+        hold: Hold = found.trial.hold
         return hold
 
-    def tool_quaternion(self, out: Array, hold: tuple[float, float] | None = None) -> Array:
+    def tool_quaternion(self, out: Array, hold: Hold | None = None) -> Array:
         """Return how the tool is turned that points into the skin, shape [4].
 
         Args:
             out: Out of the skin, a unit vector in the world, shape [3].
-            hold: How it leans and is rolled [rad]; as found for the site of the episode if None.
+            hold: How it leans, which way round from the robot, and is rolled [rad]; as found for the
+                site of the episode if None.
         """
-        lean, roll = hold or self._holds[self._site]
+        lean, way, roll = hold or self._holds[self._site]
         base = np.array(self.robot.body.base_pose().position) - self.recipient.mouth_position()
         base = base - (base @ out) * out
         base = base / max(float(np.linalg.norm(base)), 1e-9)
+        base = math.cos(way) * base + math.sin(way) * np.cross(out, base)
         into = -(math.cos(lean) * out + math.sin(lean) * base)
         x = np.cross(np.cross(out, base), into)
         x = math.cos(roll) * x + math.sin(roll) * np.cross(into, x)
         return quaternion_from_matrix(np.column_stack((x, np.cross(into, x), into)))
 
-    def _tool_for(self, tip: Array, out: Array, hold: tuple[float, float] | None = None) -> Pose:
+    def _tool_for(self, tip: Array, out: Array, hold: Hold | None = None) -> Pose:
         """Return the pose of the robot's tool with the tip of what it holds at a place [m]."""
         at = Pose(tuple(tip.tolist()), tuple(self.tool_quaternion(out, hold).tolist()))
         return at @ self.tool.frame("tip").inverse() @ self._grip.inverse()
@@ -171,7 +210,11 @@ class Scratching(Meal):
         first = np.cross(out, (0.0, 1.0, 0.0))
         first = first / np.linalg.norm(first)
         at = place + gap * out + offset[0] * first + offset[1] * np.cross(out, first)
-        self.robot.set_posture(self.robot.solve_ik(self._tool_for(at, out)).posture)
+        near = self._near[self._site]
+        found = self.robot.solve_ik(self._tool_for(at, out), seed=near).posture
+        turned = np.abs(np.angle(np.exp(1j * (found - near))))  # whole turns are none
+        # Another way to bend the arm may sweep over the person: then it starts over the middle.
+        self.robot.set_posture(found if turned.max() < OTHER_WAY else near)
         self.tool.body.set_base(self.robot.tool_pose() @ self._grip)
 
     def _draw(self, rng: np.random.Generator) -> None:
@@ -192,10 +235,6 @@ class Scratching(Meal):
     def after_substep(self) -> None:
         self._force += self.world.contact_force(self.recipient.body, self.tool.body)
         self._steps += 1
-
-    def offered_position(self) -> Array:
-        """Return where the tip of the tool is in the world [m], shape [3]."""
-        return self.state.tip
 
     def read(self, now: State, before: ScratchingState | None) -> ScratchingState:
         tip = np.array(self.tool.frame_in_world("tip").position)

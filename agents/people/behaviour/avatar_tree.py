@@ -132,7 +132,10 @@ def make_tree(actor: Actor, config: BehaviourConfig, around: Surroundings) -> Be
         "cough": cough(actor),
         "flinch": flinch(actor, pain=config.flinches_from),
         "refuse": refuse(actor, spoon),
-        "rest": rest_when_tired(actor, tired=config.tired_from, rested=config.rested_below),
+        # Who has a job rests as the job says.
+        "rest": None
+        if around.job is not None
+        else rest_when_tired(actor, tired=config.tired_from, rested=config.rested_below),
         "look": look(actor, choices[0] or choices[1]),
         "mouth": mouth(
             actor,
@@ -144,7 +147,10 @@ def make_tree(actor: Actor, config: BehaviourConfig, around: Surroundings) -> Be
         "limbs": limbs(actor, has_job=around.job is not None),
     }
     reactions = [branch for key in config.reactions if (branch := made[key]) is not None]
-    activities = [branch for key in config.activities if (branch := made[key]) is not None]
+    does = tuple(config.activities)
+    if around.job is not None:  # whoever has one does it, whatever else they do
+        does = (*(key for key in does if key != "limbs"), "limbs")
+    activities = [branch for key in does if (branch := made[key]) is not None]
     engage = together("engage", *activities) if activities else LetGo("be still", actor.intent)
     return first_of(
         person.avatar.name,
