@@ -13,12 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array, rotate
 
-from ..state import Seen, Values, where
+from ..state import Seen, Values, negate, where
 from ..task_options import TaskOptions
 
 # All our own choices.
@@ -85,7 +83,7 @@ class Refusal:
     @property
     def is_respected(self) -> Values:
         """Whether they refused for good, what was offered is gone, and nobody pressed them."""
-        return self.is_final & np.logical_not(self.stands) & np.logical_not(self.is_hurt)
+        return self.is_final & negate(self.stands) & negate(self.is_hurt)
 
     @property
     def is_hurt(self) -> Values:
