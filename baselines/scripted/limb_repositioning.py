@@ -56,10 +56,14 @@ SPIN = 0.8  # [rad/s] of the plate at the arm
 ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
 ROOM = 0.01  # [m] between plate and armrest
 AIM = 2.0  # [1/s] with which the plate goes where the forearm's middle is lacking
-FARTHEST = (0.03, 0.05)  # [m] that it does so along and across the pad
+FARTHEST = (0.1, 0.05)  # [m] that it does so along and across the pad
 # [m] that the forearm lies more to the middle of the chair, at first and at most, because the
 # plate takes it along as it is drawn out.
 INWARD = (0.012, 0.04)
+HELD = 0.7  # of the forearm, nearer to the elbow than which the plate does not slide
+HIGH = 0.05  # [m] of the wrist over its place at most, on its way
+AHEAD = 0.04  # [m] that the forearm may lie too far ahead or back
+LYING = 0.08  # [m] from its place, from where an arm on the pad creeps there by itself, or stays
 CENTRED = 0.01  # [m] from there, where it may be
 # [m] from its place, from where it is carried more slowly: it swings inwards by itself.
 BRAKING = 0.04
@@ -258,6 +262,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Bring the raised forearm over the armrest."""
         task = self._task
         goal, _ = self._over(RAISED)
+        # Nearer to the elbow the whole arm weighs on it.
+        goal[0] = max(float(goal[0]), float(task.hook(HELD)[0][0]))
+        high = float(task.state.wrist[2] - task.state.target[2]) - HIGH
+        if high > 0.0:  # a forearm that stands up falls into the lap
+            goal[2] = min(float(goal[2]), float(seat[2]) - high)
         if task.state.force > YIELDING[0] * task.force_limit and self._is_over_pad():
             goal[2] = min(float(goal[2]), float(seat[2]))
         missed = self._aim(seat)
@@ -285,7 +294,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         aside, is_carried = self._aim(seat), task.state.pad_force >= LEAN
         if not is_carried:
             self._shift[2] = max(self._shift[2] - SINKING * task.control_dt, -SUNK)
-        elif abs(aside) < CENTRED:
+        elif abs(aside) < CENTRED and abs(task.state.gap[0]) < AHEAD:
             self._let_go(seat)
         goal, turn = self._over(0.0)
         return goal, turn, SLOW
@@ -298,15 +307,16 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         state = self._task.state
         if self._since < FREED:  # how far the plate took the forearm along
             self._dragged = max(self._drawn - float(state.gap[1]), 0.0)
-        elif is_still and state.rested == 0.0 and not self._is_in_lap():
+        elif is_still and state.rested == 0.0 and not self._is_out_of_reach():
             self.phase, self._tries = "approach", self._tries + 1
             self._inward = min(max(self._inward, self._dragged), INWARD[1])
         return self._out, self._flat, LEAVING
 
-    def _is_in_lap(self) -> bool:
-        """Return whether the hand lies inside of the armrest, where the cradle cannot fetch it."""
-        task = self._task
-        return bool(task.state.wrist[1] < task.state.target[1] - 1.5 * task.chair.armrest_size[1])
+    def _is_out_of_reach(self) -> bool:
+        """Return whether the cradle cannot fetch the arm: it lies inside of the armrest, or on the pad."""
+        state, width = self._task.state, self._task.chair.armrest_size[1]
+        lies = state.pad_force >= LEAN and state.distance < LYING
+        return bool(lies or state.wrist[1] < state.target[1] - 1.5 * width)
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
         wished = limited(GAIN * (goal - seat.position), limit) * self._eagerness()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,6 +34,7 @@ FORCE_LIMIT = 50.0
 COMFORT_FORCE = 20.0  # [N] free of penalty in `shaped`: comfort of the user of the RCareWorld paper
 TARGET_RADIUS = 0.05  # [m] from the target to the middle of the forearm; our own choice
 PAD_FORCE = 2.0  # [N] with which forearm and hand weigh on the pad at least; our own choice
+MIDDLE = 0.03  # [m] from the pad's middle, where it lies well; our own choice
 TOUCH = 0.005  # [m] between forearm and pad, flesh being softer than its capsule; our own choice
 LET_GO = 0.02  # [m] between the person and all that the robot moves; our own choice
 STILL = 0.05  # [m/s] of the forearm that rests; our own choice
@@ -52,7 +54,9 @@ SWING = {  # of the arm out of where it hangs, forward and outward
     "left_elbow_flexion": math.radians(25),
 }
 BESIDE = "wheelchair_beside"  # where robots stand that do not reach the arm from the chair
-LAID = (0.0, -0.03, -0.06, -0.09, -0.12)  # [m] from the pad's middle where it is tried to lie
+# [m] along and across from the pad's middle, where it is tried to lie: a limp arm whose hand meets the
+# thigh rolls outward; our own choices.
+LAID = tuple(itertools.product((0.0, -0.03, -0.06, -0.09, -0.12), (0.0, -0.015)))
 SETTLE_STEPS = 1440  # physics steps that the arm gets to come to rest, each time
 # The wrist is held straight, as by a resting splint; name it in `movable` to let the hand droop.
 MOVABLE = ("left_shoulder", "left_elbow_flexion", "left_elbow_pronation")
@@ -176,14 +180,23 @@ class LimbRepositioning(Task):
 
     def _lay(self, pad: Pose, start: Mapping[str, float]) -> Array:
         """Lay the arm on the pad, as far in front as it stays, and return the middle of the forearm [m]."""
-        for shift in LAID:
+        best, least = None, TARGET_RADIUS
+        for along, across in LAID:
             self.recipient.set_angles(start)  # whence the arm's angles are sought
-            self.recipient.set_angles(self.recipient.laid_on("left", pad @ Pose((shift, 0.0, 0.0))))
+            self.recipient.set_angles(
+                self.recipient.laid_on("left", pad @ Pose((along, across, 0.0)))
+            )
             self._settle()
             aside = abs(float(self._see_arm()[1] - pad.position[1]))
-            if aside <= TARGET_RADIUS and self._force_on_pad() >= PAD_FORCE:
-                return self._middle
-        raise ConfigError("the left arm of the recipient slips off the armrest wherever it is laid")
+            if aside <= least and self._force_on_pad() >= PAD_FORCE:
+                best, least = self._middle, aside
+            if least <= MIDDLE:
+                break
+        if best is None:
+            raise ConfigError(
+                "the left arm of the recipient slips off the armrest wherever it is laid"
+            )
+        return best
 
     def _settle(self) -> None:
         person, relaxed = self.recipient, GoAlong(self.recipient, self.control_dt)
