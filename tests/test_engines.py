@@ -19,6 +19,7 @@ from rcare_marl.cli import app
 from rcare_marl.engines import make_world
 from rcare_marl.engines.mujoco_world import MujocoWorld
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.tasks.drinking import Drinking
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose
 from rcare_marl.world import GRAVITY
@@ -123,19 +124,121 @@ def test_a_bond_holds_until_it_is_broken_and_comes_back(world: MujocoWorld) -> N
         assert ball.base_pose().position[2] == pytest.approx(2.0 - 0.5 * GRAVITY / 16, abs=0.03)
         world.rewind()
         assert bond.is_active
-    with pytest.raises(WorldError, match="in an episode"):
-        world.attach(post, "base", ball)
+
+
+def fall(world: MujocoWorld, steps: int) -> None:
+    for _ in range(steps):
+        world.step()
+
+
+def test_a_bond_made_in_an_episode_holds_bears_and_is_gone_after_a_rewind(
+    world: MujocoWorld,
+) -> None:
+    post = world.add_box((0.1, 0.1, 0.1), Pose((0, 0, 2.0)), name="post")
+    ball = world.add_sphere(0.05, Pose((0.2, 0, 2.0)), mass=0.2, name="ball")
+    bob = world.add_sphere(0.05, Pose((0, 0, 1.5)), mass=0.1, name="bob")
+    world.mark_start()
+    for _ in range(2):
+        bond = world.attach(post, "base", ball, force=50.0)
+        fall(world, 60)
+        assert ball.base_pose().position == pytest.approx((0.2, 0, 2.0), abs=0.002)
+        assert bond.load() == pytest.approx(0.2 * GRAVITY, rel=0.02)
+        swing = world.attach(ball, "base", bob, pivot=(-0.2, 0, 0))  # it hangs below the post
+        fall(world, 240)
+        assert bob.base_pose().position[:2] == pytest.approx((0, 0), abs=1e-4)
+        bond.set_force(0.1)  # less than the weights, so it gives way
+        fall(world, 60)
+        assert ball.base_pose().position[2] < 1.9
+        assert bond.load() <= 0.1 * np.sqrt(3) + 1e-9
+        world.detach(bond)
+        assert not bond.is_active and bond.load() == 0.0
+        world.rewind()
+        assert not swing.is_active and swing not in world.bonds
+        fall(world, 30)
+        assert ball.base_pose().position[2] == pytest.approx(2.0 - 0.5 * GRAVITY / 64, abs=0.02)
+        world.rewind()
+    bonds = [world.attach(post, "base", ball) for _ in range(8)]
+    with pytest.raises(WorldError, match="holds 8 bonds at a time"):
+        world.attach(post, "base", bob)
+    world.detach(bonds[3])
+    assert world.attach(post, "base", bob).is_active
+
+
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_collisions_switched_in_an_episode_come_back_with_it(engine: str) -> None:
+    made = make_world(engine, 1 / 240)
+    floor = made.add_box((4, 4, 0.2), Pose((0, 0, -0.1)), name="floor")
+    table = made.add_box((0.5, 0.5, 0.1), Pose((0, 0, 0.45)), name="table")
+    ball = made.add_sphere(0.05, Pose((0, 0, 0.6)), mass=0.2, name="ball")
+    other = made.add_sphere(0.05, Pose((0, 0, 0.8)), mass=0.2, name="other")
+    made.set_collision(other, table, False)
+    made.mark_start()
+
+    def heights() -> list[float]:
+        for _ in range(240):
+            made.step()
+        return [round(body.base_pose().position[2], 2) for body in (ball, other)]
+
+    made.set_collision(ball, other, False)
+    assert heights() == [0.55, 0.05]
+    made.rewind()
+    made.set_collision(ball, other, False)
+    made.set_collision(ball, table, False)
+    made.set_collision(other, table, True)
+    assert heights() == [0.05, 0.55]
+    made.rewind()
+    assert made.contact_force(ball, floor) == 0.0
+    settled = heights()  # one on the other, or beside it
+    assert settled[0] == 0.55 and settled[1] != 0.55
+
+
+def test_a_cap_on_joint_speeds_is_bullets() -> None:
+    speeds = []
+    for engine in ("bullet", "mujoco"):
+        with closing(rcare_marl.make("feeding", engine=engine)) as env:
+            env.reset(seed=0)
+            assert isinstance(robot := env.cast["robot"], Robot)
+            body, joint = robot.body, robot.arm.indices[5]
+            body.limit_speed(0.5)
+            body.drive_velocities([joint], [3.0], [1e3])
+            for _ in range(10):
+                env.world.step()
+            speeds.append(body.joint_states([joint])[1][0])
+    assert speeds == pytest.approx([0.5, 0.5], abs=1e-6)
+
+
+SENSED = ["joint_wrench", "joint_torque", {"kind": "wrist_wrench", "tare": True}]
+
+
+@pytest.mark.parametrize("way", [0.0, 0.2])
+def test_joints_and_wrists_feel_what_they_feel_in_bullet(way: float) -> None:
+    found = []
+    for engine in ("bullet", "mujoco"):
+        with closing(rcare_marl.make("feeding", engine=engine, robot={"sensors": SENSED})) as env:
+            env.reset(seed=0)
+            action = np.zeros(env.action_space("robot").shape, np.float32)
+            action[0] = -way
+            rest = np.zeros(env.action_space("recipient").shape, np.float32)
+            for _ in range(8):
+                env.step({"robot": action, "recipient": rest})
+            assert (suite := env.cast["robot"].sensors) is not None
+            read = suite.reading
+            names = [("joint_wrench", "force"), ("joint_wrench", "torque")]
+            names += [("joint_torque", "effort"), ("wrist_wrench", "force")]
+            found.append([np.asarray(read(*name)) for name in [*names, ("wrist_wrench", "torque")]])
+    for bullet, mujoco in zip(found[0][:2], found[1][:2], strict=True):
+        assert mujoco == pytest.approx(bullet, abs=0.02 * float(np.abs(bullet).max()))
+    assert found[1][2] == pytest.approx(found[0][2], abs=0.02 * float(np.abs(found[0][2]).max()))
+    for bullet, mujoco in zip(found[0][3:], found[1][3:], strict=True):
+        assert mujoco == pytest.approx(bullet, abs=0.2)
 
 
 def test_what_does_not_run_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ConfigError, match="dressing.*these do: .*feeding"):
-        rcare_marl.make("dressing", engine="mujoco")
+    monkeypatch.setattr(Drinking, "engines", ("bullet",))
+    with pytest.raises(ConfigError, match="drinking.*these do: .*feeding"):
+        rcare_marl.make("drinking", engine="mujoco")
     with pytest.raises(UnknownNameError, match="Did you mean 'mujoco'"):
         rcare_marl.make("feeding", engine="mujocco")
-    with pytest.raises(ConfigError, match="flesh"):
-        rcare_marl.make(
-            "feeding", engine="mujoco", recipient={"model": "karan", "tissue": ["left_elbow"]}
-        )
     real = builtins.__import__
 
     def without(name: str, *args: Any) -> Any:

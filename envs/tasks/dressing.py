@@ -120,7 +120,6 @@ class Dressing(Task):
 
     reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"stretch_re1_dex"}
     least_success = 85
-    engines = ("bullet",)  # matter that is soft
     Options = DressingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
     paper_terms = ("distance",)

@@ -15,10 +15,12 @@ from rcare_marl.scene.mjcf import START, body_name, joint_name, mjcf
 from rcare_marl.scene.scene import Place, Scene
 
 from .bullet_rows import ERP, motor_table, solve_rows, write_rows
+from .caps import USUAL, cut_speeds
 
 Ints = npt.NDArray[np.int64]
 # [m] from which on a contact of what has joints is reckoned with: an arm's way in a physics step.
 MARGIN = 0.001
+SPARE_BONDS, SPARE_PAIRS = 8, 512  # that an episode can make, and keep apart
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
 TIGHT = 2.05  # time constant of joint limits, in physics steps
 FACING, SIDEWAYS = slice(0, 3), (slice(3, 6), slice(6, 9))  # axes in the frame of a contact
@@ -62,6 +64,11 @@ class Simulation:
         qvel: Velocities.
         iterations: Sweeps of the solver in a physics step.
         strengths: Greatest force of each equality [N], shape [neq].
+        caps: Greatest speed of each degree of freedom, shape [nv].
+        feels: Whether it works out what joints transmit in each step.
+        loads: What parents put on links in the last step: torque [N·m] about where `arms` begin, force [N],
+            arms from the origins of the links to there [m], each [nbody, 3], and how links were turned,
+            [nbody, 3, 3]; in the world.
         torque: What joints are pushed with in the coming step, shape [nv].
     """
 
@@ -71,7 +78,7 @@ class Simulation:
         Raises:
             ConfigError: If MuJoCo cannot tell so many bodies apart.
         """
-        files = mjcf(scene, drives=False, parts=False)
+        files = mjcf(scene, drives=False, parts=False, spare=(SPARE_BONDS, SPARE_PAIRS))
         assets = {name: text.encode() for name, text in files.items()}
         self.model = model = mujoco.MjModel.from_xml_string(files["scene.xml"], assets)
         self.data = data = mujoco.MjData(model)
@@ -87,9 +94,13 @@ class Simulation:
         self._shares = np.where(is_gear, GEAR_ERP, ERP)
         self.strengths = np.full(model.neq, np.inf)
         self._gain = np.zeros((1, model.nv))
-        self._bonds = [model.equality(f"bond:{i}").id for i in range(len(scene.bonds))]
         self._roots = {body.name: scene.bodies[body.name].model.root for body in bodies}
-        self.strengths[self._bonds] = [bond.force for bond in scene.bonds]
+        for i, bond in enumerate(scene.bonds):
+            self.strengths[model.equality(f"bond:{i}").id] = bond.force
+        self.caps = np.full(model.nv, USUAL)
+        self.feels = False
+        nothing = np.zeros((model.nbody, 3))
+        self.loads = nothing, nothing, nothing, np.zeros((model.nbody, 3, 3))
         self.places = [BodyPlaces(model, body, self._roots[body.name]) for body in bodies]
         self._bodies, self._dt = list(bodies), scene.physics_dt
         self._find_geoms(scene)
@@ -141,7 +152,13 @@ class Simulation:
         model, data = self.model, self.data
         return [
             *(data.qpos, data.qvel, data.eq_active, model.body_pos, model.body_quat, self.motors),
-            *(model.dof_frictionloss, model.jnt_limited, model.jnt_range, self.strengths),
+            *(
+                model.dof_frictionloss,
+                model.jnt_limited,
+                model.jnt_range,
+                self.strengths,
+                self.caps,
+            ),
         ]
 
     def rewind(self) -> None:
@@ -196,6 +213,7 @@ class Simulation:
             self.touched,
         )
         mujoco.mj_fwdAcceleration(model, data)
+        cut_speeds(self.qvel, data.qacc_smooth, self.caps, self._dt)
         solve_rows(
             self.iterations,
             kinds,
@@ -211,12 +229,24 @@ class Simulation:
         )
         mujoco.mj_solveM(model, data, self._gain, data.qfrc_constraint[None])
         np.add(data.qacc_smooth, self._gain[0], out=data.qacc)
+        cut_speeds(self.qvel, data.qacc, self.caps, self._dt)
+        if self.feels:
+            self._feel()
         mujoco.mj_Euler(model, data)
         self.torque[:] = 0.0
         if self._pushed:
             data.xfrc_applied[:] = 0.0
             self._pushed = False
         self.moved()
+
+    def _feel(self) -> None:
+        """Work out what joints transmit in this step, before anything moves."""
+        model, data = self.model, self.data
+        mujoco.mj_rnePostConstraint(model, data)
+        wrenches = data.cfrc_int.copy()
+        arms = data.subtree_com[model.body_rootid] - data.xpos  # that is where wrenches are about
+        turns = data.xmat.reshape(-1, 3, 3).copy()
+        self.loads = wrenches[:, :3], wrenches[:, 3:], arms, turns
 
     def pose(self, link: int) -> Pose:
         """Return the pose of one of MuJoCo's bodies in the world."""
@@ -261,10 +291,6 @@ class Simulation:
         joint = self.model.dof_jntid[dof]
         self.model.jnt_limited[joint] = True
         self.model.jnt_range[joint] = lower, upper
-
-    def set_bond(self, number: int, holds: bool) -> None:
-        """Let a bond of the scene hold, or not."""
-        self.data.eq_active[self._bonds[number]] = holds
 
     def set_base(self, number: int, pose: Pose) -> None:
         """Put the base of a body somewhere, at rest."""

@@ -43,6 +43,7 @@ def mjcf(
     *,
     drives: bool = True,
     parts: bool = True,
+    spare: tuple[int, int] = (0, 0),
 ) -> dict[str, str]:
     """Return the files of a scene by name: `scene.xml` and the meshes that it needs.
 
@@ -51,11 +52,12 @@ def mjcf(
         drawings: What to draw of each link; only what collides if None.
         drives: Whether joints have actuators.
         parts: Whether what is held rigidly is a part of who holds it; a weld if not.
+        spare: Welds that hold nothing, and pairs kept apart that do not matter, for who changes them later.
 
     Raises:
         ConfigError: If more bodies of their own rules of contact are in it than MuJoCo can tell apart.
     """
-    return _Writer(scene, drawings or {}, drives=drives, parts=parts).files()
+    return _Writer(scene, drawings or {}, drives=drives, parts=parts).files(*spare)
 
 
 class _Writer:
@@ -102,7 +104,7 @@ class _Writer:
         self._geoms: dict[Place, list[str]] = {}
         self._start: list[float] = []
 
-    def files(self) -> dict[str, str]:
+    def files(self, bonds: int = 0, pairs: int = 0) -> dict[str, str]:
         masks = self._masks()
         for body in self._scene.bodies.values():
             if body.name not in self._held:
@@ -115,6 +117,13 @@ class _Writer:
         for bond in self._scene.bonds:
             if bond is not self._held.get(bond.child[0]):
                 self._bond(bond)
+        first = next(iter(self._links.values()), None)
+        if first is not None:
+            name = first.get("name", "")
+            for i in range(bonds):
+                _add(self._equalities, "weld", name=f"spare:{i}", body1=name, active="false")
+            for _ in range(pairs):
+                _add(self._contacts, "exclude", body1="world", body2=name)
         key = _add(_add(self._root, "keyframe"), "key", name=START)
         # Depth first, as MuJoCo counts joints.
         key.set("qpos", _text(self._positions(self._world)))
