@@ -5,7 +5,9 @@ from __future__ import annotations
 import builtins
 import json
 import sys
+from collections.abc import Sequence
 from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,17 +15,28 @@ import pytest
 from typer.testing import CliRunner
 
 import rcare_marl
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.baselines.benchmark import parity
 from rcare_marl.cli import app
 from rcare_marl.engines import make_world
 from rcare_marl.engines.mujoco_world import MujocoWorld
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.devices import FloorLift, HospitalBed
+from rcare_marl.envs.registry import task_class
 from rcare_marl.envs.tasks.drinking import Drinking
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose
 from rcare_marl.world import GRAVITY
 
+PENDULUM = """<robot name="pendulum">
+<link name="post"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+</inertial></link>
+<link name="bob"><inertial><origin xyz="0.3 0 0"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="post"/><child link="bob"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="10" velocity="10"/></joint></robot>"""
 SCRIPTED = {"robot": "scripted", "recipient": "cooperative"}
 
 
@@ -207,6 +220,62 @@ def test_a_cap_on_joint_speeds_is_bullets() -> None:
     assert speeds == pytest.approx([0.5, 0.5], abs=1e-6)
 
 
+@pytest.mark.parametrize("depth", [0.0005, 0.01, 0.06])
+def test_what_overlaps_is_pushed_apart_as_fast_as_by_bullet(depth: float) -> None:
+    speeds = []
+    for engine in ("bullet", "mujoco"):
+        made = make_world(engine, 1 / 240)
+        made.add_box((4, 4, 0.5), Pose((0, 0, -0.25)), name="floor")
+        ball = made.add_sphere(0.1, Pose((0, 0, 0.1 - depth)), mass=1.0)
+        made.mark_start()
+        made.step()
+        speeds.append(ball.link_motion(-1)[1][2])
+    assert speeds[1] == pytest.approx(speeds[0], rel=0.01)
+
+
+@pytest.mark.parametrize("beyond", [0.01, 0.1])
+def test_a_joint_past_its_limit_returns_as_in_bullet(beyond: float, tmp_path: Path) -> None:
+    file = tmp_path / "pendulum.urdf"
+    file.write_text(PENDULUM)
+    places = []
+    for engine in ("bullet", "mujoco"):
+        made = make_world(engine, 1 / 240)
+        body = made.load_urdf(file)
+        body.release_motors([0])
+        body.set_joints([0], [1.0 + beyond])
+        made.mark_start()
+        for _ in range(5):
+            made.step()
+        places.append(body.joint_states([0])[0][0])
+    assert places[1] == pytest.approx(places[0], abs=1e-4)
+
+
+def test_a_lift_and_a_bed_raise_people_as_in_bullet() -> None:
+    rises, loads = [], []
+    for engine in ("bullet", "mujoco"):
+        made, lift, bed = make_world(engine, 1 / 240), FloorLift(), HospitalBed()
+        lift.spawn(made)
+        bed.spawn(made, Pose((5.0, 0, 0)))
+        posture, frame = lift.postures["slung"]
+        person = Human("kim", load_avatar("kim"), posture=load_posture(posture), fixed_base=False)
+        person.spawn(made, lift.frame_in_world(frame))
+        person.reset(np.random.default_rng(0))
+        made.mark_start()
+        lift.carry(person)  # a bond made in the episode
+        start = person.body.base_pose().position[2], bed.position("height")
+        lift.command("boom", lift.body.joint("boom").upper)
+        bed.command("height", bed.limits("height")[1])
+        for _ in range(480):
+            person.actuate()
+            made.step()
+        rise = person.body.base_pose().position[2] - start[0], bed.position("height") - start[1]
+        rises.append(rise)
+        loads.append(lift.load())
+    assert min(rises[0]) > 0.02
+    assert rises[1] == pytest.approx(rises[0], abs=0.002)
+    assert loads[1] == pytest.approx(loads[0], rel=0.05)
+
+
 SENSED = ["joint_wrench", "joint_torque", {"kind": "wrist_wrench", "tare": True}]
 
 
@@ -252,15 +321,57 @@ def test_what_does_not_run_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -
         rcare_marl.make("feeding", engine="mujoco")
 
 
+def played_by_partners(task: str, seeds: Sequence[int], **cast: Any) -> list[tuple[bool, float]]:
+    """Return of episodes on MuJoCo whether they succeed, and the greatest force on the recipient [N]."""
+    with closing(rcare_marl.make(task, engine="mujoco", **cast)) as env:
+        here = set(env.cast)
+    partners = {name: role.partner for name, role in task_class(task).roles().items()}
+    policies = {name: partner for name, partner in partners.items() if name in here}
+    found = []
+    with closing(rcare_marl.make(task, engine="mujoco", policies=policies, **cast)) as env:
+        for seed in seeds:
+            env.reset(seed=seed)
+            peak = 0.0
+            while not env.is_over:
+                env.step({})
+                peak = max(peak, float(getattr(env.task.state, "force", 0.0)))
+            found.append((bool(env.task.succeeded()), peak))
+    return found
+
+
+def test_our_sponge_bathes_in_step_with_mujoco() -> None:
+    ((succeeded, peak),) = played_by_partners("bathing", [0])
+    assert succeeded
+    assert peak == pytest.approx(5.4, abs=0.5)  # as in Bullet
+
+
+def test_a_cup_is_handed_over_and_our_water_drunk_on_mujoco() -> None:
+    for task in ("handing_over", "drinking"):
+        assert played_by_partners(task, [0])[0][0], task
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("task", ["limb_repositioning", "toileting"])
+@pytest.mark.parametrize(
+    "task",
+    ["limb_repositioning", "toileting", "bathing", "drinking", "handing_over", "phyrc_bathing"],
+)
 def test_other_scripts_succeed(task: str) -> None:
-    with closing(rcare_marl.make(task, engine="mujoco", policies={"robot": "scripted"})) as env:
-        rest = {role: "cooperative" for role in env.possible_agents}
-    policies = {"robot": "scripted", **rest}
-    with closing(rcare_marl.make(task, engine="mujoco", policies=policies)) as env:
-        assert isinstance(env.cast["robot"], Robot)
-        assert all(played(env, seed)[0] for seed in range(3))
+    assert all(succeeded for succeeded, _ in played_by_partners(task, range(3)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "task, place", [("feeding", 2), ("toileting", 1), ("ambulating", 3), ("bathing", 1)]
+)
+def test_scripts_succeed_in_a_house(task: str, place: int) -> None:
+    home = "house_09" if task == "bathing" else "house_07"
+    found = played_by_partners(task, range(2), home=home, level=place)
+    assert all(succeeded for succeeded, _ in found)
+
+
+@pytest.mark.slow
+def test_a_caregiver_lifts_a_leg_and_a_robot_dresses_it() -> None:
+    assert played_by_partners("dressing", [100])[0][0]
 
 
 def test_bench_batch_tells_both_speeds_and_the_ratio() -> None:

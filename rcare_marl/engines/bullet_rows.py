@@ -8,8 +8,9 @@ that moves at its wished speed, and with `a = (v' - v) / dt`
 - motor: aref = (wished - v) / dt, R about 0;
 - contact of stiffness k [N/m] and damping c [N·s/m]: aref = (k overlap / (dt k + c) - v) / dt and
   R = 1 / (dt (dt k + c)), as of a spring and a damper at the end of the step;
-- bond or joint limit: aref = (-0.2 error / dt - v) / dt, R about 0; a gear has a share of its own;
-- rigid contact: aref = (0.2 overlap / dt - v) / dt, R about 0, with Bullet's share of 0.2.
+- bond or joint limit: aref = (-0.2 error / dt - v) / dt, R about 0; a gear has a share of its own, and
+  what is farther than 0.04 past a limit is stopped, not moved back;
+- rigid contact: aref = (0.08 overlap / dt - v) / dt, R about 0, with Bullet's share of 0.08.
 
 The rows are solved as Bullet solves them, by projected Gauss-Seidel with the same number of iterations,
 from nothing in each step. That is no detail: in thirty iterations Bullet's forces on a pressed mouth stay a
@@ -25,7 +26,12 @@ import numpy as np
 
 from rcare_marl.pose import Array
 
-ERP = 0.2  # share of the overlap of rigid bodies that Bullet removes in a physics step
+ERP = 0.2  # share of the error of bonds and joint limits that Bullet removes in a physics step
+FAR_PAST = (
+    -0.04
+)  # [rad or m] past its limit from where on Bullet stops a joint, but moves it back no more
+CONTACT_ERP = 0.08  # the same of the overlap of rigid bodies
+SLOP = 1e-5  # [m] of overlap that Bullet leaves
 MOTOR_GIVE = 1e-4  # R of a motor or bond as a share of what its joint alone gives way by
 CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
 EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
@@ -80,6 +86,8 @@ def write_rows(  # type: ignore[no-untyped-def]
     for row in range(count):
         if kinds[row] == EQUALITY_ROW or kinds[row] == LIMIT_ROW:
             share = gears[ids[row]] if kinds[row] == EQUALITY_ROW else ERP
+            if kinds[row] == LIMIT_ROW and errors[row] < FAR_PAST:
+                share = 0.0
             aref[row] = (-share * errors[row] / dt - speeds[row]) / dt
             soft[row] = MOTOR_GIVE * gives[row]
         if kinds[row] != FRICTION_ROW:
@@ -101,8 +109,8 @@ def write_rows(  # type: ignore[no-untyped-def]
         touched[owners[one]] = touched[owners[other]] = True
         near = gives[row]
         first, second = surfaces[one, 1], surfaces[other, 1]
-        gap, give = gaps[i], CONTACT_GIVE * near
-        wished = -gap / dt if gap > 0.0 else -ERP * gap / dt
+        gap, give = gaps[i] + SLOP, CONTACT_GIVE * near
+        wished = -gap / dt if gap > 0.0 else -CONTACT_ERP * gap / dt
         if first > 0.0 or second > 0.0:
             spring = first + second
             if first > 0.0 and second > 0.0:
