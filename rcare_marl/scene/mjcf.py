@@ -13,7 +13,7 @@ from xml.etree import ElementTree as xml
 from rcare_marl.errors import ConfigError
 from rcare_marl.model.mesh_file import hulls
 from rcare_marl.model.shape import Shape
-from rcare_marl.model.urdf import Joint, Link, joint_pose
+from rcare_marl.model.urdf import FRAME_INERTIA, FRAME_MASS, Joint, Link, joint_pose
 from rcare_marl.pose import Pose
 
 from .drawing import Drawn
@@ -219,10 +219,11 @@ class _Writer:
         if joint is not None and joint[0] in body.positions:
             self._joint(body, *joint, element)
         link = body.model.links[name]
-        if link.mass > 0:
-            xx, xy, xz, yy, yz, zz = link.inertia
+        moves = joint is not None and joint[0] in body.positions
+        if link.mass > 0 or moves:  # nothing that moves is without mass
+            xx, xy, xz, yy, yz, zz = link.inertia if link.mass else FRAME_INERTIA
             inertia = _text((xx, yy, zz, xy, xz, yz))
-            mass = repr(link.mass)
+            mass = repr(link.mass or FRAME_MASS)
             _add(element, "inertial", pos=_text(link.com), mass=mass, fullinertia=inertia)
         self._shapes(body, at, link, element, masks)
         for i, drawing in enumerate(self._drawings.get(at, ())):
