@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import json
+import math
 import sys
 from collections.abc import Sequence
 from contextlib import closing
@@ -231,6 +232,29 @@ def test_what_overlaps_is_pushed_apart_as_fast_as_by_bullet(depth: float) -> Non
         made.step()
         speeds.append(ball.link_motion(-1)[1][2])
     assert speeds[1] == pytest.approx(speeds[0], rel=0.01)
+
+
+@pytest.mark.parametrize("shape", ['<box size=".2 .2 .2"/>', '<cylinder radius=".1" length=".2"/>'])
+def test_edges_and_faces_are_where_bullet_has_them(shape: str, tmp_path: Path) -> None:
+    file = tmp_path / "block.urdf"
+    file.write_text(
+        '<robot name="block"><link name="block"><inertial><mass value="1"/><inertia ixx="1" iyy="1" '
+        'izz="1" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>'
+        f"{shape}</geometry></collision></link></robot>"
+    )
+    found: dict[str, list[float]] = {}
+    for engine in ("bullet", "mujoco"):
+        for way in ((0, 0, 1), (1, 0, 0), (1, 0, 1)):
+            made = make_world(engine, 1 / 240)
+            block = made.load_urdf(file)
+            ball = made.add_sphere(0.05, Pose(tuple(np.array(way) * (0.1 + 0.0495))), mass=1.0)
+            if way == (1, 0, 1):
+                ball.set_base(Pose(tuple(np.array(way) * (0.1 + 0.0495 / math.sqrt(2)))))
+            made.mark_start()
+            made.step()
+            found.setdefault(engine, []).extend(c.distance for c in made.contacts(ball, block))
+    assert len(found["bullet"]) == 3
+    assert found["mujoco"] == pytest.approx(found["bullet"], abs=2e-5)
 
 
 @pytest.mark.parametrize("beyond", [0.01, 0.1])

@@ -72,7 +72,7 @@ def write_rows(  # type: ignore[no-untyped-def]
         places: Where in `positions` the joint of a degree of freedom is, shape [nv].
         motors: See `motor_table`.
         gears: Share of the error of each equality that is removed in a physics step.
-        surfaces: Friction, stiffness (0 if rigid) and damping of each geom, shape [ngeom, 3].
+        surfaces: Friction, stiffness (0 if rigid), damping and rounding [m] of each geom, shape [ngeom, 4].
         owners: Number of the body of each geom.
         rows: `efc_type`, `efc_id`, `efc_pos`, `efc_vel`, `efc_diagA`, `efc_aref`, `efc_R`.
         dual: `efc_AR`, whose diagonal has R in it.
@@ -109,7 +109,8 @@ def write_rows(  # type: ignore[no-untyped-def]
         touched[owners[one]] = touched[owners[other]] = True
         near = gives[row]
         first, second = surfaces[one, 1], surfaces[other, 1]
-        gap, give = gaps[i] + SLOP, CONTACT_GIVE * near
+        gap = gaps[i] - surfaces[one, 3] - surfaces[other, 3] + SLOP
+        give = CONTACT_GIVE * near
         wished = -gap / dt if gap > 0.0 else -CONTACT_ERP * gap / dt
         if first > 0.0 or second > 0.0:
             spring = first + second

@@ -20,6 +20,9 @@ from .caps import USUAL, cut_speeds
 Ints = npt.NDArray[np.int64]
 # [m] from which on a contact of what has joints is reckoned with: an arm's way in a physics step.
 MARGIN = 0.001
+ROUNDING = (
+    0.001  # [m] of Bullet's shapes with edges: its collision margin of what is read from a URDF
+)
 SPARE_BONDS, SPARE_PAIRS = 8, 512  # that an episode can make, and keep apart
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
 TIGHT = 2.05  # time constant of joint limits, in physics steps
@@ -117,7 +120,7 @@ class Simulation:
     def _find_geoms(self, scene: Scene) -> None:
         model, count = self.model, self.model.ngeom
         self._geom_body, self._geom_link = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        self._surfaces = np.zeros((count, 3))
+        self._surfaces = np.zeros((count, 4))
         whose: dict[int, tuple[int, int, Place]] = {}
         for number, (body, places) in enumerate(zip(self._bodies, self.places, strict=True)):
             names = [self._roots[body.name], *(body.link_names[i] for i in range(body.link_count))]
@@ -128,9 +131,23 @@ class Simulation:
             touch = scene.bodies[name].touching[link_name]
             self._geom_body[geom], self._geom_link[geom] = number, link
             model.geom_margin[geom] = MARGIN if self._bodies[number].joints else 0.0
-            self._surfaces[geom] = touch.friction, touch.stiffness, 0.0
+            self._surfaces[geom, :2] = touch.friction, touch.stiffness
             if touch.stiffness > 0:
                 self._surfaces[geom, 2] = touch.damping
+        self._round_off()
+
+    def _round_off(self) -> None:
+        """Give shapes with edges Bullet's margin: it lies round hulls and cylinders, and within boxes."""
+        model, sorts = self.model, mujoco.mjtGeom
+        boxes = model.geom_type == int(sorts.mjGEOM_BOX)
+        edged = boxes | np.isin(
+            model.geom_type, (int(sorts.mjGEOM_MESH), int(sorts.mjGEOM_CYLINDER))
+        )
+        self._surfaces[edged, 3] = ROUNDING
+        thin = np.minimum(ROUNDING, 0.9 * model.geom_size[boxes].min(axis=1))
+        self._surfaces[boxes, 3] = thin
+        model.geom_size[boxes] -= thin[:, None]
+        model.geom_margin[edged] += 2 * ROUNDING
 
     def _begin_motors(self) -> None:
         """Take dry friction of the joints that have any; others have the motor of Bullet's default."""
@@ -322,7 +339,8 @@ class Simulation:
                 continue
             own = 0 if number is not None and pairs[i, 0] == number else 1
             side = 1.0 if own == 1 else -1.0  # MuJoCo's frame looks from the first to the second
-            frame, gap = contact.frame[i], float(contact.dist[i])
+            frame = contact.frame[i]
+            gap = float(contact.dist[i] - self._surfaces[contact.geom[i], 3].sum())
             normal = side * frame[FACING]
             middle = contact.pos[i]
             one, other = contact.geom[i][own], contact.geom[i][1 - own]
