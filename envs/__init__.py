@@ -6,14 +6,20 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rcare_marl.config import load
-from rcare_marl.engines import ENGINES
-from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.errors import ConfigError
 
 from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
-from .cast import CastEntry, make_cast
+from .cast import CastEntry, make_cast, speaking
 from .place import BareFloor
-from .registry import policy_names, register_policy, register_task, task_class, task_names
+from .registry import (
+    check_engine,
+    policy_names,
+    register_policy,
+    register_task,
+    task_class,
+    task_names,
+)
 from .state import Seen, State
 from .task import STANDING_CAREGIVER, Role, Task
 from .task_options import TaskOptions
@@ -94,10 +100,7 @@ def make(
         if value is not None and not isinstance(value, Mapping):
             raise ConfigError(f"{name} must be a mapping, got {type(value).__name__} {value!r}")
     cls = task_class(task)
-    check_name("engine", engine, ENGINES)
-    if engine not in cls.engines:
-        able = ", ".join(name for name in task_names() if engine in task_class(name).engines)
-        raise ConfigError(f"{task!r} does not run on engine {engine!r}; these do: {able}")
+    check_engine(task, engine)
     agents, factories = make_cast(task, cls, cast, policies or {})
     scene = cls(load(cls.Options, dict(options or {}), f"options of {task!r}"))
     scene.cast = agents
@@ -119,7 +122,8 @@ def make(
         "task": task,
         "options": dict(options or {}),
         "physics_dt": physics_dt,
-        "cast": cast | {name: value for name, value in place.items() if value is not None},
+        "cast": speaking(cast, agents)
+        | {name: value for name, value in place.items() if value is not None},
         **({} if engine == "bullet" else {"engine": engine}),
     }
     return env

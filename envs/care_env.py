@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -12,6 +12,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from rcare_marl.agents.agent import Agent, Array
+from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.sensing.marker import fasten
@@ -23,6 +24,7 @@ from rcare_marl.world import World
 
 from .registry import PolicyFactory
 from .state import Seen
+from .stride import make_stride
 from .task import Task, part_name
 
 if TYPE_CHECKING:
@@ -32,6 +34,7 @@ Action = npt.NDArray[np.float32]
 Obs = Any  # a vector, or a dictionary of it and of arrays such as pictures
 RENDER_MODES = ("rgb_array", "human")
 OVERLAP = 0.001  # [m] that robots may overlap at the start
+CLEAR = 0.001  # [m] that they keep from people then; nearer, they press in the first physics step
 STARTS = 20  # that are drawn in an episode until robots are clear of people; our own choice
 ROUNDING = 1e-6  # by which an excitation may leave [0, 1]
 APART = 2**64  # numbers that lie between the chance of policies and all other chance of an episode
@@ -141,16 +144,24 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             if agent.sensors is not None:
                 agent.sensors.bind(self.world, agent)
         self.world.mark_start()
-        acting = [a for a in self._order if a.needs_actuation]
-        self._actuated = tuple(  # of robots their parts: a call less in every physics step
-            act for a in acting for act in (a.acting if isinstance(a, Robot) else (a.actuate,))
+        watched = [suite.after_substep for suite in self._suites if suite.watches]
+        self._stride = make_stride(
+            self.world,
+            self.cast,
+            [self.task.look_at_contacts, *watched],
+            None if watched else self._touching(),
         )
-        self._watched = tuple(suite.after_substep for suite in self._suites if suite.watches)
         self._vectors = {role: self._observation(role) for role in self.cast}
         self._spaces: dict[str, spaces.Box[np.float32]] = {
             role: spaces.Box(agent.action_low, 1, (agent.action_size,), np.float32)
             for role, agent in self.cast.items()
         }
+
+    def _touching(self) -> list[Human] | None:
+        """Return the people whose touches alone tell the task anything; None if other things do."""
+        if type(self.task).after_substep is not Task.after_substep:
+            return None
+        return [p for p in self.task.people if p.name not in self.task.bystanders]
 
     def _fasten_markers(self) -> None:
         """Put markers on everybody, behind all else, and refuse two that a camera could not tell apart."""
@@ -167,18 +178,23 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                 fasten(self.world, agent, marker)
 
     def _check_apart(self) -> None:
-        """Refuse robots that stand in each other, in people, or in the house."""
-        if (fault := self._overlap()) is not None:
+        """Refuse robots that stand in each other or in people, and all who stand in the house."""
+        fault = self._overlap() or self._in_house(self.cast)
+        if fault is not None:
             raise ConfigError(fault)
+
+    def _in_house(self, roles: Iterable[str]) -> str | None:
+        """Return who of some roles stands in walls or furniture, as an error says it; None if nobody."""
         place = self.task.place
-        for role, agent in self.cast.items():
+        for role in roles:
             for name, thing in place.obstacles:
-                gap = self.world.separation(agent.body, thing, within=0.01)
+                gap = self.world.separation(self.cast[role].body, thing, within=0.01)
                 if gap < -OVERLAP:
-                    raise ConfigError(
+                    return (
                         f"{role!r} stands in {name} of {place.name} by {-1e3 * gap:.0f} mm: "
                         "choose another room, mount or posture"
                     )
+        return None
 
     def _overlap(self) -> str | None:
         """Return which robot stands in another one or in somebody, as an error says it; None if none."""
@@ -187,10 +203,10 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             people = [(r, a) for r, a in self.cast.items() if not isinstance(a, Robot)]
             for second, other in [*robots[i + 1 :], *people]:
                 gap = self.world.separation(robot.body, other.body, within=0.01)
-                if gap < -OVERLAP:
+                if gap < (-OVERLAP if isinstance(other, Robot) else CLEAR):
+                    how = f"stand in each other by {-1e3 * gap:.0f} mm" if gap < 0 else "touch"
                     return (
-                        f"{first!r} and {second!r} stand in each other by {-1e3 * gap:.0f} mm: give "
-                        "the robot another mount or posture"
+                        f"{first!r} and {second!r} {how}: give the robot another mount or posture"
                     )
         return None
 
@@ -265,15 +281,16 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
                 raise ConfigError(f"a seed is a whole number from 0 on, got {seed!r}")
             self.seed, self._seeds = int(seed), np.random.default_rng([seed, 1])
         rng = np.random.default_rng(self.seed)
+        robots = [role for role, agent in self.cast.items() if isinstance(agent, Robot)]
         for _ in range(STARTS):
             self.world.rewind()
             for agent in self._order:
                 agent.reset(rng)
             self.task.begin(rng)
-            if (fault := self._overlap()) is None:
+            if (fault := self._overlap() or self._in_house(robots)) is None:
                 break
         else:
-            raise ConfigError(f"no start in {STARTS} is clear of people: {fault}")
+            raise ConfigError(f"no start in {STARTS} is clear: {fault}")
         for suite in self._suites:
             suite.reset(rng)
         self._sense()
@@ -315,22 +332,15 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         commands = self._checked(actions)
         for role, policy in self.policies.items():
             commands[role] = self._valid(role, policy.act())
-        task, world, self.commands = self.task, self.world, commands
+        task, self.commands = self.task, commands
         for role, agent in self.cast.items():
             agent.command(commands[role], task.control_dt)
-        step, look = world.step, task.look_at_contacts
-        for _ in range(self._substeps):
-            for actuate in self._actuated:
-                actuate()
-            step()
-            look()
-            for watch in self._watched:
-                watch()
+        self._stride(self._substeps)
         self._sense()
         roles = self.agents
         terms = {role: task.paid(role, task.state) for role in roles}
         done = bool(task.is_success(task.state) | task.failed())
-        late = world.time >= task.time_limit - 1e-9
+        late = self.world.time >= task.time_limit - 1e-9
         observations = {role: self._vectors[role].read() for role in roles}
         infos = self._infos(terms)
         if done or late:

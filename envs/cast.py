@@ -11,8 +11,9 @@ from rcare_marl.agents.agent import Agent
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.actuation.muscle_model import Tendon
 from rcare_marl.agents.people.actuation.muscular import Excitation
-from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_posture
+from rcare_marl.agents.people.avatar import AvatarConfig, load_posture
 from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.sampling.population import find_avatar
 from rcare_marl.agents.people.strength import StrengthMap
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import Mount, RobotConfig, load_robot, urdf_robot
@@ -111,7 +112,8 @@ class HumanCast:
     """How a person is cast.
 
     Attributes:
-        model: An avatar's name, a YAML file, or an `AvatarConfig`; the role's default if None.
+        model: An avatar's name, a YAML file, a person of a population (`population:test:17`), or an
+            `AvatarConfig`; the role's default if None.
         actuation: How the joints are driven: `skeletal` pulls them towards target angles, `muscle` moves
             them by muscles.
         excitation: With muscles, what an action is: an excitation in [0, 1] of each `unit` or of each
@@ -124,7 +126,8 @@ class HumanCast:
             paper's map.
         posture: A posture's name or YAML file; the role's default if None.
         movable: Joints or DoFs that move; the role's default if None.
-        moves: What actions move beside the joints: `walk`, `kneel`, `grasp`; the role's default if None.
+        moves: What actions do beside moving the joints: `walk`, `kneel`, `grasp`, `speak`; the role's
+            default if None, and `speak` where the task listens and a script plays the person.
         tissue: Segments whose flesh yields: `left_shoulder` (upper arm), `left_elbow` (forearm), `*_hip`,
             `*_knee`, `spine1` to `spine3`, or `left_arm`, `left_leg`, `torso`.
         physiology_observed: Whether the person observes their own vital signs, fatigue and pain.
@@ -255,18 +258,23 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any], *, is_scripted
         return agent
     person = load(HumanCast, fields, f"cast of {name!r}")
     model = person.model if person.model is not None else role.default
-    avatar = model if isinstance(model, AvatarConfig) else load_avatar(_named(name, model))
+    avatar = model if isinstance(model, AvatarConfig) else find_avatar(_named(name, model))
+    excitation = person.excitation or ("posture" if is_scripted else "unit")
+    moves = person.moves if person.moves is not None else tuple(role.moves or ())
+    is_excited = person.actuation == "muscle" and excitation != "posture"
+    if person.moves is None and role.speaks and is_scripted and not is_excited:
+        moves = (*moves, "speak")
     human = Human(
         name,
         avatar,
         posture=load_posture(person.posture or role.posture),
         movable=person.movable if person.movable is not None else role.movable,
-        moves=person.moves if person.moves is not None else role.moves or (),
+        moves=moves,
         tissue=person.tissue,
         physiology_observed=person.physiology_observed,
         actuation=ActuationConfig(
             kind=person.actuation,
-            excitation=person.excitation or ("posture" if is_scripted else "unit"),
+            excitation=excitation,
             tendon=person.tendon,
             musculature=None if person.musculature is None else str(person.musculature),
             strength=person.strength,
@@ -274,6 +282,17 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any], *, is_scripted
     )
     human.equip(_suite(name, person.sensors), person.markers)
     return human
+
+
+def speaking(entries: Mapping[str, CastEntry], cast: Mapping[str, Agent]) -> dict[str, CastEntry]:
+    """Return cast entries that say who speaks, which else depends on who plays the person."""
+    out = dict(entries)
+    for role, agent in cast.items():
+        if isinstance(agent, Human) and "speak" in agent.moves:
+            entry = entries.get(role, {})
+            fields = entry if isinstance(entry, Mapping) else {"model": entry}
+            out[role] = {"moves": list(agent.moves), **fields}
+    return out
 
 
 def _suite(role: str, entries: tuple[Any, ...]) -> SensorSuite | None:

@@ -31,11 +31,13 @@ class Fixture:
         body: Its body.
         model: Its links and joints.
         frames: Named places on it.
+        walls: Walls that were built about it.
     """
 
     body: Body
     model: Model
     frames: Mapping[str, Frame]
+    walls: Sequence[Body] = ()
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,9 @@ class BareFloor:
     def fixture(self, kind: str) -> Fixture:
         from .homes import build_fixture  # houses take long to import
 
-        return build_fixture(self._world, kind, level=self.level)
+        built = build_fixture(self._world, kind, level=self.level)
+        self.obstacles = [("a wall", wall) for wall in built.walls]
+        return built
 
     def door(self, *, hinge: HardwareSide = "low", clear_width: float | None = None) -> Door:
         from .homes import build_door

@@ -19,20 +19,21 @@ from rcare_marl.agents.people.behaviour.behaviour_tree import RandomPolicy, Stay
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
 from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.engines import ENGINES
 from rcare_marl.errors import ConfigError, check_name
 
-from .task import Task
+from .task import Task, part_name
 
 if TYPE_CHECKING:
     from .care_env import CareEnv
 
 
 @runtime_checkable
-class OffersFood(Protocol):
-    """A task with a spoon that a person can see."""
+class Offers(Protocol):
+    """A task with food or drink that a person can see."""
 
-    def bowl_position(self) -> Array:
-        """Return where the middle of the spoon's bowl is in the world [m], shape [3]."""
+    def offered_position(self) -> Array:
+        """Return where it is in the world [m], shape [3]."""
 
 
 @runtime_checkable
@@ -71,13 +72,23 @@ def _behaviour(env: CareEnv, role: str) -> Policy:
     others = [a for a in env.cast.values() if isinstance(a, Human) and a is not person]
     around = Surroundings(
         clock=lambda: env.world.time,
-        spoon=task.bowl_position if isinstance(task, OffersFood) else None,
+        spoon=task.offered_position if isinstance(task, Offers) else None,
         partner=others[0].mouth_position if others else None,
+        job=_job(env, role),
     )
     if isinstance(task, FillsMouth):
         full, chokes = partial(task.mouth_is_full, role), partial(task.chokes, role)
         around = dataclasses.replace(around, is_full=full, chokes=chokes)
     return AvatarBehaviour(person, around, task.control_dt)
+
+
+def _job(env: CareEnv, role: str) -> Policy | None:
+    """Return the usual partner in a role, where that is more than to be still or to eat and drink."""
+    part = env.task.roles().get(part_name(role))
+    (name,) = [name for name, kind in _TASKS.items() if kind is type(env.task)] or [""]
+    if part is None or part.partner in (None, "still") or isinstance(env.task, Offers):
+        return None
+    return policy_factory(name, part_name(role), part.partner)(env, role) if name else None
 
 
 _COMMON: dict[str, PolicyFactory] = {  # known for every role
@@ -131,6 +142,19 @@ def task_class(name: str) -> type[Task]:
 def task_names() -> tuple[str, ...]:
     """Return the names of all registered tasks, sorted."""
     return tuple(sorted(_TASKS))
+
+
+def check_engine(task: str, engine: str) -> None:
+    """Refuse an engine that a task does not run on.
+
+    Raises:
+        UnknownNameError: If there is no such task or engine.
+        ConfigError: If the task does not run on it.
+    """
+    check_name("engine", engine, ENGINES)
+    if engine not in task_class(task).engines:
+        able = ", ".join(name for name in task_names() if engine in task_class(name).engines)
+        raise ConfigError(f"{task!r} does not run on engine {engine!r}; these do: {able}")
 
 
 def lead_roles(task: str) -> tuple[str, ...]:

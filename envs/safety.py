@@ -22,6 +22,8 @@ from rcare_marl.body import Body
 from rcare_marl.pose import Array
 from rcare_marl.world import World
 
+from .broadcast import clip
+
 # [N] above which a touch costs, as a share of the limit of the task; our own choice.
 COMFORT_SHARE = 0.5
 # [m²] over which a touch spreads at least: a fingertip, 1 cm²; our own choice. Bullet's contacts are points.
@@ -70,12 +72,12 @@ class Safety:
             "prom": self.beyond_deg / PROM_LIMIT_DEG,
             "speed": (self.speed - SLOW) / (FAST - SLOW),
         }
-        return sum(WEIGHTS[key] * _share(value) for key, value in shares.items())
+        return sum(WEIGHTS[key] * clip(value, 0.0, 1.0) for key, value in shares.items())
 
     def metrics(self, force_limit: float) -> dict[str, Any]:
         """Return what is reported of the episode so far, the same keys in every task."""
         is_one = self.peaks.ndim == 1
-        peaks = self.peaks.tolist() if is_one else np.moveaxis(self.peaks, -1, 0)
+        peaks = self.peaks.tolist() if is_one else [self.peaks[..., k] for k in range(len(REGIONS))]
         return {
             "force_n": self.force,
             "peak_force_n": self.peak_force,
@@ -87,10 +89,6 @@ class Safety:
             "pain": self.pain,
             "cost": self.cost(force_limit),
         }
-
-
-def _share(value: Any) -> Any:
-    return min(max(value, 0.0), 1.0) if isinstance(value, float) else np.clip(value, 0.0, 1.0)
 
 
 class SafetyMeter:

@@ -61,8 +61,9 @@ class Role(Generic[AgentT]):
         partner: Policy that plays the role where another one is the only learner.
         gripper: What a robot's gripper does where the cast names no parts to move; see `Robot`.
         contact_force: Force at a robot's tool from which it gives way in `tool_delta` [N].
-        moves: Parts of a robot that move where the cast names none and it has them all; its main arm if
-            None. Of a person what actions move beside the joints: `walk`, `kneel`, `grasp`.
+        moves: Parts of a robot that move where the cast names none and it has them all, its main arm if
+            None; of a person see `agents.people.moves`.
+        speaks: Whether a person whom a script plays has `speak` among the moves: the task listens.
     """
 
     def __init__(
@@ -78,8 +79,9 @@ class Role(Generic[AgentT]):
         gripper: GripperUse = "held",
         contact_force: float = CONTACT_FORCE,
         moves: Sequence[str] | None = None,
+        speaks: bool = False,
     ) -> None:
-        self.kind, self.default, self.optional = kind, default, optional
+        self.kind, self.default, self.optional, self.speaks = kind, default, optional, speaks
         self.posture, self.movable, self.gripper = posture, movable, gripper
         self.control, self.partner, self.moves = control, partner, moves
         self.contact_force = contact_force
@@ -158,8 +160,7 @@ class Task(abc.ABC):
         least_success: Of a hundred episodes, how many the scripted robot must end well; 0 if it does not
             say.
         engines: What can compute its motion, see `rcare_marl.engines`.
-        control_dt: Length of a control step [s].
-        time_limit: Length of an episode [s].
+        control_dt, time_limit: Length of a control step, and of an episode [s].
         room_kinds: Kinds of rooms of a home that suit the task, the best first.
         footprint: The free floor that it needs, about the origin [m].
         site: What the origin is at: `door`, or a kind of furniture such as `toilet`, whose frame it

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import gymnasium
 
 if TYPE_CHECKING:
+    from rcare_marl.agents.people.sampling.sampler import sample_person
     from rcare_marl.envs import (
         CareHome,
         home_names,
@@ -23,21 +24,34 @@ if TYPE_CHECKING:
         register_task,
         task_names,
     )
+    from rcare_marl.envs.learning import make_batch, make_vector
 
 __version__ = "0.1.0"
 __all__ = [
     "CareHome",
     "home_names",
     "make",
+    "make_batch",
+    "make_vector",
     "policy_names",
     "register_policy",
     "register_task",
+    "sample_person",
     "task_names",
 ]
+BATCHES = ("make_batch", "make_vector")
 
 
 def __getattr__(name: str) -> object:
+    if name == "sample_person":
+        from rcare_marl.agents.people.sampling import sampler
+
+        return sampler.sample_person
     # Loaded at first use, so that importing a single module of the package stays cheap (PEP 562).
+    if name in BATCHES:
+        from rcare_marl.envs import learning
+
+        return getattr(learning, name)
     if name in __all__:
         from rcare_marl import envs
 

@@ -50,6 +50,29 @@ def cached(name: str, suffix: str, content: str | bytes) -> Path:
     return file
 
 
+def cached_file(name: str, suffix: str, recipe: bytes, make: Callable[[], bytes]) -> Path:
+    """Return a file in the cache that holds what `make` returns, made now if it is not there yet.
+
+    Like `cached`, for what takes long to make.
+
+    Args:
+        name: Start of the file name, for a person who looks into the folder.
+        suffix: End of the file name, such as `.npz`.
+        recipe: Everything that the content depends on; the file is named by its hash.
+        make: Returns the content.
+
+    Raises:
+        ConfigError: If the folder cannot be written.
+    """
+    folder = cache_folder()
+    file = folder / f"{name}-{hashlib.sha256(recipe).hexdigest()[:16]}{suffix}"
+    if not file.is_file():
+        content = make()
+        with _writable(folder):
+            write_whole(file, content)
+    return file
+
+
 def cached_folder(name: str, recipe: bytes, make: Callable[[], Mapping[str, str]]) -> Path:
     """Return a folder in the cache that holds what `make` returns, made now if it is not there yet.
 

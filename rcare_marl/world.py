@@ -253,6 +253,11 @@ class World:
             for link_b in range(-1, b.link_count) if links_b is None else links_b:
                 self.filter.set((a.uid, link_a), (b.uid, link_b), enabled)
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether compiled code can step it, with nothing of Python between."""
+        return False
+
     def step(self) -> None:
         """Advance by one physics step."""
         for matter in self.matter:

@@ -17,6 +17,7 @@ from rcare_marl import assets
 from rcare_marl.agents.people.behaviour.avatar_tree import (
     AvatarBehaviour,
     BehaviourConfig,
+    Surroundings,
     behaviour_of,
 )
 from rcare_marl.agents.people.behaviour.cue import GESTURES
@@ -84,9 +85,32 @@ def test_trees_follow_the_ability_of_their_people() -> None:
         assert {"hold still", "look at me", "turn your head left"} <= possible[avatar]
 
 
-def test_a_scene_where_nothing_can_move_is_refused() -> None:
-    with pytest.raises(ConfigError, match="can move nothing that a behaviour needs"):
-        Scene("jose", movable=("left_elbow_flexion",))
+def test_who_can_move_nothing_in_a_scene_is_still() -> None:
+    scene = Scene("jose", movable=("left_elbow_flexion",)).run(0.5)
+    assert "be still" in scene.running()
+    assert not np.any(scene.policy.act())
+
+
+def test_a_job_is_done_until_something_stronger_interrupts() -> None:
+    class Job:
+        calls = 0
+
+        def reset(self, rng: np.random.Generator) -> None:
+            self.calls = 0
+
+        def act(self) -> Array:
+            self.calls += 1
+            return np.zeros(scene.person.action_size)
+
+    scene = Scene()
+    around = Surroundings(lambda: scene.world.time, job=(job := Job()))
+    scene.policy = AvatarBehaviour(scene.person, around, 0.1)
+    scene.cues = scene.policy.cues
+    scene.run(0.5)
+    assert job.calls == 5
+    scene.cues.refuses = True
+    scene.run(0.5)
+    assert job.calls == 5
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import signal
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,7 @@ from torchrl.envs import check_env_specs
 from variants import few
 
 import rcare_marl
-from rcare_marl.envs.learning import BatchedEnv, EnvRecipe, LearnerEnv
+from rcare_marl.envs.learning import BatchedEnv, EnvRecipe, LearnerEnv, station
 from rcare_marl.envs.learning.station import episode_seed
 from rcare_marl.errors import (
     ActionError,
@@ -193,6 +195,24 @@ def test_a_saved_batch_goes_on_bit_for_bit(
     other.load_state_dict(torch.load(tmp_path / "state.pt", weights_only=True))
     assert_equal(expected, parts + played(other, range(HALF, WHOLE)))
     other.close()
+
+
+def test_a_scene_of_mujoco_keeps_no_trace_and_so_is_never_made_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(station, "RENEWAL", 1)
+    recipe = dataclasses.replace(FEEDING, engine="mujoco")
+    env = BatchedEnv(recipe, count=1, seed=SEED)
+    steps = played(env, range(WHOLE))
+    number = int(torch.stack([step["next", "done"] for step in steps]).sum())
+    state = env.state_dict()
+    env.close()
+    assert number > 0 and state["environments"][0]["past"] == []
+    with closing(LearnerEnv(recipe)) as fresh:  # has seen none of the episodes before
+        fresh.reset(episode_seed(SEED, 0, number))
+        for row in state["environments"][0]["actions"]:
+            fresh.step({"robots": row.numpy()[None]})
+        np.testing.assert_array_equal(fresh.state, state["environments"][0]["state"])
 
 
 @pytest.mark.slow

@@ -185,7 +185,7 @@ def test_who_cannot_walk_is_a_named_error() -> None:
     )
     with pytest.raises(ConfigError, match="does not stand"):
         seated.spawn(World(), Pose((0, 0, 0.5)))
-    with pytest.raises(UnknownNameError, match="grasp, kneel, walk"):
+    with pytest.raises(UnknownNameError, match="grasp, kneel, speak, walk"):
         person_in(World(), Pose(), LEGS, moves=("fly",))
     with pytest.raises(ConfigError, match="'posture'"):
         Human(

@@ -113,7 +113,7 @@ def test_vital_signs_built_in_python_get_the_same_errors() -> None:
         Vitals(systolic=70.0, diastolic=90.0)
 
 
-@pytest.mark.parametrize("missing", ["name", "condition", "sex", "height_m", "mass_kg", "body"])
+@pytest.mark.parametrize("missing", ["name", "condition", "sex", "height_m", "mass_kg"])
 def test_each_missing_field_of_an_avatar_is_named(missing: str) -> None:
     with pytest.raises(ConfigError, match=f"missing {missing}"):
         load(AvatarConfig, {key: value for key, value in KARAN.items() if key != missing})

@@ -20,6 +20,7 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
 from rcare_marl.rendering import Camera, GLRenderer, Light, Shot
 from rcare_marl.rendering.daylight import disc, dome, exposed
+from rcare_marl.rendering.geometry import world_parts
 from rcare_marl.world import World
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -264,3 +265,11 @@ def test_page_shows_pictures_that_are_there() -> None:
     for name in pictures:
         file = DOCS / "images" / name
         assert file.is_file() and file.stat().st_size < 500_000, name
+
+
+@pytest.mark.parametrize("name", ["house_01", "house_07"])
+def test_nothing_but_a_floor_is_drawn_as_one(name: str) -> None:
+    world = World()
+    CareHome.load(name, level=1).spawn(world)
+    floors = [part for part in world_parts(world) if part.is_floor]
+    assert all(abs(part.top) < 0.05 for part in floors), [part.top for part in floors]

@@ -287,7 +287,7 @@ def test_houses_differ_in_title_story_and_colours() -> None:
     houses = [load_house(name) for name in HOUSES]
     assert len({house.title for house in houses}) == len({h.story for h in houses}) == 16
     assert len({repr(house.colours()) for house in houses}) == 16
-    assert load_house("house_01").floor("bathroom_1") == "floor_tile"
+    assert load_house("house_01").finish("bathroom_1", 3) == "tile"
 
 
 def small_house(**changes: Any) -> dict[str, Any]:
@@ -366,3 +366,16 @@ def test_a_door_that_finds_no_room_is_named() -> None:
         ConfigError, match="in each other's way at level 3.*living_1 and bathroom_1"
     ):
         lay_out(load(HouseConfig, small_house(plan=parts, doors=many)), 3)
+
+
+def test_a_room_has_the_floor_that_its_house_says() -> None:
+    usual, level = load_house("house_02"), 1
+    assert not usual.floors
+    house = load_house("house_05")
+    for name, room in lay_out(house, level).rooms.items():
+        if room.use in house.floors:
+            assert room.finish == house.floors[room.use], name
+    assert {room.use: room.finish for room in lay_out(usual, 1).rooms.values()}[
+        "bedroom"
+    ] == "carpet"
+    assert {room.finish for room in lay_out(usual, 3).rooms.values()} <= {"wood", "tile"}

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from test_training_kills import assert_alike
 
+import rcare_marl
+from rcare_marl.baselines.policy_file import PolicyFile
 from rcare_marl.baselines.training.checkpoint import BEST, LAST, load
 from rcare_marl.baselines.training.config import load_config
 from rcare_marl.baselines.training.log import CURVE
@@ -104,6 +106,17 @@ def test_a_training_stops_when_asked_and_goes_on_as_if_it_had_not(tmp_path: Path
     assert any(
         load(parts / LAST)["progress"]["sums"].values()
     )  # returns of episodes that still run
+
+
+def test_a_training_on_mujoco_says_so_in_its_policy(tmp_path: Path) -> None:
+    result = trained(SHORT | {"engine": "mujoco", "steps": 40}, tmp_path)
+    file = PolicyFile.read(result.policies["robots"])
+    assert file.recipe["engine"] == "mujoco" and "mujoco" in file.training["versions"]
+    robot = result.policies["robots"]
+    env = rcare_marl.make("toileting", policies={"robot": robot})
+    env.reset(seed=0)  # in Bullet
+    env.step({})
+    env.close()
 
 
 def test_the_best_checkpoint_is_that_of_the_kept_policy(tmp_path: Path) -> None:

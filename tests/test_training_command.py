@@ -274,6 +274,18 @@ def test_fields_are_set_by_their_full_names() -> None:
         changed({"a": 3}, {"a.b": 1})
 
 
+def test_an_engine_is_chosen_and_has_a_folder_of_its_own(
+    recorder: type[Recorder], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    call("feeding", "--engine", "mujoco")
+    call("feeding")
+    assert [each.config.recipe().engine for each in recorder.made] == ["mujoco", "bullet"]
+    names = [each.folder.name for each in recorder.made]
+    assert names == ["feeding_mujoco_sac_seed0", "feeding_sac_seed0"]
+    assert "does not run on engine 'mujoco'" in refusal("bathing", "--engine", "mujoco")
+
+
 def test_a_saved_config_is_the_one_it_was(config: Path) -> None:
     first = load_config(config)
     assert load_config(first.to_dict()) == first

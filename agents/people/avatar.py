@@ -16,6 +16,7 @@ from rcare_marl.errors import UnknownNameError
 
 from ..agent import Array
 from .body.anthropometry import Sex
+from .body.body_spec import OLDEST, YOUNGEST, BodySpec, body_recipe, made_body
 from .body.posture import Bearing, PostureConfig
 from .body.segment import Segment, make_segments
 from .body.skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINT_INDEX, JOINTS
@@ -23,6 +24,7 @@ from .body.skin import BodyModel, load_body_model
 from .body.tissue import with_cores
 from .body.urdf import PersonUrdf, write_urdf
 from .eating import Eating
+from .manner import Manner
 from .profile import ClinicalProfile, Range
 
 
@@ -37,12 +39,14 @@ class AvatarConfig:
         height_m: Stature [m].
         mass_kg: Weight [kg].
         body: A body model, relative to assets/avatars or an absolute path: one of ours, or the
-            user's own `SMPLX_*.npz`.
+            user's own `SMPLX_*.npz`. Or what describes it; then it is made from sex, age, stature
+            and mass, and kept in the user's cache.
         pronoun: For texts.
         age_years: Age [years].
         profile: What the person can do.
         bearing: How they hold themselves, in place of what a posture says; a later entry counts.
         eating: How they chew and swallow.
+        manner: How they make themselves understood, and their temper.
     """
 
     name: str
@@ -50,20 +54,34 @@ class AvatarConfig:
     sex: Sex
     height_m: float
     mass_kg: float
-    body: str
+    body: str | BodySpec = BodySpec()
     pronoun: str = "they"
     age_years: float = 40.0
     profile: ClinicalProfile = field(default_factory=ClinicalProfile)
     bearing: tuple[Bearing, ...] = ()
     eating: Eating = field(default_factory=Eating)
+    manner: Manner = field(default_factory=Manner)
 
     def __post_init__(self) -> None:
         for name, low, high in (("height_m", 0.5, 2.5), ("mass_kg", 5, 300), ("age_years", 0, 120)):
             if not low <= getattr(self, name) <= high:
                 raise ValueError(f"{name} must lie in {low}..{high}, got {getattr(self, name)}")
+        if isinstance(self.body, BodySpec) and not YOUNGEST <= self.age_years <= OLDEST:
+            raise ValueError(
+                f"age_years must lie in {YOUNGEST:g}..{OLDEST:g} where `body` names no file, "
+                f"got {self.age_years:g}"
+            )
 
     def body_path(self) -> Path:
-        """Return the file of the body model."""
+        """Return the file of the body model, made first where a spec describes it.
+
+        Raises:
+            ConfigError: If no body is as described.
+        """
+        if isinstance(self.body, BodySpec):
+            return made_body(
+                body_recipe(self.body, self.sex, self.age_years, self.height_m, self.mass_kg)
+            )
         return assets.ROOT / "avatars" / Path(self.body).expanduser()
 
 

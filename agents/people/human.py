@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class Human(Agent):
         pressure_dose: Pressure over time on the skin of who rests, see `rest_on`.
         supports: Bodies that can move and carry the person: to rest on them is no pressure.
         pelvis: Where the pelvis was put, in the world; where a held pelvis is.
-        moves: What actions move beside the joints: `walk`, `kneel`, `grasp`.
+        moves: What actions do beside moving the joints: `walk`, `kneel`, `grasp`, `speak`.
     """
 
     def __init__(
@@ -83,8 +84,8 @@ class Human(Agent):
             actuation: How the joints are driven; `skeletal` if None.
             tissue: Segments whose flesh yields, as in `body.tissue.expand_tissue`.
             physiology_observed: Whether the person observes their own physiology.
-            moves: What actions move beside the joints: `walk`, `kneel`, `grasp`. Legs that walk or
-                kneel have no action values of their own.
+            moves: What actions do beside moving the joints: `walk`, `kneel`, `grasp`, `speak`. Legs
+                that walk or kneel have no action values of their own.
 
         Raises:
             UnknownNameError: If there is no such DoF, joint, tissue or move.
@@ -145,6 +146,11 @@ class Human(Agent):
         """What grasps, by side: each hand whose arm can move, if `grasp` is among the `moves`."""
         return self._moves.hands
 
+    @property
+    def says_no(self) -> bool:
+        """Whether the person said no in the last control step, if `speak` is among the `moves`."""
+        return self._moves.says_no
+
     def use_arm_rests(self, left: Pose | None, right: Pose | None) -> None:
         """Say where armrests are, before `spawn`: middle of a pad's top, x along it to the front."""
         pads = {"left": left, "right": right}
@@ -182,7 +188,7 @@ class Human(Agent):
         self.body.exclude_own_links()
         self.body.set_damping()
         self.body.set_friction(range(-1, self.body.link_count), lateral=FRICTION)
-        self._joints = self.body.indices(self.movable)
+        self._joints = self.joint_indices = self.body.indices(self.movable)
         self.body.release_motors(self._joints)
         self._start = angles[self._order]
         # Where a posture starts outside the active range the person cannot go further out.
@@ -210,9 +216,8 @@ class Human(Agent):
         self._find_gravity()
         # A task may let everybody settle before the first episode.
         self.drive.reset(np.random.default_rng(0), self._gravity)
-        self._regions = [
-            REGIONS.index(physiology_model().region(DOFS[i].joint)) for i in self._order
-        ]
+        region = physiology_model().region
+        self._regions = [REGIONS.index(region(DOFS[i].joint)) for i in self._order]
         self._meter = LoadMeter(self, world, gravity=self._gravity, posture=self._start)
         self.physiology.reset(upright=self._meter.upright())
         self._is_tired = True  # perhaps from the last episode
@@ -235,9 +240,7 @@ class Human(Agent):
     def laid_on(self, side: str, pad: Pose) -> dict[str, float]:
         """Return the angles of movable DoFs [rad] that lay an arm on an armrest, once spawned.
 
-        Args:
-            side: `left` or `right`.
-            pad: Middle of the pad's top in the world, x along it to the front.
+        `pad` is the middle of the pad's top in the world, x along it to the front.
         """
         laid = self._laid(side, self.angles, pad)
         return {dof: float(laid[DOF_INDEX[dof]]) for dof in self.movable if dof.startswith(side)}
@@ -308,7 +311,7 @@ class Human(Agent):
     def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
         """Return the action that pursues `angles` [rad] of some movable DoFs, whatever drives them.
 
-        It asks for no walking, kneeling or grasping: a policy writes those into it, see `entries`.
+        It asks for none of the `moves`: a policy writes those into it, see `entries`.
 
         Args:
             angles: Wished angles by DoF [rad]; the other DoFs stay where they are held.
@@ -343,6 +346,12 @@ class Human(Agent):
         torques = self.drive.torques(*self._stops.joint_states(), self._gravity)
         self.body.drive_torques(self._joints, torques)
 
+    def compiled(self) -> tuple[Any, ...] | None:
+        """Return the drive's compiled part and ends of joints [rad]; None where more moves a person."""
+        is_held = self._moves.legs is None and (self._fixed_base or self.rides)
+        drive = self.drive.compiled(self._gravity) if is_held and self._joints else None
+        return None if drive is None else (drive, np.ascontiguousarray(self._stops.ends))
+
     def sense(self) -> None:
         self.positions, self.velocities = self._stops.joint_states()
         passed, self._sensed_at = self._world.time - self._sensed_at, self._world.time
@@ -354,10 +363,7 @@ class Human(Agent):
             self.pressure_dose.advance(passed)
 
     def rest_on(self, support: Support | None) -> None:
-        """Say what bears the person from now on, for `pressure_dose`; None, as at first, while nothing does.
-
-        Nothing else changes. Each control step after trunk or legs moved takes some tenths of a second.
-        """
+        """Say what bears the person from now on, for `pressure_dose` alone; None while nothing does."""
         self._borne_by = support
         self.pressure_dose.rest(self, support)
 
@@ -390,9 +396,7 @@ class Human(Agent):
     def may_take(self, what: Human | Body, part: str | None = None, *, hand: str) -> None:
         """Let a hand take a segment or a thing, by `grasp`, and pass through it for good.
 
-        Fingers that do not move cannot close around what they grasp. Call it before
-        `World.mark_start`: what collides must not change during an episode. Of a hand that does not
-        grasp nothing changes.
+        Call it before `World.mark_start`.
 
         Args:
             what: A person or a thing.

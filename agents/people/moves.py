@@ -1,4 +1,4 @@
-"""What actions of a person move beside the joints: `walk`, `kneel` and `grasp`."""
+"""What actions of a person do beside moving the joints: `walk`, `kneel`, `grasp` and `speak`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from .motion.legs import KNEEL_NAMES, WALK_NAMES, Legs
 if TYPE_CHECKING:
     from .human import Human
 
-MOVES = ("walk", "kneel", "grasp")
+MOVES = ("walk", "kneel", "grasp", "speak")
+SPOKEN = 0.5  # value of an action from which somebody says no
+SPEAK_NAMES = ("says no, from 0.5 on [1]",)
 
 
 def expand_moves(names: Sequence[str]) -> tuple[str, ...]:
@@ -31,13 +33,15 @@ def expand_moves(names: Sequence[str]) -> tuple[str, ...]:
 
 
 class Moves:
-    """Splits the actions of a person: values for joints first, then for `walk`, `kneel` and `grasp`.
+    """Splits the actions of a person: values for joints first, then for each of `MOVES`.
 
     Attributes:
         action_names: What each action value moves, with its unit.
         entries: Where the values of each move are in an action.
         legs: What walks and kneels, if anything.
         hands: What grasps, by side: each hand whose arm can move.
+        says_no: Whether the person said no in the last control step: by voice, or by the eyes or a
+            switch where there is no voice.
     """
 
     def __init__(self, person: Human, world: World) -> None:
@@ -47,6 +51,7 @@ class Moves:
             ConfigError: If the person cannot walk or kneel.
         """
         moves, self._person = person.moves, person
+        self.says_no = False
         walks = "walk" in moves or "kneel" in moves
         self.legs = Legs(person, world.physics_dt) if walks else None
         sides = [s for s in SIDES if "grasp" in moves and arm_dofs(person, s, trunk=False)]
@@ -59,21 +64,22 @@ class Moves:
         self._count = len(names)  # of joints
         self.entries: dict[str, slice] = {}
         grips = [hand.action_name for hand in self.hands.values()]
-        for move, values in zip(MOVES, (WALK_NAMES, KNEEL_NAMES, grips), strict=True):
+        for move, values in zip(MOVES, (WALK_NAMES, KNEEL_NAMES, grips, SPEAK_NAMES), strict=True):
             if move in moves:
                 self.entries[move] = slice(len(names), len(names) + len(values))
                 names += values
         self.action_names = tuple(names)
 
     def reset(self) -> None:
-        """Stand still with open hands."""
+        """Stand still with open hands, silent."""
+        self.says_no = False
         if self.legs is not None:
             self.legs.reset()
         for hand in self.hands.values():
             hand.open()
 
     def split(self, action: Array) -> Array:
-        """Command legs and hands, and return what is left for the drive."""
+        """Command legs, hands and voice, and return what is left for the drive."""
         joints = action[: self._count]
         if self.legs is not None:
             joints = np.zeros(len(self._person.movable))
@@ -83,10 +89,11 @@ class Moves:
         grips = action[self.entries.get("grasp", slice(0, 0))].tolist()
         for hand, value in zip(self.hands.values(), grips, strict=True):
             hand.command(value)
+        self.says_no = bool((action[self.entries.get("speak", slice(0, 0))] >= SPOKEN).any())
         return joints
 
     def joined(self, joints: Array) -> Array:
-        """Return the action of an action of the drive, with nothing asked of legs and hands."""
+        """Return the action of an action of the drive: legs and hands do nothing, nothing is said."""
         action = np.zeros(len(self.action_names))
         action[: self._count] = joints if self.legs is None else joints[self._joints]
         return action

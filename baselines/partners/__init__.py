@@ -1,5 +1,6 @@
 """Partners: people of several temperaments, and learned ones, to train with and to be tested with."""
 
+from .refusing import Refusing
 from .zoo import (
     TEMPERAMENTS,
     Habits,
@@ -15,6 +16,7 @@ __all__ = [
     "TEMPERAMENTS",
     "Habits",
     "Partner",
+    "Refusing",
     "Temperament",
     "learned_partner",
     "mood_names",

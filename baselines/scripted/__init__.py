@@ -10,5 +10,6 @@ from . import feeding as feeding
 from . import limb_repositioning as limb_repositioning
 from . import phyrc_bathing as phyrc_bathing
 from . import phyrc_dressing as phyrc_dressing
+from . import scratching as scratching
 from . import social_coaching as social_coaching
 from . import toileting as toileting

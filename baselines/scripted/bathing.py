@@ -1,6 +1,6 @@
 """A hand-written robot that bathes: come over the shoulder, press softly, wipe to the elbow, lift.
 
-It presses by what the sponge feels.
+It presses by what the sponge feels, and lifts at once from who does not want it.
 """
 
 from __future__ import annotations
@@ -8,13 +8,14 @@ from __future__ import annotations
 import numpy as np
 
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.tasks.bathing import START_ANGLE, START_SHARE, Bathing
+from rcare_marl.envs.tasks.bathing import START_ANGLE, START_SHARE, TAKEN_AWAY, Bathing
 from rcare_marl.pose import Array
 
+from .offering import Offering
 from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
-PRESS = 5.0  # [N], within PhyRC's 1 to 6 N of comfort
+PRESS = 4.0  # [N], within PhyRC's 1 to 6 N of comfort, and gentle to who then says no
 HOVER = 0.03  # [m] over the skin, before it presses
 NEAR = 0.02  # [m] from a place, and
 LEVEL = 0.3  # [rad], that counts as there: some hands cannot lay it flat
@@ -27,12 +28,12 @@ TOUCH = 0.5  # [N] that count as contact
 
 @register_policy("bathing", "robot", "scripted")
 class ScriptedBathing(ToolScript[Bathing]):
-    """Comes over the shoulder, presses until it feels 5 N, wipes to the target, and lifts."""
+    """Comes over the shoulder, presses until it feels 4 N, wipes to the target, and lifts."""
 
     KIND = Bathing
 
     def _begin(self) -> None:
-        self._phase = "approach"
+        self._phase, self._offering = "approach", Offering()
 
     def act(self) -> Array:
         task, skin, seen = self._task, self._task.skin, self._task.state
@@ -49,7 +50,10 @@ class ScriptedBathing(ToolScript[Bathing]):
         height, force = float((face - top) @ out), float(-seen.push @ out)
         ahead = float((seen.target - face) @ way)
         self._phase = self._next(start, out, turn, ahead, height, force)
-        if self._phase in ("approach", "lift"):
+        if not self._offering.goes_on(seen.refusal, seen.time):
+            self._phase = "approach"
+            linear = limited(GAIN * (TAKEN_AWAY + HOVER - height) * out, FAST)
+        elif self._phase in ("approach", "lift"):
             goal = start if self._phase == "approach" else top
             linear = limited(GAIN * (goal + HOVER * out - face), FAST)
         else:

@@ -2,7 +2,8 @@
 
 It keeps the waistband over the shank while the caregiver lifts the leg, pulls it along the leg to the hip
 until the hem is past the target, and lets go. It pulls towards the other leg, where the rest of the shorts
-hangs, and sways when the hem catches: a pull in one line draws a caught ring only tighter.
+hangs, and sways when the hem catches: a pull in one line draws a caught ring only tighter. If that does not
+free it, or it presses too much, it eases back and pulls again, farther off the leg.
 """
 
 from __future__ import annotations
@@ -28,6 +29,14 @@ INWARD = (0.0, 0.04)  # [m] to the other leg, from the knee on: it sways between
 SWAY = 1.5  # [s] there and back
 LIFTED = 0.06  # [m] of the ankle from where it is when the leg is up
 SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
+EASED, HEADWAY = 2.0, 0.03  # [s] in which the hem has to make so many [m], or the pull is eased
+EASE, OFF = 0.08, 0.02  # [m] that it goes back then, and farther off the leg with each time
+MOST_OFF = 0.06  # [m]
+TOUCH, ROOM = (
+    4.0,
+    0.03,
+)  # [N] beyond what the cloth presses: the hand touches, and stays so far away [m]
+YIELDING = (0.5, 0.8)  # of the force limit: where the pull gets slower, and where it goes back
 AWAY = (0.05, 0.0, 0.06)  # [m] that the open hand goes
 
 
@@ -42,6 +51,8 @@ class ScriptedDressing(ToolScript[Dressing]):
         self._others = self._robot.action_size - self._robot.control.size
         self._along, self._left = HOLD_START, False
         self._caught = 0.0  # [s] in all
+        self._hem, self._since, self._off = 0.0, 0.0, 0.0  # [m] as far as the hem was, [s] ago, [m]
+        self._most = math.inf  # [m] as far as it has found room
         self._turn = np.array(self._robot.tool_pose().quaternion)
         self._out = np.zeros(3)
 
@@ -60,15 +71,32 @@ class ScriptedDressing(ToolScript[Dressing]):
             self._left, self._out = True, here + AWAY
         if self._left:
             return self._out
-        goal = tip(task.leg, self._along)
+        goal = tip(task.leg, self._along) + self._off * task.leg.front(self._along)
         lag = float(np.linalg.norm(goal - here))
         is_up = float(np.linalg.norm(task.state.to_lifted)) < LIFTED
         if is_up and lag < LAG:
-            step = PULL * task.control_dt
-            self._along = min(self._along + step, task.leg.shank + REACH + SPARE)
+            low, high = (share * task.force_limit for share in YIELDING)
+            eager = min(max((high - task.state.force) / (high - low), -1.0), 1.0)
+            step = PULL * eager * task.control_dt
+            if task.state.force - task.state.cloth_force > TOUCH:
+                self._most = min(self._most, self._along - ROOM)
+            self._along = min(self._along + step, task.leg.shank + REACH + SPARE, self._most)
+        if is_up:
+            self._ease()
         if is_up and lag > CAUGHT:
             self._caught += task.control_dt
         return goal + (0.0, -task.outward * self._inward(), 0.0)
+
+    def _ease(self) -> None:
+        """Go back if the hem makes no headway."""
+        along = self._task.state.along
+        self._since += self._task.control_dt
+        if along > self._hem + HEADWAY or self._along <= HOLD_START:
+            self._hem, self._since = max(along, self._hem), 0.0
+        elif self._since > EASED:
+            self._along = max(self._along - EASE, HOLD_START)
+            self._off = min(self._off + OFF, MOST_OFF)
+            self._since, self._hem = 0.0, along - EASE
 
     def _inward(self) -> float:
         """Return how far to the other leg it pulls [m]: all the way until the hem catches."""

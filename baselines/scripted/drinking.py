@@ -1,4 +1,7 @@
-"""A hand-written robot that gives to drink: bring the cup to the lips, wait, tilt it about its edge."""
+"""A hand-written robot that gives to drink: bring the cup to the lips, wait, tilt it about its edge.
+
+From who does not want it, it draws back at once, and sets the cup upright.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,12 @@ import math
 import numpy as np
 
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.scenes.meal import OPEN_MOUTH
+from rcare_marl.envs.scenes.meal import OPEN_MOUTH, TAKEN_AWAY
 from rcare_marl.envs.tasks.drinking import Drinking
 from rcare_marl.pose import Array
 
-from .tool_script import ToolScript, limited, turning
+from .offering import Offering
+from .tool_script import ToolScript, limited, turning, unit
 
 # All our own choices.
 WAIT_IN_FRONT = 0.08  # [m] from mouth to rim while the mouth is closed
@@ -24,6 +28,9 @@ ARRIVED = 0.012  # [m] from there, before the cup is tilted to drink
 LEANING = math.radians(28)  # tilt with which it comes: the bottom stays clear of the chin
 TILT_RATE = 0.35  # [rad/s]
 LAST = math.radians(92)  # farther the cup is not tilted
+ASK = 0.20  # [m] from mouth to rim, where it is offered to who just said no
+CLEAR = 0.03  # [m] beyond where it counts as taken away
+UPRIGHT_RATE = 1.0  # [rad/s] at which it is set upright then
 
 
 @register_policy("drinking", "robot", "scripted")
@@ -33,21 +40,31 @@ class ScriptedDrinking(ToolScript[Drinking]):
     KIND = Drinking
 
     def _begin(self) -> None:
-        self._velocity, self._tilt = np.zeros(3), 0.0
+        self._velocity, self._tilt, self._offering = np.zeros(3), 0.0, Offering()
+        self._mouth: Array | None = None
+        self._ahead = np.array((1.0, 0.0, 0.0))
 
     def act(self) -> Array:
         task, seen = self._task, self._task.state
+        offers = self._offering.goes_on(seen.refusal, seen.time)
+        if self._mouth is None or (offers and not seen.refusal.is_no):  # nobody is chased
+            self._mouth, self._ahead = seen.mouth, seen.ahead
         ahead, up = AT_LIPS
-        lips = seen.mouth + ahead * seen.ahead + (0.0, 0.0, up)
-        is_open = seen.jaw >= OPEN_MOUTH
-        goal = lips if is_open else lips + WAIT_IN_FRONT * seen.ahead
+        lips = self._mouth + ahead * self._ahead + (0.0, 0.0, up)
+        is_open = offers and not seen.refusal.is_no and seen.jaw >= OPEN_MOUTH
+        away = WAIT_IN_FRONT if offers else TAKEN_AWAY + CLEAR
+        goal = lips if is_open else lips + away * self._ahead
+        if offers and seen.refusal.is_no:
+            goal = seen.mouth + ASK * unit(seen.rim - seen.mouth)
         error = goal - seen.rim
         is_there = is_open and float(np.linalg.norm(error)) < ARRIVED
         most = LAST if is_there else max(self._tilt, LEANING)
         self._tilt = min(self._tilt + TILT_RATE * task.control_dt, most)
-        wished = limited(GAIN * error, SLOW if seen.distance < NEAR else FAST)
+        if not offers:
+            self._tilt = max(self._tilt - UPRIGHT_RATE * task.control_dt, 0.0)
+        wished = limited(GAIN * error, SLOW if offers and seen.distance < NEAR else FAST)
         step = ACCELERATION * task.control_dt
         self._velocity = self._velocity + limited(wished - self._velocity, step)
-        wanted = task.cup_pose(seen.rim, -seen.ahead, self._tilt).quaternion
+        wanted = task.cup_pose(seen.rim, -self._ahead, self._tilt).quaternion
         turn = turning(wanted, seen.turn, TURN_GAIN)
         return self._about(seen.rim, self._velocity, turn)  # so that turning does not move the rim

@@ -1,7 +1,8 @@
 """A hand-written robot that lays an arm on the armrest with a cradle.
 
 It goes behind the forearm from outside, lifts it in an arc about the elbow, carries it over the armrest,
-lowers it and draws the plate out from under it.
+lowers it and draws the plate out from under it. It yields where it presses, brings the forearm to its place
+by where it sees it, and begins anew, otherwise, if the arm is stuck or does not stay.
 """
 
 from __future__ import annotations
@@ -13,13 +14,24 @@ import numpy as np
 from rcare_marl.envs.devices import HOOK_SHARE, HOOK_SHARE_HANGING
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix, rotate
+from rcare_marl.pose import (
+    Array,
+    Pose,
+    multiply,
+    quaternion_from_matrix,
+    quaternion_from_rpy,
+    rotate,
+)
 
 from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
 FAST, SLOW = 0.2, 0.1  # [m/s] freely, and near or under the arm
+TIPPED = (
+    0.15  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
+)
+LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
 ACCELERATION = 0.8  # [m/s²]
 NEAR = 0.02  # [m] from a place that counts as reached
 STILL = 0.03  # [m/s] of the wrist of an arm that hangs still
@@ -27,6 +39,7 @@ SWEEP = 0.5  # [rad/s] of the forearm on its arc
 FREE = 0.03  # [m] of the elbow before the armrest's rear end, when the forearm is free of it
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
 HOLDING = ("free", "slide", "lift", "carry")
+PRESSING = (*HOLDING, "lower", "settle", "back")
 LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
 # Where the forearm points when it is up: while the elbow is behind the armrest, and beside it.
 OUTWARD = np.array((0.58, 0.8, 0.1))
@@ -38,6 +51,35 @@ SINK = 0.4  # [rad/s] of the forearm on its way down
 UNDER = 0.012  # [m] of plate and room between pad and forearm, when it is let go
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
+YIELDING = (0.6, 0.85)  # of the force limit: where it gets slower, and where it goes back
+SPIN = 0.8  # [rad/s] of the plate at the arm
+ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
+ROOM = 0.01  # [m] between plate and armrest
+AIM = 2.0  # [1/s] with which the plate goes where the forearm's middle is lacking
+FARTHEST = (0.03, 0.05)  # [m] that it does so along and across the pad
+INWARD = (
+    0.012,
+    0.04,
+)  # [m] that the forearm lies more to the middle of the chair, at first and at most,
+# because the plate takes it along as it is drawn out
+CENTRED = 0.01  # [m] from there, where it may be
+BRAKING = (
+    0.04  # [m] from its place, from where it is carried more slowly: it swings inwards by itself
+)
+OVER = 0.035  # [m] from there, where the armrest is below it still
+SINKING, SUNK = 0.02, 0.008  # [m/s] on the pad until it carries the forearm, [m] at most
+LEAN = 4.0  # [N] on the pad, with which it does
+PATIENCE = {
+    "free": 8.0,
+    "slide": 4.0,
+    "lift": 6.0,
+    "carry": 4.0,
+    "lower": 4.0,
+    "settle": 3.0,
+}  # [s]
+FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
+HIGHER = 0.015  # [m] that a new try raises the elbow more
+LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
 
 
 @register_policy("limb_repositioning", "robot", "scripted")
@@ -50,14 +92,61 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._velocity = np.zeros(3)
         self.phase = "approach"
         self._wrist = np.zeros(3)
+        self._tries, self._shift, self._inward = 0, np.zeros(3), INWARD[0]
+        self._since, self._was = 0.0, self.phase  # [s] in which phase
 
     def act(self) -> Array:
         seat = self._task.seat_pose()
         place = np.array(seat.position)
         if self.phase in HOLDING and self._is_lost(place):
             self.phase = "approach"
+        self._watch(place)
         goal, turn, limit = getattr(self, "_" + self.phase)(place)
+        if self.phase in ("slide", "lift"):
+            goal = self._outside(seat, goal, turn)
         return self._towards(seat, goal, turn, limit)
+
+    def _outside(self, seat: Pose, goal: Array, turn: Array) -> Array:
+        """Keep the tip of the plate from going under the armrest [m], shape [3]."""
+        chair = self._task.chair
+        pad = chair.frame_in_world("armrest_left").position
+        half = 0.5 * self._task.cradle.model.figure("plate_length")
+        now = seat.position[2] + half * rotate(seat.quaternion, (0.0, 0.0, 1.0))[2]
+        if now > pad[2] + ROOM:
+            return goal
+        tip = goal[1] + half * rotate(turn, (0.0, 0.0, 1.0))[1]
+        lacking = pad[1] + 0.5 * chair.armrest_size[1] + ROOM - tip
+        return np.asarray(goal + (0.0, max(float(lacking), 0.0), 0.0))
+
+    def _watch(self, seat: Array) -> None:
+        """See whether the phase takes too long."""
+        self._since = self._since + self._task.control_dt if self.phase == self._was else 0.0
+        self._was = self.phase
+        if self._since <= PATIENCE.get(self.phase, math.inf):
+            return
+        if self.phase == "carry" and abs(float(self._task.state.gap[1])) < OVER:
+            self.phase = "lower"
+        elif self.phase in ("lower", "settle"):
+            self._let_go(seat)
+        else:
+            self.phase, self._tries = "back", self._tries + 1
+            self._turn = np.array(self._task.seat_pose().quaternion)
+            self._out = seat + (0.0, 0.5 * AWAY, -LOWERED)
+
+    def _let_go(self, seat: Array) -> None:
+        half = 0.5 * self._task.cradle.model.figure("plate_length")
+        tipped = quaternion_from_rpy(TIPPED, 0.0, 0.0)
+        self.phase, self._flat = "leave", np.array(multiply(tipped, self._over(0.0)[1]))
+        self._drawn = float(self._task.state.gap[1])
+        self._out = seat + (0.0, AWAY, half * math.sin(TIPPED))
+
+    def _back(self, seat: Array) -> tuple[Array, Array, float]:
+        """Lower an arm that was stuck, outside of the armrest."""
+        if math.dist(seat, self._out) < NEAR or self._since > PATIENCE["carry"]:
+            self.phase = "approach"
+        beside = self._out.copy()
+        beside[2] = max(beside[2], seat[2] - 0.5 * max(self._out[1] - seat[1], 0.0) - NEAR)
+        return self._out, self._turn, SLOW
 
     def _approach(self, seat: Array) -> tuple[Array, Array, float]:
         """Stand behind the forearm, outside of it."""
@@ -72,6 +161,13 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal = place - 0.11 * inward + 0.03 * back
         if math.dist(seat, goal) < NEAR:
             self.phase = "reach"
+        if (
+            self._tries and abs(float(goal[2] - seat[2])) > 2 * NEAR
+        ):  # round the arm, and not through it
+            aside = ASIDE + max(float(wrist[1]), float(self._task.state.elbow[1]))
+            if seat[1] < aside - NEAR:
+                return np.array((seat[0], aside, seat[2])), turn, FAST
+            goal[1] = aside
         return goal, turn, FAST
 
     def _reach(self, seat: Array) -> tuple[Array, Array, float]:
@@ -126,11 +222,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._turn_to(np.array((0.93, 0.35, math.tan(RAISED))))
         is_clear = task.state.wrist[2] > task.state.target[2] + CLEAR
         if self._forearm[2] > math.sin(RAISED) - 0.02 and is_clear:
-            self.phase = "carry"
+            self.phase, self._pitch, self._shift = "carry", RAISED, np.zeros(3)
         forearm = task.state.wrist - task.state.elbow
         length = math.sqrt(float(forearm @ forearm))
         elbow = task.state.elbow.copy()
-        elbow[2] = task.state.target[2] + RISE
+        elbow[2] = task.state.target[2] + RISE + HIGHER * self._tries
         goal, turn = task.cradle.under(
             elbow, elbow + length * self._forearm, task.radius, HOOK_SHARE
         )
@@ -153,31 +249,90 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         elbow = task.state.target + SETTLING + (-0.5 * length, 0.0, RISE * pitch / RAISED)
         level = np.column_stack(((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)))
         turn = quaternion_from_matrix(level)
-        return elbow + HOOK_SHARE * length * along - (task.radius - UNDER) * up, turn
+        place = elbow + HOOK_SHARE * length * along - (task.radius - UNDER) * up
+        return place + self._shift, turn
+
+    def _aim(self, seat: Array) -> float:
+        """Move the place of the plate by what the forearm lacks, and return how far to go to the left [m]."""
+        state, chair = self._task.state, self._task.chair
+        missed = state.gap - (0.0, self._inward, 0.0)
+        # The wrist goes no farther than half way to the edge of the pad: the elbow follows as it sinks.
+        edge = state.target[1] - 0.25 * chair.armrest_size[1]
+        missed[1] = max(float(missed[1]), float(edge - state.wrist[1]))
+        is_there = np.abs(self._over(self._pitch)[0] - seat)[:2] < NEAR
+        is_there[0] &= self.phase != "carry"
+        self._shift[:2] += AIM * self._task.control_dt * missed[:2] * is_there
+        self._shift[:2] = np.clip(self._shift[:2], np.negative(FARTHEST), FARTHEST)
+        return float(missed[1])
 
     def _carry(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring the raised forearm over the armrest."""
+        task = self._task
         goal, _ = self._over(RAISED)
-        if abs(float((goal - seat)[1])) < NEAR:
-            self.phase, self._pitch = "lower", RAISED
-        return goal, self._task.hook()[1], SLOW
+        if task.state.force > YIELDING[0] * task.force_limit and self._is_over_pad():
+            goal[2] = min(float(goal[2]), float(seat[2]))
+        missed = self._aim(seat)
+        if missed > -NEAR:
+            self.phase = "lower"
+        return goal, task.hook()[1], SLOW if missed < -BRAKING else 0.5 * SLOW
+
+    def _is_over_pad(self) -> bool:
+        """Return whether elbow and wrist are high enough to go over the armrest."""
+        state = self._task.state
+        return bool(min(state.elbow[2], state.wrist[2]) > state.target[2] + 0.5 * CLEAR)
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
         """Lower it, and level the plate."""
         self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
+        self._aim(seat)
         goal, turn = self._over(self._pitch)
         if self._pitch == 0.0 and math.dist(goal, seat) < NEAR:
-            self.phase, self._flat = "leave", turn
-            self._out = seat + (0.0, AWAY, 0.0)
+            self.phase = "settle"
+        return goal, turn, SLOW
+
+    def _settle(self, seat: Array) -> tuple[Array, Array, float]:
+        """Bring the forearm over its place, and sink until the pad carries it."""
+        task = self._task
+        aside, is_carried = self._aim(seat), task.state.pad_force >= LEAN
+        if not is_carried:
+            self._shift[2] = max(self._shift[2] - SINKING * task.control_dt, -SUNK)
+        elif abs(aside) < CENTRED:
+            self._let_go(seat)
+        goal, turn = self._over(0.0)
         return goal, turn, SLOW
 
     def _leave(self, seat: Array) -> tuple[Array, Array, float]:
-        """Draw the plate out, and stay away."""
-        return self._out, self._flat, FAST
+        """Draw the plate out, stay away, and begin anew if the arm does not stay."""
+        wrist = self._task.state.wrist
+        is_still = math.dist(wrist, self._wrist) < STILL * self._task.control_dt
+        self._wrist = wrist
+        state = self._task.state
+        if self._since < FREED:  # how far the plate took the forearm along
+            self._dragged = max(self._drawn - float(state.gap[1]), 0.0)
+        elif is_still and state.rested == 0.0 and not self._is_in_lap():
+            self.phase, self._tries = "approach", self._tries + 1
+            self._inward = min(max(self._inward, self._dragged), INWARD[1])
+        return self._out, self._flat, LEAVING
+
+    def _is_in_lap(self) -> bool:
+        """Return whether the hand lies inside of the armrest, where the cradle cannot fetch it."""
+        task = self._task
+        return bool(task.state.wrist[1] < task.state.target[1] - 1.5 * task.chair.armrest_size[1])
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
-        wished = limited(GAIN * (goal - seat.position), limit)
-        most = ACCELERATION * self._task.control_dt * (3.0 if self.phase == "leave" else 1.0)
+        wished = limited(GAIN * (goal - seat.position), limit) * self._eagerness()
+        most = ACCELERATION * self._task.control_dt * (5.0 if self.phase == "leave" else 1.0)
         self._velocity = self._velocity + limited(wished - self._velocity, most)
         middle = np.array(seat.position)  # of the plate, about which it turns
-        return self._about(middle, self._velocity, turning(turn, seat.quaternion, TURN_GAIN))
+        spin = turning(turn, seat.quaternion, TURN_GAIN)
+        if self.phase in PRESSING:
+            spin = limited(spin, SPIN) * max(self._eagerness(), 0.0)
+        return self._about(middle, self._velocity, spin)
+
+    def _eagerness(self) -> float:
+        """Return the share of its speed with which it goes on, less the more it presses; negative: back."""
+        if self.phase not in PRESSING:
+            return 1.0
+        task = self._task
+        low, high = np.multiply(YIELDING, task.force_limit)
+        return float(np.clip((high - task.state.force) / (high - low), -1.0, 1.0))

@@ -14,6 +14,7 @@ import numpy as np
 
 from rcare_marl.envs.phyrc.bath_scene import FACE_DOWN
 from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.scenes.wiped_skin import WipedSkin
 from rcare_marl.envs.tasks.phyrc_bathing import PhyrcBathing
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose
@@ -36,6 +37,8 @@ BEHIND = 0.07  # [m] from the handle, where the hand lines up
 UP = 0.145  # [m] that the sponge is lifted over the table: over the rim of the basin
 HOVER = 0.10  # [m] over the skin, between two limbs
 BESIDE_TABLE = 0.10  # [m] from its edge to the middle of a sponge that washes
+SPARE, SLOWEST = 1.0, 0.25  # [N] off that change nothing; share of its speed with which it goes on
+AHEAD = 0.15  # of the limb's length, over which it sees how the skin rises
 SHARES = np.linspace(0.27, 0.93, 12)  # of the way along a limb
 CHEST = 0.38  # of the way along an upper arm, before which a sponge would touch the chest
 # Limb, and angles about it at which a stroke is made: the sponge is as broad as an arm.
@@ -177,11 +180,14 @@ class ScriptedPhyrcBathing(ToolScript[PhyrcBathing]):
         into = YIELD * (PRESS - force)
         if force <= TOUCH:
             into = SINK + GAIN * max(height - SLOWER, 0.0)
-        along = WIPE * way if self._phase == "wipe" else np.zeros(3)
+        along = np.zeros(3)
+        if self._phase == "wipe":  # slower where it does not press as it should
+            eager = 1.0 - (abs(force - PRESS) - SPARE) / SPARE
+            along = WIPE * float(np.clip(eager, SLOWEST, 1.0)) * _slope(skin, share, stroke)
         across = np.cross((0.0, 0.0, 1.0), way)
         aside = float((top - face) @ across)
         out = along + limited(GAIN * aside * across, WIPE)
-        out[2] = -float(np.clip(into, -SINK, 2 * SINK))
+        out[2] -= float(np.clip(into, -SINK, 2 * SINK))
         return out
 
     def _next_stroke(self, *, on_skin: bool = False) -> None:
@@ -229,3 +235,11 @@ class ScriptedPhyrcBathing(ToolScript[PhyrcBathing]):
             run = [*run, share] if point[0] > edge and found.is_within(0.015, 0.4) else []
             best = max(best, run, key=len)
         return best
+
+
+def _slope(skin: WipedSkin, share: float, stroke: Stroke) -> Array:
+    """Return where a stroke goes along the skin there, a unit vector, shape [3]."""
+    sign = 1.0 if stroke.end > stroke.start else -1.0
+    first, last = (skin.place(share + k * AHEAD * sign, stroke.angle)[0] for k in (-0.5, 0.5))
+    way = last - first
+    return np.asarray(way / np.linalg.norm(way))

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from rcare_marl.envs.phyrc.dressing_score import ITEMS
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.phyrc_dressing import PhyrcDressing
 from rcare_marl.pose import Array
@@ -30,6 +31,11 @@ CAUGHT_FORCE = 32.0  # [N] on the person, above which it is too
 ARRIVED = 0.06  # [m] from the shoulder, from where on it is not
 BACK, ASIDE, UP = 0.085, 0.05, 0.03  # [m] that the hand goes back then, in the same directions
 BACK_STEPS = 20  # at most
+MORE, MOST = 0.3, 2.0  # of the way back that each further one is longer, times at most
+TIRED, ABOUT = 25, 2.5  # steps after which so many times `NEAR` or `NEARER` do
+BEYOND, OUTSIDE = -0.04, 0.12  # [m] before the shoulder, as far in and out as the fingers then go
+CREEP = 0.004  # [m] of that in a step
+TOO_MUCH = 24.0  # [N] on the person, above which they go no farther in
 UPWARDS = np.array((0.0, 0.0, 1.0))
 
 
@@ -46,6 +52,11 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
         self._phase, self._leg = "line up", 0
         self._nearest, self._still = math.inf, 0  # [m] to the shoulder, and steps without headway
         self._side, self._steps, self._back = -1.0, 0, np.zeros(3)
+        self._waited, self._eased = 0, 0  # steps in a phase, and times that it went back
+        self._before, self._best = (
+            BESIDE_NECK,
+            0.0,
+        )  # [m] from the shoulder, and the most that was covered
 
     def act(self) -> Array:
         task, pose = self._task, self._robot.tool_pose()
@@ -57,13 +68,15 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
     def _velocity(self, tool: Array) -> Array:
         """Return the velocity of the tool [m/s], shape [3]."""
         task = self._task
+        self._waited += 1
+        patient = 1.0 if self._waited < TIRED else ABOUT
         if self._phase == "line up":
             goal = task.state.seam + (0.0, 0.0, OVER_SEAM)
-            if np.linalg.norm(goal - tool) < NEAR:
-                self._phase = "reach"
+            if np.linalg.norm(goal - tool) < patient * NEAR:
+                self._phase, self._waited = "reach", 0
             return _towards(goal - tool, FAST)
         if self._phase == "reach":
-            if np.linalg.norm(task.state.seam - tool) < NEARER:
+            if np.linalg.norm(task.state.seam - tool) < patient * NEARER:
                 self._phase = "close"
             return _towards(task.state.seam - tool, SLOW)
         if self._phase == "close":
@@ -77,11 +90,26 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
             return _towards(self._back - tool, PULL)
         way = self._way()
         if self._is_caught(float(np.linalg.norm(way[-1] - tool))):
-            self._back = tool + self._offset(BACK, self._side * ASIDE, UP)
+            back = BACK * min(1.0 + MORE * self._eased, MOST)
+            self._eased += 1
+            self._back = tool + self._offset(back, self._side * ASIDE, UP)
             self._phase, self._steps, self._side = "ease", BACK_STEPS, -self._side
         if np.linalg.norm(way[self._leg] - tool) < NEAR and self._leg < len(way) - 1:
             self._leg += 1
+        if self._leg == len(way) - 1 and np.linalg.norm(way[-1] - tool) < ARRIVED:
+            self._finish()
         return _towards(way[self._leg] - tool, PULL)
+
+    def _finish(self) -> None:
+        """At the shoulder: go on until cloth lies over it, then back if the sleeve left the forearm."""
+        state = self._task.state
+        covered = float(state.covered[0])
+        self._best = max(self._best, covered)
+        if not state.points[ITEMS.index("left_shoulder")]:
+            if state.force < TOO_MUCH:
+                self._before = max(self._before - CREEP, BEYOND)
+        elif covered < self._best:
+            self._before = min(self._before + CREEP, OUTSIDE)
 
     def _is_caught(self, gap: float) -> bool:
         """Return whether the sleeve has stopped on its way, or hurts; gap [m] to where it is to go."""
@@ -100,7 +128,7 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
             wrist + self._offset(*BEFORE_FIST),
             wrist + self._offset(*OVER_WRIST),
             elbow + self._offset(*OVER_ELBOW),
-            shoulder + BESIDE_NECK * along,
+            shoulder + self._before * along,
         ]
 
     def _offset(self, out: float, aside: float, up: float) -> Array:

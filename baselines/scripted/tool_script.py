@@ -72,6 +72,11 @@ class ToolScript(Generic[T]):
         return self._robot.tool_action(linear + np.cross(spin, to_tool), spin)
 
 
+def unit(way: Array) -> Array:
+    """Return the direction of a way, a unit vector, shape [3]."""
+    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
+
+
 def limited(velocity: Array, most: float) -> Array:
     """Return a velocity that is no faster than `most` [m/s], shape [3]."""
     return velocity * min(1.0, most / max(float(np.linalg.norm(velocity)), 1e-9))

@@ -278,13 +278,17 @@ class Trainer:
             "seed": config.seed,
             "steps": progress.steps,
             "minutes": round(progress.seconds / 60, 3),
-            "versions": versions(TRAINED_WITH),
+            "versions": self._versions(),
             "machine": machine()["processor"],
         }
         return {
             group: self._evaluator.policy_file(group, arrays, training)
             for group, arrays in self._algorithm.actor_arrays().items()
         }
+
+    def _versions(self) -> dict[str, str]:
+        engine = self.config.engine
+        return versions((*TRAINED_WITH, *([engine] if engine == "mujoco" else [])))
 
     def _write(self, files: dict[str, PolicyFile], name: str) -> None:
         for group, file in files.items():
@@ -307,7 +311,7 @@ class Trainer:
 
         text = yaml.safe_dump(self.config.to_dict(), sort_keys=False)
         (self.folder / "config.yaml").write_text(text, encoding="utf-8")
-        found = json.dumps(versions(TRAINED_WITH), indent=2)
+        found = json.dumps(self._versions(), indent=2)
         (self.folder / "versions.json").write_text(found + "\n", encoding="utf-8")
 
     def _result(self, reached: bool) -> TrainResult:

@@ -23,7 +23,7 @@ from rcare_marl.observable import Observable
 from rcare_marl.pose import Array, Pose, about_z
 from rcare_marl.world import World
 
-from ..state import Seen, State, Values
+from ..state import Seen, State, Values, negate
 from ..task import Role, Task
 from .seat import Seat, stand
 from .trainee import SocialCoachingOptions, Trainee, TraineeState, head_of, trainee_rewards
@@ -272,7 +272,7 @@ class CoachingTask(Task):
         return state.is_complete
 
     def is_failure(self, state: LessonState) -> Values:
-        return state.is_over & np.logical_not(state.is_complete)
+        return state.is_over & negate(state.is_complete)
 
 
 def facing(place: tuple[float, float], yaw: float) -> Pose:

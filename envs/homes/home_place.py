@@ -320,10 +320,10 @@ def build_fixture(
         ((WALL, high - low, HEIGHT), (-0.5 * WALL, 0.5 * (low + high), half)),
         ((LENGTH, WALL, HEIGHT), (0.5 * LENGTH, left + 0.5 * WALL, half)),
     )
-    for size, at in walls:
-        wall = world.add_box(size, Pose(at), name="wall", rgba=WALL_RGBA)
+    built = [world.add_box(size, Pose(at), name="wall", rgba=WALL_RGBA) for size, at in walls]
+    for wall in built:
         world.set_collision(wall, body, False)
-    return Fixture(body, piece.model, piece.frames)
+    return Fixture(body, piece.model, piece.frames, tuple(built))
 
 
 def build_door(

@@ -41,9 +41,8 @@ _ENDINGS = (".yaml", ".yml")
 _FLOORS = ("wood", "tile", "carpet")
 # What floors are made of where a house does not say; own choice.
 _USUAL_FLOORS = {
-    **dict.fromkeys(("kitchen", "bathroom", "laundry", "entry"), "tile"),
-    **dict.fromkeys(("pantry", "workshop", "sunroom"), "tile"),
-    **dict.fromkeys(("bedroom", "closet"), "carpet"),
+    **dict.fromkeys(("kitchen", "bathroom", "laundry", "entry", "pantry", "sunroom"), "tile"),
+    **dict.fromkeys(("bedroom", "library"), "carpet"),
 }
 _SIDES = ("north", "east", "south", "west")
 
@@ -161,10 +160,11 @@ class HouseConfig:
                 raise ConfigError(f"colour {colour} must be within 0 and 1, got {value}")
         return dataclasses.replace(Palette(), **self.palette)
 
-    def floor(self, room: str) -> str:
-        """Return the colour of the `Palette` that the floor of a room has."""
+    def finish(self, room: str, level: int) -> str:
+        """Return what the floor of a room is of; carpets are hard to roll on, so only level 1 has them."""
         use = use_of(room)
-        return "floor_" + self.floors.get(use, _USUAL_FLOORS.get(use, "wood"))
+        finish = self.floors.get(use, _USUAL_FLOORS.get(use, "wood"))
+        return "wood" if finish == "carpet" and level > 1 else finish
 
 
 def use_of(room: str) -> str:
@@ -232,6 +232,7 @@ def lay_out(house: HouseConfig, level: int) -> Plan:
                 use,
                 _metres(masonry.insides[name]),
                 dict(options[name]),
+                house.finish(name, level),
             )
             for name, use in uses.items()
         },

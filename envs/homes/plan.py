@@ -36,6 +36,7 @@ class Room:
         use: What it is furnished as: the kind, or for other rooms `hall`, `study`, `laundry`, ...
         inside: The floor between its walls [m].
         options: What the house wants in it, such as `{"beds": 2}`.
+        finish: What its floor is of: `wood`, `tile` or `carpet`.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Room:
     use: str
     inside: Rectangle
     options: dict[str, object] = field(default_factory=dict)
+    finish: str = "wood"
 
 
 OpeningKind = Literal["door", "entrance", "passage", "window"]

@@ -34,8 +34,6 @@ UNDER = -0.004  # height of what shows in the gaps
 GROUND = 0.5  # [m] thick
 GARDEN = 20.0  # [m] of ground around the house; own choice
 PLANK_TONES = (0.9, 0.97, 1.03, 1.1)
-_TILED = ("kitchen", "bathroom", "laundry", "entry", "pantry", "sunroom")
-_CARPETED = ("bedroom", "library")
 _DEEP = -0.35  # renderers take what is flatter than 0.3 m for a floor without end
 
 
@@ -249,7 +247,7 @@ def floor_model(plan: Plan, rules: Rules, palette: Palette) -> Model:
         canvas.box("", area, (-max(rise, 0.1), 0.0), solid=True)
         _plinth(canvas, area, rise)
     for room in plan.rooms.values():
-        _finish(canvas, room, is_plain=rules.level > 1)
+        _finish(canvas, room)
     for opening in plan.openings.values():
         if opening.kind != "window":
             _doorway(canvas, opening)
@@ -271,12 +269,12 @@ def _plinth(canvas: Canvas, area: Rectangle, rise: float) -> None:
             canvas.upright("paving", axis, at, area.span(axis), (-rise, 0.0), sign)
 
 
-def _finish(canvas: Canvas, room: Room, *, is_plain: bool) -> None:
-    """Lay planks, tiles or a carpet; carpets are hard to roll on, so only usual homes have them."""
+def _finish(canvas: Canvas, room: Room) -> None:
+    """Lay planks, tiles or a carpet."""
     area = room.inside
-    if room.use in _TILED:
+    if room.finish == "tile":
         _lay_tiles(canvas, area, TILE.get(room.use, WIDE_TILE))
-    elif room.use in _CARPETED and not is_plain:
+    elif room.finish == "carpet":
         canvas.level("carpet_edge", area, UNDER)
         canvas.level("floor_carpet", area.grown(-min(0.12, 0.2 * area.width)), 0.0)
         _stake(canvas, area, ("carpet_edge", "floor_carpet"))

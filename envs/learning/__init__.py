@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from .learner_env import LearnerEnv
+from .making import make_batch, make_vector
 from .recipe import EnvRecipe
+from .vector import CareVectorEnv
 
 if TYPE_CHECKING:
     from .batched import BatchedEnv
 
-__all__ = ["BatchedEnv", "EnvRecipe", "LearnerEnv"]
+__all__ = ["BatchedEnv", "CareVectorEnv", "EnvRecipe", "LearnerEnv", "make_batch", "make_vector"]
 
 
 def __getattr__(name: str) -> Any:

@@ -17,7 +17,7 @@ from rcare_marl.errors import ActionError, ConfigError, EpisodeError, check_name
 from .learner_env import STAGE
 from .recipe import EnvRecipe
 from .station import Face
-from .worker import Crew
+from .worker import Crew, check_batch, check_whole
 
 DONE = ("done", "terminated", "truncated")
 
@@ -52,16 +52,7 @@ class BatchedEnv(EnvBase):
             UnknownNameError: If a name does not exist.
             WorkerError: If a worker fails otherwise.
         """
-        _check_whole("count", count, 1)
-        _check_whole("workers", workers, 0)
-        _check_whole("seed", seed, 0)
-        if workers > count:
-            raise ConfigError(f"{workers} workers for {count} environments: one each is the most")
-        if recipe.variants and count % len(recipe.variants):
-            warnings.warn(
-                f"{count} environments cannot be shared evenly by {len(recipe.variants)} variants",
-                stacklevel=2,
-            )
+        check_batch(recipe, count, workers, seed)
         super().__init__(device=torch.device("cpu"), batch_size=torch.Size([count]))
         self._crew = Crew(recipe, count=count, workers=workers, seed=seed)
         self.is_closed = False
@@ -147,7 +138,7 @@ class BatchedEnv(EnvBase):
 
     def _set_seed(self, seed: int | None) -> None:
         self._check_open()
-        _check_whole("seed", seed, 0)
+        check_whole("seed", seed, 0)
         assert seed is not None
         self._seed = seed
         self._crew.call("seed", seed)
@@ -259,8 +250,3 @@ def _joined(shape: torch.Size, last: int) -> torch.Size:
 
 def _flag(shape: torch.Size) -> Binary:
     return Binary(shape=shape, dtype=torch.bool)
-
-
-def _check_whole(name: str, value: object, least: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise ConfigError(f"{name} must be a whole number from {least} on, got {value!r}")

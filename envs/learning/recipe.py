@@ -18,7 +18,7 @@ from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 from .. import make
 from ..care_env import CareEnv
 from ..cast import find_policy
-from ..registry import PolicyFactory, lead_roles, task_class
+from ..registry import PolicyFactory, check_engine, lead_roles, task_class
 from ..task import part_name
 
 PLACE = ("home", "level", "room")  # keys of a cast that are no roles
@@ -61,6 +61,7 @@ class EnvRecipe:
         partners: Policy of a role that does not learn: its name or the path of a policy file. Of
             several one is drawn for each episode. The task's default where none is given.
         residual: For roles that learn, the scale of their action on top of the scripted policy's.
+        engine: What computes the motion, see `rcare_marl.make`.
 
     Raises:
         UnknownNameError: If the task, a role or a policy does not exist.
@@ -74,9 +75,10 @@ class EnvRecipe:
     learners: tuple[str, ...] = ()
     partners: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
     residual: Mapping[str, float] = field(default_factory=dict)
+    engine: str = "bullet"
 
     def __post_init__(self) -> None:
-        task_class(self.task)
+        check_engine(self.task, self.engine)
         for name in ("options", "cast", "partners", "residual"):
             _check_mapping(name, getattr(self, name))
         for name in ("variants", "learners"):
@@ -149,7 +151,13 @@ class EnvRecipe:
             for role in self.roles(variant)
             if role not in learning and self._own_policy(role=role, at=variant) is None
         }
-        return make(self.task, options=self.options, policies=policies, **self.entries(variant))
+        return make(
+            self.task,
+            options=self.options,
+            policies=policies,
+            engine=self.engine,
+            **self.entries(variant),
+        )
 
     def partner_names(self, role: str, variant: int = 0) -> tuple[str, ...]:
         """Return the policies that may play a role, whether it learns or not."""

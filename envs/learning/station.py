@@ -15,7 +15,7 @@ from .learner_env import Floats, Layout, LearnerEnv
 from .recipe import EnvRecipe
 
 FIRST_SEED = 2**31  # evaluation has the seeds below
-# Steps after which a scene is made anew when its episode is over. A scene keeps a trace of what was
+# Steps after which a scene is made anew when its episode is over. In Bullet it keeps a trace of what was
 # played in it: after eaten food, say, Bullet sorts contacts otherwise, and an episode in eight differs by
 # 1e-8 m or less. So where an environment is follows from all that its scene has seen, and that must be
 # short enough to be played again.
@@ -205,6 +205,7 @@ class Station:
             raise
         self._records = [Record() for _ in places]
         self._past: list[list[Record]] = [[] for _ in places]  # what each scene has seen before
+        self._keeps_traces = recipe.engine == "bullet"
         # Whose `first` is what they show now: they have not been stepped since it was written.
         self._is_fresh = [False for _ in places]
 
@@ -253,8 +254,8 @@ class Station:
         self._show_first(k)
 
     def _remember(self, k: int) -> None:
-        """Put the running episode, if there is one, among what the scene has seen."""
-        if self._records[k].episode >= 0:
+        """Put the running episode, if there is one, among what the scene has seen and keeps traces of."""
+        if self._keeps_traces and self._records[k].episode >= 0:
             self._past[k].append(self._records[k])
 
     def _renew(self, k: int) -> None:
@@ -268,11 +269,17 @@ class Station:
         self._board.first.show(self._places[k], self._envs[k])
         self._is_fresh[k] = True
 
-    def step(self, _: None = None) -> None:
-        """Take every environment's actions from the board and write what they lead to."""
+    def step(self, chosen: Bools | None) -> None:
+        """Take actions from the board and write what they lead to, in the chosen environments.
+
+        Args:
+            chosen: For each environment of the batch, shape [count]; all of them if None.
+        """
         board = self._board
         assert board is not None
         for k, (place, env) in enumerate(zip(self._places, self._envs, strict=True)):
+            if chosen is not None and not chosen[place]:
+                continue
             actions = {group: values[place] for group, values in board.action.items()}
             self._records[k].actions.append(np.concatenate([a.ravel() for a in actions.values()]))
             env.step(actions)

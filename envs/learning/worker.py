@@ -6,6 +6,7 @@ import multiprocessing
 import pickle
 import signal
 import traceback
+import warnings
 import weakref
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
@@ -24,6 +25,30 @@ from .station import Board, Station
 
 Reply = tuple[Any, Exception | None, str | None]  # value, exception, traceback
 PATIENCE = 5.0  # [s] for a worker to end by itself; our own choice
+
+
+def check_whole(name: str, value: object, least: int) -> None:
+    """Raise a ConfigError where a value is no whole number from `least` on."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise ConfigError(f"{name} must be a whole number from {least} on, got {value!r}")
+
+
+def check_batch(recipe: EnvRecipe, count: int, workers: int, seed: int) -> None:
+    """Refuse impossible numbers of a batch, and warn where variants have unequal shares.
+
+    Raises:
+        ConfigError: It says which number is impossible.
+    """
+    check_whole("count", count, 1)
+    check_whole("workers", workers, 0)
+    check_whole("seed", seed, 0)
+    if workers > count:
+        raise ConfigError(f"{workers} workers for {count} environments: one each is the most")
+    if recipe.variants and count % len(recipe.variants):
+        warnings.warn(
+            f"{count} environments cannot be shared evenly by {len(recipe.variants)} variants",
+            stacklevel=3,
+        )
 
 
 class Crew:

@@ -19,7 +19,7 @@ GATHER = 0.8  # length on the leg of a metre of cloth
 INWARD = (0.42, 0.91)  # forward and to the other leg, where the other leg of the shorts hangs
 HOLD_START = 0.34  # [m] from the ankle, where the waistband is held
 HELD, SPREAD, BEFORE = 3, 0.014, 0.02  # particles in the fingers, [m] apart, [m] before the tips
-OFF_SHANK, OFF_THIGH = 0.12, 0.15  # [m] from the leg's middle to the fingers
+OFF_SHANK, OFF_THIGH = 0.05, 0.06  # [m] from shank and thigh to the fingers
 
 
 def tip(leg: LegPath, along: float) -> Array:
@@ -30,7 +30,8 @@ def tip(leg: LegPath, along: float) -> Array:
         along: Of the place, from the ankle [m].
     """
     share = min(max((along - HOLD_START) / (leg.shank - HOLD_START), 0.0), 1.0)
-    return leg.at(along) + (OFF_SHANK + share * (OFF_THIGH - OFF_SHANK)) * leg.front(along)
+    shank, thigh = OFF_SHANK + leg.radii[0], OFF_THIGH + leg.radii[1]
+    return leg.at(along) + (shank + share * (thigh - shank)) * leg.front(along)
 
 
 def hang(

@@ -33,11 +33,14 @@ class LegPath:
         points: Toes, ankle, knee and hip in the world [m], shape [4, 3].
         shank: From ankle to knee [m].
         thigh: From knee to hip [m].
+        radii: Of shank and thigh [m].
     """
 
     def __init__(self, person: Human, side: str) -> None:
         """Take a spawned person and a side, `left` or `right`."""
         self._person, self.side = person, side
+        shank, thigh = (person.segments[f"{side}_{j}"].shapes[0] for j in ("knee", "hip"))
+        self.radii = (float(shank.size[1]), float(thigh.size[1]))
         self.points = np.zeros((4, 3))
         self.look()
         self.shank = float(np.linalg.norm(self.points[2] - self.points[1]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +18,10 @@ from rcare_marl.world import World
 
 from ..devices import Wheelchair, chair_for, spawn_fitted
 from ..rectangle import Rectangle
+from ..state import State
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
+from .refusal import Refusal, turns_away
 
 MOUTH_RADIUS = 0.03  # [m] what comes within this of the mouth goes in: Assistive Gym, feeding.py
 OPEN_MOUTH = math.radians(10)  # of the jaw, before anything goes in; our own choice
@@ -27,6 +29,7 @@ MOUTH_IN_FRONT = (
     0.01  # [m] the place to bring things to lies this far before the lips; our own choice
 )
 MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw_opening")
+OFFERED, TAKEN_AWAY = 0.22, 0.26  # [m] from the mouth: within offered, beyond no more; own choice
 HELPER_AT = (0.15, 0.85)  # [m] beside the chair, where a caregiver stands; our own choice
 
 
@@ -82,7 +85,12 @@ class Meal(Task):
 
     robot = Role(Robot, default="kinova_gen3", partner="scripted")
     recipient = Role(
-        Human, default="karan", posture="wheelchair", movable=MOVABLE, partner="cooperative"
+        Human,
+        default="karan",
+        posture="wheelchair",
+        movable=MOVABLE,
+        partner="cooperative",
+        speaks=True,
     )
     caregiver = STANDING_CAREGIVER
 
@@ -116,6 +124,24 @@ class Meal(Task):
         start = {f"{part}_rotation_left": turned for part in ("neck", "head")}
         start |= {f"{part}_flexion": tilted for part in ("neck", "head")}
         self.recipient.set_angles({d: a for d, a in start.items() if d in self._head_dofs})
+
+    def refused(self, now: State, before: Any, face: Array, way: Array) -> Refusal:
+        """Return what the recipient has refused.
+
+        Args:
+            now: What every task reads.
+            before: The state of the task a control step before; None at the beginning of an episode.
+            face: Where the face looks, a unit vector, shape [3].
+            way: From the mouth to what is offered [m], shape [3].
+        """
+        distance, jaw = math.sqrt(float(way @ way)), self.recipient.angle("jaw_opening")
+        return (Refusal() if before is None else before.refusal).after(
+            says_no=self.recipient.says_no,
+            turns_away=turns_away(self.recipient, face, way, jaw),
+            is_offered=distance < OFFERED,
+            is_away=distance > TAKEN_AWAY,
+            force=float(now.force),
+        )
 
     def camera(self) -> Camera:
         far = 1.0 if self.chair.carries_robot else 1.25  # others stand beside, and are larger

@@ -24,7 +24,7 @@ from ..registry import register_task
 from ..scenes.door_approach import STANDING, WIDE_ENOUGH, DoorApproach, is_free_beyond
 from ..scenes.step_peak import StepPeak
 from ..scenes.way_through import WayState, WayThrough
-from ..state import Seen, State, Values, clip, greatest, tolerance
+from ..state import Seen, State, Values, clip, degrees, greatest, tolerance
 from ..task import CHAIR_ROBOTS, Role, Task
 from ..task_options import TaskOptions
 
@@ -269,7 +269,7 @@ class Ambulating(Task):
 
     def metrics(self, state: AmbulatingState) -> Mapping[str, Values]:
         found = {
-            "handle_turn_deg": np.degrees(state.turn),
+            "handle_turn_deg": degrees(state.turn),
             "opening": state.opening,
             "latched": state.is_latched,
             "progress": state.best,

@@ -19,10 +19,11 @@ from ..devices import HospitalBed, Sponge, lay_under
 from ..reach import Trial
 from ..rectangle import Rectangle
 from ..registry import register_task
+from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
 from ..scenes.wiped_skin import WipedSkin, pad
 from ..state import Seen, State, Values
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
-from ..task_options import FORCE_LIMIT, TaskOptions
+from ..task_options import FORCE_LIMIT
 
 COMFORT_FORCE = 12.0  # [N] above it PhyRC's bathing takes points; used by the shaped reward
 REACHED = 0.025  # [m] from target to the middle of the sponge's face: Assistive Gym, bed_bathing.py
@@ -34,6 +35,10 @@ LEAST_COVERAGE = 0.3  # share of the skin that must be wiped: success of Assisti
 START_SHARE, START_ANGLE = 0.38, math.radians(-12)
 TARGET_SHARE = (0.85, 0.95)  # of the way to the elbow: randomised, as the paper says; own choice
 TARGET_ANGLE = math.radians(15)  # about the arm, uniform each way; own choice
+OFFERED, TAKEN_AWAY = (
+    0.06,
+    0.08,
+)  # [m] from skin to sponge: within offered, beyond no more; own choice
 START_GAP = (0.10, 0.18)  # [m] from skin to sponge at the start; own choice
 ENDS = (START_SHARE, TARGET_SHARE[1])  # of the way to the elbow, that must be reached
 START_SPREAD = 0.04  # [m] along and across, uniform each way; own choice
@@ -51,7 +56,7 @@ MOVABLE = (f"{SIDE}_shoulder", f"{SIDE}_elbow_flexion")
 
 
 @dataclass(frozen=True)
-class BathingOptions(TaskOptions):
+class BathingOptions(RefusalOptions):
     """Settings of the bathing task.
 
     Attributes:
@@ -87,6 +92,7 @@ class BathingState(State):
     # where the present stroke began, as a share of the way to the elbow; infinite between strokes
     stroke_from: float
     is_reached: bool  # whether it has come to the target in one stroke, and enough was wiped
+    refusal: Refusal  # what the recipient did not want
 
 
 @register_task("bathing")
@@ -94,14 +100,20 @@ class Bathing(Task):
     """A robot beside the bed wipes the upper arm of the person who lies in it with a wet sponge.
 
     Success: the sponge comes to a target on the elbow in one stroke from the shoulder's half of the upper
-    arm, and enough of its upper side was wiped. Failure: a force above the limit on the person.
+    arm, and enough of its upper side was wiped; or the person refused for good, and that was respected.
+    Failure: a force above the limit on the person, or above 5 N after a no.
     Randomised at reset: target, start of the sponge, how the arm lies.
     Tolerance: how close to the target is close enough; the share to be wiped is divided by it.
     """
 
     robot = Role(Robot, default="kinova_gen2", partner="scripted")
     recipient = Role(
-        Human, default="natalia", posture="bed_supine", movable=MOVABLE, partner="still"
+        Human,
+        default="natalia",
+        posture="bed_supine",
+        movable=MOVABLE,
+        partner="still",
+        speaks=True,
     )
     caregiver = STANDING_CAREGIVER
 
@@ -229,6 +241,19 @@ class Bathing(Task):
             gained=covered if before is None else covered - before.covered,
             stroke_from=stroke_from,
             is_reached=is_reached or (before is not None and before.is_reached),
+            refusal=self._refused(now, before, face),
+        )
+
+    def _refused(self, now: State, before: BathingState | None, face: Array) -> Refusal:
+        """Return what the recipient has refused."""
+        share = min(max(float(self.skin.progress(face)), 0.0), 1.0)
+        skin, out = self.skin.place(share, START_ANGLE)
+        gap = float((face - skin) @ out)
+        return (Refusal() if before is None else before.refusal).after(
+            says_no=self.recipient.says_no,
+            is_offered=gap < OFFERED,
+            is_away=gap > TAKEN_AWAY,
+            force=float(now.force),
         )
 
     def observables(self, role: str) -> Sequence[Seen]:
@@ -242,6 +267,7 @@ class Bathing(Task):
             Seen("coverage", "1", 1, lambda s: s.covered),
             Seen("in_stroke", "1", 1, lambda s: s.stroke_from < STROKE_FROM),
             self.time_left(),
+            *refusal_seen(self.options),
         ]
 
     def rewards(self, role: str, state: BathingState) -> Mapping[str, Values]:
@@ -263,10 +289,14 @@ class Bathing(Task):
             "distance_m": state.distance,
             "coverage": state.covered,
             "sponge_force_n": state.push_size,
+            **state.refusal.metrics(),
         }
 
     def is_success(self, state: BathingState) -> Values:
-        return state.is_reached
+        return state.is_reached | state.refusal.is_respected
+
+    def is_failure(self, state: BathingState) -> Values:
+        return state.refusal.is_hurt
 
     def target_on_arm(self) -> tuple[float, float]:
         """Return how far along the upper arm the target is, as a share, and at which angle [rad]."""

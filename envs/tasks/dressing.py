@@ -270,7 +270,7 @@ class Dressing(Task):
         if self.options.reward == "shaped":
             excess = self.options.discomfort(state.force, COMFORT_FORCE)
             near = tolerance(state.along, (state.target_along, math.inf), margin=0.4)
-            terms |= {"comfort": -excess, "held": state.is_held - 1.0}
+            terms |= {"comfort": -excess, "held": where(state.is_held, 0.0, -1.0)}
             terms |= {"around": where(state.is_around, near, 0.0) - 1.0}
             terms = self.options.weighted(terms)
         # Every term is a cost, so that to end well ends the costs. An episode that ends badly is charged

@@ -20,7 +20,8 @@ from ..devices import Cup
 from ..reach import Trial
 from ..registry import register_policy, register_task
 from ..scenes.meal import MOUTH_RADIUS, Meal, MealOptions, Mouth
-from ..state import Seen, State, Values, clip, tolerance
+from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
+from ..state import Seen, State, Values, clip, degrees, tolerance
 
 Flags = npt.NDArray[np.bool_]
 
@@ -47,7 +48,7 @@ CLEAR = 0.025  # [m] that it keeps from the person there
 
 
 @dataclass(frozen=True)
-class DrinkingOptions(MealOptions):
+class DrinkingOptions(RefusalOptions, MealOptions):
     """Settings of the drinking task.
 
     Attributes:
@@ -78,6 +79,7 @@ class DrinkingState(State):
     drunk: float  # share of it that was drunk
     spilled: float  # share of it that was spilled
     time_to_drink: float  # when enough was drunk [s]; -1 before
+    refusal: Refusal  # what the recipient did not want
 
 
 @register_task("drinking")
@@ -86,7 +88,8 @@ class Drinking(Meal):
 
     Goal: three quarters of the water drunk. A particle is drunk when it comes near the mouth while the
     mouth is open. Randomised at reset: where the cup starts, how the head is turned and tilted.
-    Success and failure: enough is drunk; too much is spilled, or a force above the limit on the person.
+    Success and failure: enough is drunk, or refused for good and that respected; too much is spilled, a
+    force above the limit on the person, or above 5 N after a no.
     Tolerance: the share that may be spilled; that to be drunk is divided by it.
     """
 
@@ -172,6 +175,10 @@ class Drinking(Meal):
                 self._drunk |= drunk
                 self.water.take(drunk)
 
+    def offered_position(self) -> Array:
+        """Return where the rim that leads to the face is in the world [m], shape [3]."""
+        return self.state.rim
+
     def read(self, now: State, before: DrinkingState | None) -> DrinkingState:
         mouth, vessel, positions = self.mouth, self.cup.vessel, self.water.positions
         mouth.sense()
@@ -201,6 +208,7 @@ class Drinking(Meal):
             drunk=drunk,
             spilled=float(np.mean(spilled & ~self._drunk)),
             time_to_drink=now.time if is_first else arrived,
+            refusal=self.refused(now, before, mouth.face, rim - mouth.position),
         )
 
     def observables(self, role: str) -> Sequence[Seen]:
@@ -215,6 +223,7 @@ class Drinking(Meal):
             Seen("water_spilled", "1", 1, lambda s: s.spilled),
             self.contact_force(),
             self.time_left(),
+            *refusal_seen(self.options),
         ]
 
     def rewards(self, role: str, state: DrinkingState) -> Mapping[str, Values]:
@@ -237,15 +246,17 @@ class Drinking(Meal):
             "distance_m": state.distance,
             "drunk_share": state.drunk,
             "spilled_share": state.spilled,
-            "tilt_deg": np.degrees(state.tilt),
+            "tilt_deg": degrees(state.tilt),
             "time_to_drink_s": state.time_to_drink,
+            **state.refusal.metrics(),
         }
 
     def is_success(self, state: DrinkingState) -> Values:
-        return state.drunk * self.options.tolerance >= LEAST_DRUNK
+        is_enough = state.drunk * self.options.tolerance >= LEAST_DRUNK
+        return is_enough | state.refusal.is_respected
 
     def is_failure(self, state: DrinkingState) -> Values:
-        return state.spilled > MOST_SPILLED * self.options.tolerance
+        return (state.spilled > MOST_SPILLED * self.options.tolerance) | state.refusal.is_hurt
 
 
 @register_policy("drinking", "recipient", "cooperative")

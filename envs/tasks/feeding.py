@@ -19,7 +19,8 @@ from ..devices import Spoon
 from ..reach import Trial
 from ..registry import register_policy, register_task
 from ..scenes.meal import Meal, MealOptions
-from ..state import Seen, State, Values, tolerance, where
+from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
+from ..state import Seen, State, Values, negate, tolerance, where
 
 Flags = npt.NDArray[np.bool_]
 
@@ -35,10 +36,7 @@ START_SPREAD = (0.0, 0.06, 0.05)  # [m] uniform, each way: along, across, up; ou
 HEAD_TURN, HEAD_TILT = math.radians(20), math.radians(8)  # uniform, each way; our own choice
 SETTLE_STEPS = 240  # physics steps that the food gets to come to rest in the spoon, once
 LOADED_FROM = 0.22  # [m] from mouth to bowl, where an empty spoon is filled again; our own choice
-STILL, LEVEL = (
-    0.05,
-    0.95,
-)  # [m/s], cosine of the tilt: of a spoon that can be filled; our own choice
+STILL, LEVEL = 0.05, 0.95  # [m/s], cosine of the tilt: a spoon that can be filled; our own choice
 AT_LIPS = 0.05  # [m] from mouth to bowl: food is offered; our own choice
 BETWEEN_BITES = 12.0  # [s] beside chewing, for each further bite; our own choice
 COUGH = 10.0  # of the paper's reward, five control steps at best; our own choice
@@ -46,7 +44,7 @@ APART = (0.0, 0.0, -50.0)  # [m] where eaten food is parked: bodies can never be
 
 
 @dataclass(frozen=True)
-class FeedingOptions(MealOptions):
+class FeedingOptions(RefusalOptions, MealOptions):
     """Settings of the feeding task.
 
     Attributes:
@@ -85,6 +83,7 @@ class FeedingState(State):
     spilled: int  # likewise
     time_to_mouth: float  # when the last piece was eaten [s]; -1 before
     mouthful: Mouthful  # what is in the mouth
+    refusal: Refusal  # what the recipient did not want
 
 
 @register_task("feeding")
@@ -94,7 +93,8 @@ class Feeding(Meal):
     Goal: all food eaten. A piece is eaten when it comes near the mouth while the mouth is open.
     Of several bites each is chewed and swallowed; the spoon is filled again where it is drawn back.
     Randomised at reset: where the spoon starts, how the head is turned and tilted.
-    Success and failure: all pieces eaten; one spilled, or a force above the limit on the person.
+    Success and failure: all pieces eaten, or refused for good and that respected; one spilled, a force
+    above the limit on the person, or above 5 N after a no.
     Tolerance: the radius about the mouth within which food is eaten.
     """
 
@@ -177,7 +177,7 @@ class Feeding(Meal):
         """Return whether food went the wrong way there in the last control step."""
         return role == self.recipient.name and bool(self.state.mouthful.coughs_now)
 
-    def bowl_position(self) -> Array:
+    def offered_position(self) -> Array:
         """Return where the middle of the spoon's bowl is in the world [m], shape [3]."""
         return self.state.bowl
 
@@ -212,6 +212,7 @@ class Feeding(Meal):
             spilled=int(np.count_nonzero(is_spilled)),
             time_to_mouth=now.time if arrived < 0 and all_eaten else arrived,
             mouthful=mouthful,
+            refusal=self.refused(now, before, face, -gap),
         )
 
     def _waits_for_food(self, before: FeedingState, bowl: Array) -> bool:
@@ -240,12 +241,9 @@ class Feeding(Meal):
         self, before: FeedingState | None, bowl: Array, mouth: Array, jaw: float
     ) -> tuple[Flags, Flags]:
         """Return which pieces have been eaten and which spilled; who eats takes them off the scene."""
-        nothing = np.zeros(FOOD_COUNT, np.bool_)
-        eaten, spilled = (
-            (nothing.copy(), nothing)
-            if before is None
-            else (before.is_eaten.copy(), before.is_spilled.copy())
-        )
+        eaten, spilled = np.zeros((2, FOOD_COUNT), np.bool_)
+        if before is not None:
+            eaten, spilled = before.is_eaten.copy(), before.is_spilled.copy()
         radius = MOUTH_RADIUS * self.options.tolerance
         for i in np.flatnonzero(~(eaten | spilled)):
             place = self._food[i].centre_pose()[0]
@@ -272,6 +270,7 @@ class Feeding(Meal):
             Seen("food_eaten", "1", 1, lambda s: s.eaten / FOOD_COUNT),
             self.contact_force(),
             self.time_left(),
+            *refusal_seen(self.options),
         ]
 
     def rewards(self, role: str, state: FeedingState) -> Mapping[str, Values]:
@@ -282,7 +281,7 @@ class Feeding(Meal):
             # An empty spoon belongs back, a full one before a mouth that is ready.
             back = tolerance(state.distance, bounds=(LOADED_FROM, 1.0), margin=0.3)
             waiting = tolerance(state.distance, bounds=(2 * AT_LIPS, 1.0), margin=0.3)
-            is_full = np.logical_not(state.mouthful.is_ready)
+            is_full = negate(state.mouthful.is_ready)
             near = where(state.eaten == FOOD_COUNT, back, where(is_full, waiting, near))
         terms = {"food": food * food, "approach": food * near}
         best = 2.0  # what ends well is paid as if it went on: else to dawdle would pay more than to feed
@@ -293,7 +292,7 @@ class Feeding(Meal):
             best = self.options.weight("food") + self.options.weight("approach")
         if self.options.bites > 1:
             share = COUGH / 2.0 * best
-            terms["cough"] = -share * np.asarray(state.mouthful.coughs_now, float)
+            terms["cough"] = where(state.mouthful.coughs_now, -share, 0.0)
         return {**terms, "eaten": self.for_the_rest(state, self.succeeded(state), best)}
 
     def literal(self, role: str, state: FeedingState) -> Mapping[str, Values]:
@@ -310,15 +309,17 @@ class Feeding(Meal):
             "coughs": state.mouthful.coughs,
             "aspiration_risk": state.mouthful.risk,
             "time_to_mouth_s": state.time_to_mouth,
+            **state.refusal.metrics(),
         }
 
     def is_success(self, state: FeedingState) -> Values:
+        is_fed = state.eaten == FOOD_COUNT
         if self.options.bites > 1:
-            return state.mouthful.swallowed >= self.options.bites
-        return state.eaten == FOOD_COUNT
+            is_fed = state.mouthful.swallowed >= self.options.bites
+        return is_fed | state.refusal.is_respected
 
     def is_failure(self, state: FeedingState) -> Values:
-        return state.spilled > 0
+        return (state.spilled > 0) | state.refusal.is_hurt
 
     def spoon_facing(self, direction: Vector) -> Array:
         """Return how a level spoon is turned whose tip points along `direction`, shape [4]."""

@@ -15,7 +15,7 @@ from ..devices import Cup
 from ..reach import Trial
 from ..registry import register_policy, register_task
 from ..scenes.meal import Meal, MealOptions
-from ..state import Seen, State, Values
+from ..state import Seen, State, Values, norm
 from ..task import Role
 
 # All our own choices. Of the cup from the hand: ahead, aside, up [m]; the spread is uniform, each way.
@@ -88,7 +88,7 @@ class HandingOver(Meal):
 
     def rewards(self, role: str, state: CupState) -> dict[str, Values]:
         hurt = self.for_the_rest(state, self.failed(state), -1.0)
-        return self.options.weighted({"near": -np.linalg.norm(state.gap, axis=-1), "hurt": hurt})
+        return self.options.weighted({"near": -norm(state.gap), "hurt": hurt})
 
     def is_success(self, state: CupState) -> Values:
         return state.held * self.options.tolerance >= HELD - 1e-9

@@ -24,7 +24,7 @@ from ..devices import ArmCradle, Wheelchair, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..scenes.start_posture import start_best
-from ..state import Seen, State, Values, tolerance, where
+from ..state import Seen, State, Values, degrees, tolerance, where
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
@@ -309,7 +309,7 @@ class LimbRepositioning(Task):
             "distance_m": state.distance,
             "force_on_armrest_n": state.pad_force,
             "rested_s": state.rested,
-            "beyond_prom_deg": np.degrees(state.beyond),
+            "beyond_prom_deg": degrees(state.beyond),
         }
 
     def is_success(self, state: LimbRepositioningState) -> Values:

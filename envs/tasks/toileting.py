@@ -21,7 +21,7 @@ from ..reach import Trial
 from ..rectangle import Rectangle
 from ..registry import register_task
 from ..scenes.step_peak import StepPeak
-from ..state import Seen, State, Values, clip, greatest, tolerance
+from ..state import Seen, State, Values, clip, degrees, greatest, tolerance
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
 from ..task_options import TaskOptions
 
@@ -44,7 +44,7 @@ DISTANCES = (
 )  # [m] from the wall to a robot, the best first; our own choice
 ASIDES = (0.0, 0.25, -0.25)  # [m] and beside the middle; our own choice
 STAND = 0.5  # [m] height of the stand of an arm that has no base; our own choice
-CLEAR = 0.003  # [m] between robot and toilet at the start
+CLEAR, OFF_WALL = 0.003, 0.002  # [m] between robot and toilet, and walls, at the start
 
 
 @dataclass(frozen=True)
@@ -163,12 +163,13 @@ class Toileting(Task):
         places = itertools.product(DISTANCES, ASIDES)
         search = self.search(
             world,
-            clear_of=[(self._body, CLEAR)],
+            clear_of=[(self._body, CLEAR), *((w, OFF_WALL) for _, w in self.place.obstacles)],
             within=lambda found: found.is_within(0.02, REACH_ANGLE),
         )
         found = search.find(
             [Trial(aims, self._robot_place(*place)) for place in places], "the lid of the toilet"
         )
+        self._posture = found.posture
         robot.set_posture(found.posture)
         if needs_stand(self.robot):
             add_stand(world, found.base)
@@ -187,7 +188,8 @@ class Toileting(Task):
 
     def reset(self, rng: np.random.Generator) -> None:
         start = self._start_pose(rng.uniform(-1, 1, 3))
-        self.robot.set_posture(self.robot.solve_ik(start).posture)
+        # From where it was found to be clear: a base that slides must not slide into a wall.
+        self.robot.set_posture(self.robot.solve_ik(start, seed=self._posture).posture)
         self._pushing.take()
 
     def after_substep(self) -> None:
@@ -243,8 +245,8 @@ class Toileting(Task):
 
     def metrics(self, state: ToiletingState) -> Mapping[str, Values]:
         return {
-            "lid_angle_deg": np.degrees(state.angle),
-            "peak_lid_angle_deg": np.degrees(state.peak_angle),
+            "lid_angle_deg": degrees(state.angle),
+            "peak_lid_angle_deg": degrees(state.peak_angle),
             "toilet_force_n": state.push,
             "peak_toilet_force_n": state.peak_push,
             "time_to_open_s": state.time_to_open,

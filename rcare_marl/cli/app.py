@@ -45,6 +45,7 @@ from .parameter import (
     print_json,
     settings,
 )
+from .people import people
 from .training import train
 
 INTERRUPTED = 130  # exit status of a program that Ctrl-C ended, as shells have it
@@ -399,6 +400,7 @@ def validate(
 
 app.command()(train)
 app.command()(export)
+app.command()(people)
 app.add_typer(coach, name="coach")
 
 

@@ -162,6 +162,12 @@ def train(
     level: Annotated[
         int | None, typer.Option(min=1, max=3, help="Level of accessibility of home or door.")
     ] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="What computes the motion: bullet, the default, or mujoco."
+        ),
+    ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -178,7 +184,7 @@ def train(
 
     Example: rcare-marl train feeding --algo sac --seed 0 --steps 50000
     """
-    given = {"algo": algo, "seed": seed, "steps": steps, "envs": envs}
+    given = {"algo": algo, "seed": seed, "steps": steps, "envs": envs, "engine": engine}
     fields = {name: value for name, value in given.items() if value is not None}
     if workers is not None:
         fields["workers"] = _workers(workers)
@@ -267,7 +273,8 @@ def changed(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, An
 def _name(config: TrainConfig) -> str:
     level = config.cast.get("level")
     place = config.task if level is None else f"{config.task}_level{level}"
-    return f"{place}_{config.algo}_seed{config.seed}"
+    engine = "" if config.engine == "bullet" else f"_{config.engine}"
+    return f"{place}{engine}_{config.algo}_seed{config.seed}"
 
 
 def _check_folder(folder: Path, config: TrainConfig) -> None:

@@ -12,9 +12,9 @@ that moves at its wished speed, and with `a = (v' - v) / dt`
   what is farther than 0.04 past a limit is stopped, not moved back;
 - rigid contact: aref = (0.08 overlap / dt - v) / dt, R about 0, with Bullet's share of 0.08.
 
-The rows are solved as Bullet solves them, by projected Gauss-Seidel with the same number of iterations,
-from nothing in each step. That is no detail: in thirty iterations Bullet's forces on a pressed mouth stay a
-fifth below what they converge to, since the bond between hand and spoon is slow to solve.
+The rows are solved as Bullet solves them, by projected Gauss-Seidel over accelerations with the same number
+of iterations, from nothing in each step. That is no detail: in thirty iterations Bullet's forces on a pressed
+mouth stay a fifth below what they converge to, since the bond between hand and spoon is slow to solve.
 
 The force of a motor is then what really acted in the step, as Bullet tells it.
 """
@@ -26,12 +26,15 @@ import numpy as np
 
 from rcare_marl.pose import Array
 
+from . import native
+from .caps import cut_speeds
+from .native import call, real, whole, word
+
 ERP = 0.2  # share of the error of bonds and joint limits that Bullet removes in a physics step
-FAR_PAST = (
-    -0.04
-)  # [rad or m] past its limit from where on Bullet stops a joint, but moves it back no more
 CONTACT_ERP = 0.08  # the same of the overlap of rigid bodies
 SLOP = 1e-5  # [m] of overlap that Bullet leaves
+# [rad or m] past its limit from where on Bullet stops a joint, but moves it back no more.
+FAR_PAST = -0.04
 MOTOR_GIVE = 1e-4  # R of a motor or bond as a share of what its joint alone gives way by
 CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
 EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
@@ -48,174 +51,276 @@ def motor_table(count: int) -> Array:
     return table
 
 
-@numba.njit(cache=True)
-def write_rows(  # type: ignore[no-untyped-def]
-    dt,
-    positions,
-    velocities,
-    places,
-    motors,
-    gears,
-    surfaces,
-    owners,
-    rows,
-    dual,
-    contacts,
-    touched,
-):
-    """Write motors and contacts into the rows of a step, and which bodies touch something.
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type: ignore[no-untyped-def]
+    """Advance a scene by one physics step.
 
     Args:
-        dt: Physics step [s].
-        positions: MuJoCo's `qpos`.
-        velocities: Of each degree of freedom, shape [nv].
-        places: Where in `positions` the joint of a degree of freedom is, shape [nv].
-        motors: See `motor_table`.
-        gears: Share of the error of each equality that is removed in a physics step.
-        surfaces: Friction, stiffness (0 if rigid), damping and rounding [m] of each geom, shape [ngeom, 4].
-        owners: Number of the body of each geom.
-        rows: `efc_type`, `efc_id`, `efc_pos`, `efc_vel`, `efc_diagA`, `efc_aref`, `efc_R`.
-        dual: `efc_AR`, whose diagonal has R in it.
-        contacts: `geom`, `dist`, `efc_address`, `dim`, `friction` of each contact.
-        touched: Of each body, written.
+        places: See `native.addresses`.
+        state: `qpos`, `qvel`, `qfrc_applied`, `qacc_smooth`, `qacc`, `qfrc_constraint`; and what the motor of
+            each degree of freedom did, shape [nv], written.
+        inertia: The factors of the mass matrix: `qLD`, `qLDiagInv`, `M_rownnz`, `M_rowadr`, `M_colind`; then
+            the tree of each degree of freedom, and the first and the number of those of each tree.
+        rules: Physics step [s]; sweeps of the solver, shape [1]; where in `qpos` the joint of a degree of
+            freedom is, shape [nv]; see `motor_table`; greatest forces of motors by degree of freedom, and of
+            bonds by equality; share of the error of each equality that is removed in a physics step;
+            friction, stiffness (0 if rigid), damping and rounding [m] of each geom, shape [ngeom, 4]; the
+            number of its body; greatest speed of each degree of freedom.
+        felt: Whether to work out what joints transmit, shape [1]; `subtree_com`, `xpos` and `xmat`, and
+            where to keep what they are in this step.
+        touched: Of each body, whether it touches something, written.
     """
-    kinds, ids, errors, speeds, gives, aref, soft = rows
-    count = len(kinds)
-    for row in range(count):
-        dual[row, row] -= soft[row]
-    for row in range(count):
+    model, data = places[native.MODEL], places[native.DATA]
+    qpos, qvel, _, smooth, acceleration, pushes, acted = state
+    dt, sweeps, joints, motors, greatest, strengths, shares, surfaces, owners, caps = rules
+    call(places[native.STEP_1], model, data)
+    call(places[native.ACCELERATION], model, data)
+    cut_speeds(qvel, smooth, caps, dt)
+    acceleration[:] = smooth
+    pushes[:] = acted[:] = 0.0
+    touched[:] = False
+    count = whole(data + places[native.NEFC], 1)[0]
+    if count > 0:
+        kinds = whole(word(data + places[native.EFC_TYPE]), count)
+        ids = whole(word(data + places[native.EFC_ID]), count)
+        sizes = whole(word(data + places[native.J_ROWNNZ]), count)
+        starts = whole(word(data + places[native.J_ROWADR]), count)
+        filled = starts[count - 1] + sizes[count - 1]
+        columns = whole(word(data + places[native.J_COLIND]), filled)
+        jacobian = real(word(data + places[native.EFC_J]), filled)
+        errors = real(word(data + places[native.EFC_POS]), count)
+        speeds = real(word(data + places[native.EFC_VEL]), count)
+        gives = real(word(data + places[native.EFC_DIAG]), count)
+        forces = real(word(data + places[native.EFC_FORCE]), count)
+        wished, soft, most = np.empty(count), np.zeros(count), np.full(count, np.inf)
+        first = (kinds, ids, errors, speeds, gives)
+        _write_joints(
+            dt, qpos, qvel, joints, motors, (greatest, strengths), shares, first, wished, soft, most
+        )
+        contacts = _write_contacts(
+            dt, places, (kinds, speeds, gives), surfaces, owners, wished, soft, touched
+        )
+        rows = sizes, starts, columns, jacobian
+        answers, spans = _answers(inertia, rows)
+        coupling, left = _coupling(rows, answers, spans, soft, wished, smooth)
+        _solve(sweeps[0], kinds, most, coupling, left, contacts, forces)
+        for row in range(count):
+            force = forces[row]
+            if kinds[row] == FRICTION_ROW:
+                acted[ids[row]] = force
+            if force != 0.0:
+                for k in range(starts[row], starts[row] + sizes[row]):
+                    pushes[columns[k]] += jacobian[k] * force
+                for i in range(spans[row, 0], spans[row, 1]):
+                    acceleration[i] += answers[row, i] * force
+                for i in range(spans[row, 2], spans[row, 3]):
+                    acceleration[i] += answers[row, i] * force
+    cut_speeds(qvel, acceleration, caps, dt)
+    feels, present, kept = felt
+    if feels[0]:
+        call(places[native.RNE], model, data)
+        for k in range(len(kept)):
+            kept[k][:] = present[k]
+    call(places[native.EULER], model, data)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _write_joints(  # type: ignore[no-untyped-def]
+    dt, positions, velocities, joints, motors, limits, shares, rows, wished, soft, most
+) -> None:
+    """Write what motors, bonds, gears and ends of joints want, how they give way, and their limits."""
+    kinds, ids, errors, speeds, gives = rows
+    greatest, strengths = limits
+    for row in range(len(kinds)):
         if kinds[row] == EQUALITY_ROW or kinds[row] == LIMIT_ROW:
-            share = gears[ids[row]] if kinds[row] == EQUALITY_ROW else ERP
+            share = shares[ids[row]] if kinds[row] == EQUALITY_ROW else ERP
             if kinds[row] == LIMIT_ROW and errors[row] < FAR_PAST:
                 share = 0.0
-            aref[row] = (-share * errors[row] / dt - speeds[row]) / dt
+            wished[row] = (-share * errors[row] / dt - speeds[row]) / dt
             soft[row] = MOTOR_GIVE * gives[row]
-        if kinds[row] != FRICTION_ROW:
-            continue
-        dof = ids[row]
-        target, wished, gain, most = motors[dof]
-        if gain > 0.0:
-            wished += gain * (target - positions[places[dof]]) / dt
-        wished = min(max(wished, -most), most)
-        aref[row] = (wished - velocities[dof]) / dt
-        soft[row] = MOTOR_GIVE * gives[row]
-    geoms, gaps, addresses, sizes, frictions = contacts
-    touched[:] = False
-    for i in range(len(gaps)):
-        row = addresses[i]
+            if kinds[row] == EQUALITY_ROW:
+                most[row] = strengths[ids[row]]
+        elif kinds[row] == FRICTION_ROW:
+            dof = ids[row]
+            target, speed, gain, fastest = motors[dof]
+            if gain > 0.0:
+                speed += gain * (target - positions[joints[dof]]) / dt
+            speed = min(max(speed, -fastest), fastest)
+            wished[row] = (speed - velocities[dof]) / dt
+            soft[row] = MOTOR_GIVE * gives[row]
+            most[row] = greatest[dof]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _write_contacts(dt, places, rows, surfaces, owners, wished, soft, touched):  # type: ignore[no-untyped-def]
+    """Write what contacts want and how they give way.
+
+    Returns:
+        First row of each contact, -1 if it has none, and how many rows, shape [ncon, 2]; friction along the
+            surface, about the normal and of rolling, shape [ncon, 3].
+    """
+    kinds, speeds, gives = rows
+    data = places[native.DATA]
+    count = whole(data + places[native.NCON], 1)[0]
+    held, frictions = np.empty((count, 2), np.int64), np.empty((count, 3))
+    start = word(data + places[native.CONTACT])
+    for i in range(count):
+        here = start + i * places[native.CONTACT_SIZE]
+        row = whole(here + places[native.EFC_ADDRESS], 1)[0]
+        held[i, 0] = -1
         if row < 0 or kinds[row] != CONTACT_ROW:
             continue
-        one, other = geoms[i, 0], geoms[i, 1]
+        size = whole(here + places[native.DIM], 1)[0]
+        held[i, 0], held[i, 1] = row, size
+        geoms = whole(here + places[native.GEOM], 2)
+        friction = real(here + places[native.FRICTION], 5)
+        one, other = geoms[0], geoms[1]
+        gap = real(here + places[native.DIST], 1)[0] + SLOP
+        gap -= surfaces[one, 3] + surfaces[other, 3]
         touched[owners[one]] = touched[owners[other]] = True
         near = gives[row]
         first, second = surfaces[one, 1], surfaces[other, 1]
-        gap = gaps[i] - surfaces[one, 3] - surfaces[other, 3] + SLOP
         give = CONTACT_GIVE * near
-        wished = -gap / dt if gap > 0.0 else -CONTACT_ERP * gap / dt
+        speed = -gap / dt if gap > 0.0 else -CONTACT_ERP * gap / dt
         if first > 0.0 or second > 0.0:
             spring = first + second
             if first > 0.0 and second > 0.0:
                 spring = first * second / spring
-            whole = dt * spring + surfaces[one, 2] + surfaces[other, 2]
-            give = 1.0 / (dt * whole)
+            both = dt * spring + surfaces[one, 2] + surfaces[other, 2]
+            give = 1.0 / (dt * both)
             if gap <= 0.0:
-                wished = -gap * spring / whole
-        aref[row] = (wished - speeds[row]) / dt
+                speed = -gap * spring / both
+        wished[row] = (speed - speeds[row]) / dt
         soft[row] = give
-        for k in range(1, sizes[i]):
-            aref[row + k] = -speeds[row + k] / dt
+        for k in range(1, size):
+            wished[row + k] = -speeds[row + k] / dt
             soft[row + k] = CONTACT_GIVE * near
-        frictions[i, 0] = frictions[i, 1] = surfaces[one, 0] * surfaces[other, 0]
+        frictions[i, 0] = surfaces[one, 0] * surfaces[other, 0]
+        frictions[i, 1], frictions[i, 2] = friction[2], friction[3]
+    return held, frictions
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _answers(inertia, rows):  # type: ignore[no-untyped-def]
+    """Return how joints answer a unit force of each row.
+
+    Returns:
+        Accelerations, shape [nefc, nv], written within the spans only; and first and end of up to two spans
+            of degrees of freedom, shape [nefc, 4].
+    """
+    factors, inverse, lengths, begins, others, trees, firsts, numbers = inertia
+    sizes, starts, columns, jacobian = rows
+    count = len(sizes)
+    answers, spans = np.empty((count, len(trees))), np.zeros((count, 4), np.int64)
     for row in range(count):
-        dual[row, row] += soft[row]
+        answer, span = answers[row], spans[row]
+        for k in range(starts[row], starts[row] + sizes[row]):
+            dof = columns[k]
+            if not (span[0] <= dof < span[1] or span[2] <= dof < span[3]):
+                at = 0 if span[1] == 0 else 2
+                span[at] = firsts[trees[dof]]
+                span[at + 1] = span[at] + numbers[trees[dof]]
+                answer[span[at] : span[at + 1]] = 0.0
+            answer[dof] = jacobian[k]
+        for at in range(0, 4, 2):
+            low, high = span[at], span[at + 1]
+            for i in range(high - 1, low - 1, -1):  # of L^T D L
+                if answer[i] != 0.0:
+                    for k in range(begins[i], begins[i] + lengths[i] - 1):
+                        answer[others[k]] -= factors[k] * answer[i]
+            for i in range(low, high):
+                total = answer[i] * inverse[i]
+                for k in range(begins[i], begins[i] + lengths[i] - 1):
+                    total -= factors[k] * answer[others[k]]
+                answer[i] = total
+    return answers, spans
 
 
-@numba.njit(cache=True, inline="always")  # a call costs more than the row
-def _solve_row(row, least, most, dual, left, forces) -> None:  # type: ignore[no-untyped-def]
-    wanted = forces[row] - left[row] / dual[row, row]
-    _set_force(row, min(max(wanted, least), most), dual, left, forces)
+@numba.njit(cache=True, error_model="numpy")
+def _coupling(rows, answers, spans, soft, wished, acceleration):  # type: ignore[no-untyped-def]
+    """Return by how much force each row is changed by a unit force of another, and misses what it wants.
+
+    Returns:
+        The change in every row by a force in one, shape [nefc, nefc], the rows' own being 1; and what each
+            row has too much at no force, shape [nefc].
+    """
+    sizes, starts, columns, jacobian = rows
+    count, width = answers.shape
+    across = np.zeros((width, count))
+    for row in range(count):
+        for i in range(spans[row, 0], spans[row, 1]):
+            across[i, row] = answers[row, i]
+        for i in range(spans[row, 2], spans[row, 3]):
+            across[i, row] = answers[row, i]
+    coupling, left, inverse = np.zeros((count, count)), np.empty(count), np.empty(count)
+    for row in range(count):
+        mine, miss = coupling[row], -wished[row]
+        for k in range(starts[row], starts[row] + sizes[row]):
+            share, column = jacobian[k], across[columns[k]]
+            miss += share * acceleration[columns[k]]
+            for other in range(count):
+                mine[other] += share * column[other]
+        inverse[row] = 1.0 / (mine[row] + soft[row])
+        mine[row] += soft[row]
+        left[row] = miss * inverse[row]
+    for row in range(count):  # what row does to others is what others do to it
+        for other in range(count):
+            coupling[row, other] *= inverse[other]
+    return coupling, left
 
 
-@numba.njit(cache=True, inline="always")
-def _set_force(row, force, dual, left, forces) -> None:  # type: ignore[no-untyped-def]
-    change = force - forces[row]
-    if change != 0.0:
-        forces[row] = force
-        for k in range(len(left)):
-            left[k] += dual[row, k] * change
-
-
-@numba.njit(cache=True)
-def solve_rows(  # type: ignore[no-untyped-def]
-    iterations, kinds, ids, limits, dual, jacobian, aref, free, contacts, forces, pushes
-):
-    """Solve the rows in Bullet's order, from nothing, and write what they push joints with.
+@numba.njit(cache=True, error_model="numpy")
+def _solve(sweeps, kinds, most, coupling, left, contacts, forces) -> None:  # type: ignore[no-untyped-def]
+    """Solve the rows in Bullet's order, from nothing.
 
     In each sweep motors and limits come first and bonds after them, the other way round in every other
     sweep; then the normals of all contacts, then their friction, within the cone of the normal forces.
-
-    Args:
-        iterations: Sweeps.
-        kinds: `efc_type`.
-        ids: `efc_id`.
-        limits: Greatest forces of motors by degree of freedom, and of bonds by equality.
-        dual: `efc_AR`.
-        jacobian: `efc_J`.
-        aref: `efc_aref`.
-        free: Acceleration without constraints, shape [nv].
-        contacts: `efc_address`, `dim`, `friction` of each contact.
-        forces: `efc_force`, written.
-        pushes: What the rows push each degree of freedom with, shape [nv], written.
     """
-    count, width = len(kinds), len(free)
-    motors, bonds = limits
-    addresses, sizes, frictions = contacts
-    left = np.empty(count)  # b + A f
+    count = len(kinds)
+    held, frictions = contacts
     order = np.empty(count, np.int64)
-    most = np.full(count, np.inf)
     others = 0
     for row in range(count):
-        total = -aref[row]
-        for dof in range(width):
-            total += jacobian[row, dof] * free[dof]
-        left[row] = total
         forces[row] = 0.0
-        if kinds[row] == FRICTION_ROW:
-            most[row] = motors[ids[row]]
-        if kinds[row] == EQUALITY_ROW:
-            most[row] = bonds[ids[row]]
-        elif kinds[row] < CONTACT_ROW:
+        if kinds[row] < CONTACT_ROW and kinds[row] != EQUALITY_ROW:
             order[others] = row
             others += 1
     for row in range(count):
         if kinds[row] == EQUALITY_ROW:
             order[others] = row
             others += 1
-    for sweep in range(iterations):
+    for sweep in range(sweeps):
         for k in range(others):
             row = order[k] if sweep % 2 else order[others - 1 - k]
             least = 0.0 if kinds[row] > FRICTION_ROW else -most[row]
-            _solve_row(row, least, most[row], dual, left, forces)
-        for i in range(len(addresses)):
-            if addresses[i] >= 0:
-                _solve_row(addresses[i], 0.0, np.inf, dual, left, forces)
-        for i in range(len(addresses)):
-            row = addresses[i]
+            force = min(max(forces[row] - left[row], least), most[row])
+            _set_force(row, force, coupling, left, forces)
+        for i in range(len(held)):
+            row = held[i, 0]
+            if row >= 0:
+                _set_force(row, max(forces[row] - left[row], 0.0), coupling, left, forces)
+        for i in range(len(held)):
+            row = held[i, 0]
             if row < 0 or forces[row] <= 0.0:
                 continue
-            for k in range(3, sizes[i]):
-                reach = frictions[i, k - 1] * forces[row]
-                _solve_row(row + k, -reach, reach, dual, left, forces)
-            if sizes[i] < 3:
+            for k in range(3, held[i, 1]):
+                reach = frictions[i, min(k - 2, 2)] * forces[row]
+                force = min(max(forces[row + k] - left[row + k], -reach), reach)
+                _set_force(row + k, force, coupling, left, forces)
+            if held[i, 1] < 3:
                 continue
-            first = forces[row + 1] - left[row + 1] / dual[row + 1, row + 1]
-            second = forces[row + 2] - left[row + 2] / dual[row + 2, row + 2]
+            first, second = forces[row + 1] - left[row + 1], forces[row + 2] - left[row + 2]
             reach, size = frictions[i, 0] * forces[row], np.sqrt(first * first + second * second)
             share = reach / size if size > reach else 1.0
-            _set_force(row + 1, share * first, dual, left, forces)
-            _set_force(row + 2, share * second, dual, left, forces)
-    pushes[:] = 0.0
-    for row in range(count):
-        if forces[row] != 0.0:
-            for dof in range(width):
-                pushes[dof] += jacobian[row, dof] * forces[row]
+            _set_force(row + 1, share * first, coupling, left, forces)
+            _set_force(row + 2, share * second, coupling, left, forces)
+
+
+@numba.njit(cache=True, inline="always")  # a call costs more than the row
+def _set_force(row, force, coupling, left, forces) -> None:  # type: ignore[no-untyped-def]
+    change = force - forces[row]
+    if change != 0.0:
+        forces[row] = force
+        mine = coupling[row]
+        for k in range(len(left)):
+            left[k] += mine[k] * change

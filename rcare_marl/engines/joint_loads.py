@@ -34,8 +34,7 @@ class JointLoads(JointFeedback):
         sim = self._owner.sim
         if sim is None:
             return super().wrenches(links)
-        rows = self._owner.numbers(links)
-        torques, forces, arms, turns = (array[rows] for array in sim.loads)
+        torques, forces, arms, turns = sim.loads(self._owner.numbers(links))
         torques = torques + np.cross(arms, forces)
         # What the child puts on its parent, in the frame of the child.
         pair = [-np.einsum("nba,nb->na", turns, wrench) for wrench in (forces, torques)]

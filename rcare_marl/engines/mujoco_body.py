@@ -15,7 +15,8 @@ from rcare_marl.body_part import State
 from rcare_marl.pose import Array, Pose, Vector
 
 from .joint_loads import JointLoads
-from .simulation import Ints, Simulation
+from .native import Ints
+from .simulation import Simulation
 
 if TYPE_CHECKING:
     from .mujoco_world import MujocoWorld
@@ -60,9 +61,10 @@ class MujocoBody(Body):
         now = (self._world.step_count, self._world.teleports)
         if self.sim is None or now == self._mirrored:
             return
+        if self.is_movable or now[1] != self._mirrored[1]:
+            super().set_base(self.base_pose())
+            self._world.teleports -= 1  # nothing moved
         self._mirrored = now
-        super().set_base(self.base_pose())
-        self._world.teleports -= 1  # nothing moved
         if self.joints:
             indices = [joint.index for joint in self.joints.values()]
             found = [[position] for position in self.joint_states(indices)[0]]
@@ -168,8 +170,9 @@ class MujocoBody(Body):
     def centre_pose(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         if self.sim is None:
             return super().centre_pose()
-        pose = self.base_pose()
-        pose = pose @ self._inertial if self._has_offset else pose
+        if not self._has_offset:
+            return self.sim.place_of(int(self._places.links[0]))
+        pose = self.base_pose() @ self._inertial
         return pose.position, pose.quaternion
 
     def link_pose(self, index: int) -> Pose:

@@ -16,6 +16,7 @@ from rcare_marl.scene.scene import scene_of
 from rcare_marl.world import World
 
 from .mujoco_body import MujocoBody
+from .native import Ints
 from .pair_switch import PairSwitch
 from .simulation import BodyPlaces, Simulation
 from .spare_bonds import SpareBonds
@@ -33,7 +34,7 @@ class MujocoBond(Attachment):
         super()._make()
         if self._world.sim is not None:
             ends = ((self.parent, self.link), (self.child, self.child_link))
-            one, other = (int(self._world.places(b).links[link + 1]) for b, link in ends)
+            one, other = (int(self._world.body_places(b).links[link + 1]) for b, link in ends)
             self._world.spare_bonds.make(self, (one, other))
 
     def _break(self) -> None:
@@ -83,7 +84,7 @@ class MujocoWorld(World):
             return
         super().mark_start()
         self.sim = Simulation(scene_of(self), self.bodies)
-        self.sim.feels = self._feels
+        self.sim.feels[0] = self._feels
         self._numbers: Mapping[int, int] = {body.uid: i for i, body in enumerate(self.bodies)}
         self.spare_bonds = SpareBonds(self.sim, self.bonds)
         self._pairs = PairSwitch(self.sim)
@@ -101,6 +102,26 @@ class MujocoWorld(World):
             matter.step()
         self.sim.step()
         self.step_count += 1
+
+    @property
+    def is_compiled(self) -> bool:
+        return self.sim is not None and not self.matter
+
+    def stepped(self, count: int) -> None:
+        """Take note that compiled code made physics steps."""
+        assert self.sim is not None
+        self.sim.stepped()
+        self.step_count += count
+
+    def number(self, body: Body) -> int:
+        """Return the number of a body in `Simulation.touched`."""
+        return self._numbers[body.uid]
+
+    def places(self, body: Body, indices: Sequence[int]) -> tuple[Ints, Ints]:
+        """Return where joints are in MuJoCo's `qpos` and `qvel`, each of shape [n]."""
+        assert self.sim is not None
+        found, chosen = self.sim.places[self.number(body)], list(indices)
+        return found.positions[chosen], found.dofs[chosen]
 
     def rewind(self) -> None:
         if self.sim is None:
@@ -125,9 +146,9 @@ class MujocoWorld(World):
     def set_solver_iterations(self, count: int) -> None:
         super().set_solver_iterations(count)
         if self.sim is not None:
-            self.sim.iterations = count
+            self.sim.set_iterations(count)
 
-    def places(self, body: Body) -> BodyPlaces:
+    def body_places(self, body: Body) -> BodyPlaces:
         """Return where a body is in MuJoCo's arrays, once the world was marked."""
         assert self.sim is not None
         return self.sim.places[self._numbers[body.uid]]
@@ -136,7 +157,7 @@ class MujocoWorld(World):
         """Let joint loads be worked out after each physics step."""
         self._feels = True
         if self.sim is not None:
-            self.sim.feels = True
+            self.sim.feels[0] = True
 
     def set_collision(
         self,
@@ -155,7 +176,7 @@ class MujocoWorld(World):
                 f"engine 'mujoco' cannot change which own links of {a.name!r} meet in an episode: do it "
                 "before mark_start(), or use engine='bullet'"
             )
-        first, second = (self.places(body) for body in (a, b))
+        first, second = (self.body_places(body) for body in (a, b))
         chosen = range(-1, a.link_count) if links_a is None else links_a
         others = range(-1, b.link_count) if links_b is None else links_b
         self._pairs.switch(first, second, enabled, links_a=chosen, links_b=others)
@@ -193,8 +214,10 @@ class MujocoWorld(World):
         within: float,
         before: Sequence[float] = (),
     ) -> list[float]:
-        self._mirror(other, *dict.fromkeys(body for body, _ in links))
-        return super().gaps(links, other, within=within, before=before)
+        if self.sim is None:
+            return super().gaps(links, other, within=within, before=before)
+        numbers = self._numbers
+        return self.sim.gaps([(numbers[b.uid], i) for b, i in links], numbers[other.uid], within)
 
     def _mirror(self, *bodies: Body) -> None:
         for body in bodies:

@@ -7,22 +7,21 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from rcare_marl.body import GEAR_ERP, Body
 from rcare_marl.pose import Array, Pose, Vector
 from rcare_marl.scene.mjcf import START, body_name, joint_name, mjcf
 from rcare_marl.scene.scene import Place, Scene
 
-from .bullet_rows import ERP, motor_table, solve_rows, write_rows
-from .caps import USUAL, cut_speeds
+from .bullet_rows import ERP, motor_table, physics_step
+from .caps import USUAL
+from .gaps import Gaps
+from .native import Ints, addresses
 
-Ints = npt.NDArray[np.int64]
 # [m] from which on a contact of what has joints is reckoned with: an arm's way in a physics step.
 MARGIN = 0.001
-ROUNDING = (
-    0.001  # [m] of Bullet's shapes with edges: its collision margin of what is read from a URDF
-)
+# [m] of Bullet's shapes with edges: its collision margin of what is read from a URDF.
+ROUNDING = 0.001
 SPARE_BONDS, SPARE_PAIRS = 8, 512  # that an episode can make, and keep apart
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
 TIGHT = 2.05  # time constant of joint limits, in physics steps
@@ -65,14 +64,12 @@ class Simulation:
         motors: See `bullet_rows.motor_table`; their greatest forces are `model.dof_frictionloss`.
         qpos: Positions, as MuJoCo has them.
         qvel: Velocities.
-        iterations: Sweeps of the solver in a physics step.
         strengths: Greatest force of each equality [N], shape [neq].
         caps: Greatest speed of each degree of freedom, shape [nv].
-        feels: Whether it works out what joints transmit in each step.
-        loads: What parents put on links in the last step: torque [N·m] about where `arms` begin, force [N],
-            arms from the origins of the links to there [m], each [nbody, 3], and how links were turned,
-            [nbody, 3, 3]; in the world.
+        feels: Whether it works out what joints transmit in each step, shape [1].
         torque: What joints are pushed with in the coming step, shape [nv].
+        touched: Of each body, whether it touched something in the last step.
+        compiled: What `physics_step` takes.
     """
 
     def __init__(self, scene: Scene, bodies: Sequence[Body]) -> None:
@@ -87,23 +84,22 @@ class Simulation:
         self.data = data = mujoco.MjData(model)
         option, bits = model.opt, mujoco.mjtDisableBit
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        option.solver = mujoco.mjtSolver.mjSOL_PGS  # which makes `efc_AR`
-        self.iterations = scene.iterations
-        option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # so that `write_rows` finds the diagonal
+        option.solver = mujoco.mjtSolver.mjSOL_NEWTON  # which leaves more undone before it solves
+        self._sweeps = np.array([scene.iterations])
+        option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
         for bit in (bits.mjDSBL_ISLAND, bits.mjDSBL_ACTUATION, bits.mjDSBL_WARMSTART):
             option.disableflags |= int(bit)
         model.jnt_solref[:] = (TIGHT * scene.physics_dt, 1.0)
         is_gear = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
         self._shares = np.where(is_gear, GEAR_ERP, ERP)
         self.strengths = np.full(model.neq, np.inf)
-        self._gain = np.zeros((1, model.nv))
         self._roots = {body.name: scene.bodies[body.name].model.root for body in bodies}
         for i, bond in enumerate(scene.bonds):
             self.strengths[model.equality(f"bond:{i}").id] = bond.force
         self.caps = np.full(model.nv, USUAL)
-        self.feels = False
-        nothing = np.zeros((model.nbody, 3))
-        self.loads = nothing, nothing, nothing, np.zeros((model.nbody, 3, 3))
+        self.feels = np.zeros(1, np.bool_)
+        seen = data.subtree_com, data.xpos, data.xmat
+        self._felt = self.feels, seen, tuple(array.copy() for array in seen)
         self.places = [BodyPlaces(model, body, self._roots[body.name]) for body in bodies]
         self._bodies, self._dt = list(bodies), scene.physics_dt
         self._find_geoms(scene)
@@ -111,8 +107,12 @@ class Simulation:
         self._begin_motors()
         self.torque, self._pushed = data.qfrc_applied, False
         self.qpos, self.qvel = data.qpos, data.qvel
+        self._spots, self._turns = data.xpos, data.xquat
         self._joint_of = model.jnt_qposadr[model.dof_jntid].astype(np.int64)  # of free bases unused
         self.touched = np.zeros(len(bodies), np.bool_)
+        self._acted = np.zeros(model.nv)
+        self.compiled = self._compiled()
+        self._gaps = Gaps(model, data, self._surfaces[:, 3].copy())
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
         self.moved()
         self.mark()
@@ -135,14 +135,22 @@ class Simulation:
             if touch.stiffness > 0:
                 self._surfaces[geom, 2] = touch.damping
         self._round_off()
+        pairs = list(zip(self._geom_body.tolist(), self._geom_link.tolist(), strict=True))
+        keys = {*pairs, *((number, None) for number in range(len(self._bodies)))}
+        self._geoms_of = {
+            (number, link): np.array(
+                [i for i, (n, at) in enumerate(pairs) if n == number and link in (None, at)],
+                np.int64,
+            )
+            for number, link in keys
+        }
 
     def _round_off(self) -> None:
         """Give shapes with edges Bullet's margin: it lies round hulls and cylinders, and within boxes."""
         model, sorts = self.model, mujoco.mjtGeom
         boxes = model.geom_type == int(sorts.mjGEOM_BOX)
-        edged = boxes | np.isin(
-            model.geom_type, (int(sorts.mjGEOM_MESH), int(sorts.mjGEOM_CYLINDER))
-        )
+        others = (int(sorts.mjGEOM_MESH), int(sorts.mjGEOM_CYLINDER))
+        edged = boxes | np.isin(model.geom_type, others)
         self._surfaces[edged, 3] = ROUNDING
         thin = np.minimum(ROUNDING, 0.9 * model.geom_size[boxes].min(axis=1))
         self._surfaces[boxes, 3] = thin
@@ -159,6 +167,26 @@ class Simulation:
                 dry = body.friction.get(joint.index)
                 usual = 0.0 if joint.index in followers else DEFAULT_IMPULSE / self._dt
                 force[places.dofs[joint.index]] = usual if dry is None else dry
+
+    def _compiled(self) -> tuple[Any, ...]:
+        """Return what `physics_step` takes; the arrays are the same for as long as the scene lives."""
+        model, data = self.model, self.data
+        state = (data.qpos, data.qvel, data.qfrc_applied, data.qacc_smooth, data.qacc)
+        factors = data.qLD, data.qLDiagInv, model.M_rownnz, model.M_rowadr, model.M_colind
+        trees = model.dof_treeid, model.tree_dofadr, model.tree_dofnum
+        limits = model.dof_frictionloss, self.strengths
+        rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
+        surfaces = self._surfaces, self._geom_body, self.caps
+        places = addresses(model, data)
+        written = data.qfrc_constraint, self._acted
+        return (
+            places,
+            (*state, *written),
+            (*factors, *trees),
+            (*rules, *surfaces),
+            self._felt,
+            self.touched,
+        )
 
     def mark(self) -> None:
         """Remember the present state."""
@@ -184,6 +212,7 @@ class Simulation:
         for array, marked in zip(self._state(), self._marked, strict=True):
             array[:] = marked
         self.touched[:] = self._pushed = False
+        self._acted[:] = 0.0
         self.moved()
 
     def moved(self) -> None:
@@ -206,70 +235,37 @@ class Simulation:
 
     def step(self) -> None:
         """Advance by one physics step."""
-        model, data = self.model, self.data
-        mujoco.mj_step1(model, data)
-        contact, aref, count = data.contact, data.efc_aref, data.nefc
-        dual = data.efc_AR.reshape(count, count)
-        kinds, ids, frictions = data.efc_type, data.efc_id, contact.friction
-        addresses, sizes = contact.efc_address, contact.dim
-        write_rows(
-            self._dt,
-            self.qpos,
-            self.qvel,
-            self._joint_of,
-            self.motors,
-            self._shares,
-            self._surfaces,
-            self._geom_body,
-            (
-                *(kinds, ids, data.efc_pos, data.efc_vel, data.efc_diagA),
-                *(aref, data.efc_R),
-            ),
-            dual,
-            (contact.geom, contact.dist, addresses, sizes, frictions),
-            self.touched,
-        )
-        mujoco.mj_fwdAcceleration(model, data)
-        cut_speeds(self.qvel, data.qacc_smooth, self.caps, self._dt)
-        solve_rows(
-            self.iterations,
-            kinds,
-            ids,
-            (model.dof_frictionloss, self.strengths),
-            dual,
-            data.efc_J.reshape(count, model.nv),
-            aref,
-            data.qacc_smooth,
-            (addresses, sizes, frictions),
-            data.efc_force,
-            data.qfrc_constraint,
-        )
-        mujoco.mj_solveM(model, data, self._gain, data.qfrc_constraint[None])
-        np.add(data.qacc_smooth, self._gain[0], out=data.qacc)
-        cut_speeds(self.qvel, data.qacc, self.caps, self._dt)
-        if self.feels:
-            self._feel()
-        mujoco.mj_Euler(model, data)
+        physics_step(*self.compiled)
+        self.stepped()
+
+    def stepped(self) -> None:
+        """Take note that `compiled` was stepped, and of what acted in it."""
         self.torque[:] = 0.0
         if self._pushed:
-            data.xfrc_applied[:] = 0.0
+            self.data.xfrc_applied[:] = 0.0
             self._pushed = False
         self.moved()
 
-    def _feel(self) -> None:
-        """Work out what joints transmit in this step, before anything moves."""
-        model, data = self.model, self.data
-        mujoco.mj_rnePostConstraint(model, data)
-        wrenches = data.cfrc_int.copy()
-        arms = data.subtree_com[model.body_rootid] - data.xpos  # that is where wrenches are about
-        turns = data.xmat.reshape(-1, 3, 3).copy()
-        self.loads = wrenches[:, :3], wrenches[:, 3:], arms, turns
+    def loads(self, links: Ints) -> tuple[Array, ...]:
+        """Return what parents put on MuJoCo's bodies `links` in the last step.
+
+        Torque [N·m], force [N] and where from the origins of the links it is about [m], each of shape
+        [n, 3], and how the links were turned, [n, 3, 3]; in the world.
+        """
+        middles, spots, turns = self._felt[2]
+        wrenches = self.data.cfrc_int[links]
+        arms = middles[self.model.body_rootid[links]] - spots[links]
+        return wrenches[:, :3], wrenches[:, 3:], arms, turns[links].reshape(-1, 3, 3)
+
+    def place_of(self, link: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return place [m] and quaternion (x, y, z, w) of one of MuJoCo's bodies in the world."""
+        self.place()
+        w, x, y, z = self._turns[link].tolist()
+        return tuple(self._spots[link].tolist()), (x, y, z, w)
 
     def pose(self, link: int) -> Pose:
         """Return the pose of one of MuJoCo's bodies in the world."""
-        self.place()
-        w, x, y, z = self.data.xquat[link].tolist()
-        return Pose(tuple(self.data.xpos[link].tolist()), (x, y, z, w))
+        return Pose(*self.place_of(link))
 
     def motion(self, link: int) -> tuple[Array, Array]:
         """Return velocity [m/s] of the origin of one of MuJoCo's bodies, and rate of turning [rad/s]."""
@@ -281,11 +277,19 @@ class Simulation:
 
     def motor_force(self, dofs: Ints) -> Array:
         """Return what the motors of degrees of freedom did in the last step [N·m or N]."""
-        data = self.data
-        every = np.zeros(self.model.nv)
-        rows = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF))
-        every[data.efc_id[rows]] = data.efc_force[rows]
-        return np.where(dofs >= 0, every[dofs], 0.0)
+        return np.where(dofs >= 0, self._acted[dofs], 0.0)
+
+    def gaps(self, links: Sequence[tuple[int, int]], other: int, within: float) -> list[float]:
+        """Return how far links of bodies are from a body [m], `within` at most.
+
+        Args:
+            links: Number of a body in the world, and of its link, -1 the base.
+            other: Number of a body.
+            within: How far to look [m].
+        """
+        self.place()
+        groups = [self._geoms_of[link] for link in links]
+        return self._gaps.between(groups, self._geoms_of[other, None], within)
 
     def push(self, link: int, force: Vector, point: Vector) -> None:
         """Push one of MuJoCo's bodies with `force` [N] at `point` [m] in the coming step."""
@@ -302,6 +306,10 @@ class Simulation:
         matrix = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, data, matrix)
         return matrix, np.array(data.qfrc_bias)
+
+    def set_iterations(self, count: int) -> None:
+        """Change the number of sweeps of the solver in a physics step."""
+        self._sweeps[0] = count
 
     def limit(self, dof: int, lower: float, upper: float) -> None:
         """Change the range of a joint [rad or m]."""

@@ -41,6 +41,7 @@ FLOOR_RGBA = (186, 160, 131, 255)  # light oak, sRGB
 _UNCHOSEN = 0.8  # the grey of a shape that no colour was given to
 _SLAB_WIDTH = 3.0  # [m]; a flat thing wider than that in both directions is a floor
 _SLAB_HEIGHT = 0.3
+_SLAB_COVER = 0.5  # share of the box around it that a floor covers at least
 _WALL = (
     1.9  # [m]; a still thing larger than that in two directions casts no shadow, or rooms go dark
 )
@@ -64,11 +65,21 @@ class Part:
 
     @property
     def is_floor(self) -> bool:
-        """Whether it is a wide flat slab that does not move and lies level."""
+        """Whether it is a wide flat slab that does not move and lies level.
+
+        It is none if it leaves most of the box around it free, as all worktops of a house in one mesh do.
+        """
         wide, deep, high = np.ptp(self.mesh.vertices, axis=0).tolist()
         pose = self.body.base_pose() @ self.shape.pose
         level = abs(float(pose.matrix()[2, 2])) > 0.999
-        return self.is_still and level and min(wide, deep) > _SLAB_WIDTH and high < _SLAB_HEIGHT
+        is_slab = self.is_still and level and min(wide, deep) > _SLAB_WIDTH and high < _SLAB_HEIGHT
+        return is_slab and self._seen_from_above() > _SLAB_COVER * wide * deep
+
+    def _seen_from_above(self) -> float:
+        """Return the area of the sides that look up its own z, seen along it [m²]."""
+        corners = self.mesh.vertices[self.mesh.faces][..., :2]
+        (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+        return float(np.clip(0.5 * (ax * by - ay * bx), 0.0, None).sum())
 
     @property
     def is_plane(self) -> bool:

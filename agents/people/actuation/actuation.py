@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -106,6 +106,13 @@ class Actuation(Protocol):
             positions: Joint angles [rad], length n.
             velocities: Joint rates [rad/s], length n.
             gravity: Gravity in the frame of the pelvis [m/s²], shape [3].
+        """
+
+    def compiled(self, gravity: Array) -> tuple[Any, ...] | None:
+        """Return what `skeletal.torques_of` takes; None of a drive that it is not enough for.
+
+        Args:
+            gravity: In the frame of the pelvis [m/s²], shape [3], kept up to date by its owner.
         """
 
     def muscle_torques(self) -> Array:

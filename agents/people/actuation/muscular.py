@@ -295,6 +295,9 @@ class MuscleDrive:
         arms = self.model.moment_arms(self._posture)
         return np.column_stack((np.maximum(-arms, 0.0).T @ pull, np.maximum(arms, 0.0).T @ pull))
 
+    def compiled(self, gravity: Array) -> None:
+        """Return None: excitations are found in Python."""
+
     def muscle_torques(self) -> Array:
         """Return what the muscles willed in the last physics step [N·m], shape [n]."""
         return self._muscles.torques[2].copy()

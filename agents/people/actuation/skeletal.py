@@ -21,6 +21,7 @@ trunk as for a fingertip, and where two axes of a shoulder align.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numba
 import numpy as np
@@ -50,7 +51,7 @@ from .joint_tissue import (
     end_tissue,
     joint_damping,
 )
-from .stretch_reflex import StretchReflex
+from .stretch_reflex import SILENT, StretchReflex, answer_stretch
 
 # Our own choices; no measurement of everyday joint impedance covers all 112 degrees of freedom.
 STIFFNESS_PER_TORQUE = 2.5  # [1/rad]: full strength answers an error of 0.4 rad
@@ -75,6 +76,8 @@ _COLUMNS = 42
 # torques of the muscles here and now.
 _CLIPPED, _PULL, _STIFF, _MOST_AGAINST, _MOST_ALONG = 32, 33, 34, 35, 36
 _SCRATCH = 37
+# Places in what `torques_of` takes, and rows of its state.
+STATE, OUT, ANGLES, RATES = 3, 8, 0, 1
 
 
 class SkeletalDrive:
@@ -225,6 +228,13 @@ class SkeletalDrive:
         _torques(*self._tree, self._state, gravity, self._dt, *self._room)
         return self._out.tolist()
 
+    def compiled(self, gravity: Array) -> tuple[Any, ...] | None:
+        if self._shaking is not None:
+            return None
+        silent = self._reflex is None or self._reflex.is_silent
+        reflex = SILENT if silent or self._reflex is None else self._reflex.compiled
+        return *self._tree, self._state, gravity, self._dt, *self._room, reflex
+
 
 def impedance(normal_strength: Array, inertia: Array) -> Array:
     """Return stiffness [N·m/rad] and critical damping [N·m·s/rad] of a pursuit, shape [n, 2].
@@ -235,6 +245,20 @@ def impedance(normal_strength: Array, inertia: Array) -> Array:
     """
     stiffness = np.minimum(STIFFNESS_PER_TORQUE * normal_strength, inertia * MAX_FREQUENCY**2)
     return np.column_stack((stiffness, 2 * np.sqrt(stiffness * inertia)))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def torques_of(person) -> None:  # type: ignore[no-untyped-def]
+    """Write torques into the last array of a person but the reflex, from angles and rates in the state.
+
+    Args:
+        person: See `SkeletalDrive.compiled`.
+    """
+    table, parents, depths, state, gravity, dt, work, matrices, out, reflex = person
+    if len(reflex[0]) > 0:
+        answer_stretch(reflex, state[0], state[1])
+        state[4, :] = reflex[6]
+    _torques(table, parents, depths, state, gravity, dt, work, matrices, out)
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -130,6 +130,7 @@ class StretchReflex:
     Attributes:
         share: What they give now, of normal strength, against and along the axis, shape [n, 2].
         is_silent: Whether nobody is spastic.
+        compiled: What `answer_stretch` takes.
     """
 
     def __init__(
@@ -176,7 +177,10 @@ class StretchReflex:
         self._pace = 1.0 if by_muscle else 1.0 - float(np.exp(-physics_dt / known.rise))
         self.share, self._pull = np.zeros((count, 2)), np.zeros(count)
         self._late = np.zeros((max(round(known.delay / physics_dt), 1), count, 2))
-        self._next = 0
+        self._next = np.zeros(1, np.int64)
+        figures = np.array((self._per_stretch, self._pace))
+        past = figures, self._late, self._next
+        self.compiled = table, *past, self.share, strength, self._pull
 
     def excite_by(self, capacity: Array) -> None:
         """Make shares of normal strength excitations of muscles.
@@ -190,7 +194,7 @@ class StretchReflex:
 
     def reset(self) -> None:
         """Forget what was felt."""
-        self._late[:], self.share[:], self._pull[:], self._next = 0.0, 0.0, 0.0, 0
+        self._late[:], self.share[:], self._pull[:], self._next[:] = 0.0, 0.0, 0.0, 0
 
     def torques(self) -> Array:
         """Return what they pull with now, at normal strength [N·m], shape [n]."""
@@ -200,10 +204,14 @@ class StretchReflex:
         """Take the angles [rad] and rates [rad/s] of this physics step, and find `share`."""
         if self.is_silent:
             return
-        now, figures = self._next, (self._per_stretch, self._pace)
-        felt = self.share, self._strength, self._pull
-        _answer(self._table, positions, velocities, figures, self._late[now], *felt)
-        self._next = (now + 1) % len(self._late)
+        answer_stretch(self.compiled, positions, velocities)
+
+
+# Of who has no reflexes, for `answer_stretch`.
+SILENT = (
+    *(np.zeros((0, 2, COLUMNS)), np.zeros(2), np.zeros((1, 0, 2)), np.zeros(1, np.int64)),
+    *(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)),
+)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -222,9 +230,18 @@ def excite(paths, share, voluntary, excitation, told, involuntary) -> None:  # t
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _answer(table, positions, velocities, figures, late, share, strength, pull) -> None:  # type: ignore[no-untyped-def]
-    """Follow what was felt long ago, and put what is felt now in its place, each of shape [n, 2]."""
-    per_stretch, pace = figures
+def answer_stretch(reflex, positions, velocities) -> None:  # type: ignore[no-untyped-def]
+    """Follow what was felt long ago, and put what is felt now in its place.
+
+    Args:
+        reflex: See `StretchReflex.compiled`.
+        positions: Angles [rad], shape [n].
+        velocities: Rates [rad/s], shape [n].
+    """
+    table, figures, past, now, share, strength, pull = reflex
+    per_stretch, pace = figures[0], figures[1]
+    late = past[now[0]]
+    now[0] = (now[0] + 1) % len(past)
     for i in range(table.shape[0]):
         for k in range(2):
             row = table[i, k]

@@ -15,10 +15,11 @@ from rcare_marl.config import load
 from rcare_marl.errors import ConfigError
 
 from ...agent import Array
+from ...policy import Policy
 from ..human import Human
 from .behaviour_tree import OPENING, BehaviourTree
 from .cue import GESTURES, Cues
-from .leaves import Actor, first_of, together
+from .leaves import Actor, LetGo, first_of, together
 from .subtree import (
     cough,
     flinch,
@@ -90,6 +91,8 @@ class Surroundings:
         partner: Returns where somebody else's face is in the world [m]; None without company.
         is_full: Returns whether something is in the person's mouth.
         chokes: Returns whether something went the wrong way in the last control step.
+        job: Who decides what the person does in this scene when nothing else is to be done, such as to
+            lift a leg or to let a limb be taken; nobody if None, and they keep the limbs at rest.
     """
 
     clock: Callable[[], float]
@@ -97,6 +100,7 @@ class Surroundings:
     partner: Callable[[], Array] | None = None
     is_full: Callable[[], bool] = lambda: False
     chokes: Callable[[], bool] = lambda: False
+    job: Policy | None = None
 
 
 def load_behaviour(name: str | Path) -> BehaviourConfig:
@@ -114,10 +118,7 @@ def make_tree(actor: Actor, config: BehaviourConfig, around: Surroundings) -> Be
     """Return the tree of a person.
 
     Highest first: reactions in the order of `config`, then `hold still` and `relax` when asked, then
-    all activities side by side.
-
-    Raises:
-        ConfigError: If the person can do nothing at all in this scene.
+    all activities side by side. Who can do none of them in this scene is still.
     """
     person, spoon = actor.person, around.spoon
     gap: Callable[[], float] | None = None
@@ -131,7 +132,10 @@ def make_tree(actor: Actor, config: BehaviourConfig, around: Surroundings) -> Be
         "cough": cough(actor),
         "flinch": flinch(actor, pain=config.flinches_from),
         "refuse": refuse(actor, spoon),
-        "rest": rest_when_tired(actor, tired=config.tired_from, rested=config.rested_below),
+        # Who has a job rests as the job says.
+        "rest": None
+        if around.job is not None
+        else rest_when_tired(actor, tired=config.tired_from, rested=config.rested_below),
         "look": look(actor, choices[0] or choices[1]),
         "mouth": mouth(
             actor,
@@ -140,21 +144,20 @@ def make_tree(actor: Actor, config: BehaviourConfig, around: Surroundings) -> Be
             opening=config.opening,
             is_full=around.is_full,
         ),
-        "limbs": limbs(actor),
+        "limbs": limbs(actor, has_job=around.job is not None),
     }
     reactions = [branch for key in config.reactions if (branch := made[key]) is not None]
-    activities = [branch for key in config.activities if (branch := made[key]) is not None]
-    if not activities:
-        raise ConfigError(
-            f"{person.name!r} can move nothing that a behaviour needs: of the movable degrees of "
-            f"freedom {list(person.movable)}, none is under voluntary control"
-        )
+    does = tuple(config.activities)
+    if around.job is not None:  # whoever has one does it, whatever else they do
+        does = (*(key for key in does if key != "limbs"), "limbs")
+    activities = [branch for key in does if (branch := made[key]) is not None]
+    engage = together("engage", *activities) if activities else LetGo("be still", actor.intent)
     return first_of(
         person.avatar.name,
         *reactions,
         instructed(actor, "hold still", hold_still(actor)),
         instructed(actor, "relax", relax(actor)),
-        together("engage", *activities),
+        engage,
     )
 
 
@@ -186,16 +189,23 @@ class AvatarBehaviour(BehaviourTree):
         self.config = config or behaviour_of(person)
         actor = Actor(person, around.clock)
         self.cues: Cues = actor.cues
-        self._chokes = around.chokes
+        self._chokes, self._job = around.chokes, around.job
         root = make_tree(actor, self.config, around)
         possible = {node.name for node in root.iterate()}
         actor.cues.instruction.possible = frozenset(possible & GESTURES.keys())
-        super().__init__(person, actor.intent, root, control_dt)
+        super().__init__(person, actor.intent, root, control_dt, actor.deed)
 
     def reset(self, rng: np.random.Generator) -> None:
         super().reset(rng)
         self.cues.clear()
+        if self._job is not None:
+            self._job.reset(rng)
 
     def act(self) -> Array:
         self.cues.must_cough = self.cues.must_cough or self._chokes()
         return super().act()
+
+    def _moving(self) -> Array:
+        if self._job is not None and self._deed.works:
+            return np.array(self._job.act())
+        return super()._moving()

@@ -16,7 +16,7 @@ from ...agent import Array
 from ..actuation.muscular import MuscleDrive
 from ..body.ik import reach
 from ..human import Human
-from .leaves import Actor, Condition, Intent, Pursue, Threshold, first_of, together, when
+from .leaves import Actor, Condition, Deed, Intent, Pursue, Threshold, first_of, together, when
 
 # All our own choices.
 OPENING = 0.8  # share of the active range that an eating mouth opens
@@ -26,7 +26,14 @@ CHEWING, CHEWING_RATE = 0.07, 1.25  # [rad], [1/s] of the jaw with something in 
 class BehaviourTree:
     """A policy that ticks a tree once a control step and pursues the angles that its leaves wish."""
 
-    def __init__(self, person: Human, intent: Intent, root: Behaviour, control_dt: float) -> None:
+    def __init__(
+        self,
+        person: Human,
+        intent: Intent,
+        root: Behaviour,
+        control_dt: float,
+        deed: Deed | None = None,
+    ) -> None:
         """Prepare the policy.
 
         Args:
@@ -34,8 +41,9 @@ class BehaviourTree:
             intent: Wished angles [rad], written by the leaves.
             root: The tree.
             control_dt: Length of a control step [s].
+            deed: What the leaves do beside; nothing if None.
         """
-        self.root = root
+        self.root, self._deed = root, deed or Deed()
         self._person, self._intent = person, intent
         self._control_dt = control_dt
 
@@ -47,7 +55,13 @@ class BehaviourTree:
         self._intent.clear()
 
     def act(self) -> Array:
+        self._deed.clear()
         self.root.tick_once()
+        action = self._moving()
+        action[self._person.entries.get("speak", slice(0))] = self._deed.says_no
+        return action
+
+    def _moving(self) -> Array:
         if not self._intent and isinstance(self._person.drive, MuscleDrive):
             return self._person.slack_action(self._control_dt)  # who wishes nothing lets go
         return self._person.action_towards(self._intent, self._control_dt)

@@ -33,6 +33,23 @@ MOVING_GRADE = 2.0  # MMT grade that moves anything: grade 1 is a flicker
 Intent = dict[str, float]  # DoF -> wished angle [rad]
 
 
+@dataclass
+class Deed:
+    """What a person does in the coming control step beside moving towards the wished angles.
+
+    Attributes:
+        says_no: Whether they say that they do not want something.
+        works: Whether they do their job in the scene, in place of the wishes.
+    """
+
+    says_no: bool = False
+    works: bool = False
+
+    def clear(self) -> None:
+        """Do nothing of it."""
+        self.says_no = self.works = False
+
+
 @dataclass(frozen=True)
 class Actor:
     """What the leaves of one tree share.
@@ -42,12 +59,14 @@ class Actor:
         clock: Returns the simulated time [s].
         cues: What reaches the person from outside.
         intent: Wished angles [rad] that the leaves write and the policy pursues.
+        deed: What the leaves do beside, which the policy puts into the action.
     """
 
     person: Human
     clock: Callable[[], float]
     cues: Cues = field(default_factory=Cues)
     intent: Intent = field(default_factory=dict)
+    deed: Deed = field(default_factory=Deed)
 
     def can_move(self, dof: str) -> bool:
         """Return whether a DoF moves in the scene and the person can move it of their own will."""

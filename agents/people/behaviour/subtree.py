@@ -17,7 +17,7 @@ from py_trees.behaviour import Behaviour
 from rcare_marl.pose import conjugate, rotate
 
 from ...agent import Array
-from ..body.skeleton import JOINT_INDEX
+from ..body.skeleton import JOINT_INDEX, SIDES
 from ..human import Human
 from ..physiology_model import physiology_model
 from .behaviour_tree import OPENING, closed_or_chewing, look_at
@@ -47,6 +47,7 @@ COUGH_DEPTH = {
     "spine1_flexion": 0.10,
     "spine2_flexion": 0.08,
 }
+GAZES = ("abduction", "elevation")
 AVERT, CHIN_UP = 0.45, -0.08  # [rad] of neck and of head each: turned away, and back
 FACING = math.radians(35)  # between face and speaker: from there the eyes look, which turn by 45
 OPEN_ENOUGH = 0.5  # of the wished opening: a mouth that is called open
@@ -193,7 +194,8 @@ def gaze(person: Human, point: Callable[[], Array]) -> Callable[[], dict[str, fl
 def look(actor: Actor, point: Callable[[], Array] | None) -> Behaviour | None:
     """Return: turn the head and the eyes as asked, else to a point in the world [m]."""
     instruction, branches = actor.cues.instruction, follow(actor, "head")
-    if not branches:
+    has_eyes = any(actor.can_move(f"{side}_eye_{way}") for side in SIDES for way in GAZES)
+    if not branches and (point is None or not has_eyes):
         return None
 
     def speaker() -> Mapping[str, float]:
@@ -221,18 +223,25 @@ def _towards(actor: Actor, point: Callable[[], Array]) -> Callable[[], Mapping[s
     return lambda: actor.able(head() | eyes())
 
 
-def limbs(actor: Actor) -> Behaviour | None:
-    """Return: move arms, legs and trunk as asked, or reach, else rest in the start posture."""
+def limbs(actor: Actor, *, has_job: bool = False) -> Behaviour | None:
+    """Return: move arms, legs and trunk as asked, or reach, else do one's job or rest as at the start.
+
+    Args:
+        actor: Whose limbs they are.
+        has_job: Whether the scene has something to do for the person, see `Surroundings`.
+    """
+    work = Act("do the job", lambda: setattr(actor.deed, "works", True))
     rest = actor.start(*LIMBS)
     if not rest:
-        return None
+        return work if has_job else None
+    last = work if has_job else Pursue("rest the limbs", actor, lambda: rest)
     back = {"lower your arms": ARMS, "sit back": ("spine",)}
     branches = follow(actor, "limbs")
     for text, prefixes in back.items():
         angles = actor.start(*prefixes)
         if angles:
             branches.append(Follow(text, actor, angles.copy))
-    return first_of("limbs", *branches, reach(actor), Pursue("rest the limbs", actor, lambda: rest))
+    return first_of("limbs", *branches, reach(actor), last)
 
 
 def flinch(actor: Actor, *, pain: float) -> Behaviour | None:
@@ -260,7 +269,7 @@ def flinch(actor: Actor, *, pain: float) -> Behaviour | None:
 
 
 def refuse(actor: Actor, source: Callable[[], Array] | None = None) -> Behaviour | None:
-    """Return: while `cues.refuses`, turn the head away from what is offered and close the mouth.
+    """Return: while `cues.refuses`, say no, turn the head away from what is offered, close the mouth.
 
     Args:
         actor: Who refuses.
@@ -280,6 +289,8 @@ def refuse(actor: Actor, source: Callable[[], Array] | None = None) -> Behaviour
         branches.append(Pursue("turn away", actor, averted))
     if actor.can_move("jaw_opening"):
         branches.append(Pursue("press the lips", actor, lambda: {"jaw_opening": 0.0}))
+    if "speak" in person.moves:
+        branches.append(Act("say no", lambda: setattr(actor.deed, "says_no", True)))
     if not branches:
         return None
     refuses = Condition("does not want it", lambda: actor.cues.refuses)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numba
 import numpy as np
 
 from rcare_marl.body import Body
@@ -20,6 +21,9 @@ class EndStops:
     A hand that is stopped by the trunk flings light fingers on: within a single step they would be far
     past the ends of their range, and back only after several. They are put back to the end, at rest. What
     somebody slowly forces beyond its end stays there, and counts as harm.
+
+    Attributes:
+        ends: Where the joints end [rad], shape [n, 2].
     """
 
     def __init__(self, body: Body, joints: Sequence[int], limits: Array) -> None:
@@ -33,6 +37,7 @@ class EndStops:
         self._body, self._joints = body, joints
         self._ends = limits.tolist()
         self._watched = (limits + np.array((-PLAY, PLAY))).tolist()
+        self.ends = limits
         body.limit_speed(TOP_SPEED)
 
     def joint_states(self) -> tuple[list[float], list[float]]:
@@ -43,3 +48,19 @@ class EndStops:
                 angles[i], rates[i] = self._ends[i][int(angle > high)], 0.0
                 self._body.set_joints([self._joints[i]], [angles[i]])
         return angles, rates
+
+
+@numba.njit(cache=True, error_model="numpy")
+def stop(ends, angles, rates) -> None:  # type: ignore[no-untyped-def]
+    """Put joints back that were flung past their ends, as `EndStops.joint_states`, in place.
+
+    Args:
+        ends: Where joints end [rad], shape [n, 2].
+        angles: Of the joints [rad], shape [n].
+        rates: Of the joints [rad/s], shape [n].
+    """
+    for i in range(len(angles)):
+        low, high = ends[i]
+        if (angles[i] < low - PLAY or angles[i] > high + PLAY) and abs(rates[i]) > FLUNG:
+            angles[i] = high if angles[i] > high + PLAY else low
+            rates[i] = 0.0

@@ -38,8 +38,11 @@ def refined(model: BodyModel, chosen: npt.NDArray[np.bool_], *, times: int = 1) 
 
 def face_edges(faces: npt.NDArray[np.integer]) -> Ints:
     """Return the undirected edges of faces [m, 3], smaller index first, sorted, shape [e, 2]."""
-    pairs = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return np.unique(pairs, axis=0).astype(np.int64)
+    pairs = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
+    count = int(pairs.max(initial=0)) + 1
+    keys = np.sort(pairs @ (count, 1))  # one whole number a pair sorts far faster than rows do
+    is_first = np.append(True, keys[1:] != keys[:-1])[: len(keys)]
+    return np.stack(np.divmod(keys[is_first], count), axis=1)
 
 
 def cut_faces(faces: Ints, edges: Ints, first: int) -> Ints:
@@ -53,9 +56,14 @@ def cut_faces(faces: Ints, edges: Ints, first: int) -> Ints:
     if not len(edges):
         return faces
     keys = edges @ (first, 1)
-    wanted = np.sort(np.stack((faces, np.roll(faces, -1, axis=1)), axis=2), axis=2) @ (first, 1)
+    is_end = np.zeros(first, dtype=bool)
+    is_end[edges] = True
+    near = is_end[faces].sum(axis=1) > 1
+    sides = np.stack((faces[near], np.roll(faces[near], -1, axis=1)), axis=2)
+    wanted = np.sort(sides, axis=2) @ (first, 1)
     place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    middles = np.where(keys[place] == wanted, first + place, -1)
+    middles = np.full(faces.shape, -1)
+    middles[near] = np.where(keys[place] == wanted, first + place, -1)
     count = (middles >= 0).sum(axis=1)
     pieces = [faces[count == 0]]
     for k in range(3):  # turn each face so that its pattern starts at corner k

@@ -13,7 +13,7 @@ from rcare_marl.tree.least_squares import bounded_step, least_squares, rotation_
 from rcare_marl.world import GRAVITY
 
 from ..arm import Arm
-from ..joint_group import RETURN_SPEED
+from ..joint_group import RETURN_SPEED, JointGroup
 from ..kinematics import place_chain
 from ..robot_config import BASE_JOINTS
 from .control import Control
@@ -117,6 +117,22 @@ class ToolDelta(Control):
         if self._has_base:  # it has the whole robot to speed up
             forces = np.where(self._is_base, arm.effort, forces)
         self._drive(speeds, forces, weight)
+
+    @property
+    def steady(self) -> tuple[JointGroup, tuple[float, ...]]:
+        """What `actuate` pushes until the next command: joints, and their torques [N·m or N]."""
+        return self._arm, self._push
+
+    def pass_steps(self, count: int, velocities: Array) -> None:
+        """Take note that physics steps were made with that push.
+
+        Args:
+            count: How many.
+            velocities: Of the joints before the last of them [rad/s or m/s], shape [n].
+        """
+        self._steps_left -= count
+        if self._steps_left == 0:
+            self._velocities = velocities
 
     def actuate(self) -> None:
         """Carry the weight of the arm."""

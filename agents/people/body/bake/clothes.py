@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
 from ..goal import convex_hull
 from ..skeleton import JOINT_INDEX, JOINTS
@@ -178,7 +179,8 @@ def put_on_shoes(
 
 def _boundary_loop(mesh: WeightedMesh, sign: float) -> Ints:
     """Return the open border on one side, in the direction of its faces, from the heel on."""
-    directed = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    near = (mesh.fields["shoe"][mesh.faces] > -0.05).any(axis=1)
+    directed = mesh.faces[near][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     keys = directed[:, 0] * len(mesh) + directed[:, 1]
     back = directed[:, 1] * len(mesh) + directed[:, 0]
     border = directed[~np.isin(keys, back)]
@@ -239,9 +241,8 @@ def _shoe(
 def _with_foot_weights(points: Floats, naked: WeightedMesh) -> WeightedMesh:
     near = naked.vertices[:, 1] < 0.3
     candidates, weights = naked.vertices[near], naked.weights[near]
-    distance = ((points[:, None, :] - candidates[None]) ** 2).sum(axis=2)
-    nearest = np.argsort(distance, axis=1)[:, :12]
-    closeness = 1 / (np.take_along_axis(distance, nearest, 1) + 1e-4)
+    distance, nearest = cKDTree(candidates).query(points, k=12)
+    closeness = 1 / (distance**2 + 1e-4)
     mixed = (weights[nearest] * closeness[..., None]).sum(axis=1)
     return WeightedMesh(
         points, np.zeros((0, 3), np.int64), mixed / mixed.sum(axis=1, keepdims=True)

@@ -47,9 +47,21 @@ def _on_scalp(scalp: WeightedMesh, marks: Landmarks, azimuth: float, elevation: 
         ]
     )
     d = scalp.vertices[scalp.fields["hair"] > -0.04] - marks.skull
-    length: Floats = np.linalg.norm(d, axis=1)
-    near = (d @ out) / np.maximum(length, 1e-9) > np.cos(np.radians(9.0))
-    return marks.skull + out * (length[near].max() if near.any() else 0.1)
+    return _outermost(d, marks, out[None])[0]
+
+
+def _outermost(scalp: Floats, marks: Landmarks, rays: Floats) -> Floats:
+    """Return the scalp's outermost points about unit rays [k, 3] from the skull's centre, shape [k, 3].
+
+    Args:
+        scalp: Points of the scalp from the skull's centre [m], shape [n, 3].
+        marks: Landmarks of the head.
+        rays: Directions.
+    """
+    length: Floats = np.linalg.norm(scalp, axis=1)
+    near = (rays @ (scalp / np.maximum(length, 1e-9)[:, None]).T) > np.cos(np.radians(9.0))
+    reach = np.where(near, length, 0.0).max(axis=1)
+    return marks.skull + rays * np.where(near.any(axis=1), reach, 0.1)[:, None]
 
 
 def _bob(scalp: WeightedMesh, marks: Landmarks, recipe: BodyRecipe) -> tuple[Floats, Ints, Floats]:
@@ -60,13 +72,22 @@ def _bob(scalp: WeightedMesh, marks: Landmarks, recipe: BodyRecipe) -> tuple[Flo
     hem = marks.chin[1] + 0.012
     outer = np.zeros((rows, columns, 3))
     equator = int(rows * 0.6)
+    elevation = np.radians(84.0 - 90.0 * np.arange(equator + 1) / equator)[:, None]
+    rays = np.stack(
+        [
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation) * np.ones(columns),
+            np.cos(elevation) * np.cos(azimuth),
+        ],
+        axis=2,
+    )
+    hairy = scalp.vertices[scalp.fields["hair"] > -0.04] - marks.skull
+    on_scalp = _outermost(hairy, marks, rays.reshape(-1, 3)).reshape(rays.shape)
     for c, angle in enumerate(azimuth):
         front = float(smoothstep(0.0, 0.5, np.array([min(angle, 2 * np.pi - angle) - edge]))[0])
         for r in range(equator + 1):
-            elevation = np.radians(84.0 - 90.0 * r / equator)
             thick = -0.004 + (0.008 + 0.009 * front) * min(1.0, r / (0.5 * equator))
-            point = _on_scalp(scalp, marks, angle, elevation)
-            outer[r, c] = point + thick * _unit(point - marks.skull)
+            outer[r, c] = on_scalp[r, c] + thick * _unit(on_scalp[r, c] - marks.skull)
         last = outer[equator, c]
         for r in range(equator + 1, rows):
             t = (r - equator) / (rows - 1 - equator)

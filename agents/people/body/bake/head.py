@@ -9,7 +9,8 @@ import numpy as np
 from ..skeleton import JOINT_INDEX
 from .mesh import Floats, Ints, Mask, WeightedMesh, cut, noise, refine, smoothstep
 from .recipe import BodyRecipe, Hair, Rgb
-from .shape import BODY, LEFT_EYE, RIGHT_EYE, TONGUE, UPPER_TEETH, AnnySource, NakedBody
+from .shape import NakedBody
+from .source import BODY, LEFT_EYE, RIGHT_EYE, TONGUE, UPPER_TEETH, MaskName, ShapeSource
 
 IRIS_RADIUS, PUPIL_RADIUS = 0.0059, 0.0021  # [m]
 LIP_LEVEL = 0.55
@@ -44,17 +45,18 @@ class Landmarks:
     chin: Floats
 
 
-def add_sources(source: AnnySource, naked: NakedBody) -> WeightedMesh:
+def add_sources(source: ShapeSource, naked: NakedBody) -> WeightedMesh:
     """Return the naked mesh with the source's own regions as fields."""
     mesh, index = naked.mesh, naked.source
     on_body, average = index < BODY.stop, mesh.smoother()
-    for name, mask in (("lips", "lips"), ("ears", "ears"), ("nails", "fingernails")):
-        values = np.where(on_body, source.mask(mask)[index], 0.0)
+    masks: dict[str, MaskName] = {"lips": "lips", "ears": "ears", "nails": "fingernails"}
+    for name, mask in masks.items():
+        values = np.where(on_body, source.mask(mask), 0.0)
         mesh.fields[name] = np.where(on_body, 0.5 * (values + average(values)), -1.0)
-    cavity = np.isin(index, source.region("mouth_cavity")) & on_body
+    cavity = source.cavity() & on_body
     mesh.fields["cavity"] = np.where(on_body, cavity.astype(float), -1.0)
     # Within a few centimetres of the nipples the cloth must not follow the body.
-    nipples = mesh.vertices[on_body & (source.mask("aureolae")[index] > 0.5)]
+    nipples = mesh.vertices[on_body & (source.mask("aureolae") > 0.5)]
     if len(nipples):
         centre = abs(nipples * [1, 0, 0]).mean(axis=0) + nipples.mean(axis=0) * [0, 1, 1]
         apart: Floats = np.linalg.norm(

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix  # type: ignore[import-untyped]
 
 from ..refinement import cut_faces, face_edges, vertex_normals
 
@@ -49,22 +50,18 @@ class WeightedMesh:
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         return float(np.einsum("ij,ij->", np.cross(a, b), c) / 6)
 
-    def smoother(self) -> Callable[[Floats], Floats]:
-        """Return what takes values to their means over each vertex's neighbours."""
-        edges = face_edges(self.faces)
+    def smoother(self, of: Ints | None = None) -> Callable[[Floats], Floats]:
+        """Return what takes values to their means over the neighbours of each vertex, or of some."""
+        edges, count = face_edges(self.faces), len(self.vertices)
         both = np.concatenate([edges, edges[:, ::-1]])
-        order = np.argsort(both[:, 0], kind="stable")
-        source = both[order, 1]
-        present, start = np.unique(both[order, 0], return_index=True)
-        degree = np.diff(np.append(start, len(source))).astype(float)
-
-        def average(values: Floats) -> Floats:
-            out = values.copy()
-            shape = (-1,) + (1,) * (values.ndim - 1)
-            out[present] = np.add.reduceat(values[source], start) / degree.reshape(shape)
-            return out
-
-        return average
+        degree = np.bincount(both[:, 0], minlength=count)
+        alone = np.flatnonzero(degree == 0)  # keep what they have
+        rows, columns = (np.append(both[:, k], alone) for k in (0, 1))
+        shares = 1.0 / np.maximum(degree, 1)[rows]
+        mean = csr_matrix((shares, (rows, columns)), shape=(count, count))
+        if of is not None:
+            mean = mean[of]
+        return lambda values: np.asarray(mean @ values)
 
 
 def join(meshes: list[WeightedMesh]) -> WeightedMesh:
@@ -110,7 +107,8 @@ def cut(mesh: WeightedMesh, name: str, *levels: float) -> WeightedMesh:
     """Insert vertices where the field `name` crosses each of `levels`."""
     for level in levels:
         values = mesh.fields[name] - level
-        edges = face_edges(mesh.faces)
+        corners = values[mesh.faces]
+        edges = face_edges(mesh.faces[(corners.min(axis=1) < 0) & (corners.max(axis=1) > 0)])
         a, b = values[edges[:, 0]], values[edges[:, 1]]
         crossing = (a * b < 0) & (np.minimum(abs(a), abs(b)) > 1e-3 * abs(a - b))
         if crossing.any():
@@ -121,7 +119,7 @@ def cut(mesh: WeightedMesh, name: str, *levels: float) -> WeightedMesh:
 
 def refine(mesh: WeightedMesh, where: Mask) -> WeightedMesh:
     """Halve every edge whose two ends are in `where` [n]."""
-    edges = face_edges(mesh.faces)
+    edges = face_edges(mesh.faces[where[mesh.faces].sum(axis=1) > 1])
     chosen = edges[where[edges].all(axis=1)]
     return split_edges(mesh, chosen, np.full(len(chosen), 0.5)) if len(chosen) else mesh
 
@@ -145,8 +143,11 @@ def drape(
     start = mesh.vertices
     for step in (0.6, -0.63) * 15:  # Taubin's pair keeps the volume
         start = start + (inside * slack)[:, None] * step * (average(start) - start)
+    pull = inside * slack * blunt * 0.9
+    blunted = np.flatnonzero(pull)  # few: the rest stays where it is
+    of_blunted = mesh.smoother(blunted)
     for _ in range(250):
-        start = start + (inside * slack * blunt)[:, None] * 0.9 * (average(start) - start)
+        start[blunted] += pull[blunted, None] * (of_blunted(start) - start[blunted])
     out_of = WeightedMesh(start, mesh.faces, mesh.weights).normals()
     points = start.copy()
     for _ in range(iterations):

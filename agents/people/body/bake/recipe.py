@@ -65,7 +65,7 @@ class BodyRecipe:
 
     Attributes:
         gender: 0 male to 1 female.
-        age: Age [years], from 25.
+        age: Age [years].
         height: Barefoot stature [m].
         mass: Body mass without clothes or hair [kg].
         muscle: 0 to 1.
@@ -75,6 +75,8 @@ class BodyRecipe:
         lips: RGB of the lips.
         iris: RGB of the irises.
         seed: Seed of the noise in hair and cloth.
+        proportions: Lengths of limb segments as shares of the published ones.
+        girths: Girths [m] by name, of `girth.GIRTHS`.
     """
 
     gender: float
@@ -91,6 +93,8 @@ class BodyRecipe:
     ancestry: dict[str, float] = field(default_factory=dict)
     changes: dict[str, float] = field(default_factory=dict)
     seed: int = 0
+    proportions: dict[str, float] = field(default_factory=dict)
+    girths: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

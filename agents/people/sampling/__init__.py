@@ -1,0 +1,1 @@
+"""People drawn at random: bodies, clinical profiles by condition and severity, populations."""

@@ -1,0 +1,32 @@
+"""When a robot offers something, and when it takes that away: a no is respected."""
+
+from __future__ import annotations
+
+import math
+
+from rcare_marl.envs.scenes.refusal import Refusal
+
+PAUSE = 1.0  # [s] that it waits out of reach before it offers again; own choice
+
+
+class Offering:
+    """Takes away what was refused, waits, offers again, and stops after the third no.
+
+    It knows only what the task says that a robot hears and sees, see `envs.scenes.refusal`.
+    """
+
+    def __init__(self) -> None:
+        self._from = 0.0
+
+    def goes_on(self, refusal: Refusal, time: float) -> bool:
+        """Return whether to offer now; else to take it away, or to keep it there.
+
+        Args:
+            refusal: What was refused until now.
+            time: Since the episode began [s].
+        """
+        if refusal.is_final:
+            self._from = math.inf
+        elif refusal.stands:
+            self._from = time + PAUSE
+        return time >= self._from

@@ -1,0 +1,61 @@
+"""An episode begins with everybody apart: who does nothing presses nobody."""
+
+from __future__ import annotations
+
+import pytest
+
+import rcare_marl
+from rcare_marl import assets
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.envs.registry import task_class
+from rcare_marl.errors import ConfigError
+
+PRESSED = 5.0  # [N] that a robot which does nothing presses with, in the first control step
+PEOPLE = tuple(name for name in assets.names("avatars") if name != "caregiver")
+TASKS = ("feeding", "drinking", "bathing", "limb_repositioning", "ambulating", "handing_over")
+# Robots whose other hand or body began in the person.
+KNOWN = (("bathing", "pr2", "morgan"), ("bathing", "pr2", "daniel"), ("bathing", "pepper", "jose"))
+
+
+def first_force(task: str, robot: str, person: str, seed: int) -> float:
+    """Return the greatest force of a robot on a person in the first 0.1 s in which nobody acts [N]."""
+    roles = task_class(task).roles()
+    still = {name: "still" for name, role in roles.items() if role.default is not None}
+    env = rcare_marl.make(task, robot=robot, recipient=person, policies=still)
+    forces = [0.0]
+    try:
+        env.reset(seed=seed)
+        people = [a for a in env.cast.values() if isinstance(a, Human)]
+        robots = [a for a in env.cast.values() if isinstance(a, Robot)]
+        look = env.task.after_substep
+
+        def measure() -> None:
+            look()
+            forces.extend(env.world.contact_force(p.body, r.body) for p in people for r in robots)
+
+        env.task.after_substep = measure  # type: ignore[method-assign]
+        env.step({})
+        return max(forces)
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize(("task", "robot", "person"), KNOWN)
+def test_a_robot_that_does_nothing_presses_nobody_at_the_start(
+    task: str, robot: str, person: str
+) -> None:
+    assert all(first_force(task, robot, person, seed) <= PRESSED for seed in range(3))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", assets.names("robots"))
+@pytest.mark.parametrize("task", TASKS)
+def test_every_robot_begins_clear_of_everybody_or_is_refused(task: str, robot: str) -> None:
+    for person in PEOPLE:
+        try:
+            force = first_force(task, robot, person, seed=0)
+        except ConfigError as refusal:
+            assert robot in str(refusal) or person in str(refusal) or "mount" in str(refusal)
+            continue
+        assert force <= PRESSED, person
