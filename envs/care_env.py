@@ -365,7 +365,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         self.task.look()
 
     def _infos(self, terms: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Any]]:
-        shared = {"success": self.task.succeeded(), **self.task.report()}
+        task = self.task
+        shared = {"success": task.succeeded(), "feasible": task.feasible.holds, **task.report()}
         found = ({**shared, **own} for own in terms.values())
         return {
             role: {name: float(value) for name, value in info.items()}

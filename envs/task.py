@@ -24,6 +24,7 @@ from rcare_marl.pose import Pose, about_z
 from rcare_marl.world import World
 
 from .devices import Wheelchair, add_stand, hang_ventilator
+from .feasibility import FEASIBLE, Feasibility
 from .place import BareFloor, DoorSite, Place
 from .reach import ReachSearch
 from .rectangle import Rectangle
@@ -155,21 +156,19 @@ class Task(abc.ABC):
         Options: The frozen dataclass of a task's settings.
         options: The settings of the running episode; see `set_stage`.
         cast: The agents by role; set by the environment before `furnish`.
-        reachable_by: Robots that reach with the default cast, from where the task puts them; None if it
-            does not say.
-        least_success: Of a hundred episodes, how many the scripted robot must end well; 0 if it does not
-            say.
+        reachable_by: Robots that reach with the default cast, from where they are put; None if silent.
+        least_success: Of a hundred episodes, those the scripted robot must end well; 0 if it is silent.
         engines: What can compute its motion, see `rcare_marl.engines`.
         control_dt, time_limit: Length of a control step, and of an episode [s].
         room_kinds: Kinds of rooms of a home that suit the task, the best first.
         footprint: The free floor that it needs, about the origin [m].
-        site: What the origin is at: `door`, or a kind of furniture such as `toilet`, whose frame it
-            is; on a bare floor the place builds one. Anywhere if empty.
+        site: What the origin is at: `door`, or furniture as `toilet`, built on a bare floor; else empty.
         place: Where it takes place; its floor is laid before `furnish`.
         world: Where it takes place; set by the environment before `furnish`.
         state: What was read last; from the first reset on.
         chair: The wheelchair of a task that has one, on which robots can be mounted.
         tools: What robots hold, beside which they should be slow near a person; filled in `build`.
+        feasible: Whether it can be done for the cast, and why not; tasks say so in `build`.
         bystanders: Roles of people whom nobody cares for, so that their safety is not measured.
         paper_terms: Names of those terms of its reward that the RCareWorld paper's table has, if it is there.
     """
@@ -186,6 +185,7 @@ class Task(abc.ABC):
     world: World
     state: Any
     chair: Wheelchair | None = None
+    feasible: Feasibility = FEASIBLE
     bystanders: Sequence[str] = ("caregiver",)
     paper_terms: Collection[str] = ()
     control_dt: float = 0.1

@@ -12,6 +12,7 @@ from episode import play
 
 import rcare_marl
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.feasibility import girth_along
 from rcare_marl.envs.phyrc.arm_cover import ArmCover, widest_gap
 from rcare_marl.envs.phyrc.phyrc_score import ScoreSheet
 from rcare_marl.envs.scenes.leg_path import pierced
@@ -54,6 +55,20 @@ def test_a_sleeve_counts_where_it_goes_round_and_a_shawl_does_not(scripted: Care
     assert not cover.slices(tube(cover, 0.06, math.pi)).any()  # it lies on the arm
     assert not cover.slices(tube(cover, 0.15, 0.0)).any()  # it is nowhere near the skin
     assert not cover.slices(tube(cover, 0.06, 0.0) + (0.0, 0.0, 0.2)).any()
+
+
+def test_it_is_said_before_whether_a_hand_goes_through_the_cuff(
+    scripted: CareEnv, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, infos = scripted.reset(seed=0)
+    task = task_of(scripted)
+    assert task.feasible.holds and not task.feasible.reason
+    assert all(info["feasible"] == 1.0 for info in infos.values())
+    cube = np.array([[x, y, z] for x in (0, 9) for y in (0, 0.2) for z in (0, 0.1)])
+    assert girth_along(cube) == pytest.approx(0.6)
+    monkeypatch.setattr(task, "_hand_points", lambda wrist: cube @ task._axes().T)
+    refused = task._fits()
+    assert not refused.holds and "60 cm" in refused.reason
 
 
 def test_a_ring_is_round_the_arm_only_if_the_arm_goes_through_it(scripted: CareEnv) -> None:

@@ -12,6 +12,10 @@ from rcare_marl.envs.homes import LEVELS
 from rcare_marl.envs.registry import task_class
 
 EPISODES = 100
+# Of so many episodes with each of the people, how many must end well: docs/tasks.md.
+PEOPLE, FEW = ("daniel", "jose", "karan", "kim", "morgan", "natalia"), 20
+LEAST_OF_FEW = {"limb_repositioning": 17, "dressing": 17, "phyrc_bathing": 17}
+SHORT = {("limb_repositioning", name) for name in ("daniel", "jose", "morgan")}  # so far
 LEAST = {task: task_class(task).least_success for task in rcare_marl.task_names()}
 
 
@@ -28,13 +32,13 @@ def cases() -> list[tuple[str, dict[str, Any]]]:
 NAMES = ["-".join([task, *map(str, place.values())]) for task, place in cases()]
 
 
-def successes(task: str, place: dict[str, Any], robot: str) -> int:
+def successes(task: str, place: dict[str, Any], robot: str, episodes: int = EPISODES) -> int:
     """Return in how many episodes a task succeeds, by a robot with that policy and its usual partners."""
     roles = task_class(task).roles()
     policies = {n: r.partner for n, r in roles.items() if r.partner and r.default is not None}
     env = rcare_marl.make(task, policies={**policies, "robot": robot}, **place)
     count = 0
-    for seed in range(EPISODES):
+    for seed in range(episodes):
         play(env, seed)
         count += env.task.succeeded()
     env.close()
@@ -51,3 +55,15 @@ def test_the_scripted_robot_succeeds_as_often_as_promised(task: str, place: dict
 @pytest.mark.parametrize(("task", "place"), cases(), ids=NAMES)
 def test_a_random_robot_hardly_ever_succeeds(task: str, place: dict[str, Any]) -> None:
     assert successes(task, place, "random") < 0.02 * EPISODES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("person", PEOPLE)
+@pytest.mark.parametrize("task", LEAST_OF_FEW)
+def test_the_scripted_robot_serves_whoever_comes(
+    task: str, person: str, request: pytest.FixtureRequest
+) -> None:
+    if (task, person) in SHORT:
+        request.applymarker(pytest.mark.xfail(reason="docs/limb_repositioning.md", strict=False))
+    done = successes(task, {"recipient": person}, "scripted", FEW)
+    assert done >= LEAST_OF_FEW[task]

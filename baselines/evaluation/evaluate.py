@@ -83,6 +83,7 @@ class Evaluation:
         seed: Seed of the first episode; each further one has the next.
         episodes: The episodes, in order.
         place: House, level and room in which it took place; empty on a bare floor.
+        infeasible: Why it cannot be done for this cast; empty if it can.
         versions: Versions of what the numbers depend on.
     """
 
@@ -93,6 +94,7 @@ class Evaluation:
     seed: int
     episodes: tuple[Episode, ...]
     place: Mapping[str, Any] = field(default_factory=dict)
+    infeasible: str = ""
     versions: Mapping[str, str] = field(default_factory=lambda: versions())
 
     @property
@@ -137,6 +139,9 @@ class Evaluation:
             "successes": sum(e.success for e in self.episodes),
             "success_rate": self.success_rate,
             "success_interval_95": list(self.success_interval),
+            "feasible": not self.infeasible,
+            "infeasible_reason": self.infeasible,
+            "success_rate_of_feasible": None if self.infeasible else self.success_rate,
             "peak_force_n": self.peak_force,
             "spilled": sum(self.values("spilled")) if "spilled" in first.metrics else None,
         }
@@ -198,7 +203,8 @@ def evaluate(
             if on_episode is not None:
                 on_episode(done[-1])
         models, chosen, place = model_names(env), dict(options or {}), env.task.place.facts()
-        return Evaluation(task, names, models, chosen, seed, tuple(done), place)
+        reason = env.task.feasible.reason
+        return Evaluation(task, names, models, chosen, seed, tuple(done), place, reason)
 
 
 @dataclass(frozen=True)

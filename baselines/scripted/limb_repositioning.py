@@ -57,26 +57,17 @@ ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
 ROOM = 0.01  # [m] between plate and armrest
 AIM = 2.0  # [1/s] with which the plate goes where the forearm's middle is lacking
 FARTHEST = (0.03, 0.05)  # [m] that it does so along and across the pad
-INWARD = (
-    0.012,
-    0.04,
-)  # [m] that the forearm lies more to the middle of the chair, at first and at most,
-# because the plate takes it along as it is drawn out
+# [m] that the forearm lies more to the middle of the chair, at first and at most, because the
+# plate takes it along as it is drawn out.
+INWARD = (0.012, 0.04)
 CENTRED = 0.01  # [m] from there, where it may be
-BRAKING = (
-    0.04  # [m] from its place, from where it is carried more slowly: it swings inwards by itself
-)
+# [m] from its place, from where it is carried more slowly: it swings inwards by itself.
+BRAKING = 0.04
 OVER = 0.035  # [m] from there, where the armrest is below it still
 SINKING, SUNK = 0.02, 0.008  # [m/s] on the pad until it carries the forearm, [m] at most
 LEAN = 4.0  # [N] on the pad, with which it does
-PATIENCE = {
-    "free": 8.0,
-    "slide": 4.0,
-    "lift": 6.0,
-    "carry": 4.0,
-    "lower": 4.0,
-    "settle": 3.0,
-}  # [s]
+# [s].
+PATIENCE = dict(free=8.0, slide=4.0, lift=6.0, carry=4.0, lower=4.0, settle=3.0)
 FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
 HIGHER = 0.015  # [m] that a new try raises the elbow more
 LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
@@ -144,8 +135,6 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Lower an arm that was stuck, outside of the armrest."""
         if math.dist(seat, self._out) < NEAR or self._since > PATIENCE["carry"]:
             self.phase = "approach"
-        beside = self._out.copy()
-        beside[2] = max(beside[2], seat[2] - 0.5 * max(self._out[1] - seat[1], 0.0) - NEAR)
         return self._out, self._turn, SLOW
 
     def _approach(self, seat: Array) -> tuple[Array, Array, float]:
@@ -253,10 +242,10 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return place + self._shift, turn
 
     def _aim(self, seat: Array) -> float:
-        """Move the place of the plate by what the forearm lacks, and return how far to go to the left [m]."""
+        """Move the plate by what the forearm lacks, and return how far that is to the left [m]."""
         state, chair = self._task.state, self._task.chair
         missed = state.gap - (0.0, self._inward, 0.0)
-        # The wrist goes no farther than half way to the edge of the pad: the elbow follows as it sinks.
+        # The wrist goes no farther than half way to the pad's edge: the elbow follows as it sinks.
         edge = state.target[1] - 0.25 * chair.armrest_size[1]
         missed[1] = max(float(missed[1]), float(edge - state.wrist[1]))
         is_there = np.abs(self._over(self._pitch)[0] - seat)[:2] < NEAR

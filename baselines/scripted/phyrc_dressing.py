@@ -26,6 +26,7 @@ OVER_SEAM = 0.08  # [m] where the hand lines up
 # The best of 17 ways in 40 episodes each, rounded, and so are the figures of easing: docs/phyrc.md.
 BEFORE_FIST, OVER_WRIST, OVER_ELBOW = (0.1, 0.02, 0.0), (-0.015, 0.015, 0.035), (0.0, 0.025, 0.005)
 BESIDE_NECK = 0.04  # [m] before the shoulder, where the fingers stop
+YIELDING, SLOWEST = (20.0, 36.0), 0.25  # [N] on the person: where it gets slower, and slowest
 HEADWAY, STUCK = 0.01, 10  # [m] that are to be made in so many steps, or the sleeve is caught
 CAUGHT_FORCE = 32.0  # [N] on the person, above which it is too
 ARRIVED = 0.06  # [m] from the shoulder, from where on it is not
@@ -92,13 +93,19 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
         if self._is_caught(float(np.linalg.norm(way[-1] - tool))):
             back = BACK * min(1.0 + MORE * self._eased, MOST)
             self._eased += 1
-            self._back = tool + self._offset(back, self._side * ASIDE, UP)
+            up = UP if self._eased % 2 else -UP  # the lower rim comes free where the fingers sink
+            self._back = tool + self._offset(back, self._side * ASIDE, up)
             self._phase, self._steps, self._side = "ease", BACK_STEPS, -self._side
         if np.linalg.norm(way[self._leg] - tool) < NEAR and self._leg < len(way) - 1:
             self._leg += 1
         if self._leg == len(way) - 1 and np.linalg.norm(way[-1] - tool) < ARRIVED:
             self._finish()
-        return _towards(way[self._leg] - tool, PULL)
+        return _towards(way[self._leg] - tool, PULL * self._eagerness())
+
+    def _eagerness(self) -> float:
+        """Return the share of its speed with which it pulls, less the more it presses."""
+        low, high = YIELDING
+        return min(max((high - self._task.state.force) / (high - low), SLOWEST), 1.0)
 
     def _finish(self) -> None:
         """At the shoulder: go on until cloth lies over it, then back if the sleeve left the forearm."""
@@ -132,9 +139,12 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
         ]
 
     def _offset(self, out: float, aside: float, up: float) -> Array:
-        """Return the vector of lengths out along the arm, to the robot's side of it and up [m], shape [3]."""
-        way = self._task.out
-        return np.asarray(out * way + aside * np.cross(UPWARDS, way) + up * UPWARDS)
+        """Return lengths out along the forearm, to the robot's side and up from it [m], shape [3]."""
+        wrist, elbow, _ = self._task.state.arm
+        way = (wrist - elbow) / np.linalg.norm(wrist - elbow)
+        left = np.cross(UPWARDS, way)
+        left /= np.linalg.norm(left)
+        return np.asarray(out * way + aside * left + up * np.cross(way, left))
 
 
 def _towards(way: Array, most: float) -> Array:

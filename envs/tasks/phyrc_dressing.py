@@ -19,6 +19,7 @@ from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
 from ..devices import Wheelchair, add_stand, needs_stand
+from ..feasibility import FEASIBLE, Feasibility, girth_along
 from ..phyrc.arm_cover import ArmCover
 from ..phyrc.dressing_score import ITEMS, DressingScore, GownState
 from ..phyrc.gown_stand import GownStand
@@ -47,6 +48,7 @@ ABOVE = 0.10  # [m] from the seam to the tool, at the start
 START_SPREAD = 0.03  # [m] each way
 NEAR, LEVEL = 0.03, 0.4  # [m], [rad] that count as reached
 CLEAR = 0.02  # [m] between robot and recipient at the start
+SLACK = 1.05  # of the hand's girth that a cuff needs; our own choice
 TILTS = tuple(math.radians(a) for a in (0, 30, 55))  # of the hand, away from straight down
 PULL_FORCE = 60.0  # [N] from which `tool_delta` gives way, of 15 N else: a sleeve has to be pulled
 
@@ -134,20 +136,40 @@ class PhyrcDressing(Challenge):
         hooks = [self.chair.body]
         self.gown = GownStand(world, person, before, self.out, ignored=hooks)
         self._way = np.array((wrist, elbow, shoulder)) + OVER
+        self.feasible = self._fits()
         self._find_place(world)
         self._pinch = ClothPinch(self.robot, self.gown.cloth)
         self.score = DressingScore(self.robot, self.gown, self._covers, self._pinch)
         self.settle(SETTLE_STEPS)
 
-    def _before_hand(self, wrist: Array) -> Array:
-        """Return the point before the middle of the left hand where the armhole goes [m], shape [3]."""
+    def _fits(self) -> Feasibility:
+        """Return whether the left hand, held as it is, goes through the cuff."""
+        cuff = self.gown.cloth.positions[self.gown.gown.cuffs["left"]]
+        around = float(np.linalg.norm(cuff - np.roll(cuff, 1, axis=0), axis=1).sum())
+        girth = girth_along(self._hand_points(self._covers["left"].ends[0]) @ self._axes())
+        if girth * SLACK <= around:
+            return FEASIBLE
+        hand, hole = (round(100 * length) for length in (girth, around))
+        return Feasibility(
+            False,
+            f"a hand of {hand} cm around, held as it is, does not go through a cuff of {hole} cm",
+        )
+
+    def _axes(self) -> Array:
+        return np.column_stack((self.out, self._aside, (0.0, 0.0, 1.0)))
+
+    def _hand_points(self, wrist: Array) -> Array:
+        """Return the skin of the left hand from the wrist [m], shape [n, 3]."""
         person = self.recipient
         skin = next(
             s for s in self.world.skins if isinstance(s, PersonSkin) and s.body is person.body
         )
         parts = [JOINT_INDEX[j] for j in JOINTS if j.startswith(HAND)]
-        hand = skin.vertices()[np.isin(person.model.owner, parts)] - wrist
-        axes = np.column_stack((self.out, self._aside, (0.0, 0.0, 1.0)))
+        return np.asarray(skin.vertices()[np.isin(person.model.owner, parts)] - wrist)
+
+    def _before_hand(self, wrist: Array) -> Array:
+        """Return the point before the middle of the left hand where the armhole goes [m], shape [3]."""
+        hand, axes = self._hand_points(wrist), self._axes()
         low, high = (hand @ axes).min(axis=0), (hand @ axes).max(axis=0)
         middle = 0.5 * (low + high)
         return np.asarray(wrist + axes @ (high[0] + BEFORE, middle[1], middle[2]))

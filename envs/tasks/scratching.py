@@ -28,19 +28,15 @@ Site = Literal["forearm", "hand", "cheek"]
 Hold = tuple[float, float, float]
 SITES: tuple[Site, ...] = get_args(Site)
 
-NEAR = (
-    0.025  # [m] from the itch, where a stroke helps: Assistive Gym, scratch_itch.py (from memory)
-)
+# [m] from the itch, where a stroke helps: Assistive Gym, scratch_itch.py (from memory).
+NEAR = 0.025
 PRESS = (0.5, 5.0)  # [N] with which it does: felt, and gentle to skin; our own choice
-STROKE = (
-    0.01  # [m/s] along the skin at least: a tool that rests there does not scratch; our own choice
-)
+# [m/s] along the skin at least: a tool that rests there does not scratch; our own choice.
+STROKE = 0.01
 RELIEF = 3.0  # [s] of scratching until the itch is gone; our own choice
 COMFORT_FORCE = 5.0  # [N] free of penalty; our own choice
-OFFERED, TAKEN_AWAY = (
-    0.05,
-    0.065,
-)  # [m] from skin to tip: within offered, beyond no more; own choice
+# [m] from skin to tip: within offered, beyond no more; our own choices.
+OFFERED, TAKEN_AWAY = 0.05, 0.065
 START_GAP = (0.09, 0.14)  # [m] from skin to tip at the start; our own choice
 START_SPREAD = 0.03  # [m] along the skin, uniform each way; our own choice
 # Where it itches, uniform, our own choices: along forearm and hand, about them, on the cheek each way.
@@ -52,10 +48,10 @@ SAID = 0.008  # [m] by which the person misses it who says where, uniform each w
 LEANS, ROUND = (0.0, 0.4, 0.8), tuple(math.radians(a) for a in range(0, 360, 60))
 ROLLS = tuple(math.radians(a) for a in range(0, 360, 45))
 MISS, MISS_TURN = 0.01, 0.15
-OTHER_WAY = (
-    1.0  # [rad] by which a joint differs where the arm is bent in another way; our own choice
-)
-TIP = 0.002  # [m] over the skin, where a robot must reach
+# [rad] by which a joint differs where the arm is bent in another way; our own choice.
+OTHER_WAY = 1.0
+# [m] from the skin, on the way that a robot must reach.
+GAPS = (START_GAP[1], START_GAP[0], 0.03, 0.002)
 
 
 @dataclass(frozen=True)
@@ -227,7 +223,7 @@ class Scratching(Meal):
 
     def reset(self, rng: np.random.Generator) -> None:
         gap, offset = rng.uniform(*START_GAP), rng.uniform(-START_SPREAD, START_SPREAD, 2)
-        self._site = list(self._holds)[int(rng.integers(len(self._holds)))]
+        self._site = list(self._holds)[int(len(self._holds) * rng.random())]
         self._draw(rng)
         self._set_tip(gap, offset)
         self._force, self._steps = 0.0, 0
@@ -320,11 +316,3 @@ class Scratching(Meal):
 
     def is_failure(self, state: ScratchingState) -> Values:
         return state.refusal.is_hurt
-
-
-GAPS = (
-    START_GAP[1],
-    START_GAP[0],
-    0.03,
-    TIP,
-)  # [m] from the skin, on the way that a robot must reach

@@ -64,6 +64,8 @@ def _outcome(result: baseline.Evaluation, numbers: Mapping[str, Any]) -> list[tu
     rows: list[tuple[str, ...]] = [
         (label, percent(result.success_rate), f"{percent(low)} to {percent(high)}", "")
     ]
+    if result.infeasible:
+        rows.append(("cannot be done", result.infeasible, "", ""))
     rows += _of_roles("return", numbers)
     return [*rows, ("control steps", f"{numbers['steps_mean']:.4g}", "", "")]
 
