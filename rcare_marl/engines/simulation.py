@@ -22,6 +22,7 @@ from .native import Ints, addresses
 MARGIN = 0.001
 # [m] of Bullet's shapes with edges: its collision margin of what is read from a URDF.
 ROUNDING = 0.001
+SIDES = 32  # of the prisms that are Bullet's cylinders
 SPARE_BONDS, SPARE_PAIRS = 8, 512  # that an episode can make, and keep apart
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
 TIGHT = 2.05  # time constant of joint limits, in physics steps
@@ -78,7 +79,8 @@ class Simulation:
         Raises:
             ConfigError: If MuJoCo cannot tell so many bodies apart.
         """
-        files = mjcf(scene, drives=False, parts=False, spare=(SPARE_BONDS, SPARE_PAIRS))
+        spare = SPARE_BONDS, SPARE_PAIRS
+        files = mjcf(scene, drives=False, parts=False, spare=spare, sides=SIDES)
         assets = {name: text.encode() for name, text in files.items()}
         self.model = model = mujoco.MjModel.from_xml_string(files["scene.xml"], assets)
         self.data = data = mujoco.MjData(model)

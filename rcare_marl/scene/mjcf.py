@@ -6,8 +6,9 @@ written, which is the same wherever one of both has Bullet's usual 0.5.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import product
+from itertools import chain, product
 from xml.etree import ElementTree as xml
 
 from rcare_marl.errors import ConfigError
@@ -44,6 +45,7 @@ def mjcf(
     drives: bool = True,
     parts: bool = True,
     spare: tuple[int, int] = (0, 0),
+    sides: int = 0,
 ) -> dict[str, str]:
     """Return the files of a scene by name: `scene.xml` and the meshes that it needs.
 
@@ -53,11 +55,12 @@ def mjcf(
         drives: Whether joints have actuators.
         parts: Whether what is held rigidly is a part of who holds it; a weld if not.
         spare: Welds that hold nothing, and pairs kept apart that do not matter, for who changes them later.
+        sides: Of the prisms that stand for cylinders; 0 leaves cylinders.
 
     Raises:
         ConfigError: If more bodies of their own rules of contact are in it than MuJoCo can tell apart.
     """
-    return _Writer(scene, drawings or {}, drives=drives, parts=parts).files(*spare)
+    return _Writer(scene, drawings or {}, drives=drives, parts=parts, sides=sides).files(*spare)
 
 
 class _Writer:
@@ -68,10 +71,12 @@ class _Writer:
         *,
         drives: bool,
         parts: bool,
+        sides: int,
     ) -> None:
-        self._drives, self._scene, self._drawings = drives, scene, drawings
+        self._drives, self._scene, self._drawings, self._sides = drives, scene, drawings, sides
         self._held = scene.held() if parts else {}
         self._files: dict[str, str] = {}
+        self._prisms: set[str] = set()  # names of their meshes
         self._root = xml.Element("mujoco", model="scene")
         _add(self._root, "compiler", angle="radian", autolimits="true", boundinertia="1e-9")
         _add(
@@ -279,12 +284,31 @@ class _Writer:
             return {"name": names[-1], **common}
 
         for shape in link.collision:
-            _add(element, "geom", **named(), **_placed(shape.pose()), **_geometry(shape))
+            _add(element, "geom", **named(), **_placed(shape.pose()), **self._geometry(shape))
         for solid in link.hulls:
             for corners in hulls(solid.file):
                 rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in (corners * solid.scale).tolist()]
                 file = self._mesh(f"{_plain(at)}_hull_{len(names)}", "\n".join(rows) + "\n")
                 _add(element, "geom", **named(), **_placed(solid.pose()), type="mesh", mesh=file)
+
+    def _geometry(self, shape: Shape) -> dict[str, str]:
+        if shape.kind == "box":
+            return {"type": "box", "size": _text(0.5 * edge for edge in shape.size)}
+        if shape.kind == "sphere":
+            return {"type": "sphere", "size": repr(shape.radius)}
+        if shape.kind == "cylinder" and self._sides:
+            return {"type": "mesh", "mesh": self._prism(shape.radius, 0.5 * shape.span())}
+        return {"type": shape.kind, "size": _text((shape.radius, 0.5 * shape.span()))}
+
+    def _prism(self, radius: float, half: float) -> str:
+        name = f"prism:{radius!r}:{half!r}"
+        if name not in self._prisms:
+            self._prisms.add(name)
+            turns = [2 * math.pi * i / self._sides for i in range(self._sides)]
+            corners = [(radius * math.cos(t), radius * math.sin(t)) for t in turns]
+            points = [(x, y, z) for x, y in corners for z in (-half, half)]
+            _add(self._assets, "mesh", name=name, vertex=_text(chain.from_iterable(points)))
+        return name
 
     def _mesh(self, name: str, text: str, **own: str) -> str:
         file = f"{name}.obj"
@@ -334,11 +358,3 @@ def _placed(pose: Pose) -> dict[str, str]:
 
 def _plain(place: Place) -> str:
     return "-".join(place).replace("/", "_")
-
-
-def _geometry(shape: Shape) -> dict[str, str]:
-    if shape.kind == "box":
-        return {"type": "box", "size": _text(0.5 * edge for edge in shape.size)}
-    if shape.kind == "sphere":
-        return {"type": "sphere", "size": repr(shape.radius)}
-    return {"type": shape.kind, "size": _text((shape.radius, 0.5 * shape.span()))}
