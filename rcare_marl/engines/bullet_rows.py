@@ -65,14 +65,28 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
             freedom is, shape [nv]; see `motor_table`; greatest forces of motors by degree of freedom, and of
             bonds by equality; share of the error of each equality that is removed in a physics step;
             friction, stiffness (0 if rigid), damping and rounding [m] of each geom, shape [ngeom, 4]; the
-            number of its body; greatest speed of each degree of freedom.
+            number of its body, and of its tree of degrees of freedom, -1 if it cannot move; how each
+            degree of freedom turns and moves, `cdof`; greatest speed of each degree of freedom.
         felt: Whether to work out what joints transmit, shape [1]; `subtree_com`, `xpos` and `xmat`, and
             where to keep what they are in this step.
         touched: Of each body, whether it touches something, written.
     """
     model, data = places[native.MODEL], places[native.DATA]
     qpos, qvel, _, smooth, acceleration, pushes, acted = state
-    dt, sweeps, joints, motors, greatest, strengths, shares, surfaces, owners, caps = rules
+    (
+        dt,
+        sweeps,
+        joints,
+        motors,
+        greatest,
+        strengths,
+        shares,
+        surfaces,
+        owners,
+        bearers,
+        ways,
+        caps,
+    ) = rules
     call(places[native.STEP_1], model, data)
     call(places[native.ACCELERATION], model, data)
     cut_speeds(qvel, smooth, caps, dt)
@@ -97,10 +111,11 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
         _write_joints(
             dt, qpos, qvel, joints, motors, (greatest, strengths), shares, first, wished, soft, most
         )
+        rows = sizes, starts, columns, jacobian
+        _shift_frictions(places, rows, (kinds, speeds), surfaces, inertia[5], bearers, ways, qvel)
         contacts = _write_contacts(
             dt, places, (kinds, speeds, gives), surfaces, owners, wished, soft, touched
         )
-        rows = sizes, starts, columns, jacobian
         answers, spans = _answers(inertia, rows)
         coupling, left = _coupling(rows, answers, spans, soft, wished, smooth)
         _solve(sweeps[0], kinds, most, coupling, left, contacts, forces)
@@ -149,6 +164,41 @@ def _write_joints(  # type: ignore[no-untyped-def]
             wished[row] = (speed - velocities[dof]) / dt
             soft[row] = MOTOR_GIVE * gives[row]
             most[row] = greatest[dof]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _shift_frictions(places, rows, told, surfaces, trees, bearers, ways, velocities) -> None:  # type: ignore[no-untyped-def]
+    """Let friction act where Bullet has it: on the surface of each body, and not halfway.
+
+    Links of one tree that touch each other are left as they are.
+    """
+    sizes, starts, columns, jacobian = rows
+    kinds, speeds = told
+    data = places[native.DATA]
+    start = word(data + places[native.CONTACT])
+    for i in range(whole(data + places[native.NCON], 1)[0]):
+        here = start + i * places[native.CONTACT_SIZE]
+        first = whole(here + places[native.EFC_ADDRESS], 1)[0]
+        if first < 0 or kinds[first] != CONTACT_ROW or whole(here + places[native.DIM], 1)[0] < 3:
+            continue
+        geoms = whole(here + places[native.GEOM], 2)
+        one, other = geoms[0], geoms[1]
+        if bearers[one] == bearers[other]:
+            continue
+        half = 0.5 * real(here + places[native.DIST], 1)[0]
+        frame = real(here + places[native.FRAME], 9)  # looks from one to the other
+        for row in range(first + 1, first + 3):
+            side = frame[3 * (row - first) : 3 * (row - first) + 3]
+            x = frame[1] * side[2] - frame[2] * side[1]
+            y = frame[2] * side[0] - frame[0] * side[2]
+            z = frame[0] * side[1] - frame[1] * side[0]
+            for k in range(starts[row], starts[row] + sizes[row]):
+                dof = columns[k]
+                # (turn x way of the point) . side; of one it is the other way, and counts negatively.
+                out = half - surfaces[other if trees[dof] == bearers[other] else one, 3]
+                change = out * (ways[dof, 0] * x + ways[dof, 1] * y + ways[dof, 2] * z)
+                jacobian[k] += change
+                speeds[row] += change * velocities[dof]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -301,7 +351,11 @@ def _solve(sweeps, kinds, most, coupling, left, contacts, forces) -> None:  # ty
                 _set_force(row, max(forces[row] - left[row], 0.0), coupling, left, forces)
         for i in range(len(held)):
             row = held[i, 0]
-            if row < 0 or forces[row] <= 0.0:
+            if row < 0:
+                continue
+            if forces[row] <= 0.0:  # what it rubbed with in the sweep before is gone
+                for k in range(1, min(held[i, 1], 3)):
+                    _set_force(row + k, 0.0, coupling, left, forces)
                 continue
             for k in range(3, held[i, 1]):
                 reach = frictions[i, min(k - 2, 2)] * forces[row]

@@ -41,7 +41,7 @@ FIELDS = (  # of mjData
     "efc_vel",
     "efc_force",
 )
-CONTACT_FIELDS = ("dist", "friction", "dim", "geom", "efc_address")
+CONTACT_FIELDS = ("dist", "frame", "friction", "dim", "geom", "efc_address")
 MODEL, DATA = 0, 1  # places in `addresses`; then those of functions, fields, and of a contact's
 STEP_1, ACCELERATION, EULER, RNE = range(2, 6)
 (
@@ -59,7 +59,7 @@ STEP_1, ACCELERATION, EULER, RNE = range(2, 6)
     EFC_VEL,
     EFC_FORCE,
 ) = range(6, 19)
-DIST, FRICTION, DIM, GEOM, EFC_ADDRESS, CONTACT_SIZE = range(19, 25)
+DIST, FRAME, FRICTION, DIM, GEOM, EFC_ADDRESS, CONTACT_SIZE = range(19, 26)
 _VALUES: dict[str, Any] = {
     "int": ctypes.c_int,
     "float": ctypes.c_float,

@@ -178,7 +178,8 @@ class Simulation:
         trees = model.dof_treeid, model.tree_dofadr, model.tree_dofnum
         limits = model.dof_frictionloss, self.strengths
         rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
-        surfaces = self._surfaces, self._geom_body, self.caps
+        bearers = model.body_treeid[model.geom_bodyid].astype(np.int64)
+        surfaces = self._surfaces, self._geom_body, bearers, data.cdof, self.caps
         places = addresses(model, data)
         written = data.qfrc_constraint, self._acted
         return (
@@ -350,10 +351,10 @@ class Simulation:
             own = 0 if number is not None and pairs[i, 0] == number else 1
             side = 1.0 if own == 1 else -1.0  # MuJoCo's frame looks from the first to the second
             frame = contact.frame[i]
-            gap = float(contact.dist[i] - self._surfaces[contact.geom[i], 3].sum())
             normal = side * frame[FACING]
             middle = contact.pos[i]
             one, other = contact.geom[i][own], contact.geom[i][1 - own]
+            out = [0.5 * contact.dist[i] - self._surfaces[geom, 3] for geom in (one, other)]
             drags = [float(forces[row + k]) if k < contact.dim[i] else 0.0 for k in (1, 2)]
             found.append(
                 (
@@ -362,10 +363,10 @@ class Simulation:
                     self._bodies[self._geom_body[other]].uid,
                     int(self._geom_link[one]),
                     int(self._geom_link[other]),
-                    tuple((middle + 0.5 * gap * normal).tolist()),
-                    tuple((middle - 0.5 * gap * normal).tolist()),
+                    tuple((middle + out[0] * normal).tolist()),
+                    tuple((middle - out[1] * normal).tolist()),
                     tuple(normal.tolist()),
-                    gap,
+                    float(sum(out)),
                     float(forces[row]),
                     drags[0],
                     tuple((side * frame[SIDEWAYS[0]]).tolist()),
