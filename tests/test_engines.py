@@ -257,6 +257,58 @@ def test_edges_and_faces_are_where_bullet_has_them(shape: str, tmp_path: Path) -
     assert found["mujoco"] == pytest.approx(found["bullet"], abs=2e-5)
 
 
+def test_cylinders_have_the_sides_that_they_have_in_bullet(tmp_path: Path) -> None:
+    file = tmp_path / "wheel.urdf"
+    file.write_text(
+        '<robot name="wheel"><link name="wheel"><inertial><mass value="1"/><inertia ixx="1" iyy="1" '
+        'izz="1" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>'
+        '<cylinder radius="0.3" length="0.1"/></geometry></collision></link></robot>'
+    )
+    found: dict[str, list[float]] = {}
+    for engine in ("bullet", "mujoco"):
+        for turn in np.radians([0.0, 180 / 32, 360 / 32]):
+            made = make_world(engine, 1 / 240)
+            wheel = made.load_urdf(file)
+            far = 0.3 + 0.05 - 0.002
+            spot = far * math.cos(turn), far * math.sin(turn), 0.0
+            ball = made.add_sphere(0.05, Pose(spot), mass=1.0)
+            made.mark_start()
+            made.step()
+            found.setdefault(engine, []).extend(c.distance for c in made.contacts(ball, wheel))
+    assert len(found["bullet"]) == 3
+    assert found["bullet"][1] > found["bullet"][0] + 0.001  # the middle of a side is farther in
+    assert found["mujoco"] == pytest.approx(found["bullet"], abs=1e-4)
+
+
+@pytest.mark.parametrize("depth", [0.0005, 0.02])
+def test_friction_acts_where_it_acts_in_bullet(depth: float) -> None:
+    moves = []
+    for engine in ("bullet", "mujoco"):
+        made = make_world(engine, 1 / 240)
+        made.add_box((4, 4, 0.5), Pose((0, 0, -0.25)), name="floor")
+        ball = made.add_sphere(0.1, Pose((0, 0, 0.1 - depth)), mass=1.0)
+        made.mark_start()
+        for _ in range(3):
+            ball.apply_force(-1, (3.0, 0.0, 0.0), ball.base_pose().position)
+            made.step()
+        _, linear, angular = ball.link_motion(-1)
+        moves.append([linear[0], angular[1]])
+    assert moves[0][1] > 0.1
+    assert moves[1] == pytest.approx(moves[0], rel=0.01)
+
+
+def test_nothing_is_near_what_has_no_shape(tmp_path: Path) -> None:
+    file = tmp_path / "mark.urdf"
+    file.write_text('<robot name="mark"><link name="mark"/></robot>')
+    for engine in ("bullet", "mujoco"):
+        made = make_world(engine, 1 / 240)
+        mark = made.load_urdf(file, name="mark")
+        ball = made.add_sphere(0.1, Pose(), mass=1.0)
+        made.mark_start()
+        assert made.separation(ball, mark, within=0.3) == 0.3
+        assert made.gaps([(mark, -1), (ball, -1)], mark, within=0.3) == [0.3, 0.3]
+
+
 @pytest.mark.parametrize("beyond", [0.01, 0.1])
 def test_a_joint_past_its_limit_returns_as_in_bullet(beyond: float, tmp_path: Path) -> None:
     file = tmp_path / "pendulum.urdf"

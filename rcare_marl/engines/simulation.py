@@ -26,6 +26,7 @@ SIDES = 32  # of the prisms that are Bullet's cylinders
 SPARE_BONDS, SPARE_PAIRS = 8, 512  # that an episode can make, and keep apart
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
 TIGHT = 2.05  # time constant of joint limits, in physics steps
+NOTHING = np.zeros(0, np.int64)
 FACING, SIDEWAYS = slice(0, 3), (slice(3, 6), slice(6, 9))  # axes in the frame of a contact
 
 
@@ -291,7 +292,7 @@ class Simulation:
             within: How far to look [m].
         """
         self.place()
-        groups = [self._geoms_of[link] for link in links]
+        groups = [self._geoms_of.get(link, NOTHING) for link in links]
         return self._gaps.between(groups, self._geoms_of[other, None], within)
 
     def push(self, link: int, force: Vector, point: Vector) -> None:
