@@ -26,7 +26,6 @@ from rcare_marl.engines.mujoco_world import MujocoWorld
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.devices import FloorLift, HospitalBed
 from rcare_marl.envs.registry import task_class
-from rcare_marl.envs.tasks.drinking import Drinking
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose
 from rcare_marl.world import GRAVITY
@@ -379,9 +378,8 @@ def test_joints_and_wrists_feel_what_they_feel_in_bullet(way: float) -> None:
 
 
 def test_what_does_not_run_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Drinking, "engines", ("bullet",))
-    with pytest.raises(ConfigError, match="drinking.*these do: .*feeding"):
-        rcare_marl.make("drinking", engine="mujoco")
+    with pytest.raises(ConfigError, match="dressing.*these do: .*feeding"):
+        rcare_marl.make("dressing", engine="mujoco")
     with pytest.raises(UnknownNameError, match="Did you mean 'mujoco'"):
         rcare_marl.make("feeding", engine="mujocco")
     real = builtins.__import__
@@ -443,11 +441,6 @@ def test_scripts_succeed_in_a_house(task: str, place: int) -> None:
     home = "house_09" if task == "bathing" else "house_07"
     found = played_by_partners(task, range(2), home=home, level=place)
     assert all(succeeded for succeeded, _ in found)
-
-
-@pytest.mark.slow
-def test_a_caregiver_lifts_a_leg_and_a_robot_dresses_it() -> None:
-    assert played_by_partners("dressing", [100])[0][0]
 
 
 def test_bench_batch_tells_both_speeds_and_the_ratio() -> None:
