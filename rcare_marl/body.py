@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pybullet as bullet
 
-from .body_part import Gear, Joint, Touching, VisualShape
+from .body_part import SHAPE_NAMES, Gear, Joint, State, Touching, VisualShape
 from .errors import check_name
 from .joint_feedback import JointFeedback
 from .model.urdf import Model
@@ -90,9 +90,7 @@ class Body:
     def mass(self, link: int | None = None) -> float:
         """Return the mass of one link, or of the whole body [kg]."""
         links = range(-1, self.link_count) if link is None else (link,)
-        return float(
-            sum(bullet.getDynamicsInfo(self.uid, i, physicsClientId=self._client)[0] for i in links)
-        )
+        return float(sum(bullet.getDynamicsInfo(self.uid, i, self._client)[0] for i in links))
 
     def state(self) -> Array:
         """Return base pose and velocity, all joints and their rates, exactly [SI], shape [13 + 2 joints]."""
@@ -123,19 +121,28 @@ class Body:
         """Whether a joint is driven by a motor; not after `release_motors` without friction."""
         return self.friction.get(index) != 0.0
 
-    def link_centre_states(self, links: Sequence[int]) -> list[tuple[tuple[float, ...], ...]]:
-        """Return how centres of mass of `links` are and move in the world; not of the base.
+    def centre_state(self, link: int) -> State:
+        """Return how the centre of mass of a link is and moves in the world, 13 numbers; -1 is the base.
 
-        For each position [m], quaternion of the principal axes, velocity [m/s] and rate of turning
-        [rad/s], as Bullet gives them: many are read of which few are used.
+        Position [m], quaternion of the principal axes, velocity [m/s] and rate of turning [rad/s].
         """
+        if link >= 0:
+            return self.centre_states((link,))[0]
+        (place, turn), motion = self.centre_pose(), bullet.getBaseVelocity(self.uid, self._client)
+        return (*place, *turn, *motion[0], *motion[1])
+
+    def centre_states(self, links: Sequence[int]) -> Sequence[State]:
+        """Return `centre_state` of some links; not of the base."""
         states = bullet.getLinkStates(self.uid, links, 1, 1, self._client)
-        return [(s[0], s[1], s[6], s[7]) for s in states]
+        return [(*s[0], *s[1], *s[6], *s[7]) for s in states]
+
+    def centre_places(self, links: Sequence[int]) -> Sequence[State]:
+        """Return the first seven numbers of `centre_state` of some links; not of the base."""
+        return [s[0] + s[1] for s in bullet.getLinkStates(self.uid, links, 0, 1, self._client)]
 
     def link_centres(self, links: Sequence[int]) -> Array:
         """Return the centres of mass of `links` in the world [m], shape [n, 3]; not of the base."""
-        states = bullet.getLinkStates(self.uid, links, 0, 1, self._client)
-        return np.array([state[0] for state in states]).reshape(-1, 3)
+        return np.array([place[:3] for place in self.centre_places(links)]).reshape(-1, 3)
 
     def carried_by(self, link: int) -> list[int]:
         """Return `link` and all links that it carries, directly or not."""
@@ -451,14 +458,14 @@ class Body:
         return [
             VisualShape(
                 link=row[1],
-                kind=_SHAPES[row[2]],
+                kind=SHAPE_NAMES[row[2]],
                 size=tuple(row[3]),
                 mesh=row[4].decode(),
                 pose=Pose(row[5], row[6]),
                 rgba=tuple(row[7]),
             )
             for row in rows
-            if row[2] in _SHAPES
+            if row[2] in SHAPE_NAMES
         ]
 
     def collision_shapes(self, link: int) -> list[VisualShape]:
@@ -470,7 +477,12 @@ class Body:
         at, white = self.inertial_pose(link), (1.0, 1.0, 1.0, 1.0)
         return [
             VisualShape(
-                link, _SHAPES.get(kind, "other"), tuple(size), file.decode(), at @ Pose(*to), white
+                link,
+                SHAPE_NAMES.get(kind, "other"),
+                tuple(size),
+                file.decode(),
+                at @ Pose(*to),
+                white,
             )
             for _, _, kind, size, file, *to in rows
         ]
@@ -486,13 +498,3 @@ class Body:
         at = self.inertial_pose(link)
         points = np.array(found[1] if found else ()).reshape(-1, 3)
         return points @ matrix_from_quaternion(at.quaternion).T + at.position
-
-
-_SHAPES = {
-    bullet.GEOM_BOX: "box",
-    bullet.GEOM_SPHERE: "sphere",
-    bullet.GEOM_CYLINDER: "cylinder",
-    bullet.GEOM_CAPSULE: "capsule",
-    bullet.GEOM_MESH: "mesh",
-    bullet.GEOM_PLANE: "plane",
-}

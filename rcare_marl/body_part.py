@@ -3,9 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
+
+import pybullet as bullet
 
 from .pose import Pose
+
+State: TypeAlias = tuple[float, ...]  # see `Body.centre_state`
+
+SHAPE_NAMES = {
+    bullet.GEOM_BOX: "box",
+    bullet.GEOM_SPHERE: "sphere",
+    bullet.GEOM_CYLINDER: "cylinder",
+    bullet.GEOM_CAPSULE: "capsule",
+    bullet.GEOM_MESH: "mesh",
+    bullet.GEOM_PLANE: "plane",
+}
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,7 @@ class World:
     """
 
     body_type: type[Body] = Body
+    bond_type: type[Attachment] = Attachment
 
     def __init__(
         self, physics_dt: float = 1 / 240, *, solver_iterations: int = SOLVER_ITERATIONS
@@ -227,7 +228,7 @@ class World:
         if child_in_link is None:
             child_in_link = parent.link_pose(index).inverse() @ child.link_pose(child_index)
         point = None if pivot is None else tuple(float(value) for value in pivot)
-        attachment = Attachment(
+        attachment = self.bond_type(
             self, parent, index, child, child_index, child_in_link, force, point
         )
         attachment._make()
@@ -276,6 +277,7 @@ class World:
         self._start = bullet.saveState(physicsClientId=self.client)
         self._marked = [(a, a.is_active) for a in self.bonds]
         self._marked_iterations = self.solver_iterations
+        self.filter.mark()
         for matter in self.matter:
             matter.mark()
 
@@ -324,6 +326,7 @@ class World:
         self.bonds = [attachment for attachment, _ in self._marked]
         self._restore_bonds()
         self.set_solver_iterations(self._marked_iterations)
+        self.filter.rewind()
         bullet.restoreState(self._start, physicsClientId=self.client)
         self._forget_pairs()
         self.sleeping.begin()  # far apart: none wakes another

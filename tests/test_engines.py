@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import builtins
 import json
+import math
 import sys
+from collections.abc import Sequence
 from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,16 +16,27 @@ import pytest
 from typer.testing import CliRunner
 
 import rcare_marl
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.baselines.benchmark import parity
 from rcare_marl.cli import app
 from rcare_marl.engines import make_world
 from rcare_marl.engines.mujoco_world import MujocoWorld
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.devices import FloorLift, HospitalBed
+from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError, WorldError
 from rcare_marl.pose import Pose
 from rcare_marl.world import GRAVITY
 
+PENDULUM = """<robot name="pendulum">
+<link name="post"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+</inertial></link>
+<link name="bob"><inertial><origin xyz="0.3 0 0"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="post"/><child link="bob"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="10" velocity="10"/></joint></robot>"""
 SCRIPTED = {"robot": "scripted", "recipient": "cooperative"}
 
 
@@ -123,8 +137,244 @@ def test_a_bond_holds_until_it_is_broken_and_comes_back(world: MujocoWorld) -> N
         assert ball.base_pose().position[2] == pytest.approx(2.0 - 0.5 * GRAVITY / 16, abs=0.03)
         world.rewind()
         assert bond.is_active
-    with pytest.raises(WorldError, match="in an episode"):
-        world.attach(post, "base", ball)
+
+
+def fall(world: MujocoWorld, steps: int) -> None:
+    for _ in range(steps):
+        world.step()
+
+
+def test_a_bond_made_in_an_episode_holds_bears_and_is_gone_after_a_rewind(
+    world: MujocoWorld,
+) -> None:
+    post = world.add_box((0.1, 0.1, 0.1), Pose((0, 0, 2.0)), name="post")
+    ball = world.add_sphere(0.05, Pose((0.2, 0, 2.0)), mass=0.2, name="ball")
+    bob = world.add_sphere(0.05, Pose((0, 0, 1.5)), mass=0.1, name="bob")
+    world.mark_start()
+    for _ in range(2):
+        bond = world.attach(post, "base", ball, force=50.0)
+        fall(world, 60)
+        assert ball.base_pose().position == pytest.approx((0.2, 0, 2.0), abs=0.002)
+        assert bond.load() == pytest.approx(0.2 * GRAVITY, rel=0.02)
+        swing = world.attach(ball, "base", bob, pivot=(-0.2, 0, 0))  # it hangs below the post
+        fall(world, 240)
+        assert bob.base_pose().position[:2] == pytest.approx((0, 0), abs=1e-4)
+        bond.set_force(0.1)  # less than the weights, so it gives way
+        fall(world, 60)
+        assert ball.base_pose().position[2] < 1.9
+        assert bond.load() <= 0.1 * np.sqrt(3) + 1e-9
+        world.detach(bond)
+        assert not bond.is_active and bond.load() == 0.0
+        world.rewind()
+        assert not swing.is_active and swing not in world.bonds
+        fall(world, 30)
+        assert ball.base_pose().position[2] == pytest.approx(2.0 - 0.5 * GRAVITY / 64, abs=0.02)
+        world.rewind()
+    bonds = [world.attach(post, "base", ball) for _ in range(8)]
+    with pytest.raises(WorldError, match="holds 8 bonds at a time"):
+        world.attach(post, "base", bob)
+    world.detach(bonds[3])
+    assert world.attach(post, "base", bob).is_active
+
+
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_collisions_switched_in_an_episode_come_back_with_it(engine: str) -> None:
+    made = make_world(engine, 1 / 240)
+    floor = made.add_box((4, 4, 0.2), Pose((0, 0, -0.1)), name="floor")
+    table = made.add_box((0.5, 0.5, 0.1), Pose((0, 0, 0.45)), name="table")
+    ball = made.add_sphere(0.05, Pose((0, 0, 0.6)), mass=0.2, name="ball")
+    other = made.add_sphere(0.05, Pose((0, 0, 0.8)), mass=0.2, name="other")
+    made.set_collision(other, table, False)
+    made.mark_start()
+
+    def heights() -> list[float]:
+        for _ in range(240):
+            made.step()
+        return [round(body.base_pose().position[2], 2) for body in (ball, other)]
+
+    made.set_collision(ball, other, False)
+    assert heights() == [0.55, 0.05]
+    made.rewind()
+    made.set_collision(ball, other, False)
+    made.set_collision(ball, table, False)
+    made.set_collision(other, table, True)
+    assert heights() == [0.05, 0.55]
+    made.rewind()
+    assert made.contact_force(ball, floor) == 0.0
+    settled = heights()  # one on the other, or beside it
+    assert settled[0] == 0.55 and settled[1] != 0.55
+
+
+def test_a_cap_on_joint_speeds_is_bullets() -> None:
+    speeds = []
+    for engine in ("bullet", "mujoco"):
+        with closing(rcare_marl.make("feeding", engine=engine)) as env:
+            env.reset(seed=0)
+            assert isinstance(robot := env.cast["robot"], Robot)
+            body, joint = robot.body, robot.arm.indices[5]
+            body.limit_speed(0.5)
+            body.drive_velocities([joint], [3.0], [1e3])
+            for _ in range(10):
+                env.world.step()
+            speeds.append(body.joint_states([joint])[1][0])
+    assert speeds == pytest.approx([0.5, 0.5], abs=1e-6)
+
+
+@pytest.mark.parametrize("depth", [0.0005, 0.01, 0.06])
+def test_what_overlaps_is_pushed_apart_as_fast_as_by_bullet(depth: float) -> None:
+    speeds = []
+    for engine in ("bullet", "mujoco"):
+        made = make_world(engine, 1 / 240)
+        made.add_box((4, 4, 0.5), Pose((0, 0, -0.25)), name="floor")
+        ball = made.add_sphere(0.1, Pose((0, 0, 0.1 - depth)), mass=1.0)
+        made.mark_start()
+        made.step()
+        speeds.append(ball.link_motion(-1)[1][2])
+    assert speeds[1] == pytest.approx(speeds[0], rel=0.01)
+
+
+@pytest.mark.parametrize("shape", ['<box size=".2 .2 .2"/>', '<cylinder radius=".1" length=".2"/>'])
+def test_edges_and_faces_are_where_bullet_has_them(shape: str, tmp_path: Path) -> None:
+    file = tmp_path / "block.urdf"
+    file.write_text(
+        '<robot name="block"><link name="block"><inertial><mass value="1"/><inertia ixx="1" iyy="1" '
+        'izz="1" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>'
+        f"{shape}</geometry></collision></link></robot>"
+    )
+    found: dict[str, list[float]] = {}
+    for engine in ("bullet", "mujoco"):
+        for way in ((0, 0, 1), (1, 0, 0), (1, 0, 1)):
+            made = make_world(engine, 1 / 240)
+            block = made.load_urdf(file)
+            ball = made.add_sphere(0.05, Pose(tuple(np.array(way) * (0.1 + 0.0495))), mass=1.0)
+            if way == (1, 0, 1):
+                ball.set_base(Pose(tuple(np.array(way) * (0.1 + 0.0495 / math.sqrt(2)))))
+            made.mark_start()
+            made.step()
+            found.setdefault(engine, []).extend(c.distance for c in made.contacts(ball, block))
+    assert len(found["bullet"]) == 3
+    assert found["mujoco"] == pytest.approx(found["bullet"], abs=2e-5)
+
+
+def test_cylinders_have_the_sides_that_they_have_in_bullet(tmp_path: Path) -> None:
+    file = tmp_path / "wheel.urdf"
+    file.write_text(
+        '<robot name="wheel"><link name="wheel"><inertial><mass value="1"/><inertia ixx="1" iyy="1" '
+        'izz="1" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>'
+        '<cylinder radius="0.3" length="0.1"/></geometry></collision></link></robot>'
+    )
+    found: dict[str, list[float]] = {}
+    for engine in ("bullet", "mujoco"):
+        for turn in np.radians([0.0, 180 / 32, 360 / 32]):
+            made = make_world(engine, 1 / 240)
+            wheel = made.load_urdf(file)
+            far = 0.3 + 0.05 - 0.002
+            spot = far * math.cos(turn), far * math.sin(turn), 0.0
+            ball = made.add_sphere(0.05, Pose(spot), mass=1.0)
+            made.mark_start()
+            made.step()
+            found.setdefault(engine, []).extend(c.distance for c in made.contacts(ball, wheel))
+    assert len(found["bullet"]) == 3
+    assert found["bullet"][1] > found["bullet"][0] + 0.001  # the middle of a side is farther in
+    assert found["mujoco"] == pytest.approx(found["bullet"], abs=1e-4)
+
+
+@pytest.mark.parametrize("depth", [0.0005, 0.02])
+def test_friction_acts_where_it_acts_in_bullet(depth: float) -> None:
+    moves = []
+    for engine in ("bullet", "mujoco"):
+        made = make_world(engine, 1 / 240)
+        made.add_box((4, 4, 0.5), Pose((0, 0, -0.25)), name="floor")
+        ball = made.add_sphere(0.1, Pose((0, 0, 0.1 - depth)), mass=1.0)
+        made.mark_start()
+        for _ in range(3):
+            ball.apply_force(-1, (3.0, 0.0, 0.0), ball.base_pose().position)
+            made.step()
+        _, linear, angular = ball.link_motion(-1)
+        moves.append([linear[0], angular[1]])
+    assert moves[0][1] > 0.1
+    assert moves[1] == pytest.approx(moves[0], rel=0.01)
+
+
+def test_nothing_is_near_what_has_no_shape(tmp_path: Path) -> None:
+    file = tmp_path / "mark.urdf"
+    file.write_text('<robot name="mark"><link name="mark"/></robot>')
+    for engine in ("bullet", "mujoco"):
+        made = make_world(engine, 1 / 240)
+        mark = made.load_urdf(file, name="mark")
+        ball = made.add_sphere(0.1, Pose(), mass=1.0)
+        made.mark_start()
+        assert made.separation(ball, mark, within=0.3) == 0.3
+        assert made.gaps([(mark, -1), (ball, -1)], mark, within=0.3) == [0.3, 0.3]
+
+
+@pytest.mark.parametrize("beyond", [0.01, 0.1])
+def test_a_joint_past_its_limit_returns_as_in_bullet(beyond: float, tmp_path: Path) -> None:
+    file = tmp_path / "pendulum.urdf"
+    file.write_text(PENDULUM)
+    places = []
+    for engine in ("bullet", "mujoco"):
+        made = make_world(engine, 1 / 240)
+        body = made.load_urdf(file)
+        body.release_motors([0])
+        body.set_joints([0], [1.0 + beyond])
+        made.mark_start()
+        for _ in range(5):
+            made.step()
+        places.append(body.joint_states([0])[0][0])
+    assert places[1] == pytest.approx(places[0], abs=1e-4)
+
+
+def test_a_lift_and_a_bed_raise_people_as_in_bullet() -> None:
+    rises, loads = [], []
+    for engine in ("bullet", "mujoco"):
+        made, lift, bed = make_world(engine, 1 / 240), FloorLift(), HospitalBed()
+        lift.spawn(made)
+        bed.spawn(made, Pose((5.0, 0, 0)))
+        posture, frame = lift.postures["slung"]
+        person = Human("kim", load_avatar("kim"), posture=load_posture(posture), fixed_base=False)
+        person.spawn(made, lift.frame_in_world(frame))
+        person.reset(np.random.default_rng(0))
+        made.mark_start()
+        lift.carry(person)  # a bond made in the episode
+        start = person.body.base_pose().position[2], bed.position("height")
+        lift.command("boom", lift.body.joint("boom").upper)
+        bed.command("height", bed.limits("height")[1])
+        for _ in range(480):
+            person.actuate()
+            made.step()
+        rise = person.body.base_pose().position[2] - start[0], bed.position("height") - start[1]
+        rises.append(rise)
+        loads.append(lift.load())
+    assert min(rises[0]) > 0.02
+    assert rises[1] == pytest.approx(rises[0], abs=0.004)
+    assert loads[1] == pytest.approx(loads[0], rel=0.05)
+
+
+SENSED = ["joint_wrench", "joint_torque", {"kind": "wrist_wrench", "tare": True}]
+
+
+@pytest.mark.parametrize("way", [0.0, 0.2])
+def test_joints_and_wrists_feel_what_they_feel_in_bullet(way: float) -> None:
+    found = []
+    for engine in ("bullet", "mujoco"):
+        with closing(rcare_marl.make("feeding", engine=engine, robot={"sensors": SENSED})) as env:
+            env.reset(seed=0)
+            action = np.zeros(env.action_space("robot").shape, np.float32)
+            action[0] = -way
+            rest = np.zeros(env.action_space("recipient").shape, np.float32)
+            for _ in range(8):
+                env.step({"robot": action, "recipient": rest})
+            assert (suite := env.cast["robot"].sensors) is not None
+            read = suite.reading
+            names = [("joint_wrench", "force"), ("joint_wrench", "torque")]
+            names += [("joint_torque", "effort"), ("wrist_wrench", "force")]
+            found.append([np.asarray(read(*name)) for name in [*names, ("wrist_wrench", "torque")]])
+    for bullet, mujoco in zip(found[0][:2], found[1][:2], strict=True):
+        assert mujoco == pytest.approx(bullet, abs=0.02 * float(np.abs(bullet).max()))
+    assert found[1][2] == pytest.approx(found[0][2], abs=0.02 * float(np.abs(found[0][2]).max()))
+    for bullet, mujoco in zip(found[0][3:], found[1][3:], strict=True):
+        assert mujoco == pytest.approx(bullet, abs=0.2)
 
 
 def test_what_does_not_run_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,10 +382,6 @@ def test_what_does_not_run_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -
         rcare_marl.make("dressing", engine="mujoco")
     with pytest.raises(UnknownNameError, match="Did you mean 'mujoco'"):
         rcare_marl.make("feeding", engine="mujocco")
-    with pytest.raises(ConfigError, match="flesh"):
-        rcare_marl.make(
-            "feeding", engine="mujoco", recipient={"model": "karan", "tissue": ["left_elbow"]}
-        )
     real = builtins.__import__
 
     def without(name: str, *args: Any) -> Any:
@@ -149,15 +395,52 @@ def test_what_does_not_run_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -
         rcare_marl.make("feeding", engine="mujoco")
 
 
+def played_by_partners(task: str, seeds: Sequence[int], **cast: Any) -> list[tuple[bool, float]]:
+    """Return of episodes on MuJoCo whether they succeed, and the greatest force on the recipient [N]."""
+    with closing(rcare_marl.make(task, engine="mujoco", **cast)) as env:
+        here = set(env.cast)
+    partners = {name: role.partner for name, role in task_class(task).roles().items()}
+    policies = {name: partner for name, partner in partners.items() if name in here}
+    found = []
+    with closing(rcare_marl.make(task, engine="mujoco", policies=policies, **cast)) as env:
+        for seed in seeds:
+            env.reset(seed=seed)
+            peak = 0.0
+            while not env.is_over:
+                env.step({})
+                peak = max(peak, float(getattr(env.task.state, "force", 0.0)))
+            found.append((bool(env.task.succeeded()), peak))
+    return found
+
+
+def test_our_sponge_bathes_in_step_with_mujoco() -> None:
+    ((succeeded, peak),) = played_by_partners("bathing", [0])
+    assert succeeded
+    assert peak == pytest.approx(4.3, abs=0.2)  # as in Bullet
+
+
+def test_a_cup_is_handed_over_and_our_water_drunk_on_mujoco() -> None:
+    for task in ("handing_over", "drinking"):
+        assert played_by_partners(task, [0])[0][0], task
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("task", ["limb_repositioning", "toileting"])
+@pytest.mark.parametrize(
+    "task",
+    ["limb_repositioning", "toileting", "bathing", "drinking", "handing_over", "phyrc_bathing"],
+)
 def test_other_scripts_succeed(task: str) -> None:
-    with closing(rcare_marl.make(task, engine="mujoco", policies={"robot": "scripted"})) as env:
-        rest = {role: "cooperative" for role in env.possible_agents}
-    policies = {"robot": "scripted", **rest}
-    with closing(rcare_marl.make(task, engine="mujoco", policies=policies)) as env:
-        assert isinstance(env.cast["robot"], Robot)
-        assert all(played(env, seed)[0] for seed in range(3))
+    assert all(succeeded for succeeded, _ in played_by_partners(task, range(3)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "task, place", [("feeding", 2), ("toileting", 1), ("ambulating", 3), ("bathing", 1)]
+)
+def test_scripts_succeed_in_a_house(task: str, place: int) -> None:
+    home = "house_09" if task == "bathing" else "house_07"
+    found = played_by_partners(task, range(2), home=home, level=place)
+    assert all(succeeded for succeeded, _ in found)
 
 
 def test_bench_batch_tells_both_speeds_and_the_ratio() -> None:

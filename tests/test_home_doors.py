@@ -188,19 +188,18 @@ def test_an_open_door_leaves_the_clear_width_of_the_rule(level: int) -> None:
 @pytest.mark.parametrize("level", LEVELS)
 def test_handles_are_where_the_rules_want_them(level: int) -> None:
     rules = Rules(level)
-    _, door = spawned(inner_door(level), level)
+    world, door = spawned(inner_door(level), level)
     for side, sign in (("inside", 1), ("outside", -1)):
         handle = door.frame(f"handle_{side}")
         assert handle.position[2] == pytest.approx(rules.figure("hardware_height"))
         assert rotate(handle.quaternion, (1, 0, 0))[1] == pytest.approx(sign)
         grasp = door.frame_in_world(f"handle_{side}").position
-        near = world_distance(door, grasp)
+        near = distance_from(door, grasp, world.client)
         assert near < 0.001, "no handle there"
 
 
-def world_distance(door: Door, point: tuple[float, ...]) -> float:
+def distance_from(door: Door, point: tuple[float, ...], client: int) -> float:
     """Return the distance of a point from the handles and panels of a door [m]."""
-    client = door._client
     probe = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=0.001, physicsClientId=client)
     uid = bullet.createMultiBody(0, probe, -1, point, physicsClientId=client)
     found = bullet.getClosestPoints(door.body.uid, uid, 0.1, physicsClientId=client)

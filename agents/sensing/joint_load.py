@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from rcare_marl.body import Body
+from rcare_marl.body_part import State
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array, Pose, conjugate, matrix_from_quaternion, rotate
 from rcare_marl.world import GRAVITY, World
@@ -18,7 +19,7 @@ from ..robots.robot import Robot
 from ..robots.robot_config import ArmConfig, frame
 from .sensor import Channel, Sensor, SensorConfig, wrist_link
 
-States = list[tuple[tuple[float, ...], ...]]  # see `Body.link_centre_states`
+States = Sequence[State]
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,7 @@ class OwnMotion:
 
     def after_substep(self) -> None:
         """Remember how the links move after a physics step."""
-        self._before, self._now = self._now, self._body.link_centre_states(self._links)
+        self._before, self._now = self._now, self._body.centre_states(self._links)
 
     def wrench(self, at: Pose, dt: float) -> Array:
         """Return the force [N] and torque [N·m] that it needs, in the frame `at`, shape [6].
@@ -188,8 +189,9 @@ class OwnMotion:
         """Return momentum [kg·m/s] and angular momentum about the world's origin, shape [6]."""
         if states is None:
             return np.zeros(6)
-        places, linear, angular = (np.array([s[k] for s in states]) for k in (0, 2, 3))
-        turns = np.array([matrix_from_quaternion(s[1]) for s in states])
+        rows = np.array(states)
+        places, linear, angular = rows[:, :3], rows[:, 7:10], rows[:, 10:]
+        turns = np.array([matrix_from_quaternion(s[3:7]) for s in states])
         momenta = self._masses[:, None] * linear
         spins = np.einsum("lba,lb->la", turns, angular) * self._inertias
         spin = np.cross(places, momenta) + np.einsum("lab,lb->la", turns, spins)

@@ -117,7 +117,6 @@ class Device:
 
     _body: Body | None = None
     _bond: Attachment | None = None
-    _client: int
 
     def __init__(
         self, source: str | Path | DeviceModel, *, fixed: Mapping[str, float] | None = None
@@ -203,7 +202,7 @@ class Device:
         # Fixed joints cost nothing where their links melt into those that carry them.
         path = write(model, melt_except=tuple(model.contact), fixed_joints=self._set)
         body = world.load_urdf(path, pose, name=name or model.name, fixed=not model.is_movable)
-        self._body, self._client, self._world = body, world.client, world
+        self._body, self._world = body, world
         self._frame_poses: dict[str, Pose] = {}
         # All joints stand at zero now.
         carriers = {key: self._moving(f.link or model.root) for key, f in self.frames.items()}

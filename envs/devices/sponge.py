@@ -104,9 +104,9 @@ class Sponge(Device):
         """Return the particles of the face that wipes, as they are now in the world [m], shape [n, 3]."""
         c = self.block
         soft, count = self.soft, (c.cells[0] + 1) * (c.cells[1] + 1)
-        return np.asarray(soft.in_world(soft.frame(self._client))[-count:], np.float64)
+        return np.asarray(soft.in_world(soft.frame())[-count:], np.float64)
 
     def points(self) -> Array:
         """Return all particles of the block, as they are now in the world [m], shape [n, 3]."""
         soft = self.soft
-        return np.asarray(soft.in_world(soft.frame(self._client)), np.float64)
+        return np.asarray(soft.in_world(soft.frame()), np.float64)

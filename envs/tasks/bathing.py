@@ -119,7 +119,6 @@ class Bathing(Task):
 
     reachable_by = CHAIR_ROBOTS | {"hsr", "pepper", "stretch_re1_dex"}
     least_success = 95
-    engines = ("bullet",)  # matter that is soft
     Options = BathingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining")
     footprint = Rectangle(-1.15, -1.1, 1.15, 0.55)  # [m] the bed, and a robot at its side

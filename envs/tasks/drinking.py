@@ -95,7 +95,6 @@ class Drinking(Meal):
 
     reachable_by = ("franka_panda", "kinova_gen2", "kinova_gen3", "pr2", "stretch_re1_dex")
     least_success = 90
-    engines = ("bullet",)  # matter that is soft
     Options = DrinkingOptions
     options: DrinkingOptions
     state: DrinkingState

@@ -53,7 +53,6 @@ class HandingOver(Meal):
 
     robot = Role(Robot, default="kinova_gen3", partner="scripted", gripper="commanded")
     recipient = Role(Human, default="kim", posture=SEAT, movable=ARMS, moves=GRASP, partner="takes")
-    engines = ("bullet",)  # matter that is soft
     Options = HandingOverOptions
 
     def build(self, world: World) -> None:

@@ -79,7 +79,6 @@ class PhyrcBathing(Challenge):
     )
 
     reachable_by = CHAIR_ROBOTS - {"pr2"} | {"hsr", "stretch_re1_dex"}
-    engines = ("bullet",)  # matter that is soft
     Options = PhyrcBathingOptions
     footprint = Rectangle(-1.15, -1.15, 1.15, 0.7)  # [m] bed and table, and a robot at their side
     time_limit, items, comfort = TIME_LIMIT, ITEMS, EXCEEDED

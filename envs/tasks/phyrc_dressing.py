@@ -101,7 +101,6 @@ class PhyrcDressing(Challenge):
     )
 
     reachable_by = CHAIR_ROBOTS - {"stretch_re1"} | {"hsr"}
-    engines = ("bullet",)  # matter that is soft
     Options = PhyrcDressingOptions
     footprint = Rectangle(-0.8, -0.9, 1.6, 1.15)  # [m] chair, stand, and a robot at the left
     time_limit, items, comfort = TIME_LIMIT, ITEMS, COMFORT_FORCE

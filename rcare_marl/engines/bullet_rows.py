@@ -8,8 +8,9 @@ that moves at its wished speed, and with `a = (v' - v) / dt`
 - motor: aref = (wished - v) / dt, R about 0;
 - contact of stiffness k [N/m] and damping c [N·s/m]: aref = (k overlap / (dt k + c) - v) / dt and
   R = 1 / (dt (dt k + c)), as of a spring and a damper at the end of the step;
-- bond or joint limit: aref = (-0.2 error / dt - v) / dt, R about 0; a gear has a share of its own;
-- rigid contact: aref = (0.2 overlap / dt - v) / dt, R about 0, with Bullet's share of 0.2.
+- bond or joint limit: aref = (-0.2 error / dt - v) / dt, R about 0; a gear has a share of its own, and
+  what is farther than 0.04 past a limit is stopped, not moved back;
+- rigid contact: aref = (0.08 overlap / dt - v) / dt, R about 0, with Bullet's share of 0.08.
 
 The rows are solved as Bullet solves them, by projected Gauss-Seidel over accelerations with the same number
 of iterations, from nothing in each step. That is no detail: in thirty iterations Bullet's forces on a pressed
@@ -26,9 +27,14 @@ import numpy as np
 from rcare_marl.pose import Array
 
 from . import native
+from .caps import cut_speeds
 from .native import call, real, whole, word
 
-ERP = 0.2  # share of the overlap of rigid bodies that Bullet removes in a physics step
+ERP = 0.2  # share of the error of bonds and joint limits that Bullet removes in a physics step
+CONTACT_ERP = 0.08  # the same of the overlap of rigid bodies
+SLOP = 1e-5  # [m] of overlap that Bullet leaves
+# [rad or m] past its limit from where on Bullet stops a joint, but moves it back no more.
+FAR_PAST = -0.04
 MOTOR_GIVE = 1e-4  # R of a motor or bond as a share of what its joint alone gives way by
 CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
 EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
@@ -46,7 +52,7 @@ def motor_table(count: int) -> Array:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def physics_step(places, state, inertia, rules, touched) -> None:  # type: ignore[no-untyped-def]
+def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type: ignore[no-untyped-def]
     """Advance a scene by one physics step.
 
     Args:
@@ -58,15 +64,32 @@ def physics_step(places, state, inertia, rules, touched) -> None:  # type: ignor
         rules: Physics step [s]; sweeps of the solver, shape [1]; where in `qpos` the joint of a degree of
             freedom is, shape [nv]; see `motor_table`; greatest forces of motors by degree of freedom, and of
             bonds by equality; share of the error of each equality that is removed in a physics step;
-            friction, stiffness (0 if rigid) and damping of each geom, shape [ngeom, 3]; the number of its
-            body.
+            friction, stiffness (0 if rigid), damping and rounding [m] of each geom, shape [ngeom, 4]; the
+            number of its body, and of its tree of degrees of freedom, -1 if it cannot move; how each
+            degree of freedom turns and moves, `cdof`; greatest speed of each degree of freedom.
+        felt: Whether to work out what joints transmit, shape [1]; `subtree_com`, `xpos` and `xmat`, and
+            where to keep what they are in this step.
         touched: Of each body, whether it touches something, written.
     """
     model, data = places[native.MODEL], places[native.DATA]
     qpos, qvel, _, smooth, acceleration, pushes, acted = state
-    dt, sweeps, joints, motors, greatest, strengths, shares, surfaces, owners = rules
+    (
+        dt,
+        sweeps,
+        joints,
+        motors,
+        greatest,
+        strengths,
+        shares,
+        surfaces,
+        owners,
+        bearers,
+        ways,
+        caps,
+    ) = rules
     call(places[native.STEP_1], model, data)
     call(places[native.ACCELERATION], model, data)
+    cut_speeds(qvel, smooth, caps, dt)
     acceleration[:] = smooth
     pushes[:] = acted[:] = 0.0
     touched[:] = False
@@ -88,10 +111,11 @@ def physics_step(places, state, inertia, rules, touched) -> None:  # type: ignor
         _write_joints(
             dt, qpos, qvel, joints, motors, (greatest, strengths), shares, first, wished, soft, most
         )
+        rows = sizes, starts, columns, jacobian
+        _shift_frictions(places, rows, (kinds, speeds), surfaces, inertia[5], bearers, ways, qvel)
         contacts = _write_contacts(
             dt, places, (kinds, speeds, gives), surfaces, owners, wished, soft, touched
         )
-        rows = sizes, starts, columns, jacobian
         answers, spans = _answers(inertia, rows)
         coupling, left = _coupling(rows, answers, spans, soft, wished, smooth)
         _solve(sweeps[0], kinds, most, coupling, left, contacts, forces)
@@ -106,6 +130,12 @@ def physics_step(places, state, inertia, rules, touched) -> None:  # type: ignor
                     acceleration[i] += answers[row, i] * force
                 for i in range(spans[row, 2], spans[row, 3]):
                     acceleration[i] += answers[row, i] * force
+    cut_speeds(qvel, acceleration, caps, dt)
+    feels, present, kept = felt
+    if feels[0]:
+        call(places[native.RNE], model, data)
+        for k in range(len(kept)):
+            kept[k][:] = present[k]
     call(places[native.EULER], model, data)
 
 
@@ -119,6 +149,8 @@ def _write_joints(  # type: ignore[no-untyped-def]
     for row in range(len(kinds)):
         if kinds[row] == EQUALITY_ROW or kinds[row] == LIMIT_ROW:
             share = shares[ids[row]] if kinds[row] == EQUALITY_ROW else ERP
+            if kinds[row] == LIMIT_ROW and errors[row] < FAR_PAST:
+                share = 0.0
             wished[row] = (-share * errors[row] / dt - speeds[row]) / dt
             soft[row] = MOTOR_GIVE * gives[row]
             if kinds[row] == EQUALITY_ROW:
@@ -132,6 +164,41 @@ def _write_joints(  # type: ignore[no-untyped-def]
             wished[row] = (speed - velocities[dof]) / dt
             soft[row] = MOTOR_GIVE * gives[row]
             most[row] = greatest[dof]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _shift_frictions(places, rows, told, surfaces, trees, bearers, ways, velocities) -> None:  # type: ignore[no-untyped-def]
+    """Let friction act where Bullet has it: on the surface of each body, and not halfway.
+
+    Links of one tree that touch each other are left as they are.
+    """
+    sizes, starts, columns, jacobian = rows
+    kinds, speeds = told
+    data = places[native.DATA]
+    start = word(data + places[native.CONTACT])
+    for i in range(whole(data + places[native.NCON], 1)[0]):
+        here = start + i * places[native.CONTACT_SIZE]
+        first = whole(here + places[native.EFC_ADDRESS], 1)[0]
+        if first < 0 or kinds[first] != CONTACT_ROW or whole(here + places[native.DIM], 1)[0] < 3:
+            continue
+        geoms = whole(here + places[native.GEOM], 2)
+        one, other = geoms[0], geoms[1]
+        if bearers[one] == bearers[other]:
+            continue
+        half = 0.5 * real(here + places[native.DIST], 1)[0]
+        frame = real(here + places[native.FRAME], 9)  # looks from one to the other
+        for row in range(first + 1, first + 3):
+            side = frame[3 * (row - first) : 3 * (row - first) + 3]
+            x = frame[1] * side[2] - frame[2] * side[1]
+            y = frame[2] * side[0] - frame[0] * side[2]
+            z = frame[0] * side[1] - frame[1] * side[0]
+            for k in range(starts[row], starts[row] + sizes[row]):
+                dof = columns[k]
+                # (turn x way of the point) . side; of one it is the other way, and counts negatively.
+                out = half - surfaces[other if trees[dof] == bearers[other] else one, 3]
+                change = out * (ways[dof, 0] * x + ways[dof, 1] * y + ways[dof, 2] * z)
+                jacobian[k] += change
+                speeds[row] += change * velocities[dof]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -157,13 +224,14 @@ def _write_contacts(dt, places, rows, surfaces, owners, wished, soft, touched): 
         held[i, 0], held[i, 1] = row, size
         geoms = whole(here + places[native.GEOM], 2)
         friction = real(here + places[native.FRICTION], 5)
-        gap = real(here + places[native.DIST], 1)[0]
         one, other = geoms[0], geoms[1]
+        gap = real(here + places[native.DIST], 1)[0] + SLOP
+        gap -= surfaces[one, 3] + surfaces[other, 3]
         touched[owners[one]] = touched[owners[other]] = True
         near = gives[row]
         first, second = surfaces[one, 1], surfaces[other, 1]
         give = CONTACT_GIVE * near
-        speed = -gap / dt if gap > 0.0 else -ERP * gap / dt
+        speed = -gap / dt if gap > 0.0 else -CONTACT_ERP * gap / dt
         if first > 0.0 or second > 0.0:
             spring = first + second
             if first > 0.0 and second > 0.0:
@@ -283,7 +351,11 @@ def _solve(sweeps, kinds, most, coupling, left, contacts, forces) -> None:  # ty
                 _set_force(row, max(forces[row] - left[row], 0.0), coupling, left, forces)
         for i in range(len(held)):
             row = held[i, 0]
-            if row < 0 or forces[row] <= 0.0:
+            if row < 0:
+                continue
+            if forces[row] <= 0.0:  # what it rubbed with in the sweep before is gone
+                for k in range(1, min(held[i, 1], 3)):
+                    _set_force(row + k, 0.0, coupling, left, forces)
                 continue
             for k in range(3, held[i, 1]):
                 reach = frictions[i, min(k - 2, 2)] * forces[row]

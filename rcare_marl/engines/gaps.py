@@ -35,12 +35,15 @@ def _distance(typing: Any, at: Any, model: Any, data: Any, one: Any, other: Any,
 class Gaps:
     """Distances of groups of geoms from another group of a scene."""
 
-    def __init__(self, model: Any, data: Any) -> None:
+    def __init__(self, model: Any, data: Any, rounding: Array) -> None:
+        """Take a scene, and by how much the geoms are thicker than they are to MuJoCo [m], shape [ngeom]."""
         addresses = (function("mj_geomDistance"), model._address, data._address)
-        self._scene = np.array(addresses, np.int64), data.geom_xpos, model.geom_rbound
+        self._scene = np.array(addresses, np.int64), data.geom_xpos, model.geom_rbound, rounding
 
     def between(self, groups: Sequence[Ints], others: Ints, within: float) -> list[float]:
-        """Return the distance of each group from the others [m], `within` at most."""
+        """Return the distance of each group from the others [m], `within` at most, as if there are none."""
+        if not len(others):  # compiled code does not look
+            return [within] * len(groups)
         starts = np.cumsum([0, *(len(group) for group in groups)])
         found: Array = _gaps(self._scene, np.concatenate(groups), starts, others, within)
         return found.tolist()
@@ -49,7 +52,7 @@ class Gaps:
 @njit(cache=True, error_model="numpy")
 def _gaps(scene, geoms, starts, others, within):  # type: ignore[no-untyped-def]
     """Return distances, shape [groups]; spheres round the geoms spare most of the work."""
-    calls, spots, reach = scene
+    calls, spots, reach, rounding = scene
     at, model, data = calls[0], calls[1], calls[2]
     found = np.full(len(starts) - 1, within)
     least = np.empty(len(others))
@@ -61,11 +64,13 @@ def _gaps(scene, geoms, starts, others, within):  # type: ignore[no-untyped-def]
                 for axis in range(3):
                     far += (spots[one, axis] - spots[other, axis]) ** 2
                 least[i] = np.sqrt(far) - reach[one] - reach[other]
+                least[i] -= rounding[one] + rounding[other]
                 if least[i] < least[first]:
                     first = i
             for step in range(-1, len(others)):  # what is likely to be nearest spares others
                 i = first if step < 0 else step
                 if least[i] < found[group] and step != first:
-                    gap = _distance(at, model, data, one, others[i], found[group])
-                    found[group] = min(found[group], gap)
+                    thicker = rounding[one] + rounding[others[i]]
+                    gap = _distance(at, model, data, one, others[i], found[group] + thicker)
+                    found[group] = min(found[group], gap - thicker)
     return found

@@ -24,7 +24,8 @@ from rcare_marl.errors import ConfigError
 
 intrinsic: Any = _intrinsic  # its stub has the caller give what numba gives
 Ints = npt.NDArray[np.int64]
-FUNCTIONS = ("mj_step1", "mj_fwdAcceleration", "mj_Euler")  # each takes a model and its data
+# Each takes a model and its data.
+FUNCTIONS = ("mj_step1", "mj_fwdAcceleration", "mj_Euler", "mj_rnePostConstraint")
 FIELDS = (  # of mjData
     "ncon",
     "nefc",
@@ -40,9 +41,9 @@ FIELDS = (  # of mjData
     "efc_vel",
     "efc_force",
 )
-CONTACT_FIELDS = ("dist", "friction", "dim", "geom", "efc_address")
+CONTACT_FIELDS = ("dist", "frame", "friction", "dim", "geom", "efc_address")
 MODEL, DATA = 0, 1  # places in `addresses`; then those of functions, fields, and of a contact's
-STEP_1, ACCELERATION, EULER = range(2, 5)
+STEP_1, ACCELERATION, EULER, RNE = range(2, 6)
 (
     NCON,
     NEFC,
@@ -57,8 +58,8 @@ STEP_1, ACCELERATION, EULER = range(2, 5)
     EFC_DIAG,
     EFC_VEL,
     EFC_FORCE,
-) = range(5, 18)
-DIST, FRICTION, DIM, GEOM, EFC_ADDRESS, CONTACT_SIZE = range(18, 24)
+) = range(6, 19)
+DIST, FRAME, FRICTION, DIM, GEOM, EFC_ADDRESS, CONTACT_SIZE = range(19, 26)
 _VALUES: dict[str, Any] = {
     "int": ctypes.c_int,
     "float": ctypes.c_float,

@@ -14,13 +14,19 @@ from rcare_marl.scene.mjcf import START, body_name, joint_name, mjcf
 from rcare_marl.scene.scene import Place, Scene
 
 from .bullet_rows import ERP, motor_table, physics_step
+from .caps import USUAL
 from .gaps import Gaps
 from .native import Ints, addresses
 
 # [m] from which on a contact of what has joints is reckoned with: an arm's way in a physics step.
 MARGIN = 0.001
+# [m] of Bullet's shapes with edges: its collision margin of what is read from a URDF.
+ROUNDING = 0.001
+SIDES = 32  # of the prisms that are Bullet's cylinders
+SPARE_BONDS, SPARE_PAIRS = 8, 512  # that an episode can make, and keep apart
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
 TIGHT = 2.05  # time constant of joint limits, in physics steps
+NOTHING = np.zeros(0, np.int64)
 FACING, SIDEWAYS = slice(0, 3), (slice(3, 6), slice(6, 9))  # axes in the frame of a contact
 
 
@@ -61,6 +67,8 @@ class Simulation:
         qpos: Positions, as MuJoCo has them.
         qvel: Velocities.
         strengths: Greatest force of each equality [N], shape [neq].
+        caps: Greatest speed of each degree of freedom, shape [nv].
+        feels: Whether it works out what joints transmit in each step, shape [1].
         torque: What joints are pushed with in the coming step, shape [nv].
         touched: Of each body, whether it touched something in the last step.
         compiled: What `physics_step` takes.
@@ -72,7 +80,8 @@ class Simulation:
         Raises:
             ConfigError: If MuJoCo cannot tell so many bodies apart.
         """
-        files = mjcf(scene, drives=False, parts=False)
+        spare = SPARE_BONDS, SPARE_PAIRS
+        files = mjcf(scene, drives=False, parts=False, spare=spare, sides=SIDES)
         assets = {name: text.encode() for name, text in files.items()}
         self.model = model = mujoco.MjModel.from_xml_string(files["scene.xml"], assets)
         self.data = data = mujoco.MjData(model)
@@ -87,9 +96,13 @@ class Simulation:
         is_gear = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
         self._shares = np.where(is_gear, GEAR_ERP, ERP)
         self.strengths = np.full(model.neq, np.inf)
-        self._bonds = [model.equality(f"bond:{i}").id for i in range(len(scene.bonds))]
         self._roots = {body.name: scene.bodies[body.name].model.root for body in bodies}
-        self.strengths[self._bonds] = [bond.force for bond in scene.bonds]
+        for i, bond in enumerate(scene.bonds):
+            self.strengths[model.equality(f"bond:{i}").id] = bond.force
+        self.caps = np.full(model.nv, USUAL)
+        self.feels = np.zeros(1, np.bool_)
+        seen = data.subtree_com, data.xpos, data.xmat
+        self._felt = self.feels, seen, tuple(array.copy() for array in seen)
         self.places = [BodyPlaces(model, body, self._roots[body.name]) for body in bodies]
         self._bodies, self._dt = list(bodies), scene.physics_dt
         self._find_geoms(scene)
@@ -101,7 +114,8 @@ class Simulation:
         self._joint_of = model.jnt_qposadr[model.dof_jntid].astype(np.int64)  # of free bases unused
         self.touched = np.zeros(len(bodies), np.bool_)
         self._acted = np.zeros(model.nv)
-        self.compiled, self._gaps = self._compiled(), Gaps(model, data)
+        self.compiled = self._compiled()
+        self._gaps = Gaps(model, data, self._surfaces[:, 3].copy())
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
         self.moved()
         self.mark()
@@ -109,7 +123,7 @@ class Simulation:
     def _find_geoms(self, scene: Scene) -> None:
         model, count = self.model, self.model.ngeom
         self._geom_body, self._geom_link = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        self._surfaces = np.zeros((count, 3))
+        self._surfaces = np.zeros((count, 4))
         whose: dict[int, tuple[int, int, Place]] = {}
         for number, (body, places) in enumerate(zip(self._bodies, self.places, strict=True)):
             names = [self._roots[body.name], *(body.link_names[i] for i in range(body.link_count))]
@@ -120,9 +134,10 @@ class Simulation:
             touch = scene.bodies[name].touching[link_name]
             self._geom_body[geom], self._geom_link[geom] = number, link
             model.geom_margin[geom] = MARGIN if self._bodies[number].joints else 0.0
-            self._surfaces[geom] = touch.friction, touch.stiffness, 0.0
+            self._surfaces[geom, :2] = touch.friction, touch.stiffness
             if touch.stiffness > 0:
                 self._surfaces[geom, 2] = touch.damping
+        self._round_off()
         pairs = list(zip(self._geom_body.tolist(), self._geom_link.tolist(), strict=True))
         keys = {*pairs, *((number, None) for number in range(len(self._bodies)))}
         self._geoms_of = {
@@ -132,6 +147,18 @@ class Simulation:
             )
             for number, link in keys
         }
+
+    def _round_off(self) -> None:
+        """Give shapes with edges Bullet's margin: it lies round hulls and cylinders, and within boxes."""
+        model, sorts = self.model, mujoco.mjtGeom
+        boxes = model.geom_type == int(sorts.mjGEOM_BOX)
+        others = (int(sorts.mjGEOM_MESH), int(sorts.mjGEOM_CYLINDER))
+        edged = boxes | np.isin(model.geom_type, others)
+        self._surfaces[edged, 3] = ROUNDING
+        thin = np.minimum(ROUNDING, 0.9 * model.geom_size[boxes].min(axis=1))
+        self._surfaces[boxes, 3] = thin
+        model.geom_size[boxes] -= thin[:, None]
+        model.geom_margin[edged] += 2 * ROUNDING
 
     def _begin_motors(self) -> None:
         """Take dry friction of the joints that have any; others have the motor of Bullet's default."""
@@ -152,10 +179,18 @@ class Simulation:
         trees = model.dof_treeid, model.tree_dofadr, model.tree_dofnum
         limits = model.dof_frictionloss, self.strengths
         rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
-        surfaces = self._surfaces, self._geom_body
+        bearers = model.body_treeid[model.geom_bodyid].astype(np.int64)
+        surfaces = self._surfaces, self._geom_body, bearers, data.cdof, self.caps
         places = addresses(model, data)
         written = data.qfrc_constraint, self._acted
-        return places, (*state, *written), (*factors, *trees), (*rules, *surfaces), self.touched
+        return (
+            places,
+            (*state, *written),
+            (*factors, *trees),
+            (*rules, *surfaces),
+            self._felt,
+            self.touched,
+        )
 
     def mark(self) -> None:
         """Remember the present state."""
@@ -166,7 +201,13 @@ class Simulation:
         model, data = self.model, self.data
         return [
             *(data.qpos, data.qvel, data.eq_active, model.body_pos, model.body_quat, self.motors),
-            *(model.dof_frictionloss, model.jnt_limited, model.jnt_range, self.strengths),
+            *(
+                model.dof_frictionloss,
+                model.jnt_limited,
+                model.jnt_range,
+                self.strengths,
+                self.caps,
+            ),
         ]
 
     def rewind(self) -> None:
@@ -209,6 +250,17 @@ class Simulation:
             self._pushed = False
         self.moved()
 
+    def loads(self, links: Ints) -> tuple[Array, ...]:
+        """Return what parents put on MuJoCo's bodies `links` in the last step.
+
+        Torque [N·m], force [N] and where from the origins of the links it is about [m], each of shape
+        [n, 3], and how the links were turned, [n, 3, 3]; in the world.
+        """
+        middles, spots, turns = self._felt[2]
+        wrenches = self.data.cfrc_int[links]
+        arms = middles[self.model.body_rootid[links]] - spots[links]
+        return wrenches[:, :3], wrenches[:, 3:], arms, turns[links].reshape(-1, 3, 3)
+
     def place_of(self, link: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return place [m] and quaternion (x, y, z, w) of one of MuJoCo's bodies in the world."""
         self.place()
@@ -240,7 +292,7 @@ class Simulation:
             within: How far to look [m].
         """
         self.place()
-        groups = [self._geoms_of[link] for link in links]
+        groups = [self._geoms_of.get(link, NOTHING) for link in links]
         return self._gaps.between(groups, self._geoms_of[other, None], within)
 
     def push(self, link: int, force: Vector, point: Vector) -> None:
@@ -268,10 +320,6 @@ class Simulation:
         joint = self.model.dof_jntid[dof]
         self.model.jnt_limited[joint] = True
         self.model.jnt_range[joint] = lower, upper
-
-    def set_bond(self, number: int, holds: bool) -> None:
-        """Let a bond of the scene hold, or not."""
-        self.data.eq_active[self._bonds[number]] = holds
 
     def set_base(self, number: int, pose: Pose) -> None:
         """Put the base of a body somewhere, at rest."""
@@ -303,10 +351,11 @@ class Simulation:
                 continue
             own = 0 if number is not None and pairs[i, 0] == number else 1
             side = 1.0 if own == 1 else -1.0  # MuJoCo's frame looks from the first to the second
-            frame, gap = contact.frame[i], float(contact.dist[i])
+            frame = contact.frame[i]
             normal = side * frame[FACING]
             middle = contact.pos[i]
             one, other = contact.geom[i][own], contact.geom[i][1 - own]
+            out = [0.5 * contact.dist[i] - self._surfaces[geom, 3] for geom in (one, other)]
             drags = [float(forces[row + k]) if k < contact.dim[i] else 0.0 for k in (1, 2)]
             found.append(
                 (
@@ -315,10 +364,10 @@ class Simulation:
                     self._bodies[self._geom_body[other]].uid,
                     int(self._geom_link[one]),
                     int(self._geom_link[other]),
-                    tuple((middle + 0.5 * gap * normal).tolist()),
-                    tuple((middle - 0.5 * gap * normal).tolist()),
+                    tuple((middle + out[0] * normal).tolist()),
+                    tuple((middle - out[1] * normal).tolist()),
                     tuple(normal.tolist()),
-                    gap,
+                    float(sum(out)),
                     float(forces[row]),
                     drags[0],
                     tuple((side * frame[SIDEWAYS[0]]).tolist()),

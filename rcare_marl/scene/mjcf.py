@@ -6,14 +6,15 @@ written, which is the same wherever one of both has Bullet's usual 0.5.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import product
+from itertools import chain, product
 from xml.etree import ElementTree as xml
 
 from rcare_marl.errors import ConfigError
 from rcare_marl.model.mesh_file import hulls
 from rcare_marl.model.shape import Shape
-from rcare_marl.model.urdf import Joint, Link, joint_pose
+from rcare_marl.model.urdf import FRAME_INERTIA, FRAME_MASS, Joint, Link, joint_pose
 from rcare_marl.pose import Pose
 
 from .drawing import Drawn
@@ -43,6 +44,8 @@ def mjcf(
     *,
     drives: bool = True,
     parts: bool = True,
+    spare: tuple[int, int] = (0, 0),
+    sides: int = 0,
 ) -> dict[str, str]:
     """Return the files of a scene by name: `scene.xml` and the meshes that it needs.
 
@@ -51,11 +54,13 @@ def mjcf(
         drawings: What to draw of each link; only what collides if None.
         drives: Whether joints have actuators.
         parts: Whether what is held rigidly is a part of who holds it; a weld if not.
+        spare: Welds that hold nothing, and pairs kept apart that do not matter, for who changes them later.
+        sides: Of the prisms that stand for cylinders; 0 leaves cylinders.
 
     Raises:
         ConfigError: If more bodies of their own rules of contact are in it than MuJoCo can tell apart.
     """
-    return _Writer(scene, drawings or {}, drives=drives, parts=parts).files()
+    return _Writer(scene, drawings or {}, drives=drives, parts=parts, sides=sides).files(*spare)
 
 
 class _Writer:
@@ -66,10 +71,12 @@ class _Writer:
         *,
         drives: bool,
         parts: bool,
+        sides: int,
     ) -> None:
-        self._drives, self._scene, self._drawings = drives, scene, drawings
+        self._drives, self._scene, self._drawings, self._sides = drives, scene, drawings, sides
         self._held = scene.held() if parts else {}
         self._files: dict[str, str] = {}
+        self._prisms: set[str] = set()  # names of their meshes
         self._root = xml.Element("mujoco", model="scene")
         _add(self._root, "compiler", angle="radian", autolimits="true", boundinertia="1e-9")
         _add(
@@ -102,7 +109,7 @@ class _Writer:
         self._geoms: dict[Place, list[str]] = {}
         self._start: list[float] = []
 
-    def files(self) -> dict[str, str]:
+    def files(self, bonds: int = 0, pairs: int = 0) -> dict[str, str]:
         masks = self._masks()
         for body in self._scene.bodies.values():
             if body.name not in self._held:
@@ -115,6 +122,13 @@ class _Writer:
         for bond in self._scene.bonds:
             if bond is not self._held.get(bond.child[0]):
                 self._bond(bond)
+        first = next(iter(self._links.values()), None)
+        if first is not None:
+            name = first.get("name", "")
+            for i in range(bonds):
+                _add(self._equalities, "weld", name=f"spare:{i}", body1=name, active="false")
+            for _ in range(pairs):
+                _add(self._contacts, "exclude", body1="world", body2=name)
         key = _add(_add(self._root, "keyframe"), "key", name=START)
         # Depth first, as MuJoCo counts joints.
         key.set("qpos", _text(self._positions(self._world)))
@@ -210,10 +224,11 @@ class _Writer:
         if joint is not None and joint[0] in body.positions:
             self._joint(body, *joint, element)
         link = body.model.links[name]
-        if link.mass > 0:
-            xx, xy, xz, yy, yz, zz = link.inertia
+        moves = joint is not None and joint[0] in body.positions
+        if link.mass > 0 or moves:  # nothing that moves is without mass
+            xx, xy, xz, yy, yz, zz = link.inertia if link.mass else FRAME_INERTIA
             inertia = _text((xx, yy, zz, xy, xz, yz))
-            mass = repr(link.mass)
+            mass = repr(link.mass or FRAME_MASS)
             _add(element, "inertial", pos=_text(link.com), mass=mass, fullinertia=inertia)
         self._shapes(body, at, link, element, masks)
         for i, drawing in enumerate(self._drawings.get(at, ())):
@@ -269,12 +284,31 @@ class _Writer:
             return {"name": names[-1], **common}
 
         for shape in link.collision:
-            _add(element, "geom", **named(), **_placed(shape.pose()), **_geometry(shape))
+            _add(element, "geom", **named(), **_placed(shape.pose()), **self._geometry(shape))
         for solid in link.hulls:
             for corners in hulls(solid.file):
                 rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in (corners * solid.scale).tolist()]
                 file = self._mesh(f"{_plain(at)}_hull_{len(names)}", "\n".join(rows) + "\n")
                 _add(element, "geom", **named(), **_placed(solid.pose()), type="mesh", mesh=file)
+
+    def _geometry(self, shape: Shape) -> dict[str, str]:
+        if shape.kind == "box":
+            return {"type": "box", "size": _text(0.5 * edge for edge in shape.size)}
+        if shape.kind == "sphere":
+            return {"type": "sphere", "size": repr(shape.radius)}
+        if shape.kind == "cylinder" and self._sides:
+            return {"type": "mesh", "mesh": self._prism(shape.radius, 0.5 * shape.span())}
+        return {"type": shape.kind, "size": _text((shape.radius, 0.5 * shape.span()))}
+
+    def _prism(self, radius: float, half: float) -> str:
+        name = f"prism:{radius!r}:{half!r}"
+        if name not in self._prisms:
+            self._prisms.add(name)
+            turns = [2 * math.pi * i / self._sides for i in range(self._sides)]
+            corners = [(radius * math.cos(t), radius * math.sin(t)) for t in turns]
+            points = [(x, y, z) for x, y in corners for z in (-half, half)]
+            _add(self._assets, "mesh", name=name, vertex=_text(chain.from_iterable(points)))
+        return name
 
     def _mesh(self, name: str, text: str, **own: str) -> str:
         file = f"{name}.obj"
@@ -324,11 +358,3 @@ def _placed(pose: Pose) -> dict[str, str]:
 
 def _plain(place: Place) -> str:
     return "-".join(place).replace("/", "_")
-
-
-def _geometry(shape: Shape) -> dict[str, str]:
-    if shape.kind == "box":
-        return {"type": "box", "size": _text(0.5 * edge for edge in shape.size)}
-    if shape.kind == "sphere":
-        return {"type": "sphere", "size": repr(shape.radius)}
-    return {"type": shape.kind, "size": _text((shape.radius, 0.5 * shape.span()))}

@@ -15,7 +15,7 @@ from ..pose import Array, Vector, matrix_from_quaternion
 from . import cloth_contact as contact
 from . import cloth_kernel as kernel
 from .cloth_contact import Drift, Impact, Pairs
-from .collider import Colliders, NearShapes, link_state
+from .collider import Colliders, NearShapes
 from .constraint import SOFTNESS, make_constraints, torn, vertex_masses
 from .contact import BOX, CAPSULE, SIZE, SPHERE, Indices, Rows, Shapes, plain
 from .kernel import line_point
@@ -216,7 +216,7 @@ class Cloth(ParticleObject):
         self.grain = np.array(np.broadcast_to(np.asarray(grain, np.float64), (count, 3)))
         self.grips: list[Grip] = []
         self.tears = 0
-        self._client = -1
+        self._is_bound = False
         self._mesh(given, np.zeros((count, 3)))
 
     def _mesh(self, positions: Array, velocities: Array) -> None:
@@ -257,9 +257,9 @@ class Cloth(ParticleObject):
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         return np.asarray(lengths / self.constraints.thread_table[:, 0] - 1)
 
-    def bind(self, client: int) -> None:
-        """Say which physics client it lives in; its `SoftWorld` does."""
-        self._client = client
+    def bind(self) -> None:
+        """Say that it is in a world; its `SoftWorld` does."""
+        self._is_bound = True
 
     def place(self, positions: Array) -> None:
         super().place(positions)
@@ -308,13 +308,13 @@ class Cloth(ParticleObject):
         stiffness: float = STIFFNESS,
     ) -> Grip:
         """Let a link hold given particles where they are; see `grasp`."""
-        if self._client < 0:
+        if not self._is_bound:
             raise WorldError(f"the cloth {self.name!r} is in no world: SoftWorld.of(world).add it")
         if not force > 0 or not stiffness > 0:
             raise ConfigError(f"force and stiffness must be above 0, got {force}, {stiffness}")
         index = body.link_index(link) if isinstance(link, str) else link
         chosen = np.asarray(particles, np.int32)
-        state = np.array(link_state(body, index, self._client))
+        state = np.array(body.centre_state(index))
         points = self.points[chosen, :3].copy()
         grip = Grip(body, index, chosen, points, state, force=force, stiffness=stiffness)
         self.grips.append(grip)
@@ -405,7 +405,7 @@ class Cloth(ParticleObject):
             return _NO_PINS
         tables = []
         for grip in self.grips:
-            state = np.array(link_state(grip.body, grip.link, self._client))
+            state = np.array(grip.body.centre_state(grip.link))
             tables.append(grip.lead(state, period, self.substeps))
         held = np.concatenate([grip.particles for grip in self.grips])
         return kernel.Pins(held, np.concatenate(tables))

@@ -9,16 +9,15 @@ from functools import cached_property
 import numba
 import numpy as np
 import numpy.typing as npt
-import pybullet as bullet
 
 from ..body import Body
+from ..body_part import State
 from ..pose import Array, matrix_from_quaternion
 from . import contact
 from .contact import Floats, Rows, Shapes
 from .rigid_shape import reach_of, read_shapes
 
 Skin = npt.NDArray[np.int32]
-State = tuple[float, ...]  # as a row of `Colliders.states`
 Links = tuple[Body, list[int], list[int]]  # links of a body, and their rows
 
 STATE = 13  # of a link: centre of mass [m], quaternion, velocity [m/s], rate of turning [rad/s]
@@ -66,7 +65,6 @@ class Colliders:
         Raises:
             WorldError: If a mesh is flat or cannot be read.
         """
-        self._client = client
         self.bodies = list(bodies)
         found = [read_shapes(body, client) for body in bodies]
         self._reaches = [reach_of(b, own, client) for b, own in zip(bodies, found, strict=True)]
@@ -156,14 +154,8 @@ class Colliders:
             self.states[rows[indices.index(-1)], :7] = np.concatenate(body.centre_pose())
         joined = [(row, link) for row, link in zip(rows, indices, strict=True) if link >= 0]
         if joined:
-            found = bullet.getLinkStates(
-                body.uid,
-                [link for _, link in joined],
-                computeForwardKinematics=1,
-                physicsClientId=self._client,
-            )
-            for (row, _), state in zip(joined, found, strict=True):
-                self.states[row, :3], self.states[row, 3:7] = state[0], state[1]
+            found = body.centre_places([link for _, link in joined])
+            self.states[[row for row, _ in joined], :7] = found
 
     def by_body(self, rows: Iterable[int]) -> list[Links]:
         """Return body, links and rows of links, those of one body that have joints together."""
@@ -179,11 +171,7 @@ class Colliders:
         """Read poses and velocities of links, grouped by `by_body`; return them by row too."""
         found: list[tuple[int, State]] = []
         for body, links, rows in grouped:
-            if links == [-1]:
-                states = [link_state(body, -1, self._client)]
-            else:
-                got = bullet.getLinkStates(body.uid, links, 1, 1, physicsClientId=self._client)
-                states = [(*s[0], *s[1], *s[6], *s[7]) for s in got]
+            states = [body.centre_state(-1)] if links == [-1] else body.centre_states(links)
             self.states[rows] = states
             found += zip(rows, states, strict=True)
         return found
@@ -242,16 +230,6 @@ class NearShapes:
         out = np.empty(len(self.rows))
         _gaps(tuple(self.seen_from(frame)), *sphere, points, skin, out)
         return out
-
-
-def link_state(body: Body, link: int, client: int) -> tuple[float, ...]:
-    """Return centre of mass [m], quaternion, velocity [m/s] and rate [rad/s] of a link, length 13."""
-    if link < 0:
-        position, quaternion = body.centre_pose()
-        linear, angular = bullet.getBaseVelocity(body.uid, physicsClientId=client)
-        return (*position, *quaternion, *linear, *angular)
-    state = bullet.getLinkState(body.uid, link, 1, 1, physicsClientId=client)
-    return (*state[0], *state[1], *state[6], *state[7])
 
 
 @numba.njit(cache=True)

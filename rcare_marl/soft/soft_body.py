@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..errors import ConfigError
 from ..pose import Array, matrix_from_quaternion
 from . import contact, kernel
-from .collider import STATE, Colliders, NearShapes, carry, link_state
+from .collider import STATE, Colliders, NearShapes, carry
 from .constraint import face_areas, summed
 from .contact import Floats, Indices, Rows
 from .material import Material
@@ -175,10 +175,10 @@ class SoftBody(SoftObject):
         """Return how far any particle is from rest [m]."""
         return float(kernel.farthest_from(self.points, self._rest))
 
-    def frame(self, client: int) -> Array:
+    def frame(self) -> Array:
         """Return the state of the body's frame, as that of a link in `collider`, shape [13]."""
         out = np.empty(STATE)
-        carry(np.array(link_state(self.carrier.body, self.carrier.link, client)), self._place, out)
+        carry(np.array(self.carrier.body.centre_state(self.carrier.link)), self._place, out)
         return out
 
     def in_world(self, frame: Array) -> Array:

@@ -69,15 +69,15 @@ class SoftSkin:
 class SoftBodySkin(SoftSkin):
     """The surface of a soft body that is no flesh beneath a person's skin."""
 
-    def __init__(self, soft: SoftBody, body: Body, color: Sequence[int], client: int) -> None:
+    def __init__(self, soft: SoftBody, body: Body, color: Sequence[int]) -> None:
         super().__init__(body, color)
-        self._soft, self._client = soft, client
+        self._soft = soft
         self._outside, faces = np.unique(soft.faces, return_inverse=True)
         self.faces = faces.reshape(-1, 3).astype(np.int32)
         self._paint(len(self._outside))
 
     def vertices(self) -> Floats:
-        points = self._soft.in_world(self._soft.frame(self._client))
+        points = self._soft.in_world(self._soft.frame())
         return points[self._outside].astype(np.float32)
 
     def _rest(self) -> Floats:

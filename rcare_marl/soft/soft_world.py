@@ -11,13 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ..body import Body
+from ..body_part import State
 from ..contact import Contact
 from ..errors import ConfigError
 from ..pose import Array, conjugate, multiply, rotation_vector
 from ..world import GRAVITY, Skin, World
 from . import kernel
 from .cloth import FASTEST, SHAPE_SPEED, Cloth
-from .collider import Colliders, Links, NearShapes, State, place_of
+from .collider import Colliders, Links, NearShapes, place_of
 from .fluid import HURRY, Fluid
 from .soft_body import SETTLED, SoftBody
 from .soft_object import SoftObject
@@ -101,10 +102,10 @@ class SoftWorld:
                 # Renderers draw a skin in place of its body, but the carrier is to be seen as well: a
                 # second handle on the same body.
                 carrier = soft.carrier.body
-                handle = Body(world, carrier.uid, carrier.name, carrier.source)
-                world.skins.append(SoftBodySkin(soft, handle, color, world.client))
+                handle = world.body_type(world, carrier.uid, carrier.name, carrier.source)
+                world.skins.append(SoftBodySkin(soft, handle, color))
         elif isinstance(soft, Cloth):
-            soft.bind(world.client)
+            soft.bind()
             self.cloths.append(soft)
             world.skins.append(ClothSkin(soft, self._stand_in(soft), color or (), beneath))
         elif isinstance(soft, Fluid):
@@ -344,7 +345,7 @@ class SoftWorld:
 
     def _look_of_bodies(self, colliders: Colliders) -> int:
         """Find what is near each soft body, wake and put to sleep, and say when to look again."""
-        frames = [soft.frame(self._world.client) for soft in self.bodies]
+        frames = [soft.frame() for soft in self.bodies]
         spheres = [
             (place_of(frame, soft.middle), soft.radius)
             for soft, frame in zip(self.bodies, frames, strict=True)
@@ -399,7 +400,7 @@ class SoftWorld:
         for soft in self.bodies:
             if not soft.is_awake:
                 continue
-            soft.advance(colliders, period, soft.frame(self._world.client))
+            soft.advance(colliders, period, soft.frame())
             for touch in soft.contacts:
                 row = colliders.row_of[touch.body, touch.link]
                 if row in self._masses:

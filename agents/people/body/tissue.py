@@ -240,9 +240,8 @@ class Tissue:
         model: BodyModel,
         config: TissueConfig,
         parts: Mapping[str, tuple[Flesh, SoftBody]],
-        client: int,
     ) -> None:
-        self.config, self._client = config, client
+        self.config = config
         self._flesh = {joint: flesh for joint, (flesh, _) in parts.items()}
         self.bodies = {joint: body for joint, (_, body) in parts.items()}
         self._model = model
@@ -281,7 +280,7 @@ class Tissue:
         """
         check_name("segment with tissue", joint, self.bodies)
         flesh, soft = self._flesh[joint], self.bodies[joint]
-        frame = soft.frame(self._client)
+        frame = soft.frame()
         turn = matrix_from_quaternion(frame[3:7])
         ring = flesh.outer[round(along * (len(flesh.stations) - 1))]
         arms = soft.positions[ring].astype(np.float64) - flesh.origin
@@ -429,12 +428,12 @@ def attach_tissue(
         soft_world.add(soft)
     soft_world.ignore(ignore, by=SoftBody)
     if skin is None:
-        return Tissue(model, chosen, parts, world.client)
+        return Tissue(model, chosen, parts)
     shown = np.zeros(len(model.vertices), np.bool_)
     for joint, (flesh, _) in parts.items():
         shown[_bond(model, joint, flesh)[0]] = True
     shown &= model.weights.max(axis=1) > STEADY  # where joints fold the skin it stays as it is
     fine = refined(model, shown, times=SKIN_REFINEMENT)
-    made = Tissue(fine, chosen, parts, world.client)
+    made = Tissue(fine, chosen, parts)
     skin.model, skin.faces, skin.colors, skin.tissue = fine, fine.faces, fine.colors, made
     return made
