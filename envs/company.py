@@ -74,12 +74,13 @@ class Company:
 
     def _order(self, seed: int) -> Iterator[dict[str, str]]:
         """Yield who may play, beginning with those of a seed, without those who were refused."""
-        count = max(len(names) for names in self.drawn.values())
-        for number in range(seed, seed + count):
-            chosen, rest = {}, number
-            for role, names in self.drawn.items():
-                rest, place = divmod(rest, len(names))
-                chosen[role] = names[place]
+        counts = [len(names) for names in self.drawn.values()]
+        for number in range(seed, seed + max(counts)):
+            later = 1 + number // counts[0]  # so that a second role meets others in each round
+            chosen = {
+                role: names[(number + k * later) % len(names)]
+                for k, (role, names) in enumerate(self.drawn.items())
+            }
             if " and ".join(chosen.values()) not in self.refused:
                 yield chosen
 

@@ -50,7 +50,8 @@ def run(plan: MatrixPlan, *, processes: int, output: Path | None, as_json: bool)
 
     try:
         with progress(f"{plan.task}, {len(cells)} {'cell' if len(cells) == 1 else 'cells'}") as bar:
-            tell = partial(bar.advance, bar.add_task("", total=len(cells) * plan.episodes))
+            job = bar.add_task("", total=len(cells) * plan.episodes)
+            tell = partial(bar.advance, job)
             run_matrix(plan, processes=processes, on_progress=tell, on_cell=keep)
     finally:
         if finished.outcomes:
@@ -74,20 +75,23 @@ def show(matrix: Matrix) -> None:
     """Print a table of all cells, and one of the sums."""
     plan, screen = matrix.plan, console()
     last = plan.seed + plan.episodes - 1
-    title = f"{plan.task}, robot {plan.policy}; seeds {plan.seed} to {last} of each"
+    fixed = {"policy": plan.policy, **plan.others, **plan.options, **plan.cast}
+    beside = ", ".join(f"{name} {value}" for name, value in fixed.items())
+    title = f"{plan.task}: {beside}; seeds {plan.seed} to {last} of each"
     axes = [ONE[axis] for axis in plan.over]
     right = dict.fromkeys(NUMBERS, True)
     notes: list[str] = []
     rows = [_row(each, notes) for each in matrix.outcomes]
     screen.print(table(title, (*axes, *NUMBERS, "note"), rows, **right))
     sums: list[tuple[str, ...]] = []
-    for axis, values in matrix.sums().items():
-        sums += [(), *((ONE[axis], name, *_summed(numbers)) for name, numbers in values.items())]
-    sums += [(), ("all", "", *_summed(matrix.total()))]
+    several = matrix.sums() if len(plan.over) > 1 else {}  # else they are the rows above
+    for axis, values in several.items():
+        sums += [*((ONE[axis], name, *_summed(numbers)) for name, numbers in values.items()), ()]
+    sums += [("all", "", *_summed(matrix.total()))]
     counts = ("cells", "refused", "infeasible", "crashed")
     columns = ("over", "", *NUMBERS, *counts)
     right |= dict.fromkeys(counts, True)
-    screen.print(table("sums: of the feasible", columns, sums[1:], **right))
+    screen.print(table("sums: of the feasible", columns, sums, **right))
     for number, note in enumerate(notes, 1):
         screen.print(Text(f"[{number}] {note}"), soft_wrap=True)
     if not matrix.is_complete:

@@ -127,7 +127,8 @@ def find_avatar(name: str | Path) -> AvatarConfig:
     if isinstance(name, str) and names_several(name):
         several = people_named(name)
         raise ConfigError(
-            f"{name!r} names {len(several)} people, {several[0]} to {several[-1]}; one is wanted here"
+            f"{name!r} names {len(several)} people; what is cast here takes one of them, "
+            f"{several[0]} to {several[-1]}"
         )
     if not isinstance(name, str) or not name.startswith(PREFIX):
         return load_avatar(name)
