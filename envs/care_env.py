@@ -157,16 +157,12 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             )
 
     def _table(self) -> dict[str, Any]:
-        """Return what each role observes and does."""
-        return {
-            role: (
-                self.describe(role),
-                self.describe_arrays(role),
-                agent.action_names,
-                agent.action_low,
-            )
-            for role, agent in self.cast.items()
-        }
+        """Return what each role observes and does; how strong a hand is (in brackets) may differ."""
+        out: dict[str, Any] = {}
+        for role, agent in self.cast.items():
+            names = [name.partition(" [")[0] for name in agent.action_names]
+            out[role] = self.describe(role), self.describe_arrays(role), names, agent.action_low
+        return out
 
     def _build(self) -> None:
         self.task.cast, self.task.world = self.cast, self.world
