@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from .parameter import print_json
 __all__ = ["MatrixPlan", "parse_over", "run", "show"]
 ONE = {"people": "person", "robots": "robot", "partners": "partner", "homes": "home"}
 NUMBERS = ("success", "95 % interval", "mean peak", "greatest force")
+FAULTS = ("refused", "infeasible", "crashed")
 
 
 def run(plan: MatrixPlan, *, processes: int, output: Path | None, as_json: bool) -> bool:
@@ -83,12 +84,15 @@ def show(matrix: Matrix) -> None:
     notes: list[str] = []
     rows = [_row(each, notes) for each in matrix.outcomes]
     screen.print(table(title, (*axes, *NUMBERS, "note"), rows, **right))
-    sums: list[tuple[str, ...]] = []
+    total, sums = matrix.total(), list[tuple[str, ...]]()
+    counts = ["cells", *(name for name in FAULTS if total[name])]
     several = matrix.sums() if len(plan.over) > 1 else {}  # else they are the rows above
     for axis, values in several.items():
-        sums += [*((ONE[axis], name, *_summed(numbers)) for name, numbers in values.items()), ()]
-    sums += [("all", "", *_summed(matrix.total()))]
-    counts = ("cells", "refused", "infeasible", "crashed")
+        sums += [
+            *((ONE[axis], name, *_summed(numbers, counts)) for name, numbers in values.items()),
+            (),
+        ]
+    sums += [("all", "", *_summed(total, counts))]
     columns = ("over", "", *NUMBERS, *counts)
     right |= dict.fromkeys(counts, True)
     screen.print(table("sums: of the feasible", columns, sums, **right))
@@ -113,9 +117,8 @@ def _row(outcome: Outcome, notes: list[str]) -> tuple[str, ...]:
     return (*outcome.cell.values().values(), *_numbers(numbers), mark)
 
 
-def _summed(numbers: Mapping[str, Any]) -> tuple[str, ...]:
-    counts = (numbers[name] for name in ("cells", "refused", "infeasible", "crashed"))
-    return (*_numbers(numbers), *(str(count) if count else "" for count in counts))
+def _summed(numbers: Mapping[str, Any], counts: Sequence[str]) -> tuple[str, ...]:
+    return (*_numbers(numbers), *(str(numbers[name] or "") for name in counts))
 
 
 def _numbers(numbers: Mapping[str, Any]) -> tuple[str, ...]:
