@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rcare_marl.config import load
@@ -11,6 +12,7 @@ from rcare_marl.errors import ConfigError
 from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
 from .cast import CastEntry, make_cast, speaking
+from .company import Company, Scene, drawn_people
 from .place import BareFloor
 from .registry import (
     check_engine,
@@ -85,7 +87,8 @@ def make(
         engine: What computes the motion: `bullet`, the reference, or `mujoco` where the task allows it.
         **cast: For a role of the task: the name of a robot or avatar, a YAML file, or a mapping
             such as `{"model": "karan", "policy": "cooperative"}`; None leaves an optional role out.
-            What is not named is played by the task's default.
+            What is not named is played by the task's default. People of whom another one plays in
+            each episode, chosen by its seed: `six`, `population:train`, `population:test:0-9`.
 
     Raises:
         UnknownNameError: If a task, role, model, option or policy does not exist.
@@ -101,8 +104,43 @@ def make(
             raise ConfigError(f"{name} must be a mapping, got {type(value).__name__} {value!r}")
     cls = task_class(task)
     check_engine(task, engine)
-    agents, factories = make_cast(task, cls, cast, policies or {})
-    scene = cls(load(cls.Options, dict(options or {}), f"options of {task!r}"))
+    given = load(cls.Options, dict(options or {}), f"options of {task!r}")
+    where = home, level, room
+    how: dict[str, Any] = {
+        "physics_dt": physics_dt,
+        "render_mode": render_mode,
+        "engine": engine,
+    }
+    stage = partial(_scene, task, given, policies or {}, where)
+    if drawn := drawn_people(cls.roles(), cast):
+        company = Company(cast, drawn, stage)
+        env = company.play(0, lambda scene: CareEnv(*scene, **how, company=company))
+        cast = company.resolved(cast)
+    else:
+        env = CareEnv(*stage(cast), **how)
+    place = {"home": home, "level": level, "room": room}
+    env.setup = {
+        "task": task,
+        "options": dict(options or {}),
+        "physics_dt": physics_dt,
+        "cast": speaking(cast, env.cast)
+        | {name: value for name, value in place.items() if value is not None},
+        **({} if engine == "bullet" else {"engine": engine}),
+    }
+    return env
+
+
+def _scene(
+    task: str,
+    options: Any,
+    policies: Mapping[str, Any],
+    where: tuple[str | None, int | None, str | None],
+    cast: Mapping[str, Any],
+) -> Scene:
+    """Return a task with its cast, in its place; see `make`."""
+    cls, (home, level, room) = task_class(task), where
+    agents, factories = make_cast(task, cls, cast, policies)
+    scene = cls(options)
     scene.cast = agents
     if home is not None:
         from .homes import CareHome, find_place
@@ -114,16 +152,4 @@ def make(
         scene.place = BareFloor(level)
     elif level is not None or room is not None:
         raise ConfigError("level and room are those of a home: name one, such as home='house_07'")
-    env = CareEnv(
-        scene, agents, factories, physics_dt=physics_dt, render_mode=render_mode, engine=engine
-    )
-    place = {"home": home, "level": level, "room": room}
-    env.setup = {
-        "task": task,
-        "options": dict(options or {}),
-        "physics_dt": physics_dt,
-        "cast": speaking(cast, agents)
-        | {name: value for name, value in place.items() if value is not None},
-        **({} if engine == "bullet" else {"engine": engine}),
-    }
-    return env
+    return Scene(scene, agents, factories)

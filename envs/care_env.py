@@ -22,6 +22,7 @@ from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNam
 from rcare_marl.observable import Observable, Observation
 from rcare_marl.world import World
 
+from .company import Company, Scene
 from .registry import PolicyFactory
 from .state import Seen
 from .stride import make_stride
@@ -53,6 +54,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         agents: Those of them that are in the running episode; empty once it is over.
         is_over: Whether no episode is running.
         setup: What `rcare_marl.make` was given, but policies; empty if something else made it.
+        company: People of whom another one plays in each episode, and who does now; None if all stay.
         seed: Seed of the running episode, which with all `commands` decides it.
         commands: The actions of all roles in the last control step, as they were obeyed.
         watchers: Called after each reset and each step; they must change nothing.
@@ -69,6 +71,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         physics_dt: float = 1 / 240,
         render_mode: str | None = None,
         engine: str = "bullet",
+        company: Company | None = None,
     ) -> None:
         """Build the scene.
 
@@ -79,6 +82,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             physics_dt: Physics step [s]; the control step must be a multiple of it.
             render_mode: `rgb_array`, `human` or None.
             engine: What computes the motion, one of `rcare_marl.engines.ENGINES`.
+            company: People of whom another one plays in each episode; the cast is of the first.
 
         Raises:
             ConfigError: If the time steps do not fit, or a policy is for a role that nobody plays.
@@ -94,14 +98,13 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             raise ConfigError(
                 f"control_dt {task.control_dt} s is no multiple of physics_dt {physics_dt} s"
             )
-        strangers = sorted(set(policies or {}) - set(cast))
+        factories = dict(policies or {})
+        strangers = sorted(set(factories) - set(cast))
         if strangers:
             raise ConfigError(f"policies for {strangers}, but the cast is {sorted(cast)}")
         self.render_mode = render_mode
         self.metadata = {**type(self).metadata, "render_fps": round(1 / task.control_dt)}
-        self.task = task
-        self.cast: dict[str, Agent] = dict(cast)
-        self.world: World = make_world(engine, physics_dt)
+        self.company, self._engine, self._physics_dt = company, engine, physics_dt
         self._renderer: Renderer | None = None
         self._viewer: Viewer | None = None
         self._suites: tuple[SensorSuite, ...] = ()
@@ -111,15 +114,55 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         self.seed, self._seeds = 0, np.random.default_rng()
         self.commands: dict[str, Array] = {}
         self.watchers: list[Callable[[CareEnv], None]] = []
+        self._stage(Scene(task, dict(cast), factories))
+        self.possible_agents = [role for role in self.cast if role not in self.policies]
+
+    def _stage(self, scene: Scene) -> None:
+        """Build a scene in a world of its own."""
+        self.task: Task = scene.task
+        self.cast: dict[str, Agent] = scene.cast
+        self.world: World = make_world(self._engine, self._physics_dt)
         try:
             self._build()
             self.policies: dict[str, Policy] = {
-                role: make(self, role) for role, make in (policies or {}).items()
+                role: make(self, role) for role, make in scene.policies.items()
             }
         except BaseException:
             self.close()  # a sensor may hold a renderer already
             raise
-        self.possible_agents = [role for role in self.cast if role not in self.policies]
+
+    def _change_people(self, company: Company) -> None:
+        """Build the scene anew, with those who play in the coming episode.
+
+        An episode of them is then the same whatever was played before.
+
+        Raises:
+            ConfigError: If nobody can be cast, or who comes observes or acts otherwise than the first.
+        """
+        before = self._table()
+        self.task.enter_stage(np.random.default_rng(0))  # the settings that were to come
+
+        def stage(scene: Scene) -> None:
+            scene.task.change_options(self.task.options)
+            self.close()
+            self._stage(scene)
+
+        company.play(self.seed, stage)
+        self.setup = {**self.setup, "cast": company.resolved(self.setup["cast"])}
+        if (now := self._table()) != before:
+            self.close()
+            roles = ", ".join(role for role in now if now[role] != before.get(role))
+            raise ConfigError(
+                f"{company.playing} cannot take turns with the others: {roles} observes or acts otherwise"
+            )
+
+    def _table(self) -> dict[str, Any]:
+        """Return what each role observes and does; how strong a hand is (in brackets) may differ."""
+        out: dict[str, Any] = {}
+        for role, agent in self.cast.items():
+            names = [name.partition(" [")[0] for name in agent.action_names]
+            out[role] = self.describe(role), self.describe_arrays(role), names, agent.action_low
+        return out
 
     def _build(self) -> None:
         self.task.cast, self.task.world = self.cast, self.world
@@ -274,12 +317,15 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         """
         if self.world.client < 0:
             raise EpisodeError("the environment is closed: make a new one")
+        company = self.company
         if seed is None:
             self.seed = int(self._seeds.integers(2**32))
         else:
             if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
                 raise ConfigError(f"a seed is a whole number from 0 on, got {seed!r}")
             self.seed, self._seeds = int(seed), np.random.default_rng([seed, 1])
+        if company is not None and (self._has_begun or not company.is_next(self.seed)):
+            self._change_people(company)
         rng = np.random.default_rng(self.seed)
         robots = [role for role, agent in self.cast.items() if isinstance(agent, Robot)]
         for _ in range(STARTS):
@@ -367,6 +413,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
     def _infos(self, terms: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Any]]:
         task = self.task
         shared = {"success": task.succeeded(), "feasible": task.feasible.holds, **task.report()}
+        if self.company is not None:
+            shared |= self.company.numbers()
         found = ({**shared, **own} for own in terms.values())
         return {
             role: {name: float(value) for name, value in info.items()}

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from rcare_marl.agents.agent import Agent
+import numpy as np
+
+from rcare_marl.agents.agent import Agent, Array
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.actuation.muscle_model import Tendon
 from rcare_marl.agents.people.actuation.muscular import Excitation
@@ -15,6 +17,7 @@ from rcare_marl.agents.people.avatar import AvatarConfig, load_posture
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.sampling.population import find_avatar
 from rcare_marl.agents.people.strength import StrengthMap
+from rcare_marl.agents.policy import Policy
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import Mount, RobotConfig, load_robot, urdf_robot
 from rcare_marl.agents.sensing.marker import MarkerConfig
@@ -24,6 +27,9 @@ from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 
 from .registry import PolicyFactory, is_policy_file, policy_factory
 from .task import Role, Task, part_name
+
+if TYPE_CHECKING:
+    from .care_env import CareEnv
 
 CastEntry = str | Path | RobotConfig | AvatarConfig | Mapping[str, Any] | None
 
@@ -113,7 +119,8 @@ class HumanCast:
 
     Attributes:
         model: An avatar's name, a YAML file, a person of a population (`population:test:17`), or an
-            `AvatarConfig`; the role's default if None.
+            `AvatarConfig`; the role's default if None. `make` also takes people of whom another one plays
+            in each episode, such as `population:train`; see `envs.company`.
         actuation: How the joints are driven: `skeletal` pulls them towards target angles, `muscle` moves
             them by muscles.
         excitation: With muscles, what an action is: an excitation in [0, 1] of each `unit` or of each
@@ -234,6 +241,34 @@ def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
             f"policy of {role!r} must be a name, a file or a function of environment and role, got {policy!r}"
         )
     return policy
+
+
+class Anew:
+    """A policy of somebody outside of the environment, made anew where the scene is another one."""
+
+    def __init__(self, env: CareEnv, role: str, factory: PolicyFactory) -> None:
+        """Make the policy for the present scene."""
+        self._env, self._role, self._factory = env, role, factory
+        self._task, self._policy = env.task, factory(env, role)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        if self._env.task is not self._task:
+            self._task, self._policy = self._env.task, self._factory(self._env, self._role)
+        self._policy.reset(rng)
+
+    def act(self) -> Array:
+        return self._policy.act()
+
+
+def make_policy(env: CareEnv, task: str, role: str, policy: Any) -> Policy:
+    """Return the policy that somebody outside plays for a role of a built environment.
+
+    Raises:
+        UnknownNameError: If there is no policy of that name.
+        ConfigError: If it is neither a name nor callable, or its file cannot be read.
+    """
+    factory = find_policy(task, role, policy)
+    return factory(env, role) if env.company is None else Anew(env, role, factory)
 
 
 def _agent(name: str, role: Role[Any], fields: Mapping[str, Any], *, is_scripted: bool) -> Agent:

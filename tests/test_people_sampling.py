@@ -185,7 +185,7 @@ def test_populations_are_people_by_number() -> None:
         ("population:tests:3", "test"),
         ("population:test:200", "0..199"),
         ("population:test", "takes one of them"),
-        ("population:test:-1", "takes one of them"),
+        ("population:test:-1", "one from 0 to 199"),
     ],
 )
 def test_who_is_not_in_a_population_is_named(name: str, words: str) -> None:

@@ -19,12 +19,20 @@ import numpy as np
 from scipy.special import stdtrit  # type: ignore[import-untyped]
 from scipy.stats import binomtest  # type: ignore[import-untyped]
 
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.sampling.population import (
+    person_hash,
+    population_hash,
+    populations_among,
+)
 from rcare_marl.agents.policy import Policy
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.cast import CastEntry, find_policy
+from rcare_marl.envs.cast import CastEntry, make_policy
+from rcare_marl.envs.company import model_of
 from rcare_marl.envs.episode import EpisodeRecorder
 from rcare_marl.envs.registry import is_policy_file, lead_roles, task_class
+from rcare_marl.envs.task import part_name
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.provenance import versions
 
@@ -48,6 +56,8 @@ class Episode:
         returns: Summed reward of each role.
         metrics: What the task reports at the end, see `Task.metrics`.
         costs: Summed `cost` of each role, see `envs.safety`; none where the task measures none.
+        people: By role, who played it, where that is another person in each episode.
+        infeasible: Why it cannot be done for this cast; empty if it can.
     """
 
     seed: int
@@ -57,10 +67,14 @@ class Episode:
     returns: Mapping[str, float]
     metrics: Mapping[str, float]
     costs: Mapping[str, float] = field(default_factory=dict)
+    people: Mapping[str, str] = field(default_factory=dict)
+    infeasible: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; an event that never came is None."""
+        who = {"people": dict(self.people), "infeasible": self.infeasible} if self.people else {}
         return {
+            **who,
             "seed": self.seed,
             "success": self.success,
             "steps": self.steps,
@@ -83,8 +97,9 @@ class Evaluation:
         seed: Seed of the first episode; each further one has the next.
         episodes: The episodes, in order.
         place: House, level and room in which it took place; empty on a bare floor.
-        infeasible: Why it cannot be done for this cast; empty if it can.
-        versions: Versions of what the numbers depend on.
+        people: Of all who played, by name, a hash of everything that they are.
+        refused: Of a population, by name, why somebody cannot be cast; the next one played.
+        versions: Versions of what the numbers depend on, with a hash of each population.
     """
 
     task: str
@@ -94,7 +109,8 @@ class Evaluation:
     seed: int
     episodes: tuple[Episode, ...]
     place: Mapping[str, Any] = field(default_factory=dict)
-    infeasible: str = ""
+    people: Mapping[str, str] = field(default_factory=dict)
+    refused: Mapping[str, str] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=lambda: versions())
 
     @property
@@ -106,6 +122,16 @@ class Evaluation:
     def success_interval(self) -> tuple[float, float]:
         """Wilson's 95 % interval of the success rate."""
         return wilson_interval(sum(e.success for e in self.episodes), len(self.episodes))
+
+    @property
+    def feasible(self) -> tuple[Episode, ...]:
+        """The episodes that could be done for those who played."""
+        return tuple(episode for episode in self.episodes if not episode.infeasible)
+
+    @property
+    def infeasible(self) -> str:
+        """Why it cannot be done for anybody who played, by the first of them; empty if it can."""
+        return "" if self.feasible else self.episodes[0].infeasible
 
     @property
     def peak_force(self) -> float | None:
@@ -141,7 +167,12 @@ class Evaluation:
             "success_interval_95": list(self.success_interval),
             "feasible": not self.infeasible,
             "infeasible_reason": self.infeasible,
-            "success_rate_of_feasible": None if self.infeasible else self.success_rate,
+            "feasible_episodes": len(self.feasible),
+            "success_rate_of_feasible": (
+                float(np.mean([e.success for e in self.feasible])) if self.feasible else None
+            ),
+            "people": dict(self.people),
+            "refused": dict(self.refused),
             "peak_force_n": self.peak_force,
             "spilled": sum(self.values("spilled")) if "spilled" in first.metrics else None,
         }
@@ -195,16 +226,22 @@ def evaluate(
     with closing(make(task, options=options, **played_cast(task, entries, policies or {}))) as env:
         names, players = make_players(env, task, policies or {})
         recorder = EpisodeRecorder(env) if save is not None else None
-        done = []
+        done, people = list[Episode](), dict[str, str]()
         for number in range(episodes):
             done.append(run_episode(env, players, seed + number))
+            people |= person_hashes(env)
             if save is not None and recorder is not None:
                 recorder.episode(names).save(Path(save) / f"seed-{seed + number}.npz")
             if on_episode is not None:
                 on_episode(done[-1])
         models, chosen, place = model_names(env), dict(options or {}), env.task.place.facts()
-        reason = env.task.feasible.reason
-        return Evaluation(task, names, models, chosen, seed, tuple(done), place, reason)
+        refused = {} if env.company is None else env.company.refused
+        called = [*models.values(), *people]
+        of = {name: population_hash(name) for name in sorted(populations_among(called))}
+        known = versions() | {f"population {name}": found for name, found in of.items()}
+        return Evaluation(
+            task, names, models, chosen, seed, tuple(done), place, people, refused, known
+        )
 
 
 @dataclass(frozen=True)
@@ -289,8 +326,17 @@ def run_episode(
         if on_step is not None:
             on_step(env)
     task = env.task
+    people = {} if env.company is None else dict(env.company.playing)
     return Episode(
-        seed, bool(task.succeeded()), steps, env.world.time, returns, numbers(task.report()), costs
+        seed,
+        bool(task.succeeded()),
+        steps,
+        env.world.time,
+        returns,
+        numbers(task.report()),
+        costs,
+        people,
+        task.feasible.reason,
     )
 
 
@@ -370,7 +416,7 @@ def make_players(
             raise ConfigError(f"role {role!r} of task {task!r} has no default policy: name one")
         made_by = chosen if isinstance(chosen, str | Path) else type(chosen).__name__
         names[role] = str(getattr(chosen, "__name__", made_by))
-        players[role] = find_policy(task, role, chosen)(env, role)
+        players[role] = make_policy(env, task, role, chosen)
     return names, players
 
 
@@ -380,6 +426,19 @@ def model_names(env: CareEnv) -> dict[str, str]:
     for role, agent in env.cast.items():
         facts = agent.describe()
         out[role] = facts.get("avatar") or facts.get("model") or type(agent).__name__
+    return out if env.company is None else {**out, **env.company.called}
+
+
+def person_hashes(env: CareEnv) -> dict[str, str]:
+    """Return a hash of everything that each person is who plays now, by the name in the cast."""
+    out = {}
+    for role, agent in env.cast.items():
+        if isinstance(agent, Human):
+            model = (
+                model_of(env.setup["cast"].get(role)) or env.task.roles()[part_name(role)].default
+            )
+            name = model if isinstance(model, str | Path) else agent.avatar.name
+            out[Path(name).stem if Path(name).suffix else str(name)] = person_hash(agent.avatar)
     return out
 
 

@@ -156,6 +156,8 @@ class Record:
                 }
                 for name, run in zip(self.plan.policies, self.runs, strict=True)
             ],
+            "people": {who: found for run in self.runs for who, found in run.people.items()},
+            "refused": {who: why for run in self.runs for who, why in run.refused.items()},
             "place": dict(self.runs[0].place),
             "versions": dict(self.runs[0].versions),
             "machine": dict(self.machine),
@@ -298,7 +300,10 @@ def run(
             for role, used in parts[0].policies.items()
         }
         episodes = tuple(episode for part in parts for episode in part.episodes)
-        out.append(replace(parts[0], policies=shown, episodes=episodes))
+        people = {who: found for part in parts for who, found in part.people.items()}
+        refused = {who: why for part in parts for who, why in part.refused.items()}
+        whole = replace(parts[0], policies=shown, episodes=episodes)
+        out.append(replace(whole, people=people, refused=refused))
     return tuple(out)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 import yaml
 
 from rcare_marl import assets
-from rcare_marl.agents.people.avatar import expand_movable, load_avatar
+from rcare_marl.agents.people.avatar import expand_movable
 from rcare_marl.agents.people.behaviour.avatar_tree import (
     AvatarBehaviour,
     Surroundings,
@@ -34,6 +34,7 @@ from rcare_marl.agents.people.behaviour.behaviour_tree import GoAlong
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.profile import clinical_norms
+from rcare_marl.agents.people.sampling.population import avatar_fields, find_avatar
 from rcare_marl.agents.policy import Policy
 from rcare_marl.cache import cached
 from rcare_marl.envs.care_env import CareEnv
@@ -359,14 +360,14 @@ def trembling(avatar: str, dofs: tuple[str, ...], amplitude: float = TREMOR) -> 
     """Return the YAML file of an avatar whose muscles of some DoFs shake, written into the cache.
 
     Args:
-        avatar: Name of the avatar.
+        avatar: Name of the avatar, or of a person of a population.
         dofs: What shakes: the muscle groups of either motion of each.
         amplitude: Share of their strength.
 
     Raises:
         ConfigError: If the amplitude is no share.
     """
-    config, norms = load_avatar(avatar), clinical_norms()
+    config, norms = find_avatar(avatar), clinical_norms()
     groups: dict[str, set[str]] = {}
     for name in dofs:
         dof = DOFS[DOF_INDEX[name]]
@@ -378,7 +379,7 @@ def trembling(avatar: str, dofs: tuple[str, ...], amplitude: float = TREMOR) -> 
         tremor = {**before.tremor, **dict.fromkeys(sorted(shaking), amplitude)}
         changed: dict[str, Any] = {side: dataclasses.replace(before, tremor=tremor)}
         profile = dataclasses.replace(profile, **changed)
-    fields = dataclasses.asdict(dataclasses.replace(config, profile=profile))
+    fields = avatar_fields(dataclasses.replace(config, profile=profile))
     return cached(f"{avatar}_tremor", ".yaml", yaml.safe_dump(fields, sort_keys=False))
 
 

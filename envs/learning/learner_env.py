@@ -15,7 +15,7 @@ from rcare_marl.agents.policy import Policy
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError, check_name
 
-from ..cast import find_policy
+from ..cast import make_policy
 from ..registry import group_map
 from .recipe import EnvRecipe
 
@@ -82,7 +82,7 @@ class LearnerEnv:
             self._refuse_arrays()
             self.layout = self._lay_out()
             self._bases: dict[str, tuple[float, Policy]] = {
-                role: (scale, find_policy(recipe.task, role, "scripted")(env, role))
+                role: (scale, make_policy(env, recipe.task, role, "scripted"))
                 for role, scale in recipe.residual.items()
             }
         except BaseException:
@@ -219,7 +219,7 @@ class LearnerEnv:
                 if isinstance(env.cast[role], Robot)
                 else self.recipe.partner_names(role)[0]
             )
-            shown[role] = find_policy(task, role, name)(env, role)
+            shown[role] = make_policy(env, task, role, name)
         return shown
 
     def close(self) -> None:

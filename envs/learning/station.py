@@ -205,7 +205,8 @@ class Station:
             raise
         self._records = [Record() for _ in places]
         self._past: list[list[Record]] = [[] for _ in places]  # what each scene has seen before
-        self._keeps_traces = recipe.engine == "bullet"
+        is_new = all(env.care_env.company is not None for env in self._envs)  # in each episode
+        self._keeps_traces = recipe.engine == "bullet" and not is_new
         # Whose `first` is what they show now: they have not been stepped since it was written.
         self._is_fresh = [False for _ in places]
 

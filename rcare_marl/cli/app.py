@@ -23,11 +23,13 @@ from .parameter import (
     BenchTask,
     BestPolicyName,
     CaregiverModel,
+    Episodes,
     HomeLevel,
     HomeName,
     HomeRoom,
     Json,
     OutputFile,
+    Over,
     PlotFile,
     PolicyName,
     PolicyPatterns,
@@ -35,6 +37,7 @@ from .parameter import (
     RecipientModel,
     RobotModel,
     RolePolicies,
+    SavedEpisodes,
     Seed,
     Task,
     TaskOptions,
@@ -84,6 +87,7 @@ class Kind(str, Enum):
     tasks = "tasks"
     robots = "robots"
     avatars = "avatars"
+    populations = "populations"
     postures = "postures"
     policies = "policies"
     algorithms = "algorithms"
@@ -116,7 +120,7 @@ def list_(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List what there is: tasks, robots, avatars, postures, policies, learning algorithms.
+    """List what there is: tasks, robots, avatars, populations, postures, policies, learning algorithms.
 
     Example: rcare-marl list avatars
     """
@@ -157,9 +161,8 @@ def evaluate(
     task: Task,
     policy: PolicyName = "scripted",
     policies: PolicyPatterns = None,
-    episodes: Annotated[
-        int, typer.Option(min=1, help="How many episodes to run with each policy.")
-    ] = 100,
+    over: Over = None,
+    episodes: Episodes = None,
     seed: Seed = 0,
     processes: Processes = 1,
     role_policy: RolePolicies = None,
@@ -173,12 +176,7 @@ def evaluate(
     as_json: Json = False,
     output: OutputFile = None,
     plot: PlotFile = None,
-    save_episodes: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", help="Leave each episode there, for [bold]rcare-marl replay[/bold]."
-        ),
-    ] = None,
+    save_episodes: SavedEpisodes = None,
 ) -> None:
     """Run seeded episodes and report success, forces, spilling and returns.
 
@@ -194,18 +192,30 @@ def evaluate(
     Example: rcare-marl evaluate feeding --policies 'runs/seed*/policy.npz' --out record.json
 
     Example: rcare-marl evaluate feeding --episodes 3 --save-episodes runs/episodes
+
+    Example: rcare-marl evaluate feeding --over people=six,robots=reachable --out matrix.json
     """
     from . import assessment
 
     given: dict[str, Any] = {
-        "episodes": episodes,
         "seed": seed,
-        "processes": processes,
         "options": settings(option),
         "cast": cast_of(robot, recipient, caregiver) | place_of(home, level, room),
-        "save": save_episodes,
     }
     others = pairs(role_policy, "--role-policy")
+    if over is not None:
+        from . import matrix
+
+        beside = {"policies": policies, "plot": plot, "save-episodes": save_episodes}
+        for name in [name for name, value in beside.items() if value]:
+            raise typer.BadParameter("does not go with --over", param_hint=f"--{name}")
+        plan = matrix.MatrixPlan(
+            task, matrix.parse_over(over), policy, others, episodes or 5, **given
+        )
+        if not matrix.run(plan, processes=processes, output=output, as_json=as_json):
+            raise typer.Exit(1)
+        return
+    given |= {"episodes": episodes or 100, "processes": processes, "save": save_episodes}
     record = assessment.run(task, policies or [policy], others, **given)
     of_one = not policies and plot is None and processes == 1
     assessment.report(record, output=output, plot=plot, as_json=as_json, of_one=of_one)

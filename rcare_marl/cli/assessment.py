@@ -66,6 +66,13 @@ def _outcome(result: baseline.Evaluation, numbers: Mapping[str, Any]) -> list[tu
     ]
     if result.infeasible:
         rows.append(("cannot be done", result.infeasible, "", ""))
+    elif len(result.feasible) < len(result.episodes):
+        done, count = sum(e.success for e in result.feasible), len(result.feasible)
+        low, high = baseline.wilson_interval(done, count)
+        title = f"of the feasible ({done} of {count})"
+        rows.append((title, percent(done / count), f"{percent(low)} to {percent(high)}", ""))
+    if result.refused:
+        rows.append(("people refused", str(len(result.refused)), "", ""))
     rows += _of_roles("return", numbers)
     return [*rows, ("control steps", f"{numbers['steps_mean']:.4g}", "", "")]
 

@@ -19,6 +19,7 @@ from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.task_options import FORCE_LIMIT
 from rcare_marl.envs.tasks.feeding import MOUTH_RADIUS
+from rcare_marl.errors import ConfigError
 from rcare_marl.rendering.film import Film
 
 from .assessment import successes
@@ -41,6 +42,8 @@ def run(
     """Run the demo and leave its files, or none if it ends early; arguments as for the command."""
     with draft(output or FOLDER, numbered=output is None) as folder:
         with closing(make(TASK, **cast)) as env:
+            if env.company is not None:
+                raise ConfigError("the demo shows one person, such as population:test:17")
             chosen = policy or best_policy(env, TASK)
             names, players = baseline.make_players(env, TASK, baseline.lead_policies(TASK, chosen))
             film = None

@@ -7,6 +7,13 @@ from collections.abc import Mapping, Sequence
 
 from rcare_marl import assets
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.sampling.population import (
+    PREFIX,
+    SIX,
+    population_hash,
+    population_names,
+    population_size,
+)
 from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.console import console, table
 from rcare_marl.envs.registry import policy_factory, policy_names, task_class, task_names
@@ -15,11 +22,12 @@ Row = dict[str, str]
 
 
 def rows(kind: str) -> list[Row]:
-    """Return one row for each task, robot, avatar, posture, policy or algorithm; all have the same keys."""
+    """Return one row for each thing of a kind that `list` lists; all have the same keys."""
     return {
         "tasks": _tasks,
         "robots": _robots,
         "avatars": _avatars,
+        "populations": _populations,
         "postures": _postures,
         "policies": _policies,
         "algorithms": _algorithms,
@@ -69,6 +77,17 @@ def _avatars() -> list[Row]:
             "mass": f"{avatar.mass_kg:g} kg",
         }
         for name, avatar in ((name, load_avatar(name)) for name in assets.names("avatars"))
+    ]
+
+
+def _populations() -> list[Row]:
+    return [
+        {
+            "name": name if name == SIX else f"{PREFIX}{name}",
+            "people": str(population_size(name)),
+            "version": population_hash(name),
+        }
+        for name in population_names()
     ]
 
 

@@ -124,6 +124,29 @@ PlotFile = Annotated[
     Path | None,
     typer.Option("--plot", metavar="FILE", help="Draw success, returns and forces as a PNG."),
 ]
+Over = Annotated[
+    str | None,
+    typer.Option(
+        metavar="AXES",
+        help="A matrix in place of one cast: [bold]people[/bold], [bold]robots[/bold], "
+        "[bold]partners[/bold] and [bold]homes[/bold] with values joined by +, such as "
+        "people=six,robots=reachable,partners=all,homes=2. See docs/evaluation.md.",
+    ),
+]
+Episodes = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="How many episodes to run with each policy; 100 if left out, and 5 of each cell of --over.",
+        show_default=False,
+    ),
+]
+SavedEpisodes = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FOLDER", help="Leave each episode there, for [bold]rcare-marl replay[/bold]."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON value and nothing else.")]
 
 

@@ -149,7 +149,9 @@ def play(
     told: list[str] = []
 
     def tell(env: CareEnv) -> None:
-        if not told and env.viewer_url is not None:
+        if (
+            env.viewer_url is not None and env.viewer_url not in told
+        ):  # another person, another page
             told.append(env.viewer_url)
             print_line(f"watch at {env.viewer_url}  (Ctrl-C ends)")
 

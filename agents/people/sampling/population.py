@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -104,8 +104,17 @@ def population_hash(name: str) -> str:
     """Return a hash of everything that the people of a population are, 12 hexadecimal digits."""
     digest = hashlib.sha256()
     for person in people_of(name):
-        digest.update(json.dumps(avatar_fields(person), sort_keys=True).encode())
+        digest.update(_text(person))
     return digest.hexdigest()[:12]
+
+
+def person_hash(avatar: AvatarConfig) -> str:
+    """Return a hash of everything that a person is, 12 hexadecimal digits."""
+    return hashlib.sha256(_text(avatar)).hexdigest()[:12]
+
+
+def _text(avatar: AvatarConfig) -> bytes:
+    return json.dumps(avatar_fields(avatar), sort_keys=True).encode()
 
 
 def find_avatar(name: str | Path) -> AvatarConfig:
@@ -113,18 +122,61 @@ def find_avatar(name: str | Path) -> AvatarConfig:
 
     Raises:
         UnknownNameError: If there is no such avatar or population.
-        ConfigError: If the population has no person of that number, or none is given.
+        ConfigError: If the population has no person of that number, or the name stands for several.
     """
+    if isinstance(name, str) and names_several(name):
+        several = people_named(name)
+        raise ConfigError(
+            f"{name!r} names {len(several)} people; what is cast here takes one of them, "
+            f"{several[0]} to {several[-1]}"
+        )
     if not isinstance(name, str) or not name.startswith(PREFIX):
         return load_avatar(name)
     which, _, number = name.removeprefix(PREFIX).partition(":")
-    size = population_size(which)
-    if not number.isdecimal():
-        raise ConfigError(
-            f"{name!r} names {size} people; a cast takes one of them, {PREFIX}{which}:0 to "
-            f"{PREFIX}{which}:{size - 1}"
-        )
     return person_of(which, int(number))
+
+
+def names_several(name: object) -> bool:
+    """Return whether a name stands for people of a population: `six`, `population:test`, `:0-9`."""
+    if not isinstance(name, str) or name == SIX:
+        return name == SIX
+    _, _, number = name.removeprefix(PREFIX).partition(":")
+    return name.startswith(PREFIX) and not number.isdecimal()
+
+
+def population_of(name: str) -> str:
+    """Return the name of the population that a name stands for people of."""
+    return name.removeprefix(PREFIX).partition(":")[0]
+
+
+def populations_among(names: Iterable[str]) -> set[str]:
+    """Return the names of the populations whose people some names of a cast stand for."""
+    return {population_of(name) for name in names if name == SIX or name.startswith(PREFIX)}
+
+
+def people_named(name: str) -> tuple[str, ...]:
+    """Return those whom a name stands for, by name; itself if that is one person.
+
+    `population:test` is everybody of it, `population:test:0-9` its first ten, and `six` those who ship.
+
+    Raises:
+        UnknownNameError: If there is no such population.
+        ConfigError: If it has no such people.
+    """
+    if not names_several(name):
+        return (name,)
+    which, span = population_of(name), name.removeprefix(PREFIX).partition(":")[2]
+    size = population_size(which)
+    first, dash, last = span.partition("-") if span else ("0", "-", str(size - 1))
+    if not (dash and first.isdecimal() and last.isdecimal() and int(first) <= int(last) < size):
+        raise ConfigError(
+            f"{name!r}: {span!r} is none of its people; write one from 0 to {size - 1}, or several as "
+            f"{PREFIX}{which}:0-{min(9, size - 1)}"
+        )
+    chosen = range(int(first), int(last) + 1)
+    if which == SIX:
+        return tuple(_populations().six[number] for number in chosen)
+    return tuple(f"{PREFIX}{which}:{number}" for number in chosen)
 
 
 def avatar_fields(avatar: AvatarConfig) -> dict[str, Any]:
