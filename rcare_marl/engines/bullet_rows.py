@@ -119,17 +119,7 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
         answers, spans = _answers(inertia, rows)
         coupling, left = _coupling(rows, answers, spans, soft, wished, smooth)
         _solve(sweeps[0], kinds, most, coupling, left, contacts, forces)
-        for row in range(count):
-            force = forces[row]
-            if kinds[row] == FRICTION_ROW:
-                acted[ids[row]] = force
-            if force != 0.0:
-                for k in range(starts[row], starts[row] + sizes[row]):
-                    pushes[columns[k]] += jacobian[k] * force
-                for i in range(spans[row, 0], spans[row, 1]):
-                    acceleration[i] += answers[row, i] * force
-                for i in range(spans[row, 2], spans[row, 3]):
-                    acceleration[i] += answers[row, i] * force
+        _push(rows, (kinds, ids), forces, answers, spans, acceleration, pushes, acted)
     cut_speeds(qvel, acceleration, caps, dt)
     feels, present, kept = felt
     if feels[0]:
@@ -378,3 +368,21 @@ def _set_force(row, force, coupling, left, forces) -> None:  # type: ignore[no-u
         mine = coupling[row]
         for k in range(len(left)):
             left[k] += mine[k] * change
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _push(rows, told, forces, answers, spans, acceleration, pushes, acted) -> None:  # type: ignore[no-untyped-def]
+    """Add what the forces of the rows do to accelerations and forces of joints; tell what motors did."""
+    sizes, starts, columns, jacobian = rows
+    kinds, ids = told
+    for row in range(len(kinds)):
+        force = forces[row]
+        if kinds[row] == FRICTION_ROW:
+            acted[ids[row]] = force
+        if force != 0.0:
+            for k in range(starts[row], starts[row] + sizes[row]):
+                pushes[columns[k]] += jacobian[k] * force
+            for i in range(spans[row, 0], spans[row, 1]):
+                acceleration[i] += answers[row, i] * force
+            for i in range(spans[row, 2], spans[row, 3]):
+                acceleration[i] += answers[row, i] * force
