@@ -50,6 +50,8 @@ def test_axes_stand_for_single_values() -> None:
         ("people=population:tst", "Did you mean 'test'"),
         ("people=population:test:5-900", "one from 0 to 199"),
         ("people=population:test:900", "people 0..199"),
+        ("people=no/such.yaml", "No such file"),
+        ("robots=no/such.yaml", "No such file"),
         ("people=", "needs values"),
         ("people=six,people=six", "stands there twice"),
         ("robots=pr3", "Did you mean 'pr2'"),
@@ -67,8 +69,10 @@ def test_bad_axes_are_refused_by_name(over: str, said: str) -> None:
 def test_an_axis_takes_nothing_beside_it() -> None:
     with pytest.raises(ConfigError, match="robots are an axis"):
         MatrixPlan("feeding", parse_over("robots=pr2"), cast={"robot": "ur5"})
-    with pytest.raises(ConfigError, match="partners need people"):
+    with pytest.raises(ConfigError, match="nobody plays the recipient"):
         MatrixPlan("toileting", parse_over("partners=still"))
+    with pytest.raises(ConfigError, match="nobody plays the caregiver"):
+        MatrixPlan("bathing", parse_over("partners=caregiver:still"))
 
 
 def test_cells_are_evaluations_and_refusals_are_rows(

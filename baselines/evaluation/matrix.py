@@ -21,10 +21,12 @@ from rcare_marl import assets
 from rcare_marl.agents.people.avatar import expand_movable
 from rcare_marl.agents.people.sampling.population import (
     PREFIX,
+    SIX,
+    find_avatar,
+    names_several,
     people_named,
-    person_of,
-    population_of,
 )
+from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.config import load
 from rcare_marl.envs.company import model_of
 from rcare_marl.envs.homes import LEVELS, home_names
@@ -89,13 +91,11 @@ def axis_values(task: str, axis: str, values: Sequence[str]) -> tuple[str, ...]:
 def _people(task: str, value: str) -> tuple[str, ...]:
     if RECIPIENT not in task_class(task).roles():
         raise ConfigError(f"task {task!r} has no {RECIPIENT!r}: leave out people and partners")
-    found = people_named(value)
-    for name in found if found == (value,) else ():
-        if name.startswith(PREFIX):
-            person_of(population_of(name), int(name.rpartition(":")[2]))
-        elif not Path(name).suffix:
-            check_name("avatar or population", name, [*assets.names("avatars"), "six"])
-    return found
+    if not Path(value).suffix and not value.startswith(PREFIX):
+        check_name("avatar or population", value, [*assets.names("avatars"), SIX])
+    if not names_several(value):
+        find_avatar(value)  # so that a file that is missing is told before anything runs
+    return people_named(value)
 
 
 def _robots(task: str, value: str) -> tuple[str, ...]:
@@ -104,6 +104,8 @@ def _robots(task: str, value: str) -> tuple[str, ...]:
         return tuple(sorted(known if reach is None else reach))
     if not Path(value).suffix:
         check_name("robot", value, [*known, ALL, REACHABLE])
+    if value != ALL:
+        load_robot(value)
     return tuple(known) if value == ALL else (value,)
 
 
@@ -200,10 +202,12 @@ class MatrixPlan:
         for axis in self.over:
             if taken[axis] is not None:
                 raise ConfigError(f"{axis} are an axis, and one is given besides: {taken[axis]}")
-        part = cls.roles().get(RECIPIENT)
-        nobody = RECIPIENT not in self.cast and (part is None or part.default is None)
-        if "partners" in self.over and "people" not in self.over and nobody:
-            raise ConfigError(f"nobody is cared for in {self.task!r}: partners need people")
+        played = {role for role, part in cls.roles().items() if part.default is not None}
+        played |= set(self.cast) | ({RECIPIENT} if "people" in self.over else set())
+        for partner in self.over.get("partners", ()):
+            role = partner.rpartition(":")[0] or RECIPIENT
+            if role not in played:
+                raise ConfigError(f"nobody plays the {role} of {self.task!r}, as {partner!r} needs")
         if self.episodes < 1 or self.seed < 0:
             raise ConfigError(
                 f"episodes are at least 1 and a seed at least 0, got {self.episodes} and {self.seed}"
