@@ -1,4 +1,4 @@
-"""A hand-written robot that brushes teeth: wait before the mouth, go in along the cheek, press softly, stroke.
+"""A hand-written robot that brushes teeth: wait before the mouth, go in by the cheek, press softly, stroke.
 
 It presses by what the brush feels, and comes out again for each quadrant, and from who does not want it.
 """
@@ -30,6 +30,12 @@ ASK, FURTHER = (
 )  # [m] from the lips for who just said no; beyond where it counts as taken away
 OUT = 0.03  # [m] further than where it waits, towards which it comes out
 MISSED = 0.03  # [m] before its place at the teeth, where a brush is in the mouth that has met it
+DEEP, MOST = 0.01, 2.4  # [m] into the teeth, [N]: then it is not they that it feels
+OUT_GAIN, FOLLOW, GIVE = (
+    8.0,
+    0.3,
+    0.02,
+)  # [1/s], [m/s] with the head, [m/s] for each newton on its way out
 ASTRAY = 0.01  # [m] beside the line of the brush, where it goes in no further
 SINK, ALONG = 0.02, 0.08  # [m/s] onto the teeth, along them
 
@@ -43,27 +49,39 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
     def _begin(self) -> None:
         self._offering, self._quadrant, self._since = Offering(), 0, 0.0
         self._is_in = self._is_down = False
+        self._mouth: Array | None = None
+        self._places: Array = np.zeros((0, 3))
+        self._face = np.array((1.0, 0.0, 0.0))
 
     def act(self) -> Array:
         task, seen = self._task, self._task.state
         offers = self._offering.goes_on(seen.refusal, seen.time)
         left = np.flatnonzero(~np.asarray(task.is_clean(seen.brushed)))
+        if self._mouth is None or (offers and not seen.refusal.is_no):  # nobody is chased
+            self._mouth, self._face = seen.mouth, seen.face
         if not seen.is_inside and len(left):
             self._quadrant = int(left[0])
         place, outward, into = task.aim(self._quadrant)
+        moved = place - self._places[self._quadrant] if len(self._places) else np.zeros(3)
+        self._places = seen.targets
         turn = turning(task.brush_quaternion(into), seen.turn, TURN_GAIN)
         clear = place + CLEAR * outward - seen.bristles
         before = clear - BEFORE * into
-        goes_in = offers and not seen.refusal.is_no and task.may_enter and self._quadrant in left
+        goes_on = offers and not seen.refusal.is_no
+        goes_in = goes_on and task.may_enter and self._quadrant in left
         if not goes_in:
             self._is_in = self._is_down = False
-            if seen.is_inside:  # out as it came in
-                return self._about(
-                    seen.bristles, self._along(before - OUT * into, into, AWAY), turn
-                )
-            if not offers:
-                before = seen.mouth + (TAKEN_AWAY + FURTHER) * seen.face - seen.bristles
-            elif seen.refusal.is_no:
+            if seen.is_inside and goes_on:  # out as it came in
+                linear = self._along(before - OUT * into, into, AWAY)
+                return self._about(seen.bristles, linear, turn)
+            if seen.is_inside:  # straight out, going along with a head that turns, and yielding
+                linear = limited(moved / task.control_dt, FOLLOW) + limited(GIVE * seen.push, AWAY)
+                return self._about(seen.bristles, linear - AWAY * seen.axis, 0.0 * turn)
+            if not goes_on:
+                ahead = unit(self._face * (1.0, 1.0, 0.0))
+                turn = turning(task.brush_quaternion(-ahead), seen.turn, TURN_GAIN)
+                before = self._mouth + (TAKEN_AWAY + FURTHER) * ahead - seen.bristles
+            if offers and seen.refusal.is_no:
                 before = seen.mouth + ASK * unit(seen.bristles - seen.mouth) - seen.bristles
             return self._about(seen.bristles, limited(GAIN * before, FAST), turn)
         is_level = np.linalg.norm(turn) < LEVEL * TURN_GAIN
@@ -96,7 +114,8 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         linear = GAIN * (goal - (goal @ outward) * outward)
         linear = linear + 2 * math.pi * RATE * STROKE * math.cos(phase) * along
         press = float(seen.cleaning[self._quadrant])
-        inward = YIELD * (PRESS - seen.press) if seen.press > TOUCH else SINK
-        if press <= TOUCH < seen.press:  # something else is in the way
-            inward = 0.0
+        is_beyond = float((seen.bristles - place) @ outward) < -DEEP
+        inward = YIELD * (PRESS - press) if press > TOUCH else SINK
+        if seen.press > MOST or (press <= TOUCH and is_beyond):  # something else is in the way
+            inward = -SINK
         return limited(linear, ALONG) - float(np.clip(inward, -SINK, SINK)) * outward

@@ -48,10 +48,11 @@ FROM_SIDE = (
 )
 MIDDLE = 0.008  # [m] to a side, where a quadrant begins
 # Lips, cheeks and throat: how far they give way freely [m], and what they push with beyond.
-HALF_WIDTH, LIP_STRETCH = 0.030, 0.012  # of the mouth with drawn corners; up and down
+HALF_WIDTH, LIP_STRETCH = 0.034, 0.012  # of the mouth with drawn corners; up and down
 CHEEK, THROAT = 0.040, 0.075  # from the midline to a side, from the lips to the back
-SOFT = 250.0  # [N/m]
+SOFT = 80.0  # [N/m]
 ENTRY, LEFT = 0.015, 0.025  # [m] before the lips, where a brush has come in; where it is out again
+CLEAR = 0.002  # [m] between brush and face, from where that is rigid again
 NEAR = 0.12  # [m] from the lips, beyond which nothing is looked at
 
 
@@ -118,6 +119,7 @@ class MouthInside:
         is_inside: Whether the brush has come in between the lips.
         outside: Force of the bristles on the outer side of each of `QUADRANTS` in the last physics step
             [N], shape [4].
+        push: Force on the brush in it, in the world [N], shape [3].
     """
 
     def __init__(
@@ -134,8 +136,9 @@ class MouthInside:
         self._world: World = weakref.proxy(world)
         self._person, self._brush = person, brush
         self.arches = arches_of(person)
-        self.is_inside = False
+        self.is_inside = self._passes = False
         self.outside = np.zeros(len(QUADRANTS))
+        self.push = np.zeros(3)
         frames = {joint: person.frames[JOINT_INDEX[joint]] for joint in ("head", "jaw", "neck")}
         self._passed = sorted({frame.link for frame in frames.values()})
         self._links = [frames[arch.joint].link for arch in self.arches]
@@ -161,20 +164,19 @@ class MouthInside:
         """Push brush and person for the coming physics step."""
         self._contacts.clear()
         self.outside[:] = 0.0
+        self.push[:] = 0.0
         brush = self._brush.base_pose().matrix()
         tip = brush[:3, :3] @ self._bristles[-1] + brush[:3, 3]
         head = self.frame(0)
         lips = head[:3, :3] @ self._lips[0] + head[:3, 3]
         apart = tip - lips
         if apart @ apart > NEAR * NEAR:
-            self._pass(False)
-            self._before = []
+            self._leave()
             return
         frames = [head, self.frame(1)]
         points = self._bristles @ brush[:3, :3].T + brush[:3, 3]
         self._enter_or_leave(frames, head[:3, :3].T @ apart)
         if not self.is_inside:
-            self._before = []
             return
         local = [(points - frame[:3, 3]) @ frame[:3, :3] for frame in frames]
         for k, (arch, frame) in enumerate(zip(self.arches, frames, strict=True)):
@@ -191,12 +193,14 @@ class MouthInside:
         """See whether the tip, from the upper lip in axes of the head [m], is in the mouth now."""
         if self.is_inside:
             if tip[2] > LEFT:
-                self._pass(False)
+                self._leave()
             return
+        self._leave()
         low = self._lower_lip(frames)
         is_open = low < -LIP_STRETCH * 0.25
         fits = low - LIP_STRETCH < tip[1] < LIP_STRETCH and abs(tip[0]) < HALF_WIDTH * self._scale
         if is_open and fits and 0.0 < tip[2] < ENTRY:
+            self.is_inside = True
             self._pass(True)
 
     def _lower_lip(self, frames: list[Array]) -> float:
@@ -205,23 +209,34 @@ class MouthInside:
         place = frames[0][:3, :3].T @ (low - frames[0][:3, 3])
         return float(place[1] - self._lips[0][1])
 
-    def _pass(self, inside: bool) -> None:
+    def _leave(self) -> None:
+        """Be out of the mouth; the face is rigid again once the brush is clear of it."""
+        self.is_inside = False
+        self._before = []
+        if self._passes:
+            person = self._person.body
+            if self._world.separation(self._brush, person, within=CLEAR) >= CLEAR:
+                self._pass(False)
+
+    def _pass(self, passes: bool) -> None:
         """Let the brush through the rigid face, or not."""
-        if inside == self.is_inside:
-            return
-        self.is_inside = inside
-        self._world.set_collision(self._brush, self._person.body, not inside, links_b=self._passed)
+        if passes != self._passes:
+            self._passes = passes
+            links = self._passed
+            self._world.set_collision(self._brush, self._person.body, not passes, links_b=links)
 
     def _soft_parts(self, frames: list[Array], tip: Array, brush: Array) -> None:
         """Let lips, cheeks and throat push the brush where they cannot give way any more."""
         head, scale = frames[0], self._scale
         tip = tip - self._lips[0]
+        if tip[2] >= 0.0:
+            return
         beyond = np.zeros(3)
         beyond[0] = tip[0] - np.clip(tip[0], -CHEEK * scale, CHEEK * scale)
         beyond[2] = min(tip[2] + THROAT * scale, 0.0)
         self._push_soft(head, -SOFT * beyond, tip + self._lips[0])
         axis = head[:3, :3].T @ brush[:3, 2]
-        if tip[2] >= 0.0 or axis[2] > -0.1:
+        if axis[2] > -0.1:
             return
         at = tip - axis * (tip[2] / axis[2])  # where the neck of the brush is between the lips
         wide, low = HALF_WIDTH * scale, self._lower_lip(frames) - LIP_STRETCH
@@ -236,6 +251,7 @@ class MouthInside:
     def _push(self, which: int, frame: Array, force: Array, place: Array, size: float) -> None:
         """Push the brush by a force [N] at a place [m] in the frame of an arch, and the person back."""
         at, push = frame[:3, :3] @ place + frame[:3, 3], frame[:3, :3] @ force
+        self.push += push
         self._brush.apply_force(-1, push.tolist(), at.tolist())
         self._person.body.apply_force(self._links[which], (-push).tolist(), at.tolist())
         self._contacts.append(
@@ -261,10 +277,12 @@ class MouthInside:
 
     def rewind(self) -> None:
         """Return to a brush that is out of the mouth."""
+        self.is_inside = False
         self._pass(False)
         self._before = []
         self._contacts.clear()
         self.outside[:] = 0.0
+        self.push[:] = 0.0
 
 
 @numba.njit(cache=True)

@@ -27,8 +27,8 @@ from ..state import Seen, State, Values, tolerance
 
 Hold = tuple[float, float]
 
-# [N] with which a quadrant is cleaned. Manual brushing: 1.6 N, SD 0.3 (A. Wiegand et al., Clin. Oral Investig.
-# 17, 2013), 3.2 N (G. van der Weijden et al., J. Clin. Periodontol. 25, 1998); the band is our own choice.
+# [N] with which a quadrant is cleaned; our own choice. People brush with 1.6 N, SD 0.3 (A. Wiegand et al.,
+# Clin. Oral Investig. 17, 2013), or 3.2 N (G. van der Weijden et al., J. Clin. Periodontol. 25, 1998).
 PRESS = (0.5, 2.5)
 COMFORT_FORCE = 3.0  # [N] free of penalty; our own choice, as all that follows
 STROKE = 0.01  # [m/s] along the teeth at least
@@ -79,6 +79,7 @@ class ToothBrushingState(State):
     targets: Array  # where the middle of the bristles touches each of `QUADRANTS` [m], shape [4, 3]
     outward: Array  # out of the teeth there, unit vectors, shape [4, 3]
     to_next: Array  # from the bristles to the first quadrant that is not clean [m], shape [3]
+    push: Array  # on the brush within the mouth, the mean of the control step [N], shape [3]
     press: float  # of the brush on the person, the mean of the control step [N]
     cleaning: Array  # of that on the outer side of each quadrant [N], shape [4]
     speed: Array  # of the bristles along the upper and the lower row [m/s], shape [2]
@@ -122,7 +123,7 @@ class ToothBrushing(Meal):
         self._hold = self._find_hold(world)
         self._set_brush(np.zeros(3))
         self.take_tool(self.robot, body, Pose())
-        self._pressed, self._cleaned, self._steps = 0.0, np.zeros(len(QUADRANTS)), 0
+        self._forget()
 
     def _find_hold(self, world: World) -> Hold:
         """Find how the robot holds the brush so that it reaches all quadrants of an open mouth.
@@ -213,7 +214,12 @@ class ToothBrushing(Meal):
         across, up = START_SPREAD
         low, high = (0.0, -across, -up), (START_GAP[1] - START_GAP[0], across, up)
         self._set_brush(rng.uniform(low, high))
-        self._pressed, self._cleaned, self._steps = 0.0, np.zeros(len(QUADRANTS)), 0
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin a control step: nothing was felt in it yet."""
+        self._pressed, self._steps = 0.0, 0
+        self._cleaned, self._pushed = np.zeros(len(QUADRANTS)), np.zeros(3)
 
     def offered_position(self) -> Array:
         """Return where the middle of the bristles is in the world [m], shape [3]."""
@@ -222,6 +228,7 @@ class ToothBrushing(Meal):
     def after_substep(self) -> None:
         self._pressed += self.world.contact_force(self.recipient.body, self.brush.body)
         self._cleaned += self.inside.outside
+        self._pushed += self.inside.push
         self._steps += 1
 
     def read(self, now: State, before: ToothBrushingState | None) -> ToothBrushingState:
@@ -231,8 +238,8 @@ class ToothBrushing(Meal):
         frames = [self.inside.frame(row) for row in range(2)]
         local = np.array([frame[:3, :3].T @ (bristles - frame[:3, 3]) for frame in frames])
         steps = max(self._steps, 1)
-        press, cleaning = self._pressed / steps, self._cleaned / steps
-        self._pressed, self._cleaned, self._steps = 0.0, np.zeros(len(QUADRANTS)), 0
+        press, cleaning, push = (v / steps for v in (self._pressed, self._cleaned, self._pushed))
+        self._forget()
         aims = [self.aim(quadrant) for quadrant in range(len(QUADRANTS))]
         targets, outward = (np.array([aim[k] for aim in aims]) for k in range(2))
         speed, brushed, gained = np.zeros(2), np.zeros(len(QUADRANTS)), 0.0
@@ -264,6 +271,7 @@ class ToothBrushing(Meal):
             targets=targets,
             outward=outward,
             to_next=self._unclean(brushed, targets) - bristles,
+            push=push,
             press=press,
             cleaning=cleaning,
             speed=speed,
@@ -291,6 +299,7 @@ class ToothBrushing(Meal):
             Seen("face_direction", "1", 3, lambda s: s.face),
             Seen("jaw_opening", "rad", 1, lambda s: s.jaw),
             Seen("in_mouth", "1", 1, lambda s: where(s.is_inside, 1.0, 0.0)),
+            Seen("brush_push", "N", 3, lambda s: s.push),
             Seen("brush_force", "N", 1, lambda s: s.press),
             Seen("quadrant_force", "N", len(QUADRANTS), lambda s: s.cleaning),
             Seen("brushed", "s", len(QUADRANTS), lambda s: s.brushed),
