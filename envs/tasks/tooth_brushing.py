@@ -44,11 +44,11 @@ HEAD_TURN, HEAD_TILT = math.radians(12), math.radians(6)  # uniform, each way
 BEFORE = 0.085  # [m] along the brush from its place at the teeth to where it waits before the mouth
 CLEAR = 0.006  # [m] from bristles to teeth as the brush comes in
 # Tried in turn: how much more the brush comes from below, and how it is rolled [rad].
-FROM_BELOW = (0.0, 0.15, 0.3)
+FROM_BELOW = (0.0, 0.2, 0.4, 0.6)
 ROLLS = tuple(math.radians(a) for a in range(0, 360, 45))
 # [rad] by which a joint may go from one place to the next: more is another way to bend the arm. What an arm
 # near a singular posture costs beside [rad], over its manipulability.
-OTHER_WAY, SINGULAR = 1.3, 0.01
+OTHER_WAY, SINGULAR = 2.2, 0.05
 MISS, MISS_TURN = 0.01, 0.1  # [m] of the way that may be missed, also per radian
 
 
@@ -135,13 +135,15 @@ class ToothBrushing(Meal):
         if jaw not in person.movable:
             raise ConfigError(f"{person.name!r} needs {jaw!r} among the movable degrees of freedom")
         person.set_angles({jaw: 0.7 * float(person.active[person.movable.index(jaw), 1])})
-        trials = []
-        for hold in itertools.product(FROM_BELOW, ROLLS):
-            way = [self._start_pose(np.zeros(3), hold)]
-            for quadrant in range(len(QUADRANTS)):
-                place, _, into = self.aim(quadrant, hold)
-                way += [self._tool_for(place - gap * into, into, hold) for gap in (BEFORE, 0.0)]
-            trials.append(Trial(way, hold=hold))
+        holds = list(itertools.product(FROM_BELOW, ROLLS))
+        ways = [[self._start_pose(np.zeros(3), hold)] for hold in holds]
+        for turned in (HEAD_TURN, -HEAD_TURN):  # as far as episodes may begin
+            self._face_aside(turned)
+            for way, hold in zip(ways, holds, strict=True):
+                for quadrant in range(len(QUADRANTS)):
+                    place, _, into = self.aim(quadrant, hold)
+                    way += [self._tool_for(place - gap * into, into, hold) for gap in (BEFORE, 0.0)]
+        trials = [Trial(way, hold=hold) for way, hold in zip(ways, holds, strict=True)]
         search = self.search(
             world,
             all_the_way=True,
@@ -151,9 +153,15 @@ class ToothBrushing(Meal):
         )
         found = search.find(trials, "all teeth")
         person.set_angles({jaw: 0.0})
+        self._face_aside(0.0)
         self._near = found.posture
         hold: Hold = found.trial.hold
         return hold
+
+    def _face_aside(self, turned: float) -> None:
+        """Turn the head of the recipient to the left [rad]."""
+        dofs = [dof for dof in self._head_dofs if dof.endswith("rotation_left")]
+        self.recipient.set_angles(dict.fromkeys(dofs, turned / max(len(dofs), 1)))
 
     def _effort(self, before: IkResult, after: IkResult) -> float:
         """Return what a place costs after another [rad]."""
