@@ -43,8 +43,8 @@ START_SPREAD = (0.04, 0.03)  # [m] across and up, uniform each way
 HEAD_TURN, HEAD_TILT = math.radians(12), math.radians(6)  # uniform, each way
 BEFORE = 0.085  # [m] along the brush from its place at the teeth to where it waits before the mouth
 CLEAR = 0.006  # [m] from bristles to teeth as the brush comes in
-# Tried in turn: how much more the brush comes from below, and how it is rolled [rad].
-FROM_BELOW = (0.0, 0.2, 0.4, 0.6)
+# Tried in turn: how much more the brush comes from below to the upper teeth, and how it is rolled [rad].
+FROM_BELOW = (0.0, 0.15, 0.3)
 ROLLS = tuple(math.radians(a) for a in range(0, 360, 45))
 # [rad] by which a joint may go from one place to the next: more is another way to bend the arm. What an arm
 # near a singular posture costs beside [rad], over its manipulability.
@@ -101,7 +101,15 @@ class ToothBrushing(Meal):
     """
 
     room_kinds = ("bathroom", "bedroom", "living", "lounge", "kitchen")
-    reachable_by = ("franka_panda", "kinova_gen2", "kinova_gen3")
+    reachable_by = (
+        "fetch",
+        "franka_panda",
+        "kinova_gen2",
+        "kinova_gen3",
+        "pr2",
+        "stretch_re1_dex",
+        "ur5",
+    )
     least_success = 90
     engines = ("bullet",)  # the rigid face lets the brush in during an episode
     time_limit = 60.0
@@ -182,7 +190,7 @@ class ToothBrushing(Meal):
         frame = self.inside.frame(row)
         node, outward = self.inside.arches[row].beside(aside, BACK)
         turn = aside * YAW
-        rise = up * PITCH + pitch
+        rise = up * PITCH + (0.0 if row else pitch)  # from below the lower lip is in the way
         into = np.array(
             (math.sin(turn) * math.cos(rise), math.sin(rise), -math.cos(turn) * math.cos(rise))
         )
