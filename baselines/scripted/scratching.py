@@ -18,7 +18,6 @@ from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 PRESS, TOUCH = 1.5, 0.2  # [N] that it presses with, and that count as contact
-HARD = 4.0  # [N] that something else must be the matter than its own stroke
 HOVER = 0.03  # [m] over the skin, before it presses
 REACHED, LEVEL = 0.012, 0.3  # [m], [rad] from there
 STROKE, RATE = 0.01, 0.8  # [m] each way, [1/s] of its strokes
@@ -40,21 +39,15 @@ class ScriptedScratching(ToolScript[Scratching]):
 
     def _begin(self) -> None:
         self._offering, self._is_down, self._since = Offering(), False, 0.0
-        self._home: Array | None = None  # where the tip began: it surely gets back there
 
     def act(self) -> Array:
         task, seen = self._task, self._task.state
         out = seen.out
         turn = turning(task.tool_quaternion(out), seen.turn, TURN_GAIN)
         away = seen.said + HOVER * out - seen.tip
-        if self._home is None:
-            self._home = seen.tip
-        offers = self._offering.goes_on(seen.refusal, seen.time)
-        if not offers or seen.press > HARD:
+        if not self._offering.goes_on(seen.refusal, seen.time):
             self._is_down = False
-            is_off = not offers and float((seen.tip - seen.said) @ out) > HOVER
-            lifted = seen.said + (TAKEN_AWAY + 0.015) * out
-            away = (lifted if not is_off and seen.press <= HARD else self._home) - seen.tip
+            away = away + (TAKEN_AWAY + 0.015 - HOVER) * out
             return self._about(seen.tip, limited(4 * GAIN * away, AWAY), turn)
         is_there = np.linalg.norm(away) < REACHED and np.linalg.norm(turn) < LEVEL * TURN_GAIN
         if not self._is_down and is_there:

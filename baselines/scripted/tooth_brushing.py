@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.scenes.meal import TAKEN_AWAY
+from rcare_marl.envs.scenes.meal import OPEN_MOUTH, TAKEN_AWAY
 from rcare_marl.envs.tasks.tooth_brushing import BEFORE, CLEAR, ToothBrushing
 from rcare_marl.pose import Array
 
@@ -68,7 +68,7 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         clear = place + CLEAR * outward - seen.bristles
         before = clear - BEFORE * into
         goes_on = offers and not seen.refusal.is_no
-        goes_in = goes_on and task.may_enter and self._quadrant in left
+        goes_in = goes_on and seen.jaw >= OPEN_MOUTH and self._quadrant in left
         if not goes_in:
             self._is_in = self._is_down = False
             if seen.is_inside and goes_on:  # out as it came in

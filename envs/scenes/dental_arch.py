@@ -255,7 +255,7 @@ class MouthInside:
         self._brush.apply_force(-1, push.tolist(), at.tolist())
         self._person.body.apply_force(self._links[which], (-push).tolist(), at.tolist())
         self._contacts.append(
-            (self._links[which], at, push / max(np.linalg.norm(push), 1e-9), size)
+            (self._links[which], at, push / max(float(np.linalg.norm(push)), 1e-9), size)
         )
 
     def contacts(self, a: Body, b: Body | None = None) -> list[Contact]:

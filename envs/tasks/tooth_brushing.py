@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -15,14 +16,15 @@ from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.world import World
 
-from ..broadcast import clip, where
+from ..broadcast import clip, norm, where
 from ..care_env import CareEnv
 from ..devices import Device
 from ..reach import Trial, manipulability
 from ..registry import register_policy, register_task
+from ..scenes.brushing_state import ToothBrushingState
 from ..scenes.dental_arch import BRISTLES, CROWN, QUADRANTS, MouthInside
-from ..scenes.meal import OPEN_MOUTH, Meal, MealOptions
-from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
+from ..scenes.meal import Meal, MealOptions
+from ..scenes.refusal import RefusalOptions, refusal_seen
 from ..state import Seen, State, Values, tolerance
 
 Hold = tuple[float, float]
@@ -62,31 +64,6 @@ class ToothBrushingOptions(RefusalOptions, MealOptions):
     """
 
     SHAPED_WEIGHTS = {"distance": 1.0, "brushed": 10.0, "comfort": 0.5, "clean": 10.0}
-
-
-@dataclass(frozen=True, eq=False)
-class ToothBrushingState(State):
-    """What tooth brushing reads."""
-
-    bristles: Array  # their middle [m], shape [3]
-    turn: Array  # how the brush is turned, a quaternion, shape [4]
-    axis: Array  # along the handle to the head, a unit vector, shape [3]
-    mouth: Array  # between the lips [m], shape [3]
-    face: Array  # where the face looks, a unit vector, shape [3]
-    jaw: float  # how far the jaw is open [rad]
-    is_inside: bool  # whether the brush is in the mouth
-    distance: float  # from bristles to lips [m]
-    targets: Array  # where the middle of the bristles touches each of `QUADRANTS` [m], shape [4, 3]
-    outward: Array  # out of the teeth there, unit vectors, shape [4, 3]
-    to_next: Array  # from the bristles to the first quadrant that is not clean [m], shape [3]
-    push: Array  # on the brush within the mouth, the mean of the control step [N], shape [3]
-    press: float  # of the brush on the person, the mean of the control step [N]
-    cleaning: Array  # of that on the outer side of each quadrant [N], shape [4]
-    speed: Array  # of the bristles along the upper and the lower row [m/s], shape [2]
-    brushed: Array  # how long each quadrant was brushed [s], shape [4]
-    gained: float  # of that in this control step, up to `BRUSHED` each
-    local: Array  # the bristles as each row sees them [m], shape [2, 3]
-    refusal: Refusal  # what the recipient did not want
 
 
 @register_task("tooth_brushing")
@@ -163,8 +140,7 @@ class ToothBrushing(Meal):
         person.set_angles({jaw: 0.0})
         self._face_aside(0.0)
         self._near = found.posture
-        hold: Hold = found.trial.hold
-        return hold
+        return cast(Hold, found.trial.hold)
 
     def _face_aside(self, turned: float) -> None:
         """Turn the head of the recipient to the left [rad]."""
@@ -227,9 +203,8 @@ class ToothBrushing(Meal):
 
     def reset(self, rng: np.random.Generator) -> None:
         self.turn_head(rng, HEAD_TURN, HEAD_TILT)
-        across, up = START_SPREAD
-        low, high = (0.0, -across, -up), (START_GAP[1] - START_GAP[0], across, up)
-        self._set_brush(rng.uniform(low, high))
+        most = (START_GAP[1] - START_GAP[0], *START_SPREAD)
+        self._set_brush(rng.uniform((0.0, *np.negative(START_SPREAD)), most))
         self._forget()
 
     def _forget(self) -> None:
@@ -254,7 +229,7 @@ class ToothBrushing(Meal):
         frames = [self.inside.frame(row) for row in range(2)]
         local = np.array([frame[:3, :3].T @ (bristles - frame[:3, 3]) for frame in frames])
         steps = max(self._steps, 1)
-        press, cleaning, push = (v / steps for v in (self._pressed, self._cleaned, self._pushed))
+        press, cleaning, push = self._pressed / steps, self._cleaned / steps, self._pushed / steps
         self._forget()
         aims = [self.aim(quadrant) for quadrant in range(len(QUADRANTS))]
         targets, outward = (np.array([aim[k] for aim in aims]) for k in range(2))
@@ -325,7 +300,7 @@ class ToothBrushing(Meal):
         ]
 
     def rewards(self, role: str, state: ToothBrushingState) -> Mapping[str, Values]:
-        away = (state.to_next * state.to_next).sum(-1) ** 0.5
+        away = norm(state.to_next)
         near = tolerance(away, bounds=(0, 0.01), margin=0.2)
         terms = {"near": near, "brushed": state.gained / self.control_dt}
         best = 2.0  # what ends well is paid as if it went on
@@ -349,17 +324,11 @@ class ToothBrushing(Meal):
         }
 
     def is_success(self, state: ToothBrushingState) -> Values:
-        is_clean = self.is_clean(state.brushed)
-        count = where(is_clean, 1.0, 0.0).sum(-1)
+        count = where(self.is_clean(state.brushed), 1.0, 0.0).sum(-1)
         return (count >= len(QUADRANTS)) | state.refusal.is_respected
 
     def is_failure(self, state: ToothBrushingState) -> Values:
         return state.refusal.is_hurt
-
-    @property
-    def may_enter(self) -> bool:
-        """Whether the mouth is open enough for the brush."""
-        return bool(self.state.jaw >= OPEN_MOUTH)
 
 
 @register_policy("tooth_brushing", "recipient", "cooperative")
