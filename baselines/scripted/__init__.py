@@ -13,3 +13,4 @@ from . import phyrc_dressing as phyrc_dressing
 from . import scratching as scratching
 from . import social_coaching as social_coaching
 from . import toileting as toileting
+from . import tooth_brushing as tooth_brushing

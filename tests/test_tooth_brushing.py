@@ -1,0 +1,98 @@
+"""Tooth brushing: gentle strokes on the outer side of every quadrant, felt by springs inside the mouth."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from episode import play
+
+import rcare_marl
+from rcare_marl import assets
+from rcare_marl.agents.people.behaviour.avatar_tree import AvatarBehaviour
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.scenes.dental_arch import QUADRANTS, arches_of
+from rcare_marl.envs.scenes.refusal import GENTLE, LAST_NO
+from rcare_marl.envs.tasks.tooth_brushing import BRUSHED, ToothBrushing
+
+
+def made(recipient: str = "jose", partner: str = "cooperative", **arguments: Any) -> CareEnv:
+    policies = {"robot": "scripted", "recipient": partner}
+    return rcare_marl.make("tooth_brushing", recipient=recipient, policies=policies, **arguments)
+
+
+def test_the_scripted_robot_brushes_every_quadrant_gently_and_the_same_twice() -> None:
+    env = made()
+    task, ends = cast(ToothBrushing, env.task), []
+    for _ in range(2):
+        play(env, 0)
+        assert task.succeeded() and task.state.refusal.count == 0
+        assert (task.state.brushed >= BRUSHED - 1e-9).all()
+        assert 0.5 < task.state.peak_force < 5.0
+        ends.append([task.state.time, *task.state.bristles, *task.state.brushed])
+    assert ends[0] == ends[1]
+    env.close()
+
+
+def test_a_mouth_that_stays_closed_is_not_entered() -> None:
+    env = made(partner="still")
+    env.reset(seed=0)
+    for _ in range(60):
+        env.step({})
+        state = cast(ToothBrushing, env.task).state
+        assert not state.is_inside and state.force == 0.0
+    assert not env.task.succeeded() and state.brushed.sum() == 0.0
+    env.close()
+
+
+def test_who_refuses_before_the_brush_comes_is_left_alone() -> None:
+    env = made("kim", "refusing")
+    for seed in range(2):
+        play(env, seed)
+        report = env.task.report()
+        assert env.task.succeeded() and report["refusals"] in (0, LAST_NO)
+        assert report["pressed_after_no_n"] <= GENTLE
+    env.close()
+
+
+def test_who_says_no_with_the_brush_in_the_mouth_is_not_pressed() -> None:
+    env = made(partner="behaviour")
+    env.reset(seed=0)
+    person, was_inside = env.policies["recipient"], False
+    assert isinstance(person, AvatarBehaviour)
+    while not env.is_over:
+        state = cast(ToothBrushing, env.task).state
+        if state.brushed[0] > 1.0 and not person.cues.refuses:
+            person.cues.refuses, was_inside = True, state.is_inside
+        env.step({})
+    report = env.task.report()
+    assert was_inside and env.task.succeeded() and report["refusals"] == LAST_NO
+    assert report["pressed_after_no_n"] <= GENTLE
+    env.close()
+
+
+def test_arches_have_the_published_sizes_and_lie_behind_the_lips() -> None:
+    env = rcare_marl.make("tooth_brushing", recipient="karan")
+    person = cast(ToothBrushing, env.task).recipient
+    for arch in arches_of(person):
+        width, _, depth = np.ptp(arch.nodes, axis=0)
+        assert 0.042 < width < 0.062 and 0.026 < depth < 0.042
+        assert np.allclose(np.linalg.norm(arch.outward, axis=1), 1.0)
+        for side in (1.0, -1.0):
+            node, outward = arch.beside(side, 0.4)
+            assert node[0] * side > 0.01 and outward[0] * side > 0.3
+    assert len(QUADRANTS) == 4
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("avatar", [n for n in assets.names("avatars") if n != "caregiver"])
+@pytest.mark.parametrize("partner", ["cooperative", "behaviour", "refusing"])
+def test_everybodys_teeth_are_brushed_or_they_are_left_alone(avatar: str, partner: str) -> None:
+    env = made(avatar, partner)
+    for seed in range(5):
+        play(env, seed)
+        assert env.task.succeeded(), seed
+        assert env.task.report()["pressed_after_no_n"] <= GENTLE
+    env.close()
