@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -319,13 +320,48 @@ def test_a_lost_hand_is_unknown_and_a_broken_reading_is_none() -> None:
         source.calibrate([HandsReading(None, None, None)])
 
 
-def test_spread_arms_at_calibration_set_their_length() -> None:
-    body = UpperBody.of_height(1.7, arm_share=1.06)
-    spread = np.zeros((5, 16))
-    spread[:, [ARM["left"].start, ARM["right"].start]] = math.pi / 2
+def guided(body: UpperBody) -> list[HandsReading]:
+    """Ten seconds of calibration: arms hang, go forward, to the sides, and round."""
+    keys = [(8, 30), (8, 30), (90, 90), (90, 0), (150, 45), (90, 0), (8, 30)]
+    times = np.linspace(0, len(keys) - 1, 300)
+    path = np.zeros((300, 16))
+    for side in ("left", "right"):
+        for column in (0, 1):
+            values = np.radians([key[column] for key in keys])
+            path[:, ARM[side].start + column] = np.interp(times, range(len(keys)), values)
+        path[:, ARM[side].start + 3] = math.radians(8)
+    return readings(body, path, Pose((0.3, 0.2, 0.5), (0.0, 0.0, math.sin(0.4), math.cos(0.4))))
+
+
+def test_a_guided_calibration_finds_how_a_person_is_built_and_it_can_be_kept() -> None:
+    usual = UpperBody.of_height(1.7)
+    body = replace(
+        usual,
+        shoulder=1.12 * usual.shoulder,
+        upper_arm=1.06 * usual.upper_arm,
+        forearm=1.06 * usual.forearm,
+    )
     source = HandsSource(1.7)
-    source.calibrate(readings(body, spread, Pose()))
-    assert source.body.reach == pytest.approx(body.reach)
+    source.calibrate(guided(body))
+    assert source.fit.is_measured
+    assert source.body.shoulder == pytest.approx(body.shoulder, rel=0.03)
+    assert source.body.reach == pytest.approx(body.reach, rel=0.03)
+    assert source.fit.of_direction < HandsSource(1.7).fit.of_direction
+    assert HandsSource(1.7, fit=source.fit).body == source.body
+    with pytest.raises(ConfigError, match="do not fit a stature"):
+        HandsSource(1.1).calibrate(guided(UpperBody.of_height(1.9)))
+
+
+def test_a_headset_that_sits_askew_and_a_gaze_aside_make_nobody_lean() -> None:
+    body, tilt = UpperBody.of_height(1.7), Pose((0, 0, 0), (0.0, math.sin(0.17), 0.0, math.cos(0.17)))
+    still = readings(body, np.zeros((45, 16)), Pose())
+    source = HandsSource(1.7)
+    frames = [
+        source.update(HandsReading(r.head @ tilt, r.left, r.right), k / RATE)
+        for k, r in enumerate(still)
+        if r.head is not None
+    ]
+    assert frames[-1] is not None and np.abs(frames[-1].angles[:6]).max() < math.radians(1)
 
 
 def test_joint_angles_of_a_simulated_person_show_the_same_arms() -> None:

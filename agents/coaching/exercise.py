@@ -55,27 +55,31 @@ class Demand:
     Attributes:
         range_share: Least share of the way to each key pose.
         plane_deg: How far a part may leave the path that was shown [deg].
+        beyond_deg: How far a part may go beyond a key pose [deg].
         tempo: Least and greatest duration against the one shown.
         symmetry: By which share one arm may fall behind the other.
         lag_s: How much later one arm may be than the other [s].
         elbow_deg: How much more than shown an elbow may be bent [deg].
         lean_deg: How far the trunk may lean [deg].
         turn_deg: How far the trunk may turn [deg].
-        head_deg: How far the head may turn, nod or tilt where it has no part in the exercise [deg].
+        head_deg: How far the head may nod or tilt where it has no part in the exercise [deg].
+        gaze_deg: How far it may turn there [deg]; people look at their hand, or at the coach.
         still_deg: How far an arm may move that has no part in it [deg].
         patience_s: After how long without a movement a person counts as standing still, over the duration of
             a repetition [s].
     """
 
-    range_share: float = 0.78
-    plane_deg: float = 33.0
+    range_share: float = 0.8
+    plane_deg: float = 28.0
+    beyond_deg: float = 45.0
     tempo: tuple[float, float] = (0.5, 2.2)
     symmetry: float = 0.22
     lag_s: float = 0.8
-    elbow_deg: float = 55.0
-    lean_deg: float = 13.0
+    elbow_deg: float = 25.0
+    lean_deg: float = 10.0
     turn_deg: float = 15.0
-    head_deg: float = 40.0
+    head_deg: float = 18.0
+    gaze_deg: float = 75.0
     still_deg: float = 40.0
     patience_s: float = 2.0
 
