@@ -56,11 +56,11 @@ MOTIONS = (
 MOTION_INDEX = {motion: i for i, motion in enumerate(MOTIONS)}
 ARM = {side: slice(6 + 5 * i, 11 + 5 * i) for i, side in enumerate(SIDES)}  # an arm's five angles
 
-# Lengths between joint centres as shares of stature, men and women: trunk (middle of the shoulders to middle of
-# the hips), upper arm and forearm after de Leva 1996, table 4, as `people.body.anthropometry` has them. Half
-# the width between shoulder joints: biacromial breadth of ANSUR II (2012; 416 mm of 1756, 365 of 1629, from
-# memory) less 20 mm from each acromion in to the joint (our own choice). Heights of chin and eyes: Drillis &
-# Contini 1966 (.870 and .936 of stature, as in Winter), hips .530.
+# Lengths between joint centres as shares of stature, men and women: trunk (middle of the shoulders to
+# middle of the hips), upper arm and forearm after de Leva 1996, table 4, as `people.body.anthropometry`
+# has them. Half the width between shoulder joints: biacromial breadth of ANSUR II (2012; 416 mm of 1756,
+# 365 of 1629, from memory) less 20 mm from each acromion in to the joint (our own choice). Heights of chin
+# and eyes: Drillis & Contini 1966 (.870 and .936 of stature, as in Winter), hips .530.
 SEXES = ("male", "female")
 Sex = Literal["male", "female"]
 TRUNK_OF, UPPER_ARM_OF, FOREARM_OF, HAND_OF = (
@@ -69,8 +69,7 @@ TRUNK_OF, UPPER_ARM_OF, FOREARM_OF, HAND_OF = (
 SHOULDER_HALF_WIDTH_OF = ((0.208 - 0.02) / 1.756, (0.1825 - 0.02) / 1.629)
 HIP, CHIN_HEIGHT, EYE_HEIGHT = 0.530, 0.870, 0.936
 TRUNK, UPPER_ARM, FOREARM, HAND, SHOULDER_HALF_WIDTH = (
-    sum(pair) / 2
-    for pair in (TRUNK_OF, UPPER_ARM_OF, FOREARM_OF, HAND_OF, SHOULDER_HALF_WIDTH_OF)
+    sum(pair) / 2 for pair in (TRUNK_OF, UPPER_ARM_OF, FOREARM_OF, HAND_OF, SHOULDER_HALF_WIDTH_OF)
 )
 # The collar bone turns up and back about its inner end by a quarter of what the arm is raised beyond 30 deg
 # (scapulohumeral rhythm after Inman et al. 1944, Ludewig et al. 2009; rounded, from memory).

@@ -223,8 +223,8 @@ class Assessment:
         head: How far the head nodded or tilted that had no part [rad].
         gaze: How far it turned [rad].
         arm: How far an arm moved that had no part [rad].
-        unsure: Standard deviations of what the source told [rad]: of `arm` (where it points), `elbow`, `lean`,
-            `turn` and `head`.
+        unsure: Standard deviations of what the source told [rad]: of `arm` (where it points), `elbow`,
+            `lean`, `turn` and `head`.
     """
 
     ways: Mapping[str, WayMeasure]

@@ -21,8 +21,8 @@ STILL = math.radians(28)  # slower than this nothing moves [rad/s]
 SLOWEST = 0.45  # nor slower than this share of the slowest move that is shown, where that is less
 DWELL = 0.1  # how long rest must last at the end [s]
 DWELL_AMID, NEAR_AMID = 0.25, 0.6  # and before the last key pose [s], and so much nearer to rest
-# Who lays an arm down elsewhere than it was is back, too: after so long without a movement [s], no further from
-# rest than this share of the way they went. A pause of a second half way is none of these.
+# Who lays an arm down elsewhere than it was is back, too: after so long without a movement [s], no further
+# from rest than this share of the way they went. A pause of a second half way is none of these.
 LAID, LAID_FOR = 0.35, 0.4
 ELSEWHERE, ELSEWHERE_FOR = 0.55, 1.2
 # Who turns round near rest, or gets so much further away again, has begun the next one: shares of the way.
@@ -91,6 +91,7 @@ class Segmenter:
         self._asked = np.array([name in asked for name in VECTORS])
         # Its way leaves rest once: nearer to rest again, it is over.
         self._is_simple = all(len(way.phases) == 1 for way in template.ways.values())
+        self._passes_rest = any(way.passes_rest for way in template.ways.values())
         hold = max((pose.hold_s for pose in exercise.poses), default=0.0)
         self._stuck = STUCK + exercise.judged.tempo[1] * hold
         self._patience = exercise.judged.tempo[1] * exercise.duration + 3.0
@@ -251,7 +252,10 @@ class Segmenter:
             del self._times[:old], self._rows[:old]
 
     def _look_for_end(self, distance: Array, time: float, *, complete: bool) -> Segment | None:
-        dwell = DWELL if complete else DWELL_AMID
+        # One may pass rest on the way from one key pose to the next.
+        passes = self._passes_rest and self._furthest > self._begins
+        amid = ELSEWHERE_FOR if passes else DWELL_AMID
+        dwell = DWELL if complete else amid
         if self._calm_since is not None and time - self._calm_since >= dwell:
             return self._finish(self._calm_since, time)
         far = float(distance[self._asked].max(initial=0.0))
@@ -298,7 +302,13 @@ class Segmenter:
         start = self._start(times, rows)
         chosen = times >= start
         segment = Segment(
-            times[chosen], rows[chosen], self.rest.copy(), start, end, not self._away, self._unsure.copy()
+            times[chosen],
+            rows[chosen],
+            self.rest.copy(),
+            start,
+            end,
+            not self._away,
+            self._unsure.copy(),
         )
         self._calm_since = None
         del self._times[:-1], self._rows[:-1]

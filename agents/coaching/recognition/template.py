@@ -165,6 +165,12 @@ class Way:
     path: Array
     excursion: float
 
+    @property
+    def passes_rest(self) -> bool:
+        """Whether the way from one key pose to the next comes near rest."""
+        ways = [arc(phase.start, phase.end) for phase in self.phases[1:]]
+        return any(float(between(way, self.rest).min()) < 0.4 * self.excursion for way in ways)
+
 
 class Template:
     """An exercise as its recogniser compares it.

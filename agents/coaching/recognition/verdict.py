@@ -34,8 +34,8 @@ WIDTH = 0.08  # of the logistic curve from how much of the limits was used to a 
 NEARLY = 1.25
 MENDABLE = frozenset(
     """
-    range too_far direction asymmetric too_fast too_slow bent_elbows trunk_lean trunk_turn head_moved arm_moved
-    """.split()
+    range too_far direction asymmetric too_fast too_slow bent_elbows trunk_lean trunk_turn head_moved
+    arm_moved """.split()
 )
 
 

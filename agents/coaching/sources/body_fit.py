@@ -15,15 +15,18 @@ from ..upper_body import SHOULDER_HALF_WIDTH, SIGN, UpperBody, arm_angles, girdl
 
 Seen = tuple[str, Array, Array]  # side, palm from the middle of the shoulders [m], fingers [3]
 
-# Ears are so far in front of the line of the shoulders in who sits or stands at ease, and the neck turns below
-# them [stature]; our own choice, of what is written about forward heads.
+# Ears are so far in front of the line of the shoulders in who sits or stands at ease, and the neck turns
+# below them [stature]; our own choice, of what is written about forward heads.
 BEHIND = 0.015
-# All our own choice. Standard deviations between people, as shares of stature: half the width of the shoulders,
-# shoulders against head along the trunk and forward, reach of a straight arm; and how far shoulders move with
-# arms against the average.
+# All our own choice. Standard deviations between people, as shares of stature: half the width of the
+# shoulders, shoulders against head along the trunk and forward, reach of a straight arm; and how far
+# shoulders move with arms against the average.
 BETWEEN = np.array((0.007, 0.012, 0.02, 0.016, 0.4))
 STRAIGHT = math.radians(40)  # who bends wrist or elbow by less has an arm that counts
-CLOSE, SHORT = 0.010, 0.035  # an arm reaches this exactly; one that is bent falls short by so much [stature]
+CLOSE, SHORT = (
+    0.010,
+    0.035,
+)  # an arm reaches this exactly; one that is bent falls short by so much [stature]
 ROUNDS = 4
 TELLING = 0.35  # share of its first variance from which the reach counts as measured
 SLACK_UNKNOWN, SLACK_KNOWN = 0.06, 0.025  # what is not known of a distance, as a share of it
@@ -66,8 +69,8 @@ class BodyFit:
     def refined(self, seen: Sequence[Seen]) -> BodyFit:
         """Return this fit with what straight arms tell of width, height and place of shoulders, and reach.
 
-        Gauss-Newton with the proportions of the stature as a prior; arms that reach less than they could count
-        as bent and pull the less (an asymmetric, Huber-like weight).
+        Gauss-Newton with the proportions of the stature as a prior; arms that reach less than they could
+        count as bent and pull the less (an asymmetric, Huber-like weight).
 
         Args:
             seen: Palms and fingers in the frame of the trunk, of either side.
@@ -86,7 +89,9 @@ class BodyFit:
         for _ in range(ROUNDS):
             width, down, forward, reach = value[:4] * unit
             lift = np.zeros((len(seen), 3))
-            at = np.column_stack((np.full(len(seen), forward), signs * width, np.full(len(seen), -down)))
+            at = np.column_stack(
+                (np.full(len(seen), forward), signs * width, np.full(len(seen), -down))
+            )
             for side, sign in SIGN.items():
                 own = signs == sign
                 elevation, plane = arm_angles(side, palms[own] - at[own])
@@ -99,7 +104,7 @@ class BodyFit:
             about = np.where(error > 0, SHORT, CLOSE)
             weight = is_straight / about**2 / np.maximum(1.0, np.abs(error) / (2 * about))
             # Frames are not independent: each second of them counts as a few.
-            weight *= min(1.0, 40.0 / max(float(is_straight.sum()), 1.0))
+            weight *= min(1.0, 120.0 / max(float(is_straight.sum()), 1.0))
             by_lift = (along * lift).sum(axis=1) / unit
             by_place = (signs * along[:, 1], -along[:, 2], along[:, 0])
             rows = np.column_stack((*by_place, np.ones(len(seen)), by_lift))
@@ -113,7 +118,7 @@ class BodyFit:
             raise ConfigError(
                 f"arms that reach {value[3] * unit:.2f} m do not fit a stature of {unit:.2f} m"
             )
-        measured = bool(left_over[3] < TELLING and left_over[0] < TELLING)
+        measured = bool(left_over[3] < TELLING)
         lengths = {n: getattr(body, n) * share for n in ("upper_arm", "forearm", "palm")}
         fitted = replace(
             body,

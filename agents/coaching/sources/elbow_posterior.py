@@ -1,8 +1,9 @@
 """How an arm is bent whose shoulder and hand are seen: all that is likely, not one guess.
 
-Between shoulder and wrist an elbow may be anywhere on a circle, and how far it is bent shows in a distance that
-hardly changes while the arm is nearly straight. So a grid of flexions and swivels is weighed by what is known
-of lengths, by where the hand points, and by how elbows hang; the mean is told, and how far the rest spreads.
+Between shoulder and wrist an elbow may be anywhere on a circle, and how far it is bent shows in a distance
+that hardly changes while the arm is nearly straight. So a grid of flexions and swivels is weighed by what
+is known of lengths, by where the hand points, and by how elbows hang; the mean is told, and how far the
+rest spreads.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ from rcare_marl.pose import Array
 
 from ..upper_body import SIGN
 
-FLEXIONS = np.radians(np.arange(0.0, 151.0, 7.5))
-SWIVELS = np.radians(np.arange(0.0, 360.0, 15.0))
+FLEXIONS = np.radians(np.arange(0.0, 151.0, 10.0))
+SWIVELS = np.radians(np.arange(0.0, 360.0, 20.0))
 # All our own choice. Standard deviations: of a wrist that bends, and of how an elbow hangs [rad].
 WRIST, HANGING = math.radians(22), math.radians(50)
-# Elbows are kept nearly straight in exercises like these: mean and spread of how far they are bent else [rad].
+# Elbows are kept nearly straight in exercises like these: mean and spread of how far they are bent else
+# [rad].
 USUAL, SPREAD = math.radians(15), math.radians(35)
 _COSINE, _SINE = np.cos(SWIVELS), np.sin(SWIVELS)
 

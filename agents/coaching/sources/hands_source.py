@@ -59,9 +59,13 @@ class HandsSource:
 
     Attributes:
         fit: What is known of the person's body; keep it, and their next session begins with it.
+        is_swapped: Whether the left hand's device is held in the right hand, as the calibration saw; frames
+            are of the hands as they are.
     """
 
-    def __init__(self, height: float, *, sex: Sex | None = None, fit: BodyFit | None = None) -> None:
+    def __init__(
+        self, height: float, *, sex: Sex | None = None, fit: BodyFit | None = None
+    ) -> None:
         """Prepare a source.
 
         Args:
@@ -69,6 +73,7 @@ class HandsSource:
             sex: Whose proportions to begin with; the mean of both if None.
             fit: What an earlier session found out of the same person.
         """
+        self.is_swapped = False
         self.fit = fit or BodyFit.of(UpperBody.of_height(height, sex=sex), height)
         self._filter = OneEuro(cutoff=2.5, beta=np.repeat((6.0, 3.0), (9, 12)))
         self._base: tuple[Array, Array, Array] | None = None
@@ -104,6 +109,8 @@ class HandsSource:
         eyes = np.median([head.position for head in first], axis=0)
         turn = Rotation.from_quat([head.quaternion for head in first]).mean().as_matrix()
         gaze = math.atan2(turn[1, 0], turn[0, 0])
+        self.is_swapped = self._crossed(readings, gaze)
+        readings = [self._sorted(raw) for raw in readings]
         aside = self._aside(readings, gaze)
         to_body = turn_z(-gaze - aside)
         worn = (turn_z(-gaze) @ turn).T  # takes out how the headset is tilted on the head
@@ -115,8 +122,21 @@ class HandsSource:
         self.fit = self._known.refined(self._arms)
         self._home = {}
 
+    def _crossed(self, readings: Sequence[HandsReading], gaze: float) -> bool:
+        """Return whether what is called the left hand is well to the right of the other."""
+        apart = [
+            math.cos(gaze) * (r.left.position[1] - r.right.position[1])
+            - math.sin(gaze) * (r.left.position[0] - r.right.position[0])
+            for r in readings
+            if r.left is not None and r.right is not None
+        ]
+        return bool(apart) and float(np.median(apart)) < -self.body.shoulder
+
+    def _sorted(self, raw: HandsReading) -> HandsReading:
+        return HandsReading(raw.head, raw.right, raw.left) if self.is_swapped else raw
+
     def _aside(self, readings: Sequence[HandsReading], gaze: float) -> float:
-        """Return how much further to the left than the nose the body looks, by how hands lie or hang [rad]."""
+        """Return how much further to the left than the nose the body looks, by its hands at rest [rad]."""
         pairs = [
             np.subtract(r.left.position, r.right.position)
             for r in readings[: max(30, len(readings) // 10)]
@@ -149,6 +169,7 @@ class HandsSource:
         """Return what is known at a time [s]; None while the head is not seen or nothing is calibrated."""
         if self._base is None and not self._settle(raw, time):
             return None
+        raw = self._sorted(raw)
         positions, turns = self._filtered(raw, time)
         if not np.isfinite(positions[0]).all():
             return None
@@ -172,7 +193,9 @@ class HandsSource:
         for i, side in enumerate(SIDES, start=1):
             if side in wrists:
                 arm = ARM[side]
-                angles[arm], unsure[arm] = self._arm(side, untwist @ wrists[side], trunk.T @ turns[i])
+                angles[arm], unsure[arm] = self._arm(
+                    side, untwist @ wrists[side], trunk.T @ turns[i]
+                )
         return Frame(time, angles, unsure)
 
     def _note_reach(self, raw: HandsReading, time: float) -> None:
@@ -281,6 +304,8 @@ class HandsSource:
         out = arm_motion(side, upper, fore, hand, rotation=self._rotation[side])
         self._rotation[side], self._raised[side] = out[2], out[:2]
         about = math.hypot(self.fit.of_direction, 0.25 * bend)
+        # An arm that is taken for too long by so much looks bent by this.
+        bend = math.hypot(bend, 2 * math.acos(1.0 - self.fit.of_reach))
         sine = max(math.sin(out[0]), 0.2)
         unsure = (about, about / sine, ABOUT["rotation"] + bend, bend, ABOUT["rotation"])
         return np.array(out), np.array(unsure)

@@ -30,7 +30,8 @@ EAR, SHOULDER, ELBOW, WRIST, PINKY, INDEX, HIP = (
 # All our own choice.
 VISIBLE = 0.5  # a landmark less likely to be seen counts as unknown
 SETTLING = 1.0  # how long a person is watched before anything is told [s]
-# Standard deviations of trunk, neck and an arm's angles [rad]; how shoulders move with arms is a person's own.
+# Standard deviations of trunk, neck and an arm's angles [rad]; how shoulders move with arms is a person's
+# own.
 ABOUT_TRUNK = np.radians((3.0, 3.0, 6.0, 5.0, 5.0, 5.0))
 ABOUT_ARM = np.radians((4.0, 6.0, 15.0, 6.0, 20.0))
 STRETCHED = 1e-3  # [m]; landmarks nearer to each other show no direction
