@@ -36,6 +36,9 @@ LOOKED = 0.6  # after `begin` it is looked so long how the person rests [s]
 ANYWHERE = math.radians(100)  # from the rest shown, where an arm may lie that has no part
 LOOKS_AWAY = math.radians(75)  # who looks elsewhere at the end is back all the same
 HEAD = np.array([name in ("head", "crown") for name in VECTORS])
+LIES = math.radians(
+    28
+)  # hands that lie in a lap or on an armrest have the arm so much elsewhere than shown
 ARMS = np.array([name.endswith(("arm", "wrist")) for name in VECTORS])
 GREATEST_STEP = 0.5  # a clock that jumps further counts as a break [s]
 
@@ -347,7 +350,7 @@ def _limits(asked: dict[str, float]) -> tuple[Array, Array, Array]:
             near[i] = math.radians(25)
         if name.endswith("wrist"):
             weights[i], near[i] = 0.6, math.radians(42)
-        usual[i] = near[i] + math.radians(10)
+        usual[i] = near[i] + (LIES if ARMS[i] else math.radians(10))
         if ARMS[i] and part not in asked:  # an arm without a part lies anywhere
             usual[i] = ANYWHERE
     return weights, near, usual

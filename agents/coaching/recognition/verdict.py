@@ -29,7 +29,7 @@ TOGETHER = 3.0  # shares of limits add up to the power of this: several small fa
 ADDS_UP = frozenset(
     "range direction asymmetric trunk_lean trunk_turn bent_elbows head_moved".split()
 )
-WIDTH = 0.08  # of the logistic curve from how much of the limits was used to a probability
+WIDTH = 0.13  # of the logistic curve from that to a probability; fitted to subjects 3 and 4 of UI-PRMD
 # What is as good as right, with little of it to mend, is nearly right.
 NEARLY = 1.25
 MENDABLE = frozenset(
@@ -84,7 +84,8 @@ def _given(limit: float, unsure: float) -> float:
 
 
 def _range_used(way: WayMeasure, share: float, unsure: float) -> float:
-    allowed = _given(1.0 - share, unsure / max(way.scale, 1e-3))
+    # How far it went is the gap of two directions, each of them unsure.
+    allowed = _given(1.0 - share, math.sqrt(2) * unsure / max(way.scale, 1e-3))
     return max(1.0 - way.least, 0.0) / allowed
 
 

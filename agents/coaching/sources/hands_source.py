@@ -27,6 +27,7 @@ from .one_euro import OneEuro
 # All our own choice.
 SETTLING = 1.0  # without a calibration what is seen so long counts as sitting upright [s]
 LOOK, FIT_EVERY, MOST_SEEN = 0.1, 0.5, 200  # how the body is learnt: [s], [s], arms kept
+LEFT_HOME = 0.2  # a hand so far from where it was first is not at rest [m]
 TURN_TIME = 0.15  # time constant of the trunk's turn [s]
 # By so much of what hands at rest say is the body turned aside from the nose, up to an angle [rad].
 BY_HANDS, GREATEST_ASIDE = 0.5, math.radians(45)
@@ -201,13 +202,17 @@ class HandsSource:
     def _note_reach(self, raw: HandsReading, time: float) -> None:
         """Keep what arms show of the body, evenly over the session, and fit the body to it now and then."""
         self._looked_at = time
-        self._arms += self._seen([raw])
+        # What lies at rest tells little, and a body that is fitted to it would move while nobody does.
+        self._arms += [each for each in self._seen([raw]) if self._has_left(each[0], each[1])]
         if len(self._arms) > MOST_SEEN:
             del self._arms[::2]
             self._every *= 2
         if time - self._fitted_at >= FIT_EVERY:
             self._fitted_at = time
             self.fit = self._known.refined(self._arms)
+
+    def _has_left(self, side: str, palm: Array) -> bool:
+        return side in self._home and math.dist(palm, self._home[side]) > LEFT_HOME
 
     def _trunk(self, eyes: Array, head: Array) -> tuple[Array, Array, float, float]:
         """Return the middle of the shoulders [m], the axes of the trunk, its flexion and lateral flexion."""
