@@ -25,6 +25,7 @@ DWELL_AMID, NEAR_AMID = 0.25, 0.6  # and before the last key pose [s], and so mu
 # from rest than this share of the way they went. A pause of a second half way is none of these.
 LAID, LAID_FOR = 0.35, 0.4
 ELSEWHERE, ELSEWHERE_FOR = 0.55, 1.2
+BACK_SHARE = 0.45
 # Who turns round near rest, or gets so much further away again, has begun the next one: shares of the way.
 TURNED, LEFT_AGAIN = 0.4, 0.15
 STUCK = 3.5  # who stays so much longer than shown away from rest is done [s]
@@ -92,6 +93,9 @@ class Segmenter:
         self._begins = min(max(0.35 * smallest, math.radians(6)), math.radians(15))
         self._weights, self._near, self._usual = _limits(asked)
         self._asked = np.array([name in asked for name in VECTORS])
+        # Arms that have no part tremble and count less.
+        idle = [ARMS[i] and n.replace("wrist", "arm") not in asked for i, n in enumerate(VECTORS)]
+        self._counts = np.where(idle, 0.5, 1.0)
         # Its way leaves rest once: nearer to rest again, it is over.
         self._is_simple = all(len(way.phases) == 1 for way in template.ways.values())
         self._passes_rest = any(way.passes_rest for way in template.ways.values())
@@ -184,9 +188,8 @@ class Segmenter:
             self._recent.popleft()
         (past, before), (time, now) = self._recent[0], self._recent[-1]
         gap = (now - before)[: 3 * len(VECTORS)].reshape(-1, 3)
-        return float(np.sqrt(np.nanmax((gap * gap).sum(axis=1), initial=0.0))) / max(
-            time - past, 0.02
-        )
+        fast = np.sqrt((gap * gap).sum(axis=1)) * self._counts
+        return float(np.nanmax(fast, initial=0.0)) / max(time - past, 0.02)
 
     def _note_still(self, speed: float, time: float) -> None:
         self._fast_frames = self._fast_frames + 1 if speed >= self._still else 0
@@ -205,6 +208,8 @@ class Segmenter:
             out[self._asked] *= NEAR_AMID
         if self._furthest > self._begins:
             out[~self._asked & HEAD] = LOOKS_AWAY
+            # Who rests near the goal goes a short way, and is back only when most of it is undone.
+            out[self._asked] = np.minimum(out[self._asked], BACK_SHARE * self._furthest)
         return out
 
     def _wait_for_rest(self, distance: Array, time: float) -> None:

@@ -29,7 +29,9 @@ TOGETHER = 3.0  # shares of limits add up to the power of this: several small fa
 ADDS_UP = frozenset(
     "range direction asymmetric trunk_lean trunk_turn bent_elbows head_moved".split()
 )
-WIDTH = 0.13  # of the logistic curve from that to a probability; fitted to subjects 3 and 4 of UI-PRMD
+WIDTH = (
+    0.13  # of the logistic curve from that to a probability; fitted to subjects 3 and 4 of UI-PRMD
+)
 # What is as good as right, with little of it to mend, is nearly right.
 NEARLY = 1.25
 MENDABLE = frozenset(
