@@ -27,7 +27,7 @@ from .one_euro import OneEuro
 # All our own choice.
 SETTLING = 1.0  # without a calibration what is seen so long counts as sitting upright [s]
 LOOK, FIT_EVERY, MOST_SEEN = 0.1, 0.5, 200  # how the body is learnt: [s], [s], arms kept
-HANGS = 0.88  # share of its length from which an arm at rest counts as hanging
+HANGS = 0.94  # share of its length from which an arm at rest counts as hanging
 LEFT_HOME = 0.2  # a hand so far from where it was first is not at rest [m]
 TURN_TIME = 0.15  # time constant of the trunk's turn [s]
 # By so much of what hands at rest say is the body turned aside from the nose, up to an angle [rad].
@@ -213,15 +213,16 @@ class HandsSource:
             self.fit = self._known.refined(self._arms)
 
     def _has_left(self, side: str, palm: Array) -> bool:
-        """Return whether a hand is away from where it rests, hanging.
+        """Return whether a hand is away from where it rests, both hanging.
 
         Where an arm that lies bent is thought to be depends on lengths so much that it would seem to move
         with them.
         """
-        if side not in self._home or math.dist(palm, self._home[side]) < LEFT_HOME:
+        if len(self._home) < 2 or math.dist(palm, self._home[side]) < LEFT_HOME:
             return False
-        home, body = self._home[side] - self.fit.shoulder(side, 0.0, 0.0), self.body
-        return math.hypot(*home.tolist()) > HANGS * (body.upper_arm + body.forearm)
+        length = self.body.upper_arm + self.body.forearm
+        homes = [self._home[each] - self.fit.shoulder(each, 0.0, 0.0) for each in SIDES]
+        return all(math.hypot(*home.tolist()) > HANGS * length for home in homes)
 
     def _trunk(self, eyes: Array, head: Array) -> tuple[Array, Array, float, float]:
         """Return the middle of the shoulders [m], the axes of the trunk, its flexion and lateral flexion."""
