@@ -102,7 +102,7 @@ def said(source: str, one: dict[str, Any], rng: np.random.Generator) -> list[Rep
 
 @pytest.mark.parametrize("source", SOURCES)
 def test_real_people_are_told_right_from_wrong_by_every_source(source: str) -> None:
-    right, wrong = [], []
+    right, wrong = list[bool](), list[bool]()
     for number, one in enumerate(repetitions()):
         verdicts = said(source, one, np.random.default_rng(number))
         is_right = bool(verdicts) and all(repetition.right for repetition in verdicts)

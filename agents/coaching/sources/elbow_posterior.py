@@ -23,6 +23,7 @@ WRIST, HANGING = math.radians(22), math.radians(50)
 # Elbows are kept nearly straight in exercises like these: mean and spread of how far they are bent else
 # [rad].
 USUAL, SPREAD = math.radians(15), math.radians(35)
+SHARPENED = 4
 _COSINE, _SINE = np.cos(SWIVELS), np.sin(SWIVELS)
 
 
@@ -71,7 +72,9 @@ def elbow_posterior(
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     by_flexion = weight.sum(axis=1)
-    flexion = float(by_flexion @ FLEXIONS)
+    # Near straight the mean of what cannot be below 0 is too bent; a sharpened one is near the mode.
+    sharp = by_flexion**SHARPENED
+    flexion = float(sharp @ FLEXIONS / sharp.sum())
     spread = math.sqrt(float(by_flexion @ (FLEXIONS - flexion) ** 2))
     # The elbow of the mean flexion, on the mean side.
     turned_x, turned_y = float((weight @ _COSINE) @ out), float((weight @ _SINE) @ out)
