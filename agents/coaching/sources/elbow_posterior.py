@@ -23,7 +23,6 @@ WRIST, HANGING = math.radians(22), math.radians(50)
 # Elbows are kept nearly straight in exercises like these: mean and spread of how far they are bent else
 # [rad].
 USUAL, SPREAD = math.radians(15), math.radians(35)
-SHARPENED = 4
 _COSINE, _SINE = np.cos(SWIVELS), np.sin(SWIVELS)
 
 
@@ -72,9 +71,7 @@ def elbow_posterior(
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     by_flexion = weight.sum(axis=1)
-    # Near straight the mean of what cannot be below 0 is too bent; a sharpened one is near the mode.
-    sharp = by_flexion**SHARPENED
-    flexion = float(sharp @ FLEXIONS / sharp.sum())
+    flexion = float(by_flexion @ FLEXIONS)
     spread = math.sqrt(float(by_flexion @ (FLEXIONS - flexion) ** 2))
     # The elbow of the mean flexion, on the mean side.
     turned_x, turned_y = float((weight @ _COSINE) @ out), float((weight @ _SINE) @ out)
