@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rcare_marl.agents.coaching.exercise import (
+    Demand,
     Exercise,
     KeyPose,
     Reach,
@@ -159,6 +161,19 @@ def test_a_wrist_out_of_reach_is_reached_for_with_a_nearly_straight_arm() -> Non
     x = np.array((1.0, 0.0, 0.0))
     upper, fore, _ = elbow_posterior("left", 2.0 * x, 0.3, 0.25, x, 0.03)
     assert min(upper @ x, fore @ x) > math.cos(math.radians(12))
+
+
+def test_a_goal_is_taken_from_somebodys_own_range_where_the_exercise_allows_it() -> None:
+    fixed = load_exercise("lateral_raise")
+    assert fixed.with_own_goal(0.6).keys == pytest.approx(fixed.keys)
+    allowed = replace(fixed, judged=Demand(least_goal=0.5))
+    for share, got in ((0.7, 0.7), (0.3, 0.5), (1.2, 1.0)):
+        excursions = allowed.with_own_goal(share).keys[1] - fixed.keys[0]
+        assert excursions == pytest.approx(got * (fixed.keys[1] - fixed.keys[0]))
+    with pytest.raises(ConfigError, match="positive share"):
+        allowed.with_own_goal(0.0)
+    with pytest.raises(ConfigError, match="least_goal"):
+        Demand(least_goal=1.5)
 
 
 def test_shoulders_rise_and_go_back_with_arms_and_both_sides_are_alike() -> None:

@@ -54,6 +54,8 @@ class Demand:
 
     Attributes:
         range_share: Least share of the way to each key pose.
+        least_goal: Down to which share of what is shown a goal may be taken from somebody's own range; 1 not at
+            all.
         plane_deg: How far a part may leave the path that was shown [deg].
         beyond_deg: How far a part may go beyond a key pose [deg].
         tempo: Least and greatest duration against the one shown.
@@ -70,6 +72,7 @@ class Demand:
     """
 
     range_share: float = 0.8
+    least_goal: float = 1.0
     plane_deg: float = 28.0
     beyond_deg: float = 45.0
     tempo: tuple[float, float] = (0.5, 2.2)
@@ -90,8 +93,9 @@ class Demand:
                     raise ConfigError(f"{name} must be positive, got {number}")
         if self.tempo[0] >= self.tempo[1]:
             raise ConfigError(f"tempo is [least, greatest], got {list(self.tempo)}")
-        if self.range_share > 1:
-            raise ConfigError(f"range_share is a share of at most 1, got {self.range_share}")
+        for name in ("range_share", "least_goal"):
+            if getattr(self, name) > 1:
+                raise ConfigError(f"{name} is a share of at most 1, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,6 +247,21 @@ class Exercise:
             if left[part] < max(SMALLEST, SMALLEST_SHARE * wanted[part]):
                 keys[:, COLUMNS[part]] = keys[0, COLUMNS[part]]
         return self._with_keys(keys)
+
+    def with_own_goal(self, share: float) -> Exercise:
+        """Return this exercise with goals of somebody who gets so far, as far as it allows that.
+
+        Args:
+            share: Share of the way to the key poses that they reach, such as the median of what repetitions
+                measured as `<part>_range`; not below `judged.least_goal`.
+
+        Raises:
+            ConfigError: If the share is not positive.
+        """
+        if not (math.isfinite(share) and share > 0):
+            raise ConfigError(f"somebody's own range is a positive share, got {share}")
+        share = min(max(share, self.judged.least_goal), 1.0)
+        return self._with_keys(self.keys[0] + share * (self.keys - self.keys[0]))
 
     def one_sided(self, side: str) -> Exercise:
         """Return the half of this exercise that one side does; of the head, what goes to that side."""
