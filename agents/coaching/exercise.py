@@ -54,8 +54,7 @@ class Demand:
 
     Attributes:
         range_share: Least share of the way to each key pose.
-        least_goal: Down to which share of what is shown a goal may be taken from somebody's own range; 1 not at
-            all.
+        least_goal: Down to which share of what is shown a goal may be somebody's own range; 1: not at all.
         plane_deg: How far a part may leave the path that was shown [deg].
         beyond_deg: How far a part may go beyond a key pose [deg].
         tempo: Least and greatest duration against the one shown.
