@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rcare_marl.agents.coaching.exercise import (
+    Demand,
     Exercise,
     KeyPose,
     Reach,
@@ -19,11 +21,11 @@ from rcare_marl.agents.coaching.exercise import (
 from rcare_marl.agents.coaching.sources.arm_pose import (
     arm_motion,
     axes_of,
-    elbow_at,
     forearm_axes,
     swing_axes,
     trunk_axes,
 )
+from rcare_marl.agents.coaching.sources.elbow_posterior import elbow_posterior
 from rcare_marl.agents.coaching.upper_body import (
     ARM,
     MOTION_INDEX,
@@ -33,6 +35,7 @@ from rcare_marl.agents.coaching.upper_body import (
     arm_angles,
     arm_direction,
     directions,
+    girdle,
     quaternions,
     swing,
     trunk_turn,
@@ -136,24 +139,48 @@ def test_arm_angles_come_back_from_directions_and_hand(side: str) -> None:
         hand = axes_of(BODY.poses(angles)[f"{side}_hand"][1].tolist())
         assert arm_motion(side, upper, fore, hand) == pytest.approx(arm.tolist())
         assert arm_direction(side, *arm_angles(side, upper)) == pytest.approx(upper)
-        ways = elbow_at(wrist - shoulder, BODY.upper_arm, BODY.forearm, elbow - shoulder)
-        assert ways[0] == pytest.approx(upper) and ways[1] == pytest.approx(fore)
 
 
-def test_a_wrist_out_of_reach_is_reached_for_with_a_straight_arm() -> None:
-    upper, fore = elbow_at(np.array((2.0, 0, 0)), 0.3, 0.25, np.array((0, 0, -1.0)))
-    assert upper == pytest.approx((1, 0, 0), abs=2e-3) and fore == pytest.approx(
-        (1, 0, 0), abs=2e-3
-    )
+@pytest.mark.parametrize("elbow", [10.0, 45.0, 90.0, 120.0])
+def test_an_elbow_is_found_from_wrist_and_hand_and_a_straight_one_is_told_less_surely(
+    elbow: float,
+) -> None:
+    angles = angles_of(shoulder_elevation=60, shoulder_plane=45, elbow_flexion=elbow)
+    points, turns = BODY.points(angles), BODY.turns(angles)
+    wrist = points["left_wrist"] - points["left_shoulder"]
+    fingers = turns["left_hand"][:, 0]
+    lengths = (BODY.upper_arm, BODY.forearm)
+    upper, fore, unsure = elbow_posterior("left", wrist, *lengths, fingers, 0.03)
+    found = math.degrees(math.acos(min(1.0, float(upper @ fore))))
+    assert found == pytest.approx(elbow, abs=12)
+    assert math.degrees(math.acos(float(upper @ -turns["left_upper_arm"][:, 2]))) < 12
+    assert elbow_posterior("left", wrist, *lengths, fingers, 0.08)[2] > unsure
 
 
-def test_spread_palms_tell_how_long_the_arms_are() -> None:
-    longer = BODY.with_arm_span(1.05 * 2 * (BODY.shoulder + BODY.reach))
-    hands = longer.points(angles_of(shoulder_elevation=90))
-    span = float(np.linalg.norm(hands["left_hand"] - hands["right_hand"]))
-    assert span == pytest.approx(1.05 * 2 * (BODY.shoulder + BODY.reach))
-    with pytest.raises(ConfigError, match="do not fit"):
-        BODY.with_arm_span(0.3)
+def test_a_wrist_out_of_reach_is_reached_for_with_a_nearly_straight_arm() -> None:
+    x = np.array((1.0, 0.0, 0.0))
+    upper, fore, _ = elbow_posterior("left", 2.0 * x, 0.3, 0.25, x, 0.03)
+    assert min(upper @ x, fore @ x) > math.cos(math.radians(12))
+
+
+def test_a_goal_is_taken_from_somebodys_own_range_where_the_exercise_allows_it() -> None:
+    fixed = load_exercise("lateral_raise")
+    assert fixed.with_own_goal(0.6).keys == pytest.approx(fixed.keys)
+    allowed = replace(fixed, judged=Demand(least_goal=0.5))
+    for share, got in ((0.7, 0.7), (0.3, 0.5), (1.2, 1.0)):
+        excursions = allowed.with_own_goal(share).keys[1] - fixed.keys[0]
+        assert excursions == pytest.approx(got * (fixed.keys[1] - fixed.keys[0]))
+    with pytest.raises(ConfigError, match="positive share"):
+        allowed.with_own_goal(0.0)
+    with pytest.raises(ConfigError, match="least_goal"):
+        Demand(least_goal=1.5)
+
+
+def test_shoulders_rise_and_go_back_with_arms_and_both_sides_are_alike() -> None:
+    assert girdle("left", 0.3, 0.0) == pytest.approx(np.zeros(3))
+    x, y, z = girdle("left", math.radians(120), 0.0) * 1.7
+    assert x < -0.03 and y < 0.0 and 0.03 < z < 0.08
+    assert girdle("right", math.radians(120), 0.0) * 1.7 == pytest.approx((x, -y, z))
 
 
 def test_the_five_exercises_of_the_paper_are_there_and_move_what_they_should() -> None:

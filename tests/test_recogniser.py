@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -142,6 +143,42 @@ def test_tempo_is_judged_against_what_was_shown() -> None:
     for factor in (0.65, 1.5):
         (repetition,) = verdicts(watch(exercise, exercise.faster(factor).path()))
         assert repetition.right
+
+
+def test_a_pause_half_way_and_a_repetition_begun_without_rest_are_no_faults() -> None:
+    exercise = load_exercise("lateral_raise")
+    path = exercise.path()
+    half = int(np.argmax(path[:, ARM["left"].start] > 0.8))
+    paused = np.concatenate((path[:half], np.repeat(path[half : half + 1], 30, 0), path[half:]))
+    assert [r.right for r in verdicts(watch(exercise, paused))] == [True]
+    low = int(np.flatnonzero(path[:, ARM["left"].start] > 0.45)[-1])  # turns round 26 degrees up
+    first = int(np.argmax(path[:, ARM["left"].start] > 0.45))
+    without_rest = np.concatenate((path[:low], path[first:low], path[first:]))
+    assert [r.right for r in verdicts(watch(exercise, without_rest))] == [True] * 3
+
+
+def test_small_faults_add_up_and_what_is_nearly_right_is_said_to_be() -> None:
+    exercise = load_exercise("lateral_raise")
+    one = verdicts(watch(exercise, changed(exercise, trunk_flexion=8)))[0]
+    assert one.right and 0.5 < one.score < 0.999 and one.verdict == "right"
+    both = {"trunk_flexion": 8.5, "left_elbow_flexion": 22, "neck_flexion": 12}
+    several = verdicts(watch(exercise, changed(exercise, **both)))[0]
+    assert several.verdict == "nearly" and several.words.startswith("Nearly right. ")
+    far = verdicts(watch(exercise, changed(exercise, trunk_flexion=20)))[0]
+    assert far.verdict == "wrong" and far.score < 0.05 and far.used["trunk_lean"] > 1.5
+
+
+def test_limits_give_way_to_a_source_that_is_unsure() -> None:
+    exercise = load_exercise("lateral_raise")
+    path = changed(exercise, left_elbow_flexion=40, right_elbow_flexion=40)
+    rows = np.concatenate((np.repeat(path[:1], 30, 0), path, np.repeat(path[-1:], 30, 0)))
+    for unsure, right in ((np.radians(2.0), False), (np.radians(30.0), True)):
+        recogniser = RuleRecogniser()
+        recogniser.begin(exercise)
+        sd = np.full(16, np.radians(2.0))
+        sd[[ARM[side].start + 3 for side in ("left", "right")]] = unsure
+        found = [recogniser.update(Frame(k / RATE, row, sd)).finished for k, row in enumerate(rows)]
+        assert [r.right for r in found if r is not None] == [right]
 
 
 def test_standing_still_is_told_once_in_a_while() -> None:
@@ -319,13 +356,64 @@ def test_a_lost_hand_is_unknown_and_a_broken_reading_is_none() -> None:
         source.calibrate([HandsReading(None, None, None)])
 
 
-def test_spread_arms_at_calibration_set_their_length() -> None:
-    body = UpperBody.of_height(1.7, arm_share=1.06)
-    spread = np.zeros((5, 16))
-    spread[:, [ARM["left"].start, ARM["right"].start]] = math.pi / 2
+def guided(body: UpperBody) -> list[HandsReading]:
+    """Ten seconds of calibration: arms hang, go forward, to the sides, and round."""
+    keys = [(8, 30), (8, 30), (90, 90), (90, 0), (150, 45), (90, 0), (8, 30)]
+    times = np.linspace(0, len(keys) - 1, 300)
+    path = np.zeros((300, 16))
+    for side in ("left", "right"):
+        for column in (0, 1):
+            values = np.radians([key[column] for key in keys])
+            path[:, ARM[side].start + column] = np.interp(times, range(len(keys)), values)
+        path[:, ARM[side].start + 3] = math.radians(8)
+    return readings(body, path, Pose((0.3, 0.2, 0.5), (0.0, 0.0, math.sin(0.4), math.cos(0.4))))
+
+
+def test_a_guided_calibration_finds_how_a_person_is_built_and_it_can_be_kept() -> None:
+    usual = UpperBody.of_height(1.7)
+    body = replace(
+        usual,
+        shoulder=1.12 * usual.shoulder,
+        upper_arm=1.06 * usual.upper_arm,
+        forearm=1.06 * usual.forearm,
+    )
     source = HandsSource(1.7)
-    source.calibrate(readings(body, spread, Pose()))
-    assert source.body.reach == pytest.approx(body.reach)
+    source.calibrate(guided(body))
+    assert source.fit.is_measured
+    assert source.body.shoulder == pytest.approx(body.shoulder, rel=0.08)
+    assert source.body.reach == pytest.approx(body.reach, rel=0.03)
+    assert source.fit.of_direction < HandsSource(1.7).fit.of_direction
+    assert HandsSource(1.7, fit=source.fit).body == source.body
+    with pytest.raises(ConfigError, match="do not fit a stature"):
+        HandsSource(1.1).calibrate(guided(UpperBody.of_height(1.9)))
+
+
+def test_hands_that_are_swapped_are_noticed_and_sorted() -> None:
+    body = UpperBody.of_height(1.7)
+    path = np.zeros((60, 16))
+    path[40:, ARM["left"].start] = 1.4
+    source = HandsSource(1.7)
+    frames = [
+        source.update(HandsReading(r.head, r.right, r.left), k / RATE)
+        for k, r in enumerate(readings(body, path, Pose()))
+    ]
+    assert source.is_swapped and frames[-1] is not None
+    assert frames[-1].angles[ARM["left"].start] > 1.0 > frames[-1].angles[ARM["right"].start]
+
+
+def test_a_headset_that_sits_askew_and_a_gaze_aside_make_nobody_lean() -> None:
+    body, tilt = (
+        UpperBody.of_height(1.7),
+        Pose((0, 0, 0), (0.0, math.sin(0.17), 0.0, math.cos(0.17))),
+    )
+    still = readings(body, np.zeros((45, 16)), Pose())
+    source = HandsSource(1.7)
+    frames = [
+        source.update(HandsReading(r.head @ tilt, r.left, r.right), k / RATE)
+        for k, r in enumerate(still)
+        if r.head is not None
+    ]
+    assert frames[-1] is not None and np.abs(frames[-1].angles[:6]).max() < math.radians(1)
 
 
 def test_joint_angles_of_a_simulated_person_show_the_same_arms() -> None:

@@ -20,7 +20,14 @@ from rcare_marl.baselines.coaching.evaluation import (
     score_trial,
 )
 from rcare_marl.baselines.coaching.noise import HandsSensor, NoiseModel
-from rcare_marl.baselines.coaching.performance import WRONG, Performance, idle, perform
+from rcare_marl.baselines.coaching.performance import (
+    GRADED,
+    WRONG,
+    Performance,
+    idle,
+    perform,
+    perform_at,
+)
 from rcare_marl.baselines.coaching.synthetic_user import PACE, RANGE, draw_users
 from rcare_marl.errors import ConfigError, UnknownNameError
 
@@ -93,6 +100,48 @@ def test_wrong_performances_are_wrong_by_far() -> None:
         assert plane is not None
         top = plane.angles[np.argmax(plane.angles[:, ARM["left"].start])]
         assert math.degrees(top[MOTION_INDEX["left_shoulder_plane"]]) > 40
+
+
+@pytest.mark.parametrize("used", [0.5, 0.9, 1.1, 2.0])
+def test_a_limit_is_used_as_far_as_was_asked_for(used: float) -> None:
+    exercise = load_exercise("lateral_raise")
+    user = draw_users(1, seed=3, split="development")[0]
+    for kind in GRADED:
+        done = perform_at(user, exercise, kind, used, np.random.default_rng(1))
+        assert done is not None and done.used == used
+        (span,), demand = done.spans, exercise.judged
+        during = done.angles[(done.times >= span[0]) & (done.times <= span[1])]
+        if kind == "trunk_lean":
+            lean = np.degrees(np.arccos(directions(during)["trunk"][:, 2].min()))
+            assert lean == pytest.approx(used * demand.lean_deg, abs=2.5)
+        elif kind == "bent_elbows":
+            top = during[int(np.argmax(during[:, ARM["left"].start]))]
+            bent = np.degrees(top[ARM["left"].start + 3]) - 5.0
+            assert bent == pytest.approx(used * demand.elbow_deg, abs=8.0)
+    assert (
+        perform_at(
+            user, load_exercise("head_rotation"), "bent_elbows", 1.1, np.random.default_rng(1)
+        )
+        is None
+    )
+    with pytest.raises(UnknownNameError, match="trunk_lean"):
+        perform_at(user, exercise, "trunk_leen", 1.0, np.random.default_rng(0))
+
+
+def test_movements_are_not_the_curves_that_exercises_are_shown_by() -> None:
+    exercise = load_exercise("front_raise")
+    speeds, gaps = [], []
+    for user in draw_users(12, seed=2, split="development"):
+        done = perform(user, exercise, "right", np.random.default_rng(4), repetitions=4)
+        assert done is not None
+        gaps += [b[0] - a[1] for a, b in zip(done.spans, done.spans[1:], strict=False)]
+        start, end = (int(t * 120) for t in done.spans[0])
+        raised = done.angles[start:end, ARM["left"].start]
+        out = raised[: int(np.argmax(raised))]
+        rise = np.clip((out - out[0]) / (out[-1] - out[0]), 0, 1)
+        speeds.append(float(np.argmax(rise > 0.5)) / len(rise))
+    assert np.ptp(speeds) > 0.15  # least jerk has gone half the way after half the time
+    assert min(gaps) < 0.15 and max(gaps) > 0.7
 
 
 def test_the_wrong_arm_is_the_one_that_was_not_asked_for() -> None:
@@ -187,6 +236,7 @@ def test_an_evaluation_is_one_json_object_and_the_same_every_time() -> None:
     assert set(told["exercises"]) == {"front_raise"} and told["right"]["of"] == 3
     assert sum(told["confusion"]["right"].values()) >= 3
     assert {"half_range", "standing_still"} <= set(told["kinds"])
+    assert sum(row["of"] for row in told["distance"]) == len(GRADED)
     with pytest.raises(ConfigError, match="at least one person"):
         evaluate_coach(users=0)
     with pytest.raises(ConfigError, match="split"):

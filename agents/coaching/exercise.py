@@ -54,28 +54,34 @@ class Demand:
 
     Attributes:
         range_share: Least share of the way to each key pose.
+        least_goal: Down to which share of what is shown a goal may be somebody's own range; 1: not at all.
         plane_deg: How far a part may leave the path that was shown [deg].
+        beyond_deg: How far a part may go beyond a key pose [deg].
         tempo: Least and greatest duration against the one shown.
         symmetry: By which share one arm may fall behind the other.
         lag_s: How much later one arm may be than the other [s].
         elbow_deg: How much more than shown an elbow may be bent [deg].
         lean_deg: How far the trunk may lean [deg].
         turn_deg: How far the trunk may turn [deg].
-        head_deg: How far the head may turn, nod or tilt where it has no part in the exercise [deg].
+        head_deg: How far the head may nod or tilt where it has no part in the exercise [deg].
+        gaze_deg: How far it may turn there [deg]; people look at their hand, or at the coach.
         still_deg: How far an arm may move that has no part in it [deg].
         patience_s: After how long without a movement a person counts as standing still, over the duration of
             a repetition [s].
     """
 
-    range_share: float = 0.78
-    plane_deg: float = 33.0
+    range_share: float = 0.8
+    least_goal: float = 1.0
+    plane_deg: float = 28.0
+    beyond_deg: float = 45.0
     tempo: tuple[float, float] = (0.5, 2.2)
     symmetry: float = 0.22
     lag_s: float = 0.8
-    elbow_deg: float = 55.0
-    lean_deg: float = 13.0
+    elbow_deg: float = 25.0
+    lean_deg: float = 10.0
     turn_deg: float = 15.0
-    head_deg: float = 40.0
+    head_deg: float = 18.0
+    gaze_deg: float = 75.0
     still_deg: float = 40.0
     patience_s: float = 2.0
 
@@ -86,8 +92,9 @@ class Demand:
                     raise ConfigError(f"{name} must be positive, got {number}")
         if self.tempo[0] >= self.tempo[1]:
             raise ConfigError(f"tempo is [least, greatest], got {list(self.tempo)}")
-        if self.range_share > 1:
-            raise ConfigError(f"range_share is a share of at most 1, got {self.range_share}")
+        for name in ("range_share", "least_goal"):
+            if getattr(self, name) > 1:
+                raise ConfigError(f"{name} is a share of at most 1, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +246,21 @@ class Exercise:
             if left[part] < max(SMALLEST, SMALLEST_SHARE * wanted[part]):
                 keys[:, COLUMNS[part]] = keys[0, COLUMNS[part]]
         return self._with_keys(keys)
+
+    def with_own_goal(self, share: float) -> Exercise:
+        """Return this exercise with goals of somebody who gets so far, as far as it allows that.
+
+        Args:
+            share: Share of the way to the key poses that they reach, such as the median of what repetitions
+                measured as `<part>_range`; not below `judged.least_goal`.
+
+        Raises:
+            ConfigError: If the share is not positive.
+        """
+        if not (math.isfinite(share) and share > 0):
+            raise ConfigError(f"somebody's own range is a positive share, got {share}")
+        share = min(max(share, self.judged.least_goal), 1.0)
+        return self._with_keys(self.keys[0] + share * (self.keys - self.keys[0]))
 
     def one_sided(self, side: str) -> Exercise:
         """Return the half of this exercise that one side does; of the head, what goes to that side."""

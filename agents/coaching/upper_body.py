@@ -22,13 +22,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
+
+from ..people.body.anthropometry import DE_LEVA_LENGTHS
 
 Angle = Array | float
 
@@ -53,12 +56,26 @@ MOTIONS = (
 MOTION_INDEX = {motion: i for i, motion in enumerate(MOTIONS)}
 ARM = {side: slice(6 + 5 * i, 11 + 5 * i) for i, side in enumerate(SIDES)}  # an arm's five angles
 
-# Lengths as shares of stature: Drillis & Contini 1966 (as in Winter, Biomechanics and Motor Control of
-# Human Movement): heights above the floor of hips .530, shoulders .818, chin .870, eyes .936.
-TRUNK, EYE_LEVEL, CHIN = 0.818 - 0.530, 0.936 - 0.818, 0.870 - 0.818
-SHOULDER_HALF_WIDTH, UPPER_ARM, FOREARM, HAND = 0.129, 0.186, 0.146, 0.108
+# Lengths between joint centres as shares of stature, men and women: trunk (middle of the shoulders to
+# middle of the hips), upper arm and forearm after de Leva 1996, table 4, as `people.body.anthropometry`
+# has them. Half the width between shoulder joints: biacromial breadth of ANSUR II (2012; 416 mm of 1756,
+# 365 of 1629, from memory) less 20 mm from each acromion in to the joint (our own choice). Heights of chin
+# and eyes: Drillis & Contini 1966 (.870 and .936 of stature, as in Winter), hips .530.
+SEXES = ("male", "female")
+Sex = Literal["male", "female"]
+TRUNK_OF, UPPER_ARM_OF, FOREARM_OF, HAND_OF = (
+    DE_LEVA_LENGTHS[name] for name in ("trunk", "upper_arm", "forearm", "hand")
+)
+SHOULDER_HALF_WIDTH_OF = ((0.208 - 0.02) / 1.756, (0.1825 - 0.02) / 1.629)
+HIP, CHIN_HEIGHT, EYE_HEIGHT = 0.530, 0.870, 0.936
+TRUNK, UPPER_ARM, FOREARM, HAND, SHOULDER_HALF_WIDTH = (
+    sum(pair) / 2 for pair in (TRUNK_OF, UPPER_ARM_OF, FOREARM_OF, HAND_OF, SHOULDER_HALF_WIDTH_OF)
+)
+# The collar bone turns up and back about its inner end by a quarter of what the arm is raised beyond 30 deg
+# (scapulohumeral rhythm after Inman et al. 1944, Ludewig et al. 2009; rounded, from memory).
+CLAVICLE, SETTING, GIRDLE_SHARE = 0.085, math.radians(30), 0.25
 EYES_FORWARD = 0.05  # eyes in front of the axis of the neck, as a share of stature; our own choice
-PALM = 0.45  # middle of the palm from the wrist, as a share of the hand; our own choice
+PALM = 0.5  # knuckles of the palm from the wrist, as a share of the hand; our own choice
 
 
 @dataclass(frozen=True)
@@ -94,28 +111,39 @@ class UpperBody:
 
     @classmethod
     def of_height(
-        cls, height: float, *, arm_share: float = 1.0, trunk_share: float = 1.0
+        cls,
+        height: float,
+        *,
+        sex: Sex | None = None,
+        arm_share: float = 1.0,
+        trunk_share: float = 1.0,
     ) -> UpperBody:
         """Return a body of average proportions.
 
         Args:
             height: Stature [m].
+            sex: Whose proportions; the mean of both if None.
             arm_share: Length of the arms against the average of that stature.
             trunk_share: Length of the trunk likewise.
         """
         if not (math.isfinite(height) and 0.5 <= height <= 2.5):
             raise ConfigError(f"a stature must lie in 0.5..2.5 m, got {height}")
-        neck = (
-            0.5 * CHIN * height
-        )  # the head turns halfway between shoulders and chin; our own choice
+        if sex is not None:
+            check_name("sex", sex, SEXES)
+        pairs = (TRUNK_OF, SHOULDER_HALF_WIDTH_OF, UPPER_ARM_OF, FOREARM_OF, HAND_OF)
+        trunk, shoulder, upper_arm, forearm, hand = (
+            sum(pair) / 2 if sex is None else pair[SEXES.index(sex)] for pair in pairs
+        )
+        # The head turns halfway between shoulders and chin; our own choice.
+        neck = 0.5 * (CHIN_HEIGHT - HIP - trunk)
         return cls(
-            trunk=TRUNK * height * trunk_share,
-            shoulder=SHOULDER_HALF_WIDTH * height,
-            upper_arm=UPPER_ARM * height * arm_share,
-            forearm=FOREARM * height * arm_share,
-            palm=PALM * HAND * height * arm_share,
-            neck=neck,
-            head=EYE_LEVEL * height - neck,
+            trunk=trunk * height * trunk_share,
+            shoulder=shoulder * height,
+            upper_arm=upper_arm * height * arm_share,
+            forearm=forearm * height * arm_share,
+            palm=PALM * hand * height * arm_share,
+            neck=neck * height,
+            head=(EYE_HEIGHT - HIP - trunk - neck) * height,
             eyes=EYES_FORWARD * height,
         )
 
@@ -123,20 +151,6 @@ class UpperBody:
     def reach(self) -> float:
         """From a shoulder to the palm of the straight arm [m]."""
         return self.upper_arm + self.forearm + self.palm
-
-    def with_arm_span(self, span: float) -> UpperBody:
-        """Return this body with arms such that its palms are `span` [m] apart when spread."""
-        share = (span / 2 - self.shoulder) / self.reach
-        if not 0.5 <= share <= 1.5:
-            raise ConfigError(
-                f"palms {span:.2f} m apart do not fit arms of about {self.reach:.2f} m"
-            )
-        return replace(
-            self,
-            upper_arm=self.upper_arm * share,
-            forearm=self.forearm * share,
-            palm=self.palm * share,
-        )
 
     def points(self, angles: Array) -> dict[str, Array]:
         """Return where the parts are [m], each of shape [..., 3].
@@ -191,13 +205,32 @@ class UpperBody:
             sign = SIGN[side]
             upper = trunk @ swing(side, elevation, plane) @ turn_z(-sign * rotation)
             fore = upper @ turn_y(-elbow)
-            points[f"{side}_shoulder"] = neck + trunk[..., 1] * (sign * self.shoulder)
+            lift = girdle(side, elevation, plane) * self.shoulder / SHOULDER_HALF_WIDTH
+            at = lift + np.array((0.0, sign * self.shoulder, 0.0))
+            points[f"{side}_shoulder"] = neck + (trunk @ at[..., None])[..., 0]
             points[f"{side}_elbow"] = points[f"{side}_shoulder"] - upper[..., 2] * self.upper_arm
             points[f"{side}_wrist"] = points[f"{side}_elbow"] - fore[..., 2] * self.forearm
             points[f"{side}_hand"] = points[f"{side}_wrist"] - fore[..., 2] * self.palm
             turns[f"{side}_upper_arm"], turns[f"{side}_forearm"] = upper, fore
             turns[f"{side}_hand"] = fore @ turn_z(-sign * pronation) @ HAND_IN_FOREARM[side]
         return points, turns
+
+
+def girdle(side: str, elevation: Angle, plane: Angle) -> Array:
+    """Return how far a shoulder moves as its arm is raised, as a share of stature, shape [..., 3].
+
+    The collar bone turns up and back about its inner end; an arm that is raised to the front draws it back
+    the less the more it is to the front.
+
+    Args:
+        side: `left` or `right`.
+        elevation: Of the arm [rad].
+        plane: Its plane [rad].
+    """
+    raised = GIRDLE_SHARE * np.maximum(np.asarray(elevation) - SETTING, 0.0)
+    back = raised * np.cos(np.clip(plane, 0.0, np.pi / 2))
+    x, y, z = -np.sin(back) * np.cos(raised), np.cos(back) * np.cos(raised) - 1.0, np.sin(raised)
+    return CLAVICLE * np.stack(np.broadcast_arrays(x, SIGN[side] * y, z), axis=-1)
 
 
 # Columns: fingers, across the palm, back of the hand; in the axes of a hanging forearm, palm to the thigh.

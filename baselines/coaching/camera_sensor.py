@@ -22,7 +22,7 @@ from rcare_marl.agents.coaching.upper_body import ARM, MOTIONS, SIDES, SIGN, tur
 from rcare_marl.pose import Array
 from rcare_marl.rendering.camera import Camera
 
-from .noise import NoiseModel, sampled
+from .noise import NoiseModel, own_lift, sampled
 from .performance import Performance, at_rest
 from .synthetic_user import RESTS, SyntheticUser
 
@@ -159,7 +159,7 @@ class CameraSensor:
         }
         for side in SIDES:
             arm = ARM[side]
-            rise = np.clip(angles[:, arm.start] / np.pi, 0.0, 1.0)[:, None] * user.lift * up
+            rise = (turns["trunk"] @ own_lift(user, side, angles)[..., None])[..., 0]
             pronated = turn_z(-SIGN[side] * angles[:, arm.start + 4])
             fore = turns[f"{side}_forearm"] @ pronated
             frames[f"{side}_upper_arm"] = (

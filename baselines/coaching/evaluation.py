@@ -20,7 +20,7 @@ from ..evaluation.evaluate import wilson_interval
 from ..workers import run_all
 from .camera_sensor import CameraSensor
 from .noise import HandsSensor, JointsSensor, NoiseModel, Sensor
-from .performance import WRONG, Performance, idle, perform
+from .performance import GRADED, USED, WRONG, Performance, idle, perform, perform_at
 from .synthetic_user import SPLITS, SyntheticUser, draw_person
 
 RIGHT_REPETITIONS = 3  # of each exercise by each person
@@ -76,6 +76,7 @@ class Trial:
         latencies: From the end of each repetition to its verdict [s].
         false_alarms: Wrong verdicts on somebody who does right; `right` on somebody who does nothing.
         seconds: How long it went on [s].
+        used: How much of the limit `kind` it was made to use; None if it was not made at a distance.
     """
 
     user: int
@@ -87,6 +88,7 @@ class Trial:
     latencies: tuple[float, ...]
     false_alarms: int
     seconds: float
+    used: float | None = None
 
 
 @dataclass(frozen=True)
@@ -124,13 +126,24 @@ class CoachEvaluation:
         return _share(self._of(*WRONG))[0]
 
     def _of(self, *kinds: str) -> list[Trial]:
-        return [trial for trial in self.trials if trial.kind in kinds]
+        return [trial for trial in self.trials if trial.kind in kinds and trial.used is None]
+
+    def by_distance(self) -> list[dict[str, Any]]:
+        """Return how often a repetition was called right that used so much of one limit, by that share."""
+        out = []
+        for used in sorted({trial.used for trial in self.trials if trial.used is not None}):
+            found = [trial for trial in self.trials if trial.used == used]
+            of_each = {kind: [t for t in found if t.kind == kind] for kind in GRADED}
+            row = {"used": used, **_summary(found)}
+            row["limits"] = {kind: _summary(own) for kind, own in of_each.items() if own}
+            out.append(row)
+        return out
 
     def confusion(self) -> dict[str, dict[str, int]]:
         """Return how often each kind of performance got each verdict first, by kind."""
         out: dict[str, Counter[str]] = {}
         for trial in self.trials:
-            if trial.kind == "idle":
+            if trial.kind == "idle" or trial.used is not None:
                 continue
             counts = out.setdefault(trial.kind, Counter())
             if trial.kind == "right":
@@ -186,6 +199,7 @@ class CoachEvaluation:
             "wrong": _summary(self._of(*WRONG)),
             "exercises": by_exercise,
             "kinds": {kind: _summary(self._of(kind)) for kind in WRONG if self._of(kind)},
+            "distance": self.by_distance(),
             "confusion": self.confusion(),
             "latency": self.latency(),
             "latency_of_right": self.latency("right"),
@@ -260,7 +274,7 @@ def score_trial(
     total = len(performance.spans)
     if performance.kind == "right":
         false_alarms = sum(verdict != "right" for verdict in said)
-    else:
+    elif performance.used is None:
         false_alarms = sum(verdict == "right" for verdict in said)
         recognised, total = int(bool(said) and "right" not in said), 1
     return Trial(
@@ -273,13 +287,14 @@ def score_trial(
         latencies=tuple(latencies),
         false_alarms=false_alarms,
         seconds=float(performance.times[-1]),
+        used=performance.used,
     )
 
 
 def performances(
     user: SyntheticUser, exercises: Sequence[Exercise], rng: np.random.Generator
 ) -> Iterator[Performance]:
-    """Yield all that one person does: each exercise right, wrong in every way, and not at all."""
+    """Yield all that one person does: each exercise right, wrong in every way, at limits, and not at all."""
     names = exercise_names()
     for exercise in exercises:
         for kind in ("right", *WRONG):
@@ -287,6 +302,10 @@ def performances(
             done = perform(user, exercise, kind, rng, others=names, repetitions=often)
             if done is not None:
                 yield done
+        for kind in GRADED:
+            graded = perform_at(user, exercise, kind, float(rng.choice(USED)), rng)
+            if graded is not None:
+                yield graded
         yield idle(user, exercise, rng, seconds=IDLE_TIME)
 
 

@@ -214,6 +214,6 @@ class LearnedRecogniser(RuleRecogniser):
         right = chances[0]
         measures = {**by_rules.measures, "right": right}
         if right >= 0.5:
-            return replace(by_rules, right=True, errors=(), measures=measures)
+            return replace(by_rules, right=True, errors=(), measures=measures, nearly=False)
         worst = max(range(1, len(CLASSES)), key=lambda k: chances[k])
         return replace(by_rules, right=False, errors=(CLASSES[worst],), measures=measures)

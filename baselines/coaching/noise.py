@@ -13,7 +13,14 @@ from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 from rcare_marl.agents.coaching.recognition.recogniser import PoseSource
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
 from rcare_marl.agents.coaching.sources.joints_source import JointsSource
-from rcare_marl.agents.coaching.upper_body import ARM, MOTIONS, SIDES, trunk_turn
+from rcare_marl.agents.coaching.upper_body import (
+    ARM,
+    MOTIONS,
+    SHOULDER_HALF_WIDTH,
+    SIDES,
+    girdle,
+    trunk_turn,
+)
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose
 
@@ -21,7 +28,7 @@ from .performance import Performance
 from .synthetic_user import SyntheticUser
 
 DEVICES = ("head", "left_hand", "right_hand")
-CALIBRATION = 1.0  # how long the calibration pose is held [s]
+CALIBRATION = 10.0  # how long it takes to calibrate [s]
 LOST_FRAMES = 3.0  # mean length of a drop-out; our own choice
 MOUNT, MOUNT_TURN = 0.01, 3.0  # how a device sits on head or hand [m], [deg]; our own choice
 
@@ -38,11 +45,13 @@ class NoiseModel:
         clock: Standard deviation of what its clock says of it [s].
         dropout: Share of the frames that a device misses; of a camera, that a marker is missed which is
             to be seen.
+        drift_deg: By how much what is taken for ahead turns in a minute [deg]; of headset and hands alike.
+        stature: Standard deviation of the stature that is told [m].
         pixel: Standard deviation of a marker's corner in a picture, along each axis [pixel].
     """
 
     GROWING: ClassVar[tuple[str, ...]] = (
-        *("position", "angle_deg", "jitter", "clock", "dropout", "pixel"),
+        *("position", "angle_deg", "jitter", "clock", "dropout", "drift_deg", "pixel"),
     )  # with a level of the noise; all but the rate
 
     position: float = 0.01
@@ -51,6 +60,8 @@ class NoiseModel:
     jitter: float = 0.004
     clock: float = 0.003
     dropout: float = 0.05
+    drift_deg: float = 2.0
+    stature: float = 0.015
     pixel: float = 0.6
 
     def __post_init__(self) -> None:
@@ -110,14 +121,17 @@ class HandsSensor:
     def source(self, user: SyntheticUser, rng: np.random.Generator) -> HandsSource:
         """Return a source that was told a stature to the centimetre, and saw a calibration pose."""
         self._place(user, rng)
-        source = HandsSource(round(user.height + float(rng.normal(0, 0.01)), 2))
-        angles = np.zeros((int(CALIBRATION * self._noise.rate), len(MOTIONS)))
+        source = HandsSource(round(user.height + float(rng.normal(0, self._noise.stature)), 2))
+        rest = np.zeros(len(MOTIONS))
+        rest[3:6] = np.radians(rng.normal(0, 2, size=3))
         for i, side in enumerate(SIDES):
-            angles[:, ARM[side]] = user.rest[i]
-            if user.span_known:
-                spread = rng.uniform((80, -5, -10, 0, -20), (92, 8, 10, 8, 20))
-                angles[:, ARM[side]] = np.radians(spread)
-        angles[:, 3:6] = np.radians(rng.normal(0, 2, size=3))
+            rest[ARM[side]] = user.rest[i]
+        if (
+            user.span_known
+        ):  # who can moves straight arms for ten seconds: down, forward, aside, round
+            angles = _guided(rest, int(CALIBRATION * self._noise.rate), rng)
+        else:
+            angles = np.repeat(rest[None], int(1.0 * self._noise.rate), axis=0)
         source.calibrate([reading for reading in self._read(user, angles, rng)])
         return source
 
@@ -127,7 +141,8 @@ class HandsSensor:
         """Yield what headset and hands report."""
         taken, told = self._noise.times(float(performance.times[-1]), rng)
         angles = sampled(performance, taken)
-        yield from zip(taken, told, self._read(user, angles, rng), strict=True)
+        turned = np.radians(self._noise.drift_deg) * rng.choice((-1, 1)) * taken / 60
+        yield from zip(taken, told, self._read(user, angles, rng, turned), strict=True)
 
     def _place(self, user: SyntheticUser, rng: np.random.Generator) -> None:
         """Put the person somewhere, and the devices on them not quite as they should be."""
@@ -138,10 +153,16 @@ class HandsSensor:
         self._placing[id(user)] = (seat, facing, mounts, turned)
 
     def _read(
-        self, user: SyntheticUser, angles: Array, rng: np.random.Generator
+        self,
+        user: SyntheticUser,
+        angles: Array,
+        rng: np.random.Generator,
+        drift: Array | None = None,
     ) -> Iterator[HandsReading]:
         noise, count = self._noise, len(angles)
         seat, facing, mounts, turned = self._placing[id(user)]
+        if drift is not None:
+            facing = Rotation.from_rotvec(drift[:, None] * (0.0, 0.0, 1.0)) * facing
         held = bent_poses(user, angles)
         lost = noise.lost(count, 3, rng)
         poses: list[list[Pose | None]] = []
@@ -167,6 +188,21 @@ class HandsSensor:
             yield HandsReading(head, left, right)
 
 
+def _guided(rest: Array, count: int, rng: np.random.Generator) -> Array:
+    """Return the angles of a calibration as somebody does it who is told to [rad], shape [count, 16]."""
+    # Elevation and plane of both arms [deg].
+    keys = np.array(((8, 30), (8, 30), (85, 85), (85, 5), (130, 45), (85, 0), (8, 30)), np.float64)
+    times = np.linspace(0, len(keys) - 1, count)
+    out = np.repeat(rest[None], count, axis=0)
+    for side in SIDES:
+        arm = ARM[side].start
+        own = keys + rng.normal(0, (5.0, 6.0), size=keys.shape)
+        for column in (0, 1):
+            out[:, arm + column] = np.radians(np.interp(times, range(len(keys)), own[:, column]))
+        out[:, arm + 2 :][:, :3] = np.radians((0.0, rng.uniform(2, 18), rng.uniform(-20, 20)))
+    return out
+
+
 def bent_poses(user: SyntheticUser, angles: Array) -> dict[str, tuple[Array, Rotation]]:
     """Return positions [n, 3] and rotations of head and hands of a body that has wrists and shoulder blades.
 
@@ -175,18 +211,24 @@ def bent_poses(user: SyntheticUser, angles: Array) -> dict[str, tuple[Array, Rot
         angles: [rad], shape [n, 16].
     """
     poses, points = user.body.poses(angles), user.body.points(angles)
-    up = trunk_turn(angles[:, 0], angles[:, 1], angles[:, 2])[..., 2]
+    trunk = trunk_turn(angles[:, 0], angles[:, 1], angles[:, 2])
     out = {"head": (poses["head"][0], Rotation.from_quat(poses["head"][1]))}
     for i, side in enumerate(SIDES):
         palm, thumb = user.wrist[i]
         sign = 1.0 if side == "left" else -1.0
         bend = Rotation.from_euler("yz", (palm, -sign * thumb))
         turn = Rotation.from_quat(poses[f"{side}_hand"][1]) * bend
-        # The shoulder rises as the arm goes from horizontal to upright.
-        rise = np.clip(angles[:, ARM[side].start] / np.pi, 0.0, 1.0) * user.lift
-        wrist = points[f"{side}_wrist"] + rise[:, None] * up
+        more = own_lift(user, side, angles)
+        wrist = points[f"{side}_wrist"] + (trunk @ more[..., None])[..., 0]
         out[f"{side}_hand"] = (wrist + user.body.palm * turn.apply((1.0, 0.0, 0.0)), turn)
     return out
+
+
+def own_lift(user: SyntheticUser, side: str, angles: Array) -> Array:
+    """Return how much more than average a shoulder moves with its arm, in the trunk's frame [m], [n, 3]."""
+    arm = ARM[side].start
+    usual = girdle(side, angles[:, arm], angles[:, arm + 1])
+    return np.asarray((user.lift - 1.0) * usual * (user.body.shoulder / SHOULDER_HALF_WIDTH))
 
 
 class JointsSensor:

@@ -1,7 +1,9 @@
-"""How synthetic people do an exercise: right, or wrong in one of many ways.
+"""How synthetic people do an exercise: right, or wrong in one of many ways, by far or at the limit.
 
-A performance is motion of a kinematic body. What is wrong is wrong by far, what is right is right as a
-therapist would have it; nothing here comes from a recogniser. All figures are our own choice.
+A performance is motion of a kinematic body that is moved by its own rules: limbs swing from direction to
+direction by several overlapping sub-movements of uneven speed, with corrections, bulges, pauses and
+fatigue. Nothing of it comes from a recogniser, nor from the curve that an exercise is shown by. All
+figures are our own choice.
 """
 
 from __future__ import annotations
@@ -13,16 +15,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcare_marl.agents.coaching.exercise import Exercise, KeyPose, load_exercise
-from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES
-from rcare_marl.errors import UnknownNameError
+from rcare_marl.agents.coaching.upper_body import (
+    ARM,
+    MOTION_INDEX,
+    MOTIONS,
+    SIDES,
+)
+from rcare_marl.errors import UnknownNameError, check_name
 from rcare_marl.pose import Array
 
+from .kinematics import DEGREE, ELBOW, ELEVATION, PLANE, RATE, advance, alive, between, swung
 from .synthetic_user import PACE, RANGE, SyntheticUser
 
-RATE = 120.0  # at which motion is made; sensors sample it [1/s]
 BEFORE, AFTER = 1.2, 1.5  # rest before and after [s]
-ELEVATION, PLANE, ELBOW = 0, 1, 3  # within an arm
-DEGREE = math.pi / 180
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +40,7 @@ class Performance:
         times: [s], shape [n].
         angles: [rad], shape [n, 16].
         spans: Beginning and end of each repetition [s].
+        used: How much of its limit it was made to use, where that was asked for.
     """
 
     asked: Exercise
@@ -42,6 +48,7 @@ class Performance:
     times: Array
     angles: Array
     spans: tuple[tuple[float, float], ...]
+    used: float | None = None
 
 
 @dataclass
@@ -56,6 +63,7 @@ class Attempt:
         hold: Of the poses, likewise.
         lag: How much later the right arm is than the left [s]; negative: earlier.
         trunk: How far the trunk moves along with it [rad], shape [3].
+        head: How far the head nods and tilts along [rad], shape [2].
     """
 
     exercise: Exercise
@@ -65,10 +73,13 @@ class Attempt:
     hold: float
     lag: float
     trunk: Array
+    head: Array
 
 
-def _attempt(user: SyntheticUser, exercise: Exercise, rng: np.random.Generator) -> Attempt:
-    """Return a right repetition in the way of a person."""
+def _attempt(
+    user: SyntheticUser, exercise: Exercise, rng: np.random.Generator, tired: float = 0.0
+) -> Attempt:
+    """Return a right repetition in the way of a person, who is tired by so much, 0 to 1."""
     keys = exercise.keys.copy()
     rest = keys[0].copy()
     for i, side in enumerate(SIDES):
@@ -78,19 +89,20 @@ def _attempt(user: SyntheticUser, exercise: Exercise, rng: np.random.Generator) 
         alike = moves & (np.abs(plane - plane[1]) < 20 * DEGREE)
         plane[alike] += user.plane[i] + rng.normal(0, 2 * DEGREE)
         keys[moves, ARM[side].start + ELBOW] += user.elbow[i]
-        rest[ARM[side]] = user.rest[i]
+        rest[ARM[side]] = user.rest[i] + rng.normal(0, 3 * DEGREE, size=5)  # not quite where it lay
     keys[0] = keys[-1] = rest
-    base = np.clip(user.range + rng.normal(0, 0.02, size=3), *RANGE)
+    base = np.clip(user.range - tired * user.tires + rng.normal(0, 0.02, size=3), *RANGE)
     other = 1 - SIDES.index(user.handed)
     base[other] = max(base[other] - user.weaker, RANGE[0])
     return Attempt(
         exercise=exercise,
         keys=keys,
         share=base,
-        pace=float(np.clip(user.pace * rng.uniform(0.92, 1.08), *PACE)),
+        pace=float(np.clip(user.pace * (1 + 0.2 * tired) * rng.uniform(0.85, 1.15), *PACE)),
         hold=user.hold,
         lag=user.lag if other == 1 else -user.lag,
         trunk=user.sway * rng.uniform(-1, 1, size=3),
+        head=np.zeros(2),
     )
 
 
@@ -104,24 +116,8 @@ def _scaled(attempt: Attempt) -> Array:
             if keys[k - 1, e] > math.radians(45):
                 asked[k, p] = asked[k - 1, p] + attempt.share[i] * (keys[k, p] - keys[k - 1, p])
     asked[1:-1, 3:6] = attempt.share[2] * keys[1:-1, 3:6]
+    asked[1:-1, 3:5] += attempt.head
     return asked
-
-
-def _performed(attempt: Attempt) -> Exercise:
-    """Return the attempt as an exercise of its own, whose angles are what is done."""
-    keys = np.degrees(_scaled(attempt))
-    poses = tuple(
-        KeyPose(
-            dict(zip(MOTIONS, key.tolist(), strict=True)),
-            pose.move_s * attempt.pace,
-            pose.hold_s * attempt.pace * attempt.hold,
-        )
-        for key, pose in zip(keys[1:-1], attempt.exercise.poses, strict=True)
-    )
-    rest = dict(zip(MOTIONS, keys[0].tolist(), strict=True))
-    return replace(
-        attempt.exercise, poses=poses, rest=rest, return_s=attempt.exercise.return_s * attempt.pace
-    )
 
 
 Change = Callable[[Attempt, SyntheticUser, np.random.Generator], Attempt | None]
@@ -267,6 +263,40 @@ def _right(attempt: Attempt, user: SyntheticUser, rng: np.random.Generator) -> A
     return attempt
 
 
+def _by_range(attempt: Attempt, used: float) -> None:
+    attempt.share = np.full(3, 1.0 - used * (1.0 - attempt.exercise.judged.range_share))
+
+
+def _by_lean(attempt: Attempt, used: float) -> None:
+    attempt.trunk = np.array((used * attempt.exercise.judged.lean_deg * DEGREE, 0.0, 0.0))
+
+
+def _by_elbows(attempt: Attempt, used: float) -> None:
+    for side in SIDES:
+        shown = attempt.exercise.keys[1:-1, ARM[side].start + ELBOW]
+        bent = shown + used * attempt.exercise.judged.elbow_deg * DEGREE
+        attempt.keys[1:-1, ARM[side].start + ELBOW] = bent
+
+
+def _by_nod(attempt: Attempt, used: float) -> None:
+    attempt.head = np.array((used * attempt.exercise.judged.head_deg * DEGREE, 0.0))
+
+
+def _by_tempo(attempt: Attempt, used: float) -> None:
+    attempt.pace, attempt.hold = attempt.exercise.judged.tempo[0] ** used, 1.0
+
+
+# What can be done at every distance from its limit, and what of it makes no sense for the head alone.
+GRADED: dict[str, Callable[[Attempt, float], None]] = {
+    "range": _by_range,
+    "trunk_lean": _by_lean,
+    "bent_elbows": _by_elbows,
+    "head_moved": _by_nod,
+    "too_fast": _by_tempo,
+}
+_NOT_OF_THE_HEAD = ("bent_elbows", "head_moved")
+USED = (0.3, 0.6, 0.8, 0.9, 1.1, 1.2, 1.4, 1.7, 2.0)  # shares of a limit
+
 # Besides these: `wrong_arm`, asked for one side and done on the other; `other_exercise`; `standing_still`.
 CHANGES: dict[str, Change] = {
     "right": _right,
@@ -312,29 +342,78 @@ def perform(
         done = load_exercise(str(rng.choice([name for name in others if name != exercise.name])))
     elif kind not in (*CHANGES, "standing_still"):
         raise UnknownNameError("kind of performance", kind, ("right", *WRONG))
-    parts: list[tuple[Array, Array]] = []  # angles and whether they belong to a repetition
+    attempts = []
+    for k in range(0 if kind == "standing_still" else repetitions):
+        attempt = _attempt(user, done, rng, tired=k / 10)
+        changed = CHANGES.get(kind, _right)(attempt, user, rng)
+        if changed is None:
+            return None
+        attempts.append(changed)
+    return _performance(user, asked, kind, attempts, rng)
+
+
+def perform_at(
+    user: SyntheticUser, exercise: Exercise, kind: str, used: float, rng: np.random.Generator
+) -> Performance | None:
+    """Return one repetition that uses so much of one limit and is right otherwise; None if it makes no sense.
+
+    Args:
+        user: Who.
+        exercise: What they are asked to do.
+        kind: Which limit, of `GRADED`.
+        used: How much of it: 1 is at the limit.
+        rng: Of what varies from time to time.
+    """
+    check_name("limit", kind, GRADED)
+    if exercise.parts == ("head",) and kind in _NOT_OF_THE_HEAD:
+        return None
+    attempt = _attempt(user, exercise, rng)
+    attempt.share, attempt.trunk = np.maximum(attempt.share, 0.95), 0.3 * attempt.trunk
+    attempt.pace = float(np.clip(attempt.pace, 0.8, 1.3))
+    GRADED[kind](attempt, used)
+    return replace(_performance(user, exercise, kind, [attempt], rng), used=used)
+
+
+def _performance(
+    user: SyntheticUser,
+    asked: Exercise,
+    kind: str,
+    attempts: Sequence[Attempt],
+    rng: np.random.Generator,
+) -> Performance:
+    """Return somebody who does one attempt after the other."""
+    parts: list[tuple[Array, Array]] = []
     spans, now = [], BEFORE
-    if kind != "standing_still":
-        for _ in range(repetitions):
-            attempt = CHANGES.get(kind, _right)(_attempt(user, done, rng), user, rng)
-            if attempt is None:
-                return None
-            times, angles = _repetition(attempt)
-            parts.append((now + times, angles))
-            spans.append((now, now + float(times[-1])))
-            now = spans[-1][1] + float(rng.uniform(0.7, 1.5))
+    for attempt in attempts:
+        times, angles = _repetition(attempt, user, rng)
+        parts.append((now + times, angles))
+        spans.append((now, now + float(times[-1])))
+        now = spans[-1][1] + float(rng.uniform(0.0, 0.1) if user.hurries else rng.uniform(0.7, 1.5))
     end = spans[-1][1] + AFTER if spans else 0.0
     if kind != "right":  # a coach waits for a while before they say that nothing happens
-        end = max(end, BEFORE + exercise.duration + 4.0)
+        end = max(end, BEFORE + asked.duration + 4.0)
     grid = np.arange(int(end * RATE)) / RATE
-    whole = np.repeat(at_rest(user)[None], len(grid), axis=0)
-    for times, angles in parts:
+    whole = _laid(grid, parts, at_rest(user))
+    turns_head = np.ptp(whole[:, 3:6], axis=0).max() > 20 * DEGREE  # who does looks nowhere else
+    calm = replace(user, gaze=0.3 * user.gaze) if turns_head else user
+    return Performance(asked, kind, grid, alive(calm, grid, whole, rng), tuple(spans))
+
+
+def _laid(grid: Array, parts: Sequence[tuple[Array, Array]], rest: Array) -> Array:
+    """Return angles at all times: parts of motion, and in between how the last one left it, shape [n, 16]."""
+    whole = np.repeat(rest[None], len(grid), axis=0)
+    for k, (times, angles) in enumerate(parts):
         first = int(round(times[0] * RATE))
         count = min(len(angles), len(whole) - first)
         whole[first : first + count] = angles[:count]
-    turns_head = np.ptp(whole[:, 3:6], axis=0).max() > 20 * DEGREE  # who does looks nowhere else
-    calm = replace(user, gaze=0.3 * user.gaze) if turns_head else user
-    return Performance(asked, kind, grid, _alive(calm, grid, whole, rng), tuple(spans))
+        after = parts[k + 1][1][0] if k + 1 < len(parts) else angles[-1]
+        until = int(round(parts[k + 1][0][0] * RATE)) if k + 1 < len(parts) else len(whole)
+        share = np.linspace(0, 1, max(until - first - count, 0))[:, None]
+        whole[first + count : until] = angles[-1] + share * (after - angles[-1])
+        if k == 0:
+            lead = np.linspace(0, 1, first)[:, None] ** 3
+            whole[:first] = rest + lead * (angles[0] - rest)
+    return whole
 
 
 def idle(
@@ -349,18 +428,17 @@ def idle(
         seconds: For how long.
     """
     grid = np.arange(int(seconds * RATE)) / RATE
-    whole = np.repeat(at_rest(user)[None], len(grid), axis=0)
+    parts: list[tuple[Array, Array]] = []
     now = float(rng.uniform(0.5, 2.0))
     while now < seconds - 8.0:
         attempt = _attempt(user, exercise, rng)
         which = rng.integers(3)
         attempt = (_unknown, _head_only, _half_shift)[which](attempt, user, rng)
-        times, angles = _repetition(attempt)
-        first = int(round(now * RATE))
-        count = min(len(angles), len(whole) - first)
-        whole[first : first + count] = angles[:count]
+        times, angles = _repetition(attempt, user, rng)
+        parts.append((now + times, angles))
         now += float(times[-1] + rng.uniform(0.5, 3.0))
-    return Performance(exercise, "idle", grid, _alive(user, grid, whole, rng), ())
+    whole = _laid(grid, parts, at_rest(user))
+    return Performance(exercise, "idle", grid, alive(user, grid, whole, rng), ())
 
 
 def _half_shift(attempt: Attempt, user: SyntheticUser, rng: np.random.Generator) -> Attempt:
@@ -378,41 +456,33 @@ def at_rest(user: SyntheticUser) -> Array:
     return angles
 
 
-def _repetition(attempt: Attempt) -> tuple[Array, Array]:
+def _repetition(
+    attempt: Attempt, user: SyntheticUser, rng: np.random.Generator
+) -> tuple[Array, Array]:
     """Return times since its beginning [s] and angles [rad] of one repetition."""
-    exercise = _performed(attempt)
-    late = abs(attempt.lag)
-    times = np.arange(int((exercise.duration + late) * RATE) + 1) / RATE
-    angles = exercise.angles(times)
-    lagging = ARM[SIDES[1 if attempt.lag > 0 else 0]]
-    angles[:, lagging] = exercise.angles(times - late)[:, lagging]
-    # The trunk goes along as far as the movement has gone.
-    gone = np.abs(angles - angles[0]).sum(axis=1)
-    gone /= max(float(gone.max()), 1e-9)
-    angles[:, :3] += gone[:, None] * attempt.trunk
-    return times, angles
-
-
-def _alive(user: SyntheticUser, times: Array, angles: Array, rng: np.random.Generator) -> Array:
-    """Return angles with tremor, breathing and a gaze that wanders."""
-    out = angles.copy()
+    keys = _scaled(attempt)
+    poses, pace = attempt.exercise.poses, attempt.pace
+    moves = [pace * pose.move_s for pose in poses] + [pace * attempt.exercise.return_s]
+    holds = [pace * attempt.hold * pose.hold_s for pose in poses] + [0.0]
+    progress, rates = [np.zeros(1)], np.clip(rng.normal(1.0, 0.1, size=len(moves)), 0.8, 1.25)
+    if attempt.pace < PACE[0]:  # who hurries does neither stop nor correct
+        user, rates = replace(user, jerky=0.0, pauses=0.0), np.ones(len(moves))
+    for k, (move, hold) in enumerate(zip(moves, holds, strict=True)):
+        went = advance(move * rates[k], user, rng)
+        progress.append(k + went)
+        progress.append(np.full(int(hold * RATE), k + went[-1]))
+    gone = np.concatenate(progress)
+    late = int(abs(attempt.lag) * RATE)
+    lagging = SIDES[1 if attempt.lag > 0 else 0]
+    ahead = np.concatenate((gone, np.full(late, gone[-1])))
+    behind = np.concatenate((np.zeros(late), gone))
+    angles = np.empty((len(ahead), len(MOTIONS)))
+    angles[:, :6] = between(keys[:, :6], ahead)
+    bulge = rng.normal(0, 2.5 * DEGREE, size=(2, len(moves)))
     for i, side in enumerate(SIDES):
-        start = ARM[side].start
-        for column, size in ((ELEVATION, 1.0), (PLANE, 0.7), (ELBOW, 1.0)):
-            phase = rng.uniform(0, 2 * np.pi)
-            wave = np.sin(2 * np.pi * user.tremor_rate * times + phase)
-            out[:, start + column] += size * user.tremor[i] * wave
-            out[:, start + column] += 1.0 * DEGREE * _wander(times, rng)
-    for j in range(3):
-        out[:, 3 + j] += user.gaze[j] * _wander(times, rng)
-        wave = np.sin(2 * np.pi * user.tremor_rate * times + rng.uniform(0, 2 * np.pi))
-        out[:, 3 + j] += user.tremor[2] * wave
-        out[:, j] += 0.7 * DEGREE * _wander(times, rng)
-    return out
-
-
-def _wander(times: Array, rng: np.random.Generator) -> Array:
-    """Return a slow irregular wave of about unit size, shape [n]."""
-    rates, phases = rng.uniform(0.05, 0.35, size=3), rng.uniform(0, 2 * np.pi, size=3)
-    waves = np.sin(2 * np.pi * rates[:, None] * times + phases[:, None])
-    return np.asarray(waves.sum(axis=0) / math.sqrt(3.0))
+        own = behind if side == lagging else ahead
+        angles[:, ARM[side]] = swung(side, keys[:, ARM[side]], own, bulge[i])
+    # The trunk goes along as far as the movement has gone.
+    far = np.abs(angles - angles[0]).sum(axis=1)
+    angles[:, :3] += (far / max(float(far.max()), 1e-9))[:, None] * attempt.trunk
+    return np.arange(len(angles)) / RATE, angles

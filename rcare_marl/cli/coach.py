@@ -145,7 +145,8 @@ def evaluate(
 ) -> None:
     """Measure how well right exercise is told from wrong, over synthetic people.
 
-    Each of them does every exercise rightly three times, wrongly in fourteen ways, and something else.
+    Each of them does every exercise rightly three times, wrongly in fourteen ways, at some distance from each
+    of five limits, and something else.
 
     Example: rcare-marl coach evaluate --source hands --seed 7
 

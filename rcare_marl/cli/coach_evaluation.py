@@ -108,6 +108,9 @@ def show(found: CoachEvaluation, levels: Mapping[float, CoachEvaluation]) -> Non
         said = _said(told["confusion"].get(kind, {}))
         kinds.append((kind.replace("_", " "), *_share(told["kinds"][kind]), said))
     screen.print(table("what was made of it", columns, kinds, **dict.fromkeys(columns[1:4], True)))
+    columns = ("share of a limit that was used", "called right", "95 % interval", "of")
+    near = [(f"{row['used']:g}", *_share(row)) for row in told["distance"]]
+    screen.print(table("near a limit", columns, near, **dict.fromkeys(columns[1:], True)))
     screen.print(table("on line", ("measure", "value"), _line_rows(told), value=True))
     if levels:
         columns = ("noise", *SHARES)

@@ -1,4 +1,4 @@
-"""Judges one repetition by rules: how far, which way, how even, how fast, and what else moved."""
+"""Measures one repetition: how far, which way, how even, how fast, and what else moved."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rcare_marl.pose import Array
 
 from ...people.motion.clip import rotation_between
 from ..exercise import Demand
-from .recogniser import Repetition
+from ..upper_body import ARM, SIDES
 from .segmenter import Segment
 from .template import (
     ANGLE_COLUMN,
@@ -34,11 +34,9 @@ MOSTLY = 92  # percentile that stands for the greatest of something that may be 
 BEST_FRAMES = 4  # so many frames must have got as far
 SMOOTHED = 5  # frames of the running mean
 ATTEMPTED = 0.3  # share of the way below which a key pose was not tried
-ALIKE, MUCH_MORE_ALIKE = 0.6, 0.25  # when a movement is another exercise
-UNLIKE = 0.3  # below this it is no attempt at an exercise
+MUCH_MORE_ALIKE = 0.25  # by so much a movement that is another exercise is more like it
 SEEN = 0.5  # share of frames in which a part has to be seen
 ALL = 1.05  # share of the way from which it was gone
-FURTHEST = 1.3  # share of the way beyond which it went too far, if it left the path, too
 OUT = 0.6  # share of the greatest excursion from which a movement is out
 WIDTH = math.radians(50)  # of the path in a likeness
 GENTLE = (
@@ -63,6 +61,7 @@ class Motion:
     angles: Mapping[str, Array]
     rest: Mapping[str, Array]
     rest_angles: Mapping[str, float]
+    unsure: Array
 
     @classmethod
     def of(cls, segment: Segment) -> Motion:
@@ -90,7 +89,7 @@ class Motion:
             rest[name] = value / max(float(np.linalg.norm(value)), 1e-9) if is_unit else value
         angles = {name: rows[:, column] for name, column in ANGLE_COLUMN.items()}
         at_rest = {name: float(segment.rest[column]) for name, column in ANGLE_COLUMN.items()}
-        return cls(vectors, angles, rest, at_rest)
+        return cls(vectors, angles, rest, at_rest, segment.unsure)
 
     def seen(self, part: str) -> bool:
         """Return whether a part was seen."""
@@ -133,6 +132,8 @@ class WayMeasure:
         reached: When it was half way to the first key pose, in frames; -1 if it was not.
         excursion: How far it got from its rest [rad].
         against: How far it went the other way, as a share of the first phase.
+        scale: What counts as all of the shortest way to a key pose [rad].
+        beyond: How far it went beyond a key pose [rad].
     """
 
     shares: tuple[float, ...]
@@ -141,6 +142,8 @@ class WayMeasure:
     reached: int
     excursion: float
     against: float
+    scale: float = 1.0
+    beyond: float = 0.0
 
     @property
     def least(self) -> float:
@@ -183,11 +186,18 @@ def measure_way(way: Way, motion: Motion, demand: Demand) -> WayMeasure:
     out = np.flatnonzero(between(way.path, way.rest) >= 0.35 * way.excursion)
     ends = (way.path[out[0]], way.path[out[-1]]) if len(out) else (way.rest, way.rest)
     path = np.concatenate((way.path, arc(rest, ends[0]), arc(ends[1], rest)))
-    moving = motion.excursion(way.part)
+    moving, scales = motion.excursion(way.part), [phase.scale_from(rest) for phase in way.phases]
     away = most(off_path(directions[moving > 0.3 * moving.max(initial=0.0)], path))
     allowed = min(math.radians(demand.plane_deg), max(0.6 * way.excursion, math.radians(12)))
     return WayMeasure(
-        tuple(shares), away, allowed, reached, float(moving.max(initial=0.0)), against
+        tuple(shares),
+        away,
+        allowed,
+        reached,
+        float(moving.max(initial=0.0)),
+        against,
+        min(scales, default=1.0),
+        max(((share - 1.0) * x for share, x in zip(shares, scales, strict=True)), default=0.0),
     )
 
 
@@ -210,8 +220,11 @@ class Assessment:
         elbow: How much more than shown an elbow was bent at worst [rad].
         lean: How far the trunk leaned [rad].
         turn: How far it turned [rad].
-        head: How far the head turned, nodded or tilted that had no part [rad].
+        head: How far the head nodded or tilted that had no part [rad].
+        gaze: How far it turned [rad].
         arm: How far an arm moved that had no part [rad].
+        unsure: Standard deviations of what the source told [rad]: of `arm` (where it points), `elbow`,
+            `lean`, `turn` and `head`.
     """
 
     ways: Mapping[str, WayMeasure]
@@ -221,7 +234,9 @@ class Assessment:
     lean: float
     turn: float
     head: float
+    gaze: float
     arm: float
+    unsure: Mapping[str, float]
     demand: Demand = field(default_factory=Demand)
 
     @property
@@ -245,18 +260,20 @@ class Assessment:
             "lean_deg": math.degrees(self.lean),
             "turn_deg": math.degrees(self.turn),
             "head_deg": math.degrees(self.head),
+            "gaze_deg": math.degrees(self.gaze),
             "arm_deg": math.degrees(self.arm),
         }
         for part, way in self.ways.items():
             out[f"{part}_range"] = way.least
+            out[f"{part}_deg"] = math.degrees(way.excursion)
             out[f"{part}_away_deg"] = math.degrees(way.away)
         if len(self.ways) == 2:
             left, right = self.ways.values()
-            out["uneven"] = _unevenness(left.shares, right.shares)
+            out["uneven"] = unevenness(left.shares, right.shares)
         return out
 
 
-def _likeness(template: Template, motion: Motion) -> float:
+def likeness_of(template: Template, motion: Motion) -> float:
     """Return how much a motion is like an exercise, 0 to 1."""
     if not all(motion.seen(part) for part in template.ways):
         return 0.0
@@ -279,7 +296,7 @@ def assess(template: Template, motion: Motion) -> Assessment:
     seen = {part: way for part, way in template.ways.items() if motion.seen(part)}
     ways = {part: measure_way(way, motion, demand) for part, way in seen.items()}
     idle_arms = [p for p in MOVING if p != "head" and p not in template.ways]
-    head = max(most(motion.excursion("head")), most(motion.excursion("crown")))
+    has_head = "head" in template.ways
     return Assessment(
         ways=ways,
         unseen=tuple(part for part in template.ways if part not in seen),
@@ -287,10 +304,25 @@ def assess(template: Template, motion: Motion) -> Assessment:
         elbow=max((_bend(template, motion, p) for p in template.arms), default=0.0),
         lean=most(motion.excursion("trunk")),
         turn=_turn(motion, ways),
-        head=0.0 if "head" in template.ways else head,
+        head=0.0 if has_head else most(motion.excursion("crown")),
+        gaze=0.0 if has_head else most(motion.excursion("head")),
         arm=max((_arm_excursion(motion, part) for part in idle_arms), default=0.0),
+        unsure=_unsure(template, motion),
         demand=demand,
     )
+
+
+def _unsure(template: Template, motion: Motion) -> dict[str, float]:
+    """Return how unsure the source was of each kind of angle [rad], of the arms that have to move."""
+    sides = [part.removesuffix("_arm") for part in template.arms] or list(SIDES)
+    sd = motion.unsure
+    return {
+        "arm": max(float(sd[ARM[side].start]) for side in sides),
+        "elbow": max(float(sd[ARM[side].start + 3]) for side in sides),
+        "lean": float(sd[:2].max()),
+        "turn": float(sd[2]),
+        "head": float(sd[3:6].max()),
+    }
 
 
 def _moving_time(motion: Motion, ways: Iterable[str]) -> float:
@@ -325,69 +357,7 @@ def _arm_excursion(motion: Motion, part: str) -> float:
     return max(upper, motion.wrist_excursion(part.removesuffix("_arm")))
 
 
-def faults(found: Assessment, best: float) -> tuple[str, ...]:
-    """Return what was wrong with a repetition, names of `ERRORS`, the one to speak of first.
-
-    Args:
-        found: It against the exercise asked for.
-        best: How much it is like the most alike of the other exercises there are, 0 to 1.
-    """
-    if found.unseen:
-        return ("not_seen",)
-    likeness = found.likeness
-    is_other = best > ALIKE and best > likeness + MUCH_MORE_ALIKE and not found.keeps_to_path
-    if not any(way.greatest > ATTEMPTED for way in found.ways.values()):
-        return _not_attempted(found, best, is_other=is_other)
-    if is_other:
-        return ("other_exercise",)
-    if likeness < UNLIKE and best < ALIKE and not found.keeps_to_path:
-        one_sided = len(found.ways) > 1 and any(w.likeness > ALIKE for w in found.ways.values())
-        if not one_sided:
-            return ("unknown_movement",)
-    return (*_way_faults(found), *_other_faults(found))
-
-
-def _not_attempted(found: Assessment, best: float, *, is_other: bool) -> tuple[str, ...]:
-    asks_head = "head" in found.ways
-    arm_moved = found.arm > math.radians(found.demand.still_deg)
-    if not asks_head and arm_moved and best <= ALIKE:
-        return ("wrong_side",)
-    if asks_head and found.ways["head"].against > ATTEMPTED:
-        return ("wrong_side",)
-    if is_other or best > ALIKE:
-        return ("other_exercise",)
-    if asks_head and arm_moved:
-        return ("arms_only",)
-    if not asks_head and found.head > math.radians(15):
-        return ("head_only",)
-    if max(way.excursion for way in found.ways.values()) > math.radians(25):
-        return ("unknown_movement",)
-    return ("range", *_other_faults(found))
-
-
-def _way_faults(found: Assessment) -> list[str]:
-    demand, ways, out = found.demand, found.ways, []
-    short = [way for way in ways.values() if way.least < demand.range_share]
-    arms = [ways[part] for part in ("left_arm", "right_arm") if part in ways]
-    if len(arms) == 2:
-        uneven = _unevenness(arms[0].shares, arms[1].shares)
-        reached = [arm.reached for arm in arms]
-        late = abs(reached[0] - reached[1]) / RATE if min(reached) >= 0 else 0.0
-        if min(arm.greatest for arm in arms) < ATTEMPTED:
-            out.append("one_side")
-        elif uneven > demand.symmetry or late > demand.lag_s:
-            out.append("asymmetric")
-    if short:
-        missed = any(w.shares[0] >= ATTEMPTED > w.least for w in short if len(w.shares) > 1)
-        out.append("part_missing" if missed else "range")
-    strayed = [way for way in ways.values() if way.away > way.allowed]
-    if strayed:
-        far = any(way.greatest > FURTHEST for way in strayed)
-        out.append("too_far" if far else "direction")
-    return out
-
-
-def _unevenness(left: tuple[float, ...], right: tuple[float, ...]) -> float:
+def unevenness(left: tuple[float, ...], right: tuple[float, ...]) -> float:
     """Return by which share one arm fell behind the other on the way to some key pose."""
     worst = 0.0
     for a, b in zip(left, right, strict=False):
@@ -395,61 +365,3 @@ def _unevenness(left: tuple[float, ...], right: tuple[float, ...]) -> float:
         if more > ATTEMPTED:
             worst = max(worst, 1.0 - max(less, 0.0) / more)
     return worst
-
-
-def _other_faults(found: Assessment) -> list[str]:
-    demand = found.demand
-    # What was left out takes no time.
-    whole = all(way.least > ATTEMPTED for way in found.ways.values())
-    tests = (
-        ("too_fast", whole and found.tempo < demand.tempo[0]),
-        ("too_slow", found.tempo > demand.tempo[1]),
-        ("trunk_lean", found.lean > math.radians(demand.lean_deg)),
-        ("trunk_turn", found.turn > math.radians(demand.turn_deg)),
-        ("bent_elbows", found.elbow > math.radians(demand.elbow_deg)),
-        ("head_moved", found.head > math.radians(demand.head_deg)),
-        ("arm_moved", found.arm > math.radians(demand.still_deg)),
-    )
-    return [error for error, is_so in tests if is_so]
-
-
-def _is_next_to_nothing(found: Assessment, motion: Motion) -> bool:
-    """Return whether nobody would call it a movement: somebody shifts, or looks about."""
-    if any(way.greatest > ATTEMPTED for way in found.ways.values()):
-        return False
-    parts = [most(motion.excursion(part)) for part in MOVING]
-    wrists = [motion.wrist_excursion(side) for side in ("left", "right")]
-    is_small = max(parts) < math.radians(20) and max(wrists) < 0.4
-    return is_small and found.lean < math.radians(10) and found.turn < math.radians(15)
-
-
-def judge(
-    template: Template, others: Mapping[str, Template], segment: Segment
-) -> Repetition | None:
-    """Judge a repetition; None if hardly anything moved.
-
-    Args:
-        template: The exercise asked for.
-        others: The other exercises there are, by name.
-        segment: What was seen.
-    """
-    motion = Motion.of(segment)
-    found = assess(template, motion)
-    if _is_next_to_nothing(found, motion):
-        return None
-    best = 0.0
-    if found.likeness < 1 - MUCH_MORE_ALIKE and not found.unseen:  # else no other can be more alike
-        best = max((_likeness(other, motion) for other in others.values()), default=0.0)
-    errors = faults(found, best)
-    if not errors and not segment.returned:
-        errors = ("too_slow",)
-    # How near to what was shown: the mean of range and direction, less a quarter for each fault.
-    went = [min(max(way.least, 0.0), 1.0) for way in found.ways.values()]
-    kept = [max(0.0, 1.0 - 0.5 * way.away / way.allowed) for way in found.ways.values()]
-    score = 0.5 * float(np.mean(went or [0.0]) + np.mean(kept or [0.0]))
-    if set(errors) & {"other_exercise", "unknown_movement", "wrong_side", "head_only", "arms_only"}:
-        score = 0.0
-    score = max(0.0, score - 0.25 * len(errors))
-    return Repetition(
-        segment.start, segment.end, not errors, errors, round(score, 3), found.measures()
-    )

@@ -46,10 +46,12 @@ class Frame:
     Attributes:
         time: On the clock of the source [s]; it only grows.
         angles: Angles of `MOTIONS` [rad], shape [16]; NaN where the source does not know.
+        unsure: Standard deviation of each [rad], shape [16]; next to nothing if None. Limits give way by it.
     """
 
     time: float
     angles: Array
+    unsure: Array | None = None
 
     def __post_init__(self) -> None:
         if np.shape(self.angles) != (len(MOTIONS),):
@@ -72,8 +74,10 @@ class Repetition:
         end: When it ended [s].
         right: Whether it was right.
         errors: What was wrong, names of `ERRORS`, the one to speak of first.
-        score: How good it was, 0 to 1.
+        score: How likely it is right, 0 to 1.
         measures: What was measured, by name; the recogniser's own.
+        nearly: Whether it is not right but little of it is to be mended.
+        used: How much of each limit was used, by name of `ERRORS`: 1 is at the limit.
     """
 
     start: float
@@ -82,10 +86,24 @@ class Repetition:
     errors: tuple[str, ...]
     score: float
     measures: Mapping[str, float] = field(default_factory=dict)
+    nearly: bool = False
+    used: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for error in self.errors:
             check_name("error of a repetition", error, ERRORS)
+
+    @property
+    def verdict(self) -> str:
+        """`right`, `nearly` or `wrong`."""
+        return "right" if self.right else "nearly" if self.nearly else "wrong"
+
+    @property
+    def words(self) -> str:
+        """What the coach says of it; empty if there is nothing to mend."""
+        if not self.errors:
+            return ""
+        return ("Nearly right. " if self.nearly else "") + ERRORS[self.errors[0]]
 
 
 @dataclass(frozen=True)

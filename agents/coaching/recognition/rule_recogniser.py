@@ -10,10 +10,10 @@ import numpy as np
 from rcare_marl.pose import Array
 
 from ..exercise import Exercise, load_exercises
-from .assessment import judge
 from .recogniser import ERRORS, Frame, Judgement, Repetition
 from .segmenter import Segment, Segmenter
 from .template import COLUMN, Template, off_path
+from .verdict import judge
 
 # All our own choice.
 WRONG_FOR = 0.3  # what is wrong so long closes the green window [s]
@@ -77,8 +77,7 @@ class RuleRecogniser:
                 self._segmenter.moved_at = moved_at
                 return Judgement(time < self._praised_until)
             self._praised_until = time + PRAISED_FOR if repetition.right else -math.inf
-            hint = ERRORS[repetition.errors[0]] if repetition.errors else ""
-            return Judgement(repetition.right, 1.0, repetition, hint)
+            return Judgement(repetition.right, 1.0, repetition, repetition.words)
         if not self._segmenter.moving:
             return self._at_rest(time)
         self._watch(time)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from rcare_marl.pose import Array
 
+from ..upper_body import MOTIONS
 from .recogniser import Frame
 from .template import VECTORS, Template, feature
 
@@ -19,7 +20,14 @@ BACK = 0.15  # the speed is what the quick one has changed since then [s]
 STILL = math.radians(28)  # slower than this nothing moves [rad/s]
 SLOWEST = 0.45  # nor slower than this share of the slowest move that is shown, where that is less
 DWELL = 0.1  # how long rest must last at the end [s]
-DWELL_AMID = 0.2  # and before the last key pose [s]
+DWELL_AMID, NEAR_AMID = 0.25, 0.6  # and before the last key pose [s], and so much nearer to rest
+# Who lays an arm down elsewhere than it was is back, too: after so long without a movement [s], no further
+# from rest than this share of the way they went. A pause of a second half way is none of these.
+LAID, LAID_FOR = 0.35, 0.4
+ELSEWHERE, ELSEWHERE_FOR = 0.55, 1.2
+BACK_SHARE = 0.45
+# Who turns round near rest, or gets so much further away again, has begun the next one: shares of the way.
+TURNED, LEFT_AGAIN = 0.4, 0.15
 STUCK = 3.5  # who stays so much longer than shown away from rest is done [s]
 KEPT = 2.0  # frames kept from before a beginning [s]
 LOST = 0.7  # a part that is not seen for so long is unknown [s]
@@ -27,6 +35,11 @@ SAME = math.radians(8)  # so near to rest is rest [rad]
 SETTLING = 1.0  # after a repetition arms may settle for so long [s]
 LOOKED = 0.6  # after `begin` it is looked so long how the person rests [s]
 ANYWHERE = math.radians(100)  # from the rest shown, where an arm may lie that has no part
+LOOKS_AWAY = math.radians(75)  # who looks elsewhere at the end is back all the same
+HEAD = np.array([name in ("head", "crown") for name in VECTORS])
+LIES = math.radians(
+    28
+)  # hands that lie in a lap or on an armrest have the arm so much elsewhere than shown
 ARMS = np.array([name.endswith(("arm", "wrist")) for name in VECTORS])
 GREATEST_STEP = 0.5  # a clock that jumps further counts as a break [s]
 
@@ -42,6 +55,7 @@ class Segment:
         start: When it began [s].
         end: When it ended [s].
         returned: Whether it ended at rest; else the person stayed away from it too long.
+        unsure: How unsure the source was of each of `MOTIONS`, the mean over frames [rad], shape [16].
     """
 
     times: Array
@@ -50,6 +64,7 @@ class Segment:
     start: float
     end: float
     returned: bool
+    unsure: Array = field(default_factory=lambda: np.zeros(len(MOTIONS)))
 
 
 class Segmenter:
@@ -77,6 +92,13 @@ class Segmenter:
         smallest = min(asked.values(), default=1.0)
         self._begins = min(max(0.35 * smallest, math.radians(6)), math.radians(15))
         self._weights, self._near, self._usual = _limits(asked)
+        self._asked = np.array([name in asked for name in VECTORS])
+        # Arms that have no part tremble and count less.
+        idle = [ARMS[i] and n.replace("wrist", "arm") not in asked for i, n in enumerate(VECTORS)]
+        self._counts = np.where(idle, 0.5, 1.0)
+        # Its way leaves rest once: nearer to rest again, it is over.
+        self._is_simple = all(len(way.phases) == 1 for way in template.ways.values())
+        self._passes_rest = any(way.passes_rest for way in template.ways.values())
         hold = max((pose.hold_s for pose in exercise.poses), default=0.0)
         self._stuck = STUCK + exercise.judged.tempo[1] * hold
         self._patience = exercise.judged.tempo[1] * exercise.duration + 3.0
@@ -86,6 +108,7 @@ class Segmenter:
     def _clear(self) -> None:
         self.moving = False
         self._away = False  # done, but not back at rest yet
+        self._unsure = np.zeros(len(MOTIONS))  # running mean over frames
         self._times: list[float] = []
         self._rows: list[Array] = []
         self._quick = self._slow = self.now = np.full(0, np.nan)
@@ -95,6 +118,7 @@ class Segmenter:
         self._still_since: float | None = None
         self._began = 0.0
         self._fast_frames = 0
+        self._furthest, self._nearest = 0.0, (math.inf, 0.0)
         self._finished = -math.inf
         self._learnt = False
         self.moved_at: float | None = None
@@ -113,6 +137,9 @@ class Segmenter:
             if time - self._times[-1] > KEPT:
                 self._clear()  # a break
         dt = time - self._times[-1] if self._times else 0.0
+        if frame.unsure is not None:
+            known = np.isfinite(frame.unsure)
+            self._unsure[known] += 0.05 * (frame.unsure[known] - self._unsure[known])
         self._times.append(time)
         self._rows.append(row)
         self._smooth(row, time, dt)
@@ -121,7 +148,7 @@ class Segmenter:
         distance = self._distances(self.rest)
         speed = self._speed()
         self._note_still(speed, time)
-        near = bool((distance <= self._near).all())
+        near = bool((distance <= self._near_now(complete=complete)).all())
         self._calm_since = (
             (time if self._calm_since is None else self._calm_since)
             if near and self._fast_frames < (1 if self._calm_since is None else 3)
@@ -133,7 +160,7 @@ class Segmenter:
         if not self.moving:
             self._look_for_start(distance, speed, time)
             return None
-        return self._look_for_end(time, complete=complete)
+        return self._look_for_end(distance, time, complete=complete)
 
     def _smooth(self, row: Array, time: float, dt: float) -> None:
         if not len(self._quick):
@@ -161,9 +188,8 @@ class Segmenter:
             self._recent.popleft()
         (past, before), (time, now) = self._recent[0], self._recent[-1]
         gap = (now - before)[: 3 * len(VECTORS)].reshape(-1, 3)
-        return float(np.sqrt(np.nanmax((gap * gap).sum(axis=1), initial=0.0))) / max(
-            time - past, 0.02
-        )
+        fast = np.sqrt((gap * gap).sum(axis=1)) * self._counts
+        return float(np.nanmax(fast, initial=0.0)) / max(time - past, 0.02)
 
     def _note_still(self, speed: float, time: float) -> None:
         self._fast_frames = self._fast_frames + 1 if speed >= self._still else 0
@@ -174,6 +200,17 @@ class Segmenter:
 
     def _still_for(self, time: float) -> float:
         return 0.0 if self._still_since is None else time - self._still_since
+
+    def _near_now(self, *, complete: bool) -> Array:
+        """Return how near to rest each vector must be for the movement to be over [rad]."""
+        out = self._near.copy()
+        if self.moving and not complete:
+            out[self._asked] *= NEAR_AMID
+        if self._furthest > self._begins:
+            out[~self._asked & HEAD] = LOOKS_AWAY
+            # Who rests near the goal goes a short way, and is back only when most of it is undone.
+            out[self._asked] = np.minimum(out[self._asked], BACK_SHARE * self._furthest)
+        return out
 
     def _wait_for_rest(self, distance: Array, time: float) -> None:
         if self._calm_since is not None and time - self._calm_since >= DWELL:
@@ -191,6 +228,7 @@ class Segmenter:
             speed >= self._still or self._still_for(time) < 0.5
         ):
             self.moving, self._began, self._calm_since = True, time, None
+            self._furthest, self._nearest = 0.0, (math.inf, time)
             return
         if self._still_for(time) > 0.3:
             self._learn_rest(after_return=time - self._finished < SETTLING)
@@ -221,14 +259,50 @@ class Segmenter:
         if old > 15:  # not in every frame
             del self._times[:old], self._rows[:old]
 
-    def _look_for_end(self, time: float, *, complete: bool) -> Segment | None:
-        dwell = DWELL if complete else DWELL_AMID
+    def _look_for_end(self, distance: Array, time: float, *, complete: bool) -> Segment | None:
+        # One may pass rest on the way from one key pose to the next.
+        passes = self._passes_rest and self._furthest > self._begins
+        amid = ELSEWHERE_FOR if passes else DWELL_AMID
+        dwell = DWELL if complete else amid
         if self._calm_since is not None and time - self._calm_since >= dwell:
             return self._finish(self._calm_since, time)
-        if self._still_for(time) > self._stuck or time - self._began > self._patience:
+        far = float(distance[self._asked].max(initial=0.0))
+        self._furthest = max(self._furthest, far)
+        still, share = self._still_for(time), far / max(self._furthest, 1e-6)
+        if self._furthest > self._begins:
+            return self._look_for_turn(far, share, still, time, complete=complete)
+        return self._look_for_too_long(still, time)
+
+    def _look_for_turn(
+        self, far: float, share: float, still: float, time: float, *, complete: bool
+    ) -> Segment | None:
+        """Return a repetition that ended where an arm was laid down, or where it turned into the next."""
+        is_laid = share <= LAID and complete and still >= LAID_FOR
+        if is_laid or (share <= ELSEWHERE and still >= ELSEWHERE_FOR):
+            return self._finish(time - still, time)
+        if complete or self._is_simple:
+            if far < self._nearest[0] and share <= TURNED:
+                self._nearest = (far, time)
+            elif far > self._nearest[0] + LEFT_AGAIN * self._furthest:
+                return self._finish_at_turn(self._nearest[1], time)
+        return self._look_for_too_long(still, time)
+
+    def _look_for_too_long(self, still: float, time: float) -> Segment | None:
+        if still > self._stuck or time - self._began > self._patience:
             self._away = True
             return self._finish(time, time)
         return None
+
+    def _finish_at_turn(self, turn: float, time: float) -> Segment:
+        """End a repetition where it turned into the next one [s], and begin that."""
+        kept = [(t, row) for t, row in zip(self._times, self._rows, strict=True) if t >= turn]
+        cut = len(self._times) - len(kept)
+        del self._times[cut:], self._rows[cut:]
+        segment = self._finish(turn, turn)
+        self._times, self._rows = [t for t, _ in kept], [row for _, row in kept]
+        self.moving, self._began, self.moved_at = True, turn, time
+        self._furthest, self._nearest = 0.0, (math.inf, time)
+        return segment
 
     def _finish(self, end: float, time: float) -> Segment:
         self.moving, self.moved_at, self._finished = False, time, time
@@ -236,7 +310,13 @@ class Segmenter:
         start = self._start(times, rows)
         chosen = times >= start
         segment = Segment(
-            times[chosen], rows[chosen], self.rest.copy(), start, end, returned=not self._away
+            times[chosen],
+            rows[chosen],
+            self.rest.copy(),
+            start,
+            end,
+            not self._away,
+            self._unsure.copy(),
         )
         self._calm_since = None
         del self._times[:-1], self._rows[:-1]
@@ -265,15 +345,17 @@ def _limits(asked: dict[str, float]) -> tuple[Array, Array, Array]:
     for i, name in enumerate(VECTORS):
         part = name.replace("wrist", "arm").replace("crown", "head")
         if name == "trunk":
-            weights[i], near[i] = 0.9, math.radians(10)
+            weights[i], near[i] = 0.9, math.radians(14)
         elif part in asked:
             far = min(max(0.35 * asked[part], math.radians(6)), math.radians(28))
             weights[i], near[i] = 1.0, far if name == part else max(far, math.radians(25))
         else:
-            weights[i], near[i] = 0.5, math.radians(25)
+            # A head that turns does nothing wrong; one that nods may.
+            weights[i] = 0.3 if name == "head" else 0.5
+            near[i] = math.radians(25)
         if name.endswith("wrist"):
             weights[i], near[i] = 0.6, math.radians(42)
-        usual[i] = near[i] + math.radians(10)
+        usual[i] = near[i] + (LIES if ARMS[i] else math.radians(10))
         if ARMS[i] and part not in asked:  # an arm without a part lies anywhere
             usual[i] = ANYWHERE
     return weights, near, usual

@@ -24,6 +24,7 @@ MOVING = (
 RATE = 30.0  # frames a second at which ways are compared
 PATH_POINTS = 40
 UPRIGHT = 0.5  # length of a unit vector along a way below which it is nowhere on it; our own choice
+OVERDONE = math.radians(45)  # going further than shown is no other direction
 STARTED = 0.2  # share of the greatest excursion at which a movement counts as begun; our own choice
 
 
@@ -135,6 +136,11 @@ class Phase:
         gone = np.where(gone < 0.5 * self.angle - math.pi, gone + 2 * math.pi, gone)
         return np.where(np.hypot(x, y) > UPRIGHT, 1.0 - (self.angle - gone) / scale, 0.0)
 
+    def beyond(self) -> Array:
+        """Return directions on its way on beyond its end, as far as somebody may overdo it, shape [6, 3]."""
+        gone = self.angle + np.linspace(0.0, OVERDONE, 7)[1:, None]
+        return np.asarray(np.cos(gone) * self.start + np.sin(gone) * self.across)
+
     def scale_from(self, rest: Array) -> float:
         """Return what counts as all of it [rad] for somebody who rests with the part along `rest` [3]."""
         own = min(self.angle, float(between(rest, self.end)))
@@ -149,7 +155,7 @@ class Way:
         part: Which, of `MOVING`.
         rest: Its direction at rest, shape [3].
         phases: Its ways out; the way back to rest is none.
-        path: Directions all along, shape [points, 3].
+        path: Directions all along, then those beyond the ends of its phases, shape [points, 3].
         excursion: How far it gets from rest [rad].
     """
 
@@ -158,6 +164,12 @@ class Way:
     phases: tuple[Phase, ...]
     path: Array
     excursion: float
+
+    @property
+    def passes_rest(self) -> bool:
+        """Whether the way from one key pose to the next comes near rest."""
+        ways = [arc(phase.start, phase.end) for phase in self.phases[1:]]
+        return any(float(between(way, self.rest).min()) < 0.4 * self.excursion for way in ways)
 
 
 class Template:
@@ -220,8 +232,10 @@ def _way(part: str, keys: Array, path: Array) -> Way:
         far = float(between(rest, end))
         scale = min(angle, far) if far >= SMALLEST else angle
         phases.append(Phase(start, end, across / length, angle, scale))
+    beyond = [phase.beyond() for phase in phases]
     picked = path[np.linspace(0, len(path) - 1, min(PATH_POINTS, len(path))).round().astype(int)]
-    return Way(part, rest, tuple(phases), picked, float(between(path, rest).max()))
+    excursion = float(between(path, rest).max())
+    return Way(part, rest, tuple(phases), np.concatenate((picked, *beyond)), excursion)
 
 
 def between(a: Array, b: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The five angles of an arm from where its upper arm and forearm point, and two-link kinematics.
+"""The five angles of an arm from where its upper arm and forearm point.
 
 Rotations of one frame are in plain numbers, which take a tenth of the time of arrays this short.
 """
@@ -93,28 +93,3 @@ def arm_motion(
         twist = forearm.T @ hand @ HAND_IN_FOREARM[side].T
         pronation = -sign * math.atan2(twist[1, 0] - twist[0, 1], twist[0, 0] + twist[1, 1])
     return elevation, plane, rotation, elbow, pronation
-
-
-def elbow_at(wrist: Array, upper_arm: float, forearm: float, hint: Array) -> tuple[Array, Array]:
-    """Return where upper arm and forearm point, unit vectors [3] each, that reach a wrist.
-
-    A wrist out of reach is reached for with the arm straight.
-
-    Args:
-        wrist: From the shoulder [m], shape [3].
-        upper_arm: Its length [m].
-        forearm: Its length [m].
-        hint: Roughly where the elbow is, from the shoulder [m], shape [3].
-    """
-    far = math.sqrt(float(wrist @ wrist))
-    if far < 1e-6:
-        return np.array((0.0, 0.0, -1.0)), np.array((0.0, 0.0, 1.0))
-    along = wrist / far
-    far = min(max(far, abs(upper_arm - forearm) + 1e-3), (upper_arm + forearm) * (1 - 1e-6))
-    near = (upper_arm**2 - forearm**2 + far**2) / (2 * far)
-    radius = math.sqrt(max(upper_arm**2 - near**2, 0.0))
-    across = hint - (hint @ along) * along
-    length = math.sqrt(float(across @ across))
-    elbow = near * along + (radius / length if length > 1e-9 else 0.0) * across
-    fore = far * along - elbow
-    return elbow / math.sqrt(float(elbow @ elbow)), fore / math.sqrt(float(fore @ fore))

@@ -18,7 +18,7 @@ from rcare_marl.errors import ConfigError, MissingPackageError
 from rcare_marl.pose import Array
 
 from ..recognition.recogniser import Frame
-from ..upper_body import ARM, MOTIONS, SIDES
+from ..upper_body import ARM, MOTIONS, SHOULDER_HALF_WIDTH, SIDES, girdle
 from .arm_pose import arm_motion
 from .one_euro import OneEuro
 
@@ -30,6 +30,10 @@ EAR, SHOULDER, ELBOW, WRIST, PINKY, INDEX, HIP = (
 # All our own choice.
 VISIBLE = 0.5  # a landmark less likely to be seen counts as unknown
 SETTLING = 1.0  # how long a person is watched before anything is told [s]
+# Standard deviations of trunk, neck and an arm's angles [rad]; how shoulders move with arms is a person's
+# own.
+ABOUT_TRUNK = np.radians((3.0, 3.0, 6.0, 5.0, 5.0, 5.0))
+ABOUT_ARM = np.radians((4.0, 6.0, 15.0, 6.0, 20.0))
 STRETCHED = 1e-3  # [m]; landmarks nearer to each other show no direction
 
 
@@ -81,6 +85,9 @@ class LandmarkSource:
         self._settling: list[Array] = []
         self._neutral: tuple[Array, Array | None, Array] | None = None
         self._rotation = dict.fromkeys(SIDES, 0.0)
+        self._raised = dict.fromkeys(SIDES, (math.nan, math.nan))
+        self._axes_before, self._width = np.eye(3), 0.0
+        self._unsure = np.concatenate((ABOUT_TRUNK, *2 * [ABOUT_ARM]))
 
     def update(self, raw: LandmarkReading | None, time: float) -> Frame | None:
         """Return what is known at a time [s]; None in the first second, and while nobody is seen."""
@@ -113,6 +120,8 @@ class LandmarkSource:
             return False
         trunk = _trunk(middle)
         head = _head(middle)
+        across = middle[SHOULDER["left"]] - middle[SHOULDER["right"]]
+        self._axes_before, self._width = body, 0.5 * float(np.linalg.norm(across))
         self._neutral = (
             body if trunk is None else trunk,
             None if head is None else body.T @ head,
@@ -124,6 +133,7 @@ class LandmarkSource:
         assert self._neutral is not None
         sitting, looking, body = self._neutral
         angles = np.full(len(MOTIONS), np.nan)
+        raised, points = points, self._without_girdle(points)
         trunk = _trunk(points)
         across = points[SHOULDER["left"]] - points[SHOULDER["right"]]
         if trunk is not None and np.isfinite(_trunk_known(points)):
@@ -138,10 +148,27 @@ class LandmarkSource:
                 return None
             turned = body.T @ upright
             angles[2] = math.atan2(turned[1, 0], turned[0, 0])
+        self._axes_before = body @ turned
         self._neck(points, body @ turned, looking, angles)
         for side in SIDES:
-            self._arm(side, points, body @ turned, angles)
-        return Frame(time, angles) if np.isfinite(angles).any() else None
+            self._arm(side, raised, body @ turned, angles)
+            self._raised[side] = (angles[ARM[side].start], angles[ARM[side].start + 1])
+        return Frame(time, angles, self._unsure) if np.isfinite(angles).any() else None
+
+    def _without_girdle(self, points: Array) -> Array:
+        """Return landmarks with shoulders where they would be with hanging arms.
+
+        A shoulder moves up, in and back as its arm is raised, which is no turn of the trunk.
+        """
+        assert self._neutral is not None
+        trunk = self._axes_before
+        out = points.copy()
+        for side in SIDES:
+            elevation, plane = self._raised[side]
+            if math.isfinite(elevation + plane):
+                lift = girdle(side, elevation, plane) * (self._width / SHOULDER_HALF_WIDTH)
+                out[SHOULDER[side]] -= trunk @ lift
+        return out
 
     @staticmethod
     def _neck(points: Array, trunk: Array, looking: Array | None, angles: Array) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -195,7 +196,7 @@ class Room:
             self._frame_at = frame.time
             return None
         self._frame_at = frame.time
-        return Frame(frame.time - self._unwatched, frame.angles)
+        return replace(frame, time=frame.time - self._unwatched)
 
     def _phase(self, session: Session) -> Phase:
         if session.is_over:
