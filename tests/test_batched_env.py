@@ -203,7 +203,7 @@ def test_a_scene_of_mujoco_keeps_no_trace_and_so_is_never_made_anew(
     monkeypatch.setattr(station, "RENEWAL", 1)
     recipe = dataclasses.replace(FEEDING, engine="mujoco")
     env = BatchedEnv(recipe, count=1, seed=SEED)
-    steps = played(env, range(WHOLE))
+    steps = played(env, range(3 * WHOLE))
     number = int(torch.stack([step["next", "done"] for step in steps]).sum())
     state = env.state_dict()
     env.close()

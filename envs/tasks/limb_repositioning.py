@@ -10,7 +10,6 @@ from functools import cached_property
 
 import numpy as np
 
-from rcare_marl.agents.people.behaviour.behaviour_tree import GoAlong
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.kinematics import IkResult
@@ -54,8 +53,7 @@ SWING = {  # of the arm out of where it hangs, forward and outward
     "left_elbow_flexion": math.radians(25),
 }
 BESIDE = "wheelchair_beside"  # where robots stand that do not reach the arm from the chair
-# [m] along and across from the pad's middle, where it is tried to lie: a limp arm whose hand meets the
-# thigh rolls outward; our own choices.
+# [m] along and across from the pad's middle, where it is tried to lie; a hand at the thigh pushes outward.
 LAID = tuple(itertools.product((0.0, -0.03, -0.06, -0.09, -0.12), (0.0, -0.015)))
 SETTLE_STEPS = 1440  # physics steps that the arm gets to come to rest, each time
 # The wrist is held straight, as by a resting splint; name it in `movable` to let the hand droop.
@@ -100,9 +98,8 @@ class LimbRepositioningState(State):
 class LimbRepositioning(Task):
     """A robot with a padded cradle lays the left arm of a seated person on the armrest.
 
-    Goal: the forearm rests on the armrest, and the robot has let go of it.
+    Goal: the forearm rests on the armrest, let go of. Tolerance: how far off it may rest, how fast.
     Randomised at reset: how the arm swings, where the cradle starts, where on the pad the arm belongs.
-    Success and failure: see `is_success` and `is_failure`. Tolerance: how far off the arm may rest, how fast.
 
     Attributes:
         chair: The wheelchair.
@@ -134,8 +131,7 @@ class LimbRepositioning(Task):
         if missing := set(NEEDED) - set(self.recipient.movable):
             raise ConfigError(f"an arm that is to be lifted moves in {', '.join(sorted(missing))}")
         where = BESIDE if BESIDE in self.robot.config.mounts else "wheelchair_left"
-        mount = self.robot.mount_named(where)
-        self.chair = chair_for(mount, "left")
+        self.chair = chair_for(self.robot.mount_named(where), "left")
         soles = self.recipient.soles(self.chair.frame("seat_back"))
         self.chair.fit_footplates(soles["left"], soles["right"])
         self.chair.spawn(world).set_friction([-1], lateral=PAD_FRICTION)
@@ -162,7 +158,7 @@ class LimbRepositioning(Task):
         way = [self._start_pose(np.zeros(3)), *(self._tool_at(*each) for each in lift)]
         start_best(self.search(world, clear_of=[(person.body, 2 * LET_GO)]), way)
         self.take_tool(self.robot, self._cradle_body, self.cradle.in_tool)
-        robots = [a.body for a in self.cast.values() if isinstance(a, Robot)]
+        robots = (a.body for a in self.cast.values() if isinstance(a, Robot))
         self._movers = [self._cradle_body, *robots]
         if min(self._gaps()) < LET_GO:
             raise ConfigError("the cradle touches the recipient before the episode begins")
@@ -180,32 +176,25 @@ class LimbRepositioning(Task):
 
     def _lay(self, pad: Pose, start: Mapping[str, float]) -> Array:
         """Lay the arm on the pad, as far in front as it stays, and return the middle of the forearm [m]."""
-        best, least = None, TARGET_RADIUS
-        for along, across in LAID:
-            self.recipient.set_angles(start)  # whence the arm's angles are sought
-            self.recipient.set_angles(
-                self.recipient.laid_on("left", pad @ Pose((along, across, 0.0)))
-            )
+        person, best, least = self.recipient, None, TARGET_RADIUS
+        for shift in LAID:
+            person.set_angles(start)  # whence the arm's angles are sought
+            person.set_angles(person.laid_on("left", pad @ Pose((*shift, 0.0))))
             self._settle()
             aside = abs(float(self._see_arm()[1] - pad.position[1]))
             if aside <= least and self._force_on_pad() >= PAD_FORCE:
                 best, least = self._middle, aside
-            if least <= MIDDLE:
+            if best is not None and least <= MIDDLE:
                 break
         if best is None:
-            raise ConfigError(
-                "the left arm of the recipient slips off the armrest wherever it is laid"
-            )
+            raise ConfigError("the recipient's left arm slips off the armrest wherever it is laid")
         return best
 
     def _settle(self) -> None:
-        person, relaxed = self.recipient, GoAlong(self.recipient, self.control_dt)
-        for step in range(SETTLE_STEPS):
-            if step % 24 == 0:
-                person.command(relaxed.act(), self.control_dt)
-            for agent in self.cast.values():
-                agent.actuate()
-            self.world.step()
+        person, dt = self.recipient, self.control_dt
+        for _ in range(SETTLE_STEPS // 24):
+            person.command(person.slack_action(dt), dt)
+            self.settle(24)
         person.sense()
 
     def _tool_at(self, place: Array, turn: Array) -> Pose:
@@ -229,8 +218,8 @@ class LimbRepositioning(Task):
         for part in (1.0, 0.5, 0.0):  # less where the robot cannot reach, or the arm swings into it
             self.recipient.set_angles(self._hanging)
             self._see_arm()
-            tool, seed = self._start_pose(part * offset), self.robot.arm.rest
-            found = self.robot.solve_ik(tool, seed=seed) if part else self._unshifted
+            tool = self._start_pose(part * offset)
+            found = self.robot.solve_ik(tool, seed=self.robot.arm.rest) if part else self._unshifted
             self.recipient.set_angles({d: self._hanging[d] + part * a for d, a in swing.items()})
             self.robot.set_posture(found.posture)
             self._cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
@@ -241,16 +230,15 @@ class LimbRepositioning(Task):
     def read(self, now: State, before: LimbRepositioningState | None) -> LimbRepositioningState:
         person = self.recipient
         angles, (low, high) = np.array(person.positions), person.passive.T
-        beyond = max(float((angles - high).max()), float((low - angles).max()))
+        beyond = float(np.maximum(angles - high, low - angles).max())
         last, middle = self._middle, self._see_arm()
-        gap = self._target - middle
-        distance = math.sqrt(float(gap @ gap))
+        gap, distance = self._target - middle, math.dist(self._target, middle)
         hook, plate = self.hook()[0], self.seat_pose()
         pad_force, ease = self._force_on_pad(), self.options.tolerance
         lies = pad_force >= PAD_FORCE and distance <= TARGET_RADIUS * ease
         is_still = math.dist(last, middle) <= STILL * ease * self.control_dt
         rests = lies and is_still and min(self._gaps()) >= LET_GO
-        rested = 0.0 if before is None else before.rested
+        past = (0.0, 0.0) if before is None else (before.beyond, before.rested)
         return LimbRepositioningState(
             **vars(now),
             elbow=self._elbow,
@@ -265,14 +253,14 @@ class LimbRepositioning(Task):
             plate_inward=rotate(plate.quaternion, (0.0, 0.0, 1.0)),
             reach=math.dist(hook, plate.position),
             pad_force=pad_force,
-            beyond=max(0.0 if before is None else before.beyond, beyond),
-            rested=rested + self.control_dt if rests else 0.0,
+            beyond=max(past[0], beyond),
+            rested=past[1] + self.control_dt if rests else 0.0,
         )
 
     def _see_arm(self) -> Array:
         """Take note of where the arm is, and return the middle of the forearm [m], shape [3]."""
-        poses = [self.recipient.joint_pose(f"left_{name}") for name in ("elbow", "wrist")]
-        self._elbow, self._wrist = (np.array(pose.position) for pose in poses)
+        joints = (self.recipient.joint_pose(f"left_{name}") for name in ("elbow", "wrist"))
+        self._elbow, self._wrist = (np.array(pose.position) for pose in joints)
         self._middle: Array = 0.5 * (self._elbow + self._wrist)
         return self._middle
 
@@ -283,11 +271,10 @@ class LimbRepositioning(Task):
 
     def _force_on_pad(self) -> float:
         """Return how forearm and hand weigh on the pad [N], not at all unless the forearm touches it."""
-        person, chair = self.recipient.body, self.chair.body
+        person, chair, gap = self.recipient.body, self.chair.body, self.world.separation
         force = self.chair.load_on_armrest("left", self.world, person, self._lower_arm)
-        gap, links = self.world.separation, (self._forearm, -1)
-        is_near = force > 0 and gap(person, chair, within=2 * TOUCH, links=links) <= TOUCH
-        return force if is_near else 0.0
+        links = (self._forearm, -1)
+        return force * (force > 0 and gap(person, chair, within=2 * TOUCH, links=links) <= TOUCH)
 
     def observables(self, role: str) -> Sequence[Seen]:
         return [
