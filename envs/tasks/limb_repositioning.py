@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rcare_marl.agents.people.behaviour.behaviour_tree import GoAlong
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.kinematics import IkResult
@@ -31,9 +32,11 @@ from ..task_options import TaskOptions
 # [N]: a man's arm weighs 31 to 38. Own choice, a third of ISO/TS 15066 for a forearm (160, from memory).
 FORCE_LIMIT = 50.0
 COMFORT_FORCE = 20.0  # [N] free of penalty in `shaped`: comfort of the user of the RCareWorld paper
-TARGET_RADIUS = 0.05  # [m] from the target to the middle of the forearm; our own choice
+TARGET_RADIUS, MIDDLE = (
+    0.05,
+    0.03,
+)  # [m] of the forearm's middle from the target, or the pad's: own choice
 PAD_FORCE = 2.0  # [N] with which forearm and hand weigh on the pad at least; our own choice
-MIDDLE = 0.03  # [m] from the pad's middle, where it lies well; our own choice
 TOUCH = 0.005  # [m] between forearm and pad, flesh being softer than its capsule; our own choice
 LET_GO = 0.02  # [m] between the person and all that the robot moves; our own choice
 STILL = 0.05  # [m/s] of the forearm that rests; our own choice
