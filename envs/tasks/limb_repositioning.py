@@ -32,10 +32,7 @@ from ..task_options import TaskOptions
 # [N]: a man's arm weighs 31 to 38. Own choice, a third of ISO/TS 15066 for a forearm (160, from memory).
 FORCE_LIMIT = 50.0
 COMFORT_FORCE = 20.0  # [N] free of penalty in `shaped`: comfort of the user of the RCareWorld paper
-TARGET_RADIUS, MIDDLE = (
-    0.05,
-    0.03,
-)  # [m] of the forearm's middle from the target, or the pad's: own choice
+TARGET_RADIUS, MIDDLE = 0.05, 0.03  # [m] of the forearm from the target, the pad; own choice
 PAD_FORCE = 2.0  # [N] with which forearm and hand weigh on the pad at least; our own choice
 TOUCH = 0.005  # [m] between forearm and pad, flesh being softer than its capsule; our own choice
 LET_GO = 0.02  # [m] between the person and all that the robot moves; our own choice
