@@ -177,6 +177,7 @@ class TrainConfig:
         partners: Policies of the other roles; several are drawn from, episode by episode.
         residual: For learners that correct the scripted policy: how much they may, 0 to 1.
         engine: What computes the motion, see `rcare_marl.make`.
+        randomise: What is another in each episode, see `rcare_marl.make`.
         seed: Of everything random.
         steps: Control steps of all environments together.
         envs: Environments in the batch.
@@ -204,6 +205,7 @@ class TrainConfig:
     partners: dict[str, Any] = field(default_factory=dict)
     residual: dict[str, float] = field(default_factory=dict)
     engine: str = "bullet"
+    randomise: Any = None
     seed: int = 0
     steps: int = 50_000
     envs: int = 8
