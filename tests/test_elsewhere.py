@@ -30,7 +30,10 @@ def _every_warning() -> Iterator[None]:
 
 def play(task: str, name: str = "learned", **cast: Any) -> list[str]:
     """Return what is warned of when a shipped policy plays in a cast."""
-    with closing(rcare_marl.make(task, **cast)) as env, warnings.catch_warnings(record=True) as told:
+    with (
+        closing(rcare_marl.make(task, **cast)) as env,
+        warnings.catch_warnings(record=True) as told,
+    ):
         warnings.simplefilter("always")
         make_policy(env, task, "robot", name)
     return [str(each.message) for each in told if each.category is CastWarning]
@@ -78,7 +81,7 @@ def test_a_robot_besides_does_not_help() -> None:
 
 def test_what_was_measured_is_of_what_there_is() -> None:
     files = {file.stem for file in trained.FOLDER.glob("*.npz")}
-    known = {
+    known: dict[str, set[Any]] = {
         "recipient": set(assets.names("avatars")),
         "robot": set(assets.names("robots")),
         "home": set(home_names()),

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pettingzoo.test import parallel_api_test
+from episode import assert_same, rollout
+from pettingzoo.test.parallel_test import parallel_api_test
 from typer.testing import CliRunner
 
 import rcare_marl
@@ -22,8 +23,6 @@ from rcare_marl.envs.episode import EpisodeRecorder, RecordedEpisode, replay
 from rcare_marl.envs.learning import EnvRecipe
 from rcare_marl.envs.randomise import KINDS, Randomisation, randomisation_names
 from rcare_marl.errors import ConfigError, UnknownNameError
-
-from .episode import assert_same, rollout
 
 PLAYED = {"robot": "scripted", "recipient": "cooperative"}
 ENGINES = ("bullet", "mujoco")
@@ -138,12 +137,9 @@ def test_an_environment_made_with_nothing_of_it_is_bit_equal(engine: str) -> Non
         closing(learned_by(engine=engine)) as plainly,
         closing(learned_by(usual, engine=engine)) as same,
     ):
-        for seed in (1, 2):
-            left = [step[:-1] for step in rollout(plainly, seed, 8)]
-            right = [step[:-1] for step in rollout(same, seed, 8)]
-            assert_same(left[:1], right[:1])
-            for a, b in zip(left[1:], right[1:], strict=True):
-                assert_same([a], [b])
+        for seed in (1, 2):  # but for the last array, which has what was drawn too
+            left, right = ([step[:2] for step in rollout(e, seed, 8)] for e in (plainly, same))
+            assert_same(left, right)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

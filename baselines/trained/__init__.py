@@ -17,7 +17,8 @@ from rcare_marl.envs.registry import register_policy, task_names
 from rcare_marl.errors import ConfigError
 
 from ..policy_file import BASE, SUFFIX, LearnedPolicy, PolicyFile
-from .elsewhere import ANYWAY, check_cast, refusal
+from .elsewhere import ANYWAY as ANYWAY
+from .elsewhere import check_cast, refusal
 
 FOLDER = Path(__file__).parent
 NAME = "learned"

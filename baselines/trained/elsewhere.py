@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -47,7 +47,10 @@ class Figure:
     seeds: str
 
     def __str__(self) -> str:
-        return f"{self.done} of {self.of} episodes (seeds {self.seeds}), force up to {self.force:.0f} N"
+        return (
+            f"{self.done} of {self.of} episodes ended well (seeds {self.seeds}), with up to "
+            f"{self.force:.0f} N on the person"
+        )
 
 
 @lru_cache(maxsize=1)
@@ -72,7 +75,8 @@ def figures() -> dict[str, tuple[Figure, ...]]:
 def differences(env: CareEnv, file: PolicyFile) -> dict[str, Any]:
     """Return what of an environment the policy of a file was not trained with, as `Figure.cast` has it."""
     recipe: Mapping[str, Any] = file.recipe
-    casts = [{**recipe.get("cast", {}), **each} for each in recipe.get("variants") or ({},)]
+    variants: Sequence[Mapping[str, Any]] = recipe.get("variants") or ({},)
+    casts = [{**recipe.get("cast", {}), **each} for each in variants]
     roles = task_class(file.task).roles()
     out: dict[str, Any] = {}
     called = {} if env.company is None else env.company.called
@@ -131,9 +135,8 @@ def refusal(env: CareEnv, file: PolicyFile, name: str) -> str:
     if figure is None or env.company is not None or figure.done > SELDOM * figure.of:
         return ""
     return (
-        f"the learned policy of {file.task!r} hardly ever works here: {_told(figure.cast)} is none that "
-        f"it was trained with, and it ended {figure} well. Take 'scripted', or {ANYWAY!r} to play it all "
-        "the same"
+        f"the learned policy of {file.task!r} was not trained with {_told(differing)}, and hardly ever works "
+        f"with {_told(figure.cast)}: {figure}. Take 'scripted', or {ANYWAY!r} to play it all the same"
     )
 
 

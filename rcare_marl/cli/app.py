@@ -64,7 +64,7 @@ class Guarded(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         try:
             with warnings.catch_warnings():
-                warnings.showwarning = _show_warning
+                warnings.showwarning = lambda message, *_, **__: print_line(f"warning: {message}")
                 return super().invoke(ctx)
         except RcareError as error:
             if ctx.params.get("debug"):
@@ -74,10 +74,6 @@ class Guarded(TyperGroup):
         except KeyboardInterrupt:
             print_line("interrupted")
             raise typer.Exit(INTERRUPTED) from None
-
-
-def _show_warning(message: Warning | str, *_: object) -> None:
-    print_line(f"warning: {message}")
 
 
 app = typer.Typer(
