@@ -10,7 +10,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from rcare_marl import assets
 from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.sampling.population import find_avatar
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.config import load, read_yaml
 from rcare_marl.envs.care_env import CareEnv
@@ -103,8 +105,10 @@ def differences(env: CareEnv, file: PolicyFile) -> dict[str, Any]:
 
 
 def _model(agent: object) -> str:
+    """Return the name by which a cast calls who plays; of an avatar that does not ship its own."""
     if isinstance(agent, Human):
-        return agent.avatar.name
+        ours = (name for name in assets.names("avatars") if find_avatar(name) == agent.avatar)
+        return next(ours, f"{agent.avatar.name} (an avatar of their own)")
     return agent.files.model.name if isinstance(agent, Robot) else type(agent).__name__
 
 
