@@ -11,15 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 from episode import assert_same, rollout
+from gymnasium.utils.env_checker import check_env
 from pettingzoo.test.parallel_test import parallel_api_test
+from torchrl.envs.utils import check_env_specs
 from typer.testing import CliRunner
 
 import rcare_marl
 from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.baselines.training.config import load_config
 from rcare_marl.cli import app
 from rcare_marl.config import plain
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.episode import EpisodeRecorder, RecordedEpisode, replay
+from rcare_marl.envs.gym import SingleAgentEnv
 from rcare_marl.envs.learning import EnvRecipe
 from rcare_marl.envs.randomise import KINDS, Randomisation, randomisation_names
 from rcare_marl.errors import ConfigError, UnknownNameError
@@ -281,6 +285,20 @@ def test_the_interfaces_still_hold() -> None:
     ) as many:
         first, _ = many.reset(seed=1)
         assert np.isfinite(first).all() and not np.array_equal(first[0], first[1])
+
+
+def test_learners_get_it_in_each_of_their_forms() -> None:
+    with closing(SingleAgentEnv("feeding", randomise="strong")) as one:
+        check_env(one, skip_render_check=True)
+    batch = rcare_marl.make_batch("feeding", num_envs=2, engine="bullet", randomise="strong")
+    try:
+        check_env_specs(batch)
+    finally:
+        batch.close()
+    config = load_config({"task": "feeding", "randomise": "mild"})
+    assert config.recipe().randomise == config.randomise == Randomisation.of("mild").to_dict()
+    with pytest.raises(ConfigError, match="Did you mean 'mild'"):
+        load_config({"task": "feeding", "randomise": "mildly"})
 
 
 def test_a_recipe_holds_what_a_file_says(tmp_path: Path) -> None:
