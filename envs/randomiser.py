@@ -20,7 +20,6 @@ from rcare_marl.world import World
 from .randomise import Randomisation, label, stream
 
 BODIES = ("robot_mass", "person_mass", "object_mass", "friction")
-MOTORS = ("motor_gain", "motor_strength")
 SEEN = ("observation_noise", "observation_bias", "joint_noise", "drop_out")
 UNMOVED = ("joint_velocity", "joint_torque")  # modes whose motors know no position
 Floats = npt.NDArray[np.float32]
