@@ -14,6 +14,7 @@ from .care_env import CareEnv
 from .cast import CastEntry, make_cast, speaking
 from .company import Company, Scene, drawn_people
 from .place import BareFloor
+from .randomise import Randomisation, randomisation_names
 from .registry import (
     check_engine,
     policy_names,
@@ -41,6 +42,7 @@ __all__ = [
     "home_names",
     "make",
     "policy_names",
+    "randomisation_names",
     "register_policy",
     "register_task",
     "task_names",
@@ -66,6 +68,7 @@ def make(
     level: int | None = None,
     room: str | None = None,
     engine: str = "bullet",
+    randomise: Any = None,
     **cast: CastEntry,
 ) -> CareEnv:
     """Return a new environment, a PettingZoo parallel environment.
@@ -85,6 +88,8 @@ def make(
             of the house, or of the furniture or door that the task builds itself on a bare floor.
         room: Name of the room, such as `dining_1`; the first that suits the task if None.
         engine: What computes the motion: `bullet`, the reference, or `mujoco` where the task allows it.
+        randomise: What is another in each episode, such as masses, delays and noise: the name of one
+            that ships, a YAML file, or `{"robot_mass": {"factor": [0.7, 1.3]}}`; see docs/randomisation.md.
         **cast: For a role of the task: the name of a robot or avatar, a YAML file, or a mapping
             such as `{"model": "karan", "policy": "cooperative"}`; None leaves an optional role out.
             What is not named is played by the task's default. People of whom another one plays in
@@ -98,6 +103,7 @@ def make(
         >>> env = make("feeding", robot="kinova_gen3", recipient="karan")
         >>> env = make("feeding", policies={"recipient": "cooperative"})  # only the robot learns
         >>> env = make("feeding", home="house_07", level=2)
+        >>> env = make("feeding", randomise="delay_1")
     """
     for name, value in (("options", options), ("policies", policies)):
         if value is not None and not isinstance(value, Mapping):
@@ -105,11 +111,13 @@ def make(
     cls = task_class(task)
     check_engine(task, engine)
     given = load(cls.Options, dict(options or {}), f"options of {task!r}")
+    perturbed = Randomisation.of(randomise)
     where = home, level, room
     how: dict[str, Any] = {
         "physics_dt": physics_dt,
         "render_mode": render_mode,
         "engine": engine,
+        "randomise": perturbed,
     }
     stage = partial(_scene, task, given, policies or {}, where)
     if drawn := drawn_people(cls.roles(), cast):
@@ -126,6 +134,7 @@ def make(
         "cast": speaking(cast, env.cast)
         | {name: value for name, value in place.items() if value is not None},
         **({} if engine == "bullet" else {"engine": engine}),
+        **({"randomise": perturbed.to_dict()} if perturbed.spreads else {}),
     }
     return env
 

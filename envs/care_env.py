@@ -19,12 +19,13 @@ from rcare_marl.agents.sensing.marker import fasten
 from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.engines import make_world
 from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNameError, check_name
-from rcare_marl.observable import Observable, Observation
+from rcare_marl.observable import Observation
 from rcare_marl.world import World
 
 from .company import Company, Scene
+from .randomise import Randomisation
+from .randomiser import Randomiser
 from .registry import PolicyFactory
-from .state import Seen
 from .stride import make_stride
 from .task import Task, part_name
 
@@ -55,6 +56,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         is_over: Whether no episode is running.
         setup: What `rcare_marl.make` was given, but policies; empty if something else made it.
         company: People of whom another one plays in each episode, and who does now; None if all stay.
+        randomiser: What is perturbed in the running episode.
         seed: Seed of the running episode, which with all `commands` decides it.
         commands: The actions of all roles in the last control step, as they were obeyed.
         watchers: Called after each reset and each step; they must change nothing.
@@ -72,6 +74,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         render_mode: str | None = None,
         engine: str = "bullet",
         company: Company | None = None,
+        randomise: Randomisation | None = None,
     ) -> None:
         """Build the scene.
 
@@ -83,6 +86,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             render_mode: `rgb_array`, `human` or None.
             engine: What computes the motion, one of `rcare_marl.engines.ENGINES`.
             company: People of whom another one plays in each episode; the cast is of the first.
+            randomise: What is another in each episode beside the task's own chance; nothing if None.
 
         Raises:
             ConfigError: If the time steps do not fit, or a policy is for a role that nobody plays.
@@ -105,6 +109,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         self.render_mode = render_mode
         self.metadata = {**type(self).metadata, "render_fps": round(1 / task.control_dt)}
         self.company, self._engine, self._physics_dt = company, engine, physics_dt
+        self.randomiser = Randomiser(randomise or Randomisation({}))
         self._renderer: Renderer | None = None
         self._viewer: Viewer | None = None
         self._suites: tuple[SensorSuite, ...] = ()
@@ -187,6 +192,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             if agent.sensors is not None:
                 agent.sensors.bind(self.world, agent)
         self.world.mark_start()
+        self.randomiser.bind(self.world, self.cast)
         watched = [suite.after_substep for suite in self._suites if suite.watches]
         self._stride = make_stride(
             self.world,
@@ -256,13 +262,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
     def _observation(self, role: str) -> Observation:
         agent = self.cast[role]
         sensed = agent.sensors.observables() if agent.sensors is not None else ()
-        told = [self._told(seen) for seen in self.task.observables(role)]
-        return Observation([*agent.observables(), *told, *sensed])
-
-    def _told(self, seen: Seen) -> Observable:
-        """Return what a task lets somebody see, read from its latest state."""
-        task, of = self.task, seen.of
-        return Observable(seen.name, seen.unit, seen.size, lambda: of(task.state))
+        told = [seen.told_by(self.task) for seen in self.task.observables(role)]
+        return self.randomiser.observation(role, agent.observables(), told, sensed)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         return self._vectors[self._known(agent)].space
@@ -328,6 +329,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             self._change_people(company)
         rng = np.random.default_rng(self.seed)
         robots = [role for role, agent in self.cast.items() if isinstance(agent, Robot)]
+        self.randomiser.begin(self.seed, self.task.coming_spread)
         for _ in range(STARTS):
             self.world.rewind()
             for agent in self._order:
@@ -379,8 +381,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         for role, policy in self.policies.items():
             commands[role] = self._valid(role, policy.act())
         task, self.commands = self.task, commands
-        for role, agent in self.cast.items():
-            agent.command(commands[role], task.control_dt)
+        for role, action in self.randomiser.passed_on(commands, task.control_dt).items():
+            self.cast[role].command(action, task.control_dt)
         self._stride(self._substeps)
         self._sense()
         roles = self.agents
@@ -409,10 +411,12 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         for suite in self._suites:
             suite.sense()
         self.task.look()
+        self.randomiser.look()
 
     def _infos(self, terms: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Any]]:
         task = self.task
         shared = {"success": task.succeeded(), "feasible": task.feasible.holds, **task.report()}
+        shared |= self.randomiser.numbers()
         if self.company is not None:
             shared |= self.company.numbers()
         found = ({**shared, **own} for own in terms.values())

@@ -158,6 +158,7 @@ class RecordedEpisode:
             physics_dt=setup.physics_dt,
             render_mode=render_mode,
             engine=setup.engine,
+            randomise=setup.randomise,
             **setup.cast,
         )
         try:
@@ -191,9 +192,10 @@ class _Setup:
     physics_dt: float
     cast: dict[str, Any]
     engine: str = "bullet"
+    randomise: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("task", "options", "policies", "physics_dt", "render_mode", "engine"):
+        for name in (*vars(self), "policies", "render_mode"):
             if name in self.cast:
                 raise ConfigError(f"{name!r} is no role of a cast")
 
@@ -352,6 +354,7 @@ def _numbers(env: CareEnv) -> dict[str, float]:
     return {
         "over": float(env.is_over),
         "success": float(task.succeeded()),
+        **env.randomiser.numbers(),
         **{name: float(value) for name, value in task.report().items()},
         **{
             f"reward of {role}": float(sum(task.paid(role, task.state).values()))

@@ -16,6 +16,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from rcare_marl.observable import Observable
+
 from .broadcast import Values as Values
 from .broadcast import clip as clip
 from .broadcast import degrees as degrees
@@ -68,6 +70,10 @@ class Seen:
     unit: str
     size: int
     of: Callable[[Any], Values]
+
+    def told_by(self, task: Any) -> Observable:
+        """Return it as an agent observes it, read from the latest state of a task."""
+        return Observable(self.name, self.unit, self.size, lambda: self.of(task.state))
 
 
 def stack(states: Sequence[S], join: Callable[[Sequence[Any]], Any] = np.stack) -> S:

@@ -10,7 +10,6 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
-import numpy.typing as npt
 from typing_extensions import Self
 
 from rcare_marl.agents.agent import Agent
@@ -25,6 +24,7 @@ from rcare_marl.world import World
 
 from .devices import Wheelchair, add_stand, hang_ventilator
 from .feasibility import FEASIBLE, Feasibility
+from .narrowing import NarrowedRng as NarrowedRng
 from .place import BareFloor, DoorSite, Place
 from .reach import ReachSearch
 from .rectangle import Rectangle
@@ -111,37 +111,6 @@ STANDING_CAREGIVER = Role(
     movable=("spine1_flexion", "right_shoulder", "right_elbow_flexion"),
     partner="still",
 )
-
-
-class NarrowedRng(np.random.Generator):
-    """Draws what another generator would, but closer to the middle: for easier stages of a curriculum.
-
-    Only draws from a range or about a middle are narrowed: `uniform`, `random`, `normal` and
-    `standard_normal`. Whole numbers and choices have no middle and stay as they are. It goes on in the
-    sequence of the other generator, and takes as many numbers from it.
-    """
-
-    def __init__(self, rng: np.random.Generator, spread: float) -> None:
-        """Take the generator, and the share that is left of each spread, 0 to 1."""
-        super().__init__(rng.bit_generator)
-        self._spread = spread
-
-    def uniform(self, low: Any = 0.0, high: Any = 1.0, size: Any = None) -> Any:
-        middle = 0.5 * (np.asarray(low) + np.asarray(high))
-        return self._narrowed(super().uniform(low, high, size), middle)
-
-    def random(self, *args: Any, **settings: Any) -> Any:
-        return self._narrowed(super().random(*args, **settings), np.asarray(0.5))
-
-    def normal(self, loc: Any = 0.0, scale: Any = 1.0, size: Any = None) -> Any:
-        return self._narrowed(super().normal(loc, scale, size), np.asarray(loc))
-
-    def standard_normal(self, *args: Any, **settings: Any) -> Any:
-        return self._narrowed(super().standard_normal(*args, **settings), np.asarray(0.0))
-
-    def _narrowed(self, drawn: Any, middle: npt.NDArray[Any]) -> Any:
-        out = middle + self._spread * (drawn - middle)
-        return float(out) if np.ndim(drawn) == 0 else out
 
 
 class Task(abc.ABC):
@@ -313,10 +282,16 @@ class Task(abc.ABC):
         Args:
             rng: The generator of the environment; itself where all of the randomisation is wanted.
         """
+        spread = self.coming_spread
         if self._next is not None:
             self.options, self._next = self._next, None
-        spread = self.options.spread if isinstance(self.options, TaskOptions) else 1.0
         return rng if spread == 1.0 else NarrowedRng(rng, spread)
+
+    @property
+    def coming_spread(self) -> float:
+        """Share of the randomisation that the next reset leaves, 0 to 1."""
+        coming = self.options if self._next is None else self._next
+        return coming.spread if isinstance(coming, TaskOptions) else 1.0
 
     def need(self, posture: PostureConfig, fits: bool, what: str) -> None:
         """Refuse a recipient whose posture does not fit.

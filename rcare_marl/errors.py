@@ -52,6 +52,10 @@ class MissingPackageError(RcareError, ImportError):
         return partial(type(self), package=package), (what, extra)
 
 
+class CastWarning(UserWarning):
+    """A policy plays with somebody, or somewhere, that it was not trained for."""
+
+
 class UnknownNameError(RcareError, KeyError):
     """A task, robot, avatar, joint or link of that name does not exist."""
 

@@ -42,11 +42,7 @@ class JointFeedback:
         self._parents = np.empty(count, np.int64)
         self._axes = np.zeros((count, 6))  # turn and slide, in principal axes
         self._inertias = np.empty((count + 1, 4))  # base first
-        for link in range(-1, count):
-            mass, inertia = body.mass_and_inertia(link)
-            self._inertias[link + 1] = (mass, *inertia)
-        if not body.is_movable:
-            self._inertias[0] = FREE
+        self.read_masses()
         for link in self._links:
             info = bullet.getJointInfo(body.uid, link, physicsClientId=client)
             self._parents[link] = info[16]
@@ -54,6 +50,14 @@ class JointFeedback:
                 self._axes[link, :3] = info[13]
             elif info[2] == bullet.JOINT_PRISMATIC:
                 self._axes[link, 3:] = info[13]
+
+    def read_masses(self) -> None:
+        """Read the masses and inertias of all links, once more where they have changed."""
+        for link in range(-1, len(self._links)):
+            mass, inertia = self._body.mass_and_inertia(link)
+            self._inertias[link + 1] = (mass, *inertia)
+        if not self._body.is_movable:
+            self._inertias[0] = FREE
 
     def enable(self, links: Iterable[int]) -> None:
         """Let the joints that carry `links` feel what they transmit; nothing moves otherwise by it."""

@@ -40,7 +40,12 @@ class JointGroup:
         rest: Start posture, shape [n].
         units: Unit of each position, `rad` or `m`.
         has_followers: Whether other joints with motors of their own follow those of the group.
+        motor_gain: Times the share of the position error that motors remove in a physics step.
+        motor_strength: Times the greatest torques or forces that motors are told.
     """
+
+    motor_gain: float = 1.0
+    motor_strength: float = 1.0
 
     def __init__(
         self,
@@ -203,7 +208,8 @@ class JointGroup:
     def _drive_each(
         self, indices: Sequence[int], targets: Array, speeds: Array, forces: Array
     ) -> None:
-        gains = [self._gains[index] for index in indices]
+        gains = [self.motor_gain * self._gains[index] for index in indices]
+        forces = self.motor_strength * forces
         self.body.drive_to(indices, targets.tolist(), speeds.tolist(), forces.tolist(), gains)
 
     def speeds_for(self, way: Array, duration: float) -> Array:
@@ -215,6 +221,7 @@ class JointGroup:
 
         Joints that follow need `align` before every physics step.
         """
+        forces = self.motor_strength * forces
         self.body.drive_velocities(self.indices, speeds.tolist(), forces.tolist())
 
     def align(self) -> None:

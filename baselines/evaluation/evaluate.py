@@ -54,7 +54,7 @@ class Episode:
         steps: Control steps.
         duration: Simulated time [s].
         returns: Summed reward of each role.
-        metrics: What the task reports at the end, see `Task.metrics`.
+        metrics: What the task reports at the end, see `Task.metrics`, and what was perturbed.
         costs: Summed `cost` of each role, see `envs.safety`; none where the task measures none.
         people: By role, who played it, where that is another person in each episode.
         infeasible: Why it cannot be done for this cast; empty if it can.
@@ -199,6 +199,7 @@ def evaluate(
     seed: int = 0,
     options: Mapping[str, Any] | None = None,
     cast: Mapping[str, CastEntry] | None = None,
+    randomise: Any = None,
     on_episode: Callable[[Episode], None] | None = None,
     save: str | Path | None = None,
 ) -> Evaluation:
@@ -212,6 +213,7 @@ def evaluate(
         seed: Episode i has the seed `seed + i`.
         options: Settings of the task.
         cast: Who plays, by role, and where: `home`, `level`, `room`; see `rcare_marl.make`.
+        randomise: What is another in each episode, see `rcare_marl.make`.
         on_episode: Called after each episode.
         save: A folder in which each episode is left as `seed-<seed>.npz`, see `rcare_marl.envs.episode`.
 
@@ -223,7 +225,8 @@ def evaluate(
         raise ConfigError(f"episodes must be at least 1, got {episodes}")
     task_class(task)  # an unknown task is the first thing to say
     entries: dict[str, Any] = dict(cast or {})
-    with closing(make(task, options=options, **played_cast(task, entries, policies or {}))) as env:
+    played = played_cast(task, entries, policies or {})
+    with closing(make(task, options=options, randomise=randomise, **played)) as env:
         names, players = make_players(env, task, policies or {})
         recorder = EpisodeRecorder(env) if save is not None else None
         done, people = list[Episode](), dict[str, str]()
@@ -254,6 +257,7 @@ class Job:
     seed: int
     options: Mapping[str, Any]
     cast: Mapping[str, Any]
+    randomise: Mapping[str, Any] = field(default_factory=dict)
     save: Path | None = None
 
     def run(self, on_episode: Callable[[Episode], None] | None = None) -> Evaluation:
@@ -333,7 +337,7 @@ def run_episode(
         steps,
         env.world.time,
         returns,
-        numbers(task.report()),
+        numbers(task.report()) | env.randomiser.numbers(),
         costs,
         people,
         task.feasible.reason,

@@ -30,6 +30,7 @@ from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.config import load
 from rcare_marl.envs.company import model_of
 from rcare_marl.envs.homes import LEVELS, home_names
+from rcare_marl.envs.randomise import Randomisation
 from rcare_marl.envs.registry import (
     is_policy_file,
     lead_roles,
@@ -172,6 +173,7 @@ class MatrixPlan:
         seed: Episode i of each cell has the seed `seed + i`.
         options: Settings of the task.
         cast: Who plays beside, by role, and where.
+        randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
 
     Raises:
         UnknownNameError: If a name does not exist.
@@ -186,8 +188,10 @@ class MatrixPlan:
     seed: int = 0
     options: Mapping[str, Any] = field(default_factory=dict)
     cast: Mapping[str, Any] = field(default_factory=dict)
+    randomise: Any = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "randomise", Randomisation.of(self.randomise).to_dict())
         cls = task_class(self.task)
         load(cls.Options, dict(self.options), f"options of {self.task!r}")
         policy_factory(self.task, lead_roles(self.task)[0], self.policy)
@@ -221,7 +225,8 @@ class MatrixPlan:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        return {**vars(self), "over": {axis: list(names) for axis, names in self.over.items()}}
+        fields = {name: v for name, v in vars(self).items() if v or name != "randomise"}
+        return {**fields, "over": {axis: list(names) for axis, names in self.over.items()}}
 
 
 @dataclass(frozen=True)
@@ -273,6 +278,7 @@ class Cell:
             seed=plan.seed,
             options=plan.options,
             cast=cast,
+            randomise=plan.randomise,
             on_episode=on_episode,
         )
 

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from rcare_marl.config import load
+from rcare_marl.envs.randomise import Randomisation
 from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError
 from rcare_marl.provenance import changes, machine
@@ -52,6 +53,7 @@ class Plan:
         seed: Episode i of each has the seed `seed + i`, so that all meet the same.
         options: Settings of the task.
         cast: Who plays, by role, and where: `home`, `level`, `room`; see `rcare_marl.make`.
+        randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
 
     Raises:
         ConfigError: If there is no policy, one stands there twice, or a number is impossible.
@@ -64,9 +66,11 @@ class Plan:
     seed: int = 0
     options: dict[str, Any] = field(default_factory=dict)
     cast: dict[str, Any] = field(default_factory=dict)
+    randomise: Any = None
 
     def __post_init__(self) -> None:
         task_class(self.task)
+        object.__setattr__(self, "randomise", Randomisation.of(self.randomise).to_dict())
         if not self.policies:
             raise ConfigError("an evaluation needs a policy")
         twice = sorted({name for name in self.policies if self.policies.count(name) > 1})
@@ -79,7 +83,8 @@ class Plan:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        return {**vars(self), "policies": list(self.policies)}
+        out = {**vars(self), "policies": list(self.policies)}
+        return out if self.randomise else {k: v for k, v in out.items() if k != "randomise"}
 
 
 @dataclass(frozen=True)
@@ -287,6 +292,7 @@ def run(
             plan.seed + start,
             plan.options,
             plan.cast,
+            plan.randomise,
             None if save is None else _folder(plan, which, save),
         )
         for which, start in pieces
@@ -351,7 +357,7 @@ def _file_facts(plan: Plan, policy: str) -> dict[str, Any] | None:
     path: Path | None = None
     if Path(policy).suffix == SUFFIX:
         path = Path(policy)
-    elif policy == trained.NAME:
+    elif policy in (trained.NAME, trained.ANYWAY):
         path = trained.file_for(plan.task, int(plan.cast.get("level") or 1))
     if path is None:
         return None

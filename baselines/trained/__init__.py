@@ -1,7 +1,8 @@
 """Trained policies that ship, known to `make(..., policies=...)` as `learned`.
 
 Each is a file `<task>.npz`, or `<task>_level<k>.npz` where the levels of a home have one each. Beside it
-are its card (`.yaml`), its training curve (`.csv`) and the record of its evaluation (`.json`).
+are its card (`.yaml`), its training curve (`.csv`) and the record of its evaluation (`.json`). Other casts
+than those of the training are warned of, or refused where it hardly ever works; see `elsewhere`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import register_policy, task_names
 from rcare_marl.errors import ConfigError
 
-from ..policy_file import BASE, SUFFIX, PolicyFile, load_policy
+from ..policy_file import BASE, SUFFIX, LearnedPolicy, PolicyFile
+from .elsewhere import ANYWAY as ANYWAY
+from .elsewhere import check_cast, refusal
 
 FOLDER = Path(__file__).parent
 NAME = "learned"
@@ -69,16 +72,28 @@ def fits(env: CareEnv, task: str, role: str = ROLE, folder: Path | None = None) 
 def best_policy(env: CareEnv, task: str, role: str = ROLE) -> str:
     """Return the name of the policy that a robot is shown with.
 
-    That is `learned` where one ships that fits its task, level and robot, and `scripted` elsewhere.
+    That is `learned` where one ships that fits its task, level and robot, and that does not hardly ever
+    work there; `scripted` elsewhere.
     """
-    return NAME if fits(env, task, role) else BASE
+    if not fits(env, task, role):
+        return BASE
+    path = file_for(task, env.task.place.level)
+    return BASE if refusal(env, PolicyFile.read(path), path.stem) else NAME
 
 
-def _maker(task: str) -> Callable[[CareEnv, str], Policy]:
+def _maker(task: str, *, anyway: bool = False) -> Callable[[CareEnv, str], Policy]:
     def make(env: CareEnv, role: str) -> Policy:
-        return load_policy(file_for(task, env.task.place.level))(env, role)
+        path = file_for(task, env.task.place.level)
+        file = PolicyFile.read(path)
+        try:
+            policy = LearnedPolicy(env, role, file)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from error
+        check_cast(env, file, path.stem, anyway=anyway)
+        return policy
 
-    make.__doc__ = f"Return a network that was trained in {task}; see docs/models.md."
+    where = ", with any cast" if anyway else ""
+    make.__doc__ = f"Return a network that was trained in {task}{where}; see docs/models.md."
     return make
 
 
@@ -86,6 +101,7 @@ def _register() -> None:
     for task in task_names():
         if shipped(task):
             register_policy(task, ROLE, NAME)(_maker(task))
+            register_policy(task, ROLE, ANYWAY)(_maker(task, anyway=True))
 
 
 _register()

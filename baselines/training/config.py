@@ -12,6 +12,7 @@ from typing import Any
 
 from rcare_marl.config import load, plain, read_yaml
 from rcare_marl.envs.learning import EnvRecipe
+from rcare_marl.envs.randomise import Randomisation
 from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError
 
@@ -177,6 +178,7 @@ class TrainConfig:
         partners: Policies of the other roles; several are drawn from, episode by episode.
         residual: For learners that correct the scripted policy: how much they may, 0 to 1.
         engine: What computes the motion, see `rcare_marl.make`.
+        randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
         seed: Of everything random.
         steps: Control steps of all environments together.
         envs: Environments in the batch.
@@ -204,6 +206,7 @@ class TrainConfig:
     partners: dict[str, Any] = field(default_factory=dict)
     residual: dict[str, float] = field(default_factory=dict)
     engine: str = "bullet"
+    randomise: Any = None
     seed: int = 0
     steps: int = 50_000
     envs: int = 8
@@ -216,6 +219,7 @@ class TrainConfig:
     minutes: float | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "randomise", Randomisation.of(self.randomise).to_dict())
         for name in ("steps", "envs", "interval", "evaluation_episodes"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be at least 1, got {getattr(self, name)}")

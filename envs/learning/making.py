@@ -30,6 +30,7 @@ def make_batch(
     options: Mapping[str, Any] | None = None,
     policies: Mapping[str, Any] | None = None,
     residual: Mapping[str, float] | None = None,
+    randomise: Any = None,
     **cast: Any,
 ) -> BatchedEnv:
     """Return many environments as one of TorchRL's; for its keys see docs/learning_environments.md.
@@ -46,6 +47,7 @@ def make_batch(
         policies: Of roles that do not learn: a policy's name or file, or several, of which one is drawn
             for each episode. The default partner where none is given.
         residual: Of roles that learn, the scale of their action on top of the scripted policy's.
+        randomise: What is another in each episode, as for `rcare_marl.make`.
         **cast: Who plays and where, as for `rcare_marl.make`. Of a list of several, such as
             `recipient=["karan", "kim"]`, environments take one in turn; of several lists, one of all pairs.
 
@@ -60,7 +62,7 @@ def make_batch(
         >>> batch = env.rollout(20, break_when_any_done=False)
     """
     check_name("device of a batch", device, DEVICES)
-    recipe = batch_recipe(task, engine, learners, options, policies, residual, cast)
+    recipe = batch_recipe(task, engine, learners, options, policies, residual, cast, randomise)
     from .batched import BatchedEnv  # only now, for it loads torch
 
     return BatchedEnv(recipe, count=num_envs, workers=processes, seed=seed)
@@ -78,6 +80,7 @@ def make_vector(
     options: Mapping[str, Any] | None = None,
     policies: Mapping[str, Any] | None = None,
     residual: Mapping[str, float] | None = None,
+    randomise: Any = None,
     **cast: Any,
 ) -> CareVectorEnv:
     """Return many environments as one Gymnasium `VectorEnv` for a single learner, without torch.
@@ -95,6 +98,7 @@ def make_vector(
         options: Settings of the task.
         policies: Of the other roles, as for `make_batch`.
         residual: As for `make_batch`.
+        randomise: As for `make_batch`.
         **cast: As for `make_batch`.
 
     Raises:
@@ -108,7 +112,7 @@ def make_vector(
         >>> observations, infos = env.reset(seed=1)
     """
     check_name("device of a batch", device, DEVICES)
-    recipe = batch_recipe(task, engine, (role,), options, policies, residual, cast)
+    recipe = batch_recipe(task, engine, (role,), options, policies, residual, cast, randomise)
     return CareVectorEnv(recipe, count=num_envs, workers=processes, seed=seed)
 
 
@@ -120,6 +124,7 @@ def batch_recipe(
     policies: Mapping[str, Any] | None,
     residual: Mapping[str, float] | None,
     cast: Mapping[str, Any],
+    randomise: Any = None,
 ) -> EnvRecipe:
     """Return the recipe of a batch; for the arguments see `make_batch`.
 
@@ -145,6 +150,7 @@ def batch_recipe(
         partners={role: _named(role, policy) for role, policy in given.items()},
         residual={} if residual is None else residual,
         engine=engine,
+        randomise=randomise,
     )
 
 

@@ -18,6 +18,7 @@ from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 from .. import make
 from ..care_env import CareEnv
 from ..cast import find_policy
+from ..randomise import Randomisation
 from ..registry import PolicyFactory, check_engine, lead_roles, task_class
 from ..task import part_name
 
@@ -62,6 +63,7 @@ class EnvRecipe:
             several one is drawn for each episode. The task's default where none is given.
         residual: For roles that learn, the scale of their action on top of the scripted policy's.
         engine: What computes the motion, see `rcare_marl.make`.
+        randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
 
     Raises:
         UnknownNameError: If the task, a role or a policy does not exist.
@@ -76,8 +78,10 @@ class EnvRecipe:
     partners: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
     residual: Mapping[str, float] = field(default_factory=dict)
     engine: str = "bullet"
+    randomise: Any = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "randomise", Randomisation.of(self.randomise).to_dict())
         check_engine(self.task, self.engine)
         for name in ("options", "cast", "partners", "residual"):
             _check_mapping(name, getattr(self, name))
@@ -156,6 +160,7 @@ class EnvRecipe:
             options=self.options,
             policies=policies,
             engine=self.engine,
+            randomise=self.randomise,
             **self.entries(variant),
         )
 

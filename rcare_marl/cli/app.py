@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from enum import Enum
+import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,17 +28,20 @@ from .parameter import (
     HomeName,
     HomeRoom,
     Json,
+    Kind,
     OutputFile,
     Over,
     PlotFile,
     PolicyName,
     PolicyPatterns,
     Processes,
+    Randomise,
     RecipientModel,
     RobotModel,
     RolePolicies,
     SavedEpisodes,
     Seed,
+    Subject,
     Task,
     TaskOptions,
     WorkerCounts,
@@ -60,7 +63,9 @@ class Guarded(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            with warnings.catch_warnings():
+                warnings.showwarning = lambda message, *_, **__: print_line(f"warning: {message}")
+                return super().invoke(ctx)
         except RcareError as error:
             if ctx.params.get("debug"):
                 raise
@@ -79,24 +84,6 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-class Kind(str, Enum):
-    """What `list` can list."""
-
-    tasks = "tasks"
-    robots = "robots"
-    avatars = "avatars"
-    populations = "populations"
-    postures = "postures"
-    policies = "policies"
-    algorithms = "algorithms"
-
-
-class Subject(str, Enum):
-    """What `validate` can check."""
-
-    people = "people"
 
 
 @app.callback(invoke_without_command=True)
@@ -120,7 +107,7 @@ def list_(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List what there is: tasks, robots, avatars, populations, postures, policies, learning algorithms.
+    """List what there is: tasks, robots, avatars, populations, postures, policies, algorithms, perturbations.
 
     Example: rcare-marl list avatars
     """
@@ -173,6 +160,7 @@ def evaluate(
     level: HomeLevel = None,
     room: HomeRoom = None,
     option: TaskOptions = None,
+    randomise: Randomise = None,
     as_json: Json = False,
     output: OutputFile = None,
     plot: PlotFile = None,
@@ -193,6 +181,8 @@ def evaluate(
 
     Example: rcare-marl evaluate feeding --episodes 3 --save-episodes runs/episodes
 
+    Example: rcare-marl evaluate feeding --role-policy robot=learned --randomise delay_1
+
     Example: rcare-marl evaluate feeding --over people=six,robots=reachable --out matrix.json
     """
     from . import assessment
@@ -201,6 +191,7 @@ def evaluate(
         "seed": seed,
         "options": settings(option),
         "cast": cast_of(robot, recipient, caregiver) | place_of(home, level, room),
+        "randomise": randomise,
     }
     others = pairs(role_policy, "--role-policy")
     if over is not None:

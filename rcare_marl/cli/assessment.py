@@ -133,6 +133,7 @@ def run(
     processes: int,
     options: Mapping[str, Any],
     cast: Mapping[str, Any],
+    randomise: Any = None,
     save: Path | None = None,
 ) -> Record:
     """Return the record of an evaluation; `policies` are names, files or patterns of files."""
@@ -144,6 +145,7 @@ def run(
         seed=seed,
         options=dict(options),
         cast=dict(cast),
+        randomise=randomise,
     )
     count = len(plan.policies)
     with progress(f"{task}, {count} {'policy' if count == 1 else 'policies'}") as bar:

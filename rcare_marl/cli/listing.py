@@ -15,7 +15,9 @@ from rcare_marl.agents.people.sampling.population import (
     population_size,
 )
 from rcare_marl.agents.robots.robot_config import load_robot
+from rcare_marl.config import read_yaml
 from rcare_marl.console import console, table
+from rcare_marl.envs.randomise import ABOUT, FOLDER, randomisation_names
 from rcare_marl.envs.registry import policy_factory, policy_names, task_class, task_names
 
 Row = dict[str, str]
@@ -31,6 +33,7 @@ def rows(kind: str) -> list[Row]:
         "postures": _postures,
         "policies": _policies,
         "algorithms": _algorithms,
+        "randomisations": _randomisations,
     }[kind]()
 
 
@@ -119,6 +122,18 @@ def _algorithms() -> list[Row]:
 
     return [
         {"name": name, "about": first_line(algorithm_class(name))} for name in algorithm_names()
+    ]
+
+
+def _randomisations() -> list[Row]:
+    return [
+        {
+            "name": name,
+            "about": str(about["description"]),
+            "perturbs": ", ".join(key for key in about if key not in ABOUT),
+        }
+        for name in randomisation_names()
+        for about in (read_yaml(assets.find(FOLDER, name)),)
     ]
 
 

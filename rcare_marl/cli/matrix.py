@@ -77,6 +77,7 @@ def show(matrix: Matrix) -> None:
     plan, screen = matrix.plan, console()
     last = plan.seed + plan.episodes - 1
     fixed = {"policy": plan.policy, **plan.others, **plan.options, **plan.cast}
+    fixed |= {"perturbed": "+".join(plan.randomise)} if plan.randomise else {}
     beside = ", ".join(f"{name} {value}" for name, value in fixed.items())
     title = f"{plan.task}: {beside}; seeds {plan.seed} to {last} of each"
     axes = [ONE[axis] for axis in plan.over]

@@ -4,10 +4,31 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+
+class Kind(str, Enum):
+    """What `list` can list."""
+
+    tasks = "tasks"
+    robots = "robots"
+    avatars = "avatars"
+    populations = "populations"
+    postures = "postures"
+    policies = "policies"
+    algorithms = "algorithms"
+    randomisations = "randomisations"
+
+
+class Subject(str, Enum):
+    """What `validate` can check."""
+
+    people = "people"
+
 
 Task = Annotated[str, typer.Argument(metavar="TASK", help="A task, see: rcare-marl list tasks")]
 RobotModel = Annotated[
@@ -36,6 +57,15 @@ TaskOptions = Annotated[
         metavar="NAME=VALUE",
         help="Setting of the task, such as reward=shaped; may be given several times. "
         "See: rcare-marl describe TASK",
+    ),
+]
+Randomise = Annotated[
+    Any,
+    typer.Option(
+        parser=lambda text: _entry("--randomise", text),
+        metavar="NAME|FILE",
+        help="Perturb each episode: masses, friction, motors, delay, noise. The name of one that ships, a "
+        "YAML file, or in braces such as '{action_delay: {steps: 1}}'. See docs/randomisation.md.",
     ),
 ]
 HomeName = Annotated[

@@ -71,6 +71,7 @@ class Simulation:
         feels: Whether it works out what joints transmit in each step, shape [1].
         torque: What joints are pushed with in the coming step, shape [nv].
         touched: Of each body, whether it touched something in the last step.
+        surfaces: Friction, stiffness, damping and rounding of each geom, shape [ngeom, 4].
         compiled: What `physics_step` takes.
     """
 
@@ -115,7 +116,7 @@ class Simulation:
         self.touched = np.zeros(len(bodies), np.bool_)
         self._acted = np.zeros(model.nv)
         self.compiled = self._compiled()
-        self._gaps = Gaps(model, data, self._surfaces[:, 3].copy())
+        self._gaps = Gaps(model, data, self.surfaces[:, 3].copy())
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
         self.moved()
         self.mark()
@@ -123,7 +124,7 @@ class Simulation:
     def _find_geoms(self, scene: Scene) -> None:
         model, count = self.model, self.model.ngeom
         self._geom_body, self._geom_link = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        self._surfaces = np.zeros((count, 4))
+        self.surfaces = np.zeros((count, 4))
         whose: dict[int, tuple[int, int, Place]] = {}
         for number, (body, places) in enumerate(zip(self._bodies, self.places, strict=True)):
             names = [self._roots[body.name], *(body.link_names[i] for i in range(body.link_count))]
@@ -134,9 +135,9 @@ class Simulation:
             touch = scene.bodies[name].touching[link_name]
             self._geom_body[geom], self._geom_link[geom] = number, link
             model.geom_margin[geom] = MARGIN if self._bodies[number].joints else 0.0
-            self._surfaces[geom, :2] = touch.friction, touch.stiffness
+            self.surfaces[geom, :2] = touch.friction, touch.stiffness
             if touch.stiffness > 0:
-                self._surfaces[geom, 2] = touch.damping
+                self.surfaces[geom, 2] = touch.damping
         self._round_off()
         pairs = list(zip(self._geom_body.tolist(), self._geom_link.tolist(), strict=True))
         keys = {*pairs, *((number, None) for number in range(len(self._bodies)))}
@@ -154,9 +155,9 @@ class Simulation:
         boxes = model.geom_type == int(sorts.mjGEOM_BOX)
         others = (int(sorts.mjGEOM_MESH), int(sorts.mjGEOM_CYLINDER))
         edged = boxes | np.isin(model.geom_type, others)
-        self._surfaces[edged, 3] = ROUNDING
+        self.surfaces[edged, 3] = ROUNDING
         thin = np.minimum(ROUNDING, 0.9 * model.geom_size[boxes].min(axis=1))
-        self._surfaces[boxes, 3] = thin
+        self.surfaces[boxes, 3] = thin
         model.geom_size[boxes] -= thin[:, None]
         model.geom_margin[edged] += 2 * ROUNDING
 
@@ -180,7 +181,7 @@ class Simulation:
         limits = model.dof_frictionloss, self.strengths
         rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
         bearers = model.body_treeid[model.geom_bodyid].astype(np.int64)
-        surfaces = self._surfaces, self._geom_body, bearers, data.cdof, self.caps
+        surfaces = self.surfaces, self._geom_body, bearers, data.cdof, self.caps
         places = addresses(model, data)
         written = data.qfrc_constraint, self._acted
         return (
@@ -191,6 +192,10 @@ class Simulation:
             self._felt,
             self.touched,
         )
+
+    def geoms_of(self, number: int) -> Ints:
+        """Return MuJoCo's numbers of the geoms of a body, by its number in the world."""
+        return self._geoms_of[number, None]
 
     def mark(self) -> None:
         """Remember the present state."""
@@ -355,7 +360,7 @@ class Simulation:
             normal = side * frame[FACING]
             middle = contact.pos[i]
             one, other = contact.geom[i][own], contact.geom[i][1 - own]
-            out = [0.5 * contact.dist[i] - self._surfaces[geom, 3] for geom in (one, other)]
+            out = [0.5 * contact.dist[i] - self.surfaces[geom, 3] for geom in (one, other)]
             drags = [float(forces[row + k]) if k < contact.dim[i] else 0.0 for k in (1, 2)]
             found.append(
                 (

@@ -151,6 +151,10 @@ class SoftWorld:
         self._foundations[id(body), link] = stiffness
         self._colliders = None
 
+    def read_bodies(self) -> None:
+        """Read masses and friction of all rigid bodies anew before the next step."""
+        self._colliders = None
+
     def join_limbs(self, body: Body) -> None:
         """Close the gaps between the limbs of a person, for cloth alone.
 

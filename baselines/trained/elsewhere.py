@@ -1,0 +1,177 @@
+"""Casts that a shipped policy was not trained with: what differs, and what was measured there."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from rcare_marl import assets
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.sampling.population import find_avatar
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.config import load, read_yaml
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.company import model_of
+from rcare_marl.envs.registry import task_class
+from rcare_marl.envs.task_options import TaskOptions
+from rcare_marl.errors import CastWarning, ConfigError
+
+from ..policy_file import PolicyFile
+
+MEASURED = Path(__file__).with_name("elsewhere.yaml")
+SELDOM = 0.1  # share of episodes up to which a cast is refused; our own choice
+ANYWAY = "learned_anyway"  # name under which a refused policy plays
+USUAL_LEVEL = 1
+COMMON = frozenset(field.name for field in dataclasses.fields(TaskOptions))
+
+
+@dataclass(frozen=True)
+class Figure:
+    """What a policy came to with a cast.
+
+    Attributes:
+        cast: What differs from its training: roles, `home`, `level`, and options as `options.mount`.
+        done: Episodes that ended in success.
+        of: Episodes.
+        force: Greatest force on the person in any of them [N].
+        seeds: Of the episodes, as a text.
+    """
+
+    cast: dict[str, Any]
+    done: int
+    of: int
+    force: float
+    seeds: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.done} of {self.of} episodes ended well (seeds {self.seeds}), with up to "
+            f"{self.force:.0f} N on the person"
+        )
+
+
+@lru_cache(maxsize=1)
+def figures() -> dict[str, tuple[Figure, ...]]:
+    """Return what was measured of each shipped policy, by the name of its file."""
+    data = read_yaml(MEASURED)
+    data.pop("about", None)
+    out = {}
+    for name, groups in data.items():
+        rows = [(seeds, *row) for seeds, given in groups.items() for row in given]
+        out[name] = tuple(
+            load(
+                Figure,
+                {"seeds": seeds, "cast": cast, "done": done, "of": of, "force": force},
+                str(MEASURED.name),
+            )
+            for seeds, cast, done, of, force in rows
+        )
+    return out
+
+
+def differences(env: CareEnv, file: PolicyFile) -> dict[str, Any]:
+    """Return what of an environment the policy of a file was not trained with, as `Figure.cast` has it."""
+    recipe: Mapping[str, Any] = file.recipe
+    variants: Sequence[Mapping[str, Any]] = recipe.get("variants") or ({},)
+    casts = [{**recipe.get("cast", {}), **each} for each in variants]
+    roles = task_class(file.task).roles()
+    out: dict[str, Any] = {}
+    called = {} if env.company is None else env.company.called
+    for role, agent in env.cast.items():
+        known = {
+            str(model_of(cast.get(role)) or (roles[role].default if role in roles else None))
+            for cast in casts
+        }
+        here = called.get(role) or _model(agent)
+        if here not in known:
+            out[role] = here
+    place = env.task.place
+    home = place.facts().get("home")
+    if home not in {cast.get("home") for cast in casts}:
+        out["home"] = home or "a bare floor"
+    if place.level not in {cast.get("level") or USUAL_LEVEL for cast in casts}:
+        out["level"] = place.level
+    learned_in = load(type(env.task).Options, dict(recipe.get("options", {})), "options")
+    for field in dataclasses.fields(learned_in):
+        now = getattr(env.task.options, field.name)
+        if field.name not in COMMON and now != getattr(learned_in, field.name):
+            out[f"options.{field.name}"] = now
+    return out
+
+
+def _model(agent: object) -> str:
+    """Return the name by which a cast calls who plays; of an avatar that does not ship its own."""
+    if isinstance(agent, Human):
+        ours = (name for name in assets.names("avatars") if find_avatar(name) == agent.avatar)
+        return next(ours, f"{agent.avatar.name} (an avatar of their own)")
+    return agent.files.model.name if isinstance(agent, Robot) else type(agent).__name__
+
+
+def measured(name: str, differing: Mapping[str, Any]) -> Figure | None:
+    """Return what was measured of the policy of that name with just these differences.
+
+    Else, where it seldom came off, with some of them: in the same place and with the same options, but
+    with other people or robots besides.
+    """
+    found = [figure for figure in figures().get(name, ()) if figure.cast == dict(differing)]
+    place = {key: value for key, value in differing.items() if _is_place(key)}
+    for figure in figures().get(name, ()):
+        fits = all(differing.get(key) == value for key, value in figure.cast.items())
+        same = {key: value for key, value in figure.cast.items() if _is_place(key)} == place
+        if fits and same and figure.done <= SELDOM * figure.of:
+            found.append(figure)
+    return found[0] if found else None
+
+
+def _is_place(key: str) -> bool:
+    return key in ("home", "level") or key.startswith("options.")
+
+
+def refusal(env: CareEnv, file: PolicyFile, name: str) -> str:
+    """Return why a shipped policy is not played in an environment; empty if it may be."""
+    differing = differences(env, file)
+    figure = measured(name, differing)
+    if figure is None or env.company is not None or figure.done > SELDOM * figure.of:
+        return ""
+    return (
+        f"the learned policy of {file.task!r} was not trained with {_told(differing)}, and hardly ever works "
+        f"with {_told(figure.cast)}: {figure}. Take 'scripted', or {ANYWAY!r} to play it all the same"
+    )
+
+
+def check_cast(env: CareEnv, file: PolicyFile, name: str, *, anyway: bool = False) -> None:
+    """Warn of a cast that a shipped policy was not trained with; refuse where it hardly ever works.
+
+    Args:
+        env: The environment.
+        file: The policy.
+        name: Of its file, without the ending.
+        anyway: Whether to warn only.
+
+    Raises:
+        ConfigError: If it came off in a tenth of the measured episodes at most.
+    """
+    differing = differences(env, file)
+    if not differing:
+        return
+    reason = refusal(env, file, name)
+    if reason and not anyway:
+        raise ConfigError(reason)
+    figure = measured(name, differing)
+    said = f"measured with {_told(figure.cast)}: {figure}" if figure else "that was not measured"
+    warnings.warn(
+        f"the learned policy of {file.task!r} was not trained with {_told(differing)}; {said}",
+        CastWarning,
+        stacklevel=2,
+    )
+
+
+def _told(differing: Mapping[str, Any]) -> str:
+    return ", ".join(
+        f"{name.removeprefix('options.')} {value}" for name, value in differing.items()
+    )

@@ -1,0 +1,109 @@
+"""Shipped policies with casts that they were not trained with: warned of, or refused with the figure."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import closing
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+import rcare_marl
+from rcare_marl import assets
+from rcare_marl.baselines import trained
+from rcare_marl.baselines.trained import elsewhere
+from rcare_marl.cli import app
+from rcare_marl.envs.cast import make_policy
+from rcare_marl.envs.homes import home_names
+from rcare_marl.envs.registry import task_class
+from rcare_marl.errors import CastWarning, ConfigError
+
+
+@pytest.fixture(autouse=True)
+def _every_warning() -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        yield
+
+
+def play(task: str, name: str = "learned", **cast: Any) -> list[str]:
+    """Return what is warned of when a shipped policy plays in a cast."""
+    with (
+        closing(rcare_marl.make(task, **cast)) as env,
+        warnings.catch_warnings(record=True) as told,
+    ):
+        warnings.simplefilter("always")
+        make_policy(env, task, "robot", name)
+    return [str(each.message) for each in told if each.category is CastWarning]
+
+
+def test_who_it_was_trained_with_is_nothing_to_speak_of() -> None:
+    assert play("feeding") == []
+    assert play("feeding", robot="kinova_gen3", recipient="karan") == []
+    assert play("toileting", level=1) == []
+
+
+def test_another_cast_is_warned_of_once_with_what_was_measured() -> None:
+    (text,) = play("feeding", recipient="jose")
+    assert "not trained with recipient jose" in text and "20 of 20" in text
+    (text,) = play("feeding", recipient="population:test:3")
+    assert "population:test:3" in text or "not measured" in text
+    (text,) = play("feeding", recipient="six")
+    assert "recipient six" in text and "not measured" in text
+
+
+@pytest.mark.parametrize(
+    ("task", "cast", "figure"),
+    [
+        ("feeding", {"recipient": "daniel"}, "0 of 20"),
+        ("feeding", {"recipient": "kim"}, "2 of 20"),
+        ("toileting", {"level": 3}, "2 of 20"),
+        ("ambulating", {"level": 1, "options": {"mount": "left"}}, "0 of 20"),
+    ],
+)
+def test_what_hardly_ever_works_is_refused_with_the_figure(
+    task: str, cast: dict[str, Any], figure: str
+) -> None:
+    with pytest.raises(ConfigError, match=f"{figure}.*learned_anyway"):
+        play(task, **cast)
+    with closing(rcare_marl.make(task, **cast)) as env:
+        assert trained.best_policy(env, task) == "scripted"
+    (text,) = play(task, elsewhere.ANYWAY, **cast)
+    assert figure in text
+
+
+def test_a_robot_besides_does_not_help() -> None:
+    with pytest.raises(ConfigError, match="0 of 20"):
+        play("feeding", recipient="daniel", robot="kinova_gen2")
+
+
+def test_what_was_measured_is_of_what_there_is() -> None:
+    files = {file.stem for file in trained.FOLDER.glob("*.npz")}
+    known: dict[str, set[Any]] = {
+        "recipient": set(assets.names("avatars")),
+        "robot": set(assets.names("robots")),
+        "home": set(home_names()),
+        "level": {1, 2, 3},
+    }
+    for name, figures in elsewhere.figures().items():
+        assert name in files
+        task = trained.LEVEL.sub(r"\g<task>", name)
+        seen = [figure.cast for figure in figures]
+        assert all(seen.count(each) == 1 for each in seen)
+        for figure in figures:
+            assert figure.cast and 0 <= figure.done <= figure.of and figure.force >= 0
+            for key, value in figure.cast.items():
+                if key.startswith("options."):
+                    task_class(task).Options(**{key.removeprefix("options."): value})
+                else:
+                    assert value in known[key]
+
+
+def test_the_command_line_says_it_in_a_line() -> None:
+    line = "evaluate feeding --episodes 1 --policy learned --recipient".split()
+    refused = CliRunner().invoke(app, [*line, "daniel"])
+    assert refused.exit_code == 2 and "0 of 20" in refused.stderr
+    told = CliRunner().invoke(app, [*line, "jose"])
+    assert told.exit_code == 0 and told.stderr.count("warning: ") == 1, told.stderr
