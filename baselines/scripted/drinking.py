@@ -47,7 +47,7 @@ class ScriptedDrinking(ToolScript[Drinking]):
     def act(self) -> Array:
         task, seen = self._task, self._task.state
         offers = self._offering.goes_on(seen.refusal, seen.time)
-        if self._mouth is None or (offers and not seen.refusal.is_no):  # nobody is chased
+        if self._mouth is None or (offers and not seen.refusal.turned):  # nobody is chased
             self._mouth, self._ahead = seen.mouth, seen.ahead
         ahead, up = AT_LIPS
         lips = self._mouth + ahead * self._ahead + (0.0, 0.0, up)

@@ -40,7 +40,7 @@ class ScriptedFeeding(ToolScript[Feeding]):
     def act(self) -> Array:
         task, seen = self._task, self._task.state
         offers = self._offering.goes_on(seen.refusal, seen.time)
-        if self._mouth is None or (offers and not seen.refusal.is_no):  # nobody is chased
+        if self._mouth is None or (offers and not seen.refusal.turned):  # nobody is chased
             self._mouth, self._face = seen.mouth, seen.face
         level = self._face * (1.0, 1.0, 0.0)
         level /= np.linalg.norm(level)
@@ -58,4 +58,6 @@ class ScriptedFeeding(ToolScript[Feeding]):
         step = ACCELERATION * task.control_dt
         self._velocity = self._velocity + limited(wished - self._velocity, step)
         turn = turning(task.spoon_facing(-level), seen.turn, TURN_GAIN)
+        if seen.refusal.turned:  # it asks from where it is, and does not go round the head
+            turn = np.zeros(3)
         return self._about(seen.bowl, self._velocity, turn)  # so that turning does not move food

@@ -57,7 +57,7 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         task, seen = self._task, self._task.state
         offers = self._offering.goes_on(seen.refusal, seen.time)
         left = np.flatnonzero(~np.asarray(task.is_clean(seen.brushed)))
-        if self._mouth is None or (offers and not seen.refusal.is_no):  # nobody is chased
+        if self._mouth is None or (offers and not seen.refusal.turned):  # nobody is chased
             self._mouth, self._face = seen.mouth, seen.face
         if not seen.is_inside and len(left):
             self._quadrant = int(left[0])
