@@ -15,12 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.policy import Policy
-from rcare_marl.atomic_file import read_arrays, refused_if_damaged, write_arrays
+from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import policy_factory, register_policy_file, task_class
 from rcare_marl.envs.task import part_name
 from rcare_marl.errors import ConfigError, near_files
 from rcare_marl.observable import VECTOR
+from rcare_marl.reading import check_numbers, refusing
 
 SUFFIX = ".npz"
 VERSION = 1  # of the format
@@ -118,7 +119,8 @@ class PolicyFile:
         if not file.is_file():
             raise ConfigError(f"no policy at {file}.{near_files(file)}")
         about, arrays = read_arrays(file, "a policy", VERSION)
-        with refused_if_damaged(file, "a policy"):
+        check_numbers(arrays, file)
+        with refusing(file, "a policy"):
             mean, scale = (np.asarray(arrays.pop(name), np.float32) for name in ("mean", "scale"))
             layers = tuple(
                 (

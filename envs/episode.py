@@ -24,10 +24,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.agent import Array
-from rcare_marl.atomic_file import read_arrays, refused_if_damaged, write_arrays
+from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.config import load, plain
 from rcare_marl.errors import ConfigError
 from rcare_marl.provenance import changes, versions
+from rcare_marl.reading import check_numbers, refusing
 
 from . import make
 from .care_env import CareEnv
@@ -134,7 +135,7 @@ class RecordedEpisode:
         about, arrays = read_arrays(file, WHAT, VERSION)
         if about.pop("kind", None) != KIND:
             raise ConfigError(f"{file} holds no recorded episode: is it the file of a policy?")
-        with refused_if_damaged(file, WHAT):
+        with refusing(file, WHAT):
             header = load(Header, about, "header")
             digests = np.asarray(arrays["digests"])
             if digests.dtype != np.uint64:
@@ -143,6 +144,7 @@ class RecordedEpisode:
                 role: np.asarray(arrays[f"actions_{k}"], np.float64)
                 for k, role in enumerate(header.roles)
             }
+            check_numbers({k: each for k, each in arrays.items() if k.startswith("actions_")}, file)
             return cls(header, actions, digests, np.asarray(arrays["numbers"], np.float64))
 
     def make(self, render_mode: str | None = None) -> CareEnv:

@@ -1,14 +1,31 @@
 """Errors raised for bad input. Each message names the culprit, what was got and what is allowed."""
 
+import reprlib
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+LONGEST = 2000  # characters of a message
+SHOWN = reprlib.Repr()
+SHOWN.maxstring = SHOWN.maxother = SHOWN.maxlong = 200
+SHOWN.maxlist = SHOWN.maxtuple = SHOWN.maxdict = SHOWN.maxset = 20
+
 
 class RcareError(Exception):
     """Base class of every error that this package raises on purpose."""
+
+    longest = LONGEST
+
+    def __init__(self, *args: object) -> None:
+        super().__init__(*(self._brief(each) for each in args))
+
+    def _brief(self, message: object) -> object:
+        if not isinstance(message, str) or len(message) <= self.longest:
+            return message
+        half = self.longest // 2 - 20
+        return f"{message[:half]} … {len(message):,} characters … {message[-half:]}"
 
 
 class ConfigError(RcareError, ValueError):
@@ -38,6 +55,8 @@ class ClusterError(RcareError, RuntimeError):
 class WorkerError(RcareError, RuntimeError):
     """A process that runs environments failed; the message holds its traceback."""
 
+    longest = 10 * LONGEST
+
 
 class MissingPackageError(RcareError, ImportError):
     """An optional package is needed and is not installed."""
@@ -56,10 +75,10 @@ class UnknownNameError(RcareError, KeyError):
     """A task, robot, avatar, joint or link of that name does not exist."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        known = sorted(known)
-        near = get_close_matches(name, known, n=1)
+        known = sorted(map(str, known))
+        near = get_close_matches(name[:LONGEST], known, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
-        super().__init__(f"no {kind} named {name!r}.{hint} Known: {', '.join(known)}")
+        super().__init__(f"no {kind} named {shown(name)}.{hint} Known: {', '.join(known)}")
         self._given = (kind, name, known)
 
     def __reduce__(self) -> tuple[Any, ...]:  # so that it comes back from another process
@@ -67,6 +86,19 @@ class UnknownNameError(RcareError, KeyError):
 
     def __str__(self) -> str:
         return str(self.args[0])
+
+
+class UnknownArgumentError(UnknownNameError, TypeError):
+    """A function has no such keyword argument, and a task no such role."""
+
+    def __init__(self, task: str, name: str, known: Iterable[str], elsewhere: str = "") -> None:
+        known = sorted(known)
+        super().__init__(f"role of task {task!r} or argument", name, known)
+        # As Python itself says it, which libraries such as TorchRL look for.
+        told = f"{elsewhere}. " if elsewhere else ""
+        said = f"{told}got an unexpected keyword argument {shown(name)}: {self.args[0]}"
+        self.args = (self._brief(said),)
+        self._given = (task, name, known, elsewhere)  # type: ignore[assignment]
 
 
 def check_positive(owner: object, *names: str) -> None:
@@ -85,8 +117,24 @@ def check_not_negative(owner: object, *names: str) -> None:
 
 def check_name(kind: str, name: str, known: Collection[str]) -> None:
     """Raise an UnknownNameError, of a kind of name, where a name is none of those that are known."""
+    if not isinstance(name, str):
+        raise UnknownNameError(kind, shown(name), known)
     if name not in known:
         raise UnknownNameError(kind, name, known)
+
+
+def shown(value: object) -> str:
+    """Return a value as an error shows it, however large or deep it is."""
+    try:
+        return SHOWN.repr(value)
+    except Exception:  # a `repr` of somebody else's, or a number of many thousand digits
+        return f"a {type(value).__name__}"
+
+
+def check_type(name: str, value: object, wanted: type | tuple[type, ...], said: str) -> None:
+    """Raise a ConfigError where a value is of none of the types; `said` tells what it must be."""
+    if not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool):
+        raise ConfigError(f"{name} must be {said}, got {type(value).__name__} {shown(value)}")
 
 
 def near_files(file: Path) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from rcare_marl.atomic_file import write_whole
 from rcare_marl.errors import ConfigError
+from rcare_marl.reading import read_text, refusing
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
@@ -73,7 +74,8 @@ class TrainingLog:
         self._events: SummaryWriter | None = SummaryWriter(str(folder), purge_step=purge)
 
     def _read(self, at_step: int) -> None:
-        with self._path.open(encoding="utf-8", newline="") as file:
+        what = "the log of a training"
+        with refusing(self._path, what), io.StringIO(read_text(self._path, what)) as file:
             reader = csv.DictReader(file)
             columns = list(reader.fieldnames or ())
             if columns[:1] != [STEP]:

@@ -81,16 +81,10 @@ app = typer.Typer(
 )
 
 
-class Kind(str, Enum):
-    """What `list` can list."""
-
-    tasks = "tasks"
-    robots = "robots"
-    avatars = "avatars"
-    populations = "populations"
-    postures = "postures"
-    policies = "policies"
-    algorithms = "algorithms"
+KINDS = (
+    "tasks robots avatars populations postures policies devices homes sensors exercises algorithms"
+)
+Kind = Enum("Kind", [(name, name) for name in KINDS.split()], type=str)  # what `list` can list
 
 
 class Subject(str, Enum):
@@ -120,7 +114,7 @@ def list_(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List what there is: tasks, robots, avatars, populations, postures, policies, learning algorithms.
+    """List what there is: tasks, people, robots, policies, devices, homes, sensors, exercises and more.
 
     Example: rcare-marl list avatars
     """
