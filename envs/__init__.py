@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError, check_type
+from rcare_marl.errors import ConfigError, check_package, check_type
 
 from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
@@ -105,6 +105,8 @@ def make(
         check_type(name, value, (Mapping, type(None)), "a mapping")
     options, policies = dict(options or {}), dict(policies or {})
     cls = task_class(task)
+    if render_mode == "human":
+        check_package("viser", "the viewer", "view")
     check_engine(task, engine)
     check_entries(task, cls.roles(), cast)
     given = load(cls.Options, options, f"options of {task!r}")

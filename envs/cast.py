@@ -249,7 +249,7 @@ def check_entries(task: str, roles: Mapping[str, Role[Any]], entries: Mapping[st
     for role in entries:
         if part_name(role) not in roles:
             known = (*roles, *ARGUMENTS)
-            raise UnknownArgumentError(task, role, known, ELSEWHERE.get(role, ""))
+            raise UnknownArgumentError.of(task, role, known, ELSEWHERE.get(role, ""))
 
 
 def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:

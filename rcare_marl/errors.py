@@ -1,9 +1,12 @@
 """Errors raised for bad input. Each message names the culprit, what was got and what is allowed."""
 
+from __future__ import annotations
+
 import reprlib
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +74,12 @@ class MissingPackageError(RcareError, ImportError):
         return partial(type(self), package=package), (what, extra)
 
 
+def check_package(module: str, what: str, extra: str) -> None:
+    """Raise a MissingPackageError where a module is not installed, before any work that needs it."""
+    if find_spec(module) is None:
+        raise MissingPackageError(what, extra)
+
+
 class UnknownNameError(RcareError, KeyError):
     """A task, robot, avatar, joint or link of that name does not exist."""
 
@@ -91,14 +100,18 @@ class UnknownNameError(RcareError, KeyError):
 class UnknownArgumentError(UnknownNameError, TypeError):
     """A function has no such keyword argument, and a task no such role."""
 
-    def __init__(self, task: str, name: str, known: Iterable[str], elsewhere: str = "") -> None:
-        known = sorted(known)
-        super().__init__(f"role of task {task!r} or argument", name, known)
-        # As Python itself says it, which libraries such as TorchRL look for.
-        told = f"{elsewhere}. " if elsewhere else ""
-        said = f"{told}got an unexpected keyword argument {shown(name)}: {self.args[0]}"
-        self.args = (self._brief(said),)
-        self._given = (task, name, known, elsewhere)  # type: ignore[assignment]
+    def __init__(self, message: str) -> None:  # one text, as Gymnasium makes it again
+        RcareError.__init__(self, message)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self.args
+
+    @classmethod
+    def of(cls, task: str, name: str, known: Iterable[str], hint: str = "") -> UnknownArgumentError:
+        """Return the error for a name; it says what is near, as Python itself says what is wrong."""
+        said = UnknownNameError(f"role of task {task!r} or argument", name, known)
+        told = f"{hint}. " if hint else ""
+        return cls(f"{told}got an unexpected keyword argument {shown(name)}: {said}")
 
 
 def check_positive(owner: object, *names: str) -> None:

@@ -68,9 +68,7 @@ def check_regular(path: str | Path, what: str, *, most: int = LARGEST) -> Path:
 def read_bytes(path: str | Path, what: str, *, most: int = LARGEST) -> bytes:
     """Return what is in a regular file of at most `most` bytes; ConfigError if it cannot be read."""
     with _opened(path, what, most) as stream:
-        data = stream.read(most + 1)
-    if len(data) > most:
-        raise ConfigError(f"{path} has more than {most:,} bytes, the most for a file of {what}")
+        data = stream.readall()
     return data
 
 
@@ -84,7 +82,7 @@ def _opened(path: str | Path, what: str, most: int) -> Iterator[io.FileIO]:
         why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         hint = near_files(file) if isinstance(error, FileNotFoundError) else ""
         raise ConfigError(f"cannot read {what} from {file}: {why}.{hint}") from error
-    with io.FileIO(handle) as stream:
+    try:
         about = os.fstat(handle)
         if not stat.S_ISREG(about.st_mode):
             kind = "a folder" if stat.S_ISDIR(about.st_mode) else "a pipe or device"
@@ -93,10 +91,12 @@ def _opened(path: str | Path, what: str, most: int) -> Iterator[io.FileIO]:
             raise ConfigError(
                 f"{file} has {about.st_size:,} bytes; a file of {what} has at most {most:,}"
             )
-        try:
+        with open(handle, "rb", buffering=0, closefd=False) as stream:
             yield stream
-        except OSError as error:
-            raise ConfigError(f"cannot read {what} from {file}: {error.strerror}") from error
+    except OSError as error:
+        raise ConfigError(f"cannot read {what} from {file}: {error.strerror}") from error
+    finally:
+        os.close(handle)
 
 
 def read_text(path: str | Path, what: str, *, most: int = LARGEST_TEXT) -> str:
@@ -153,7 +153,7 @@ def parse_xml(data: bytes, path: str | Path) -> ElementTree.Element:
         if isinstance(error, ConfigError):
             raise
         raise ConfigError(f"{path} is not valid XML: {reason(error)}") from error
-    root: ElementTree.Element = steps.root
+    root: ElementTree.Element = steps.root  # type: ignore[attr-defined, unused-ignore]
     return root
 
 

@@ -46,7 +46,7 @@ def env() -> Iterator[CareEnv]:
 
 
 def test_with_closes_an_environment() -> None:
-    with rcare_marl.make("toileting") as env:
+    with rcare_marl.make(TASK) as env:
         env.reset(seed=0)
     with pytest.raises(EpisodeError, match="closed"):
         env.reset()

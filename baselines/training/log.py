@@ -36,6 +36,9 @@ class Reporter(Protocol):
     def start(self, config: TrainConfig, total_steps: int, at_step: int) -> None:
         """Hear what begins, how long it is, and at which step, if it goes on from a checkpoint."""
 
+    def tell(self, what: str) -> None:
+        """Hear what is done before the first step is learned from, which may take a while."""
+
     def report(self, step: int, metrics: Mapping[str, float]) -> None:
         """Hear how far it is."""
 

@@ -17,6 +17,7 @@ from rcare_marl.agents.people.sampling.population import (
 )
 from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.agents.sensing.suite import SENSORS
+from rcare_marl.config import read_yaml
 from rcare_marl.console import console, table
 from rcare_marl.envs.devices.device_model import load_device
 from rcare_marl.envs.homes import home_names, load_house
@@ -123,7 +124,8 @@ def _policies() -> list[Row]:
 
 
 def _devices() -> list[Row]:
-    models = ((name, load_device(name)) for name in assets.names("devices"))
+    files = ((name, assets.find("devices", name)) for name in assets.names("devices"))
+    models = ((name, load_device(file)) for name, file in files if "links" in read_yaml(file))
     return [
         {
             "name": name,
