@@ -212,6 +212,14 @@ def test_a_damaged_file_is_taken_or_refused_in_words(kind: str, count: int, tmp_
         file.unlink()
 
 
+@pytest.mark.parametrize("kind", sorted(set(READERS) - {"body", "smplx", "episode", "mass", "stl"}))
+def test_a_good_file_is_taken(kind: str, tmp_path: Path) -> None:
+    read, ending, good = READERS[kind]
+    file = tmp_path / f"good{ending}"
+    file.write_bytes(good(tmp_path))
+    read(file)
+
+
 @pytest.mark.parametrize("kind", READERS)
 def test_what_is_no_regular_file_is_refused_at_once(kind: str, tmp_path: Path) -> None:
     read, ending, _ = READERS[kind]
