@@ -28,7 +28,7 @@ from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.config import load, plain
 from rcare_marl.errors import ConfigError
 from rcare_marl.provenance import changes, versions
-from rcare_marl.reading import check_numbers, refusing
+from rcare_marl.reading import refusing
 
 from . import make
 from .care_env import CareEnv
@@ -141,11 +141,11 @@ class RecordedEpisode:
             if digests.dtype != np.uint64:
                 raise ConfigError(f"digests must be whole numbers of 64 bits, got {digests.dtype}")
             actions = {
-                role: np.asarray(arrays[f"actions_{k}"], np.float64)
+                role: arrays[f"actions_{k}"].astype(np.float64, casting="same_kind")
                 for k, role in enumerate(header.roles)
             }
-            check_numbers({k: each for k, each in arrays.items() if k.startswith("actions_")}, file)
-            return cls(header, actions, digests, np.asarray(arrays["numbers"], np.float64))
+            numbers = arrays["numbers"].astype(np.float64, casting="same_kind")
+            return cls(header, actions, digests, numbers)
 
     def make(self, render_mode: str | None = None) -> CareEnv:
         """Return the environment in which it was played, with every role left to be commanded.

@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
-from .errors import ConfigError, RcareError, near_files, shown
+from .errors import ConfigError, RcareError, UnknownNameError, near_files, shown
 
 LARGEST = 1 << 30  # [bytes] of any file, and of all arrays that are taken from one
 LARGEST_TEXT = 64 << 20  # [bytes]
@@ -38,8 +38,8 @@ def refusing(path: str | Path, what: str) -> Iterator[None]:
     """Turn whatever damage raises while a file is parsed into a ConfigError that names the file."""
     try:
         yield
-    except ConfigError as error:
-        if str(error).startswith(str(path)):
+    except (ConfigError, UnknownNameError) as error:
+        if isinstance(error, ConfigError) and str(error).startswith(str(path)):
             raise
         raise ConfigError(f"{path}: {error}") from error
     except RcareError:
@@ -171,13 +171,13 @@ class ArrayFile:
         data = read_bytes(path, what)
         with refusing(path, what):
             if not zipfile.is_zipfile(io.BytesIO(data)):
-                raise ConfigError("it is no archive of arrays (.npz)")
+                raise ValueError("it is no archive of arrays (.npz)")
             self._archive = zipfile.ZipFile(io.BytesIO(data))
             entries = self._archive.infolist()
             if len({each.filename for each in entries}) < len(entries):
-                raise ConfigError("an array stands twice")
+                raise ValueError("an array stands twice")
             if sum(each.file_size for each in entries) > LARGEST:
-                raise ConfigError(f"its arrays would have more than {LARGEST:,} bytes")
+                raise ValueError(f"its arrays would have more than {LARGEST:,} bytes")
             self._entries = {each.filename.removesuffix(".npy"): each for each in entries}
         self.names = tuple(self._entries)
 
@@ -204,9 +204,9 @@ class ArrayFile:
             # Before memory is asked for: a header can claim anything.
             rest = entry.file_size - stream.tell()
         if dtype.kind not in PLAIN:
-            raise ConfigError(f"{name} holds {shown(str(dtype))}: neither numbers nor texts")
+            raise ValueError(f"{name} holds {shown(str(dtype))}: neither numbers nor texts")
         if min(shape, default=1) < 0 or math.prod(shape) * dtype.itemsize != rest:
-            raise ConfigError(f"{name} says that it has the shape {shown(shape)}, and has not")
+            raise ValueError(f"{name} says that it has the shape {shown(shape)}, and has not")
         with self._archive.open(entry) as stream:
             array: Array = np.lib.format.read_array(stream, allow_pickle=False)
             stream.read(1)  # what checks the sum of all

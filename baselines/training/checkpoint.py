@@ -139,7 +139,7 @@ def load(
     if content["format"] != FORMAT:
         raise ConfigError(
             f"{file} has format {shown(content['format'])}, written by rcare-marl "
-            f"{shown(content.get('version'))}; "
+            f"{str(content.get('version'))[:40]}; "
             f"rcare-marl {rcare_marl.__version__} reads format {FORMAT}: go on with that version, or "
             "start anew in another folder"
         )

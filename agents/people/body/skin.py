@@ -104,7 +104,7 @@ def load_body_model(path: str | Path) -> BodyModel:
     # A licensed file holds pickled objects beside the arrays; those are never touched.
     wanted = _SMPLX_KEYS if is_smplx else _BAKED_KEYS
     arrays = dict(zip(wanted, data.take(*wanted), strict=True))
-    check_numbers({key: arrays[key] for key in wanted if key != "meta_json"}, file, largest=1e9)
+    check_numbers({key: arrays[key] for key in wanted if key != "meta_json"}, file, largest=2**32)
     with refusing(file, "a body"):
         model = _from_smplx(arrays, file) if is_smplx else _from_baked(arrays)
         _check(model, file)
