@@ -170,6 +170,10 @@ class HumanCast:
     markers: tuple[MarkerConfig, ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("movable", "moves", "tissue"):
+            given = getattr(self, name) or ()
+            if len(set(given)) < len(given):
+                raise ValueError(f"{name} must name each once, got {shown(given)}")
         if self.actuation == "muscle":
             return
         for name in ("excitation", "tendon", "musculature"):

@@ -461,6 +461,7 @@ def test_an_error_is_short_whatever_was_given() -> None:
         {"robot": {"model": {}}},
         {"recipient": {"model": 3.5}},
         {"recipient": {"movable": 5}},
+        {"recipient": {"tissue": ["left_arm", "left_arm"]}},
         {"recipient": "population:test:99999999999999999999"},
         {"recipient": "\x00.yaml"},
     ],

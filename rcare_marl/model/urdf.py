@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import zlib
 from collections.abc import Collection, Mapping, Sequence
@@ -98,6 +99,10 @@ class Joint:
     follows: Follow | None = None
     damping: float = 0.0
     friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 1e-9 <= math.hypot(*self.axis) <= 1e9:
+            raise ValueError(f"an axis cannot have length {math.hypot(*self.axis):g}")
 
 
 @dataclass(frozen=True)

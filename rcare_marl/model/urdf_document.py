@@ -15,6 +15,7 @@ from ..reading import DEPTH, LARGEST_TEXT, read_bytes, reason
 from .shape import Triple
 from .urdf import Follow, Joint
 
+FARTHEST = 1e6  # of a place [m], an angle [rad] or a scale
 LARGEST = 1e30  # of any number, so that its square is one too
 _NAMED = ("link", "joint", "material")
 _DEFINITIONS = ("xacro:property", "xacro:arg")
@@ -87,6 +88,8 @@ class Document:
     def triple(self, element: xml.Element, attribute: str, default: Triple | None = None) -> Triple:
         """Return an attribute that is three numbers."""
         x, y, z = self.numbers(element, attribute, 3, default)
+        if max(abs(x), abs(y), abs(z)) > FARTHEST:
+            raise self.fault(element, f"{attribute} must lie within {FARTHEST:g}, got {x} {y} {z}")
         return x, y, z
 
     def child(self, element: xml.Element, tag: str) -> xml.Element:
