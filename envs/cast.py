@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -270,6 +272,13 @@ def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
             f"policy of {role!r} must be a name, a file or a function of environment and role, got "
             f"{shown(policy)}"
         )
+    with suppress(ValueError):  # what Python knows no signature of
+        try:
+            inspect.signature(policy).bind(None, role)
+        except TypeError as error:
+            raise ConfigError(
+                f"policy of {role!r}: {shown(policy)} does not take the environment and the role: {error}"
+            ) from error
     return policy
 
 
