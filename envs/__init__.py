@@ -113,7 +113,8 @@ def make(
     where = home, level, room
     place = {"home": home, "level": level, "room": room}
     how: Any = {"physics_dt": physics_dt, "render_mode": render_mode, "engine": engine}
-    again = partial(make, task, options=options, policies=policies, **place, **how, **cast)
+    rest: dict[str, Any] = {**place, **how, **cast}
+    again = partial(make, task, options=options, policies=policies, **rest)
     stage = partial(_scene, task, given, policies, where)
     if drawn := drawn_people(cls.roles(), cast):
         company = Company(cast, drawn, stage)

@@ -105,9 +105,10 @@ def _make(task: str, **arguments: Any) -> CareEnv:
 
 
 def _make_in_turn(task: str, **arguments: Any) -> Any:
-    from pettingzoo.utils import parallel_to_aec
+    from pettingzoo.utils.conversions import parallel_to_aec
 
-    return parallel_to_aec(_make(task, **arguments))
+    made: Any = _make(task, **arguments)
+    return parallel_to_aec(made)
 
 
 def register_task(name: str) -> Callable[[TaskClass], TaskClass]:

@@ -68,7 +68,7 @@ def test_a_copy_goes_on_bit_for_bit_and_shares_nothing(env: CareEnv, twin: Any) 
 def test_what_cannot_be_copied_says_why(env: CareEnv) -> None:
     env.reset(seed=0)
     env.world.step()
-    env.step({"robot": np.zeros(env.action_space("robot").shape)})
+    env.step({"robot": np.zeros(env.action_space("robot").shape, np.float32)})
     with pytest.raises(EpisodeError, match="beside reset"):
         copy.deepcopy(env)
     still = {"robot": lambda e, role: StayStill(e.cast[role].action_size)}
@@ -111,7 +111,7 @@ def test_a_wrong_argument_is_answered_by_the_right_one(wrong: str, meant: str) -
 def test_torchrl_makes_one_by_its_id() -> None:
     from torchrl.envs import GymEnv
 
-    env = GymEnv(f"rcare_marl/{TASK.capitalize()}-v0")
+    env = GymEnv(f"rcare_marl/{TASK.capitalize()}-v0")  # type: ignore[no-untyped-call, unused-ignore]
     assert env.rollout(2)["next", "reward"].shape == (2, 1)
     env.close()
 

@@ -183,7 +183,7 @@ def check(read: Reader, file: Path, *, must_fail: bool = False) -> None:
 
 def mutated(rng: random.Random, data: bytes) -> bytes:
     """Return what a fault of a disk, a program or an enemy makes of a file."""
-    tokens = (
+    tokens: tuple[bytes, ...] = (
         b"-1",
         b"1e308",
         b"nan",
@@ -254,7 +254,7 @@ ODD += (
     [1, 2, 3],
     [0, 0, 0],
 )
-ARRAYS = (
+ARRAYS: tuple[Any, ...] = (
     *(np.zeros(shape) for shape in ((), (0,), (3,), (4, 165), (2, 3, 4), (0, 165))),
     *(np.full(3, value) for value in (np.nan, 1e308, -np.inf, 1j, True, "a", -1, 2**62)),
     np.array([{}], object),
@@ -475,16 +475,17 @@ def test_an_argument_of_another_type_is_refused_by_name(wrong: dict[str, Any]) -
 
 
 def test_a_task_that_is_no_name_is_refused() -> None:
-    for task in (None, 5, [], {}, b"feeding"):
+    odd: tuple[Any, ...] = (None, 5, [], {}, b"feeding")
+    for task in odd:
         with pytest.raises(RcareError, match="no task named"):
-            rcare_marl.make(task)  # type: ignore[arg-type]
+            rcare_marl.make(task)
 
 
 def test_calls_with_other_types_are_refused_by_name() -> None:
     policies = {"recipient": "cooperative"}
     with rcare_marl.make("feeding", policies=policies) as env:
         with pytest.raises(ConfigError, match="options must be"):
-            env.reset(options=5)  # type: ignore[arg-type]
+            env.reset(options=5)
         env.reset(seed=0)
         odd: Any
         for odd in ([], {}, None, 5, 1j):

@@ -28,6 +28,7 @@ from .parameter import (
     HomeName,
     HomeRoom,
     Json,
+    Kind,
     OutputFile,
     Over,
     PlotFile,
@@ -79,12 +80,6 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-KINDS = (
-    "tasks robots avatars populations postures policies devices homes sensors exercises algorithms"
-)
-Kind = Enum("Kind", [(name, name) for name in KINDS.split()], type=str)  # what `list` can list
 
 
 class Subject(str, Enum):

@@ -4,12 +4,30 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rcare_marl.errors import ConfigError, shown
+
+
+class Kind(str, Enum):
+    """What `list` can list."""
+
+    tasks = "tasks"
+    robots = "robots"
+    avatars = "avatars"
+    populations = "populations"
+    postures = "postures"
+    policies = "policies"
+    devices = "devices"
+    homes = "homes"
+    sensors = "sensors"
+    exercises = "exercises"
+    algorithms = "algorithms"
+
 
 Task = Annotated[str, typer.Argument(metavar="TASK", help="A task, see: rcare-marl list tasks")]
 RobotModel = Annotated[
