@@ -6,6 +6,7 @@ Example:
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -116,7 +117,7 @@ class PolicyFile:
             ConfigError: If there is no such file, or it is damaged, of another kind or a later version.
         """
         file = Path(path)
-        if not file.is_file():
+        if not os.path.isfile(file):
             raise ConfigError(f"no policy at {file}.{near_files(file)}")
         about, arrays = read_arrays(file, "a policy", VERSION)
         check_numbers(arrays, file)

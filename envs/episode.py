@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -128,7 +129,7 @@ class RecordedEpisode:
             ConfigError: If there is no such file, or it is damaged, of another kind or another version.
         """
         file = Path(path)
-        if not file.is_file():
+        if not os.path.isfile(file):
             near = sorted(each.name for each in file.parent.glob("*.npz"))
             beside = f"; {file.parent} has {', '.join(near[:SHOWN])}" if near else ""
             raise ConfigError(f"there is no file {file}{beside}")

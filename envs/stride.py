@@ -150,10 +150,10 @@ def _advance(steps, scene, people, hold, before, watched):  # type: ignore[no-un
 
 def substeps(control_dt: float, physics_dt: float) -> int:
     """Return how many physics steps a control step has; ConfigError if that is no possible number."""
-    seconds = f"a number of seconds from {control_dt / MOST_SUBSTEPS:g} to {control_dt:g}"
+    seconds = f"a positive number of seconds, {control_dt / MOST_SUBSTEPS:g} to {control_dt:g}"
     check_type("physics_dt", physics_dt, (int, float), seconds)
     if not control_dt / MOST_SUBSTEPS <= physics_dt <= control_dt:
-        raise ConfigError(f"physics_dt must be {seconds}, a positive one, got {shown(physics_dt)}")
+        raise ConfigError(f"physics_dt must be {seconds}, got {shown(physics_dt)}")
     count = round(control_dt / physics_dt)
     if abs(count * physics_dt - control_dt) > 1e-9:
         raise ConfigError(f"control_dt {control_dt} s is no multiple of physics_dt {physics_dt} s")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import reprlib
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches
@@ -152,13 +153,14 @@ def check_type(name: str, value: object, wanted: type | tuple[type, ...], said: 
 
 def near_files(file: Path) -> str:
     """Return a hint at what is there in place of a file that is missing; empty where nothing is."""
-    suffix, said = (
-        file.suffix,
-        "" if file.parent.is_dir() else f" There is no folder {file.parent}.",
-    )
-    while not file.parent.is_dir() and file.parent != file.parent.parent:
+    suffix = file.suffix
+    said = "" if os.path.isdir(file.parent) else f" There is no folder {file.parent}."
+    while not os.path.isdir(file.parent) and file.parent != file.parent.parent:
         file = file.parent
-    there = [each for each in file.parent.iterdir() if not each.name.startswith(".")]
+    try:
+        there = [each for each in file.parent.iterdir() if not each.name.startswith(".")]
+    except OSError:  # which may not be looked into
+        return said
     names = [each.name for each in there if each.is_dir() or each.suffix == suffix]
     if near := get_close_matches(file.name, names, n=1):
         return f"{said} Did you mean {file.parent / near[0]}?"

@@ -131,7 +131,7 @@ def load(
             config; says which fields differ.
     """
     file = Path(path)
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise ConfigError(f"no checkpoint at {file}.{near_files(file)}")
     content = _read(file)
     if not isinstance(content, dict) or "format" not in content:

@@ -36,7 +36,7 @@ class MeshPath:
 
     def find(self, name: str) -> Path | None:
         """Return the file that is meant by `name`, or None."""
-        return next((path for path in self.candidates(name) if path.is_file()), None)
+        return next((path for path in self.candidates(name) if os.path.isfile(path)), None)
 
     def candidates(self, name: str) -> Iterator[Path]:
         """Yield the files that `name` may mean, most likely first."""
@@ -103,7 +103,7 @@ def has_colors(file: str | Path) -> bool:
     """Return whether a mesh file says what colour it is."""
     path = Path(file)
     kind = path.suffix.lower()
-    if not path.is_file() or kind not in (".dae", ".obj"):
+    if not os.path.isfile(path) or kind not in (".dae", ".obj"):
         return False
     data = read_bytes(path, "a mesh")
     if kind == ".dae":
@@ -112,7 +112,7 @@ def has_colors(file: str | Path) -> bool:
     library = re.search(rb"^mtllib[ \t]+(.+?)\s*$", data, re.MULTILINE)
     if library is None:
         return False
-    return (path.parent / library[1].decode(errors="replace")).is_file()
+    return os.path.isfile(path.parent / library[1].decode(errors="replace"))
 
 
 def _both(folder: Path, package: str, inside: str) -> Iterator[Path]:

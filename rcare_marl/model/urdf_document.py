@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
@@ -113,19 +114,19 @@ class Document:
         return out
 
     def _bytes(self) -> bytes:
-        if self.path.is_dir():
+        if os.path.isdir(self.path):
             inside = sorted(file.name for file in self.path.rglob("*.urdf"))
             raise ConfigError(
                 f"{self.path} is a folder, not a URDF. URDFs in it: "
                 f"{', '.join(inside[:5]) or 'none'}"
             )
-        if not self.path.exists():
+        if not os.path.exists(self.path):
             raise ConfigError(f"no URDF at {self.path}.{self._neighbours()}")
         return read_bytes(self.path, "a URDF", most=LARGEST_TEXT)
 
     def _neighbours(self) -> str:
         folder = self.path.parent
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             return f" There is no folder {folder}"
         names = sorted(p.name for p in folder.iterdir() if p.suffix in (".urdf", ".xacro", ".xml"))
         near = get_close_matches(self.path.name, names, n=1)
