@@ -126,6 +126,8 @@ class Model:
     joints: dict[str, Joint] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not self.links:
+            raise ValueError("a model has at least one link")
         for name, link in self.links.items():
             for shape in link.visual:
                 check_name(f"material ({name})", shape.material, self.materials)
