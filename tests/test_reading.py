@@ -48,7 +48,7 @@ from rcare_marl.model.urdf_reader import read as read_urdf
 Reader = Callable[[Path], Any]
 SLOWEST = 5.0  # [s]
 SEED = 27
-FEW, MANY = 30, 1500  # files of each kind
+FEW, MANY = 30, 1000  # files of each kind
 
 BVH = """HIERARCHY
 ROOT Hips
