@@ -6,6 +6,7 @@ Example:
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,12 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.policy import Policy
-from rcare_marl.atomic_file import read_arrays, refused_if_damaged, write_arrays
+from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import policy_factory, register_policy_file, task_class
 from rcare_marl.envs.task import part_name
 from rcare_marl.errors import ConfigError, near_files
 from rcare_marl.observable import VECTOR
+from rcare_marl.reading import check_numbers, refusing
 
 SUFFIX = ".npz"
 VERSION = 1  # of the format
@@ -115,10 +117,11 @@ class PolicyFile:
             ConfigError: If there is no such file, or it is damaged, of another kind or a later version.
         """
         file = Path(path)
-        if not file.is_file():
+        if not os.path.isfile(file):
             raise ConfigError(f"no policy at {file}.{near_files(file)}")
         about, arrays = read_arrays(file, "a policy", VERSION)
-        with refused_if_damaged(file, "a policy"):
+        check_numbers(arrays, file)
+        with refusing(file, "a policy"):
             mean, scale = (np.asarray(arrays.pop(name), np.float32) for name in ("mean", "scale"))
             layers = tuple(
                 (

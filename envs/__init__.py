@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, check_package, check_type
 
 from . import tasks as tasks  # registers the built-in tasks
 from .care_env import CareEnv
-from .cast import CastEntry, make_cast, speaking
+from .cast import CastEntry, check_entries, make_cast, speaking
 from .company import Company, Scene, drawn_people
+from .copying import Past
 from .place import BareFloor
 from .randomise import Randomisation, randomisation_names
 from .registry import (
@@ -106,30 +108,36 @@ def make(
         >>> env = make("feeding", randomise="delay_1")
     """
     for name, value in (("options", options), ("policies", policies)):
-        if value is not None and not isinstance(value, Mapping):
-            raise ConfigError(f"{name} must be a mapping, got {type(value).__name__} {value!r}")
+        check_type(name, value, (Mapping, type(None)), "a mapping")
+    options, policies = dict(options or {}), dict(policies or {})
     cls = task_class(task)
+    if render_mode == "human":
+        check_package("viser", "the viewer", "view")
     check_engine(task, engine)
-    given = load(cls.Options, dict(options or {}), f"options of {task!r}")
-    perturbed = Randomisation.of(randomise)
+    check_entries(task, cls.roles(), cast)
+    given = load(cls.Options, options, f"options of {task!r}")
     where = home, level, room
+    place = {"home": home, "level": level, "room": room}
+    perturbed = Randomisation.of(randomise)
     how: dict[str, Any] = {
         "physics_dt": physics_dt,
         "render_mode": render_mode,
         "engine": engine,
         "randomise": perturbed,
     }
-    stage = partial(_scene, task, given, policies or {}, where)
+    rest: dict[str, Any] = {**place, **how, **cast}
+    again = partial(make, task, options=options, policies=policies, **rest)
+    stage = partial(_scene, task, given, policies, where)
     if drawn := drawn_people(cls.roles(), cast):
         company = Company(cast, drawn, stage)
         env = company.play(0, lambda scene: CareEnv(*scene, **how, company=company))
         cast = company.resolved(cast)
     else:
         env = CareEnv(*stage(cast), **how)
-    place = {"home": home, "level": level, "room": room}
+    env.past = Past(env, again)
     env.setup = {
         "task": task,
-        "options": dict(options or {}),
+        "options": options,
         "physics_dt": physics_dt,
         "cast": speaking(cast, env.cast)
         | {name: value for name, value in place.items() if value is not None},
@@ -153,6 +161,9 @@ def _scene(
     scene.cast = agents
     if home is not None:
         from .homes import CareHome, find_place
+
+        check_type("home", home, (str, Path), "the name of a house or a YAML file")
+        check_type("level", level, (int, type(None)), "1, 2 or 3")
 
         house = CareHome.load(home, level=1 if level is None else level)
         floor = scene.floor_before if scene.site == "door" else scene.free_floor()

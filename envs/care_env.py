@@ -18,15 +18,17 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.sensing.marker import fasten
 from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.engines import make_world
-from rcare_marl.errors import ActionError, ConfigError, EpisodeError, UnknownNameError, check_name
+from rcare_marl.errors import ActionError, ConfigError, EpisodeError, check_name, check_type, shown
 from rcare_marl.observable import Observation
 from rcare_marl.world import World
 
+from .cast import checked_policy
 from .company import Company, Scene
+from .copying import ByRecipe
 from .randomise import Randomisation
 from .randomiser import Randomiser
 from .registry import PolicyFactory
-from .stride import make_stride
+from .stride import make_stride, substeps
 from .task import Task, part_name
 
 if TYPE_CHECKING:
@@ -43,7 +45,7 @@ APART = 2**64  # numbers that lie between the chance of policies and all other c
 
 
 @final
-class CareEnv(ParallelEnv[str, Obs, Action]):
+class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
     """A PettingZoo parallel environment. Do not subclass it: write a `Task`.
 
     Attributes:
@@ -57,6 +59,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         setup: What `rcare_marl.make` was given, but policies; empty if something else made it.
         company: People of whom another one plays in each episode, and who does now; None if all stay.
         randomiser: What is perturbed in the running episode.
+        has_begun: Whether there was an episode.
+        seeds: Draws the seeds of episodes for which none is given.
         seed: Seed of the running episode, which with all `commands` decides it.
         commands: The actions of all roles in the last control step, as they were obeyed.
         watchers: Called after each reset and each step; they must change nothing.
@@ -91,17 +95,9 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         Raises:
             ConfigError: If the time steps do not fit, or a policy is for a role that nobody plays.
         """
-        if render_mode is not None and render_mode not in RENDER_MODES:
-            raise UnknownNameError("render mode", str(render_mode), RENDER_MODES)
-        if not isinstance(physics_dt, int | float) or not physics_dt > 0:
-            raise ConfigError(
-                f"physics_dt must be a positive number of seconds, got {physics_dt!r}"
-            )
-        self._substeps = round(task.control_dt / physics_dt)
-        if self._substeps < 1 or abs(self._substeps * physics_dt - task.control_dt) > 1e-9:
-            raise ConfigError(
-                f"control_dt {task.control_dt} s is no multiple of physics_dt {physics_dt} s"
-            )
+        if render_mode is not None:
+            check_name("render mode", render_mode, RENDER_MODES)
+        self._substeps = substeps(task.control_dt, physics_dt)
         factories = dict(policies or {})
         strangers = sorted(set(factories) - set(cast))
         if strangers:
@@ -114,9 +110,9 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         self._viewer: Viewer | None = None
         self._suites: tuple[SensorSuite, ...] = ()
         self.agents: list[str] = []
-        self.is_over, self._has_begun = True, False
+        self.is_over, self.has_begun = True, False
         self.setup: Mapping[str, Any] = {}
-        self.seed, self._seeds = 0, np.random.default_rng()
+        self.seed, self.seeds = 0, np.random.default_rng()
         self.commands: dict[str, Array] = {}
         self.watchers: list[Callable[[CareEnv], None]] = []
         self._stage(Scene(task, dict(cast), factories))
@@ -130,7 +126,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         try:
             self._build()
             self.policies: dict[str, Policy] = {
-                role: make(self, role) for role, make in scene.policies.items()
+                role: checked_policy(role, make(self, role))
+                for role, make in scene.policies.items()
             }
         except BaseException:
             self.close()  # a sensor may hold a renderer already
@@ -293,7 +290,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
     def _check_begun(self) -> None:
         if self.world.client < 0:
             raise EpisodeError("the environment is closed: make a new one")
-        if not self._has_begun:
+        if not self.has_begun:
             raise EpisodeError("there is nothing to see yet: call reset() first")
 
     def describe(self, role: str) -> list[tuple[slice, str, str]]:
@@ -318,14 +315,15 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         """
         if self.world.client < 0:
             raise EpisodeError("the environment is closed: make a new one")
+        check_type("options", options, (Mapping, type(None)), "a mapping or None")
         company = self.company
         if seed is None:
-            self.seed = int(self._seeds.integers(2**32))
+            self.seed = int(self.seeds.integers(2**32))
         else:
             if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-                raise ConfigError(f"a seed is a whole number from 0 on, got {seed!r}")
-            self.seed, self._seeds = int(seed), np.random.default_rng([seed, 1])
-        if company is not None and (self._has_begun or not company.is_next(self.seed)):
+                raise ConfigError(f"a seed is a whole number from 0 on, got {shown(seed)}")
+            self.seed, self.seeds = int(seed), np.random.default_rng([seed, 1])
+        if company is not None and (self.has_begun or not company.is_next(self.seed)):
             self._change_people(company)
         rng = np.random.default_rng(self.seed)
         robots = [role for role, agent in self.cast.items() if isinstance(agent, Robot)]
@@ -351,7 +349,7 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
             policy.reset(chance)
         self.commands = {}
         self.agents, self.is_over = list(self.possible_agents), False
-        self._has_begun = True
+        self.has_begun = True
         if self.render_mode == "human":
             self.render()
         for watch in self.watchers:
@@ -437,7 +435,8 @@ class CareEnv(ParallelEnv[str, Obs, Action]):
         """Return an action as numbers in its range; ActionError if it cannot be one."""
         wanted = self._spaces[role].shape
         try:
-            action = np.asarray(given, np.float64)
+            action = np.asarray(given)
+            action = action.astype(np.float64, casting="same_kind")
         except (TypeError, ValueError) as error:
             raise ActionError(f"action of {role!r} is no array of numbers: {error}") from error
         if action.shape != wanted:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -23,13 +25,26 @@ from rcare_marl.agents.robots.robot_config import Mount, RobotConfig, load_robot
 from rcare_marl.agents.sensing.marker import MarkerConfig
 from rcare_marl.agents.sensing.suite import SensorSuite
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError, UnknownNameError, check_name
+from rcare_marl.errors import (
+    ConfigError,
+    UnknownArgumentError,
+    UnknownNameError,
+    check_name,
+    shown,
+)
 
 from .registry import PolicyFactory, is_policy_file, policy_factory
 from .task import Role, Task, part_name
 
 if TYPE_CHECKING:
     from .care_env import CareEnv
+
+ARGUMENTS = tuple("options policies physics_dt render_mode home level room engine".split())
+ELSEWHERE = {  # what others take where we do not
+    "seed": "an episode gets its seed by env.reset(seed=...)",
+    "num_envs": "rcare_marl.make_vector and make_batch make many",
+    "max_episode_steps": "a task has a time limit of its own; gymnasium.wrappers.TimeLimit cuts it",
+}
 
 CastEntry = str | Path | RobotConfig | AvatarConfig | Mapping[str, Any] | None
 
@@ -157,6 +172,10 @@ class HumanCast:
     markers: tuple[MarkerConfig, ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("movable", "moves", "tissue"):
+            given = getattr(self, name) or ()
+            if len(set(given)) < len(given):
+                raise ValueError(f"{name} must name each once, got {shown(given)}")
         if self.actuation == "muscle":
             return
         for name in ("excitation", "tendon", "musculature"):
@@ -227,6 +246,18 @@ def _played(
     return out
 
 
+def check_entries(task: str, roles: Mapping[str, Role[Any]], entries: Mapping[str, Any]) -> None:
+    """Refuse what is neither a role of a task nor an argument of `make`, which it may be meant for.
+
+    Raises:
+        UnknownArgumentError: It names both, and what is near.
+    """
+    for role in entries:
+        if part_name(role) not in roles:
+            known = (*roles, *ARGUMENTS)
+            raise UnknownArgumentError.of(task, role, known, ELSEWHERE.get(role, ""))
+
+
 def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
     """Return a policy's factory from its name or file, or the factory itself.
 
@@ -238,9 +269,27 @@ def find_policy(task: str, role: str, policy: Any) -> PolicyFactory:
         return policy_factory(task, part_name(role), policy)
     if not callable(policy):
         raise ConfigError(
-            f"policy of {role!r} must be a name, a file or a function of environment and role, got {policy!r}"
+            f"policy of {role!r} must be a name, a file or a function of environment and role, got "
+            f"{shown(policy)}"
         )
+    with suppress(ValueError):  # what Python knows no signature of
+        try:
+            inspect.signature(policy).bind(None, role)
+        except TypeError as error:
+            raise ConfigError(
+                f"policy of {role!r}: {shown(policy)} does not take the environment and the role: {error}"
+            ) from error
     return policy
+
+
+def checked_policy(role: str, made: Any) -> Policy:
+    """Return what a factory made; ConfigError if it can be no policy."""
+    if not isinstance(made, Policy):
+        raise ConfigError(
+            f"what makes the policy of {role!r} returned {type(made).__name__} {shown(made)}: a policy "
+            "has reset(rng) and act()"
+        )
+    return made
 
 
 class Anew:
@@ -337,6 +386,6 @@ def _suite(role: str, entries: tuple[Any, ...]) -> SensorSuite | None:
 def _named(role: str, model: Any) -> str | Path:
     if not isinstance(model, str | Path):
         raise ConfigError(
-            f"cast of {role!r}: expected a name or a YAML file, got {type(model).__name__} {model!r}"
+            f"cast of {role!r}: expected a name or a YAML file, got {type(model).__name__} {shown(model)}"
         )
     return model

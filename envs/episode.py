@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,10 +25,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.agent import Array
-from rcare_marl.atomic_file import read_arrays, refused_if_damaged, write_arrays
+from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.config import load, plain
 from rcare_marl.errors import ConfigError
 from rcare_marl.provenance import changes, versions
+from rcare_marl.reading import refusing
 
 from . import make
 from .care_env import CareEnv
@@ -127,23 +129,24 @@ class RecordedEpisode:
             ConfigError: If there is no such file, or it is damaged, of another kind or another version.
         """
         file = Path(path)
-        if not file.is_file():
+        if not os.path.isfile(file):
             near = sorted(each.name for each in file.parent.glob("*.npz"))
             beside = f"; {file.parent} has {', '.join(near[:SHOWN])}" if near else ""
             raise ConfigError(f"there is no file {file}{beside}")
         about, arrays = read_arrays(file, WHAT, VERSION)
         if about.pop("kind", None) != KIND:
             raise ConfigError(f"{file} holds no recorded episode: is it the file of a policy?")
-        with refused_if_damaged(file, WHAT):
+        with refusing(file, WHAT):
             header = load(Header, about, "header")
             digests = np.asarray(arrays["digests"])
             if digests.dtype != np.uint64:
                 raise ConfigError(f"digests must be whole numbers of 64 bits, got {digests.dtype}")
             actions = {
-                role: np.asarray(arrays[f"actions_{k}"], np.float64)
+                role: arrays[f"actions_{k}"].astype(np.float64, casting="same_kind")
                 for k, role in enumerate(header.roles)
             }
-            return cls(header, actions, digests, np.asarray(arrays["numbers"], np.float64))
+            numbers = arrays["numbers"].astype(np.float64, casting="same_kind")
+            return cls(header, actions, digests, numbers)
 
     def make(self, render_mode: str | None = None) -> CareEnv:
         """Return the environment in which it was played, with every role left to be commanded.

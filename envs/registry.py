@@ -104,11 +104,19 @@ def _make(task: str, **arguments: Any) -> CareEnv:
     return make(task, **arguments)
 
 
+def _make_in_turn(task: str, **arguments: Any) -> Any:
+    from pettingzoo.utils.conversions import parallel_to_aec
+
+    made: Any = _make(task, **arguments)
+    return parallel_to_aec(made)
+
+
 def register_task(name: str) -> Callable[[TaskClass], TaskClass]:
     """Return a decorator that makes a task known as `name` to `rcare_marl.make`.
 
     Gymnasium then knows it too, as `rcare_marl/<Name>-v0`, and PettingZoo's way in is there: the module
-    `rcare_marl.envs.<name>_v0` with its `parallel_env`, whose arguments are those of `rcare_marl.make`.
+    `rcare_marl.envs.<name>_v0` with its `parallel_env` and, one agent after the other, its `env`; both
+    take what `rcare_marl.make` takes.
 
     Raises:
         ConfigError: If the name is taken.
@@ -120,6 +128,7 @@ def register_task(name: str) -> Callable[[TaskClass], TaskClass]:
         _TASKS[name] = cls
         module = ModuleType(f"rcare_marl.envs.{name}_v0", f"PettingZoo's way in to {name!r}.")
         module.parallel_env = partial(_make, name)  # type: ignore[attr-defined]
+        module.env = partial(_make_in_turn, name)  # type: ignore[attr-defined]
         sys.modules[module.__name__] = module
         setattr(sys.modules["rcare_marl.envs"], f"{name}_v0", module)
         title = "".join(word.capitalize() for word in name.split("_"))
@@ -254,7 +263,9 @@ def policy_names(task: str, role: str) -> tuple[str, ...]:
     """Return the names of the policies of a role of a task, sorted."""
     _load_plugins()
     own = {n for t, r, n in _POLICIES if (t, r) == (task, role)}
-    return tuple(sorted(own | _COMMON.keys()))
+    part = _TASKS[task].roles().get(role) if task in _TASKS else None
+    common = [n for n in _COMMON if n != "behaviour" or part is None or part.kind is Human]
+    return tuple(sorted(own.union(common)))
 
 
 @lru_cache(maxsize=1)

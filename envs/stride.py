@@ -20,10 +20,12 @@ from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.control.tool_delta import ToolDelta
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.engines.bullet_rows import physics_step
+from rcare_marl.errors import ConfigError, check_type, shown
 from rcare_marl.world import World
 
 Call = Callable[[], None]
 Stride = Callable[[int], None]
+MOST_SUBSTEPS = 1000  # our own choice: beyond that a step would seem never to end
 
 
 def make_stride(
@@ -144,3 +146,15 @@ def _advance(steps, scene, people, hold, before, watched):  # type: ignore[no-un
             if touched[body]:
                 return step + 1
     return steps
+
+
+def substeps(control_dt: float, physics_dt: float) -> int:
+    """Return how many physics steps a control step has; ConfigError if that is no possible number."""
+    seconds = f"a positive number of seconds, {control_dt / MOST_SUBSTEPS:g} to {control_dt:g}"
+    check_type("physics_dt", physics_dt, (int, float), seconds)
+    if not control_dt / MOST_SUBSTEPS <= physics_dt <= control_dt:
+        raise ConfigError(f"physics_dt must be {seconds}, got {shown(physics_dt)}")
+    count = round(control_dt / physics_dt)
+    if abs(count * physics_dt - control_dt) > 1e-9:
+        raise ConfigError(f"control_dt {control_dt} s is no multiple of physics_dt {physics_dt} s")
+    return count

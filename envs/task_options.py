@@ -12,6 +12,8 @@ from .state import Values, clip
 
 FORCE_LIMIT = 20.0  # [N] on a person; comfort ended there for the user of the RCareWorld paper
 
+LARGEST = 1e6  # of a force limit [N] or a tolerance; above it is a slip
+
 
 @dataclass(frozen=True)
 class TaskOptions:
@@ -41,11 +43,11 @@ class TaskOptions:
     tolerance: float = 1.0
 
     def __post_init__(self) -> None:
-        if not self.force_limit > 0:
+        if not 0 < self.force_limit <= LARGEST:
             raise ValueError(f"force_limit must be positive, got {self.force_limit} N")
         if not 0 <= self.spread <= 1:
             raise ValueError(f"spread must lie in [0, 1], got {self.spread}")
-        if not self.tolerance >= 1:
+        if not 1 <= self.tolerance <= LARGEST:
             raise ValueError(f"tolerance must be at least 1, got {self.tolerance}")
         if self.weights and self.reward != "shaped":
             raise ValueError("the paper's reward has no weights: use them with reward 'shaped'")

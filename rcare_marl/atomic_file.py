@@ -7,8 +7,6 @@ import json
 import os
 import shutil
 import tempfile
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.errors import ConfigError
+from rcare_marl.reading import ArrayFile, parse_json, refusing
 
 HEADER = "about"  # the array that holds the JSON
 
@@ -143,34 +142,13 @@ def read_arrays(path: Path, what: str, version: int) -> tuple[dict[str, Any], Ar
     Raises:
         ConfigError: If it is missing, damaged, of another kind or of another version.
     """
-    with refused_if_damaged(path, what):
-        with np.load(path, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
-        about = dict(json.loads(arrays.pop(HEADER).tobytes()))
+    file = ArrayFile(path, what)
+    arrays = dict(zip(file.names, file.take(*file.names), strict=True))
+    with refusing(path, what):
+        about = dict(parse_json(arrays.pop(HEADER).tobytes().decode()))
         found = about.pop("version")
     if found != version:
         raise ConfigError(
             f"{path} has version {found!r} of the format; this package reads {version}"
         )
     return about, arrays
-
-
-@contextmanager
-def refused_if_damaged(path: Path, what: str) -> Iterator[None]:
-    """Turn whatever damage raises while a file is read into a ConfigError that names the file."""
-    try:
-        yield
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from error
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        AttributeError,
-        EOFError,
-        zipfile.BadZipFile,
-        zlib.error,
-        NotImplementedError,
-    ) as error:  # of which NumPy raises one or the other, as the damage lies
-        raise ConfigError(f"{path} is damaged, or no file of {what}: {error}") from error

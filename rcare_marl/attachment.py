@@ -6,7 +6,8 @@ import weakref
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pybullet as bullet
+
+from rcare_marl.bullet import bullet
 
 from .body import Body
 from .pose import Pose

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pybullet as bullet
 
 from .body_part import SHAPE_NAMES, Gear, Joint, State, Touching, VisualShape
+from .bullet import bullet
 from .errors import check_name
 from .joint_feedback import JointFeedback
 from .model.urdf import Model

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
-import pybullet as bullet
+from rcare_marl.bullet import bullet
 
 from .pose import Pose
 

@@ -14,7 +14,12 @@ from typing import Any, TypeVar
 import numpy as np
 import yaml
 
-from .errors import ConfigError, UnknownNameError, check_name
+from .errors import ConfigError, UnknownNameError, check_name, shown
+from .reading import DEPTH, read_text, reason
+
+LARGEST_YAML = 8 << 20  # [bytes]
+MOST_PARTS = 300_000  # of a YAML file, aliases written out
+LARGEST_NUMBER = 1 << 64
 
 T = TypeVar("T")
 
@@ -25,18 +30,47 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     Raises:
         ConfigError: If there is no such file, it is no YAML, or it holds no mapping.
     """
-    file = Path(path)
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read {file}: {error}") from error
-    try:
-        data = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{file} is not valid YAML: {error}") from error
+    text = read_text(path, "YAML", most=LARGEST_YAML)
+    data = parse_yaml(text, str(path))
     if not isinstance(data, dict):
-        raise ConfigError(f"{file}: expected a mapping, got {type(data).__name__}")
+        raise ConfigError(f"{path}: expected a mapping, got {type(data).__name__}")
     return data
+
+
+def parse_yaml(text: str, where: str) -> Any:
+    """Return what a YAML text says; ConfigError, naming `where` it is from, if it is none."""
+    try:
+        loader = _Loader(text)
+        try:
+            node = loader.get_single_node()
+            if node is None:
+                return None
+            _check_size(node)
+            return loader.construct_document(node)
+        finally:
+            loader.dispose()
+    except (
+        Exception
+    ) as error:  # of dates, numbers and sets that are none, and of what is nested deeply
+        raise ConfigError(f"{where} is not valid YAML: {reason(error)}") from error
+
+
+def _check_size(root: yaml.Node) -> None:
+    """Refuse what is nested too deeply, or has too many parts once every alias is written out."""
+    sizes: dict[int, int] = {}
+
+    def size(node: yaml.Node, depth: int) -> int:
+        if depth > DEPTH:
+            raise ConfigError(f"it is nested more than {DEPTH} deep")
+        if id(node) not in sizes:
+            parts = node.value if not isinstance(node, yaml.ScalarNode) else ()
+            inner = (each for part in parts for each in (part if type(part) is tuple else (part,)))
+            sizes[id(node)] = 1 + sum(size(each, depth + 1) for each in inner)
+        if sizes[id(node)] > MOST_PARTS:
+            raise ConfigError(f"it has more than {MOST_PARTS:,} parts with its aliases written out")
+        return sizes[id(node)]
+
+    size(root, 0)
 
 
 _FASTEST: Any = getattr(
@@ -48,12 +82,14 @@ class _Loader(_FASTEST):  # type: ignore[misc]  # mypy does not know which of th
     """Refuses a key that stands twice, which YAML's own loader silently lets win."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key in keys:
-            if keys.count(key) > 1:
+        keys = set[Any]()
+        for part, _ in node.value:
+            key = self.construct_object(part, deep=True)
+            if key in keys:
                 raise yaml.constructor.ConstructorError(
-                    None, None, f"key {key!r} stands twice", node.start_mark
+                    None, None, f"key {shown(key)} stands twice", node.start_mark
                 )
+            keys.add(key)
         return super().construct_mapping(node, deep)
 
 
@@ -86,6 +122,8 @@ def load(cls: type[T], source: str | Path | Mapping[str, Any], where: str = "") 
     ]
     if missing:
         raise ConfigError(f"{where}: missing {', '.join(missing)}")
+    if where.count(".") + where.count("[") > DEPTH:
+        raise ConfigError(f"{where[:100]}…: nested too deeply")
     values = {k: _convert(hints[k], v, f"{where}.{k}") for k, v in data.items()}
     try:
         return cls(**values)
@@ -121,8 +159,10 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         if value not in args or isinstance(value, bool) != isinstance(
             args[args.index(value)], bool
         ):
-            raise UnknownNameError(f"value for {where}", str(value), [str(a) for a in args])
+            raise UnknownNameError(f"value for {where}", _text(value), [str(a) for a in args])
         return value
+    if isinstance(value, int) and abs(value) > LARGEST_NUMBER:
+        raise ConfigError(f"{where}: expected a number of at most {LARGEST_NUMBER:.3g}")
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if isinstance(hint, type) and (
@@ -177,8 +217,12 @@ def plain(value: Any, where: str) -> Any:
         return value
     if isinstance(value, float) and math.isfinite(value):
         return value
-    raise ConfigError(f"{where} cannot be written to a file: {type(value).__name__} {value!r}")
+    raise ConfigError(f"{where} cannot be written to a file: {_shown(value)}")
 
 
 def _shown(value: Any) -> str:
-    return f"{type(value).__name__} {value!r}"
+    return f"{type(value).__name__} {shown(value)}"
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else shown(value)

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
-import pybullet as bullet
+
+from rcare_marl.bullet import bullet
 
 from .pose import Array, matrix_from_quaternion
 

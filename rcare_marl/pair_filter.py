@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-import pybullet as bullet
+from rcare_marl.bullet import bullet
 
 Place: TypeAlias = tuple[int, int]  # unique id of a body, index of a link
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
-import pybullet as bullet
+
+from rcare_marl.bullet import bullet
 
 from .pose import Array, Pose, matrix_from_quaternion
 

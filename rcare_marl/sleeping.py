@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import pybullet as bullet
+from rcare_marl.bullet import bullet
 
 if TYPE_CHECKING:
     from .body import Body

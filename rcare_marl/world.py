@@ -11,8 +11,7 @@ from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import pybullet as bullet
-
+from rcare_marl.bullet import bullet
 from rcare_marl.separation import ALL_LINKS, SeparationQuery
 from rcare_marl.sleeping import SleepingBodies
 

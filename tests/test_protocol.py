@@ -319,8 +319,8 @@ def test_plans_that_make_no_sense_are_refused(changes: dict[str, Any], message: 
 def test_what_is_no_record_is_refused(tmp_path: Path, data: dict[str, Any]) -> None:
     path = tmp_path / "a.json"
     for text, message in (
-        ("{", "cannot read a record"),
-        ("[1]", "holds no record"),
+        ("{", "no file of a record"),
+        ("[1]", "holds no file of a record"),
         (json.dumps({**data, "format": 9}), "format 9"),
     ):
         path.write_text(text)

@@ -11,9 +11,11 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from rcare_marl.baselines.training.config import load_config
 from rcare_marl.baselines.training.log import CURVE, TrainingLog
+from rcare_marl.baselines.training.trainer import Trainer
 from rcare_marl.cli.training import TrainingReport, duration
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, MissingPackageError
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
@@ -167,3 +169,24 @@ def test_the_pace_is_that_of_late() -> None:
 )
 def test_times_are_read_as_on_a_clock(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+def test_what_is_done_before_the_first_interval_is_said() -> None:
+    stream = io.StringIO()
+    report = TrainingReport(screen=Console(file=stream, width=100))
+    report.tell("playing 20 demonstrations")
+    assert stream.getvalue() == "playing 20 demonstrations\n"
+
+
+@pytest.mark.parametrize(
+    "changes, package", [({"workers": "ray://local:2"}, "ray"), ({"engine": "mujoco"}, "mujoco")]
+)
+def test_a_missing_package_is_told_before_any_work(
+    changes: dict[str, Any], package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rcare_marl.errors.find_spec", lambda name: None)
+    config = load_config({"task": "feeding", **changes})
+    with pytest.raises(MissingPackageError, match="rcare-marl") as told:
+        Trainer(config, tmp_path / "run")
+    assert package in str(told.value) or "batch" in str(told.value)
+    assert not list(tmp_path.iterdir())

@@ -46,6 +46,9 @@ if TYPE_CHECKING:
 GripperUse = Literal["held", "free", "commanded"]
 
 
+MOST_NOISE = 1.0  # [rad or m] of a start posture; our own choice
+
+
 class Robot(Agent):
     """A robot: one arm or two under one of the control modes, and what else of it is to move.
 
@@ -118,8 +121,8 @@ class Robot(Agent):
         check_name("use of a gripper", gripper, ("held", "free", "commanded"))
         if not 0 < contact_force < math.inf:
             raise ConfigError(f"contact_force must be positive, got {contact_force} N")
-        if not 0 <= posture_noise < math.inf:
-            raise ConfigError(f"posture_noise must be 0 or more, got {posture_noise}")
+        if not 0 <= posture_noise <= MOST_NOISE:
+            raise ConfigError(f"posture_noise must be 0 to {MOST_NOISE}, got {posture_noise}")
         self.name, self.config = name, config
         self._control_name, self._gripper_use = control, gripper
         self._noise, self._contact_force = posture_noise, contact_force

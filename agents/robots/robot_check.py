@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet as bullet
 
 from rcare_marl.body import Body
+from rcare_marl.bullet import bullet
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, conjugate, multiply, rotation_vector
 from rcare_marl.world import World

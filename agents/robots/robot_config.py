@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -256,7 +257,7 @@ def load_robot(name: str | Path) -> RobotConfig:
         return load(RobotConfig, assets.find("robots", str(name)))
     config = load(RobotConfig, path)
     beside = path.parent / config.model
-    return replace(config, model=str(beside.resolve())) if beside.is_file() else config
+    return replace(config, model=str(beside.resolve())) if os.path.isfile(beside) else config
 
 
 def urdf_robot(

@@ -94,7 +94,7 @@ def robot_model(model: str, *, urdf: str | Path | None = None) -> Model:
     if urdf is not None:
         return read(urdf)
     shipped = assets.ROOT / "robots" / model
-    return _model(shipped if shipped.is_file() else Path(model).resolve())
+    return _model(shipped if os.path.isfile(shipped) else Path(model).resolve())
 
 
 def robot_files(
@@ -156,7 +156,7 @@ def _visuals(model: Model, package: MeshPackage | None, meshes: Meshes) -> tuple
         return {}, ""
     rename = {} if package is None else package.rename
     if meshes not in _WORDS:
-        if not Path(meshes).exists() and Path(meshes).suffix == "":
+        if not os.path.exists(meshes) and Path(meshes).suffix == "":
             raise ConfigError(
                 f"meshes must be one of {', '.join(_WORDS)}, or the path of a URDF, got {meshes!r}"
             )
@@ -172,7 +172,7 @@ def _visuals(model: Model, package: MeshPackage | None, meshes: Meshes) -> tuple
             _LOG.warning("no real meshes for %s: %s", model.name, error)
     for folder in filter(None, os.environ.get(MESH_FOLDERS, "").split(os.pathsep)):
         own = Path(folder) / f"{model.name}.urdf"
-        if own.is_file():
+        if os.path.isfile(own):
             return _own_meshes(own, model, rename)
     if meshes == "auto":
         return {}, ""
@@ -252,7 +252,7 @@ def _installed(package: MeshPackage, end: str) -> Path:
     version, files = _files(package.distribution)
     tail = "/" + end.lstrip("/")
     found = min((name for name in files if ("/" + name).endswith(tail)), key=len, default=None)
-    if found is None or not files[found].is_file():
+    if found is None or not os.path.isfile(files[found]):
         raise ConfigError(
             f"{package.distribution} {version} is installed and has no file {end}; version "
             f"{package.version} was checked: pip install {package.distribution}=={package.version}"

@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-import pybullet as bullet
 
 from rcare_marl.body import Body
+from rcare_marl.bullet import bullet
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Vector, matrix_from_quaternion
 from rcare_marl.world import World

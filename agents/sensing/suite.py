@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.config import load
-from rcare_marl.errors import ConfigError, RcareError, UnknownNameError, WorldError, check_name
+from rcare_marl.errors import ConfigError, RcareError, WorldError, check_name
 from rcare_marl.observable import Observable
 from rcare_marl.world import World
 
@@ -286,8 +286,7 @@ def _make(entry: Entry, where: str) -> Sensor:
     if "kind" not in data:
         raise ConfigError(f"{where}: missing kind, one of {', '.join(sorted(SENSORS))}")
     kind = data["kind"]
-    if not isinstance(kind, str) or kind not in SENSORS:
-        raise UnknownNameError(f"kind of sensor ({where})", str(kind), SENSORS)
+    check_name(f"kind of sensor ({where})", kind, SENSORS)
     options = {key: value for key, value in data.items() if key != "kind"}
     made = SENSORS[kind]
     return made(load(made.Config, {"name": kind, **options}, where))

@@ -37,13 +37,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import pybullet as bullet
 
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.actuation.muscle_model import MuscleModel
 from rcare_marl.agents.people.actuation.muscular import MuscleDrive
 from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
+from rcare_marl.bullet import bullet
 from rcare_marl.console import console, table
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose

@@ -37,9 +37,9 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
-import pybullet as bullet
 
 from rcare_marl.agents.people.human import Human
+from rcare_marl.bullet import bullet
 from rcare_marl.console import console, table
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv

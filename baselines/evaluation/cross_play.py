@@ -26,10 +26,10 @@ from rcare_marl.envs.registry import lead_roles
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
 from rcare_marl.provenance import versions
+from rcare_marl.reading import read_json
 
 from ..partners import Partner
 from .evaluate import Episode, Job, run_jobs, wilson_interval
-from .protocol import read_json
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -174,7 +174,7 @@ class CrossPlay:
         Raises:
             ConfigError: If it cannot be read.
         """
-        return cls.from_dict(read_json(path))
+        return cls.from_dict(read_json(path, "a record"))
 
     def table(self, measure: str = "success") -> str:
         """Return a measure of all pairs as a table in Markdown; own partners are in bold."""

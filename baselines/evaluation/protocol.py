@@ -24,6 +24,7 @@ from rcare_marl.envs.randomise import Randomisation
 from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError
 from rcare_marl.provenance import changes, machine
+from rcare_marl.reading import read_json
 
 from .. import trained
 from ..policy_file import SUFFIX, PolicyFile
@@ -201,24 +202,13 @@ def read_record(path: str | Path) -> dict[str, Any]:
     Raises:
         ConfigError: If there is no such file, or it holds no record of this format.
     """
-    data = read_json(path)
+    data = read_json(path, "a record")
     if not {"plan", "policies", "summary"} <= data.keys():
         raise ConfigError(f"{path} holds no record of an evaluation")
     if data.get("format") != FORMAT:
         raise ConfigError(
             f"{path} has format {data.get('format')!r} of a record; this package reads {FORMAT}"
         )
-    return data
-
-
-def read_json(path: str | Path) -> dict[str, Any]:
-    """Return the mapping in a JSON file; ConfigError if there is none."""
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"cannot read a record from {path}: {error}") from error
-    if not isinstance(data, dict):
-        raise ConfigError(f"{path} holds no record, but {type(data).__name__}")
     return data
 
 

@@ -20,9 +20,11 @@ import numpy as np
 import torch
 
 import rcare_marl
-from rcare_marl.errors import ConfigError, near_files
+from rcare_marl.errors import ConfigError, near_files, shown
+from rcare_marl.reading import check_regular, refusing
 
 FORMAT = 1  # of the file; counts up when what is in it changes
+LARGEST = 1 << 36  # [bytes]: a buffer of pictures is large
 LAST, BEST = "checkpoint.pt", "best.pt"  # names in the folder of a run
 # What may change between two parts of a run: how long it is and who computes it, not what is learned.
 FREE = ("steps", "minutes", "workers", "stop_success")
@@ -129,22 +131,26 @@ def load(
             config; says which fields differ.
     """
     file = Path(path)
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise ConfigError(f"no checkpoint at {file}.{near_files(file)}")
     content = _read(file)
     if not isinstance(content, dict) or "format" not in content:
         raise ConfigError(f"{file} is no checkpoint of this package")
     if content["format"] != FORMAT:
         raise ConfigError(
-            f"{file} has format {content['format']}, written by rcare-marl {content.get('version')}; "
+            f"{file} has format {shown(content['format'])}, written by rcare-marl "
+            f"{str(content.get('version'))[:40]}; "
             f"rcare-marl {rcare_marl.__version__} reads format {FORMAT}: go on with that version, or "
             "start anew in another folder"
         )
-    if config is not None:
-        changes = differences(_restored(content["config"]), config, free=free)
-        if changes:
-            raise ConfigError(f"{file} does not fit: {'; '.join(changes)}")
-    return _restored(content["state"])
+    with refusing(file, "a checkpoint of this package"):
+        saved, state = _restored(content["config"]), _restored(content["state"])
+        if not isinstance(saved, dict) or not isinstance(state, dict) or RNG not in state:
+            raise ConfigError("it lacks the config, the state or its generators")
+    changes = [] if config is None else differences(saved, config, free=free)
+    if changes:
+        raise ConfigError(f"{file} does not fit: {'; '.join(changes)}")
+    return state
 
 
 def differences(
@@ -197,22 +203,22 @@ def _read(file: Path) -> Any:
         f"{file} is damaged or was cut short: take another file, such as {BEST}, or start anew in another "
         "folder"
     )
+    check_regular(file, "a checkpoint", most=LARGEST)
     try:
         with zipfile.ZipFile(file) as archive:
             if archive.testzip() is not None:
                 raise ConfigError(damaged)
-        return torch.load(file, map_location="cpu", weights_only=True)
-    except (zipfile.BadZipFile, EOFError) as error:
+        with refusing(file, "a checkpoint of this package"):
+            return torch.load(file, map_location="cpu", weights_only=True)
+    except ConfigError as error:
+        if isinstance(error.__cause__, pickle.UnpicklingError):
+            raise ConfigError(
+                f"{file} holds more than tensors, numbers and texts, and is not read: what it holds could "
+                "run as a program"
+            ) from error
+        raise
+    except Exception as error:  # of an archive that is damaged
         raise ConfigError(damaged) from error
-    except pickle.UnpicklingError as error:
-        raise ConfigError(
-            f"{file} holds more than tensors, numbers and texts, and is not read: what it holds could run "
-            "as a program"
-        ) from error
-    except OSError as error:
-        raise ConfigError(f"cannot read {file}: {error.strerror or error}") from error
-    except RuntimeError as error:  # what torch says of a whole archive that is none of its own
-        raise ConfigError(f"{file} is no checkpoint of this package") from error
 
 
 def _random_states() -> dict[str, Any]:

@@ -223,8 +223,8 @@ class TrainConfig:
         for name in ("steps", "envs", "interval", "evaluation_episodes"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be at least 1, got {getattr(self, name)}")
-        if self.seed < 0:
-            raise ConfigError(f"seed must not be negative, got {self.seed}")
+        if not 0 <= self.seed < 2**32:  # which NumPy takes
+            raise ConfigError(f"seed must be 0 to 2**32 - 1, got {self.seed}")
         if self.stop_success is not None and not 0 < self.stop_success <= 1:
             raise ConfigError(f"stop_success must lie in (0, 1], got {self.stop_success}")
         if self.minutes is not None and not self.minutes > 0:

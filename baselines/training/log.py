@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from rcare_marl.atomic_file import write_whole
 from rcare_marl.errors import ConfigError
+from rcare_marl.reading import read_text, refusing
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
@@ -34,6 +35,9 @@ class Reporter(Protocol):
 
     def start(self, config: TrainConfig, total_steps: int, at_step: int) -> None:
         """Hear what begins, how long it is, and at which step, if it goes on from a checkpoint."""
+
+    def tell(self, what: str) -> None:
+        """Hear what is done before the first step is learned from, which may take a while."""
 
     def report(self, step: int, metrics: Mapping[str, float]) -> None:
         """Hear how far it is."""
@@ -73,7 +77,8 @@ class TrainingLog:
         self._events: SummaryWriter | None = SummaryWriter(str(folder), purge_step=purge)
 
     def _read(self, at_step: int) -> None:
-        with self._path.open(encoding="utf-8", newline="") as file:
+        what = "the log of a training"
+        with refusing(self._path, what), io.StringIO(read_text(self._path, what)) as file:
             reader = csv.DictReader(file)
             columns = list(reader.fieldnames or ())
             if columns[:1] != [STEP]:

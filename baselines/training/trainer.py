@@ -20,7 +20,7 @@ from rcare_marl.baselines.algorithms.network import ActorArrays
 from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
 from rcare_marl.config import load
 from rcare_marl.envs.learning import BatchedEnv, LearnerEnv
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, check_package
 from rcare_marl.provenance import machine, versions
 
 from ..evaluation.evaluate import Episode, run_episode
@@ -103,9 +103,14 @@ class Trainer:
 
         Raises:
             ConfigError: If the checkpoint is of another config, or is not wanted.
+            MissingPackageError: If it needs a package that is not installed.
         """
         if resume not in ("auto", "never"):
             raise ConfigError(f"resume is 'auto' or 'never', got {resume!r}")
+        if str(config.workers).startswith("ray:"):
+            check_package("ray", f"workers {config.workers}", "dist")
+        if config.engine == "mujoco":
+            check_package("mujoco", "the engine 'mujoco'", "batch")
         self.config, self.folder = config, Path(folder)
         self._reporter = reporter
         self.stop_requested = False
@@ -129,6 +134,10 @@ class Trainer:
         count, workers = 1, 0  # of workers elsewhere, one that only tells what there is to learn
         if isinstance(config.workers, int):
             count, workers = config.envs, config.workers
+        self._say(
+            f"making {count} environment{'s' if count > 1 else ''} of {config.task}; what was never "
+            "compiled on this machine is compiled now, which takes up to a minute"
+        )
         made = BatchedEnv(config.recipe(), count=count, workers=workers, seed=config.seed)
         with closing(made) as env:
             return self._run(env)
@@ -146,12 +155,15 @@ class Trainer:
             self._progress = _Progress()
             env.set_stage(curriculum.stage)
             if config.demonstrations.episodes:
+                self._say(f"playing {config.demonstrations.episodes} demonstrations")
                 with closing(LearnerEnv(config.recipe())) as shown:
                     demos = demonstrate(shown, config.demonstrations, config.seed)
+                self._say("copying the demonstrations")
                 algorithm.add_demonstrations(demos)
             self.folder.mkdir(parents=True, exist_ok=True)
             self._write_beginnings()  # what cannot begin leaves no trace
         else:
+            self._say("playing again what led to the checkpoint")
             algorithm.load_state_dict(saved["algorithm"])
             curriculum.load_state_dict(saved["curriculum"])
             env.set_stage(curriculum.stage)
@@ -181,7 +193,9 @@ class Trainer:
         tally = _Tally(self._env)
         progress.seconds = before + time.monotonic() - begun
         if progress.steps == 0 and config.demonstrations.episodes:
-            self._tell(0, self._assess())  # what copying alone came to
+            self._say("evaluating what copying alone came to")
+            self._tell(0, self._assess())
+        self._say(f"learning; an evaluation and a checkpoint every {config.interval:,} steps")
         next_save = (progress.steps // config.interval + 1) * config.interval
         learned = 0.0
         metrics: dict[str, float] = {}
@@ -248,6 +262,10 @@ class Trainer:
             stage=self._curriculum.stage,
             env=self._env if isinstance(config.workers, int) else None,
         )
+
+    def _say(self, what: str) -> None:
+        if self._reporter is not None:
+            self._reporter.tell(what)
 
     def _tell(self, step: int, metrics: dict[str, float]) -> None:
         self._log.write(step, metrics)

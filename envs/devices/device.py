@@ -7,11 +7,10 @@ from collections.abc import Iterable, Mapping
 from numbers import Real
 from pathlib import Path
 
-import pybullet as bullet
-
 from rcare_marl.agents.people.human import Human
 from rcare_marl.attachment import Attachment
 from rcare_marl.body import Body
+from rcare_marl.bullet import bullet
 from rcare_marl.contact import Contact
 from rcare_marl.errors import ActionError, ConfigError, WorldError, check_name
 from rcare_marl.model.urdf import write

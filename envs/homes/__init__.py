@@ -10,6 +10,7 @@ from .audit import audit as audit_home
 from .care_home import CareHome, home_names
 from .door import HINGE_DAMPING, Door
 from .home_place import HomePlace, build_door, build_fixture, find_place
+from .layout import load_house
 from .route import Route
 from .rule import LEVELS, Rules
 
@@ -31,6 +32,7 @@ __all__ = [
     "floor_plan",
     "home_names",
     "home_picture",
+    "load_house",
 ]
 
 

@@ -107,7 +107,7 @@ def list_(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List what there is: tasks, robots, avatars, populations, postures, policies, algorithms, perturbations.
+    """List what there is: tasks, people, robots, policies, devices, homes, sensors, randomisations and more.
 
     Example: rcare-marl list avatars
     """

@@ -16,6 +16,7 @@ from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.body import Body
+from rcare_marl.config import read_yaml
 from rcare_marl.console import progress
 from rcare_marl.envs.devices import Wheelchair, hang_ventilator, spawn_fitted
 from rcare_marl.errors import ConfigError, check_name
@@ -51,7 +52,7 @@ def make(
     Args:
         out: Folder.
         kinds: `robots`, `avatars` or both.
-        names: Only these; all if empty.
+        names: Only these, by name or YAML file; all if empty.
         meshes: Whether to draw robots by real meshes where a package with them is installed.
 
     Raises:
@@ -59,8 +60,10 @@ def make(
     """
     subjects = [(kind, name) for kind in kinds for name in assets.names(kind)]
     for name in names:
-        check_name("robot or avatar", name, [known for _, known in subjects])
+        if not _is_file(name):
+            check_name("robot or avatar", name, [known for _, known in subjects])
     chosen = [(kind, name) for kind, name in subjects if not names or name in names]
+    chosen += [(_kind(name), name) for name in names if _is_file(name)]
     draw: dict[str, Callable[[str], Plate]] = {
         "robots": lambda name: robot_plate(name, meshes=meshes),
         "avatars": avatar_plate,
@@ -73,7 +76,7 @@ def make(
             bars.update(bar, description=name)
             plate = draw[kind](name)
             plates.setdefault(kind, []).append(plate)
-            files.append(out / kind / f"{name}.png")
+            files.append(out / kind / f"{plate.name}.png")
             folder.write_whole(files[-1], encoded(sheet([plate])))
             bars.advance(bar)
     for kind, drawn in plates.items():
@@ -81,6 +84,15 @@ def make(
             files.append(out / f"{kind}.jpg")
             folder.write_whole(files[-1], encoded(sheet(drawn).reduce(2), "JPEG"))
     return files
+
+
+def _is_file(name: str) -> bool:
+    return Path(name).suffix in (".yaml", ".yml")
+
+
+def _kind(file: str) -> str:
+    """Return whether a YAML file describes one of the `robots` or of the `avatars`."""
+    return "robots" if "arms" in read_yaml(file) else "avatars"
 
 
 def robot_plate(name: str, *, meshes: bool = True) -> Plate:
@@ -93,7 +105,7 @@ def robot_plate(name: str, *, meshes: bool = True) -> Plate:
     world.close()
     arms = f"{len(config.arms)} arm{'s' if len(config.arms) > 1 else ''}"
     drives = config.base.kind if config.base is not None else "bolted down"
-    return Plate(name, f"{arms}, {drives}, {robot.files.model.mass:.1f} kg", picture)
+    return Plate(Path(name).stem, f"{arms}, {drives}, {robot.files.model.mass:.1f} kg", picture)
 
 
 def avatar_plate(name: str) -> Plate:
@@ -113,7 +125,7 @@ def avatar_plate(name: str) -> Plate:
         hang_ventilator(world, chair, person)
     picture = portrait(world, [person.body, *bodies], VIEW, SIZE)
     world.close()
-    return Plate(name, f"{avatar.condition}, {avatar.age_years:g}", picture)
+    return Plate(Path(name).stem, f"{avatar.condition}, {avatar.age_years:g}", picture)
 
 
 def sheet(plates: Sequence[Plate]) -> Image.Image:

@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Mapping, Sequence
 
 from rcare_marl import assets
+from rcare_marl.agents.coaching.exercise import load_exercises
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.sampling.population import (
     PREFIX,
@@ -15,8 +16,11 @@ from rcare_marl.agents.people.sampling.population import (
     population_size,
 )
 from rcare_marl.agents.robots.robot_config import load_robot
+from rcare_marl.agents.sensing.suite import SENSORS
 from rcare_marl.config import read_yaml
 from rcare_marl.console import console, table
+from rcare_marl.envs.devices.device_model import load_device
+from rcare_marl.envs.homes import home_names, load_house
 from rcare_marl.envs.randomise import ABOUT, FOLDER, randomisation_names
 from rcare_marl.envs.registry import policy_factory, policy_names, task_class, task_names
 
@@ -32,6 +36,10 @@ def rows(kind: str) -> list[Row]:
         "populations": _populations,
         "postures": _postures,
         "policies": _policies,
+        "devices": _devices,
+        "homes": _homes,
+        "sensors": _sensors,
+        "exercises": _exercises,
         "algorithms": _algorithms,
         "randomisations": _randomisations,
     }[kind]()
@@ -115,6 +123,36 @@ def _policies() -> list[Row]:
                     }
                 )
     return out
+
+
+def _devices() -> list[Row]:
+    files = ((name, assets.find("devices", name)) for name in assets.names("devices"))
+    models = ((name, load_device(file)) for name, file in files if "links" in read_yaml(file))
+    return [
+        {
+            "name": name,
+            "mass": f"{model.mass:.1f} kg",
+            "controls": ", ".join(model.controls),
+            "carries": ", ".join(model.postures),
+        }
+        for name, model in models
+    ]
+
+
+def _homes() -> list[Row]:
+    houses = ((name, load_house(name)) for name in home_names())
+    return [
+        {"name": name, "about": house.title, "rooms": str(len(house.rooms))}
+        for name, house in houses
+    ]
+
+
+def _sensors() -> list[Row]:
+    return [{"name": name, "about": first_line(made)} for name, made in sorted(SENSORS.items())]
+
+
+def _exercises() -> list[Row]:
+    return [{"name": each.name, "about": each.about} for each in load_exercises()]
 
 
 def _algorithms() -> list[Row]:

@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
+from rcare_marl.errors import ConfigError, shown
+
 
 class Kind(str, Enum):
     """What `list` can list."""
@@ -20,6 +22,10 @@ class Kind(str, Enum):
     populations = "populations"
     postures = "postures"
     policies = "policies"
+    devices = "devices"
+    homes = "homes"
+    sensors = "sensors"
+    exercises = "exercises"
     algorithms = "algorithms"
     randomisations = "randomisations"
 
@@ -194,14 +200,16 @@ def place_of(home: str | None, level: int | None, room: str | None) -> dict[str,
 
 def _entry(role: str, text: str) -> Any:
     """Return a model's name, or what stands in braces as a mapping of options."""
-    import yaml
+    from rcare_marl.config import parse_yaml
 
     if not text.lstrip().startswith("{"):
         return text
     try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise typer.BadParameter(f"not a mapping in YAML: {text!r}", param_hint=role) from error
+        return parse_yaml(text, role)
+    except ConfigError as error:
+        raise typer.BadParameter(
+            f"not a mapping in YAML: {shown(text)}", param_hint=role
+        ) from error
 
 
 def pairs(values: Sequence[str] | None, flag: str) -> dict[str, str]:
@@ -217,14 +225,14 @@ def pairs(values: Sequence[str] | None, flag: str) -> dict[str, str]:
 
 def settings(values: Sequence[str] | None, flag: str = "--option") -> dict[str, Any]:
     """Return settings from texts NAME=VALUE, whose values are read as YAML; see `pairs`."""
-    import yaml
+    from rcare_marl.config import parse_yaml
 
     out: dict[str, Any] = {}
     for name, text in pairs(values, flag).items():
         try:
-            out[name] = yaml.safe_load(text)  # so that 20 is a number and true is true
-        except yaml.YAMLError:
-            raise typer.BadParameter(f"cannot read {text!r}", param_hint=flag) from None
+            out[name] = parse_yaml(text, name)  # so that 20 is a number and true is true
+        except ConfigError:
+            raise typer.BadParameter(f"cannot read {shown(text)}", param_hint=flag) from None
     return out
 
 

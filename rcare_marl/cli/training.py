@@ -83,6 +83,10 @@ class TrainingReport:
             self._said = self._clock()
             self._say(self._line)
 
+    def tell(self, what: str) -> None:
+        """Say what is done meanwhile."""
+        self._say(what)
+
     def _state(self, step: int) -> str:
         """Return in a line how it stands."""
         task = self._bar.tasks[0]

@@ -12,8 +12,9 @@ from urllib.parse import unquote
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError  # type: ignore[import-untyped]
 
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, shown
 from rcare_marl.pose import Array
+from rcare_marl.reading import LARGEST, check_numbers, check_regular, read_bytes, refusing
 
 MOST_CORNERS = 96  # own choice: Bullet goes through all of them to look for contacts
 MOST_OBJECTS = 64  # own choice: a file of more objects is a drawing, not a decomposition
@@ -35,7 +36,7 @@ class MeshPath:
 
     def find(self, name: str) -> Path | None:
         """Return the file that is meant by `name`, or None."""
-        return next((path for path in self.candidates(name) if path.is_file()), None)
+        return next((path for path in self.candidates(name) if os.path.isfile(path)), None)
 
     def candidates(self, name: str) -> Iterator[Path]:
         """Yield the files that `name` may mean, most likely first."""
@@ -102,16 +103,16 @@ def has_colors(file: str | Path) -> bool:
     """Return whether a mesh file says what colour it is."""
     path = Path(file)
     kind = path.suffix.lower()
-    if not path.is_file() or kind not in (".dae", ".obj"):
+    if not os.path.isfile(path) or kind not in (".dae", ".obj"):
         return False
-    data = path.read_bytes()
+    data = read_bytes(path, "a mesh")
     if kind == ".dae":
         paint = re.search(rb"<diffuse[^>]*>\s*<(color|texture)", data)
         return paint is not None and b"<instance_material" in data
     library = re.search(rb"^mtllib[ \t]+(.+?)\s*$", data, re.MULTILINE)
     if library is None:
         return False
-    return (path.parent / library[1].decode(errors="replace")).is_file()
+    return os.path.isfile(path.parent / library[1].decode(errors="replace"))
 
 
 def _both(folder: Path, package: str, inside: str) -> Iterator[Path]:
@@ -135,7 +136,7 @@ def hulls(file: str | Path) -> tuple[Array, ...]:
         ConfigError: If the file cannot be read, or has no surface.
     """
     path = Path(file)
-    stat = path.stat()
+    stat = check_regular(path, "a mesh", most=LARGEST).stat()
     return _hulls(path, stat.st_mtime_ns, stat.st_size)
 
 
@@ -150,10 +151,9 @@ def hull_obj(corners: Array) -> str:
 
 @lru_cache(maxsize=512)
 def _hulls(path: Path, changed: int, size: int) -> tuple[Array, ...]:
-    try:
+    with refusing(path, "a mesh"):
         clouds = _points(path)
-    except (ValueError, KeyError, IndexError, OSError, NotImplementedError) as error:
-        raise ConfigError(f"cannot read the mesh {path}: {error}") from error
+        check_numbers({"a corner": np.concatenate([np.zeros((1, 3)), *clouds])}, path, largest=1e9)
     found = tuple(_corners(cloud) for cloud in clouds if len(cloud) >= 3)
     if not found:
         raise ConfigError(f"the mesh {path} has no surface")
@@ -177,19 +177,21 @@ def _points(path: Path) -> list[Array]:
 def _obj_objects(path: Path) -> list[Array]:
     vertices: list[list[float]] = []
     objects: list[set[int]] = [set()]
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        for line in lines:
-            words = line.split()
-            if not words:
-                continue
-            if words[0] == "v":
-                vertices.append([float(word) for word in words[1:4]])
-            elif words[0] in ("o", "g"):
-                objects.append(set())
-            elif words[0] == "f":
-                for word in words[1:]:
-                    index = int(word.split("/")[0])
-                    objects[-1].add(index - 1 if index > 0 else len(vertices) + index)
+    for line in read_bytes(path, "a mesh").decode(errors="replace").splitlines():
+        words = line.split()
+        if not words:
+            continue
+        if words[0] == "v":
+            vertices.append([float(word) for word in words[1:4]])
+        elif words[0] in ("o", "g"):
+            objects.append(set())
+        elif words[0] == "f":
+            for word in words[1:]:
+                index = int(word.split("/")[0])
+                index = index - 1 if index > 0 else len(vertices) + index
+                if index < 0:
+                    raise ConfigError(f"a face names a corner that is not there: {shown(word)}")
+                objects[-1].add(index)
     points = np.array(vertices, np.float64).reshape(-1, 3)
     used = [sorted(indices) for indices in objects if indices]
     if len(used) > MOST_OBJECTS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import zlib
 from collections.abc import Collection, Mapping, Sequence
@@ -99,6 +100,10 @@ class Joint:
     damping: float = 0.0
     friction: float = 0.0
 
+    def __post_init__(self) -> None:
+        if not 1e-9 <= math.hypot(*self.axis) <= 1e9:
+            raise ValueError(f"an axis cannot have length {math.hypot(*self.axis):g}")
+
 
 @dataclass(frozen=True)
 class Model:
@@ -121,6 +126,8 @@ class Model:
     joints: dict[str, Joint] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not self.links:
+            raise ValueError("a model has at least one link")
         for name, link in self.links.items():
             for shape in link.visual:
                 check_name(f"material ({name})", shape.material, self.materials)

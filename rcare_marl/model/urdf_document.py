@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
@@ -10,11 +10,14 @@ from pathlib import Path
 from xml.etree import ElementTree as xml
 from xml.parsers import expat
 
-from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.errors import ConfigError, UnknownNameError, shown
 
+from ..reading import DEPTH, LARGEST_TEXT, read_bytes, reason
 from .shape import Triple
 from .urdf import Follow, Joint
 
+FARTHEST = 1e6  # of a place [m], an angle [rad] or a scale
+LARGEST = 1e30  # of any number, so that its square is one too
 _NAMED = ("link", "joint", "material")
 _DEFINITIONS = ("xacro:property", "xacro:arg")
 
@@ -78,14 +81,16 @@ class Document:
             values = tuple(float(word) for word in text.split())
         except ValueError:
             values = ()
-        if len(values) != count or not all(math.isfinite(value) for value in values):
+        if len(values) != count or not all(abs(value) <= LARGEST for value in values):
             wanted = "a finite number" if count == 1 else f"{count} finite numbers apart by spaces"
-            raise self.fault(element, f"{attribute} must be {wanted}, got {text!r}")
+            raise self.fault(element, f"{attribute} must be {wanted}, got {shown(text)}")
         return values
 
     def triple(self, element: xml.Element, attribute: str, default: Triple | None = None) -> Triple:
         """Return an attribute that is three numbers."""
         x, y, z = self.numbers(element, attribute, 3, default)
+        if max(abs(x), abs(y), abs(z)) > FARTHEST:
+            raise self.fault(element, f"{attribute} must lie within {FARTHEST:g}, got {x} {y} {z}")
         return x, y, z
 
     def child(self, element: xml.Element, tag: str) -> xml.Element:
@@ -109,22 +114,19 @@ class Document:
         return out
 
     def _bytes(self) -> bytes:
-        try:
-            return self.path.read_bytes()
-        except IsADirectoryError:
+        if os.path.isdir(self.path):
             inside = sorted(file.name for file in self.path.rglob("*.urdf"))
             raise ConfigError(
                 f"{self.path} is a folder, not a URDF. URDFs in it: "
                 f"{', '.join(inside[:5]) or 'none'}"
-            ) from None
-        except FileNotFoundError:
-            raise ConfigError(f"no URDF at {self.path}.{self._neighbours()}") from None
-        except OSError as error:
-            raise ConfigError(f"cannot read the URDF {self.path}: {error}") from error
+            )
+        if not os.path.exists(self.path):
+            raise ConfigError(f"no URDF at {self.path}.{self._neighbours()}")
+        return read_bytes(self.path, "a URDF", most=LARGEST_TEXT)
 
     def _neighbours(self) -> str:
         folder = self.path.parent
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             return f" There is no folder {folder}"
         names = sorted(p.name for p in folder.iterdir() if p.suffix in (".urdf", ".xacro", ".xml"))
         near = get_close_matches(self.path.name, names, n=1)
@@ -143,6 +145,8 @@ class Document:
             if above:
                 self._parents[element] = above[-1]
             above.append(element)
+            if len(above) > DEPTH:
+                raise ConfigError(f"{self.path} is nested more than {DEPTH} deep")
 
         def end(tag: str) -> None:
             builder.end(tag)
@@ -158,6 +162,10 @@ class Document:
                 f"line {error.lineno + skipped}, "
                 f"column {error.offset + 1}"
             ) from error
+        except (ValueError, LookupError) as error:  # of encodings
+            if isinstance(error, ConfigError):
+                raise
+            raise ConfigError(f"{self.path} is not XML: {reason(error)}") from error
         return builder.close()
 
     def _check_kind(self) -> None:

@@ -18,7 +18,7 @@ from rcare_marl.pose import Pose, rpy_from_matrix
 from . import inertia
 from .mesh_file import DRAWN, MeshPath, hulls
 from .urdf import FRAME_INERTIA, FRAME_MASS, Follow, Joint, Link, Model, joint_pose
-from .urdf_document import Document, parents_first, resolved
+from .urdf_document import FARTHEST, Document, parents_first, resolved
 
 MOST_JOINTS = 127  # Bullet answers no questions about links beyond, and drops motors in silence
 _SIZES = {
@@ -294,6 +294,8 @@ class _Reader:
             if min(values) <= 0 and not (is_drawn and min(values) == 0):
                 got = " ".join(f"{value:g}" for value in values)
                 raise self.document.fault(shape, f"{word} must be positive, got {got}")
+            if max(values) > FARTHEST:
+                raise self.document.fault(shape, f"{word} must be at most {FARTHEST:g} m")
         if not all(all(values) for values in sizes.values()):
             return None
         x, y, z = sizes.get("size", ZERO)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from urllib.parse import unquote
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
 from ..pose import Array, axis_rotation
+from ..reading import read_xml
 
 Part = tuple[Array, npt.NDArray[np.int32], npt.NDArray[np.uint8] | None]
-Element = ElementTree.Element
 Paint = npt.NDArray[np.uint8]
 Rows = npt.NDArray[np.int64]
 
@@ -26,12 +26,9 @@ def read_collada(path: str | Path) -> list[Part]:
     up (rviz issue 1045).
 
     Raises:
-        ValueError: If the file is not COLLADA, or a part of it is malformed.
+        ValueError: If the file is not COLLADA (a ConfigError if it cannot be read), or a part is malformed.
     """
-    try:
-        root = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise ValueError(f"not XML: {error}") from error
+    root = read_xml(path, "a mesh (COLLADA)")
     for element in root.iter():
         element.tag = element.tag.rsplit("}", 1)[-1]
     if root.tag != "COLLADA":

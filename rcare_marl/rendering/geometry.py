@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-import pybullet as bullet
+
+from rcare_marl.bullet import bullet
 
 from ..body import Body
 from ..body_part import VisualShape

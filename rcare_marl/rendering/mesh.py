@@ -14,7 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ..body_part import VisualShape
+from ..errors import ConfigError
 from ..model.mesh import Mesh, corner_normals, merge
+from ..reading import check_regular, refusing
 from .collada import read_collada
 
 Floats = npt.NDArray[np.float32]
@@ -85,11 +87,12 @@ def _file_mesh(path: str, scale: tuple[float, ...]) -> Mesh | None:
         _LOG.warning("no mesh file at %s: the shape is left out of the picture", path)
         return None
     try:
-        with warnings.catch_warnings():
+        check_regular(path, "a mesh")
+        with warnings.catch_warnings(), refusing(path, "a mesh"):
             warnings.simplefilter("ignore", RuntimeWarning)  # trimesh averages empty textures
             parts = _read(path)
-    except (ValueError, KeyError, IndexError, OSError, NotImplementedError) as error:
-        _LOG.warning("cannot read the mesh %s: %s: it is left out of the picture", path, error)
+    except ConfigError as error:
+        _LOG.warning("cannot read a mesh: %s: it is left out of the picture", error)
         return None
     if not parts:
         return None

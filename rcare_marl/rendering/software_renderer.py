@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pybullet as bullet
+
+from rcare_marl.bullet import bullet
 
 from ..body import Body
 from ..errors import WorldError

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..body import Body
 from ..errors import ConfigError, MissingPackageError
+from ..own_host import guarded_websockets
 from ..pose import Pose
 from ..world import Lines, Skin, World
 from .camera import Camera
@@ -72,7 +73,7 @@ class Viewer:
         except ImportError as error:
             raise MissingPackageError("the viewer", "view") from error
         self._world, self._camera, self.follow = world, camera, follow
-        with _quiet():
+        with _quiet(), guarded_websockets(host):
             self._server: Any = viser.ViserServer(
                 host=host, port=port or _free_port(host), label="rcare-marl", verbose=False
             )

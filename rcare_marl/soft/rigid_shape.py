@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet as bullet
 from scipy.spatial import ConvexHull  # type: ignore[import-untyped]
+
+from rcare_marl.bullet import bullet
 
 from ..body import Body
 from ..body_part import VisualShape

@@ -27,6 +27,7 @@ import numpy as np
 
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
+from rcare_marl.reading import read_xml
 
 from ..body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, PARENTS, SIDES, forward_kinematics
 from ..profile import clinical_norms
@@ -63,7 +64,7 @@ def read_mass_xml(
         UnknownNameError: If a body is not one of MASS's.
     """
     centres = default.copy() if skeleton is None else _mass_skeleton(skeleton, default)
-    units = [_unit(element, centres, str(file)) for element in _root(file).iter("Unit")]
+    units = [_unit(element, centres, str(file)) for element in read_xml(file, "MASS").iter("Unit")]
     if not units:
         raise ConfigError(f"{file} has no element <Unit>")
     names = [unit.name for unit in units]
@@ -71,15 +72,6 @@ def read_mass_xml(
         if names.count(name) > 1:
             raise ConfigError(f"{file}: the unit {name!r} stands twice")
     return _graded(units, centres, str(file)), centres
-
-
-def _root(file: Path) -> ET.Element:
-    try:
-        return ET.fromstring(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read {file}: {error}") from error
-    except ET.ParseError as error:
-        raise ConfigError(f"{file} is not valid XML: {error}") from error
 
 
 def _unit(element: ET.Element, centres: Array, file: str) -> MuscleUnit:
@@ -132,7 +124,7 @@ def _vector(element: ET.Element, key: str, where: str) -> Array:
 def _mass_skeleton(file: Path, default: Array) -> Array:
     """Return MASS's joint centres; joints that it lacks keep their place on the segment before."""
     known: dict[str, list[Array]] = {}
-    for node in _root(file).iter("Node"):
+    for node in read_xml(file, "MASS").iter("Node"):
         name, where = node.get("name", ""), f"{file}, node {node.get('name')!r}"
         check_name(f"MASS body ({file})", name, BODIES)
         place = node.find("Joint/Transformation")

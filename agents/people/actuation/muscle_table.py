@@ -18,6 +18,7 @@ import numpy as np
 
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
+from rcare_marl.reading import read_text, refusing
 
 from ..body.skeleton import CARRIERS, JOINT_INDEX, JOINTS, PARENTS
 from ..profile import clinical_norms
@@ -118,12 +119,9 @@ def read_csv(
             too few or too many cells.
         UnknownNameError: If a column is neither required nor optional.
     """
-    try:
-        text = file.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read {file}: {error}") from error
-    reader = csv.reader(text.splitlines())
-    header = next(reader, [])
+    lines = read_text(file, "a table (CSV)").splitlines()
+    with refusing(file, "a table (CSV)"):
+        header, *records = list(csv.reader(lines)) or [[]]
     for column in header:
         check_name(f"column ({file})", column, (*required, *optional))
         if header.count(column) > 1:
@@ -132,7 +130,7 @@ def read_csv(
     if missing:
         raise ConfigError(f"{file} lacks the columns {', '.join(missing)}")
     rows = []
-    for i, cells in enumerate(reader, start=2):
+    for i, cells in enumerate(records, start=2):
         if len(cells) != len(header):
             raise ConfigError(f"{file}, row {i}: expected {len(header)} cells, got {len(cells)}")
         rows.append(dict(zip(header, cells, strict=True)))

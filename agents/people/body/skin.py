@@ -6,8 +6,6 @@ Two sources give the same `BodyModel`: the bodies that ship with this package, b
 
 from __future__ import annotations
 
-import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +17,7 @@ import numpy.typing as npt
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, matrix_from_quaternion
+from rcare_marl.reading import ArrayFile, check_numbers, parse_json, refusing
 
 from .skeleton import JOINT_INDEX, JOINTS, PARENTS
 
@@ -100,23 +99,15 @@ def load_body_model(path: str | Path) -> BodyModel:
         ConfigError: If the file is missing, is no npz, or lacks or misshapes an array.
     """
     file = Path(path)
-    try:
-        with np.load(file, allow_pickle=False) as data:
-            is_smplx = "v_template" in data.files
-            # A licensed file holds pickled objects beside the arrays; those are never touched.
-            wanted = _SMPLX_KEYS if is_smplx else _BAKED_KEYS
-            missing = [key for key in wanted if key not in data.files]
-            if missing:
-                raise ConfigError(
-                    f"{file} lacks {', '.join(missing)}; it has {', '.join(data.files)}"
-                )
-            arrays = {key: np.asarray(data[key]) for key in wanted}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        if isinstance(error, ConfigError):
-            raise
-        raise ConfigError(f"cannot read the body model {file}: {error}") from error
-    model = _from_smplx(arrays, file) if is_smplx else _from_baked(arrays)
-    _check(model, file)
+    data = ArrayFile(file, "a body")
+    is_smplx = "v_template" in data.names
+    # A licensed file holds pickled objects beside the arrays; those are never touched.
+    wanted = _SMPLX_KEYS if is_smplx else _BAKED_KEYS
+    arrays = dict(zip(wanted, data.take(*wanted), strict=True))
+    check_numbers({key: arrays[key] for key in wanted if key != "meta_json"}, file, largest=2**32)
+    with refusing(file, "a body"):
+        model = _from_smplx(arrays, file) if is_smplx else _from_baked(arrays)
+        _check(model, file)
     return model
 
 
@@ -134,7 +125,7 @@ def _from_baked(a: dict[str, npt.NDArray[Any]]) -> BodyModel:
         weights=weights / weights.sum(axis=1, keepdims=True),
         colors=a["colors"],
         mouth=a["mouth"].astype(np.float64),
-        meta=json.loads(str(a["meta_json"])),
+        meta=parse_json(str(a["meta_json"])),
     )
 
 

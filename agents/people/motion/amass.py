@@ -6,14 +6,14 @@ read; such recordings have licences of their own, and none comes with this packa
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, shown
 from rcare_marl.pose import matrix_from_quaternion, quaternion_from_matrix, rotation_vector
+from rcare_marl.reading import ArrayFile, check_numbers
 
 from ..body.anthropometry import Sex
 from ..body.skeleton import JOINT_INDEX, JOINTS, joint_rotations
@@ -23,6 +23,8 @@ RATES = ("mocap_framerate", "mocap_frame_rate")
 # Thigh and shank of the person recorded, unless given: of 1.70 m, by the 0.491 of stature of Drillis and
 # Contini 1966 (from memory). The files tell the body only through a licensed model.
 LEG = 0.491 * 1.70
+FARTHEST = 1e5  # [rad, m or 1/s] that any number may be
+SLOWEST = 0.01  # frames a second
 _HANDS = JOINT_INDEX["left_index1"]
 # Joints in the order of the file, by how many numbers a frame has: SMPL, SMPL-H and SMPL-X.
 _ORDERS: dict[int, tuple[str, ...]] = {
@@ -48,24 +50,10 @@ def load_amass(path: str | Path, *, leg: float = LEG) -> Clip:
         ConfigError: If the file cannot be read, or lacks or misshapes an array.
     """
     file = Path(path)
-    try:
-        with np.load(file, allow_pickle=False) as data:
-            rate_key = next((key for key in RATES if key in data.files), None)
-            missing = [key for key in ("poses", "trans") if key not in data.files]
-            if rate_key is None:
-                missing.append(" or ".join(RATES))
-            if missing:
-                raise ConfigError(
-                    f"{file} lacks {', '.join(missing)}; it has {', '.join(data.files)}"
-                )
-            poses, trans, rate = (np.asarray(data[k]) for k in ("poses", "trans", str(rate_key)))
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        if isinstance(error, ConfigError):
-            raise
-        raise ConfigError(f"cannot read the motion file {file}: {error}") from error
-    for name, array in (("poses", poses), ("trans", trans), ("the frame rate", rate)):
-        if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
-            raise ConfigError(f"{file}: {name} must hold finite numbers")
+    data = ArrayFile(file, "a motion")
+    rate_key = next((key for key in RATES if key in data.names), " or ".join(RATES))
+    poses, trans, rate = data.take("poses", "trans", rate_key)
+    check_numbers({"poses": poses, "trans": trans, "the frame rate": rate}, file, largest=FARTHEST)
     if poses.ndim != 2 or poses.shape[1] not in _ORDERS or not len(poses):
         raise ConfigError(
             f"{file}: poses must have shape [t, n] with n one of {', '.join(map(str, _ORDERS))}, "
@@ -73,8 +61,10 @@ def load_amass(path: str | Path, *, leg: float = LEG) -> Clip:
         )
     if trans.shape != (len(poses), 3):
         raise ConfigError(f"{file}: trans must have shape {(len(poses), 3)}, got {trans.shape}")
-    if rate.size != 1 or not float(rate.reshape(-1)[0]) > 0:
-        raise ConfigError(f"{file}: the frame rate must be one positive number, got {rate}")
+    if rate.size != 1 or not SLOWEST <= float(rate.reshape(-1)[0]) <= FARTHEST:
+        raise ConfigError(
+            f"{file}: the frame rate must be one number from {SLOWEST} to {FARTHEST:g}, got {shown(rate)}"
+        )
     order = _ORDERS[poses.shape[1]]
     vectors = poses[:, : 3 * len(order)].astype(np.float64).reshape(len(poses), len(order), 3)
     rotations = np.tile(np.eye(3), (len(poses), len(JOINTS), 1, 1))

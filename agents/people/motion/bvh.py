@@ -7,7 +7,6 @@ axes that the one before has turned. Angles are in degrees; the unit of length i
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +15,11 @@ from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
+from rcare_marl.reading import DEPTH, read_text
 
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
+LARGEST = 1e9  # of any number
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +76,7 @@ class _Reader:
     """The lines of a file, one after the other, with messages that name them."""
 
     def __init__(self, path: Path) -> None:
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(f"cannot read the BVH file {path}: {error}") from error
+        text = read_text(path, "BVH")
         self._path = path
         numbered = enumerate(text.splitlines(), start=1)
         self._rows = [(n, line.split()) for n, line in numbered if line.strip()]
@@ -124,7 +122,7 @@ class _Reader:
             out = [float(word) for word in words]
         except ValueError as error:
             raise self.fail(wanted) from error
-        if not all(map(math.isfinite, out)):
+        if not all(abs(value) <= LARGEST for value in out):
             raise self.fail(wanted)
         return out
 
@@ -190,6 +188,8 @@ def _read_hierarchy(
             offsets.append(reader.read_numbers("OFFSET", count=3))
             channels.append(_read_channels(reader))
             stack.append(len(names) - 1)
+            if len(stack) > DEPTH:
+                raise reader.fail(f"at most {DEPTH} joints in a row")
         else:
             raise reader.fail(
                 "'JOINT' and a name, 'End Site' or '}'" if stack else "'ROOT' and a name"

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import asyncio
 import hmac
-import ipaddress
 import json
 import logging
 import secrets
@@ -25,6 +24,8 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from rcare_marl.agents.coaching.exercise import load_exercises
 from rcare_marl.errors import RcareError
+from rcare_marl.own_host import is_loopback as is_loopback
+from rcare_marl.own_host import is_ours
 
 from .message import LARGEST, MISTAKES, Message, MessageError, parse
 from .recording import Recorder
@@ -124,7 +125,7 @@ class Server:
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        if not _is_ours(request.host, self._service.host):
+        if not is_ours(request.host, self._service.host):
             self._note("refused a request for a host that is not ours")
             raise web.HTTPForbidden(text="this host name is not served", headers=HEADERS)
         other = request.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
@@ -282,32 +283,6 @@ def _answer(file: Path) -> web.FileResponse:
 def _is_same(given: str, wanted: str) -> bool:
     """Compare two tokens in a time that does not tell how much of them is the same."""
     return hmac.compare_digest(given.encode("utf-8", "surrogatepass"), wanted.encode())
-
-
-def _is_ours(asked: str, bound: str) -> bool:
-    """Return whether the host of a request is this computer by a name that nobody else can give."""
-    name = asked.rsplit(":", 1)[0] if not asked.endswith("]") else asked
-    name = name.strip("[]").lower()
-    if name in ("localhost", "127.0.0.1", "::1", bound.lower()):
-        return True
-    if not _is_address(bound) or not ipaddress.ip_address(bound).is_unspecified:
-        return False
-    return _is_address(
-        name
-    )  # bound everywhere: any address, but no name that may be somebody else's
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether an address is reached from this computer alone."""
-    return host == "localhost" or (_is_address(host) and ipaddress.ip_address(host).is_loopback)
 
 
 def secured(certificate: Path, key: Path) -> ssl.SSLContext:

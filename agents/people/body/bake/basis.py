@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rcare_marl import assets
 from rcare_marl.errors import check_name
+from rcare_marl.reading import ArrayFile
 
 from .mesh import Floats, Ints, Mask
 from .phenotype import PHENOTYPES, factors, products
@@ -32,8 +33,8 @@ class BasisSource(ShapeSource):
     """
 
     def __init__(self, file: Path = BASIS_FILE) -> None:
-        with np.load(file, allow_pickle=False) as data:
-            a = {key: data[key] for key in data.files}
+        data = ArrayFile(file, "a shape basis")
+        a = dict(zip(data.names, data.take(*data.names), strict=True))
         self.version = str(a["version"])
         self.bones = [str(name) for name in a["bones"]]
         self.parents = a["parents"].tolist()
