@@ -116,18 +116,13 @@ def make(
     check_engine(task, engine)
     check_entries(task, cls.roles(), cast)
     given = load(cls.Options, options, f"options of {task!r}")
-    where = home, level, room
     place = {"home": home, "level": level, "room": room}
     perturbed = Randomisation.of(randomise)
-    how: dict[str, Any] = {
-        "physics_dt": physics_dt,
-        "render_mode": render_mode,
-        "engine": engine,
-        "randomise": perturbed,
-    }
+    how: dict[str, Any] = {"physics_dt": physics_dt, "render_mode": render_mode}
+    how |= {"engine": engine, "randomise": perturbed}
     rest: dict[str, Any] = {**place, **how, **cast}
     again = partial(make, task, options=options, policies=policies, **rest)
-    stage = partial(_scene, task, given, policies, where)
+    stage = partial(_scene, task, given, policies, (home, level, room))
     if drawn := drawn_people(cls.roles(), cast):
         company = Company(cast, drawn, stage)
         env = company.play(0, lambda scene: CareEnv(*scene, **how, company=company))
@@ -135,15 +130,11 @@ def make(
     else:
         env = CareEnv(*stage(cast), **how)
     env.past = Past(env, again)
-    env.setup = {
-        "task": task,
-        "options": options,
-        "physics_dt": physics_dt,
-        "cast": speaking(cast, env.cast)
-        | {name: value for name, value in place.items() if value is not None},
-        **({} if engine == "bullet" else {"engine": engine}),
-        **({"randomise": perturbed.to_dict()} if perturbed.spreads else {}),
-    }
+    spoken: dict[str, Any] = dict(speaking(cast, env.cast))
+    spoken |= {name: value for name, value in place.items() if value is not None}
+    env.setup = {"task": task, "options": options, "physics_dt": physics_dt, "cast": spoken}
+    env.setup |= {} if engine == "bullet" else {"engine": engine}
+    env.setup |= {"randomise": perturbed.to_dict()} if perturbed.spreads else {}
     return env
 
 

@@ -176,7 +176,7 @@ def test_a_refusing_person_is_not_fed() -> None:
 
 
 def test_a_robot_has_no_behaviour_of_people() -> None:
-    with pytest.raises(ConfigError, match="is for people, and 'robot' is played by Robot"):
+    with pytest.raises(UnknownNameError, match="no policy of 'robot' in task 'feeding'"):
         rcare_marl.make("feeding", policies={"robot": "behaviour"})
 
 

@@ -8,7 +8,6 @@ import io
 import json
 import os
 import random
-import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -46,7 +45,6 @@ from rcare_marl.model.urdf import Model
 from rcare_marl.model.urdf_reader import read as read_urdf
 
 Reader = Callable[[Path], Any]
-SLOWEST = 5.0  # [s]
 SEED = 27
 FEW, MANY = 30, 1000  # files of each kind
 
@@ -170,15 +168,13 @@ READERS: dict[str, tuple[Reader, str, Callable[[Path], bytes]]] = {
 
 
 def check(read: Reader, file: Path, *, must_fail: bool = False) -> None:
-    """Read a file; it is taken, or refused in a few words, in time."""
-    begun = time.monotonic()
+    """Read a file; it is taken, or refused in a few words."""
     try:
         read(file)
     except RcareError as error:
         assert len(str(error)) <= LONGEST
     else:
         assert not must_fail, file
-    assert time.monotonic() - begun < SLOWEST
 
 
 def mutated(rng: random.Random, data: bytes) -> bytes:
@@ -467,11 +463,9 @@ def test_an_error_is_short_whatever_was_given() -> None:
     ],
 )
 def test_an_argument_of_another_type_is_refused_by_name(wrong: dict[str, Any]) -> None:
-    begun = time.monotonic()
     with pytest.raises(RcareError) as told:
         rcare_marl.make("feeding", **wrong)
     assert len(str(told.value)) <= LONGEST
-    assert time.monotonic() - begun < SLOWEST
 
 
 def test_a_task_that_is_no_name_is_refused() -> None:
