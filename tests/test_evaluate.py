@@ -184,8 +184,16 @@ def test_cost_of_an_episode_is_the_sum_of_its_steps() -> None:
 def test_scripts_of_people_with_muscles_act_through_posture_where_nothing_else_is_said() -> None:
     person = {"model": "karan", "actuation": "muscle"}
     played = played_cast("feeding", {"recipient": person, "home": "house_07"}, {})
-    assert played == {"recipient": {**person, "excitation": "posture"}, "home": "house_07"}
+    fields = {**person, "excitation": "posture", "moves": ["speak"]}
+    assert played == {"recipient": fields, "home": "house_07"}
     by_group = {"recipient": {**person, "excitation": "group"}}
     assert played_cast("feeding", by_group, {}) == by_group
     learned = {"recipient": "policy.npz"}
     assert played_cast("feeding", {"recipient": person}, learned) == {"recipient": person}
+
+
+def test_who_refuses_is_heard() -> None:
+    played = evaluate(
+        "feeding", {"recipient": "refusing"}, episodes=1, cast={"recipient": "morgan"}
+    )
+    assert played.success_rate == 1.0 and played.values("refusals") == [3.0]

@@ -376,7 +376,7 @@ def lead_policies(
 
 
 def played_cast(task: str, cast: Mapping[str, Any], policies: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a cast in which scripts act through `posture` where nothing is said of their muscles.
+    """Return a cast in which scripts speak, and act through `posture` where nothing is said of their muscles.
 
     Policies are played here beside an environment in which all roles are left to be learned, and whose
     people have excitations then; see `HumanCast.excitation`.
@@ -387,11 +387,18 @@ def played_cast(task: str, cast: Mapping[str, Any], policies: Mapping[str, Any])
         policies: As for `evaluate`.
     """
     roles, out = task_class(task).roles(), dict(cast)
-    for role in roles.keys() & cast.keys():
-        entry, player = cast[role], policies.get(role, roles[role].partner)
-        if isinstance(entry, Mapping) and entry.get("actuation") == "muscle":
-            if player is not None and not is_policy_file(player):
-                out[role] = {"excitation": "posture", **entry}
+    for name, role in roles.items():
+        player = policies.get(name, role.partner)
+        entry = cast.get(name, {} if role.default is not None else None)
+        if not isinstance(player, str) or player.startswith("learned") or is_policy_file(player):
+            continue  # a network has the actions that it was trained with
+        fields = {"model": entry} if isinstance(entry, str | Path) else entry
+        if not isinstance(fields, Mapping):
+            continue
+        if fields.get("actuation") == "muscle":
+            out[name] = fields = {"excitation": "posture", **fields}
+        if role.speaks and player != "random" and fields.get("excitation", "posture") == "posture":
+            out[name] = {"moves": [*(role.moves or ()), "speak"], **fields}
     return out
 
 
