@@ -7,7 +7,7 @@ Example:
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,9 @@ import numpy.typing as npt
 
 from rcare_marl.agents.policy import Policy
 from rcare_marl.atomic_file import read_arrays, write_arrays
+from rcare_marl.config import load
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.learning.view import View, ViewConfig
 from rcare_marl.envs.registry import policy_factory, register_policy_file, task_class
 from rcare_marl.envs.task import part_name
 from rcare_marl.errors import ConfigError, near_files
@@ -41,8 +43,8 @@ class PolicyFile:
         task: Name of the task that it was learned in.
         group: Group of learners, such as `robots`; they share these weights.
         roles: The roles of the group.
-        observed: Name and number of values of each part of the observation, in order. That of a
-            residual ends with `scripted_action`.
+        observed: Name and number of values of each part that the network reads, in order. That of a
+            residual ends with `scripted_action`. An observation may hold more.
         action_size: Number of action values.
         action_low: Least value of an action: -1, or 0 for what only pulls.
         layers: Weights, shape [out, in], and biases, shape [out], of each layer. The last has a row for
@@ -53,6 +55,8 @@ class PolicyFile:
             action is the network's own.
         actions: What each action value moves; not checked if empty.
         recipe: How its environments were made, see `envs.learning.EnvRecipe`.
+        view: How the network reads an observation, see `envs.learning.view.ViewConfig`; the parts of
+            `observed` as they are if empty.
         training: How it was trained: algorithm, reward, steps, minutes, machine, versions, seed.
 
     Raises:
@@ -71,6 +75,7 @@ class PolicyFile:
     residual: float | None = None
     actions: tuple[str, ...] = ()
     recipe: Mapping[str, Any] = field(default_factory=dict)
+    view: Mapping[str, Any] = field(default_factory=dict)
     training: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -132,6 +137,7 @@ class PolicyFile:
             )
             about["observed"] = tuple((name, size) for name, size in about["observed"])
             about |= {name: tuple(about[name]) for name in ("roles", "actions")}
+            about.setdefault("view", {})  # files of before have none
             return cls(**about, layers=layers, mean=mean, scale=scale)
 
     @property
@@ -151,9 +157,7 @@ class PolicyFile:
         if part_name(role) not in {part_name(known) for known in self.roles}:
             raise ConfigError(f"{who} plays {', '.join(self.roles)}, not {role!r}")
         agent = env.cast[role]
-        actions = [] if self.residual is None else [(BASE_ACTION, self.action_size)]
-        seen = [(name, part.stop - part.start) for part, name, _ in env.describe(role)]
-        faults = _differences(self.observed, [*seen, *actions])
+        faults = self._differences(env, role)
         if (agent.action_size, agent.action_low) != (self.action_size, self.action_low):
             faults.append(
                 f"{agent.action_size} actions from {agent.action_low:g} on, learned were "
@@ -169,6 +173,32 @@ class PolicyFile:
         if faults:
             raise ConfigError(f"{who} does not fit {role!r} here: {'; '.join(faults)}")
 
+    def view_on(self, env: CareEnv, role: str) -> View:
+        """Return how the network reads what a role observes in an environment.
+
+        Raises:
+            ConfigError: If something that it reads is not observed there.
+        """
+        own = [name for name, _ in self.observed if name != BASE_ACTION]
+        config = load(ViewConfig, self.view or {"parts": own}, "the policy's view")
+        return View(config, [(name, at) for at, name, _ in env.describe(role)])
+
+    def _differences(self, env: CareEnv, role: str) -> list[str]:
+        """Return what is observed otherwise than it was learned, as texts; empty if it fits."""
+        seen = {name: part.stop - part.start for part, name, _ in env.describe(role)}
+        if self.view:
+            try:
+                here = self.view_on(env, role).parts
+            except ConfigError as error:
+                return [str(error)]
+            seen = dict(here)
+        learned = [pair for pair in self.observed if pair[0] != BASE_ACTION]
+        return [f"{name} is not observed" for name, _ in learned if name not in seen] + [
+            f"{name} has {seen[name]} values, learned were {size}"
+            for name, size in learned
+            if seen.get(name, size) != size
+        ]
+
 
 class LearnedPolicy:
     """Plays a role with a trained network, in NumPy; the same observations give the same actions."""
@@ -181,6 +211,7 @@ class LearnedPolicy:
         """
         file.check(env, role)
         self._env, self._role, self._residual = env, role, file.residual
+        self._view = file.view_on(env, role)
         self._low, self._mean, self._scale = file.action_low, file.mean, file.scale
         self._hidden = [(np.ascontiguousarray(w), b) for w, b in file.layers[:-1]]
         weights, biases = file.layers[-1]
@@ -191,12 +222,13 @@ class LearnedPolicy:
             self._base = policy_factory(file.task, part_name(role), BASE)(env, role)
 
     def reset(self, rng: np.random.Generator) -> None:
+        self._view.reset()
         if self._base is not None:
             self._base.reset(rng)
 
     def act(self) -> npt.NDArray[np.float64]:
         seen = self._env.observe(self._role)
-        values: Weights = seen[VECTOR] if isinstance(seen, dict) else seen
+        values: Weights = self._view.read(seen[VECTOR] if isinstance(seen, dict) else seen)
         if self._base is None or self._residual is None:
             return self.decide(values).astype(np.float64)
         base = np.array(self._base.act())  # as in `envs.learning.LearnerEnv`, to the last bit
@@ -235,23 +267,6 @@ def load_policy(path: Path) -> Callable[[CareEnv, str], Policy]:
 
 _ABOUT = tuple(
     """
-    task group roles observed action_size action_low residual actions recipe training
+    task group roles observed action_size action_low residual actions recipe view training
     """.split()
 )
-
-
-def _differences(learned: Iterable[tuple[str, int]], here: Iterable[tuple[str, int]]) -> list[str]:
-    """Return what is observed otherwise than it was learned, as texts; empty if all is the same."""
-    then, now = dict(learned), dict(here)
-    out = [f"{name} is not observed" for name in then if name not in now]
-    out += [f"{name} was not observed then" for name in now if name not in then]
-    out += [
-        f"{name} has {now[name]} values, learned were {size}"
-        for name, size in then.items()
-        if name in now and now[name] != size
-    ]
-    if not out and list(then) != list(now):
-        out.append(
-            f"the order of what is observed: {', '.join(now)}, learned was {', '.join(then)}"
-        )
-    return out

@@ -24,6 +24,7 @@ _ALGORITHMS = {
     "ppo": (f"{_HERE}.on_policy:Ppo", f"{_HERE}.on_policy:OnPolicyConfig"),
     "ippo": (f"{_HERE}.on_policy:Ippo", f"{_HERE}.on_policy:OnPolicyConfig"),
     "mappo": (f"{_HERE}.on_policy:Mappo", f"{_HERE}.on_policy:OnPolicyConfig"),
+    "dagger": (f"{_HERE}.dagger:Dagger", f"{_HERE}.dagger:DaggerConfig"),
 }
 
 

@@ -179,6 +179,7 @@ class TrainConfig:
         residual: For learners that correct the scripted policy: how much they may, 0 to 1.
         engine: What computes the motion, see `rcare_marl.make`.
         randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
+        views: For learners, what their network reads of what they observe, see `ViewConfig`.
         seed: Of everything random.
         steps: Control steps of all environments together.
         envs: Environments in the batch.
@@ -207,6 +208,7 @@ class TrainConfig:
     residual: dict[str, float] = field(default_factory=dict)
     engine: str = "bullet"
     randomise: Any = None
+    views: dict[str, Any] = field(default_factory=dict)
     seed: int = 0
     steps: int = 50_000
     envs: int = 8
@@ -256,6 +258,11 @@ class TrainConfig:
             )
         if self.curriculum.stages:
             raise ConfigError(f"a curriculum cannot reach {workers!r}: take a number, or ray://...")
+
+    @property
+    def taught(self) -> bool:
+        """Whether the algorithm learns from what a script would do."""
+        return bool(getattr(self.algorithm_config(), "TAUGHT", False))
 
     def recipe(self) -> EnvRecipe:
         """Return how the environments are made."""

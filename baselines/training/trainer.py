@@ -391,6 +391,8 @@ class _Evaluator:
         self._config = config
         env = LearnerEnv(config.recipe())
         self._groups, self._observed = env.groups, env.layout.observed
+        if config.taught:  # a teacher's action is no longer there when it is played
+            self._observed = {group: parts[:-1] for group, parts in self._observed.items()}
         self._actions = {
             group: tuple(env.care_env.cast[roles[0]].action_names)
             for group, roles in env.groups.items()
@@ -413,6 +415,7 @@ class _Evaluator:
             residual=config.residual.get(self._groups[group][0]),
             actions=self._actions[group],
             recipe=config.recipe().to_dict(),
+            view=config.recipe().views.get(self._groups[group][0], {}),
             training=training,
         )
 

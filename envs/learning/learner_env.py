@@ -18,10 +18,11 @@ from rcare_marl.errors import ConfigError, check_name
 from ..cast import make_policy
 from ..registry import group_map
 from .recipe import EnvRecipe
+from .view import View
 
 Floats = npt.NDArray[np.float32]
 STAGE = ("spread", "tolerance", "force")  # what a curriculum sets; 1 is the task as it is
-BASE = "scripted_action"  # name of what a residual adds to the observation
+BASE = "scripted_action"  # name of what a residual, or a teacher, adds to the observation
 
 
 @dataclass(frozen=True)
@@ -80,11 +81,13 @@ class LearnerEnv:
         env = self.care_env
         try:
             self._refuse_arrays()
+            self._views = self._make_views()
             self.layout = self._lay_out()
-            self._bases: dict[str, tuple[float, Policy]] = {
-                role: (scale, make_policy(env, recipe.task, role, "scripted"))
-                for role, scale in recipe.residual.items()
+            self._bases: dict[str, Policy] = {
+                role: make_policy(env, recipe.task, role, "scripted") for role in recipe.residual
             }
+            if recipe.taught:
+                self._bases = {**self.demonstrators(), **self._bases}
         except BaseException:
             env.close()
             raise
@@ -110,6 +113,15 @@ class LearnerEnv:
                     "use rcare_marl.envs.torchrl.make_env"
                 )
 
+    def _make_views(self) -> dict[str, View]:
+        out = {}
+        for role in self.care_env.possible_agents:
+            config = self.recipe.view_of(role)
+            if config is not None:
+                table = [(name, at) for at, name, _ in self.care_env.describe(role)]
+                out[role] = View(config, table)
+        return out
+
     def _lay_out(self) -> Layout:
         env, residual = self.care_env, self.recipe.residual
         groups = {g: tuple(r) for g, r in group_map(env, extended=residual.keys()).items()}
@@ -117,15 +129,22 @@ class LearnerEnv:
         observed = {}
         for group, role in first.items():
             parts = [(name, part.stop - part.start) for part, name, _ in env.describe(role)]
-            if role in residual:
+            if role in self._views:
+                parts = list(self._views[role].parts)
+            if role in residual or self.recipe.taught:
                 parts.append((BASE, env.cast[role].action_size))
             observed[group] = tuple(parts)
+        self._spans = [(role, max(at.stop for at, *_ in env.describe(role))) for role in env.cast]
+        state_size = sum(
+            len(self._views[role].now) if role in self._views else size
+            for role, size in self._spans
+        )
         return Layout(
             groups,
             observed,
             {group: env.cast[role].action_size for group, role in first.items()},
             {group: env.cast[role].action_low for group, role in first.items()},
-            env.state_space.shape[0],
+            state_size,
         )
 
     def reset(self, seed: int, stage: Mapping[str, float] | None = None) -> None:
@@ -142,8 +161,10 @@ class LearnerEnv:
         """
         self.prepare(stage or {})
         observations, infos = self.care_env.reset(seed=seed)
-        for role, (_, base) in self._bases.items():
+        for role, base in self._bases.items():
             base.reset(np.random.default_rng([seed, self._order.index(role)]))
+        for view in self._views.values():
+            view.reset()
         for values in (*self.reward.values(), *self.cost.values()):
             values[:] = 0.0
         self.terminated = self.truncated = False
@@ -181,23 +202,38 @@ class LearnerEnv:
         self._take(observations, infos)
 
     def _applied(self, role: str, action: Floats, low: float) -> npt.NDArray[Any]:
-        if role not in self._bases:
+        scale = self.recipe.residual.get(role)
+        if scale is None:
             return action
-        return np.clip(self._base_actions[role] + self._bases[role][0] * action, low, 1.0)
+        return np.clip(self._base_actions[role] + scale * action, low, 1.0)
 
     def _take(
         self, observations: Mapping[str, Floats], infos: Mapping[str, Mapping[str, float]]
     ) -> None:
-        for role, (_, base) in self._bases.items():
+        for role, base in self._bases.items():
             self._base_actions[role] = np.array(base.act())  # a copy: scripts may reuse theirs
         for group, roles in self.groups.items():
             for row, role in zip(self.observation[group], roles, strict=True):
                 seen = observations[role]
+                if role in self._views:
+                    seen = self._views[role].read(seen)
                 row[: len(seen)] = seen
                 if role in self._bases:
                     row[len(seen) :] = self._base_actions[role]
-        self.state[:] = self.care_env.state()
+        self.state[:] = self._whole_state()
         self.success = bool(next(iter(infos.values()))["success"])
+
+    def _whole_state(self) -> Floats:
+        """Return what all roles observe, through their views as they see it now, shape [state size]."""
+        state = self.care_env.state()
+        if not self._views:
+            return state
+        parts, start = [], 0
+        for role, size in self._spans:
+            view = self._views.get(role)
+            parts.append(state[start : start + size] if view is None else view.now)
+            start += size
+        return np.concatenate(parts)
 
     def demonstrators(self) -> dict[str, Policy]:
         """Return who shows each learner what to do: robots their script, people their default partner.

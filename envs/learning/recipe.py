@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.policy import Policy
-from rcare_marl.config import plain
+from rcare_marl.config import load, plain
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 
 from .. import make
@@ -21,6 +21,7 @@ from ..cast import find_policy
 from ..randomise import Randomisation
 from ..registry import PolicyFactory, check_engine, lead_roles, task_class
 from ..task import part_name
+from .view import ViewConfig
 
 PLACE = ("home", "level", "room")  # keys of a cast that are no roles
 MAX_SCALE = 2.0  # of a residual: it then reaches every action from every other one
@@ -64,6 +65,9 @@ class EnvRecipe:
         residual: For roles that learn, the scale of their action on top of the scripted policy's.
         engine: What computes the motion, see `rcare_marl.make`.
         randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
+        views: For roles that learn, what their network reads of what they observe, see `ViewConfig`; all
+            of it where nothing is given.
+        taught: Whether learners also get what their script would do now, at the end of what they observe.
 
     Raises:
         UnknownNameError: If the task, a role or a policy does not exist.
@@ -79,11 +83,13 @@ class EnvRecipe:
     residual: Mapping[str, float] = field(default_factory=dict)
     engine: str = "bullet"
     randomise: Any = None
+    views: Mapping[str, Any] = field(default_factory=dict)
+    taught: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "randomise", Randomisation.of(self.randomise).to_dict())
         check_engine(self.task, self.engine)
-        for name in ("options", "cast", "partners", "residual"):
+        for name in ("options", "cast", "partners", "residual", "views"):
             _check_mapping(name, getattr(self, name))
         for name in ("variants", "learners"):
             if isinstance(getattr(self, name), str):
@@ -98,7 +104,7 @@ class EnvRecipe:
 
     def _check_roles(self, variant: int) -> None:
         roles, learning = self.roles(variant), self.learning_roles(variant)
-        for role in (*learning, *self.partners, *self.residual):
+        for role in (*learning, *self.partners, *self.residual, *self.views):
             check_name(f"role in the cast of {self.task!r}", role, roles)
         for role in (*self.partners, *(r for r in roles if self._own_policy(role=r, at=variant))):
             if role in learning:
@@ -111,6 +117,10 @@ class EnvRecipe:
                     f"residual of {role!r} must be above 0 and at most {MAX_SCALE}, got {scale!r}"
                 )
             find_policy(self.task, role, "scripted")
+        for role in self.views:
+            if role not in learning:
+                raise ConfigError(f"views are for roles that learn, {learning}, got {role!r}")
+            self.view_of(role)
         for role in roles:
             if role not in learning:
                 for name in self.partner_names(role, variant):
@@ -163,6 +173,11 @@ class EnvRecipe:
             randomise=self.randomise,
             **self.entries(variant),
         )
+
+    def view_of(self, role: str) -> ViewConfig | None:
+        """Return what the network of a role reads; None if that is all."""
+        given = self.views.get(role)
+        return None if given is None else load(ViewConfig, given, f"the view of {role!r}")
 
     def partner_names(self, role: str, variant: int = 0) -> tuple[str, ...]:
         """Return the policies that may play a role, whether it learns or not."""

@@ -100,11 +100,10 @@ class RefusalOptions(TaskOptions):
     """Settings of a task in which somebody may refuse.
 
     Attributes:
-        refusals_observed: Whether everybody observes a no and the count of them; policies that were
-            trained without do not fit then.
+        refusals_observed: Whether everybody observes a no, whether it stands, and the count of them.
     """
 
-    refusals_observed: bool = False
+    refusals_observed: bool = True
 
 
 def refusal_seen(options: RefusalOptions) -> list[Seen]:
@@ -113,6 +112,7 @@ def refusal_seen(options: RefusalOptions) -> list[Seen]:
         return []
     return [
         Seen("says_no", "1", 1, lambda s: where(s.refusal.is_no, 1.0, 0.0)),
+        Seen("no_stands", "1", 1, lambda s: where(s.refusal.stands, 1.0, 0.0)),
         Seen("refusals", "1", 1, lambda s: s.refusal.count),
     ]
 
