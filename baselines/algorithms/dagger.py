@@ -74,6 +74,12 @@ class DaggerConfig:
             raise ConfigError(f"hidden needs sizes of at least 1, got {list(self.hidden)}")
 
 
+def _split(observation: Tensor, shape: GroupShape) -> tuple[Tensor, Tensor]:
+    """Return what a network reads, and what the script would do, which is at the end."""
+    taught = observation[..., -shape.action :].clamp(shape.low, 1.0)
+    return observation[..., : -shape.action], taught
+
+
 class _Pupil:
     """One group's actor, its average, and what it has seen."""
 
@@ -85,14 +91,8 @@ class _Pupil:
         self.memory = Memory(config.buffer_size)
         self.config, self.updates = config, 0
 
-    def split(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Return what the network reads, and what the script would do."""
-        count = self.actor.shape.action
-        taught = observation[..., -count:].clamp(self.actor.shape.low, 1.0)
-        return observation[..., :-count], taught
-
     def remember(self, observation: Tensor, taught: Tensor | None = None) -> None:
-        seen, shown = self.split(observation)
+        seen, shown = _split(observation, self.actor.shape)
         rows = {"seen": seen, "taught": shown if taught is None else taught}
         flat = {name: value.reshape(-1, value.shape[-1]) for name, value in rows.items()}
         self.memory.extend(TensorDict(flat, batch_size=[len(flat["seen"])]))
@@ -130,7 +130,6 @@ class _Together(TensorDictModuleBase):  # type: ignore[misc]  # untyped in tenso
         self.in_keys = [(group, "observation") for group in pupils]
         self.out_keys = [(group, "action") for group in pupils]
         self.actors = nn.ModuleDict({group: pupil.actor for group, pupil in pupils.items()})
-        self._split = {group: pupil.split for group, pupil in pupils.items()}
         self._noise = noise
         self.register_buffer("share", torch.ones(()))
 
@@ -139,7 +138,7 @@ class _Together(TensorDictModuleBase):  # type: ignore[misc]  # untyped in tenso
         explores = exploration_type() in (ExplorationType.RANDOM, None)
         for group, actor in self.actors.items():
             assert isinstance(actor, Actor)
-            seen, taught = self._split[group](tensordict[group, "observation"])
+            seen, taught = _split(tensordict[group, "observation"], actor.shape)
             action = actor.act(seen, explore=False)
             if explores and self.share > 0:
                 shown = taught + self._noise * torch.randn_like(taught)
