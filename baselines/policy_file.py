@@ -31,6 +31,7 @@ VERSION = 1  # of the format
 CLIP = 10.0  # of a normalised observation
 BASE = "scripted"  # the policy that a residual is added to
 BASE_ACTION = "scripted_action"  # its action, at the end of what a residual observes
+MEMORY = "memory"  # what a network wrote a control step before
 
 Weights = npt.NDArray[np.float32]
 
@@ -46,6 +47,8 @@ class PolicyFile:
         observed: Name and number of values of each part that the network reads, in order. That of a
             residual ends with `scripted_action`. An observation may hold more.
         action_size: Number of action values.
+        memory: Number of values that the network writes beside them, and reads one control step later as
+            the part `memory` of what it observes.
         action_low: Least value of an action: -1, or 0 for what only pulls.
         layers: Weights, shape [out, in], and biases, shape [out], of each layer. The last has a row for
             each action value, and may have as many more for spreads, which are not used.
@@ -76,6 +79,7 @@ class PolicyFile:
     actions: tuple[str, ...] = ()
     recipe: Mapping[str, Any] = field(default_factory=dict)
     view: Mapping[str, Any] = field(default_factory=dict)
+    memory: int = 0
     training: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -92,8 +96,9 @@ class PolicyFile:
                     f"{size} values"
                 )
             size = weights.shape[0]
-        if size not in (self.action_size, 2 * self.action_size):
-            raise ConfigError(f"the last layer gives {size} values for {self.action_size} actions")
+        count = self.action_size + self.memory
+        if size not in (count, 2 * count):
+            raise ConfigError(f"the last layer gives {size} values for {count} actions")
         numbers = (self.mean, self.scale, *(part for layer in self.layers for part in layer))
         if not all(np.isfinite(part).all() for part in numbers):
             raise ConfigError("a policy's numbers must be finite")
@@ -137,7 +142,7 @@ class PolicyFile:
             )
             about["observed"] = tuple((name, size) for name, size in about["observed"])
             about |= {name: tuple(about[name]) for name in ("roles", "actions")}
-            about.setdefault("view", {})  # files of before have none
+            about = {"view": {}, "memory": 0, **about}  # files of before have none
             return cls(**about, layers=layers, mean=mean, scale=scale)
 
     @property
@@ -179,7 +184,7 @@ class PolicyFile:
         Raises:
             ConfigError: If something that it reads is not observed there.
         """
-        own = [name for name, _ in self.observed if name != BASE_ACTION]
+        own = [name for name, _ in self.observed if name not in (MEMORY, BASE_ACTION)]
         config = load(ViewConfig, self.view or {"parts": own}, "the policy's view")
         return View(config, [(name, at) for at, name, _ in env.describe(role)])
 
@@ -192,7 +197,7 @@ class PolicyFile:
             except ConfigError as error:
                 return [str(error)]
             seen = dict(here)
-        learned = [pair for pair in self.observed if pair[0] != BASE_ACTION]
+        learned = [pair for pair in self.observed if pair[0] not in (MEMORY, BASE_ACTION)]
         return [f"{name} is not observed" for name, _ in learned if name not in seen] + [
             f"{name} has {seen[name]} values, learned were {size}"
             for name, size in learned
@@ -215,7 +220,9 @@ class LearnedPolicy:
         self._low, self._mean, self._scale = file.action_low, file.mean, file.scale
         self._hidden = [(np.ascontiguousarray(w), b) for w, b in file.layers[:-1]]
         weights, biases = file.layers[-1]
-        count = file.action_size  # what comes behind are spreads
+        self._size = file.action_size
+        self._memory = np.zeros(file.memory, np.float32)
+        count = file.action_size + file.memory  # what comes behind are spreads
         self._last = np.ascontiguousarray(weights[:count]), biases[:count]
         self._base: Policy | None = None
         if file.residual is not None:
@@ -223,6 +230,7 @@ class LearnedPolicy:
 
     def reset(self, rng: np.random.Generator) -> None:
         self._view.reset()
+        self._memory[:] = 0.0
         if self._base is not None:
             self._base.reset(rng)
 
@@ -230,13 +238,15 @@ class LearnedPolicy:
         seen = self._env.observe(self._role)
         values: Weights = self._view.read(seen[VECTOR] if isinstance(seen, dict) else seen)
         if self._base is None or self._residual is None:
-            return self.decide(values).astype(np.float64)
+            out = self.decide(np.concatenate([values, self._memory]))
+            self._memory = out[self._size :]
+            return out[: self._size].astype(np.float64)
         base = np.array(self._base.act())  # as in `envs.learning.LearnerEnv`, to the last bit
         own = self.decide(np.concatenate([values, base.astype(np.float32)]))
         return np.clip(base + self._residual * own, self._low, 1.0)
 
     def decide(self, observation: Weights) -> Weights:
-        """Return the network's own action, shape [actions], for an observation, shape [observation]."""
+        """Return the network's own action and memory, shape [actions + memory], for what it reads."""
         values = (observation - self._mean) / self._scale
         np.minimum(np.maximum(values, -CLIP, out=values), CLIP, out=values)
         # Not BLAS: it spreads such products over threads, and their number changes the last bit.
@@ -267,6 +277,6 @@ def load_policy(path: Path) -> Callable[[CareEnv, str], Policy]:
 
 _ABOUT = tuple(
     """
-    task group roles observed action_size action_low residual actions recipe view training
+    task group roles observed action_size action_low residual actions recipe view memory training
     """.split()
 )

@@ -2,7 +2,8 @@
 
 The script says in each control step what it would do, wherever the network has got to. The script may read
 the true state; the network reads what the robot observes, noise and delay and all (Chen et al. 2020, Learning
-by cheating).
+by cheating). What the script keeps in mind, such as which phase it is in, the network learns to write down
+with each action, and reads in the next control step: so it has a memory without being unrolled in time.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from tensordict.nn import TensorDictModuleBase
 from torch import Tensor, nn
 from torchrl.envs.utils import ExplorationType, exploration_type
 
+from rcare_marl.envs.learning.learner_env import MEMORY
 from rcare_marl.errors import ConfigError
 
-from .network import Actor, ActorArrays, GroupShape, group_shapes, meant
+from .network import Actor, ActorArrays, GroupShape, group_shapes
 from .off_policy import Memory
 
 
@@ -42,6 +44,7 @@ class DaggerConfig:
             anew for each step of each environment.
         noise: Standard deviation of what is added to its actions then, so that it also shows how to come
             back.
+        memory_weight: Of what is to be kept in mind, against what is to be done.
         average: Share of the averaged weights, which are those that are kept, that each update leaves.
 
     Raises:
@@ -59,13 +62,14 @@ class DaggerConfig:
     warm_up: int = 2_000
     handover: int = 20_000
     noise: float = 0.1
+    memory_weight: float = 0.3
     average: float = 0.999
 
     def __post_init__(self) -> None:
         for name in ("rollout", "batch_size", "update_to_data", "learning_rate", "buffer_size"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be positive, got {getattr(self, name)}")
-        for name in ("warm_up", "handover", "noise"):
+        for name in ("warm_up", "handover", "noise", "memory_weight"):
             if getattr(self, name) < 0:
                 raise ConfigError(f"{name} must not be negative, got {getattr(self, name)}")
         if not 0 <= self.average < 1:
@@ -83,25 +87,30 @@ def _split(observation: Tensor, shape: GroupShape) -> tuple[Tensor, Tensor]:
 class _Pupil:
     """One group's actor, its average, and what it has seen."""
 
-    def __init__(self, shape: GroupShape, config: DaggerConfig) -> None:
+    def __init__(self, shape: GroupShape, memory: int, config: DaggerConfig) -> None:
         own = dataclasses.replace(shape, observation=shape.observation - shape.action)
         self.actor = Actor(own, config.hidden)
         self.average = deepcopy(self.actor)
         self.optimiser = torch.optim.Adam(self.actor.parameters(), lr=config.learning_rate)
         self.memory = Memory(config.buffer_size)
         self.config, self.updates = config, 0
+        count = shape.action - memory
+        shares = [1 / count] * count + [config.memory_weight / max(memory, 1)] * memory
+        self._weights = torch.tensor(shares)
 
-    def remember(self, observation: Tensor, taught: Tensor | None = None) -> None:
-        seen, shown = _split(observation, self.actor.shape)
-        rows = {"seen": seen, "taught": shown if taught is None else taught}
+    def remember(self, observation: Tensor) -> None:
+        """Keep what was observed, shape [..., observation]."""
+        seen, taught = _split(observation, self.actor.shape)
+        rows = {"seen": seen, "taught": taught}
         flat = {name: value.reshape(-1, value.shape[-1]) for name, value in rows.items()}
         self.memory.extend(TensorDict(flat, batch_size=[len(flat["seen"])]))
 
     def update(self) -> Tensor:
-        """Do one update, and return the mean squared distance to what the script would do."""
+        """Do one update, and return the weighted mean squared distance to what the script would do."""
         batch = self.memory.sample(self.config.batch_size)
         location, _ = self.actor(batch["seen"])
-        loss: Tensor = (self.actor.squash(location) - batch["taught"]).square().mean()
+        squares = (self.actor.squash(location) - batch["taught"]).square().mean(0)
+        loss: Tensor = (squares * self._weights).sum()
         loss.backward()  # type: ignore[no-untyped-call]
         self.optimiser.step()
         self.optimiser.zero_grad(set_to_none=True)
@@ -153,7 +162,7 @@ class Dagger:
 
     Args:
         config: Settings.
-        env: The environment it will learn in, taught by a script; only its specs are read.
+        env: The environment it will learn in, taught by a script; only its specs and layout are read.
         seed: Of the first weights.
     """
 
@@ -162,7 +171,8 @@ class Dagger:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             self._pupils = {
-                name: _Pupil(shape, config) for name, shape in group_shapes(env).items()
+                name: _Pupil(shape, dict(env.layout.observed[name]).get(MEMORY, 0), config)
+                for name, shape in group_shapes(env).items()
             }
         self._policy = _Together(self._pupils, config.noise)
         self._steps, self._owed = 0, 0.0
@@ -181,10 +191,8 @@ class Dagger:
         return {name: pupil.average.arrays() for name, pupil in self._pupils.items()}
 
     def add_demonstrations(self, demonstrations: TensorDictBase) -> dict[str, float]:
-        """Remember transitions [M] of the layout of batches."""
-        for group, pupil in self._pupils.items():
-            pupil.remember(demonstrations[group, "observation"], meant(demonstrations, group))
-        return {}
+        """Refuse them: a training is shown what to do all along."""
+        raise ConfigError("dagger takes no demonstrations: a script shows what to do all along")
 
     def learn(self, batch: TensorDictBase) -> dict[str, float]:
         """Remember a batch [environments, steps], do the updates that are due, return their means."""

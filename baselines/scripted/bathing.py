@@ -12,7 +12,7 @@ from rcare_marl.envs.tasks.bathing import START_ANGLE, START_SHARE, TAKEN_AWAY, 
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, turning
+from .tool_script import ToolScript, limited, marks, turning
 
 # All our own choices.
 PRESS = 4.0  # [N], within PhyRC's 1 to 6 N of comfort, and gentle to who then says no
@@ -24,6 +24,7 @@ YIELD = 0.006  # [m/s] into the skin for each newton that is lacking
 FAST, SINK, WIPE = 0.20, 0.04, 0.06  # [m/s] through the air, onto the skin, along it
 BEYOND = 0.01  # [m] past the target, before another pass is made
 TOUCH = 0.5  # [N] that count as contact
+PHASES = ("approach", "press", "wipe", "lift")
 
 
 @register_policy("bathing", "robot", "scripted")
@@ -63,6 +64,9 @@ class ScriptedBathing(ToolScript[Bathing]):
             linear = along * way + GAIN * aside * np.cross(out, way)
             linear = linear - float(np.clip(into, -SINK, SINK)) * out
         return self._about(face, linear, TURN_GAIN * turn)  # so that turning does not wipe
+
+    def memory(self) -> Array:
+        return marks(self._offering.is_on, *(self._phase == name for name in PHASES))
 
     def _next(
         self, start: Array, out: Array, turn: Array, ahead: float, height: float, force: float

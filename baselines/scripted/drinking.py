@@ -15,7 +15,7 @@ from rcare_marl.envs.tasks.drinking import Drinking
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, turning, unit
+from .tool_script import ToolScript, limited, marks, turning, unit
 
 # All our own choices.
 WAIT_IN_FRONT = 0.08  # [m] from mouth to rim while the mouth is closed
@@ -68,3 +68,6 @@ class ScriptedDrinking(ToolScript[Drinking]):
         wanted = task.cup_pose(seen.rim, -self._ahead, self._tilt).quaternion
         turn = turning(wanted, seen.turn, TURN_GAIN)
         return self._about(seen.rim, self._velocity, turn)  # so that turning does not move the rim
+
+    def memory(self) -> Array:
+        return np.append(marks(self._offering.is_on), self._tilt / math.pi)

@@ -23,7 +23,7 @@ from rcare_marl.pose import (
     rotate,
 )
 
-from .tool_script import ToolScript, limited, turning
+from .tool_script import ToolScript, limited, marks, turning
 
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
@@ -39,6 +39,7 @@ SWEEP = 0.5  # [rad/s] of the forearm on its arc
 FREE = 0.03  # [m] of the elbow before the armrest's rear end, when the forearm is free of it
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
 HOLDING = ("free", "slide", "lift", "carry")
+PHASES = ("approach", "reach", *HOLDING, "lower", "settle", "leave", "back")
 PRESSING = (*HOLDING, "lower", "settle", "back")
 LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
 # Where the forearm points when it is up: while the elbow is behind the armrest, and beside it.
@@ -89,6 +90,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._wrist = np.zeros(3)
         self._tries, self._shift, self._inward = 0, np.zeros(3), INWARD[0]
         self._since, self._was = 0.0, self.phase  # [s] in which phase
+        self._forearm, self._pitch, self._out = np.zeros(3), 0.0, np.zeros(3)
 
     def act(self) -> Array:
         seat = self._task.seat_pose()
@@ -100,6 +102,16 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if self.phase in ("slide", "lift"):
             goal = self._outside(seat, goal, turn)
         return self._towards(seat, goal, turn, limit)
+
+    def memory(self) -> Array:
+        leaves = self.phase in ("leave", "back")
+        out = self._out - self._task.state.plate if leaves else np.zeros(3)
+        rest = (*self._velocity / FAST, *self._shift / FARTHEST[0], *self._forearm, *out / LOWERED)
+        since, inward = self._since / PATIENCE["free"], self._inward / INWARD[1]
+        values = (*rest, self._pitch / RAISED, inward, since, self._tries / 5)
+        return np.append(
+            marks(*(self.phase == name for name in PHASES)), np.clip(values, -1.0, 1.0)
+        )
 
     def _outside(self, seat: Pose, goal: Array, turn: Array) -> Array:
         """Keep the tip of the plate from going under the armrest [m], shape [3]."""

@@ -13,10 +13,13 @@ class Offering:
     """Takes away what was refused, waits, offers again, and stops after the third no.
 
     It knows only what the task says that a robot hears and sees, see `envs.scenes.refusal`.
+
+    Attributes:
+        is_on: Whether it offered when it was asked last.
     """
 
     def __init__(self) -> None:
-        self._from = 0.0
+        self._from, self.is_on = 0.0, True
 
     def goes_on(self, refusal: Refusal, time: float) -> bool:
         """Return whether to offer now; else to take it away, or to keep it there.
@@ -29,4 +32,5 @@ class Offering:
             self._from = math.inf
         elif refusal.stands:
             self._from = time + PAUSE
-        return time >= self._from
+        self.is_on = time >= self._from
+        return self.is_on

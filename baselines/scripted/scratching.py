@@ -14,7 +14,7 @@ from rcare_marl.envs.tasks.scratching import TAKEN_AWAY, Scratching
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, turning
+from .tool_script import ToolScript, limited, marks, turning
 
 # All our own choices.
 PRESS, TOUCH = 1.5, 0.2  # [N] that it presses with, and that count as contact
@@ -39,6 +39,7 @@ class ScriptedScratching(ToolScript[Scratching]):
 
     def _begin(self) -> None:
         self._offering, self._is_down, self._since = Offering(), False, 0.0
+        self._phase = 0.0  # of its strokes [rad]
 
     def act(self) -> Array:
         task, seen = self._task, self._task.state
@@ -56,10 +57,14 @@ class ScriptedScratching(ToolScript[Scratching]):
             return self._about(seen.tip, limited(GAIN * away, FAST), turn)
         first = np.cross(out, (0.0, 1.0, 0.0))
         first = first / np.linalg.norm(first)
-        phase = 2 * math.pi * RATE * (seen.time - self._since)
+        phase = self._phase = 2 * math.pi * RATE * (seen.time - self._since)
         goal = seen.said + STROKE * math.sin(phase) * first - seen.tip
         along = GAIN * (goal - (goal @ out) * out)
         along = along + 2 * math.pi * RATE * STROKE * math.cos(phase) * first
         into = YIELD * (PRESS - seen.press) if seen.press > TOUCH else SINK
         linear = limited(along, ALONG) - float(np.clip(into, -SINK, SINK)) * out
         return self._about(seen.tip, linear, turn)
+
+    def memory(self) -> Array:
+        stroke = (math.sin(self._phase), math.cos(self._phase))
+        return np.append(marks(self._offering.is_on, self._is_down), stroke)

@@ -10,12 +10,13 @@ import math
 import numpy as np
 
 from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.scenes.dental_arch import QUADRANTS
 from rcare_marl.envs.scenes.meal import OPEN_MOUTH, TAKEN_AWAY
 from rcare_marl.envs.tasks.tooth_brushing import BEFORE, CLEAR, ToothBrushing
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, turning, unit
+from .tool_script import ToolScript, limited, marks, turning, unit
 
 # All our own choices.
 PRESS, TOUCH = 1.3, 0.1  # [N] that it presses with, and that count as contact
@@ -48,6 +49,7 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
 
     def _begin(self) -> None:
         self._offering, self._quadrant, self._since = Offering(), 0, 0.0
+        self._phase = 0.0  # of its strokes [rad]
         self._is_in = self._is_down = False
         self._mouth: Array | None = None
         self._places: Array = np.zeros((0, 3))
@@ -97,6 +99,11 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
             return self._about(seen.bristles, self._along(clear, into, SLOW), turn)
         return self._about(seen.bristles, self._stroke(place, outward, into), turn)
 
+    def memory(self) -> Array:
+        quadrants = (self._quadrant == k for k in range(len(QUADRANTS)))
+        flags = marks(self._offering.is_on, self._is_in, self._is_down, *quadrants)
+        return np.append(flags, (math.sin(self._phase), math.cos(self._phase)))
+
     def _along(self, way: Array, into: Array, most: float) -> Array:
         """Return the velocity along a way [m/s], first to the line of the brush, then along that."""
         ahead = float(way @ into)
@@ -109,7 +116,7 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         seen = self._task.state
         along = into - (into @ outward) * outward
         along = along / np.linalg.norm(along)
-        phase = 2 * math.pi * RATE * (seen.time - self._since)
+        phase = self._phase = 2 * math.pi * RATE * (seen.time - self._since)
         goal = place + STROKE * math.sin(phase) * along - seen.bristles
         linear = GAIN * (goal - (goal @ outward) * outward)
         linear = linear + 2 * math.pi * RATE * STROKE * math.cos(phase) * along

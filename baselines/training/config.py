@@ -237,6 +237,11 @@ class TrainConfig:
         settings = self.algorithm_config()
         if isinstance(self.workers, str):
             self._check_far(self.workers, settings)
+        if self.demonstrations.episodes and self.taught:
+            raise ConfigError(
+                f"{self.algo} is shown what to do all along: leave demonstrations out "
+                "(--set demonstrations.episodes=0)"
+            )
         if self.demonstrations.episodes and getattr(settings, "cloning_updates", None) == 0:
             raise ConfigError(
                 f"{self.algo} learns from its own episodes only: leave demonstrations out "

@@ -22,6 +22,7 @@ from .view import View
 
 Floats = npt.NDArray[np.float32]
 STAGE = ("spread", "tolerance", "force")  # what a curriculum sets; 1 is the task as it is
+MEMORY = "memory"  # name of what a learner wrote a control step before
 BASE = "scripted_action"  # name of what a residual, or a teacher, adds to the observation
 
 
@@ -82,12 +83,13 @@ class LearnerEnv:
         try:
             self._refuse_arrays()
             self._views = self._make_views()
-            self.layout = self._lay_out()
             self._bases: dict[str, Policy] = {
                 role: make_policy(env, recipe.task, role, "scripted") for role in recipe.residual
             }
             if recipe.taught:
                 self._bases = {**self.demonstrators(), **self._bases}
+            self._memories = {role: memory_of(self._bases.get(role)) for role in env.cast}
+            self.layout = self._lay_out()
         except BaseException:
             env.close()
             raise
@@ -131,8 +133,11 @@ class LearnerEnv:
             parts = [(name, part.stop - part.start) for part, name, _ in env.describe(role)]
             if role in self._views:
                 parts = list(self._views[role].parts)
+            kept = len(self._memories[role])
+            if kept:
+                parts.append((MEMORY, kept))
             if role in residual or self.recipe.taught:
-                parts.append((BASE, env.cast[role].action_size))
+                parts.append((BASE, env.cast[role].action_size + kept))
             observed[group] = tuple(parts)
         self._spans = [(role, max(at.stop for at, *_ in env.describe(role))) for role in env.cast]
         state_size = sum(
@@ -142,7 +147,10 @@ class LearnerEnv:
         return Layout(
             groups,
             observed,
-            {group: env.cast[role].action_size for group, role in first.items()},
+            {
+                group: env.cast[role].action_size + len(self._memories[role])
+                for group, role in first.items()
+            },
             {group: env.cast[role].action_low for group, role in first.items()},
             state_size,
         )
@@ -165,6 +173,8 @@ class LearnerEnv:
             base.reset(np.random.default_rng([seed, self._order.index(role)]))
         for view in self._views.values():
             view.reset()
+        for memory in self._memories.values():
+            memory[:] = 0.0
         for values in (*self.reward.values(), *self.cost.values()):
             values[:] = 0.0
         self.terminated = self.truncated = False
@@ -204,22 +214,28 @@ class LearnerEnv:
     def _applied(self, role: str, action: Floats, low: float) -> npt.NDArray[Any]:
         scale = self.recipe.residual.get(role)
         if scale is None:
-            return action
+            size = self.care_env.cast[role].action_size
+            self._memories[role][:] = action[size:]
+            return action[:size]
         return np.clip(self._base_actions[role] + scale * action, low, 1.0)
 
     def _take(
         self, observations: Mapping[str, Floats], infos: Mapping[str, Mapping[str, float]]
     ) -> None:
         for role, base in self._bases.items():
-            self._base_actions[role] = np.array(base.act())  # a copy: scripts may reuse theirs
+            shown = np.array(base.act())  # a copy: scripts may reuse theirs
+            if self.recipe.taught:
+                shown = np.concatenate((shown, memory_of(base)))
+            self._base_actions[role] = shown
         for group, roles in self.groups.items():
             for row, role in zip(self.observation[group], roles, strict=True):
                 seen = observations[role]
                 if role in self._views:
                     seen = self._views[role].read(seen)
-                row[: len(seen)] = seen
+                parts: list[npt.NDArray[Any]] = [seen, self._memories[role]]
                 if role in self._bases:
-                    row[len(seen) :] = self._base_actions[role]
+                    parts.append(self._base_actions[role])
+                row[:] = np.concatenate(parts)
         self.state[:] = self._whole_state()
         self.success = bool(next(iter(infos.values()))["success"])
 
@@ -261,3 +277,9 @@ class LearnerEnv:
     def close(self) -> None:
         """Free the scene; safe to call twice."""
         self.care_env.close()
+
+
+def memory_of(script: Policy | None) -> npt.NDArray[np.float64]:
+    """Return what a script keeps in mind, each value -1 to 1, shape [k]; of none if it does not tell."""
+    tells = getattr(script, "memory", None)
+    return np.zeros(0) if tells is None else np.array(tells())

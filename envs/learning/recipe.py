@@ -67,7 +67,9 @@ class EnvRecipe:
         randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
         views: For roles that learn, what their network reads of what they observe, see `ViewConfig`; all
             of it where nothing is given.
-        taught: Whether learners also get what their script would do now, at the end of what they observe.
+        taught: Whether learners also get what their script would do now, at the end of what they observe,
+            and keep in mind what it keeps in mind: so many values more of an action are what they observe
+            next as `memory`.
 
     Raises:
         UnknownNameError: If the task, a role or a policy does not exist.
