@@ -283,7 +283,7 @@ class Robot(Agent):
         raise UnknownNameError("mount", chosen, self.config.mounts)
 
     def spawn(self, world: World, pose: Pose) -> None:
-        self._world = world
+        self.world = world
         assembly = self.assembly
         self.body = world.load_urdf(
             assembly.files.urdf,
@@ -455,7 +455,7 @@ class Robot(Agent):
         pose = self.tool_pose() @ body_in_tool
         arm = self._main
         if arm not in self._grasps:
-            self._grasps[arm] = Grasp(self._world, self.body, self.tool_link, self.gripper)
+            self._grasps[arm] = Grasp(self.world, self.body, self.tool_link, self.gripper)
         return self._grasps[arm].take(body, pose, body_in_tool, force=force)
 
     def set_gripper(self, closing: float, *, arm: str | None = None) -> None:
