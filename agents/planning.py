@@ -128,6 +128,15 @@ def plan(agent: Agent, goal: Wish, request: Request) -> Path:
     )
 
 
+def posed(agent: Agent, request: Request) -> Problem:
+    """Return what postures of an agent must hold in the world as it is now; it has no goals yet.
+
+    Raises:
+        MissingPackageError: If the extra `plan` is not installed.
+    """
+    return _problem(agent, (), request)[1]
+
+
 def _problem(agent: Agent, goal: Wish, request: Request) -> tuple[_Mover, Problem]:
     """Return who is to move, and what a way must hold in the world as it is now."""
     mover = _of_person(agent, goal, request) if isinstance(agent, Human) else _of_robot(agent, request)
