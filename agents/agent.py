@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import abc
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -124,11 +124,12 @@ class Agent(abc.ABC):
 
         Args:
             goal: Joints [rad or m] by name; or, of a robot, the whole posture of the arm, shape [n], or
-                the pose of its tool in the world; or, of a person, goals as `WholeBodyIk` has them.
+                the pose of its tool in the world, or several of which one is enough; or, of a person,
+                goals as `WholeBodyIk` has them.
             avoid: Distance from some agents or bodies [m]; None lets it go through one.
             gap: Distance from everything else [m].
             planner: `rrt_connect`, or `bit_star`, which uses all its time for a shorter way.
-            within_s: Time to plan [s].
+            within_s: Time to plan on one core [s].
             tilt: By how much what a tool holds may lean from how it is now [rad]; None: as it likes.
             speed: Share of the greatest speeds and accelerations.
             seed: Of the planner's chance.
@@ -140,7 +141,26 @@ class Agent(abc.ABC):
             ConfigError: If the goal is not one for this agent, or a number is impossible.
             MissingPackageError: If the extra `plan` is not installed.
         """
-        from .planning import Request, plan  # which knows robots and people, and takes long to import
+        from .planning import (
+            Request,
+            plan,
+        )  # which knows robots and people, and takes long to import
 
         wishes = Request(avoid, gap, planner, within_s, tilt, speed, seed, arm, kind)
         return plan(self, goal, wishes)
+
+    def follow(self, path: Path, duration: float) -> Iterator[Array]:
+        """Yield the actions that lead along a path of `plan`, each as the agent is when it is asked for.
+
+        Tool modes lead the tool along it; a redundant arm may then hold its elbow otherwise.
+
+        Args:
+            path: The path.
+            duration: Length of the control step [s].
+
+        Raises:
+            ConfigError: If the control mode of a robot cannot follow one.
+        """
+        from .planning import follow
+
+        return follow(self, path, duration)

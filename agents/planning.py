@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
@@ -16,27 +15,34 @@ from rcare_marl.errors import ConfigError, PlanningError, check_name, shown
 from rcare_marl.model.urdf import Follow
 from rcare_marl.planning.clearance import Clearance, Keep, check_installed
 from rcare_marl.planning.path import Path, timed
-from rcare_marl.planning.search import PLANNERS, Level, Planner, Problem, ways
-from rcare_marl.pose import Array, Pose
+from rcare_marl.planning.search import PLANNERS, Level, Planner, Problem, clock, ways
+from rcare_marl.pose import Array, Pose, conjugate, multiply, rotation_vector
 
 from .agent import Agent
 from .people.body.goal import Goal
 from .people.body.ik import WholeBodyIk
 from .people.body.skeleton import DOF_INDEX
 from .people.human import Human
+from .robots.arm import Arm
+from .robots.control import JointDelta, JointPosition, JointVelocity, ToolMotion, ToolPose
 from .robots.robot import Robot
 from .robots.self_collision import touching_links
 
 if TYPE_CHECKING:
     from .people.profile import Range
 
-Wish: TypeAlias = Mapping[str, float] | Sequence[float] | Array | Pose | Sequence[Goal]
+Wish: TypeAlias = Mapping[str, float] | Sequence[float] | Array | Pose | Sequence[Pose | Goal]
 
 # All our own choices.
-ACCELERATING = 0.2  # [s] in which a joint of a robot comes to its greatest speed, as `JointPosition` has it
+ACCELERATING = (
+    0.2  # [s] in which a joint of a robot comes to its greatest speed, as `JointPosition` has it
+)
 PERSON_SPEED, PERSON_ACCELERATION = 1.5, 5.0  # [rad/s], [rad/s²] of the joints of a person at ease
 REACHED = (0.003, 0.03)  # [m], [rad] by which the tool may miss a place
-ENDS = 6  # postures that reach it, among which a search may choose
+FOUND, ENDS = (
+    12,
+    3,
+)  # postures that reach it: looked for, and the nearest, among which a search may choose
 DEEPEST = 0.01  # [m] that a start may be in something
 HALF_TURN = math.pi  # [rad] of a joint that turns on and on, each way
 
@@ -49,7 +55,7 @@ class Request:
         avoid: Distance from some agents or bodies [m]; None lets it go through one.
         gap: Distance from everything else [m].
         planner: `rrt_connect`, or `bit_star`, which uses all its time for a shorter way.
-        within_s: Time to plan [s].
+        within_s: Time to plan on one core [s].
         tilt: By how much what the tool holds may lean from how it is now [rad]; None as far as it will.
         speed: Share of the greatest speeds and accelerations.
         seed: Of the planner's chance.
@@ -77,7 +83,9 @@ class Request:
             raise ConfigError(f"tilt must be above 0 and below a right angle, got {self.tilt} rad")
         for body, gap in self.avoid.items():
             if gap is not None and not 0 <= gap <= 1:
-                raise ConfigError(f"distance from {body.name!r} must be 0 to 1 m or None, got {gap}")
+                raise ConfigError(
+                    f"distance from {body.name!r} must be 0 to 1 m or None, got {gap}"
+                )
 
 
 @dataclass(frozen=True)
@@ -104,7 +112,7 @@ def plan(agent: Agent, goal: Wish, request: Request) -> Path:
         MissingPackageError: If the extra `plan` is not installed.
     """
     check_installed()
-    begin = time.perf_counter()
+    begin = clock()
     mover, problem = _problem(agent, goal, request)
     _check_start(agent, problem)
     problem = replace(problem, goals=_ends(agent, goal, request, problem))
@@ -116,7 +124,7 @@ def plan(agent: Agent, goal: Wish, request: Request) -> Path:
                 mover.joints,
                 times,
                 positions,
-                time.perf_counter() - begin,
+                clock() - begin,
                 way,
                 len(way) == 2,
                 lambda left: _problem(agent, goal, request)[1].holds_along(left),
@@ -126,6 +134,47 @@ def plan(agent: Agent, goal: Wish, request: Request) -> Path:
         f"{agent.name!r} finds no way to its goal in {request.within_s:g} s: give it more time "
         "(within_s), smaller distances to keep (gap, avoid), or more tilt"
     )
+
+
+def follow(agent: Agent, path: Path, duration: float) -> Iterator[Array]:
+    """Yield the actions that lead along a path, each as the agent is when it is asked for."""
+    steps = int(math.ceil(path.duration / duration - 1e-9))
+    for k in range(1, steps + 1):
+        target = path.at(k * duration)
+        if isinstance(agent, Human):
+            yield agent.action_towards(
+                dict(zip(path.joints, target.tolist(), strict=True)), duration
+            )
+        else:
+            yield _leading(agent, path.joints, target, duration)
+
+
+def _leading(agent: Agent, joints: tuple[str, ...], target: Array, duration: float) -> Array:
+    """Return the action of a robot that leads one arm to `target` [rad or m], shape [n]; all else is 0."""
+    assert isinstance(agent, Robot)  # who has a path is that or a person
+    out, first = np.zeros(agent.action_size), 0
+    for part in agent.parts.values():
+        control, arm = part.control, part.joints
+        own = slice(first, first + control.size)
+        first = own.stop
+        if not isinstance(arm, Arm) or arm.names != joints:
+            continue
+        if isinstance(control, JointPosition):
+            out[own] = control.action_for(target)
+        elif isinstance(control, JointDelta | JointVelocity):
+            out[own] = (target - arm.positions()) / (control.max * duration)
+        elif isinstance(control, ToolPose):
+            out[own] = control.action_for(arm.chain.tip_pose(target))
+        elif isinstance(control, ToolMotion):
+            now, then = (arm.chain.tip_pose(posture) for posture in (arm.positions(), target))
+            turn = rotation_vector(multiply(then.quaternion, conjugate(now.quaternion)))
+            way = np.subtract(then.position, now.position)
+            out[own] = control.action(way / duration, turn / duration)
+        else:
+            raise ConfigError(
+                f"{type(control).__name__} cannot follow a path: choose joint_position"
+            )
+    return np.clip(out, -1.0, 1.0)
 
 
 def posed(agent: Agent, request: Request) -> Problem:
@@ -139,7 +188,9 @@ def posed(agent: Agent, request: Request) -> Problem:
 
 def _problem(agent: Agent, goal: Wish, request: Request) -> tuple[_Mover, Problem]:
     """Return who is to move, and what a way must hold in the world as it is now."""
-    mover = _of_person(agent, goal, request) if isinstance(agent, Human) else _of_robot(agent, request)
+    mover = (
+        _of_person(agent, goal, request) if isinstance(agent, Human) else _of_robot(agent, request)
+    )
     bodies = {
         each.body if isinstance(each, Agent) else each: gap for each, gap in request.avoid.items()
     }
@@ -149,7 +200,9 @@ def _problem(agent: Agent, goal: Wish, request: Request) -> tuple[_Mover, Proble
     level = None
     if request.tilt is not None:
         if mover.link is None:
-            raise ConfigError(f"{agent.name!r} has no tool that could be kept level: tilt is for robots")
+            raise ConfigError(
+                f"{agent.name!r} has no tool that could be kept level: tilt is for robots"
+            )
         up = clear.link_turn(mover.link, mover.start).T @ (0.0, 0.0, 1.0)
         level = Level(mover.link, up, request.tilt)
     return mover, Problem(clear, mover.start, (), mover.lower, mover.upper, level)
@@ -224,10 +277,10 @@ def _ends(agent: Agent, goal: Wish, request: Request, problem: Problem) -> list[
         tried.append(posture)
         if problem.holds(posture):
             found.append(posture)
-            if len(found) == ENDS:
+            if len(found) == FOUND:
                 break
     if found:
-        return found
+        return sorted(found, key=lambda end: float(np.abs(end - problem.start).max()))[:ENDS]
     if not tried:
         raise PlanningError(f"{agent.name!r} cannot reach the goal, whatever stands there")
     best = tried[0]
@@ -259,11 +312,13 @@ def _wished(agent: Agent, goal: Wish, request: Request, problem: Problem) -> Ite
         return
     assert isinstance(agent, Robot)  # or there is no problem
     arm = agent.arms[request.arm or next(iter(agent.arms))]
-    if isinstance(goal, Pose):
+    poses = [goal] if isinstance(goal, Pose) else list(goal)
+    if poses and all(isinstance(pose, Pose) for pose in poses):
         arm.track()
-        for found in arm.solutions(goal, start):
-            if found.is_within(*REACHED):
-                yield _near(found.posture, start, arm.upper)
+        for together in zip(*(arm.solutions(pose, start) for pose in poses), strict=True):
+            for found in together:
+                if found.is_within(*REACHED):
+                    yield _near(found.posture, start, arm.upper)
         return
     if isinstance(goal, Mapping):
         for name in goal:
@@ -272,7 +327,9 @@ def _wished(agent: Agent, goal: Wish, request: Request, problem: Problem) -> Ite
     else:
         posture = np.asarray(goal, np.float64)
     if posture.shape != start.shape or not np.isfinite(posture).all():
-        raise ConfigError(f"a posture of {agent.name!r} has {len(start)} numbers, got {shown(goal)}")
+        raise ConfigError(
+            f"a posture of {agent.name!r} has {len(start)} numbers, got {shown(goal)}"
+        )
     yield _near(posture, start, arm.upper)
 
 

@@ -1,20 +1,24 @@
 """A hand-written robot that feeds: level the spoon, come in front of the mouth, wait, go in.
 
 Between bites it draws back until the spoon is filled, and waits until the mouth is empty. From who does not
-want it, it draws back at once.
+want it, it draws back at once. Where something hangs in the way, it plans a way round it first.
 """
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
+from rcare_marl.agents.agent import Agent
+from rcare_marl.body import Body
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.scenes.meal import TAKEN_AWAY
-from rcare_marl.envs.tasks.feeding import FOOD_COUNT, LOADED_FROM, OPEN_MOUTH, Feeding
-from rcare_marl.pose import Array
+from rcare_marl.envs.scenes.meal import OPEN_MOUTH, TAKEN_AWAY
+from rcare_marl.envs.tasks.feeding import FOOD_COUNT, LOADED_FROM, Feeding
+from rcare_marl.pose import Array, Pose, about_z, rotate
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, turning, unit
+from .tool_script import Detour, ToolScript, limited, turning, unit
 
 # All our own choices.
 WAIT_IN_FRONT = 0.09  # [m] from mouth to bowl while the mouth is closed
@@ -24,6 +28,10 @@ GAIN, TURN_GAIN = 2.5, 2.5  # [1/s]
 FAST, SLOW = 0.20, 0.06  # [m/s] far from the mouth, and near it
 NEAR = 0.12  # [m]
 ACCELERATION = 0.6  # [m/s²] that keeps food on the spoon
+FROM_PERSON, FROM_BAG = 0.02, 0.02  # [m] that it keeps on the way round
+ROUND = 0.12, 0.16  # [m] from mouth to bowl, to where a way round an obstacle may lead
+TURNED = 0.0, 0.3, -0.3, 0.6, -0.6  # [rad] from ahead of the face, likewise
+TILT = 0.15  # [rad] that the spoon may lean on it
 
 
 @register_policy("feeding", "robot", "scripted")
@@ -35,6 +43,7 @@ class ScriptedFeeding(ToolScript[Feeding]):
     def _begin(self) -> None:
         self._velocity, self._offering = np.zeros(3), Offering()
         self._mouth: Array | None = None
+        self._detour: Detour | None = None
         self._face = np.array((1.0, 0.0, 0.0))
 
     def act(self) -> Array:
@@ -53,6 +62,8 @@ class ScriptedFeeding(ToolScript[Feeding]):
         goal = self._mouth + away * self._face
         if offers and seen.refusal.is_no:
             goal = seen.mouth + ASK * unit(seen.bowl - seen.mouth)
+        if task.bag.bodies:
+            goal = self._round(goal, level)
         error = goal - seen.bowl
         wished = limited(GAIN * error, SLOW if offers and seen.distance < NEAR else FAST)
         step = ACCELERATION * task.control_dt
@@ -61,3 +72,20 @@ class ScriptedFeeding(ToolScript[Feeding]):
         if seen.refusal.turned:  # it asks from where it is, and does not go round the head
             turn = np.zeros(3)
         return self._about(seen.bowl, self._velocity, turn)  # so that turning does not move food
+
+    def _round(self, goal: Array, level: Array) -> Array:
+        """Return the next place of the bowl on a planned way in front of the face; `goal` once it is there."""
+        task, seen = self._task, self._task.state
+        if self._detour is None:
+            ends = []
+            for away, turn in itertools.product(ROUND, TURNED):
+                facing = rotate(about_z(turn), -level)
+                place = tuple((self._mouth - away * facing).tolist())
+                bowl = Pose(place, tuple(task.spoon_facing(facing).tolist()))
+                ends.append(task.tool_for(bowl))
+            self._detour = Detour(self._robot, ends, seen.bowl, self._kept(), TILT)
+        return self._detour.next(seen.bowl, goal)
+
+    def _kept(self) -> dict[Agent | Body, float]:
+        """Return how far to keep from whom [m]."""
+        return {self._task.recipient: FROM_PERSON, **dict.fromkeys(self._task.bag.bodies, FROM_BAG)}

@@ -7,6 +7,7 @@ it does not matter when one asks, nor which engine moves the world.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -104,13 +105,9 @@ class Clearance:
         self._moved, self._shift = self._grow(followers or {})
         self._data = self._tree.createData()
         held = self._take_own(world)
-        moving = len(self._owners)
         self._take_others(world, held)
-        self._pair_up(world, held, moving)
-        self._shapes = self._solids.createData()
-        self._margins = np.array([self._margin(pair) for pair in self._solids.collisionPairs])
         self.too_near: list[tuple[str, str, float]] = []
-        self._set_margins()
+        self._pair_up(world)
 
     def _grow(self, followers: Mapping[str, Follow]) -> tuple[Array, Array]:
         """Build the tree of joints; return how their places come from the joints in question."""
@@ -131,7 +128,9 @@ class Clearance:
                 self._nodes[joint.child] = (node, at @ joint_pose(joint, place))
                 continue
             row = np.zeros(len(index))
-            row[index[name if rule is None else rule.joint]] = 1.0 if rule is None else rule.multiplier
+            row[index[name if rule is None else rule.joint]] = (
+                1.0 if rule is None else rule.multiplier
+            )
             rows.append(row)
             shifts.append(0.0 if rule is None else rule.offset)
             slides = joint.kind == "prismatic"
@@ -174,10 +173,17 @@ class Clearance:
     def _take_others(self, world: World, held: Sequence[tuple[Body, Pose]]) -> None:
         """Add the shapes of all other bodies that can be reached, but for what rests on what is held."""
         own = {self._body, *(body for body, _ in held)}
-        moving = [s for s, (body, _) in zip(self._solids.geometryObjects, self._owners, strict=True)]
+        moving = [
+            s for s, (body, _) in zip(self._solids.geometryObjects, self._owners, strict=True)
+        ]
         reach = max(
-            (self._reach[s.parentJoint] + float(np.linalg.norm(s.placement.translation)) + solid.radius
-             for s, (_, solid) in zip(moving, self._owners, strict=True) if s.parentJoint),
+            (
+                self._reach[s.parentJoint]
+                + float(np.linalg.norm(s.placement.translation))
+                + solid.radius
+                for s, (_, solid) in zip(moving, self._owners, strict=True)
+                if s.parentJoint
+            ),
             default=0.0,
         )
         passing = self._keep.bodies
@@ -201,9 +207,7 @@ class Clearance:
     @staticmethod
     def _rests(world: World, body: Body, held: Sequence[tuple[Body, Pose]]) -> bool:
         """Return whether a loose thing lies on what is held, and so goes with it."""
-        return any(
-            world.separation(body, other, within=2 * RESTING) < RESTING for other, _ in held
-        )
+        return any(world.separation(body, other, within=2 * RESTING) < RESTING for other, _ in held)
 
     def _add(self, body: Body, solid: _Solid, node: int, at: Pose) -> None:
         name = f"{body.name}/{solid.name}/{len(self._owners)}"
@@ -212,35 +216,33 @@ class Clearance:
         self._solids.addGeometryObject(made)
         self._owners.append((body, solid))
 
-    def _pair_up(self, world: World, held: Sequence[tuple[Body, Pose]], moving: int) -> None:
+    def _pair_up(self, world: World) -> None:
         """Name the pairs that must keep apart: what moves against all else that physics lets collide."""
-        nodes = [shape.parentJoint for shape in self._solids.geometryObjects]
-        said, own, pair = world.filter.said, set(self._keep.own), self._pin.CollisionPair
-        owners = [(body, solid.link, (body.uid, solid.link)) for body, solid in self._owners]
-        for a in range(moving):
-            body, link, place = owners[a]
-            for b in range(a + 1, len(owners)):
-                other, its_link, its_place = owners[b]
-                if nodes[a] == nodes[b]:
-                    continue
-                if body is other:
-                    wanted = frozenset((link, its_link)) in own
-                else:
-                    wanted = bool(nodes[a]) and said.get(frozenset((place, its_place)), True)
-                if wanted:
-                    self._solids.addCollisionPair(pair(a, b))
+        nodes = np.array([shape.parentJoint for shape in self._solids.geometryObjects])
+        uids = np.array([body.uid for body, _ in self._owners])
+        places: dict[tuple[int, int], list[int]] = {}
+        for i, (body, solid) in enumerate(self._owners):
+            places.setdefault((body.uid, solid.link), []).append(i)
+        wanted = (nodes[:, None] != nodes) & (uids[:, None] != uids)
+        told = {frozenset((self._body.uid, a) for a in pair): True for pair in self._keep.own}
+        for pair, collide in (world.filter.said | told).items():
+            ends = [places[place] for place in (*pair, *pair)[:2] if place in places]
+            if len(ends) == 2 and (not collide or pair in told):
+                for a, b in itertools.product(*ends):
+                    wanted[a, b] = wanted[b, a] = collide and nodes[a] != nodes[b]
+        self._solids.setCollisionPairs(np.triu(wanted, 1))
+        bodies = self._keep.bodies
+        kept = np.array([np.nan if (g := bodies.get(b)) is None else g for b, _ in self._owners])
+        margins = np.fmax(kept[:, None], kept)
+        margins[np.isnan(margins)] = self._keep.gap
+        margins[uids[:, None] == uids] = 0.0
+        self._shapes = self._solids.createData()
+        self._shapes.setSecurityMargins(self._solids, margins, True, True)
+        self._ready()
 
-    def _margin(self, pair: Any) -> float:
-        first, second = (self._owners[i][0] for i in (pair.first, pair.second))
-        if first is second:
-            return 0.0
-        kept = [gap for body in (first, second) if (gap := self._keep.bodies.get(body)) is not None]
-        return max(kept) if kept else self._keep.gap
-
-    def _set_margins(self) -> None:
-        for request, margin in zip(self._shapes.collisionRequests, self._margins.tolist(), strict=True):
-            request.security_margin = margin
-        manager = self._pin.BroadPhaseManager_DynamicAABBTreeCollisionManager
+    def _ready(self) -> None:
+        """Sort the shapes into boxes: one tree for each joint, so that what stands is not tested."""
+        manager = self._pin.TreeBroadPhaseManager_DynamicAABBTreeCollisionManager
         self._manager = manager(self._tree, self._solids, self._shapes)
 
     def full(self, posture: Array) -> Array:
@@ -278,9 +280,9 @@ class Clearance:
         near = list(self._near(posture))
         self.too_near = sorted((self._told(k, gap) for k, gap in near), key=lambda e: e[2])
         for k, gap in near:
-            self._margins[k] = gap - KEPT
+            self._shapes.collisionRequests[k].security_margin = gap - KEPT
         if near:
-            self._set_margins()
+            self._ready()
 
     def link_turn(self, link: str, posture: Array) -> Array:
         """Return how a link of the body is turned in the world at a posture, shape [3, 3]."""

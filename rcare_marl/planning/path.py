@@ -108,5 +108,3 @@ def timed(way: Array, velocity: Array, acceleration: Array) -> tuple[Array, Arra
     hard = (np.abs(trajectory(times, 2)) / acceleration).max()
     slower = max(float(fast), float(hard) ** 0.5, 1.0)
     return times * slower, np.asarray(trajectory(times))
-
-

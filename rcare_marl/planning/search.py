@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,8 +19,11 @@ PLANNERS: tuple[Planner, ...] = ("rrt_connect", "bit_star")
 STEP = 0.04  # [rad or m] along a way between two postures that a search tests; own choice
 FINE = 0.01  # the same, of a way that is found
 RANGE = 1.0  # [rad or m] that a tree grows at once; own choice
-TRIES = 6  # of a search within its time; own choice
-SIMPLIFYING = 0.5  # [s] at most, for the shortening of a way
+SIMPLIFYING = 0.25  # [s] at most, for the shortening of a way
+PATIENCE = (
+    0.5  # share of the time left that one try may take: to begin anew often helps; own choice
+)
+clock = time.thread_time  # of one core, however busy the machine is
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,7 @@ def ways(problem: Problem, planner: Planner, until: float, seed: int) -> Iterato
     Args:
         problem: What is looked for.
         planner: Who looks.
-        until: When to give up [s], by `time.perf_counter`.
+        until: When to give up [s], by `clock`.
         seed: Of the planner's chance.
     """
     by_way = sorted(problem.goals, key=lambda goal: float(np.abs(goal - problem.start).max()))
@@ -117,16 +121,17 @@ def ways(problem: Problem, planner: Planner, until: float, seed: int) -> Iterato
         straight = np.array((problem.start, goal))
         if problem.holds_along(straight):
             yield straight
-    for k in range(TRIES):
-        left = until - time.perf_counter()
+    share = PATIENCE if planner == "rrt_connect" else 1.0
+    for k in itertools.count():
+        left = until - clock()
         if left <= 0:
             return
-        found = _search(problem, planner, left, seed + k)
+        found = _search(problem, planner, until - left + max(share * left, 0.1), seed + k)
         if found is not None:
             yield from found
 
 
-def _search(problem: Problem, planner: Planner, budget: float, seed: int) -> list[Array] | None:
+def _search(problem: Problem, planner: Planner, until: float, seed: int) -> list[Array] | None:
     """Return the shortened way and the plain one; None if there is none in time."""
     from ompl import base, geometric, util
 
@@ -161,7 +166,7 @@ def _search(problem: Problem, planner: Planner, budget: float, seed: int) -> lis
     if planner == "rrt_connect":
         made.setRange(RANGE)
     setup.setPlanner(made)
-    setup.solve(budget)
+    setup.solve(base.PlannerTerminationCondition(lambda: clock() > until))
     if not setup.haveExactSolutionPath():
         return None
     plain = _rows(setup.getSolutionPath(), count)
@@ -208,5 +213,3 @@ def _constraint(problem: Problem) -> Any:
             out[:, :] = np.cross(rates.T, top).T[:2]
 
     return Upright(len(problem.start), 2, 0.9 * float(np.sin(level.tilt)))
-
-

@@ -28,6 +28,9 @@ from .control import ToolMotion
 Six = tuple[float, float, float, float, float, float]
 AXES = ("x", "y", "z", "about x", "about y", "about z")
 RANGE = 4.0  # times as stiff, or as little, at the ends of an action that varies it; own choice
+BRAKING = (
+    0.3  # share of the speed above a joint's greatest that is taken in a physics step; own choice
+)
 STILL = 2.0  # [1/s] by which joints lose speed that the tool leaves free; own choice
 
 
@@ -90,7 +93,6 @@ class ToolImpedance(ToolMotion):
         self._goal = np.zeros((3, 4))
         self._twist = np.zeros(6)
         self.wrench = np.zeros(6)
-        arm.limit_speed()
 
     def reset(self) -> None:
         arm = self._arm
@@ -104,14 +106,24 @@ class ToolImpedance(ToolMotion):
         if self.compliance.varies:
             stiffness = self._stiffness * RANGE ** action[6:12]
             damping = self._damping * RANGE ** action[12:18]
-            error, turn = self._error(self._arm.chain.tip_frame(self._arm.positions()))
+            error, turn = self.stretch(self._arm.positions())
             # As much energy in a stiffer spring: it is stretched less.
             share = np.sqrt(np.minimum(self._gains[0] / np.maximum(stiffness, 1e-9), 1.0))
             self._shift((share - 1.0) * error, turn)
             self._gains = stiffness, damping
 
-    def _error(self, real: Array) -> tuple[Array, Array]:
-        """Return how far the rest is from the tool along the axes, shape [6], and those, shape [3, 3]."""
+    @property
+    def stiffness(self) -> Array:
+        """Of the spring now, along its axes [N/m] and [N·m/rad], shape [6]."""
+        return self._gains[0]
+
+    def stretch(self, positions: Array) -> tuple[Array, Array]:
+        """Return how far the rest is from the tool along the axes, shape [6], and those, shape [3, 3].
+
+        Args:
+            positions: Of the joints [rad or m], shape [n].
+        """
+        real = self._arm.chain.tip_frame(positions)
         turn = real[:, :3] if self.compliance.axes == "tool" else np.eye(3)
         way, angle = self._goal[:, 3] - real[:, 3], rotation_vector(self._goal, real)
         return np.concatenate((turn.T @ way, turn.T @ angle)), turn
@@ -127,7 +139,7 @@ class ToolImpedance(ToolMotion):
         arm.align()
         positions, velocities = arm.states()
         torques, self.wrench, weight = _pull(
-            (chain.arrays, chain.tip, arm.mass_matrix(positions)),
+            (chain.arrays, chain.tip, arm.mass_matrix(positions), arm.velocity),
             self._goal,
             positions,
             velocities,
@@ -146,7 +158,8 @@ def _pull(chain, goal, positions, velocities, twist, gains, dt, is_of_tool):  # 
     """Move `goal` [3, 4] in place; return joint torques [n], wrench along the axes [6], weight [n].
 
     Args:
-        chain: The fields of the arm's `Tree`, the frame of the tool in its last part, and the mass matrix.
+        chain: The fields of the arm's `Tree`, the frame of the tool in its last part, the mass matrix, and
+            the greatest speeds of the joints.
         goal: Rest of the spring.
         positions: Of the joints, shape [n].
         velocities: Of the joints, shape [n].
@@ -155,7 +168,7 @@ def _pull(chain, goal, positions, velocities, twist, gains, dt, is_of_tool):  # 
         dt: Physics step [s].
         is_of_tool: Whether axes are those of the tool.
     """
-    arrays, tip, mass = chain
+    arrays, tip, mass, fastest = chain
     stiffness, damping, limit = gains
     tree, frames, real = Tree(*arrays), new_frames(len(positions)), np.empty((3, 4))
     place_chain(tree, tip, positions, frames, real)
@@ -177,7 +190,8 @@ def _pull(chain, goal, positions, velocities, twist, gains, dt, is_of_tool):  # 
         turn_frame(goal, turn @ (kept[3:] - error[3:]))
     own = np.empty_like(matrix)
     own[:3], own[3:] = back @ matrix[:3], back @ matrix[3:]
-    ease = own @ np.linalg.solve(mass, own.T.copy())  # what the tool gains by each wrench
+    inverse = np.linalg.inv(mass)
+    ease = own @ inverse @ own.T  # what the tool gains by each wrench
     speed = own @ velocities
     wrench = np.empty(6)
     for i in range(6):
@@ -186,4 +200,10 @@ def _pull(chain, goal, positions, velocities, twist, gains, dt, is_of_tool):  # 
             total += abs(ease[i, k]) * math.sqrt(ease[i, i] / max(ease[k, k], 1e-9))
         brake = min(damping[i] + dt * stiffness[i], 1.0 / max(dt * total, 1e-9))
         wrench[i] = min(max(stiffness[i] * kept[i] - brake * speed[i], -limit[i]), limit[i])
-    return own.T @ wrench - STILL * (mass @ velocities), wrench, weight
+    torques = own.T @ wrench - STILL * (mass @ velocities)
+    for j in range(
+        len(velocities)
+    ):  # what is too fast is braked: to cut its speed could speed up others
+        excess = velocities[j] - min(max(velocities[j], -fastest[j]), fastest[j])
+        torques[j] -= BRAKING * excess / (dt * inverse[j, j])
+    return torques, wrench, weight
