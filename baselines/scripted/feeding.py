@@ -74,7 +74,7 @@ class ScriptedFeeding(ToolScript[Feeding]):
         return self._about(seen.bowl, self._velocity, turn)  # so that turning does not move food
 
     def _round(self, goal: Array, level: Array) -> Array:
-        """Return the next place of the bowl on a planned way in front of the face; `goal` once it is there."""
+        """Return the next place of the bowl on a planned way before the face; `goal` from its end on."""
         task, seen = self._task, self._task.state
         if self._detour is None:
             ends = []

@@ -148,8 +148,8 @@ class Feeding(Meal):
     def _start_pose(self, offset: Vector) -> Pose:
         """Return a start pose of the bowl: level, in front of the face, its tip towards it."""
         gap = START_GAP[0] + (START_GAP[1] - START_GAP[0]) * float(offset[3])
-        position = self._mouth_at_rest + (gap + offset[0], offset[1], offset[2] - 0.05)
-        position += self.bag.aside
+        away = (gap + offset[0], offset[1], offset[2] - 0.05)
+        position = self._mouth_at_rest + away + self.bag.aside
         return Pose(tuple(position.tolist()), tuple(self._spoon.facing((-1.0, 0.0, 0.0)).tolist()))
 
     def tool_for(self, bowl: Pose) -> Pose:
@@ -258,12 +258,10 @@ class Feeding(Meal):
         return eaten, spilled
 
     def observables(self, role: str) -> Sequence[Seen]:
-        several = [
-            Seen("mouth_ready", "1", 1, lambda s: s.mouthful.is_ready),
-            Seen("bites_left", "1", 1, lambda s: self.options.bites - s.mouthful.swallowed),
-        ]
+        ready = Seen("mouth_ready", "1", 1, lambda s: s.mouthful.is_ready)
+        left = Seen("bites_left", "1", 1, lambda s: self.options.bites - s.mouthful.swallowed)
         return [
-            *(several if self.options.bites > 1 else ()),
+            *((ready, left) if self.options.bites > 1 else ()),
             Seen("bowl_position", "m", 3, lambda s: s.bowl),
             Seen("bowl_to_mouth", "m", 3, lambda s: s.mouth - s.bowl),
             Seen("bowl_up", "1", 3, lambda s: s.up),
@@ -273,8 +271,7 @@ class Feeding(Meal):
             Seen("food_eaten", "1", 1, lambda s: s.eaten / FOOD_COUNT),
             self.contact_force(),
             self.time_left(),
-            *refusal_seen(self.options),
-            *self.bag.seen(),
+            *(*refusal_seen(self.options), *self.bag.seen()),
         ]
 
     def rewards(self, role: str, state: FeedingState) -> Mapping[str, Values]:
@@ -317,9 +314,8 @@ class Feeding(Meal):
         }
 
     def is_success(self, state: FeedingState) -> Values:
-        is_fed = state.eaten == FOOD_COUNT
-        if self.options.bites > 1:
-            is_fed = state.mouthful.swallowed >= self.options.bites
+        several, swallowed = self.options.bites > 1, state.mouthful.swallowed
+        is_fed = swallowed >= self.options.bites if several else state.eaten == FOOD_COUNT
         return is_fed | state.refusal.is_respected
 
     def is_failure(self, state: FeedingState) -> Values:
