@@ -241,8 +241,8 @@ class Clearance:
         self._ready()
 
     def _ready(self) -> None:
-        """Sort the shapes into boxes: one tree for each joint, so that what stands is not tested."""
-        manager = self._pin.TreeBroadPhaseManager_DynamicAABBTreeCollisionManager
+        """Sort the shapes into a tree of boxes."""
+        manager = self._pin.BroadPhaseManager_DynamicAABBTreeCollisionManager
         self._manager = manager(self._tree, self._solids, self._shapes)
 
     def full(self, posture: Array) -> Array:
