@@ -1,9 +1,9 @@
 """Cartesian impedance: the tool as a damped spring towards where it should be, with bounded wrenches.
 
 After N. Hogan, Impedance Control: An Approach to Manipulation, J. of Dynamic Systems, Measurement, and
-Control 107 (1985). The spring is that of the end of each physics step, after J. Tan, K. Liu and G. Turk,
-Stable Proportional-Derivative Controllers, IEEE CG&A 31 (2011); the damper is no harder than one step can
-take, by the mass that the tool has in each direction.
+Control 107 (1985). Spring and damper are those of the end of each physics step, after J. Tan, K. Liu and
+G. Turk, Stable Proportional-Derivative Controllers, IEEE CG&A 31 (2011): the arm's mass tells how fast the
+tool will be by then, and what it did in the last step beside that is taken for the push of others.
 """
 
 from __future__ import annotations
@@ -28,9 +28,8 @@ from .control import ToolMotion
 Six = tuple[float, float, float, float, float, float]
 AXES = ("x", "y", "z", "about x", "about y", "about z")
 RANGE = 4.0  # times as stiff, or as little, at the ends of an action that varies it; own choice
-BRAKING = (
-    0.3  # share of the speed above a joint's greatest that is taken in a physics step; own choice
-)
+# Share of a joint's greatest speed from which it is braked, and of what is beyond that and taken a step.
+BRAKED, BRAKING = 0.9, 0.5  # own choice
 STILL = 2.0  # [1/s] by which joints lose speed that the tool leaves free; own choice
 
 
@@ -93,6 +92,9 @@ class ToolImpedance(ToolMotion):
         self._goal = np.zeros((3, 4))
         self._twist = np.zeros(6)
         self.wrench = np.zeros(6)
+        self._last = np.full(
+            (2, 6), np.nan
+        )  # speed of the tool then, and what its wrench sped it up by
 
     def reset(self) -> None:
         arm = self._arm
@@ -100,6 +102,7 @@ class ToolImpedance(ToolMotion):
         arm.drive_velocities(none, none)
         self._goal[:] = arm.chain.tip_frame(arm.positions())
         self._gains, self._twist = (self._stiffness, self._damping), np.zeros(6)
+        self._last[:] = np.nan
 
     def command(self, action: Array, duration: float) -> None:
         self._twist = self.max[:6] * action[:6]
@@ -141,6 +144,7 @@ class ToolImpedance(ToolMotion):
         torques, self.wrench, weight = _pull(
             (chain.arrays, chain.tip, arm.mass_matrix(positions), arm.velocity),
             self._goal,
+            self._last,
             positions,
             velocities,
             self._twist,
@@ -154,13 +158,14 @@ class ToolImpedance(ToolMotion):
 
 
 @numba.njit(cache=True)
-def _pull(chain, goal, positions, velocities, twist, gains, dt, is_of_tool):  # type: ignore[no-untyped-def]
-    """Move `goal` [3, 4] in place; return joint torques [n], wrench along the axes [6], weight [n].
+def _pull(chain, goal, last, positions, velocities, twist, gains, dt, is_of_tool):  # type: ignore[no-untyped-def]
+    """Move `goal` [3, 4] and `last` [2, 6] in place; return joint torques [n], wrench along the axes [6], weight [n].
 
     Args:
         chain: The fields of the arm's `Tree`, the frame of the tool in its last part, the mass matrix, and
             the greatest speeds of the joints.
         goal: Rest of the spring.
+        last: Speed of the tool a step before, and what the wrench then sped it up by [1/s]; or no numbers.
         positions: Of the joints, shape [n].
         velocities: Of the joints, shape [n].
         twist: How fast the rest moves, shape [6].
@@ -193,17 +198,22 @@ def _pull(chain, goal, positions, velocities, twist, gains, dt, is_of_tool):  # 
     inverse = np.linalg.inv(mass)
     ease = own @ inverse @ own.T  # what the tool gains by each wrench
     speed = own @ velocities
-    wrench = np.empty(6)
+    outside = np.zeros(6)
+    if not math.isnan(last[0, 0]):
+        outside[:] = (speed - last[0]) / dt - last[1]
+    brake = damping + dt * stiffness
+    wrench = np.linalg.solve(
+        np.eye(6) + dt * brake.reshape(6, 1) * ease,
+        stiffness * kept - brake * (speed + dt * outside),
+    )
     for i in range(6):
-        total = 0.0
-        for k in range(6):
-            total += abs(ease[i, k]) * math.sqrt(ease[i, i] / max(ease[k, k], 1e-9))
-        brake = min(damping[i] + dt * stiffness[i], 1.0 / max(dt * total, 1e-9))
-        wrench[i] = min(max(stiffness[i] * kept[i] - brake * speed[i], -limit[i]), limit[i])
+        wrench[i] = min(max(wrench[i], -limit[i]), limit[i])
+    last[0], last[1] = speed, ease @ wrench
     torques = own.T @ wrench - STILL * (mass @ velocities)
     for j in range(
         len(velocities)
     ):  # what is too fast is braked: to cut its speed could speed up others
-        excess = velocities[j] - min(max(velocities[j], -fastest[j]), fastest[j])
+        most = BRAKED * fastest[j]
+        excess = velocities[j] - min(max(velocities[j], -most), most)
         torques[j] -= BRAKING * excess / (dt * inverse[j, j])
     return torques, wrench, weight
