@@ -159,7 +159,7 @@ class ToolImpedance(ToolMotion):
 
 @numba.njit(cache=True)
 def _pull(chain, goal, last, positions, velocities, twist, gains, dt, is_of_tool):  # type: ignore[no-untyped-def]
-    """Move `goal` [3, 4] and `last` [2, 6] in place; return torques [n], wrench along the axes [6], weight [n].
+    """Move `goal` [3, 4], `last` [2, 6]; return torques [n], wrench along the axes [6], weight [n].
 
     Args:
         chain: The fields of the arm's `Tree`, the frame of the tool in its last part, the mass matrix, and
