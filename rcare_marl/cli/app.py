@@ -19,6 +19,8 @@ from .export import export
 from .parameter import (
     BenchAvatar,
     BenchDevice,
+    BenchQueries,
+    BenchRooms,
     BenchSeconds,
     BenchTask,
     BestPolicyName,
@@ -436,12 +438,8 @@ def bench(
     ] = None,
     device: BenchDevice = None,
     processes: WorkerCounts = None,
-    queries: Annotated[
-        int | None, typer.Option(min=1, help="Paths that `planning` looks for in each room.")
-    ] = None,
-    rooms: Annotated[
-        int | None, typer.Option(min=1, max=16, help="Rooms of `planning`, each in another house.")
-    ] = None,
+    queries: BenchQueries = None,
+    rooms: BenchRooms = None,
     as_json: Json = False,
 ) -> None:
     """Measure speed: of a task or all of them, of people with and without muscles, of houses, of learning.
