@@ -15,9 +15,10 @@ from rcare_marl.body import Body
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.scenes.meal import OPEN_MOUTH, TAKEN_AWAY
 from rcare_marl.envs.tasks.feeding import FOOD_COUNT, LOADED_FROM, Feeding
+from rcare_marl.errors import PlanningError
 from rcare_marl.pose import Array, Pose, about_z, rotate
 
-from .offering import Offering
+from .offering import PAUSE, Offering
 from .tool_script import Detour, ToolScript, limited, turning, unit
 
 # All our own choices.
@@ -44,6 +45,7 @@ class ScriptedFeeding(ToolScript[Feeding]):
         self._velocity, self._offering = np.zeros(3), Offering()
         self._mouth: Array | None = None
         self._detour: Detour | None = None
+        self._again = 0.0
         self._face = np.array((1.0, 0.0, 0.0))
 
     def act(self) -> Array:
@@ -83,7 +85,13 @@ class ScriptedFeeding(ToolScript[Feeding]):
                 place = tuple((self._mouth - away * facing).tolist())
                 bowl = Pose(place, tuple(task.spoon_facing(facing).tolist()))
                 ends.append(task.tool_for(bowl))
-            self._detour = Detour(self._robot, ends, seen.bowl, self._kept(), TILT)
+            if seen.time < self._again:
+                return seen.bowl
+            try:
+                self._detour = Detour(self._robot, ends, seen.bowl, self._kept(), TILT)
+            except PlanningError:  # it waits: people move
+                self._again = seen.time + PAUSE
+                return seen.bowl
         return self._detour.next(seen.bowl, goal)
 
     def _kept(self) -> dict[Agent | Body, float]:
