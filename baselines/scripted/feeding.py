@@ -45,7 +45,7 @@ class ScriptedFeeding(ToolScript[Feeding]):
         self._velocity, self._offering = np.zeros(3), Offering()
         self._mouth: Array | None = None
         self._detour: Detour | None = None
-        self._again = 0.0
+        self._again, self._plans, self._left = 0.0, 0, 0
         self._face = np.array((1.0, 0.0, 0.0))
 
     def act(self) -> Array:
@@ -64,8 +64,9 @@ class ScriptedFeeding(ToolScript[Feeding]):
         goal = self._mouth + away * self._face
         if offers and seen.refusal.is_no:
             goal = seen.mouth + ASK * unit(seen.bowl - seen.mouth)
-        if task.bag.bodies:
-            goal = self._round(goal, level)
+        planned = self._round(level) if task.bag.bodies else None
+        if planned is not None:
+            goal = planned[0]
         error = goal - seen.bowl
         wished = limited(GAIN * error, SLOW if offers and seen.distance < NEAR else FAST)
         step = ACCELERATION * task.control_dt
@@ -73,26 +74,41 @@ class ScriptedFeeding(ToolScript[Feeding]):
         turn = turning(task.spoon_facing(-level), seen.turn, TURN_GAIN)
         if seen.refusal.turned:  # it asks from where it is, and does not go round the head
             turn = np.zeros(3)
+        if planned is not None:
+            turn = turning(planned[1], self._robot.tool_pose().quaternion, TURN_GAIN)
         return self._about(seen.bowl, self._velocity, turn)  # so that turning does not move food
 
-    def _round(self, goal: Array, level: Array) -> Array:
-        """Return the next place of the bowl on a planned way before the face; `goal` from its end on."""
+    def _round(self, level: Array) -> tuple[Array, tuple[float, ...]] | None:
+        """Return the next place of the bowl on a planned way before the face, and how the tool is turned.
+
+        None from its end on. Where it gets no further, or there is none, it waits and plans again.
+        """
         task, seen = self._task, self._task.state
+        stay = seen.bowl, self._robot.tool_pose().quaternion
         if self._detour is None:
+            if seen.time < self._again:
+                return stay
+            self._plans += 1
+            self._again = seen.time + PAUSE
             ends = []
             for away, turn in itertools.product(ROUND, TURNED):
                 facing = rotate(about_z(turn), -level)
                 place = tuple((self._mouth - away * facing).tolist())
                 bowl = Pose(place, tuple(task.spoon_facing(facing).tolist()))
                 ends.append(task.tool_for(bowl))
-            if seen.time < self._again:
-                return seen.bowl
             try:
-                self._detour = Detour(self._robot, ends, seen.bowl, self._kept(), TILT)
-            except PlanningError:  # it waits: people move
-                self._again = seen.time + PAUSE
-                return seen.bowl
-        return self._detour.next(seen.bowl, goal)
+                seed = 100 * self._plans
+                detour = Detour(self._robot, ends, seen.bowl, self._kept(), TILT, seed)
+            except PlanningError:
+                return stay
+            self._detour, self._left = detour, detour.left
+        step = self._detour.next(seen.bowl)
+        if self._detour.left < self._left:
+            self._left, self._again = self._detour.left, seen.time + PAUSE
+        elif step is not None and seen.time > self._again:
+            self._detour = None
+            return stay
+        return step
 
     def _kept(self) -> dict[Agent | Body, float]:
         """Return how far to keep from whom [m]."""

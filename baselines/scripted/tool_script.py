@@ -108,6 +108,7 @@ class Detour:
         point: Array,
         avoid: Mapping[Agent | Body, float],
         tilt: float,
+        seed: int = 0,
     ) -> None:
         """Plan it, before it is first needed.
 
@@ -117,20 +118,21 @@ class Detour:
             point: A point of the tool, in the world [m], shape [3].
             avoid: Distances to keep [m].
             tilt: By how much what it holds may lean [rad].
+            seed: Of the planner's chance.
 
         Raises:
             PlanningError: If there is no way.
             MissingPackageError: If the extra `plan` is not installed.
         """
         self.planning_s = 0.0
-        for seed in range(self.TRIES):
-            path = robot.plan(ends, avoid=avoid, tilt=tilt, speed=0.3, within_s=5.0, seed=seed)
+        for k in range(self.TRIES):
+            path = robot.plan(ends, avoid=avoid, tilt=tilt, within_s=5.0, seed=seed + k)
             self.planning_s += path.planning_s
             tools = [robot.arm.chain.tip_pose(row) for row in path.positions]
             if self._is_followed(robot, tools):
                 break
         on_tool = robot.tool_pose().inverse() @ Pose(tuple(point.tolist()))
-        self.places = np.array([(tool @ on_tool).position for tool in tools])
+        self._way = [(np.array((tool @ on_tool).position), tool.quaternion) for tool in tools]
         self._next = 0
 
     def _is_followed(self, robot: Robot, tools: Sequence[Pose]) -> bool:
@@ -143,11 +145,19 @@ class Detour:
             posture = found.posture
         return True
 
-    def next(self, point: Array, goal: Array) -> Array:
-        """Return where a point of the tool is to go next [m], shape [3]; `goal` from the end on."""
-        while self._next < len(self.places):
-            place = self.places[self._next]
+    def next(self, point: Array) -> tuple[Array, tuple[float, ...]] | None:
+        """Return where a point of the tool goes next [m], shape [3], and how the tool is turned there.
+
+        None from the end on.
+        """
+        while self._next < len(self._way):
+            place, turn = self._way[self._next]
             if math.dist(place, point) > self.AHEAD:
-                return np.asarray(place)
+                return place, turn
             self._next += 1
-        return goal
+        return None
+
+    @property
+    def left(self) -> int:
+        """How many places of it are left."""
+        return len(self._way) - self._next

@@ -30,6 +30,7 @@ AXES = ("x", "y", "z", "about x", "about y", "about z")
 RANGE = 4.0  # times as stiff, or as little, at the ends of an action that varies it; own choice
 # Share of a joint's greatest speed from which it is braked, and of what is beyond that and taken a step.
 BRAKED, BRAKING = 0.9, 0.5  # own choice
+STOPPING = 0.05  # [s] in which a joint may at most come to its limit; own choice
 STILL = 2.0  # [1/s] by which joints lose speed that the tool leaves free; own choice
 
 
@@ -89,6 +90,7 @@ class ToolImpedance(ToolMotion):
             self.names += tuple(f"tool {kind} {axis} [log4]" for kind in kinds for axis in AXES)
             self.max, self.size = np.append(self.max, np.ones(12)), 18
         self._gains = self._stiffness, self._damping
+        self._ends = arm.lower, arm.upper, arm.velocity
         self._goal = np.zeros((3, 4))
         self._twist = np.zeros(6)
         self.wrench = np.zeros(6)
@@ -142,7 +144,7 @@ class ToolImpedance(ToolMotion):
         arm.align()
         positions, velocities = arm.states()
         torques, self.wrench, weight = _pull(
-            (chain.arrays, chain.tip, arm.mass_matrix(positions), arm.velocity),
+            (chain.arrays, chain.tip, arm.mass_matrix(positions), self._ends),
             self._goal,
             self._last,
             positions,
@@ -163,7 +165,7 @@ def _pull(chain, goal, last, positions, velocities, twist, gains, dt, is_of_tool
 
     Args:
         chain: The fields of the arm's `Tree`, the frame of the tool in its last part, the mass matrix, and
-            the greatest speeds of the joints.
+            lower limits, upper limits and greatest speeds of the joints.
         goal: Rest of the spring.
         last: Speed of the tool a step before, and what the wrench then sped it up by [1/s]; or no numbers.
         positions: Of the joints, shape [n].
@@ -173,7 +175,7 @@ def _pull(chain, goal, last, positions, velocities, twist, gains, dt, is_of_tool
         dt: Physics step [s].
         is_of_tool: Whether axes are those of the tool.
     """
-    arrays, tip, mass, fastest = chain
+    arrays, tip, mass, (lower, upper, fastest) = chain
     stiffness, damping, limit = gains
     tree, frames, real = Tree(*arrays), new_frames(len(positions)), np.empty((3, 4))
     place_chain(tree, tip, positions, frames, real)
@@ -210,10 +212,11 @@ def _pull(chain, goal, last, positions, velocities, twist, gains, dt, is_of_tool
         wrench[i] = min(max(wrench[i], -limit[i]), limit[i])
     last[0], last[1] = speed, ease @ wrench
     torques = own.T @ wrench - STILL * (mass @ velocities)
-    for j in range(
-        len(velocities)
-    ):  # what is too fast is braked: to cut its speed could speed up others
-        most = BRAKED * fastest[j]
-        excess = velocities[j] - min(max(velocities[j], -most), most)
+    # What is too fast is braked by its own motor: to cut its speed could speed up others.
+    for j in range(len(velocities)):
+        most, q = BRAKED * fastest[j], positions[j]
+        up = min(most, max(upper[j] - q, 0.0) / STOPPING)
+        down = min(most, max(q - lower[j], 0.0) / STOPPING)
+        excess = velocities[j] - min(max(velocities[j], -down), up)
         torques[j] -= BRAKING * excess / (dt * inverse[j, j])
     return torques, wrench, weight
