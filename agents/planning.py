@@ -296,7 +296,8 @@ def _wished(agent: Agent, goal: Wish, request: Request, problem: Problem) -> Ite
     start = problem.start
     if isinstance(agent, Human):
         if not isinstance(goal, Mapping):
-            if isinstance(goal, Pose) or not all(isinstance(each, Goal) for each in goal):
+            wanted = [] if isinstance(goal, Pose) else [g for g in goal if isinstance(g, Goal)]
+            if isinstance(goal, Pose) or not wanted or len(wanted) != len(goal):
                 raise ConfigError(
                     f"a goal of {agent.name!r} is angles by DoF or goals of `WholeBodyIk`, "
                     f"got {shown(goal)}"
@@ -304,7 +305,7 @@ def _wished(agent: Agent, goal: Wish, request: Request, problem: Problem) -> Ite
             angles = agent.angles.copy()
             angles[[DOF_INDEX[dof] for dof in problem.clear.joints]] = start
             ik = WholeBodyIk.of(agent, kind=request.kind)
-            solved = ik.solve(list(goal), angles, agent.pelvis, seed=request.seed)
+            solved = ik.solve(wanted, angles, agent.pelvis, seed=request.seed)
             if not solved.success:
                 return
             goal = solved.wish
@@ -312,8 +313,8 @@ def _wished(agent: Agent, goal: Wish, request: Request, problem: Problem) -> Ite
         return
     assert isinstance(agent, Robot)  # or there is no problem
     arm = agent.arms[request.arm or next(iter(agent.arms))]
-    poses = [goal] if isinstance(goal, Pose) else list(goal)
-    if poses and all(isinstance(pose, Pose) for pose in poses):
+    poses = [goal] if isinstance(goal, Pose) else [g for g in goal if isinstance(g, Pose)]
+    if poses:
         arm.track()
         for together in zip(*(arm.solutions(pose, start) for pose in poses), strict=True):
             for found in together:

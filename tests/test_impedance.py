@@ -13,6 +13,7 @@ from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.control import Compliance, ToolImpedance, ToolPose
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import load_robot
+from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, about_z
 from rcare_marl.world import World
@@ -36,10 +37,9 @@ def act(world: World, robot: Robot, action: Array, seconds: float) -> Iterator[N
             yield
 
 
-def press(world: World, robot: Robot, other: object, seconds: float) -> Array:
+def press(world: World, robot: Robot, body: Body, seconds: float) -> Array:
     """Go down onto something; return the force on it in the last second, each physics step [N]."""
     down = robot.tool_action(np.array((0.0, 0.0, -0.06)), np.zeros(3))
-    body = getattr(other, "body", other)
     forces = [world.contact_force(body, robot.body) for _ in act(world, robot, down, seconds)]
     return np.array(forces[-240:])
 
@@ -74,7 +74,7 @@ def test_five_newtons_are_pressed_on_flesh_that_yields() -> None:
     at = (middle[0] + y, middle[1] - x, middle[2] - z + 0.16)
     robot.place(Pose(tuple(np.array(at).tolist()), about_z(math.pi / 2)))
     assert world.separation(robot.body, person.body, within=0.05) > 0.02
-    forces = press(world, robot, person, 4.0)
+    forces = press(world, robot, person.body, 4.0)
     assert abs(forces.mean() - 5.0) < 0.5
     world.close()
 

@@ -64,7 +64,7 @@ class ScriptedFeeding(ToolScript[Feeding]):
         goal = self._mouth + away * self._face
         if offers and seen.refusal.is_no:
             goal = seen.mouth + ASK * unit(seen.bowl - seen.mouth)
-        planned = self._round(level) if task.bag.bodies else None
+        planned = self._round(self._mouth, level) if task.bag.bodies else None
         if planned is not None:
             goal = planned[0]
         error = goal - seen.bowl
@@ -78,7 +78,7 @@ class ScriptedFeeding(ToolScript[Feeding]):
             turn = turning(planned[1], self._robot.tool_pose().quaternion, TURN_GAIN)
         return self._about(seen.bowl, self._velocity, turn)  # so that turning does not move food
 
-    def _round(self, level: Array) -> tuple[Array, tuple[float, ...]] | None:
+    def _round(self, mouth: Array, level: Array) -> tuple[Array, tuple[float, ...]] | None:
         """Return the next place of the bowl on a planned way before the face, and how the tool is turned.
 
         None from its end on. Where it gets no further, or there is none, it waits and plans again.
@@ -93,7 +93,7 @@ class ScriptedFeeding(ToolScript[Feeding]):
             ends = []
             for away, turn in itertools.product(ROUND, TURNED):
                 facing = rotate(about_z(turn), -level)
-                place = tuple((self._mouth - away * facing).tolist())
+                place = tuple((mouth - away * facing).tolist())
                 bowl = Pose(place, tuple(task.spoon_facing(facing).tolist()))
                 ends.append(task.tool_for(bowl))
             try:

@@ -155,19 +155,19 @@ class Clearance:
             node, at = self._nodes[names[solid.link]]
             self._add(self._body, solid, node, at)
         held: list[tuple[Body, Pose]] = []
-        carried = {self._body: lambda link: self._nodes[names[link]]}
+        carried: dict[Body, tuple[int, Pose] | None] = {self._body: None}  # on its links, if None
         for bond in world.bonds:  # in their order, and what is held may hold in turn
             if not bond.is_active or bond.child in carried or bond.child.joints:
                 continue
             if bond.parent in carried:
-                node, at = carried[bond.parent](bond.link)
+                node, at = carried[bond.parent] or self._nodes[names[bond.link]]
                 place = at @ bond.child_in_link @ bond.child.link_pose(bond.child_link).inverse()
                 base = place @ bond.child.base_pose()
                 if node:
                     held.append((bond.child, base))
                     for solid in _read(bond.child)[1]:
                         self._add(bond.child, solid, node, base)
-                    carried[bond.child] = lambda _, node=node, base=base: (node, base)
+                    carried[bond.child] = node, base
         return held
 
     def _take_others(self, world: World, held: Sequence[tuple[Body, Pose]]) -> None:

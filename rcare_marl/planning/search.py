@@ -150,7 +150,7 @@ def _search(problem: Problem, planner: Planner, until: float, seed: int) -> list
         information = base.SpaceInformation(space)
         put, holds = _put, problem.holds
     else:
-        space = base.ProjectedStateSpace(space, _constraint(problem))
+        space = base.ProjectedStateSpace(space, _constraint(problem, problem.level))
         information = base.ConstrainedSpaceInformation(space)
         put, holds = _put_constrained, problem.holds
         space.setDelta(STEP)
@@ -195,12 +195,11 @@ def _put_constrained(space: Any, posture: Array) -> Any:
     return state
 
 
-def _constraint(problem: Problem) -> Any:
+def _constraint(problem: Problem, level: Level) -> Any:
     """Return what OMPL projects postures with until the link is upright enough."""
     from ompl import base
 
-    level, clear = problem.level, problem.clear
-    assert level is not None  # or there is nothing to project onto
+    clear = problem.clear
 
     class Upright(base.Constraint):  # type: ignore[misc]
         def function(self, posture: Array, out: Array) -> None:
