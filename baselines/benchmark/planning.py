@@ -1,7 +1,7 @@
 """The command `bench planning`: how often a path is found in furnished rooms, beside going straight.
 
 Somebody sits in a wheelchair in a room of each of several houses, and a robot stands by or on the chair. A
-query goes from one posture of the arm to another, both drawn uniformly within the limits of its joints until
+query goes from one posture of the arm to another, both drawn uniformly within the limits of its joints, and half a turn each way, until
 they are clear by as much as a path has to be. Whether a way leads from one to the other is not known before.
 
 What is planned is judged by Bullet and not by the planner's own geometry: every 20 ms of a path, how far the
@@ -160,8 +160,9 @@ class _Judge:
 
         problem = posed(self._robot, Request(self._wishes["avoid"], FROM_THINGS))
         found: list[Array] = []
+        lower, upper = np.maximum(problem.lower, -np.pi), np.minimum(problem.upper, np.pi)
         for _ in range(DRAWS):
-            posture = rng.uniform(problem.lower, problem.upper)
+            posture = rng.uniform(lower, upper)
             if problem.holds(posture):
                 found.append(posture)
                 if len(found) == 2:
