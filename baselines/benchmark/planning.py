@@ -1,14 +1,14 @@
 """The command `bench planning`: how often a path is found in furnished rooms, beside going straight.
 
 Somebody sits in a wheelchair in a room of each of several houses, and a robot stands by or on the chair. A
-query goes from one posture of the arm to another, both drawn uniformly within the limits of its joints, and half a turn each way, until
-they are clear by as much as a path has to be. Whether a way leads from one to the other is not known before.
+query goes from one posture of the arm to another, both drawn uniformly within the limits of its joints, and
+half a turn each way, until they are clear by as much as a path has to be. Whether a way leads from one to the
+other is not known before: what is not solved in time is looked for ten times as long, and if there is no way
+then either, the query counts as one that may have none, and is told apart.
 
 What is planned is judged by Bullet and not by the planner's own geometry: every 20 ms of a path, how far the
 robot and what it holds are from the person and from walls and furniture. To go straight is to move all
-joints evenly from start to goal. What is not
-solved in time is looked for ten times as long: if there is no way then either, the query counts as one that
-may have none, and is told apart. Times are processor time of the one thread.
+joints evenly from start to goal. Times are processor time of the one thread.
 """
 
 from __future__ import annotations
