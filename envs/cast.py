@@ -20,6 +20,7 @@ from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.sampling.population import find_avatar
 from rcare_marl.agents.people.strength import StrengthMap
 from rcare_marl.agents.policy import Policy
+from rcare_marl.agents.robots.control import Compliance
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import Mount, RobotConfig, load_robot, urdf_robot
 from rcare_marl.agents.sensing.marker import MarkerConfig
@@ -57,6 +58,7 @@ class RobotCast:
         model: A robot's name, a YAML file, or a `RobotConfig`; the role's default if None.
         control: Control mode; the role's default if None.
         moves: Parts that actions move, such as `(right_arm, base)`; the main arm if None.
+        compliance: How the tool yields under `impedance`: the fields of a `Compliance`, see docs/control.md.
         posture: Name of the start posture, or joint positions [rad or m] by joint.
         posture_noise: Standard deviation of the start posture [rad or m].
         mount: A mount of the model by name, or a place of its own in the same frame.
@@ -75,6 +77,7 @@ class RobotCast:
 
     model: Any = None
     control: str | None = None
+    compliance: Compliance = Compliance()
     moves: tuple[str, ...] | None = None
     posture: str | dict[str, float] | None = None
     posture_noise: float = 0.0
@@ -337,6 +340,7 @@ def _agent(name: str, role: Role[Any], fields: Mapping[str, Any], *, is_scripted
             self_collision=robot.self_collision,
             gripper=role.gripper if robot.moves is None else "held",
             contact_force=role.contact_force,
+            compliance=robot.compliance,
         )
         agent.equip(_suite(name, robot.sensors), robot.markers)
         return agent

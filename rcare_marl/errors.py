@@ -62,6 +62,10 @@ class WorkerError(RcareError, RuntimeError):
     longest = 10 * LONGEST
 
 
+class PlanningError(RcareError, RuntimeError):
+    """There is no path, or none was found in time; the message says what is in the way."""
+
+
 class MissingPackageError(RcareError, ImportError):
     """An optional package is needed and is not installed."""
 

@@ -185,6 +185,8 @@ def test_mistake_is_one_line_with_a_suggestion(arguments: tuple[str, ...], messa
         ("evaluate", "feeding", "--episodes", "0"),
         ("evaluate", "feeding", "--seed", "-1"),
         ("bench", "avatars", "--steps", "5"),
+        ("bench", "planning", "--steps", "5"),
+        ("bench", "homes", "--queries", "5"),
         ("bench", "avatars", "--recipient", "jose"),
         ("bench", "avatars", "--home", "house_07"),
         ("bench", "homes", "--room", "kitchen_1"),

@@ -234,3 +234,21 @@ def test_who_lives_by_a_ventilator_has_it_on_the_chair_and_eats_beside_its_tube(
         env = rcare_marl.make("feeding", recipient=avatar, policies=BOTH)
         assert sum(body.name == "ventilator" for body in env.world.bodies) == count
         env.close()
+
+
+def test_the_script_leads_a_level_spoon_round_a_bag_that_hangs_in_the_way() -> None:
+    for extra in ("ompl", "pinocchio", "toppra"):
+        pytest.importorskip(extra, reason="the extra `plan` is not installed")
+    env = rcare_marl.make("feeding", options={"obstacle": "bag"}, policies=BOTH)
+    env.reset(seed=1000)
+    assert isinstance(task := env.task, Feeding)
+    robot, (bag, hose) = env.cast["robot"], task.bag.bodies
+    way = task.state.mouth - task.state.bowl
+    share = np.subtract(bag.base_pose().position, task.state.bowl) @ way / (way @ way)
+    assert 0.2 < share < 0.6  # it is in the straight way
+    while not env.is_over:
+        env.step({})
+        assert env.world.contact_force(robot.body, bag) == 0
+        assert env.world.contact_force(robot.body, hose) == 0
+    assert task.succeeded()
+    env.close()

@@ -432,7 +432,7 @@ def step(human: Human, seconds: float, action: Array | None = None) -> None:
             human.command(action, 0.1)
         for _ in range(24):
             human.actuate()
-            human._world.step()
+            human.world.step()
         human.sense()
 
 

@@ -12,8 +12,9 @@ import pybullet as bullet
 import pytest
 
 from rcare_marl import assets
-from rcare_marl.agents.robots.control import CONTROLS, JointPosition
+from rcare_marl.agents.robots.control import CONTROLS
 from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_check import still
 from rcare_marl.agents.robots.robot_config import RobotConfig, load_robot, urdf_robot
 from rcare_marl.agents.robots.robot_model import robot_files
 from rcare_marl.body import Body
@@ -167,7 +168,8 @@ def test_no_action_leaves_the_limits(mode: str) -> None:
             positions, speeds, _ = robot.arm.read()
             assert np.all(positions <= robot.arm.upper + 0.01)
             assert np.all(positions >= robot.arm.lower - 0.01)
-            assert np.all(np.abs(speeds) <= 1.3 * robot.arm.velocity)
+            most = 3.0 if mode == "impedance" else 1.3  # a spring throws light wrists
+            assert np.all(np.abs(speeds) <= most * robot.arm.velocity)
 
 
 @pytest.mark.parametrize("mode", CONTROLS)
@@ -175,9 +177,7 @@ def test_every_mode_holds_the_arm_against_gravity(mode: str) -> None:
     robot = gen3(control=mode)
     world = spawn(robot)
     start = tool_position(robot)
-    action = np.zeros(robot.action_size)
-    if isinstance(robot.control, JointPosition):  # zero is a posture there
-        action = robot.control.action_for(robot.arm.positions())
+    action = still(robot)  # zero is a posture or a pose in some modes
     for _ in range(40):
         advance(world, robot, action)
     assert tool_position(robot) == pytest.approx(start, abs=5e-3)

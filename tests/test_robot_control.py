@@ -29,6 +29,8 @@ FASTEST = {
     "joint_velocity": 2.3,
     "joint_torque": 2.7,
     "tool_delta": 2.1,
+    "tool_pose": 2.1,
+    "impedance": 4.5,
 }
 BEYOND = 0.06  # [rad or m] that light wrists and necks are thrown beyond a limit
 

@@ -177,6 +177,7 @@ FEATURES = {
     "joint trees": ("rcare_marl/tree", "JointTree"),
     "many environments for a learner": ("envs/learning", "BatchedEnv"),
     "meshes": ("rcare_marl/model", "Mesh"),
+    "paths round people and things": ("rcare_marl/planning", "Path"),
     "pictures": ("rcare_marl/rendering", "Camera"),
     "pressure on seats and beds": ("agents/people/resting", "pressure_map"),
     "robot control modes": ("agents/robots/control", "ToolDelta"),

@@ -196,7 +196,7 @@ class Human(Agent):
         self._highest = np.maximum(self.active[:, 1], self._start)
         self.body.set_joints(self._joints, self._start)
         self._stops = EndStops(self.body, self._joints, self.passive)
-        self._world = world
+        self.world = world
         self.frames = [
             JointFrame(self.body.link_index(f.link), f.rotation, f.offset) for f in urdf.frames
         ]
@@ -277,7 +277,7 @@ class Human(Agent):
         self.drive.reset(rng, self._gravity)
         self.pressure_dose.reset()
         self._moves.reset()
-        self._sensed_at = self._world.time
+        self._sensed_at = self.world.time
         self.physiology.reset(upright=self._meter.upright())
         self._is_tired = True  # perhaps from the last episode
         self._tire()
@@ -354,7 +354,7 @@ class Human(Agent):
 
     def sense(self) -> None:
         self.positions, self.velocities = self._stops.joint_states()
-        passed, self._sensed_at = self._world.time - self._sensed_at, self._world.time
+        passed, self._sensed_at = self.world.time - self._sensed_at, self.world.time
         if passed > 0:
             self.physiology.advance(passed, self._meter.read())
             self._tire()
@@ -389,9 +389,9 @@ class Human(Agent):
 
     def ignore(self, body: Body) -> None:
         """Let the person and a body pass through each other, such as the chair that the posture fits."""
-        self._world.set_collision(self.body, body, False)
+        self.world.set_collision(self.body, body, False)
         if self.tissue is not None:
-            SoftWorld.of(self._world).ignore([body], by=SoftBody)
+            SoftWorld.of(self.world).ignore([body], by=SoftBody)
 
     def may_take(self, what: Human | Body, part: str | None = None, *, hand: str) -> None:
         """Let a hand take a segment or a thing, by `grasp`, and pass through it for good.
@@ -418,7 +418,7 @@ class Human(Agent):
             by: What presses; everything if None.
         """
         forces: dict[str, float] = {}
-        for contact in self._world.contacts(self.body, by):
+        for contact in self.world.contacts(self.body, by):
             if contact.force > 0:
                 joint = self.segment_at(contact.link_a, np.array(contact.position))
                 forces[joint] = forces.get(joint, 0.0) + contact.force

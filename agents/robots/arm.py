@@ -16,6 +16,7 @@ from .kinematics import Chain, IkResult
 
 # Starts of inverse kinematics after the posture that it was given: around it, and anywhere.
 _SEEDS, _FAR_SEEDS = 12, 24
+TURN_WEIGHT = 0.3  # of a radian against a metre, in inverse kinematics
 LEAST_ROOM = 0.1  # share of its effort that a motor keeps beside the weight; our own choice
 
 
@@ -87,16 +88,19 @@ class Arm(JointGroup):
         The search starts at `seed`, then at the rest posture, then at postures around both, then
         anywhere within the limits; these are the same on every call.
         """
-        weight = 0.3  # of a radian against a metre
         others = []
-        for start in self._seeds(seed):
-            found = self.chain.solve(
-                goal, start, self.lower, self.upper, rest=self.rest, turn_weight=weight
-            )
+        for found in self.solutions(goal, seed):
             if found.is_within():
                 return found
             others.append(found)
-        return min(others, key=lambda result: result.distance + weight * result.angle)
+        return min(others, key=lambda result: result.distance + TURN_WEIGHT * result.angle)
+
+    def solutions(self, goal: Pose, seed: Array) -> Iterator[IkResult]:
+        """Yield what the search of `solve` finds from each of its starts, good or not."""
+        for start in self._seeds(seed):
+            yield self.chain.solve(
+                goal, start, self.lower, self.upper, rest=self.rest, turn_weight=TURN_WEIGHT
+            )
 
     def _seeds(self, seed: Array) -> Iterator[Array]:
         yield seed

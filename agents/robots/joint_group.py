@@ -169,6 +169,10 @@ class JointGroup:
 
     def inertial_torques(self, positions: Array, acceleration: Array) -> Array:
         """Return the torques that accelerate the group [N·m or N], shape [n], without speed terms."""
+        return np.asarray(self.mass_matrix(positions) @ acceleration)
+
+    def mass_matrix(self, positions: Array) -> Array:
+        """Return the mass matrix of the group, the body held by its base, shape [n, n]."""
         everything = positions.tolist()
         if not self._is_whole:
             if self._asked is not self._all:  # from now on `read` asks for all at once
@@ -180,8 +184,8 @@ class JointGroup:
         if self._block is not None:
             matrix = matrix[self._block]
         if not self._segments:
-            return np.asarray(matrix @ acceleration)
-        return np.asarray(self._along.T @ matrix @ self._along @ acceleration)
+            return matrix
+        return np.asarray(self._along.T @ matrix @ self._along)
 
     def drive_to(
         self, targets: Array, speeds: Array, forces: Array, *, only: Mask | None = None

@@ -23,10 +23,12 @@ from .control import (
     GROUP_CONTROLS,
     WEIGHT_CARRYING,
     BaseVelocity,
+    Compliance,
     Control,
     GripperClosing,
     JointDelta,
     ToolDelta,
+    make_control,
     moving_tool,
 )
 from .gripper import Grasp, Gripper
@@ -85,6 +87,7 @@ class Robot(Agent):
         grip_width: float = 0.02,
         mount: str | Mount | None = None,
         contact_force: float = ToolDelta.CONTACT_FORCE,
+        compliance: Compliance = Compliance(),
         meshes: Meshes = "never",
         self_collision: bool = False,
     ) -> None:
@@ -107,6 +110,7 @@ class Robot(Agent):
             mount: Where it is mounted in place of where the task says: a mount of the model by name,
                 or a place of its own in the same frame.
             contact_force: Force at the tool from which `tool_delta` gives way [N].
+            compliance: How the tool yields under `impedance`.
             meshes: Whether to draw the real meshes of an optional package; the physics is the same.
             self_collision: Whether links of the robot collide with each other.
 
@@ -125,7 +129,7 @@ class Robot(Agent):
             raise ConfigError(f"posture_noise must be 0 to {MOST_NOISE}, got {posture_noise}")
         self.name, self.config = name, config
         self._control_name, self._gripper_use = control, gripper
-        self._noise, self._contact_force = posture_noise, contact_force
+        self._noise, self._gentleness = posture_noise, (contact_force, compliance)
         self._grip_width, self._meshes = grip_width, meshes
         self._self_collision = self_collision
         if isinstance(mount, str):
@@ -283,7 +287,7 @@ class Robot(Agent):
         raise UnknownNameError("mount", chosen, self.config.mounts)
 
     def spawn(self, world: World, pose: Pose) -> None:
-        self._world = world
+        self.world = world
         assembly = self.assembly
         self.body = world.load_urdf(
             assembly.files.urdf,
@@ -324,9 +328,7 @@ class Robot(Agent):
             )
             arm.counterbalanced = config.arms[name].counterbalanced
             self.arms[name] = arm
-            control = CONTROLS[self._control_name](arm)
-            if isinstance(control, ToolDelta):
-                control.contact_force = self._contact_force
+            control = make_control(self._control_name, arm, *self._gentleness)
             tool = self.body.link_index(assembly.tools[name])
             return Part(
                 name,
@@ -455,7 +457,7 @@ class Robot(Agent):
         pose = self.tool_pose() @ body_in_tool
         arm = self._main
         if arm not in self._grasps:
-            self._grasps[arm] = Grasp(self._world, self.body, self.tool_link, self.gripper)
+            self._grasps[arm] = Grasp(self.world, self.body, self.tool_link, self.gripper)
         return self._grasps[arm].take(body, pose, body_in_tool, force=force)
 
     def set_gripper(self, closing: float, *, arm: str | None = None) -> None:

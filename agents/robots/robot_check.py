@@ -15,7 +15,7 @@ from rcare_marl.pose import Array, Pose, conjugate, multiply, rotation_vector
 from rcare_marl.world import World
 
 from .arm import Arm
-from .control import JointPosition
+from .control import JointPosition, ToolPose
 from .robot import GripperUse, Robot
 from .robot_config import RobotConfig
 from .self_collision import overlapping, touching_links
@@ -92,6 +92,8 @@ def still(robot: Robot) -> Array:
     for part in robot.parts.values():
         if isinstance(part.control, JointPosition) and part.joints is not None:
             parts.append(part.control.action_for(part.joints.positions()))
+        elif isinstance(part.control, ToolPose) and part.tool is not None:
+            parts.append(part.control.action_for(part.tool()))
         else:
             parts.append(np.zeros(part.control.size))
     return np.concatenate(parts)

@@ -17,11 +17,13 @@ TAKES = {
     "learning": ("task", "processes", "seconds"),
     "parity": ("task", "seed"),
     "batch": ("task", "device", "steps", "seed"),
+    "planning": ("robot", "queries", "rooms", "seed"),
 }
-NOT_OF_TASKS = ("avatar", "seconds", "task", "processes", "device")
+NOT_OF_TASKS = ("avatar", "seconds", "task", "processes", "device", "queries", "rooms")
 MODULES = {
     **{"all": "task_suite", "avatars": "avatars", "homes": "homes"},
     **{"learning": ".training.throughput", "parity": "parity", "batch": "batch"},
+    "planning": "planning",
 }
 
 
@@ -42,7 +44,7 @@ def measure(what: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a benchmark measured, as plain values for JSON.
 
     Args:
-        what: `all`, `avatars`, `batch`, `homes`, `learning`, `parity` or a task.
+        what: `all`, `avatars`, `batch`, `homes`, `learning`, `parity`, `planning` or a task.
         options: Those of the command that were given.
     """
     if what in TAKES:

@@ -39,9 +39,10 @@ from rcare_marl.agents.policy import Policy
 from rcare_marl.cache import cached
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import policy_names, register_policy, task_class, task_names
+from rcare_marl.envs.scenes.meal import OPEN_MOUTH
 from rcare_marl.envs.task import Role
 from rcare_marl.envs.tasks.drinking import Drinking
-from rcare_marl.envs.tasks.feeding import OPEN_MOUTH, Feeding
+from rcare_marl.envs.tasks.feeding import Feeding
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
 

@@ -1,20 +1,25 @@
 """A hand-written robot that feeds: level the spoon, come in front of the mouth, wait, go in.
 
 Between bites it draws back until the spoon is filled, and waits until the mouth is empty. From who does not
-want it, it draws back at once.
+want it, it draws back at once. Where something hangs in the way, it plans a way round it first.
 """
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
+from rcare_marl.agents.agent import Agent
+from rcare_marl.body import Body
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.scenes.meal import TAKEN_AWAY
-from rcare_marl.envs.tasks.feeding import FOOD_COUNT, LOADED_FROM, OPEN_MOUTH, Feeding
-from rcare_marl.pose import Array
+from rcare_marl.envs.scenes.meal import OPEN_MOUTH, TAKEN_AWAY
+from rcare_marl.envs.tasks.feeding import FOOD_COUNT, LOADED_FROM, Feeding
+from rcare_marl.errors import PlanningError
+from rcare_marl.pose import Array, Pose, about_z, rotate
 
-from .offering import Offering
-from .tool_script import ToolScript, limited, turning, unit
+from .offering import PAUSE, Offering
+from .tool_script import Detour, ToolScript, limited, turning, unit
 
 # All our own choices.
 WAIT_IN_FRONT = 0.09  # [m] from mouth to bowl while the mouth is closed
@@ -24,6 +29,10 @@ GAIN, TURN_GAIN = 2.5, 2.5  # [1/s]
 FAST, SLOW = 0.20, 0.06  # [m/s] far from the mouth, and near it
 NEAR = 0.12  # [m]
 ACCELERATION = 0.6  # [m/s²] that keeps food on the spoon
+FROM_PERSON, FROM_BAG = 0.02, 0.02  # [m] that it keeps on the way round
+ROUND = 0.12, 0.16  # [m] from mouth to bowl, to where a way round an obstacle may lead
+TURNED = 0.0, 0.3, -0.3, 0.6, -0.6  # [rad] from ahead of the face, likewise
+TILT = 0.15  # [rad] that the spoon may lean on it
 
 
 @register_policy("feeding", "robot", "scripted")
@@ -35,6 +44,8 @@ class ScriptedFeeding(ToolScript[Feeding]):
     def _begin(self) -> None:
         self._velocity, self._offering = np.zeros(3), Offering()
         self._mouth: Array | None = None
+        self._detour: Detour | None = None
+        self._again, self._plans, self._left = 0.0, 0, 0
         self._face = np.array((1.0, 0.0, 0.0))
 
     def act(self) -> Array:
@@ -53,6 +64,9 @@ class ScriptedFeeding(ToolScript[Feeding]):
         goal = self._mouth + away * self._face
         if offers and seen.refusal.is_no:
             goal = seen.mouth + ASK * unit(seen.bowl - seen.mouth)
+        planned = self._round(self._mouth, level) if task.bag.bodies else None
+        if planned is not None:
+            goal = planned[0]
         error = goal - seen.bowl
         wished = limited(GAIN * error, SLOW if offers and seen.distance < NEAR else FAST)
         step = ACCELERATION * task.control_dt
@@ -60,4 +74,42 @@ class ScriptedFeeding(ToolScript[Feeding]):
         turn = turning(task.spoon_facing(-level), seen.turn, TURN_GAIN)
         if seen.refusal.turned:  # it asks from where it is, and does not go round the head
             turn = np.zeros(3)
+        if planned is not None:
+            turn = turning(planned[1], self._robot.tool_pose().quaternion, TURN_GAIN)
         return self._about(seen.bowl, self._velocity, turn)  # so that turning does not move food
+
+    def _round(self, mouth: Array, level: Array) -> tuple[Array, tuple[float, ...]] | None:
+        """Return the next place of the bowl on a planned way before the face, and how the tool is turned.
+
+        None from its end on. Where it gets no further, or there is none, it waits and plans again.
+        """
+        task, seen = self._task, self._task.state
+        stay = seen.bowl, self._robot.tool_pose().quaternion
+        if self._detour is None:
+            if seen.time < self._again:
+                return stay
+            self._plans += 1
+            self._again = seen.time + PAUSE
+            ends = []
+            for away, turn in itertools.product(ROUND, TURNED):
+                facing = rotate(about_z(turn), -level)
+                place = tuple((mouth - away * facing).tolist())
+                bowl = Pose(place, tuple(task.spoon_facing(facing).tolist()))
+                ends.append(task.tool_for(bowl))
+            try:
+                seed = 100 * self._plans
+                detour = Detour(self._robot, ends, seen.bowl, self._kept(), TILT, seed)
+            except PlanningError:
+                return stay
+            self._detour, self._left = detour, detour.left
+        step = self._detour.next(seen.bowl)
+        if self._detour.left < self._left:
+            self._left, self._again = self._detour.left, seen.time + PAUSE
+        elif step is not None and seen.time > self._again:
+            self._detour = None
+            return stay
+        return step
+
+    def _kept(self) -> dict[Agent | Body, float]:
+        """Return how far to keep from whom [m]."""
+        return {self._task.recipient: FROM_PERSON, **dict.fromkeys(self._task.bag.bodies, FROM_BAG)}

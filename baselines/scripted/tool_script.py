@@ -6,16 +6,20 @@ control mode `tool_delta`.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 
+from rcare_marl.agents.agent import Agent
 from rcare_marl.agents.robots.control import GripperClosing, moving_tool
 from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.body import Body
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.task import Task
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Vector, conjugate, multiply, rotation_vector
+from rcare_marl.pose import Array, Pose, Vector, conjugate, multiply, rotation_vector
 
 T = TypeVar("T", bound=Task)
 
@@ -97,3 +101,75 @@ def limited(velocity: Array, most: float) -> Array:
 def turning(wanted: Vector, now: Vector, gain: float = 2.0) -> Array:
     """Return the turn from one orientation to a wanted one, quaternions, times a gain [rad/s], [3]."""
     return gain * rotation_vector(multiply(wanted, conjugate(now)))
+
+
+class Detour:
+    """A planned way of a point of the tool, to be followed with `tool_delta` or `impedance`.
+
+    The tool is led a little ahead along the way. A redundant arm may then hold its elbow otherwise than it
+    was planned; what it holds goes where it was.
+    """
+
+    AHEAD = 0.03  # [m] that the tool is led; our own choice
+    TRIES, STRIDE = 6, 10  # paths that are tried, and every which place of them; our own choice
+
+    def __init__(
+        self,
+        robot: Robot,
+        ends: Sequence[Pose],
+        point: Array,
+        avoid: Mapping[Agent | Body, float],
+        tilt: float,
+        seed: int = 0,
+    ) -> None:
+        """Plan it, before it is first needed.
+
+        Args:
+            robot: The robot.
+            ends: Where the tool may come to.
+            point: A point of the tool, in the world [m], shape [3].
+            avoid: Distances to keep [m].
+            tilt: By how much what it holds may lean [rad].
+            seed: Of the planner's chance.
+
+        Raises:
+            PlanningError: If there is no way.
+            MissingPackageError: If the extra `plan` is not installed.
+        """
+        self.planning_s = 0.0
+        for k in range(self.TRIES):
+            path = robot.plan(ends, avoid=avoid, tilt=tilt, within_s=5.0, seed=seed + k)
+            self.planning_s += path.planning_s
+            tools = [robot.arm.chain.tip_pose(row) for row in path.positions]
+            if self._is_followed(robot, tools):
+                break
+        on_tool = robot.tool_pose().inverse() @ Pose(tuple(point.tolist()))
+        self._way = [(np.array((tool @ on_tool).position), tool.quaternion) for tool in tools]
+        self._next = 0
+
+    def _is_followed(self, robot: Robot, tools: Sequence[Pose]) -> bool:
+        """Return whether the arm, led by its tool alone, comes along all the way."""
+        arm, posture = robot.arm, robot.arm.positions()
+        for tool in tools[:: self.STRIDE]:
+            found = arm.chain.solve(tool, posture, arm.lower, arm.upper, rest=arm.rest)
+            if not found.is_within(self.AHEAD, 0.2):
+                return False
+            posture = found.posture
+        return True
+
+    def next(self, point: Array) -> tuple[Array, tuple[float, ...]] | None:
+        """Return where a point of the tool goes next [m], shape [3], and how the tool is turned there.
+
+        None from the end on.
+        """
+        while self._next < len(self._way):
+            place, turn = self._way[self._next]
+            if math.dist(place, point) > self.AHEAD:
+                return place, turn
+            self._next += 1
+        return None
+
+    @property
+    def left(self) -> int:
+        """How many places of it are left."""
+        return len(self._way) - self._next

@@ -18,17 +18,15 @@ from ..care_env import CareEnv
 from ..devices import Spoon
 from ..reach import Trial
 from ..registry import register_policy, register_task
-from ..scenes.meal import Meal, MealOptions
+from ..scenes.hanging_bag import HangingBag, ObstacleOptions
+from ..scenes.meal import MOUTH_IN_FRONT, MOUTH_RADIUS, OPEN_MOUTH, Meal, MealOptions
 from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
 from ..state import Seen, State, Values, negate, tolerance, where
 
 Flags = npt.NDArray[np.bool_]
 
-MOUTH_RADIUS = 0.03  # [m] food within this of the mouth is eaten: Assistive Gym, feeding.py
 LOST_DISTANCE = 0.10  # [m] food farther than this from the spoon is spilled: Assistive Gym
 COMFORT_FORCE = 10.0  # [N] free of penalty below: Assistive Gym, config.ini
-OPEN_MOUTH = math.radians(10)  # of the jaw, before anything can be eaten; our own choice
-MOUTH_IN_FRONT = 0.01  # [m] the target lies this far in front of the lips; our own choice
 FOOD_COUNT, FOOD_RADIUS, FOOD_MASS = 4, 0.005, 0.001  # size and mass of Assistive Gym's pieces
 FOOD_RGBA = (0.85, 0.45, 0.15, 1.0)
 START_GAP = (0.28, 0.36)  # [m] from mouth to spoon at the start; our own choice
@@ -44,7 +42,7 @@ APART = (0.0, 0.0, -50.0)  # [m] where eaten food is parked: bodies can never be
 
 
 @dataclass(frozen=True)
-class FeedingOptions(RefusalOptions, MealOptions):
+class FeedingOptions(RefusalOptions, ObstacleOptions, MealOptions):
     """Settings of the feeding task.
 
     Attributes:
@@ -53,6 +51,7 @@ class FeedingOptions(RefusalOptions, MealOptions):
         force_limit: Force on the person that ends the episode as a failure [N].
         bites: Spoonfuls that are eaten, one after the other; with more than one, chewing counts.
         texture: What they are of, `puree` or `solid`: how long each is chewed, see `Eating`.
+        obstacle: `bag`: the spoon starts at its side, and an infusion bag hangs in the straight way.
     """
 
     SHAPED_WEIGHTS = {"food": 0.1, "approach": 0.9, "comfort": 0.5, "level": 0.1}  # our own choice
@@ -111,8 +110,9 @@ class Feeding(Meal):
         self._bowl_in_spoon, turn = in_spoon.position, in_spoon.quaternion
         self._up_in_spoon = rotate(turn, self._spoon.up)
         self._mouth_at_rest = self.recipient.mouth_position()
+        self.bag = HangingBag(world, self.options, self.options.mount)
         start = self._start_pose(np.zeros(4))
-        self.search(world).find([Trial([self._tool_for(start)])], "the place before the face")
+        self.search(world).find([Trial([self.tool_for(start)])], "the place before the face")
         self._set_spoon(start)
         self.take_tool(self.robot, self._spoon_body, self._spoon.in_tool)
         self._food = [
@@ -148,21 +148,24 @@ class Feeding(Meal):
     def _start_pose(self, offset: Vector) -> Pose:
         """Return a start pose of the bowl: level, in front of the face, its tip towards it."""
         gap = START_GAP[0] + (START_GAP[1] - START_GAP[0]) * float(offset[3])
-        position = np.add(self._mouth_at_rest, (gap + offset[0], offset[1], offset[2] - 0.05))
+        away = (gap + offset[0], offset[1], offset[2] - 0.05)
+        position = self._mouth_at_rest + away + self.bag.aside
         return Pose(tuple(position.tolist()), tuple(self._spoon.facing((-1.0, 0.0, 0.0)).tolist()))
 
-    def _tool_for(self, bowl: Pose) -> Pose:
+    def tool_for(self, bowl: Pose) -> Pose:
+        """Return the pose of the tool with the bowl of the spoon at a pose."""
         return bowl @ self._spoon.frame("bowl").inverse() @ self._spoon.in_tool.inverse()
 
     def _set_spoon(self, bowl: Pose) -> None:
         """Put the robot where the bowl of the spoon in its hand is at `bowl`."""
-        self.robot.set_posture(self.robot.solve_ik(self._tool_for(bowl)).posture)
+        self.robot.set_posture(self.robot.solve_ik(self.tool_for(bowl)).posture)
         self._spoon_body.set_base(self.robot.tool_pose() @ self._spoon.in_tool)
 
     def reset(self, rng: np.random.Generator) -> None:
         self.turn_head(rng, HEAD_TURN, HEAD_TILT)
         offset = np.append(rng.uniform(-1, 1, 3) * START_SPREAD, rng.uniform())
-        self._set_spoon(self._start_pose(offset))
+        self._set_spoon(start := self._start_pose(offset))
+        self.bag.hang(start.position, self.recipient.mouth_position(), rng)
         self._fill_spoon()
 
     def _fill_spoon(self) -> None:
@@ -255,12 +258,10 @@ class Feeding(Meal):
         return eaten, spilled
 
     def observables(self, role: str) -> Sequence[Seen]:
-        several = [
-            Seen("mouth_ready", "1", 1, lambda s: s.mouthful.is_ready),
-            Seen("bites_left", "1", 1, lambda s: self.options.bites - s.mouthful.swallowed),
-        ]
+        ready = Seen("mouth_ready", "1", 1, lambda s: s.mouthful.is_ready)
+        left = Seen("bites_left", "1", 1, lambda s: self.options.bites - s.mouthful.swallowed)
         return [
-            *(several if self.options.bites > 1 else ()),
+            *((ready, left) if self.options.bites > 1 else ()),
             Seen("bowl_position", "m", 3, lambda s: s.bowl),
             Seen("bowl_to_mouth", "m", 3, lambda s: s.mouth - s.bowl),
             Seen("bowl_up", "1", 3, lambda s: s.up),
@@ -270,7 +271,7 @@ class Feeding(Meal):
             Seen("food_eaten", "1", 1, lambda s: s.eaten / FOOD_COUNT),
             self.contact_force(),
             self.time_left(),
-            *refusal_seen(self.options),
+            *(*refusal_seen(self.options), *self.bag.seen()),
         ]
 
     def rewards(self, role: str, state: FeedingState) -> Mapping[str, Values]:
@@ -313,9 +314,8 @@ class Feeding(Meal):
         }
 
     def is_success(self, state: FeedingState) -> Values:
-        is_fed = state.eaten == FOOD_COUNT
-        if self.options.bites > 1:
-            is_fed = state.mouthful.swallowed >= self.options.bites
+        several, swallowed = self.options.bites > 1, state.mouthful.swallowed
+        is_fed = swallowed >= self.options.bites if several else state.eaten == FOOD_COUNT
         return is_fed | state.refusal.is_respected
 
     def is_failure(self, state: FeedingState) -> Values:

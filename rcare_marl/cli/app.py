@@ -19,6 +19,8 @@ from .export import export
 from .parameter import (
     BenchAvatar,
     BenchDevice,
+    BenchQueries,
+    BenchRooms,
     BenchSeconds,
     BenchTask,
     BestPolicyName,
@@ -410,10 +412,10 @@ def bench(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="TASK|all|avatars|batch|homes|learning|parity",
+            metavar="TASK|all|avatars|batch|homes|learning|parity|planning",
             help="A task, [bold]all[/bold] tasks, [bold]avatars[/bold] for people, "
-            "[bold]homes[/bold] for houses, [bold]learning[/bold], or [bold]batch[/bold] and "
-            "[bold]parity[/bold] for MuJoCo beside Bullet.",
+            "[bold]homes[/bold] for houses, [bold]learning[/bold], [bold]planning[/bold], or "
+            "[bold]batch[/bold] and [bold]parity[/bold] for MuJoCo beside Bullet.",
         ),
     ],
     of: BenchTask = None,
@@ -436,6 +438,8 @@ def bench(
     ] = None,
     device: BenchDevice = None,
     processes: WorkerCounts = None,
+    queries: BenchQueries = None,
+    rooms: BenchRooms = None,
     as_json: Json = False,
 ) -> None:
     """Measure speed: of a task or all of them, of people with and without muscles, of houses, of learning.
@@ -450,6 +454,8 @@ def bench(
     homes: how long a house takes to load, and what it adds to a step of feeding.
 
     learning: steps per second with a policy, on one core and over processes, and updates per second.
+
+    planning: how many paths are found in 2 s in furnished rooms with somebody seated, and what they touch.
 
     parity: how nearly MuJoCo does what Bullet does, each figure with its bound; batch: how fast.
 
@@ -467,6 +473,7 @@ def bench(
     if of is not None and what not in ("batch", "parity"):
         raise typer.BadParameter(f"bench {what} takes no task", param_hint="TASK")
     options |= {"task": of or task, "device": device, "processes": processes}
+    options |= {"queries": queries, "rooms": rooms}
     options |= {**place_of(home, level, room), **cast_of(robot, recipient, caregiver)}
     given = {name: value for name, value in options.items() if value is not None}
     for name in speed.unwanted(what, given):

@@ -17,8 +17,8 @@ from rcare_marl.baselines.trained import best_policy
 from rcare_marl.console import console, progress, table
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.scenes.meal import MOUTH_RADIUS
 from rcare_marl.envs.task_options import FORCE_LIMIT
-from rcare_marl.envs.tasks.feeding import MOUTH_RADIUS
 from rcare_marl.errors import ConfigError
 from rcare_marl.rendering.film import Film
 

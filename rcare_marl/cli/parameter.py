@@ -132,6 +132,12 @@ BenchTask = Annotated[
 BenchAvatar = Annotated[
     str | None, typer.Option(metavar="MODEL", help="Whom `avatars` measures; karan if left out.")
 ]
+BenchQueries = Annotated[
+    int | None, typer.Option(min=1, help="Paths that `planning` looks for in each room.")
+]
+BenchRooms = Annotated[
+    int | None, typer.Option(min=1, max=16, help="Rooms of `planning`, each in another house.")
+]
 BenchSeconds = Annotated[
     float | None,
     typer.Option(

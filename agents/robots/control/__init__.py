@@ -8,9 +8,10 @@ from rcare_marl.errors import ConfigError
 
 from ..arm import Arm
 from ..joint_group import JointGroup
-from .control import BaseVelocity, Control, GripperClosing
+from .control import BaseVelocity, Control, GripperClosing, ToolMotion
+from .impedance import Compliance, ToolImpedance
 from .joint_control import JointDelta, JointPosition, JointTorque, JointVelocity
-from .tool_delta import ToolDelta
+from .tool_delta import ToolDelta, ToolPose
 
 CONTROLS: dict[str, Callable[[Arm], Control]] = {
     "joint_delta": JointDelta,
@@ -18,8 +19,11 @@ CONTROLS: dict[str, Callable[[Arm], Control]] = {
     "joint_velocity": JointVelocity,
     "joint_torque": JointTorque,
     "tool_delta": ToolDelta,
+    "tool_pose": ToolPose,
+    "impedance": lambda arm: ToolImpedance(arm, Compliance()),
 }
-WEIGHT_CARRYING = ("joint_torque", "tool_delta")  # modes that carry the arm's weight by themselves
+# Modes that carry the arm's weight by themselves.
+WEIGHT_CARRYING = ("joint_torque", "tool_delta", "tool_pose", "impedance")
 # Of a head or torso beside arms; modes that need an arm's kinematics leave such groups to `joint_delta`.
 GROUP_CONTROLS: dict[str, Callable[[JointGroup], Control]] = {
     "joint_position": JointPosition,
@@ -27,11 +31,28 @@ GROUP_CONTROLS: dict[str, Callable[[JointGroup], Control]] = {
 }
 
 
-def moving_tool(control: Control) -> ToolDelta:
+def make_control(name: str, arm: Arm, contact_force: float, compliance: Compliance) -> Control:
+    """Return the control of an arm.
+
+    Args:
+        name: One of `CONTROLS`.
+        arm: The arm.
+        contact_force: Force at the tool from which `tool_delta` and `tool_pose` give way [N].
+        compliance: How the tool yields under `impedance`.
+    """
+    if name == "impedance":
+        return ToolImpedance(arm, compliance)
+    control = CONTROLS[name](arm)
+    if isinstance(control, ToolDelta):
+        control.contact_force = contact_force
+    return control
+
+
+def moving_tool(control: Control) -> ToolMotion:
     """Return a control whose actions move a tool; ConfigError if it is another mode."""
-    if not isinstance(control, ToolDelta):
+    if not isinstance(control, ToolMotion) or isinstance(control, ToolPose):
         raise ConfigError(
-            "motions of the tool need the control mode 'tool_delta', got "
+            "motions of the tool need the control mode 'tool_delta' or 'impedance', got "
             f"{type(control).__name__}: make(..., robot={{'control': 'tool_delta'}})"
         )
     return control
@@ -42,6 +63,7 @@ __all__ = [
     "GROUP_CONTROLS",
     "WEIGHT_CARRYING",
     "BaseVelocity",
+    "Compliance",
     "Control",
     "GripperClosing",
     "JointDelta",
@@ -49,5 +71,9 @@ __all__ = [
     "JointTorque",
     "JointVelocity",
     "ToolDelta",
+    "ToolImpedance",
+    "ToolMotion",
+    "ToolPose",
+    "make_control",
     "moving_tool",
 ]

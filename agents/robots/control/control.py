@@ -98,3 +98,29 @@ class GripperClosing(Control):
 
     def command(self, action: Array, duration: float) -> None:
         self.gripper.advance(float(action[0]), duration)
+
+
+class ToolMotion(Control):
+    """Six values move where the tool is to be: three along, three about the world's axes."""
+
+    SPEED = 0.25  # [m/s]
+    TURN = 1.0  # [rad/s]
+
+    def __init__(self) -> None:
+        self.size = 6
+        self.names = (
+            *(f"tool {axis} [m/s]" for axis in "xyz"),
+            *(f"tool about {axis} [rad/s]" for axis in "xyz"),
+        )
+        self.max = np.array([self.SPEED] * 3 + [self.TURN] * 3)
+
+    def action(self, linear: Array, angular: Array) -> Array:
+        """Return the action that moves the tool so; slower, where it would be too fast.
+
+        Args:
+            linear: Velocity of the tool in the world [m/s], shape [3].
+            angular: How fast it turns about the world's axes [rad/s], shape [3].
+        """
+        action = np.zeros(self.size)
+        action[:6] = np.concatenate((linear, angular)) / self.max[:6]
+        return np.asarray(action / max(1.0, float(np.abs(action).max())))

@@ -7,7 +7,8 @@ import math
 import numba
 import numpy as np
 
-from rcare_marl.pose import Array
+from rcare_marl import pose as poses
+from rcare_marl.pose import Array, Pose
 from rcare_marl.tree.joint_tree import Tree, gravity_torques, jacobian, new_frames
 from rcare_marl.tree.least_squares import bounded_step, least_squares, rotation_vector, turn_frame
 from rcare_marl.world import GRAVITY
@@ -16,7 +17,7 @@ from ..arm import Arm
 from ..joint_group import RETURN_SPEED, JointGroup
 from ..kinematics import place_chain
 from ..robot_config import BASE_JOINTS
-from .control import Control
+from .control import ToolMotion
 
 REST_PULL = 0.5  # [1/s] towards the rest posture, at full speed of the tool
 HEADROOM = 1.5  # motor torque over what `contact_force` at the tool takes
@@ -27,7 +28,7 @@ DAMPING = 0.01  # of the least squares
 FEW_JOINTS_TURN = 0.03
 
 
-class ToolDelta(Control):
+class ToolDelta(ToolMotion):
     """Six values move a target of the tool's pose: three along, three about the world's axes.
 
     Joints follow the target by damped least squares within their position and speed limits. Three
@@ -40,19 +41,12 @@ class ToolDelta(Control):
         contact_force: Force at the tool from which the target gives way [N].
     """
 
-    SPEED = 0.25  # [m/s]
-    TURN = 1.0  # [rad/s]
     LEASH = (0.03, 0.25)  # [m], [rad]
     CONTACT_FORCE = 15.0  # [N]
     needs_actuation = True
 
     def __init__(self, arm: Arm) -> None:
-        self.size = 6
-        self.names = (
-            *(f"tool {axis} [m/s]" for axis in "xyz"),
-            *(f"tool about {axis} [rad/s]" for axis in "xyz"),
-        )
-        self.max = np.array([self.SPEED] * 3 + [self.TURN] * 3)
+        super().__init__()
         self.contact_force = self.CONTACT_FORCE
         self._arm = arm
         own = [name for name in arm.names if name not in BASE_JOINTS]
@@ -65,16 +59,6 @@ class ToolDelta(Control):
         self._push = tuple(self._hold.tolist())
         self._steps_left = -1  # physics steps to the end of the control step
         self._velocities = np.zeros(len(arm))
-
-    def action(self, linear: Array, angular: Array) -> Array:
-        """Return the action that moves the tool so; slower, where it would be too fast.
-
-        Args:
-            linear: Velocity of the tool in the world [m/s], shape [3].
-            angular: How fast it turns about the world's axes [rad/s], shape [3].
-        """
-        action = np.concatenate((linear, angular)) / self.max
-        return np.asarray(action / max(1.0, float(np.abs(action).max())))
 
     def reset(self) -> None:
         arm, chain = self._arm, self._arm.chain
@@ -110,13 +94,17 @@ class ToolDelta(Control):
             self._goal,
             self._target,
             (positions, torques),
-            self.max * action,
+            self._wished_twist(action, duration),
             duration,
             (*self.LEASH, self.contact_force, self._turn_weight),
         )
         if self._has_base:  # it has the whole robot to speed up
             forces = np.where(self._is_base, arm.effort, forces)
         self._drive(speeds, forces, weight)
+
+    def _wished_twist(self, action: Array, duration: float) -> Array:
+        """Return how fast the target is to move [m/s] and turn [rad/s], shape [6]."""
+        return self.max * action
 
     @property
     def steady(self) -> tuple[JointGroup, tuple[float, ...]]:
@@ -140,6 +128,41 @@ class ToolDelta(Control):
         if self._steps_left == 0:
             self._velocities = self._arm.velocities()
         self._arm.drive_torques(self._push)
+
+
+class ToolPose(ToolDelta):
+    """Six values say where the tool is to be in the frame of the robot's root: place, and rotation vector.
+
+    A value of 1 is `REACH` along, and half a turn about each axis. The target goes there no faster than
+    that of `ToolDelta`, and is as gentle.
+    """
+
+    REACH = 1.5  # [m]; our own choice
+
+    def __init__(self, arm: Arm) -> None:
+        super().__init__(arm)
+        self.names = (
+            *(f"tool at {axis} [m]" for axis in "xyz"),
+            *(f"tool turned about {axis} [rad]" for axis in "xyz"),
+        )
+        self._most = self.max
+        self.max = np.array([self.REACH] * 3 + [math.pi] * 3)
+
+    def action_for(self, pose: Pose) -> Array:
+        """Return the action that asks for a pose of the tool in the world, shape [6]."""
+        own = self._arm.body.base_pose().inverse() @ pose
+        wish = np.concatenate((own.position, poses.rotation_vector(own.quaternion)))
+        return np.clip(wish / self.max, -1.0, 1.0)
+
+    def _wished_twist(self, action: Array, duration: float) -> Array:
+        wish = self.max * action
+        angle = float(np.linalg.norm(wish[3:]))
+        axis = wish[3:] / max(angle, 1e-9)
+        turn = poses.quaternion_from_axis_angle(tuple(axis.tolist()), angle)
+        own = Pose(tuple(wish[:3].tolist()), tuple(turn.tolist()))
+        there = np.ascontiguousarray((self._arm.body.base_pose() @ own).matrix()[:3])
+        way = np.concatenate((there[:, 3] - self._goal[:, 3], rotation_vector(there, self._goal)))
+        return np.asarray(way / max(duration, float((np.abs(way) / self._most).max())))
 
 
 @numba.njit(cache=True)

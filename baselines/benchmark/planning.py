@@ -1,0 +1,257 @@
+"""The command `bench planning`: how often a path is found in furnished rooms, beside going straight.
+
+Somebody sits in a wheelchair in a room of each of several houses, and a robot stands by or on the chair. A
+query goes from one posture of the arm to another, both drawn uniformly within the limits of its joints, and
+half a turn each way, until they are clear by as much as a path has to be. Whether a way leads from one to the
+other is not known before: what is not solved in time is looked for ten times as long, and if there is no way
+then either, the query counts as one that may have none, and is told apart.
+
+What is planned is judged by Bullet and not by the planner's own geometry: every 20 ms of a path, how far the
+robot and what it holds are from the person and from walls and furniture. To go straight is to move all
+joints evenly from start to goal. Times are processor time of the one thread.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from rcare_marl.agents.planning import ACCELERATING
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.console import console, table
+from rcare_marl.envs import make
+from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.homes import CareHome
+from rcare_marl.envs.registry import task_class
+from rcare_marl.errors import ConfigError, PlanningError
+from rcare_marl.planning.clearance import check_installed
+from rcare_marl.planning.path import Path
+from rcare_marl.planning.search import dense
+from rcare_marl.pose import Array
+
+from .environment import surroundings
+
+TASK = "feeding"
+ROBOTS = ("kinova_gen3", "pr2", "stretch_re1_dex", "fetch", "ur5")
+HOUSES = tuple(f"house_{number:02d}" for number in range(1, 17))
+ROOMS, QUERIES = 10, 10
+FROM_PEOPLE, FROM_THINGS = 0.02, 0.01  # [m] that paths keep
+WITHIN = 2.0  # [s] to plan
+DRAWS = 2000  # of a posture that is clear, before a room counts as too narrow
+SECOND_SEED = 1000  # of the search that asks whether there is a way
+STEP = 0.02  # [s or rad] between what is judged
+ROUNDING = 1.001  # by which figures may pass limits
+WANTED = {"solved": 0.95, "hits": 0}
+
+
+def bench(
+    robot: str | None = None, queries: int = QUERIES, rooms: int = ROOMS, seed: int = 0
+) -> dict[str, Any]:
+    """Return what became of the queries for each robot, as plain values for JSON.
+
+    Args:
+        robot: The model of the one robot; those of `ROBOTS` if None.
+        queries: In each room.
+        rooms: Houses, of each of which one room counts; with another seed they begin elsewhere.
+        seed: Of the postures.
+
+    Raises:
+        MissingPackageError: If the extra `plan` is not installed.
+    """
+    check_installed()
+    found = {model: _of(model, queries, rooms, seed) for model in ([robot] if robot else ROBOTS)}
+    every = [each for result in found.values() for each in (result["solved"], result["hits"])]
+    return {
+        "task": TASK,
+        "queries_per_room": queries,
+        "seed": seed,
+        "within_s": WITHIN,
+        "robots": found,
+        "wanted": WANTED,
+        "met": {
+            "solved": min(every[::2]) >= WANTED["solved"],
+            "hits": sum(every[1::2]) == WANTED["hits"],
+        },
+    } | surroundings()
+
+
+def _of(model: str, queries: int, rooms: int, seed: int) -> dict[str, Any]:
+    """Return the results of one robot over all rooms."""
+    rng = np.random.default_rng([seed, sum(model.encode())])
+    rows: list[dict[str, Any]] = []
+    names = []
+    for env in _rooms(model, rooms, seed):
+        names.append(f"{env.task.place.name}/{env.task.place.facts()['room']}")
+        judge = _Judge(env)
+        for k in range(queries):
+            ends = judge.query(rng)
+            if ends is not None:
+                rows.append(judge.play(*ends, seed=k))
+    drawn = len(rows)
+    rows = [row for row in rows if row["has_way"]]
+    solved = [row for row in rows if row["solved"]]
+    times = sorted(row["planning_s"] for row in rows)
+    return {
+        "rooms": names,
+        "queries": len(rows),
+        "without_known_way": drawn - len(rows),
+        "solved": len(solved) / len(rows),
+        "hits": sum(row["hits"] for row in solved),
+        "hits_things": sum(row["hits_things"] for row in solved),
+        "limits_kept": sum(row["limits_kept"] for row in solved) / max(len(solved), 1),
+        "nearest_person_mm": 1e3 * min(row["nearest"] for row in solved),
+        "straight_hits": sum(row["straight_hits"] for row in rows) / len(rows),
+        "straight_hits_person": sum(row["straight_hits_person"] for row in rows) / len(rows),
+        "planning_median_s": statistics.median(times),
+        "planning_p95_s": times[int(0.95 * (len(times) - 1))],
+    }
+
+
+def _rooms(model: str, count: int, seed: int) -> Iterator[CareEnv]:
+    """Yield environments in rooms of houses in which the robot has a place, one room a house."""
+    begin = seed % len(HOUSES)
+    for house in HOUSES[begin:] + HOUSES[:begin]:
+        env = _in_house(model, house)
+        if env is None:
+            continue
+        try:
+            env.reset(seed=seed)
+            yield env
+        finally:
+            env.close()
+        count -= 1
+        if not count:
+            return
+
+
+def _in_house(model: str, house: str) -> CareEnv | None:
+    kinds = task_class(TASK).room_kinds
+    for room in (room.name for room in CareHome.load(house).rooms() if room.kind in kinds):
+        for side in ("right", "left"):
+            try:
+                return make(TASK, robot=model, home=house, room=room, options={"mount": side})
+            except ConfigError:
+                continue  # too narrow there
+    return None
+
+
+class _Judge:
+    """Draws queries in a room, and looks at what comes of them."""
+
+    def __init__(self, env: CareEnv) -> None:
+        robot = env.cast["robot"]
+        assert isinstance(robot, Robot)  # the task has one
+        self._env, self._robot, self._person = env, robot, env.cast["recipient"]
+        self._held = env.world.held_by(robot.body)
+        self._things = [body for _, body in env.task.place.obstacles]
+        self._wishes: dict[str, Any] = {
+            "avoid": {self._person: FROM_PEOPLE},
+            "gap": FROM_THINGS,
+            "within_s": WITHIN,
+        }
+        self._grips = [robot.tool_pose().inverse() @ body.base_pose() for body in self._held]
+
+    def query(self, rng: np.random.Generator) -> tuple[Array, Array] | None:
+        """Return two postures that are clear; None if there is hardly any."""
+        from rcare_marl.agents.planning import Request, posed
+
+        problem = posed(self._robot, Request(self._wishes["avoid"], FROM_THINGS))
+        found: list[Array] = []
+        lower, upper = np.maximum(problem.lower, -np.pi), np.minimum(problem.upper, np.pi)
+        for _ in range(DRAWS):
+            posture = rng.uniform(lower, upper)
+            if problem.holds(posture):
+                found.append(posture)
+                if len(found) == 2:
+                    return found[0], found[1]
+        return None
+
+    def play(self, start: Array, goal: Array, seed: int) -> dict[str, Any]:
+        """Return what became of a query."""
+        self._put(start)
+        straight = [self._gaps(posture) for posture in dense(np.array((start, goal)), STEP)]
+        row: dict[str, Any] = {
+            "straight_hits_person": any(person < 0 for person, _ in straight),
+            "straight_hits": any(min(gaps) < 0 for gaps in straight),
+        }
+        self._put(start)
+        try:
+            path = self._robot.plan(goal, seed=seed, **self._wishes)
+        except PlanningError:
+            return row | {"solved": False, "planning_s": WITHIN, "has_way": self._has_way(goal)}
+        times = np.arange(0.0, path.duration + STEP, STEP)
+        gaps = np.array([self._gaps(path.at(time)) for time in times])
+        return row | {
+            "solved": path.planning_s <= WITHIN,
+            "planning_s": path.planning_s,
+            "has_way": True,
+            "hits": bool((gaps[:, 0] < 0).any()),
+            "hits_things": bool((gaps[:, 1] < 0).any()),
+            "nearest": float(gaps[:, 0].min()),
+            "limits_kept": self._keeps_limits(path),
+        }
+
+    def _has_way(self, goal: Array) -> bool:
+        try:
+            self._robot.plan(goal, seed=SECOND_SEED, **{**self._wishes, "within_s": 10 * WITHIN})
+        except PlanningError:
+            return False
+        return True
+
+    def _put(self, posture: Array) -> None:
+        self._robot.set_posture(posture)
+        for body, grip in zip(self._held, self._grips, strict=True):
+            body.set_base(self._robot.tool_pose() @ grip)
+
+    def _gaps(self, posture: Array) -> tuple[float, float]:
+        """Return how far robot and tool are from the person and from things, 5 cm at most [m]."""
+        self._put(posture)
+        own = (self._robot.body, *self._held)
+        return (
+            min(self._gap(body, self._person.body) for body in own),
+            min((self._gap(body, thing) for body in own for thing in self._things), default=0.05),
+        )
+
+    def _gap(self, a: Any, b: Any) -> float:
+        return self._env.world.separation(a, b, within=0.05)
+
+    def _keeps_limits(self, path: Path) -> bool:
+        arm, rows, dt = self._robot.arm, path.positions, np.diff(path.times)[:, None]
+        speeds = np.diff(rows, axis=0) / dt
+        changes = np.diff(speeds, axis=0) / dt[1:]
+        return bool(
+            ((rows >= arm.lower - 1e-6) & (rows <= arm.upper + 1e-6)).all()
+            and (np.abs(speeds) <= ROUNDING * arm.velocity).all()
+            and (np.abs(changes) <= ROUNDING * arm.velocity / ACCELERATING).all()
+        )
+
+
+def show(result: Mapping[str, Any]) -> None:
+    """Print what `bench` returned as a table."""
+    rows = [
+        (
+            model,
+            f"{found['queries']} in {len(found['rooms'])}, {found['without_known_way']}",
+            f"{100 * found['solved']:.1f} %",
+            f"{found['hits']}, {found['hits_things']}",
+            f"{100 * found['limits_kept']:.0f} %",
+            f"{found['nearest_person_mm']:.0f} mm",
+            f"{100 * found['straight_hits']:.0f}, {100 * found['straight_hits_person']:.0f} %",
+            f"{found['planning_median_s']:.2f}, {found['planning_p95_s']:.2f} s",
+        )
+        for model, found in result["robots"].items()
+    ]
+    columns = (
+        "robot",
+        "queries in rooms, without a known way",
+        f"solved in {result['within_s']:g} s",
+        "hit person, things",
+        "limits kept",
+        "nearest",
+        "straight hits anything, person",
+        "planning: median, 95th of 100",
+    )
+    console().print(table("planning in furnished rooms", columns, rows))

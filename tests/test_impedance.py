@@ -1,0 +1,165 @@
+"""The tool as a spring: steady presses, no energy from nowhere, and absolute poses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from rcare_marl.agents.people.avatar import load_avatar, load_posture
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.robots.control import Compliance, ToolImpedance, ToolPose
+from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_config import load_robot
+from rcare_marl.body import Body
+from rcare_marl.errors import ConfigError
+from rcare_marl.pose import Array, Pose, about_z
+from rcare_marl.world import World
+
+DT = 0.1
+
+
+def gen3(world: World, control: str, compliance: Compliance = Compliance()) -> Robot:
+    robot = Robot("robot", load_robot("kinova_gen3"), control=control, compliance=compliance)
+    robot.spawn(world, robot.mount("floor"))
+    return robot
+
+
+def act(world: World, robot: Robot, action: Array, seconds: float) -> Iterator[None]:
+    """Hold an action, and stop after each physics step."""
+    for _ in range(round(seconds / DT)):
+        robot.command(action, DT)
+        for _ in range(24):
+            robot.actuate()
+            world.step()
+            yield
+
+
+def press(world: World, robot: Robot, body: Body, seconds: float) -> Array:
+    """Go down onto something; return the force on it in the last second, each physics step [N]."""
+    down = robot.tool_action(np.array((0.0, 0.0, -0.06)), np.zeros(3))
+    forces = [world.contact_force(body, robot.body) for _ in act(world, robot, down, seconds)]
+    return np.array(forces[-240:])
+
+
+@pytest.mark.parametrize("stiffness", [30000.0, 1000.0])
+def test_five_newtons_are_pressed_on_what_is_stiff_and_what_is_soft(stiffness: float) -> None:
+    world = World()
+    robot = gen3(world, "impedance", Compliance(wrench_limit=(20, 20, 5, 4, 4, 4)))
+    x, y, z = robot.tool_pose().position
+    pad = world.add_box((0.4, 0.4, 0.05), Pose((x, y, z - 0.1)), name="pad")
+    pad.set_softness(stiffness=stiffness, damping=50.0)
+    forces = press(world, robot, pad, 4.0)
+    assert np.abs(forces - 5.0).max() < 0.5
+    world.close()
+
+
+def test_five_newtons_are_pressed_on_flesh_that_yields() -> None:
+    world = World()
+    person = Human(
+        "person",
+        load_avatar("karan"),
+        posture=load_posture("bed_supine"),
+        movable=(),
+        tissue=["right_hip"],
+    )
+    person.spawn(world, Pose((0.0, 0.0, 0.0)))
+    robot = gen3(world, "impedance", Compliance(wrench_limit=(20, 20, 5, 4, 4, 4)))
+    thigh = person.joint_pose("right_hip").position
+    knee = person.joint_pose("right_knee").position
+    middle = 0.5 * (np.array(thigh) + knee)
+    x, y, z = robot.tool_pose().position  # from the side, and from above
+    at = (middle[0] + y, middle[1] - x, middle[2] - z + 0.16)
+    robot.place(Pose(tuple(np.array(at).tolist()), about_z(math.pi / 2)))
+    assert world.separation(robot.body, person.body, within=0.05) > 0.02
+    forces = press(world, robot, person.body, 4.0)
+    assert abs(forces.mean() - 5.0) < 0.5
+    world.close()
+
+
+def energy(robot: Robot, control: ToolImpedance) -> float:
+    """Return the energy of the arm's motion and of the spring [J]; gravity is carried."""
+    arm = robot.arm
+    positions, velocities = arm.states()
+    error, _ = control.stretch(positions)
+    moving = 0.5 * velocities @ arm.mass_matrix(positions) @ velocities
+    return float(moving + 0.5 * np.sum(control.stiffness * error**2))
+
+
+@pytest.mark.parametrize("axes", ["world", "tool"])
+def test_a_spring_that_is_let_go_only_loses_energy(axes: str) -> None:
+    world = World()
+    limit = (200.0, 200.0, 200.0, 20.0, 20.0, 20.0)
+    robot = gen3(world, "impedance", Compliance(wrench_limit=limit, axes=axes))  # type: ignore[arg-type]
+    control = robot.control
+    assert isinstance(control, ToolImpedance)
+    posture = robot.arm.positions()
+    control.reset()
+    robot.arm.teleport(posture + 0.1)  # the rest stays where it was
+    still = np.zeros(robot.action_size)
+    seen = [energy(robot, control)]
+    seen += [energy(robot, control) for _ in act(world, robot, still, 2.0)]
+    assert seen[0] > 1.0 and seen[-1] < 0.02 * seen[0]
+    assert np.diff(seen).max() < 2e-3 * seen[0]
+    world.close()
+
+
+def test_a_spring_that_an_action_makes_stiffer_gets_no_energy_by_it() -> None:
+    world = World()
+    limit = (200.0, 200.0, 200.0, 20.0, 20.0, 20.0)
+    robot = gen3(world, "impedance", Compliance(wrench_limit=limit, varies=True))
+    control = robot.control
+    assert isinstance(control, ToolImpedance) and robot.action_size == 18
+    posture = robot.arm.positions()
+    control.reset()
+    robot.arm.teleport(posture + 0.1)
+    seen, rng = [energy(robot, control)], np.random.default_rng(0)
+    for _ in range(20):
+        action = np.concatenate((np.zeros(6), rng.uniform(-1, 1, 12)))
+        before = energy(robot, control)
+        robot.command(action, DT)
+        assert energy(robot, control) <= before * (1 + 1e-6)
+        seen += [energy(robot, control) for _ in act(world, robot, action, DT)]
+    assert max(seen) <= seen[0] * (1 + 2e-3)
+    world.close()
+
+
+def test_a_push_moves_the_tool_by_what_its_stiffness_allows() -> None:
+    world = World()
+    robot = gen3(world, "impedance", Compliance(stiffness=(400.0, 1600.0, 400.0, 30.0, 30.0, 30.0)))
+    start = np.array(robot.tool_pose().position)
+    for axis, stiffness in ((0, 400.0), (1, 1600.0)):
+        push = np.zeros(3)
+        push[axis] = 8.0
+        robot.set_start()
+        for _ in act(world, robot, np.zeros(6), 3.0):
+            robot.body.apply_force(robot.tool_index, push, robot.tool_pose().position)
+        moved = np.array(robot.tool_pose().position) - start
+        assert moved[axis] == pytest.approx(8.0 / stiffness, rel=0.1)
+    world.close()
+
+
+def test_the_tool_goes_to_an_absolute_pose_and_stays_there() -> None:
+    world = World()
+    robot = gen3(world, "tool_pose")
+    control = robot.control
+    assert isinstance(control, ToolPose)
+    place = robot.tool_pose()
+    wish = Pose(tuple(np.add(place.position, (-0.05, 0.1, 0.08)).tolist()), place.quaternion)
+    speeds, before = [], np.array(place.position)
+    for _ in act(world, robot, control.action_for(wish), 2.5):
+        now = np.array(robot.tool_pose().position)
+        speeds.append(np.linalg.norm(now - before) * 240)
+        before = now
+    assert math.dist(robot.tool_pose().position, wish.position) < 0.003
+    assert max(speeds[24:]) < 1.2 * math.sqrt(3) * ToolPose.SPEED
+    world.close()
+
+
+def test_impossible_compliance_is_refused() -> None:
+    with pytest.raises(ConfigError, match="wrench_limit"):
+        Compliance(wrench_limit=(0.0, 1.0, 1.0, 1.0, 1.0, 1.0))
+    with pytest.raises(ConfigError, match="stiffness"):
+        Compliance(stiffness=(-1.0, 1.0, 1.0, 1.0, 1.0, 1.0))
