@@ -172,6 +172,14 @@ def train(
             metavar="NAME", help="What computes the motion: bullet, the default, or mujoco."
         ),
     ] = None,
+    demonstrations: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH",
+            help="Begin with recorded episodes in place of scripted ones: what --record wrote, in any of "
+            "its formats. See docs/datasets.md.",
+        ),
+    ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -187,11 +195,15 @@ def train(
     Ctrl-C saves at the end of the interval and says how to go on; a second one stops at once.
 
     Example: rcare-marl train feeding --algo sac --seed 0 --steps 50000
+
+    Example: rcare-marl train feeding --demonstrations runs/by_hand.hdf5
     """
     given = {"algo": algo, "seed": seed, "steps": steps, "envs": envs, "engine": engine}
     fields = {name: value for name, value in given.items() if value is not None}
     if workers is not None:
         fields["workers"] = _workers(workers)
+    if demonstrations is not None:
+        fields["demonstrations"] = {"path": str(demonstrations)}
     changes = settings(set_, "--set")
     if resume in (AUTO, NEVER):
         chosen = _chosen(task, config, level, fields, changes)
