@@ -291,6 +291,7 @@ class EpisodeRecorder:
                 "made"
             )
         setup = {**env.setup, "cast": {r: _played(entry) for r, entry in env.setup["cast"].items()}}
+        is_late = not bool(env.task.is_success(env.task.state) | env.task.failed())
         given = load(type(env.task).Options, env.setup["options"], "options")
         header = Header(
             setup=setup,
@@ -301,7 +302,7 @@ class EpisodeRecorder:
             eased=None if env.task.options == given else dataclasses.asdict(env.task.options),
             policies=dict(policies or {}),
             versions=versions(),
-            facts=facts_of(env) if self._sees else {},
+            facts={**facts_of(env), "late": is_late} if self._sees else {},
         )
         actions = {
             role: np.array([step[role] for step in self._actions]).reshape(-1, agent.action_size)
@@ -317,8 +318,8 @@ def facts_of(env: CareEnv) -> dict[str, Any]:
 
     `control_dt` [s]; `lead`, who is to learn; for each role `observes` as [name, size, unit], `arrays` as
     [name, shape, unit], `acts` as names, and `lows`, the least value of an action; `agents` as they describe
-    themselves; `people` with the clinical profile and all else that they are, and a hash of it; whether the
-    episode ended `late`, by its time, and so neither by success nor failure.
+    themselves; `people` with the clinical profile and all else that they are, and a hash of it. The facts of
+    an episode also say whether it ended `late`, by its time, and so neither by success nor failure.
     """
     task, cast = env.task, env.cast
     people = {role: agent.avatar for role, agent in cast.items() if isinstance(agent, Human)}
@@ -335,7 +336,6 @@ def facts_of(env: CareEnv) -> dict[str, Any]:
         "lows": {role: agent.action_low for role, agent in cast.items()},
         "agents": {role: agent.describe() for role, agent in cast.items()},
         "people": {r: {"hash": person_hash(p), **avatar_fields(p)} for r, p in people.items()},
-        "late": not bool(task.is_success(task.state) | task.failed()),
     }
 
 

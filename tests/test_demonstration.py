@@ -80,7 +80,7 @@ def test_what_was_recorded_teaches_what_was_played(name: str, recorded: Path) ->
 @pytest.mark.parametrize(
     ("recipe", "text"),
     [
-        (EnvRecipe("drinking"), "of the task 'feeding', and not 'drinking'"),
+        (EnvRecipe("toileting"), "of the task 'feeding', and not 'toileting'"),
         (EnvRecipe("feeding", cast={"robot": "ur5"}), "'robot' was .*, and is"),
         (
             EnvRecipe("feeding", cast={"recipient": {"physiology_observed": True}}),

@@ -31,6 +31,7 @@ DATA, EPISODES, TASKS = (
     f"meta/episodes/{FILE}.parquet",
     "meta/tasks.parquet",
 )
+INDEX = "__index_level_0__"  # what pandas calls the column that is its index
 PATTERN = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 INDICES = ("frame_index", "episode_index", "index", "task_index")
 STATE, ACTION, REWARD, IMAGES = "observation.state", "action", "next.reward", "observation.images"
@@ -177,13 +178,20 @@ class LerobotWriter:
         pq.write_table(pa.Table.from_pylist(self._rows), self._path / EPISODES)
         text = self._rows[0]["tasks"][0]
         about = {  # so that pandas takes the text for the index
-            "index_columns": ["__index_level_0__"],
+            "index_columns": [INDEX],
             "column_indexes": [],
-            "columns": [],
+            "columns": [
+                {"name": field or None, "field_name": field or INDEX, "metadata": None}
+                | {"pandas_type": kind, "numpy_type": numpy}
+                for field, kind, numpy in (
+                    ("task_index", "int64", "int64"),
+                    ("", "unicode", "object"),
+                )
+            ],
             "creator": {"library": "pyarrow", "version": pa.__version__},
             "pandas_version": "2.0.0",
         }
-        tasks = pa.table({"task_index": [0], "__index_level_0__": [text]})
+        tasks = pa.table({"task_index": [0], INDEX: [text]})
         tasks = tasks.replace_schema_metadata({"pandas": json.dumps(about)})
         pq.write_table(tasks, self._path / TASKS)
         statistics = {name: _statistic(values) for name, values in whole.items()}

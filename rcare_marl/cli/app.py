@@ -53,6 +53,7 @@ from .parameter import (
     settings,
 )
 from .people import people
+from .teleoperation import teleoperate
 from .training import train
 from .watching import play, replay
 
@@ -329,6 +330,7 @@ def validate(
 
 app.command()(replay)
 app.command()(play)
+app.command()(teleoperate)
 app.command()(train)
 app.command()(export)
 app.command()(people)
