@@ -191,6 +191,14 @@ Record = Annotated[
         "NAME-v0 for Minari, another one for LeRobot.",
     ),
 ]
+Demonstrated = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="PATH",
+        help="Begin with recorded episodes in place of scripted ones: what --record wrote, in any of its "
+        "formats. See docs/datasets.md.",
+    ),
+]
 Which = Annotated[
     int | None, typer.Option("--episode", min=0, help="Only this one of a dataset, from 0 on.")
 ]
