@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from rcare_marl.baselines.teleoperation.stage import Hand, Scenario, Stage
 from rcare_marl.baselines.training.config import Demonstrations
 from rcare_marl.baselines.training.demonstration import demonstrate
 from rcare_marl.envs.datasets import record
@@ -94,4 +95,16 @@ def test_what_does_not_fit_is_named(recipe: EnvRecipe, text: str, recorded: Path
     env = LearnerEnv(recipe)
     with pytest.raises(ConfigError, match=text):
         demonstrate(env, Demonstrations(path=str(recorded / "a.hdf5")))
+    env.close()
+
+
+def test_a_hand_of_another_role_teaches_that_role(tmp_path: Path) -> None:
+    stage = Stage(Scenario("feeding", ["recipient"], record=tmp_path / "mouth.mcap"))
+    values = tuple(float("jaw" in name) for name in stage.facts("recipient")["acts"])
+    while not stage.is_over:
+        stage.step({"recipient": Hand(0, True, values)})
+    stage.close()
+    env = LearnerEnv(EnvRecipe("feeding", learners=("recipient",)))
+    shown = demonstrate(env, Demonstrations(path=str(tmp_path / "mouth.mcap")))
+    assert torch.equal(shown["recipients", "action"][0, 0], torch.tensor(values))
     env.close()

@@ -89,6 +89,7 @@ class Server(Door):
         self._thread = ThreadPoolExecutor(1)  # the scene and its pictures are of one thread
         self.players: dict[str, Player] = {}
         self._paused, self._running = False, False
+        self._drawn = 0.0  # how long the last picture took [s]
         self._moved = asyncio.Event()
         self.app.router.add_get("/", self._index)
         self.app.router.add_get("/web/{name}", self._file)
@@ -247,8 +248,13 @@ class Server(Door):
         state = {"status": self._status(), "missing": missing, "latency_ms": 1e3 * player.latency}
         state["right"] = await self._on_stage(self._stage.right, player.view)
         await self._send(player, {"type": "scene", **facts, **state})
-        if player.pictures and not player.socket.closed:
+        # Where pictures take longer than a step, some steps go without: the scene keeps its time.
+        every = 1 + int(self._drawn * self._speed / self._stage.control_dt)
+        is_due = state["status"] != "running" or facts["number"] % every == 0
+        if player.pictures and not player.socket.closed and is_due:
+            begun = time.monotonic()
             picture = await self._on_stage(self._stage.picture, player.view)
+            self._drawn = time.monotonic() - begun
             await self._deliver(player.socket.send_bytes(picture))
 
     async def _send(self, player: Player, data: dict[str, Any]) -> None:

@@ -18,7 +18,7 @@ from rcare_marl.envs import make
 from rcare_marl.envs.datasets import Recording
 from rcare_marl.envs.registry import lead_roles, task_class
 from rcare_marl.errors import ConfigError, check_name
-from rcare_marl.rendering import Camera, Renderer, make_renderer
+from rcare_marl.rendering import Camera, Renderer, Shot, make_renderer
 from rcare_marl.rendering.portrait import encoded
 
 from ..pages.strict import MessageError, field_of, flag, number, one_of, parse_as, whole
@@ -218,9 +218,10 @@ class Stage:
 
     def picture(self, view: View = STRAIGHT) -> bytes:
         """Return the scene from a view, as a JPEG."""
-        if self._renderer is None:
-            self._renderer = make_renderer(self._env.world)
-        return encoded(self._renderer.render(self._camera(view)), "JPEG")
+        if self._renderer is None:  # without shadows: what counts is that it comes soon
+            self._renderer = make_renderer(self._env.world, samples=0, ambient_occlusion=False)
+        shot = Shot(self._camera(view), look="plain")
+        return encoded(self._renderer.read([shot])[0]["rgb"], "JPEG")
 
     def right(self, view: View) -> list[float]:
         """Return which direction of the floor is to the right in a view, x and y of a unit vector."""
