@@ -195,8 +195,8 @@ class Server(Door):
             while True:
                 self._moved.clear()
                 if self._status() == "ready":  # the first hand that moves begins
-                    hands = [player.live(time.monotonic()) for player in self.players.values()]
-                    self._running = any(hand is not None and hand.clutch for hand in hands)
+                    live = [player.live(time.monotonic()) for player in self.players.values()]
+                    self._running = any(hand is not None and hand.clutch for hand in live)
                 if self._status() != "running":
                     await self._rest()
                     due = time.monotonic()

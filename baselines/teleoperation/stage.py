@@ -184,7 +184,8 @@ class Stage:
 
     def step(self, hands: Mapping[str, Hand | None]) -> None:
         """Let everybody act for one control step; a role without a hand, or its clutch, does nothing."""
-        self._env.step({role: self._action(role, hands.get(role)) for role in self.roles})  # type: ignore[arg-type]
+        actions = {role: self._action(role, hands.get(role)) for role in self.roles}
+        self._env.step(actions)  # type: ignore[arg-type]  # float64 will do
         self.number += 1
 
     def check(self, role: str, hand: Hand) -> None:

@@ -91,7 +91,8 @@ class MinariWriter:
 
     def __init__(self, path: Path) -> None:
         """Begin a folder whose name is the dataset's, such as `feeding-v0`."""
-        self._path, self._storage = path, None
+        self._path = path
+        self._storage: Any = None
         self._headers: list[dict[str, Any]] = []
         self.name = path.name
 

@@ -35,7 +35,7 @@ INDEX = "__index_level_0__"  # what pandas calls the column that is its index
 PATTERN = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 INDICES = ("frame_index", "episode_index", "index", "task_index")
 STATE, ACTION, REWARD, IMAGES = "observation.state", "action", "next.reward", "observation.images"
-SUMS = {"min": np.min, "max": np.max, "mean": np.mean, "std": np.std}
+SUMS: dict[str, Any] = {"min": np.min, "max": np.max, "mean": np.mean, "std": np.std}
 
 Array = npt.NDArray[Any]
 
@@ -75,10 +75,10 @@ class LerobotWriter:
         at = np.arange(steps)
         columns: dict[str, Array] = {}
         arrays = {name: seen for name, seen in episode.observations.items() if "." in name}
-        for role, name in _names(header).items():
-            columns[name["state"]] = episode.observations[role][:-1]
-            columns[name["action"]] = episode.actions[role]
-            columns[name["reward"]] = episode.rewards(role)
+        for role, called in _names(header).items():
+            columns[called["state"]] = episode.observations[role][:-1]
+            columns[called["action"]] = episode.actions[role]
+            columns[called["reward"]] = episode.rewards(role)
         columns |= {f"observation.{n}": v[:-1] for n, v in arrays.items() if not is_picture(v)}
         columns |= {"next.done": ended, "next.success": ended & episode.is_success}
         indices = (at, np.full(steps, number), at + self._frames, np.zeros(steps, int))
@@ -103,12 +103,12 @@ class LerobotWriter:
     ) -> dict[str, Any]:
         """Return the features as `info.json` has them."""
         names: dict[str, Any] = {}
-        for role, name in _names(header).items():
+        for role, called in _names(header).items():
             parts = header.facts["observes"][role]
-            names[name["state"]] = [
+            names[called["state"]] = [
                 f"{n}_{i}" if k > 1 else n for n, k, _ in parts for i in range(k)
             ]
-            names[name["action"]] = header.facts["acts"][role]
+            names[called["action"]] = header.facts["acts"][role]
         out: dict[str, Any] = {}
         for name, values in columns.items():
             kind, shape = values.dtype.name, list(values.shape[1:]) or [1]

@@ -90,7 +90,7 @@ class McapWriter:
         self._writer.add_message(self._channels[topic], time, text, time)
 
     def close(self) -> None:
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call, unused-ignore]
         self._stream.close()
 
 

@@ -190,8 +190,8 @@ def train(
     Example: rcare-marl train feeding --algo sac --seed 0 --demonstrations runs/by_hand.hdf5
     """
     shown = None if demonstrations is None else {"path": str(demonstrations)}
-    given = {"algo": algo, "seed": seed, "steps": steps, "envs": envs, "engine": engine}
-    given |= {"demonstrations": shown}
+    given: dict[str, Any] = {"algo": algo, "seed": seed, "steps": steps, "envs": envs}
+    given |= {"engine": engine, "demonstrations": shown}
     fields = {name: value for name, value in given.items() if value is not None}
     if workers is not None:
         fields["workers"] = _workers(workers)
