@@ -25,9 +25,13 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.agent import Array
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.sampling.population import avatar_fields, person_hash
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.config import load, plain
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.observable import VECTOR
 from rcare_marl.provenance import changes, versions
 from rcare_marl.reading import refusing
 
@@ -38,6 +42,7 @@ VERSION = 1  # of the format
 KIND = "episode"
 WHAT = "a recorded episode"
 SHOWN = 3  # parts, and numbers, that differ, in a message
+SEEN = "observation."  # begins the names of arrays of what was observed
 
 Digests = npt.NDArray[np.uint64]
 
@@ -55,6 +60,7 @@ class Header:
         eased: The settings of the task where a curriculum had changed them; None elsewhere.
         policies: Names of the policies that played, as far as they were told; a replay needs none.
         versions: Versions of what the numbers depend on.
+        facts: Who played and what the numbers mean, see `facts_of`; none where nothing was to be seen.
     """
 
     setup: dict[str, Any]
@@ -65,6 +71,7 @@ class Header:
     eased: dict[str, Any] | None = None
     policies: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
+    facts: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -76,6 +83,8 @@ class RecordedEpisode:
         actions: Of each role, as they were obeyed, shape [steps, actions].
         digests: Of the exact state of each part, shape [steps + 1, parts]; the first is that of the reset.
         numbers: The measures, shape [steps + 1, measures].
+        observations: Where they were kept: of each role, and of each of its arrays as `role.array`,
+            what was observed, shape [steps + 1, ...].
 
     Raises:
         ConfigError: If the shapes do not fit each other, or a number of an action is not finite.
@@ -85,6 +94,7 @@ class RecordedEpisode:
     actions: Mapping[str, Array]
     digests: Digests
     numbers: Array
+    observations: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if tuple(self.actions) != self.header.roles:
@@ -102,11 +112,41 @@ class RecordedEpisode:
                 raise ConfigError(
                     f"{name} must have shape {(self.steps + 1, len(columns))}, got {found.shape}"
                 )
+        for name, seen in self.observations.items():
+            if name.split(".")[0] not in self.header.roles or len(seen) != self.steps + 1:
+                raise ConfigError(
+                    f"observations of {name!r} must be {self.steps + 1} rows of one of "
+                    f"{list(self.header.roles)}, got shape {seen.shape}"
+                )
 
     @property
     def steps(self) -> int:
         """Control steps."""
         return len(self.digests) - 1
+
+    def measure(self, name: str) -> Array:
+        """Return one of the measures after the reset and each step, shape [steps + 1].
+
+        Raises:
+            UnknownNameError: If there is none of that name.
+        """
+        check_name("measure of the episode", name, self.header.measures)
+        return np.asarray(self.numbers[:, self.header.measures.index(name)])
+
+    def rewards(self, role: str) -> Array:
+        """Return the reward of a role in each step, shape [steps]."""
+        return self.measure(f"reward of {role}")[1:]
+
+    @property
+    def is_success(self) -> bool:
+        """Whether it ended in success, or an operator said so."""
+        return bool(self.measure("success")[-1]) or bool(self.header.facts.get("marked"))
+
+    @property
+    def ending(self) -> tuple[bool, bool]:
+        """Whether it ended by success or failure, and whether it was cut short, by its time or a person."""
+        is_late = bool(self.header.facts.get("late", True))
+        return not is_late, is_late
 
     def save(self, path: str | Path) -> None:
         """Write the file, whole or not at all; the same episode gives the same bytes.
@@ -116,6 +156,7 @@ class RecordedEpisode:
         """
         about = {**plain(dataclasses.asdict(self.header), "episode"), "kind": KIND}
         arrays: dict[str, npt.NDArray[Any]] = {"digests": self.digests, "numbers": self.numbers}
+        arrays |= {f"{SEEN}{name}": seen for name, seen in self.observations.items()}
         for number, rows in enumerate(self.actions.values()):
             brief = rows.astype(np.float32)  # those of a network are no longer than that
             arrays[f"actions_{number}"] = brief if np.array_equal(brief, rows) else rows
@@ -146,7 +187,8 @@ class RecordedEpisode:
                 for k, role in enumerate(header.roles)
             }
             numbers = arrays["numbers"].astype(np.float64, casting="same_kind")
-            return cls(header, actions, digests, numbers)
+            seen = {n.removeprefix(SEEN): a for n, a in arrays.items() if n.startswith(SEEN)}
+            return cls(header, actions, digests, numbers, seen)
 
     def make(self, render_mode: str | None = None) -> CareEnv:
         """Return the environment in which it was played, with every role left to be commanded.
@@ -206,21 +248,28 @@ class _Setup:
 class EpisodeRecorder:
     """Notes every episode that an environment plays from now on, however it is driven."""
 
-    def __init__(self, env: CareEnv) -> None:
-        """Begin to watch."""
-        self._env = env
+    def __init__(self, env: CareEnv, *, sees: bool = False) -> None:
+        """Begin to watch; `sees` keeps what everybody observes too, and who they are."""
+        self._env, self._sees = env, sees
         self._actions: list[dict[str, Array]] = []
         self._digests: list[list[int]] = []
         self._numbers: list[list[float]] = []
+        self._seen: dict[str, list[npt.NDArray[Any]]] = {}
         env.watchers.append(self._note)
 
     def _note(self, env: CareEnv) -> None:
         if env.world.step_count == 0:
-            self._actions, self._digests, self._numbers = [], [], []
+            self._actions, self._digests, self._numbers, self._seen = [], [], [], {}
         else:
             self._actions.append(env.commands)
         self._digests.append(list(_digests(env).values()))
         self._numbers.append(list(_numbers(env).values()))
+        for name, seen in _observed(env).items() if self._sees else ():
+            self._seen.setdefault(name, []).append(seen)
+
+    def close(self) -> None:
+        """Watch no longer."""
+        self._env.watchers.remove(self._note)
 
     def __len__(self) -> int:
         """Return the control steps of the running or last episode."""
@@ -242,6 +291,7 @@ class EpisodeRecorder:
                 "made"
             )
         setup = {**env.setup, "cast": {r: _played(entry) for r, entry in env.setup["cast"].items()}}
+        is_late = not bool(env.task.is_success(env.task.state) | env.task.failed())
         given = load(type(env.task).Options, env.setup["options"], "options")
         header = Header(
             setup=setup,
@@ -252,14 +302,51 @@ class EpisodeRecorder:
             eased=None if env.task.options == given else dataclasses.asdict(env.task.options),
             policies=dict(policies or {}),
             versions=versions(),
+            facts={**facts_of(env), "late": is_late} if self._sees else {},
         )
         actions = {
             role: np.array([step[role] for step in self._actions]).reshape(-1, agent.action_size)
             for role, agent in env.cast.items()
         }
-        return RecordedEpisode(
-            header, actions, np.array(self._digests, np.uint64), np.array(self._numbers, np.float64)
-        )
+        digests, numbers = np.array(self._digests, np.uint64), np.array(self._numbers, np.float64)
+        seen = {name: np.stack(rows) for name, rows in self._seen.items()}
+        return RecordedEpisode(header, actions, digests, numbers, seen)
+
+
+def facts_of(env: CareEnv) -> dict[str, Any]:
+    """Return what a reader of an episode wants to know beside its numbers, as data for JSON.
+
+    `control_dt` [s]; `lead`, who is to learn; for each role `observes` as [name, size, unit], `arrays` as
+    [name, shape, unit], `acts` as names, and `lows`, the least value of an action; `agents` as they describe
+    themselves; `people` with the clinical profile and all else that they are, and a hash of it. The facts of
+    an episode also say whether it ended `late`, by its time, and so neither by success nor failure.
+    """
+    task, cast = env.task, env.cast
+    people = {role: agent.avatar for role, agent in cast.items() if isinstance(agent, Human)}
+    return {
+        "control_dt": task.control_dt,
+        "lead": next(
+            (r for r, agent in cast.items() if isinstance(agent, Robot)), next(iter(cast))
+        ),
+        "observes": {r: [[n, at.stop - at.start, u] for at, n, u in env.describe(r)] for r in cast},
+        "arrays": {
+            r: [[n, list(shape), u] for shape, n, u in env.describe_arrays(r)] for r in cast
+        },
+        "acts": {role: list(agent.action_names) for role, agent in cast.items()},
+        "lows": {role: agent.action_low for role, agent in cast.items()},
+        "agents": {role: agent.describe() for role, agent in cast.items()},
+        "people": {r: {"hash": person_hash(p), **avatar_fields(p)} for r, p in people.items()},
+    }
+
+
+def _observed(env: CareEnv) -> dict[str, npt.NDArray[Any]]:
+    """Return what each role observes now, its arrays as `role.array`."""
+    out: dict[str, npt.NDArray[Any]] = {}
+    for role in env.cast:
+        seen = env.observe(role)
+        parts = seen if isinstance(seen, Mapping) else {VECTOR: seen}
+        out |= {role if n == VECTOR else f"{role}.{n}": part for n, part in parts.items()}
+    return out
 
 
 @dataclass(frozen=True)

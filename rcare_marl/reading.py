@@ -11,8 +11,10 @@ import json
 import math
 import os
 import stat
+import subprocess
+import sys
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,14 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
-from .errors import ConfigError, RcareError, UnknownNameError, near_files, shown
+from .errors import (
+    ConfigError,
+    RcareError,
+    UnknownNameError,
+    check_package,
+    near_files,
+    shown,
+)
 
 LARGEST = 1 << 30  # [bytes] of any file, and of all arrays that are taken from one
 LARGEST_TEXT = 64 << 20  # [bytes]
@@ -211,6 +220,128 @@ class ArrayFile:
             array: Array = np.lib.format.read_array(stream, allow_pickle=False)
             stream.read(1)  # what checks the sum of all
         return array
+
+
+# HDF5's library can crash on what is damaged, so a process of its own reads all of it first.
+PROBE = """
+import io, sys, h5py
+left, kinds = int(sys.argv[1]), sys.argv[2]
+def look(name, found):
+    global left
+    dict(found.attrs)
+    if isinstance(found, h5py.Dataset) and found.dtype.kind in kinds and not found.external:
+        left -= found.size * found.dtype.itemsize
+        if left < 0:
+            raise ValueError("its arrays are too large")
+        found[()]
+h5py.File(io.BytesIO(sys.stdin.buffer.read()), "r").visititems(look)
+"""
+PROBED = 120.0  # [s] that it may take
+
+
+class TreeFile:
+    """An HDF5 file, of which nothing is taken but what is asked for.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(self, path: str | Path, what: str) -> None:
+        """Look what is in a file.
+
+        Raises:
+            ConfigError: If it is no such file.
+            MissingPackageError: If h5py is not installed.
+        """
+        check_package("h5py", "reading HDF5", "data")
+        import h5py  # type: ignore[import-untyped, unused-ignore]
+
+        self.path, self._what, self._h5py, self._left = Path(path), what, h5py, LARGEST
+        data = read_bytes(path, what)
+        with refusing(path, what):
+            words = (sys.executable, "-I", "-c", PROBE, str(LARGEST), PLAIN)
+            done = subprocess.run(words, input=data, capture_output=True, timeout=PROBED)
+            if done.returncode != 0:
+                last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+                raise ValueError(last[0] if last else "HDF5 cannot read it")
+            self._file = h5py.File(io.BytesIO(data), "r")
+
+    def names(self, group: str) -> tuple[str, ...]:
+        """Return what is in a group; ConfigError if there is none."""
+        with refusing(self.path, self._what):
+            return tuple(self._found(group, self._h5py.Group))
+
+    def take(self, *names: str) -> list[Array]:
+        """Return arrays of numbers, texts or truth values by their full names; ConfigError if it cannot."""
+        with refusing(self.path, self._what):
+            return [self._array(name) for name in names]
+
+    def attribute(self, group: str, name: str) -> str:
+        """Return a text that is an attribute of a group; ConfigError if there is none."""
+        with refusing(self.path, self._what):
+            text = self._found(group, self._h5py.Group).attrs[name]
+            if not isinstance(text, str):
+                raise ValueError(f"{name} of {group} is no text")
+            return text
+
+    def _found(self, name: str, kind: Any) -> Any:
+        place = self._file
+        for part in filter(None, name.split("/")):
+            if not isinstance(place, self._h5py.Group) or part not in place:
+                raise ValueError(f"it lacks {shown(name)}")
+            if not isinstance(place.get(part, getlink=True), self._h5py.HardLink):
+                raise ValueError(f"{shown(name)} leads elsewhere")
+            place = place[part]
+        if not isinstance(place, kind):
+            raise ValueError(f"{shown(name)} is {type(place).__name__}")
+        return place
+
+    def _array(self, name: str) -> Array:
+        found = self._found(name, self._h5py.Dataset)
+        if found.dtype.kind not in PLAIN or found.external or found.is_virtual:
+            raise ValueError(f"{name} holds neither numbers nor texts of its own")
+        self._left -= found.size * found.dtype.itemsize  # before memory is asked for
+        if self._left < 0:
+            raise ValueError(f"its arrays would have more than {LARGEST:,} bytes")
+        return np.asarray(found[()])
+
+
+def read_columns(path: str | Path, what: str, names: Sequence[str]) -> dict[str, Array]:
+    """Return columns of numbers of a Parquet file by name, of lists as rows.
+
+    Raises:
+        ConfigError: If one is missing, damaged, or its lists differ in length.
+        MissingPackageError: If pyarrow is not installed.
+    """
+    check_package("pyarrow", "reading Parquet", "data")
+    import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
+    import pyarrow.parquet as pq  # type: ignore[import-untyped, unused-ignore]
+
+    data = read_bytes(path, what)
+    with refusing(path, what):
+        file = pq.ParquetFile(pa.BufferReader(data))
+        missing = [name for name in names if name not in file.schema_arrow.names]
+        if missing:
+            raise ValueError(f"it lacks {shown(', '.join(missing))}")
+        parts = [file.metadata.row_group(i) for i in range(file.metadata.num_row_groups)]
+        values = sum(p.column(i).num_values for p in parts for i in range(p.num_columns))
+        if 8 * values > LARGEST or sum(p.total_byte_size for p in parts) > LARGEST:
+            raise ValueError(f"its columns would have more than {LARGEST:,} bytes")
+        table = file.read(columns=list(names), use_threads=False)
+        table.validate(full=True)
+        return {name: _column(table.column(name).combine_chunks(), name) for name in names}
+
+
+def _column(found: Any, name: str) -> Array:
+    rows = len(found)
+    if found.null_count:
+        raise ValueError(f"{name} has rows without a value")
+    while hasattr(found.type, "value_type"):
+        found = found.flatten()
+    values = np.asarray(found.to_numpy(zero_copy_only=False))
+    if values.dtype.kind not in NUMBERS + "b" or (rows and len(values) % rows):
+        raise ValueError(f"{name} does not hold as many numbers in each row")
+    return values.reshape(rows, -1) if rows and len(values) != rows else values
 
 
 def check_numbers(arrays: Mapping[str, Array], where: str | Path, *, largest: float = 1e30) -> None:

@@ -20,7 +20,7 @@ from rcare_marl.baselines.evaluation import evaluate as baseline
 from rcare_marl.cli import app
 from rcare_marl.envs import task_names
 
-COMMANDS = ("list", "describe", "evaluate", "replay", "demo", "play", "bench")
+COMMANDS = ("list", "describe", "evaluate", "replay", "demo", "play", "teleoperate", "bench")
 FILES = {"feeding.json", "feeding.mp4", "feeding.png"}
 
 

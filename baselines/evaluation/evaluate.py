@@ -228,7 +228,7 @@ def evaluate(
     played = played_cast(task, entries, policies or {})
     with closing(make(task, options=options, randomise=randomise, **played)) as env:
         names, players = make_players(env, task, policies or {})
-        recorder = EpisodeRecorder(env) if save is not None else None
+        recorder = EpisodeRecorder(env, sees=True) if save is not None else None
         done, people = list[Episode](), dict[str, str]()
         for number in range(episodes):
             done.append(run_episode(env, players, seed + number))

@@ -309,6 +309,13 @@ def _folder(plan: Plan, which: int, save: Path) -> Path:
     return save / name if len(plan.policies) > 1 else save
 
 
+def saved_files(plan: Plan, save: Path) -> list[Path]:
+    """Return where `assess` left each episode of each policy below a folder, in order."""
+    seeds = range(plan.seed, plan.seed + plan.episodes)
+    folders = [_folder(plan, which, save) for which in range(len(plan.policies))]
+    return [folder / f"seed-{seed}.npz" for folder in folders for seed in seeds]
+
+
 def _summed(runs: Sequence[Sequence[float]], resamples: int = FEWER) -> dict[str, Any]:
     """Return the numbers of one measure, see `Record.summary`; none where it never had a value."""
     runs = [run for run in runs if len(run)]

@@ -24,19 +24,27 @@ VALIDATION_SEED = 1_000_000  # of the first episode that compares checkpoints; f
 
 @dataclass(frozen=True)
 class Demonstrations:
-    """Episodes of scripted policies that learning begins with.
+    """Episodes that learning begins with: of scripted policies, or recorded ones.
 
     Attributes:
-        episodes: How many to keep; none if 0.
+        episodes: How many to keep; none if 0, and all where they are recorded.
         noise: Standard deviation of what is added to each action that is carried out and kept.
         only_successful: Whether episodes without success are thrown away.
         attempts: Episodes to try at most, as a multiple of `episodes`.
+        path: A dataset of recorded episodes, see `rcare_marl.envs.datasets.read`; then nothing is played,
+            and nobody makes noise.
     """
 
     episodes: int = 0
     noise: float = 0.0
     only_successful: bool = True
     attempts: int = 5
+    path: str | None = None
+
+    @property
+    def are_wanted(self) -> bool:
+        """Whether there are any."""
+        return bool(self.episodes or self.path)
 
     def __post_init__(self) -> None:
         if self.episodes < 0 or self.noise < 0 or self.attempts < 1:
@@ -44,6 +52,8 @@ class Demonstrations:
                 "demonstrations: episodes and noise must not be negative and attempts be at least 1, "
                 f"got {self.episodes}, {self.noise}, {self.attempts}"
             )
+        if self.path is not None and self.noise:
+            raise ConfigError(f"demonstrations of {self.path} are recorded: they take no noise")
 
 
 @dataclass(frozen=True)
@@ -237,12 +247,12 @@ class TrainConfig:
         settings = self.algorithm_config()
         if isinstance(self.workers, str):
             self._check_far(self.workers, settings)
-        if self.demonstrations.episodes and self.taught:
+        if self.demonstrations.are_wanted and self.taught:
             raise ConfigError(
                 f"{self.algo} is shown what to do all along: leave demonstrations out "
                 "(--set demonstrations.episodes=0)"
             )
-        if self.demonstrations.episodes and getattr(settings, "cloning_updates", None) == 0:
+        if self.demonstrations.are_wanted and getattr(settings, "cloning_updates", None) == 0:
             raise ConfigError(
                 f"{self.algo} learns from its own episodes only: leave demonstrations out "
                 "(--set demonstrations.episodes=0), or imitate them first "

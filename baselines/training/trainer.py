@@ -154,8 +154,10 @@ class Trainer:
         if saved is None:
             self._progress = _Progress()
             env.set_stage(curriculum.stage)
-            if config.demonstrations.episodes:
-                self._say(f"playing {config.demonstrations.episodes} demonstrations")
+            if config.demonstrations.are_wanted:
+                source = config.demonstrations.path
+                doing = "playing" if source is None else f"reading {source}:"
+                self._say(f"{doing} {config.demonstrations.episodes or 'all'} demonstrations")
                 with closing(LearnerEnv(config.recipe())) as shown:
                     demos = demonstrate(shown, config.demonstrations, config.seed)
                 self._say("copying the demonstrations")
@@ -192,7 +194,7 @@ class Trainer:
         collector = self._collector()
         tally = _Tally(self._env)
         progress.seconds = before + time.monotonic() - begun
-        if progress.steps == 0 and config.demonstrations.episodes:
+        if progress.steps == 0 and config.demonstrations.are_wanted:
             self._say("evaluating what copying alone came to")
             self._tell(0, self._assess())
         self._say(f"learning; an evaluation and a checkpoint every {config.interval:,} steps")

@@ -39,6 +39,7 @@ from .parameter import (
     Processes,
     Randomise,
     RecipientModel,
+    Record,
     RobotModel,
     RolePolicies,
     SavedEpisodes,
@@ -54,7 +55,9 @@ from .parameter import (
     settings,
 )
 from .people import people
+from .teleoperation import teleoperate
 from .training import train
+from .watching import play, replay
 
 INTERRUPTED = 130  # exit status of a program that Ctrl-C ended, as shells have it
 TERMINATED = 143  # the same for SIGTERM
@@ -167,6 +170,7 @@ def evaluate(
     output: OutputFile = None,
     plot: PlotFile = None,
     save_episodes: SavedEpisodes = None,
+    record: Record = None,
 ) -> None:
     """Run seeded episodes and report success, forces, spilling and returns.
 
@@ -181,7 +185,7 @@ def evaluate(
 
     Example: rcare-marl evaluate feeding --policies 'runs/seed*/policy.npz' --out record.json
 
-    Example: rcare-marl evaluate feeding --episodes 3 --save-episodes runs/episodes
+    Example: rcare-marl evaluate feeding --episodes 3 --record runs/feeding.hdf5
 
     Example: rcare-marl evaluate feeding --role-policy robot=learned --randomise delay_1
 
@@ -200,6 +204,7 @@ def evaluate(
         from . import matrix
 
         beside = {"policies": policies, "plot": plot, "save-episodes": save_episodes}
+        beside["record"] = record
         for name in [name for name, value in beside.items() if value]:
             raise typer.BadParameter("does not go with --over", param_hint=f"--{name}")
         plan = matrix.MatrixPlan(
@@ -209,51 +214,9 @@ def evaluate(
             raise typer.Exit(1)
         return
     given |= {"episodes": episodes or 100, "processes": processes, "save": save_episodes}
-    record = assessment.run(task, policies or [policy], others, **given)
+    found = assessment.run(task, policies or [policy], others, dataset=record, **given)
     of_one = not policies and plot is None and processes == 1
-    assessment.report(record, output=output, plot=plot, as_json=as_json, of_one=of_one)
-
-
-@app.command()
-def replay(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE...",
-            help="Recorded episodes (.npz), or records of evaluate --out (.json).",
-        ),
-    ],
-    film: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Film the episode, as an MP4.")
-    ] = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw how the episode ends, as a PNG.")
-    ] = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Show the episode in your browser, in real time.")
-    ] = False,
-    processes: Processes = 1,
-    as_json: Json = False,
-) -> None:
-    """Run it again and say whether it is the same: the exit status is 1 if anything differs.
-
-    A recorded episode is played by its actions alone, with no policy, and compared bit for bit.
-
-    A record is played by its policies, and every number of every episode is compared.
-
-    Example: rcare-marl replay runs/episodes/*.npz
-
-    Example: rcare-marl replay runs/episodes/seed-0.npz --film again.mp4
-
-    Example: rcare-marl replay record.json
-    """
-    from . import replaying
-
-    is_equal = replaying.run(
-        files, film=film, picture=picture, live=live, processes=processes, as_json=as_json
-    )
-    if not is_equal:
-        raise typer.Exit(1)
+    assessment.report(found, output=output, plot=plot, as_json=as_json, of_one=of_one)
 
 
 @app.command()
@@ -343,40 +306,6 @@ def home(
 
 
 @app.command()
-def play(
-    task: Task,
-    policy: BestPolicyName = None,
-    seed: Seed = 0,
-    episodes: Annotated[
-        int, typer.Option(min=0, help="How many episodes to show; 0 goes on until Ctrl-C.")
-    ] = 0,
-    role_policy: RolePolicies = None,
-    robot: RobotModel = None,
-    recipient: RecipientModel = None,
-    caregiver: CaregiverModel = None,
-    home: HomeName = None,
-    level: HomeLevel = None,
-    room: HomeRoom = None,
-    option: TaskOptions = None,
-) -> None:
-    """Show episodes live in your browser, in real time, until Ctrl-C.
-
-    Example: rcare-marl play feeding
-    """
-    from . import replaying
-
-    replaying.play(
-        task,
-        policy,
-        pairs(role_policy, "--role-policy"),
-        episodes=episodes,
-        seed=seed,
-        options=settings(option),
-        cast=cast_of(robot, recipient, caregiver) | place_of(home, level, room),
-    )
-
-
-@app.command()
 def validate(
     subject: Annotated[Subject, typer.Argument(help="What to check.")],
     family: Annotated[
@@ -401,6 +330,9 @@ def validate(
     validation.run(family or (), every=every, as_json=as_json, record=output, page=page)
 
 
+app.command()(replay)
+app.command()(play)
+app.command()(teleoperate)
 app.command()(train)
 app.command()(export)
 app.command()(people)

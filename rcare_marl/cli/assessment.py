@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from rich.table import Table
@@ -22,9 +24,12 @@ from rcare_marl.baselines.evaluation.protocol import (
     read_record,
     record_text,
     repeat,
+    saved_files,
 )
 from rcare_marl.baselines.policy_file import SUFFIX
 from rcare_marl.console import console, print_line, progress, table
+from rcare_marl.envs.datasets import Dataset
+from rcare_marl.envs.episode import RecordedEpisode
 from rcare_marl.envs.safety import NOBODY
 
 from .parameter import print_json
@@ -135,8 +140,12 @@ def run(
     cast: Mapping[str, Any],
     randomise: Any = None,
     save: Path | None = None,
+    dataset: Path | None = None,
 ) -> Record:
-    """Return the record of an evaluation; `policies` are names, files or patterns of files."""
+    """Return the record of an evaluation; `policies` are names, files or patterns of files.
+
+    Episodes go one by one to the folder `save`, and all of them to the dataset.
+    """
     plan = Plan(
         task,
         find_policies(policies),
@@ -151,7 +160,15 @@ def run(
     with progress(f"{task}, {count} {'policy' if count == 1 else 'policies'}") as bar:
         job = bar.add_task("", total=count * episodes)
         tell = partial(bar.advance, job)
-        return assess(plan, processes=processes, on_progress=tell, save=save)
+        with ExitStack() as stack:
+            if dataset is not None:  # what cannot be written is told before anything runs
+                made = stack.enter_context(closing(Dataset(dataset)))
+                save = save or Path(stack.enter_context(TemporaryDirectory()))
+            record = assess(plan, processes=processes, on_progress=tell, save=save)
+            if dataset is not None and save is not None:
+                for file in saved_files(plan, save):
+                    made.add(RecordedEpisode.read(file))
+        return record
 
 
 def report(

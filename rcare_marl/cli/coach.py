@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
-import socket
 import tempfile
-import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,11 +13,13 @@ import typer
 from rcare_marl.console import print_line
 from rcare_marl.errors import ConfigError, MissingPackageError
 
+from .serving import LOOPBACK as LOOPBACK
+from .serving import PORT, serve_page
+from .serving import bound as bound
+
 if TYPE_CHECKING:
     from rcare_marl.baselines.coaching.page.server import Service
 
-LOOPBACK = "127.0.0.1"
-PORT = 8765
 LEVELS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # times the usual noise
 PROPOSED = Path("runs") / "coaching"
 
@@ -188,8 +188,6 @@ def _check_recording(record: Path | None) -> None:
 async def _serve(
     service: Service, port: int | None, certificate: Path | None, key: Path | None, *, opens: bool
 ) -> None:
-    from aiohttp import web
-
     from rcare_marl.baselines.coaching.page.server import Server, secured
 
     context = None
@@ -205,40 +203,9 @@ async def _serve(
             ) from error
     listening = bound(service.host, port)
     server = Server(service)
-    runner = web.AppRunner(server.app, access_log=None, handle_signals=False)
-    await runner.setup()
-    try:
-        await web.SockSite(runner, listening, ssl_context=context, shutdown_timeout=2.0).start()
-        name = f"[{service.host}]" if ":" in service.host else service.host
-        url = f"http{'s' if service.is_secure else ''}://{name}:{listening.getsockname()[1]}/"
-        print_line(f"the coach is at {url}?token={service.token}  (Ctrl-C ends)")
-        if service.record is None:
-            print_line(f"nothing is recorded; --record {PROPOSED} would ask on the page")
-        # Others may see what a browser is started with, so not the token itself.
-        address = f"{url}?token={server.ticket()}"
-        if opens and not await asyncio.to_thread(webbrowser.open, address):
-            print_line("no browser could be opened; please open that address yourself")
-        await asyncio.Event().wait()
-    finally:
-        await runner.cleanup()
-
-
-def bound(host: str, port: int | None) -> socket.socket:
-    """Return a socket that listens: at a port, or where none is given to the usual one or a free one.
-
-    Raises:
-        ConfigError: If it cannot be bound.
-    """
-    is_v6 = ":" in host
-    family = socket.AF_INET6 if is_v6 else socket.AF_INET
-    both = is_v6 and socket.has_dualstack_ipv6()
-    tries = (PORT, 0) if port is None else (port,)
-    for number in tries:
-        try:
-            return socket.create_server((host, number), family=family, dualstack_ipv6=both)
-        except OSError as error:
-            fault = error
-    why = str(fault.strerror).partition(" (while")[0]
-    raise ConfigError(
-        f"cannot serve at {host}, port {number}: {why}; --port 0 takes a free one"
-    ) from fault
+    notes = (
+        ()
+        if service.record
+        else (f"nothing is recorded; --record {PROPOSED} would ask on the page",)
+    )
+    await serve_page(server, "the coach", listening, notes=notes, context=context, opens=opens)

@@ -189,6 +189,25 @@ SavedEpisodes = Annotated[
         metavar="FOLDER", help="Leave each episode there, for [bold]rcare-marl replay[/bold]."
     ),
 ]
+Record = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="PATH",
+        help="Record all episodes there as a dataset: FILE.hdf5 for robomimic, FILE.mcap for MCAP, a folder "
+        "NAME-v0 for Minari, another one for LeRobot.",
+    ),
+]
+Demonstrated = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="PATH",
+        help="Begin with recorded episodes in place of scripted ones: what --record wrote, in any of its "
+        "formats. See docs/datasets.md.",
+    ),
+]
+Which = Annotated[
+    int | None, typer.Option("--episode", min=0, help="Only this one of a dataset, from 0 on.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON value and nothing else.")]
 
 

@@ -19,6 +19,7 @@ from rcare_marl.baselines.trained import best_policy
 from rcare_marl.console import console, print_line
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.datasets import Recording, read
 from rcare_marl.envs.episode import RecordedEpisode, replay
 
 from .parameter import print_json
@@ -29,23 +30,36 @@ RECORD = ".json"  # ending of a record of an evaluation
 def run(
     files: Sequence[Path],
     *,
+    which: int | None,
     film: Path | None,
     picture: Path | None,
     live: bool,
     processes: int,
     as_json: bool,
 ) -> bool:
-    """Play files again and tell of each; return whether all came out equal."""
+    """Play files again and tell of each episode; return whether all came out equal.
+
+    Of datasets all episodes are played, or the one of number `which`.
+    """
     if (film or picture or live) and (len(files) > 1 or files[0].suffix == RECORD):
-        raise typer.BadParameter("film, picture and live page show one recorded episode (.npz)")
+        raise typer.BadParameter("film, picture and live page show one recorded episode")
     told, is_equal = [], True
     for file in files:
         if file.suffix == RECORD:
             facts, same = _again(file, processes, quiet=as_json)
-        else:
-            facts, same = _episode(file, film=film, picture=picture, live=live, quiet=as_json)
-        told.append({"file": str(file), "equal": same, **facts})
-        is_equal = is_equal and same
+            told.append({"file": str(file), "equal": same, **facts})
+            is_equal = is_equal and same
+            continue
+        episodes = read(file, only=which)
+        if (film or picture or live) and len(episodes) > 1:
+            raise typer.BadParameter(f"{file} has {len(episodes)} episodes: say --episode N")
+        for number, episode in enumerate(episodes, which or 0):
+            name = str(file) if file.suffix == ".npz" else f"{file}, episode {number}"
+            facts, same = _episode(
+                name, episode, film=film, picture=picture, live=live, quiet=as_json
+            )
+            told.append({"file": str(file), "episode": number, "equal": same, **facts})
+            is_equal = is_equal and same
     if as_json:
         print_json(told)
     return is_equal
@@ -61,9 +75,14 @@ def _again(file: Path, processes: int, *, quiet: bool) -> tuple[dict[str, Any], 
 
 
 def _episode(
-    file: Path, *, film: Path | None, picture: Path | None, live: bool, quiet: bool
+    name: str,
+    episode: RecordedEpisode,
+    *,
+    film: Path | None,
+    picture: Path | None,
+    live: bool,
+    quiet: bool,
 ) -> tuple[dict[str, Any], bool]:
-    episode = RecordedEpisode.read(file)
     with closing(episode.make("human" if live else None)) as env:
         with tempfile.TemporaryDirectory() as scratch:
             shown = _Shown(env, Path(scratch) / "film.mp4" if film else None, live)
@@ -79,7 +98,7 @@ def _episode(
                 write_whole(picture, pixels)
     if not quiet:
         header, screen = episode.header, console()
-        what = f"{file}: {header.setup['task']}, seed {header.seed}: "
+        what = f"{name}: {header.setup['task']}, seed {header.seed}: "
         if result.difference:
             text = f"differs at {result.difference}; equal before"
             screen.print(Text(what + text, style="red"), soft_wrap=True)
@@ -136,8 +155,11 @@ def play(
     seed: int,
     options: Mapping[str, Any],
     cast: Mapping[str, Any],
+    dataset: Path | None = None,
 ) -> None:
     """Show episodes until Ctrl-C, or `episodes` of them if not 0; the page keeps real time.
+
+    Those that end are recorded to the dataset.
 
     Without a `policy` the robot plays what it was trained, where that ships, and its script elsewhere.
     """
@@ -147,6 +169,7 @@ def play(
     played = baseline.played_cast(task, cast, others)
     env = make(task, options=options, render_mode="human", **played)
     told: list[str] = []
+    recording: Recording | None = None
 
     def tell(env: CareEnv) -> None:
         if (
@@ -159,7 +182,8 @@ def play(
         chosen = policy or best_policy(env, task)
         policies = baseline.lead_policies(task, chosen, role_policies)
         print_line(f"{task}, {chosen}")
-        _, players = baseline.make_players(env, task, policies)
+        names, players = baseline.make_players(env, task, policies)
+        recording = None if dataset is None else Recording(env, dataset, names)
         for number in range(episodes) if episodes else itertools.count():
             episode = baseline.run_episode(env, players, seed + number, on_step=tell)
             outcome = "success" if episode.success else "no success"
@@ -167,4 +191,6 @@ def play(
     except KeyboardInterrupt:  # the way to end it, so no failure
         print_line("stopped")
     finally:
+        if recording is not None:
+            recording.close()
         env.close()

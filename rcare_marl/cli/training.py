@@ -22,7 +22,7 @@ from rich.text import Text
 from rcare_marl.console import console, print_line
 from rcare_marl.errors import ConfigError
 
-from .parameter import Task, settings
+from .parameter import Demonstrated, Task, settings
 
 if TYPE_CHECKING:
     from rcare_marl.baselines.training.config import TrainConfig
@@ -172,6 +172,7 @@ def train(
             metavar="NAME", help="What computes the motion: bullet, the default, or mujoco."
         ),
     ] = None,
+    demonstrations: Demonstrated = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -186,9 +187,11 @@ def train(
 
     Ctrl-C saves at the end of the interval and says how to go on; a second one stops at once.
 
-    Example: rcare-marl train feeding --algo sac --seed 0 --steps 50000
+    Example: rcare-marl train feeding --algo sac --seed 0 --demonstrations runs/by_hand.hdf5
     """
-    given = {"algo": algo, "seed": seed, "steps": steps, "envs": envs, "engine": engine}
+    shown = None if demonstrations is None else {"path": str(demonstrations)}
+    given: dict[str, Any] = {"algo": algo, "seed": seed, "steps": steps, "envs": envs}
+    given |= {"engine": engine, "demonstrations": shown}
     fields = {name: value for name, value in given.items() if value is not None}
     if workers is not None:
         fields["workers"] = _workers(workers)

@@ -6,17 +6,28 @@ and within bounds. Whatever is not so is refused; nothing of it is used.
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
-from typing import Any, Literal, NoReturn, get_args
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
 
 from rcare_marl.agents.coaching.exercise import exercise_names
 from rcare_marl.agents.coaching.sources.landmark_source import COUNT
-from rcare_marl.errors import RcareError
 
-LARGEST = 16 * 1024  # of a message [bytes]
+from ...pages.strict import LARGEST as LARGEST
+from ...pages.strict import MessageError as MessageError
+from ...pages.strict import (
+    Reader,
+    field_of,
+    flag,
+    number,
+    numbers,
+    one_of,
+    or_null,
+    parse_as,
+    whole,
+)
+
 ROOM = 50.0  # nothing that is tracked is further from the origin [m]
 LONGEST = 1e8  # greatest time on a page's clock, three years [s]
 UNIT = 0.01  # by how much the length of a quaternion may differ from 1
@@ -31,10 +42,6 @@ Wish = Literal["pause", "resume", "skip", "rest", "stop", "recentre"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 MISTAKES: tuple[Mistake, ...] = get_args(Mistake)
 WISHES: tuple[Wish, ...] = get_args(Wish)
-
-
-class MessageError(RcareError, ValueError):
-    """A message of the page is not what it may be."""
 
 
 @dataclass(frozen=True)
@@ -67,19 +74,11 @@ class HandJoints:
     pinky: tuple[float, float, float]
 
 
-Reader = Callable[[Any, str], Any]  # what is given, and its name for messages
-
-
-def _read(reader: Reader, default: Any = MISSING) -> Any:
-    """Return a field of a message, with what reads it."""
-    return field(default=default, metadata={"read": reader})
-
-
 def _exercises(value: Any, name: str) -> tuple[str, ...]:
     known = exercise_names()
     if not isinstance(value, list) or not 1 <= len(value) <= len(known):
         raise MessageError(f"{name} are a list of 1 to {len(known)} names")
-    names = tuple(_one_of(known)(each, name) for each in value)
+    names = tuple(one_of(known)(each, name) for each in value)
     if len(set(names)) != len(names):
         raise MessageError("an exercise is named twice")
     return names
@@ -105,48 +104,6 @@ def _hand(value: Any, name: str) -> HandJoints | Place:
     return HandJoints(wrist, index, middle, pinky)
 
 
-def _flag(value: Any, name: str) -> bool:
-    if not isinstance(value, bool):
-        raise MessageError(f"{name} is true or false")
-    return value
-
-
-def _number(low: float, high: float) -> Reader:
-    def read(value: Any, name: str) -> float:
-        # A bool is an int to Python; a whole number may be too long for a float.
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not low <= value <= high
-        ):
-            raise MessageError(f"{name} is a number from {low:g} to {high:g}")
-        return float(value)
-
-    return read
-
-
-def _whole(low: int, high: int) -> Reader:
-    def read(value: Any, name: str) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            raise MessageError(f"{name} is a whole number from {low} to {high}")
-        return value
-
-    return read
-
-
-def _one_of(known: Sequence[str]) -> Reader:
-    def read(value: Any, name: str) -> str:
-        if not isinstance(value, str) or value not in known:
-            raise MessageError(f"{name} is one of {', '.join(known)}")
-        return value
-
-    return read
-
-
-def _or_null(reader: Reader) -> Reader:
-    return lambda value, name: None if value is None else reader(value, name)
-
-
 def _of_landmarks(reader: Reader) -> Reader:
     def read(value: Any, name: str) -> tuple[Any, ...]:
         if not isinstance(value, list) or len(value) != COUNT:
@@ -156,19 +113,13 @@ def _of_landmarks(reader: Reader) -> Reader:
     return read
 
 
-def _numbers(value: Any, name: str, count: int, bound: float) -> list[float]:
-    if not isinstance(value, list) or len(value) != count:
-        raise MessageError(f"{name} is a list of {count} numbers")
-    return [_number(-bound, bound)(each, name) for each in value]
-
-
 def _point(value: Any, name: str) -> tuple[float, float, float]:
-    x, y, z = _numbers(value, name, 3, ROOM)
+    x, y, z = numbers(value, name, 3, ROOM)
     return x, y, z
 
 
 def _place(value: Any, name: str) -> Place:
-    x, y, z, *turn = _numbers(value, name, 7, ROOM)
+    x, y, z, *turn = numbers(value, name, 7, ROOM)
     length = math.hypot(*turn)
     if abs(length - 1) > UNIT:
         raise MessageError(f"{name} ends in a quaternion of length 1")
@@ -192,15 +143,15 @@ class Begin:
         mistake: What a simulated person does wrong.
     """
 
-    source: Source = _read(_one_of(SOURCES))
-    height_m: float = _read(_number(*STATURE))
-    exercises: tuple[str, ...] = _read(_exercises)
-    repetitions: int | None = _read(_or_null(_whole(*REPETITIONS)), None)
-    tempo: float = _read(_number(*TEMPO), 1.0)
-    lift_left_deg: float = _read(_number(*LIFT_DEG), LIFT_DEG[1])
-    lift_right_deg: float = _read(_number(*LIFT_DEG), LIFT_DEG[1])
-    turn_deg: float = _read(_number(*TURN_DEG), TURN_DEG[1])
-    mistake: Mistake = _read(_one_of(MISTAKES), "none")
+    source: Source = field_of(one_of(SOURCES))
+    height_m: float = field_of(number(*STATURE))
+    exercises: tuple[str, ...] = field_of(_exercises)
+    repetitions: int | None = field_of(or_null(whole(*REPETITIONS)), None)
+    tempo: float = field_of(number(*TEMPO), 1.0)
+    lift_left_deg: float = field_of(number(*LIFT_DEG), LIFT_DEG[1])
+    lift_right_deg: float = field_of(number(*LIFT_DEG), LIFT_DEG[1])
+    turn_deg: float = field_of(number(*TURN_DEG), TURN_DEG[1])
+    mistake: Mistake = field_of(one_of(MISTAKES), "none")
 
 
 @dataclass(frozen=True)
@@ -214,10 +165,10 @@ class Hands:
         right: Likewise.
     """
 
-    time: float = _read(_number(0.0, LONGEST))
-    head: Place | None = _read(_or_null(_place))
-    left: HandJoints | Place | None = _read(_or_null(_hand))
-    right: HandJoints | Place | None = _read(_or_null(_hand))
+    time: float = field_of(number(0.0, LONGEST))
+    head: Place | None = field_of(or_null(_place))
+    left: HandJoints | Place | None = field_of(or_null(_hand))
+    right: HandJoints | Place | None = field_of(or_null(_hand))
 
 
 @dataclass(frozen=True)
@@ -230,30 +181,30 @@ class Landmarks:
         visibility: How likely each is seen, 0 to 1.
     """
 
-    time: float = _read(_number(0.0, LONGEST))
-    points: tuple[tuple[float, float, float], ...] = _read(_of_landmarks(_point))
-    visibility: tuple[float, ...] = _read(_of_landmarks(_number(0.0, 1.0)))
+    time: float = field_of(number(0.0, LONGEST))
+    points: tuple[tuple[float, float, float], ...] = field_of(_of_landmarks(_point))
+    visibility: tuple[float, ...] = field_of(_of_landmarks(number(0.0, 1.0)))
 
 
 @dataclass(frozen=True)
 class Command:
     """What the person wants of the coach."""
 
-    wish: Wish = _read(_one_of(WISHES))
+    wish: Wish = field_of(one_of(WISHES))
 
 
 @dataclass(frozen=True)
 class Simulate:
     """What the simulated person does wrong from now on."""
 
-    mistake: Mistake = _read(_one_of(MISTAKES))
+    mistake: Mistake = field_of(one_of(MISTAKES))
 
 
 @dataclass(frozen=True)
 class Consent:
     """Whether the session may be recorded; taking it back deletes what was."""
 
-    given: bool = _read(_flag)
+    given: bool = field_of(flag)
 
 
 Message = Begin | Hands | Landmarks | Command | Simulate | Consent
@@ -263,42 +214,5 @@ KINDS: Mapping[str, type[Message]] = {
 
 
 def parse(text: str) -> Message:
-    """Return the message that a text is.
-
-    Raises:
-        MessageError: If it is none; it says why.
-    """
-    if len(text) > LARGEST or len(text.encode("utf-8", "surrogatepass")) > LARGEST:
-        raise MessageError(f"a message has at most {LARGEST} bytes")
-    try:
-        data = json.loads(text, object_pairs_hook=_once, parse_constant=_constant)
-    except MessageError:
-        raise
-    except (ValueError, RecursionError) as error:
-        # A long number and deep nesting end up here, too.
-        raise MessageError("a message is a JSON object") from error
-    if not isinstance(data, dict):
-        raise MessageError("a message is a JSON object")
-    kind = data.pop("type", None)
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise MessageError(f"the type of a message is one of {', '.join(KINDS)}")
-    made = KINDS[kind]
-    known = {each.name: each for each in fields(made)}
-    needed = {name for name, each in known.items() if each.default is MISSING}
-    missing, unknown = needed - data.keys(), data.keys() - known.keys()
-    if missing:
-        raise MessageError(f"missing: {', '.join(sorted(missing))}")
-    if unknown:  # their names come from outside and are not repeated
-        raise MessageError(f"unknown fields; known: {', '.join(sorted(known))}")
-    return made(**{name: known[name].metadata["read"](value, name) for name, value in data.items()})
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    out = dict(pairs)
-    if len(out) != len(pairs):
-        raise MessageError("a field is given twice")
-    return out
-
-
-def _constant(name: str) -> NoReturn:
-    raise MessageError(f"{name} is no number that may be sent")
+    """Return the message that a text is; MessageError if it is none, which says why."""
+    return parse_as(text, KINDS)

@@ -1,22 +1,13 @@
-"""The server of the page: its files, and one websocket a session.
-
-It answers this computer alone unless told otherwise. A page of somebody else in the same browser must not
-talk to it either, so the host that was asked for and the origin of a websocket are checked (a foreign name
-that resolves to this computer is refused), and the page may load nothing from elsewhere. Nor must other
-users of this computer: all but the files of the page wants a token that only the address of whoever
-started the coach has.
-"""
+"""The server of the page: its files, and one websocket a session. Who may ask, its `Door` knows."""
 
 from __future__ import annotations
 
 import asyncio
-import hmac
 import json
 import logging
 import secrets
-import ssl
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,35 +16,20 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from rcare_marl.agents.coaching.exercise import load_exercises
 from rcare_marl.errors import RcareError
 from rcare_marl.own_host import is_loopback as is_loopback
-from rcare_marl.own_host import is_ours
 
+from ...pages.door import TOKEN, Door, Limiter, answer
+from ...pages.door import secured as secured
 from .message import LARGEST, MISTAKES, Message, MessageError, parse
 from .recording import Recorder
 from .room import STEP, Room
-from .sight import Camera, Limiter
+from .sight import Camera
 from .three import FILES, WEB
 
 PAGE = ("style.css", "page.js", "figure.js", "canvas.js", "headset.js", "scene.js")
-TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
 ROOMS = 8  # sessions at once; our own choice
 CLOSED_ABOVE = 64 * LARGEST  # a websocket that sends more at once is closed [bytes]
 SILENT = 20.0  # between two signs of life that are asked of the page [s]
-TOKEN = 24  # random bytes of a token: 192 bits, which nobody guesses
-HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
-    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
-    "frame-ancestors 'none'",
-    "Permissions-Policy": "camera=(), microphone=(), geolocation=(), xr-spatial-tracking=(self)",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Cache-Control": "no-store",
-}
-
 logger = logging.getLogger(__name__)
-
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 @dataclass(frozen=True)
@@ -79,19 +55,13 @@ class Service:
     clock: Callable[[], float] = time.monotonic
 
 
-class Server:
-    """Serves the page and its sessions.
-
-    Attributes:
-        app: The application, for aiohttp.
-    """
+class Server(Door):
+    """Serves the page and its sessions."""
 
     def __init__(self, service: Service) -> None:
+        super().__init__(service.host, service.token, is_secure=service.is_secure)
         self._service, self._rooms = service, 0
         self._sockets: set[web.WebSocketResponse] = set()
-        self._tickets: set[str] = set()
-        self._notes = Limiter(rate=5, burst=20)  # the log is no place for floods
-        self.app = web.Application(middlewares=[self._guard], client_max_size=1024)
         self.app.router.add_get("/", self._index)
         self.app.router.add_get("/setting", self._setting)
         self.app.router.add_get("/session", self._session)
@@ -99,61 +69,19 @@ class Server:
         self.app.router.add_get("/three/{name}", self._file)
         self.app.on_shutdown.append(self._leave)
 
-    def ticket(self) -> str:
-        """Return a token that opens the page once.
-
-        Other users of the computer can read what programs are started with, so this one is for a browser.
-        """
-        ticket = secrets.token_urlsafe(TOKEN)
-        self._tickets.add(ticket)
-        return ticket
-
-    def _check_token(self, request: web.Request, *, takes_ticket: bool = False) -> None:
-        given = request.query.get("token", "")
-        if _is_same(given, self._service.token):
-            return
-        for ticket in tuple(self._tickets) if takes_ticket else ():
-            if _is_same(given, ticket):
-                self._tickets.discard(ticket)
-                return
-        self._note("refused a request without the token of this start")
-        raise web.HTTPForbidden(text="the token is missing, or not of this start of the coach")
-
-    def _note(self, what: str) -> None:
-        if self._notes.lets(time.monotonic()):
-            logger.warning(what)
-
-    @web.middleware
-    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        if not is_ours(request.host, self._service.host):
-            self._note("refused a request for a host that is not ours")
-            raise web.HTTPForbidden(text="this host name is not served", headers=HEADERS)
-        other = request.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
-        if other and request.headers.get("Sec-Fetch-Mode") != "navigate":
-            self._note("refused a request of another page")
-            raise web.HTTPForbidden(text="other pages may not ask", headers=HEADERS)
-        try:
-            response = await handler(request)
-        except web.HTTPException as error:
-            error.headers.update(HEADERS)
-            raise
-        if not response.prepared:
-            response.headers.update(HEADERS)
-        return response
-
     async def _index(self, _: web.Request) -> web.StreamResponse:
-        return _answer(WEB / "index.html")
+        return answer(WEB / "index.html")
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
         name = request.match_info["name"]
         is_three = request.path.startswith("/three/")
         if name not in (FILES if is_three else PAGE):
             raise web.HTTPNotFound
-        return _answer((self._service.three if is_three else WEB) / name)
+        return answer((self._service.three if is_three else WEB) / name)
 
     async def _setting(self, request: web.Request) -> web.StreamResponse:
         """What the page offers, and the token for all that follows."""
-        self._check_token(request, takes_ticket=True)
+        self.check_token(request, takes_ticket=True)
         record = self._service.record
         return web.json_response(
             {
@@ -169,11 +97,8 @@ class Server:
         )
 
     async def _session(self, request: web.Request) -> web.StreamResponse:
-        origin = f"{'https' if self._service.is_secure else 'http'}://{request.host}"
-        if request.headers.get("Origin") != origin:
-            self._note("refused a websocket of another origin")
-            raise web.HTTPForbidden(text="sessions are for the coach's own page")
-        self._check_token(request)
+        self.check_origin(request)
+        self.check_token(request)
         if self._rooms >= ROOMS:
             raise web.HTTPServiceUnavailable(text=f"no more than {ROOMS} sessions at once")
         self._rooms += 1
@@ -274,23 +199,3 @@ class Conversation:
                 await self._socket.send_str(json.dumps(data, allow_nan=False))
             except ConnectionError:
                 logger.info("the page went while it was being told")
-
-
-def _answer(file: Path) -> web.FileResponse:
-    return web.FileResponse(file, headers={"Content-Type": f"{TYPES[file.suffix]}; charset=utf-8"})
-
-
-def _is_same(given: str, wanted: str) -> bool:
-    """Compare two tokens in a time that does not tell how much of them is the same."""
-    return hmac.compare_digest(given.encode("utf-8", "surrogatepass"), wanted.encode())
-
-
-def secured(certificate: Path, key: Path) -> ssl.SSLContext:
-    """Return what HTTPS needs.
-
-    Raises:
-        OSError: If the files cannot be read, or are no certificate and key.
-    """
-    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
-    context.load_cert_chain(certificate, key)
-    return context

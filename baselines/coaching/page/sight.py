@@ -15,6 +15,7 @@ from rcare_marl.agents.coaching.sources.landmark_source import LandmarkReading, 
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, SIGN, UpperBody
 from rcare_marl.pose import Array, Pose, matrix_from_quaternion, multiply, quaternion_from_matrix
 
+from ...pages.door import Limiter as Limiter
 from .message import Begin, HandJoints, Hands, Landmarks, MessageError, Mistake, Place
 
 DELAY = 0.35  # after the coach [s]
@@ -32,8 +33,6 @@ HAND_IN_GRIP: dict[str, Array] = {
 # By how much the page's clock may gain on ours between two readings, and after how long with refused
 # times only it is taken as it is from there on [s]; our own choice.
 SLACK, ANEW = 1.0, 2.0
-RATE = 120.0  # messages a second in the long run: a headset of 90 Hz, and then some
-BURST = 120.0  # at once
 UNSEEN = 0.7  # after so long without a frame the person counts as not seen [s]; our own choice
 
 
@@ -216,29 +215,6 @@ class PageClock:
         self._refused_at = None
         self._page, self._ours, self._time = page, now, self._time + gone
         return self._time
-
-
-class Limiter:
-    """Lets so many messages through a second, and drops the rest.
-
-    Attributes:
-        dropped: How many were dropped so far.
-    """
-
-    def __init__(self, *, rate: float = RATE, burst: float = BURST) -> None:
-        self._rate, self._burst = rate, burst
-        self._left, self._at = burst, 0.0
-        self.dropped = 0
-
-    def lets(self, now: float) -> bool:
-        """Return whether a message at a time [s] may pass; it counts as one."""
-        self._left = min(self._burst, self._left + self._rate * (now - self._at))
-        self._at = now
-        if self._left < 1:
-            self.dropped += 1
-            return False
-        self._left -= 1
-        return True
 
 
 class Camera(Protocol):

@@ -1,0 +1,1 @@
+"""People in the scene: a page for each role that a person plays."""

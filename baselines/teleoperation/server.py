@@ -1,0 +1,268 @@
+"""The server of the page: one websocket for each role that a person plays, and one scene for all."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import secrets
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from aiohttp import WSMsgType, web
+
+from rcare_marl.errors import RcareError
+
+from ..pages.door import TOKEN, Door, Limiter, answer
+from ..pages.strict import LARGEST, MessageError
+from .stage import QUIET, STRAIGHT, Command, Hand, Scenario, Stage, View, parse
+
+WEB = Path(__file__).parent / "web"
+PAGE = ("style.css", "page.js")
+IDLE = 0.25  # between two scenes that are told while nothing moves [s]
+SILENT = 20.0  # between two signs of life that are asked of the page [s]
+MOST_WAITED = 2.0  # for a hand, where the scene waits for hands [s]
+
+logger = logging.getLogger(__name__)
+T = TypeVar("T")
+
+
+@dataclass
+class Player:
+    """A person at a page.
+
+    Attributes:
+        role: What they play.
+        socket: Their page.
+        pictures: Whether it wants pictures.
+        hand: What their hand did last.
+        at: When [s].
+        view: From where they look.
+        latency: From the scene that a hand saw to what it did, as it came here [s].
+    """
+
+    role: str
+    socket: web.WebSocketResponse
+    pictures: bool
+    hand: Hand | None = None
+    at: float = 0.0
+    view: View = STRAIGHT
+    latency: float = 0.0
+    sent: dict[int, float] = field(default_factory=dict)
+
+    def live(self, now: float) -> Hand | None:
+        """Return what the hand does; nothing where it fell silent."""
+        return self.hand if now - self.at < QUIET else None
+
+
+class Server(Door):
+    """Serves the page and the scene.
+
+    Attributes:
+        players: Who plays, by role.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        host: str = "127.0.0.1",
+        speed: float = 1.0,
+        waits: bool = False,
+        token: str | None = None,
+    ) -> None:
+        """Prepare; the scene is built when the application starts.
+
+        Args:
+            scenario: What is played.
+            host: Address that is bound.
+            speed: Simulated over real time.
+            waits: Whether each step waits until every hand answered the scene before it.
+            token: What a page has to know; random if None.
+        """
+        super().__init__(host, token or secrets.token_urlsafe(TOKEN))
+        self._scenario, self._speed, self._waits = scenario, speed, waits
+        self._thread = ThreadPoolExecutor(1)  # the scene and its pictures are of one thread
+        self.players: dict[str, Player] = {}
+        self._paused, self._running = False, False
+        self._drawn = 0.0  # how long the last picture took [s]
+        self._moved = asyncio.Event()
+        self.app.router.add_get("/", self._index)
+        self.app.router.add_get("/web/{name}", self._file)
+        self.app.router.add_get("/setting", self._setting)
+        self.app.router.add_get("/session", self._session)
+        self.app.cleanup_ctx.append(self._play)
+
+    async def _on_stage(self, do: Callable[..., T], *args: Any) -> T:
+        return await asyncio.get_running_loop().run_in_executor(self._thread, do, *args)
+
+    async def _play(self, _: web.Application) -> Any:
+        self._stage: Stage = await self._on_stage(Stage, self._scenario)
+        loop = asyncio.create_task(self._loop())
+        yield
+        loop.cancel()
+        await asyncio.gather(loop, return_exceptions=True)
+        for player in tuple(self.players.values()):
+            await player.socket.close()
+        await self._on_stage(self._stage.close)
+        self._thread.shutdown()
+
+    async def _index(self, _: web.Request) -> web.StreamResponse:
+        return answer(WEB / "index.html")
+
+    async def _file(self, request: web.Request) -> web.StreamResponse:
+        if request.match_info["name"] not in PAGE:
+            raise web.HTTPNotFound
+        return answer(WEB / request.match_info["name"])
+
+    async def _setting(self, request: web.Request) -> web.StreamResponse:
+        """What the page offers, and the token for all that follows."""
+        self.check_token(request, takes_ticket=True)
+        roles = {role: role not in self.players for role in self._stage.roles}
+        data = {"task": self._scenario.task, "roles": roles, "token": self.token}
+        return web.json_response(data)
+
+    async def _session(self, request: web.Request) -> web.StreamResponse:
+        self.check_origin(request)
+        self.check_token(request)
+        role = request.query.get("role", "")
+        if role not in self._stage.roles or role in self.players:
+            raise web.HTTPConflict(text="no person can play that role, or somebody does")
+        socket = web.WebSocketResponse(
+            max_msg_size=4 * LARGEST, compress=False, heartbeat=SILENT, timeout=2.0
+        )
+        player = Player(role, socket, pictures=request.query.get("pictures") != "0")
+        self.players[role] = player
+        try:
+            await socket.prepare(request)
+            await self._send(player, {"type": "facts", **self._stage.facts(role)})
+            await self._tell(player)
+            await self._listen(player)
+        finally:
+            del self.players[role]
+            self._moved.set()
+        return socket
+
+    async def _listen(self, player: Player) -> None:
+        limiter, complaints = Limiter(), Limiter(rate=5, burst=30)
+        async for item in player.socket:
+            now = time.monotonic()
+            if not self._waits and not limiter.lets(now):
+                continue
+            try:
+                if item.type is not WSMsgType.TEXT:
+                    raise MessageError("messages are text")
+                await self._take(player, parse(item.data), now)
+            except RcareError as error:
+                if complaints.lets(now):
+                    logger.warning("refused a message: %s", error)
+                    await self._send(player, {"type": "refused", "why": str(error)})
+
+    async def _take(self, player: Player, message: Hand | Command | View, now: float) -> None:
+        if isinstance(message, View):
+            player.view = message
+        elif isinstance(message, Hand):
+            self._stage.check(player.role, message)
+            player.hand, player.at = message, now
+            if message.seen in player.sent:
+                player.latency = now - player.sent[message.seen]
+        elif message.wish in ("pause", "go"):
+            self._paused = message.wish == "pause"
+        else:
+            self._running = False
+            do = self._stage.mark if message.wish == "success" else self._stage.begin
+            await self._on_stage(do)
+            await self._tell_all()
+        self._moved.set()
+
+    def _status(self) -> str:
+        if len(self.players) < len(self._stage.roles):
+            return "waiting"
+        if self._stage.is_over:
+            return "over"
+        if self._paused:
+            return "paused"
+        return "running" if self._running else "ready"
+
+    async def _loop(self) -> None:
+        """Step while all roles are played, none has paused, and somebody has begun; a fault ends the page."""
+        try:
+            due = time.monotonic()
+            while True:
+                self._moved.clear()
+                if self._status() == "ready":  # the first hand that moves begins
+                    live = [player.live(time.monotonic()) for player in self.players.values()]
+                    self._running = any(hand is not None and hand.clutch for hand in live)
+                if self._status() != "running":
+                    await self._rest()
+                    due = time.monotonic()
+                    continue
+                if self._waits:
+                    await self._answered()
+                now = time.monotonic()
+                hands = {role: player.live(now) for role, player in self.players.items()}
+                await self._on_stage(self._stage.step, hands)
+                self._running = not self._stage.is_over
+                await self._tell_all()
+                due = max(due + self._stage.control_dt / self._speed, time.monotonic() - IDLE)
+                await asyncio.sleep(0 if self._waits else max(due - time.monotonic(), 0))
+        except Exception:
+            logger.exception("the scene broke off")
+            for player in tuple(self.players.values()):
+                await player.socket.close(code=1011)
+            raise
+
+    async def _rest(self) -> None:
+        """Wait until something is said, and tell how it stands now and then."""
+        try:
+            await asyncio.wait_for(self._moved.wait(), IDLE)
+        except asyncio.TimeoutError:
+            await self._tell_all()
+
+    async def _answered(self) -> None:
+        """Wait until each hand has answered the present scene, but not for long."""
+        end = time.monotonic() + MOST_WAITED
+        while any(
+            player.hand is None or player.hand.seen < self._stage.number
+            for player in self.players.values()
+        ):
+            self._moved.clear()
+            try:
+                await asyncio.wait_for(self._moved.wait(), max(end - time.monotonic(), 0.001))
+            except asyncio.TimeoutError:
+                return
+
+    async def _tell_all(self) -> None:
+        for player in tuple(self.players.values()):
+            await self._tell(player)
+
+    async def _tell(self, player: Player) -> None:
+        facts = await self._on_stage(self._stage.seen, player.role)
+        player.sent = {k: v for k, v in player.sent.items() if k > facts["number"] - 20}
+        player.sent.setdefault(facts["number"], time.monotonic())
+        missing = [role for role in self._stage.roles if role not in self.players]
+        state = {"status": self._status(), "missing": missing, "latency_ms": 1e3 * player.latency}
+        state["right"] = await self._on_stage(self._stage.right, player.view)
+        await self._send(player, {"type": "scene", **facts, **state})
+        # Where pictures take longer than a step, some steps go without: the scene keeps its time.
+        every = 1 + int(self._drawn * self._speed / self._stage.control_dt)
+        is_due = state["status"] != "running" or facts["number"] % every == 0
+        if player.pictures and not player.socket.closed and is_due:
+            begun = time.monotonic()
+            picture = await self._on_stage(self._stage.picture, player.view)
+            self._drawn = time.monotonic() - begun
+            await self._deliver(player.socket.send_bytes(picture))
+
+    async def _send(self, player: Player, data: dict[str, Any]) -> None:
+        if not player.socket.closed:
+            await self._deliver(player.socket.send_str(json.dumps(data, allow_nan=False)))
+
+    async def _deliver(self, sending: Any) -> None:
+        try:
+            await sending
+        except ConnectionError:
+            logger.info("a page went while it was being told")

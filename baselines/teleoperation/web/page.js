@@ -1,0 +1,187 @@
+// The page of a role: sends what a hand does 20 times a second, and shows the scene that comes back.
+
+const RATE = 50;  // between two messages of a hand [ms]
+const DRAG = 120;  // pixels of a drag that mean full speed
+const STILL = 0.12;  // of a gamepad's stick, below which it rests
+// Right, ahead and up as they are in the picture; then turns about these. Each by two keys, or a stick's axis.
+const KEYS = [["KeyD", "KeyA"], ["KeyW", "KeyS"], ["KeyR", "KeyF"], ["KeyK", "KeyI"], ["KeyL", "KeyJ"], ["KeyU", "KeyO"]];
+const STICKS = [[0, 0, 1], [1, 1, -1], [3, 2, -1], [2, 5, -1]];  // axis of the gamepad, which of these, sign
+
+const find = (id) => document.getElementById(id);
+const token = new URLSearchParams(location.search).get("token") ?? "";
+const down = new Set();
+const view = { turned: 0, raised: 0, nearness: 1 };
+let socket, secret = token, acts = [], sliders = [], isTool = false;
+let right = [1, 0], number = 0, held = false, drag = null, orbit = null, records = false, pauses = false;
+
+function trouble(text) {
+  find("trouble").textContent = text;
+  find("trouble").hidden = !text;
+}
+
+async function begin() {
+  const answer = await fetch(`/setting?token=${encodeURIComponent(token)}`);
+  if (!answer.ok) { trouble(await answer.text()); return; }
+  const setting = await answer.json();
+  secret = setting.token;
+  find("title").textContent = `Teleoperation: ${setting.task.replaceAll("_", " ")}`;
+  for (const [role, free] of Object.entries(setting.roles)) {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = free ? role : `${role} (somebody plays)`;
+    button.disabled = !free;
+    button.addEventListener("click", () => join(role));
+    find("roles").append(button, " ");
+  }
+  const free = Object.keys(setting.roles).filter((role) => setting.roles[role]);
+  if (Object.keys(setting.roles).length === 1 && free.length === 1) join(free[0]);
+}
+
+function join(role) {
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  const query = new URLSearchParams({ role, token: secret });
+  socket = new WebSocket(`${scheme}://${location.host}/session?${query}`);
+  socket.binaryType = "blob";
+  socket.addEventListener("message", (event) => typeof event.data === "string" ? told(JSON.parse(event.data)) : draw(event.data));
+  socket.addEventListener("close", () => trouble("The scene is gone: start the command again and reload."));
+  find("choice").hidden = true;
+  find("stage").hidden = false;
+}
+
+function told(data) {
+  if (data.type === "refused") { trouble(data.why); return; }
+  if (data.type === "facts") { furnish(data); return; }
+  number = data.number;
+  right = data.right;
+  const words = {
+    waiting: `waiting for ${data.missing.join(", ")}`, ready: "ready: hold the clutch to begin", paused: "paused",
+    running: "running", over: data.success ? "success" : "over, no success",
+  };
+  find("status").textContent = `${words[data.status]} · ${data.time.toFixed(1)} s · delay ${data.latency_ms.toFixed(0)} ms`
+    + ` · force ${data.force_n.toFixed(1)} N` + (records ? ` · ${data.recorded} recorded` : "");
+  pauses = data.status === "paused";
+  find("pause").setAttribute("aria-pressed", String(pauses));
+  const rows = find("seen").rows;
+  Object.entries(data.seen).forEach(([, values], i) => {
+    if (rows[i]) rows[i].cells[1].textContent = values.map((value) => value.toFixed(2)).join("  ");
+  });
+}
+
+function furnish(facts) {
+  acts = facts.acts;
+  records = facts.records;
+  find("success").hidden = !records;
+  isTool = acts.length >= 6 && acts[0].startsWith("tool x");
+  find("title").textContent += `, ${facts.role}`;
+  sliders = acts.map((name, i) => {
+    const label = document.createElement("label");
+    const slider = Object.assign(document.createElement("input"), { type: "range", min: -1, max: 1, step: 0.01, value: 0 });
+    const back = () => { slider.value = 0; slider.dataset.held = ""; };
+    slider.addEventListener("pointerdown", () => { slider.dataset.held = "1"; });
+    for (const name of ["pointerup", "pointercancel", "blur"]) slider.addEventListener(name, back);
+    label.append(name, slider);
+    find("actions").append(label);
+    return slider;
+  });
+  for (const [name, unit] of Object.entries(facts.units)) {
+    const row = find("seen").insertRow();
+    const head = document.createElement("th");
+    head.scope = "row";
+    head.textContent = unit === "1" ? name : `${name} [${unit}]`;
+    row.append(head);
+    row.insertCell();
+  }
+  setInterval(tell, RATE);
+}
+
+async function draw(blob) {
+  const canvas = find("picture");
+  const image = await createImageBitmap(blob);
+  canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+  image.close();
+}
+
+// What keys, mouse, gamepad and sliders say together; each value from -1 to 1.
+function action() {
+  const values = sliders.map((slider) => Number(slider.value));
+  let clutch = held || down.has("Space") || sliders.some((slider) => slider.dataset.held);
+  const wanted = KEYS.map(([more, less]) => down.has(more) - down.has(less));
+  if (drag) {
+    clutch = true;
+    wanted[0] += drag.x / DRAG;
+    wanted[2] -= drag.y / DRAG;
+  }
+  for (const pad of navigator.getGamepads?.() ?? []) {
+    if (!pad) continue;
+    clutch ||= [4, 5, 6, 7].some((i) => pad.buttons[i]?.pressed);
+    for (const [axis, which, sign] of STICKS) {
+      const value = pad.axes[axis] ?? 0;
+      if (Math.abs(value) > STILL) wanted[which] += sign * value;
+    }
+  }
+  if (isTool) {  // from the picture's directions to those of the scene
+    for (const at of [0, 3]) {
+      values[at] += wanted[at] * right[0] - wanted[at + 1] * right[1];
+      values[at + 1] += wanted[at] * right[1] + wanted[at + 1] * right[0];
+      values[at + 2] += wanted[at + 2];
+    }
+  }
+  return { clutch, values: values.map((value) => Math.max(-1, Math.min(1, value))) };
+}
+
+function send(data) {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(data));
+}
+
+function tell() {
+  const { clutch, values } = action();
+  find("clutch").setAttribute("aria-pressed", String(clutch));
+  send({ type: "hand", seen: number, clutch, values });
+}
+
+function command(wish) {
+  send({ type: "command", wish });
+}
+
+const typing = (event) => event.target instanceof HTMLInputElement && event.target.type !== "range";
+addEventListener("keydown", (event) => {
+  if (typing(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.code === "Space" && !(event.target instanceof HTMLButtonElement && event.target.id !== "clutch")) event.preventDefault();
+  down.add(event.code);
+});
+addEventListener("keyup", (event) => down.delete(event.code));
+addEventListener("blur", () => { down.clear(); held = false; drag = null; });
+document.addEventListener("visibilitychange", () => { if (document.hidden) { down.clear(); held = false; drag = null; } });
+
+find("clutch").addEventListener("pointerdown", () => { held = true; });
+for (const name of ["pointerup", "pointercancel", "pointerleave"]) find("clutch").addEventListener(name, () => { held = false; });
+find("pause").addEventListener("click", () => command(pauses ? "go" : "pause"));
+find("reset").addEventListener("click", () => command("reset"));
+find("success").addEventListener("click", () => command("success"));
+
+const canvas = find("picture");
+canvas.addEventListener("pointerdown", (event) => {
+  canvas.setPointerCapture(event.pointerId);
+  const start = { at: [event.clientX, event.clientY], x: 0, y: 0 };
+  if (event.button === 2) orbit = { ...start, ...{ turned: view.turned, raised: view.raised } };
+  else drag = start;
+});
+canvas.addEventListener("pointermove", (event) => {
+  const shift = (from) => [event.clientX - from.at[0], event.clientY - from.at[1]];
+  if (drag) [drag.x, drag.y] = shift(drag);
+  if (orbit) {
+    const [x, y] = shift(orbit);
+    view.turned = ((orbit.turned - x / 3 + 540) % 360) - 180;
+    view.raised = Math.max(-60, Math.min(60, orbit.raised + y / 4));
+    send({ type: "view", ...view });
+  }
+});
+for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { drag = orbit = null; });
+canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+canvas.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  view.nearness = Math.max(0.3, Math.min(3, view.nearness * Math.exp(-event.deltaY / 600)));
+  send({ type: "view", ...view });
+}, { passive: false });
+
+begin().catch((error) => trouble(String(error)));

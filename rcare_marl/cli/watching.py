@@ -1,0 +1,114 @@
+"""The commands `replay` and `play`, as the command line takes them; `replaying` does what they say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .parameter import (
+    BestPolicyName,
+    CaregiverModel,
+    HomeLevel,
+    HomeName,
+    HomeRoom,
+    Json,
+    Processes,
+    RecipientModel,
+    Record,
+    RobotModel,
+    RolePolicies,
+    Seed,
+    Task,
+    TaskOptions,
+    Which,
+    cast_of,
+    pairs,
+    place_of,
+    settings,
+)
+
+
+def replay(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="Recorded episodes (.npz), datasets of them, or records of evaluate --out (.json).",
+        ),
+    ],
+    episode: Which = None,
+    film: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Film the episode, as an MP4.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw how the episode ends, as a PNG.")
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the episode in your browser, in real time.")
+    ] = False,
+    processes: Processes = 1,
+    as_json: Json = False,
+) -> None:
+    """Run it again and say whether it is the same: the exit status is 1 if anything differs.
+
+    A recorded episode is played by its actions alone, with no policy, and compared bit for bit. Datasets are
+    what --record writes: LeRobot, Minari, robomimic, MCAP.
+
+    A record is played by its policies, and every number of every episode is compared.
+
+    Example: rcare-marl replay runs/episodes/*.npz
+
+    Example: rcare-marl replay runs/episodes/seed-0.npz --film again.mp4
+
+    Example: rcare-marl replay record.json
+    """
+    from . import replaying
+
+    is_equal = replaying.run(
+        files,
+        which=episode,
+        film=film,
+        picture=picture,
+        live=live,
+        processes=processes,
+        as_json=as_json,
+    )
+    if not is_equal:
+        raise typer.Exit(1)
+
+
+def play(
+    task: Task,
+    policy: BestPolicyName = None,
+    seed: Seed = 0,
+    episodes: Annotated[
+        int, typer.Option(min=0, help="How many episodes to show; 0 goes on until Ctrl-C.")
+    ] = 0,
+    role_policy: RolePolicies = None,
+    robot: RobotModel = None,
+    recipient: RecipientModel = None,
+    caregiver: CaregiverModel = None,
+    home: HomeName = None,
+    level: HomeLevel = None,
+    room: HomeRoom = None,
+    option: TaskOptions = None,
+    record: Record = None,
+) -> None:
+    """Show episodes live in your browser, in real time, until Ctrl-C.
+
+    Example: rcare-marl play feeding
+    """
+    from . import replaying
+
+    replaying.play(
+        task,
+        policy,
+        pairs(role_policy, "--role-policy"),
+        episodes=episodes,
+        seed=seed,
+        options=settings(option),
+        cast=cast_of(robot, recipient, caregiver) | place_of(home, level, room),
+        dataset=record,
+    )

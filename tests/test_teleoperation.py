@@ -1,0 +1,187 @@
+"""People in the scene: hands over a websocket, without a browser; who may ask what, and what is refused."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import pytest
+
+pytest.importorskip("aiohttp", reason="the page needs the extra 'coach'")
+pytest.importorskip("h5py", reason="records need the extra 'data'")
+
+from aiohttp import ClientSession, WSServerHandshakeError, web
+
+from rcare_marl.baselines.pages.strict import LARGEST, MessageError
+from rcare_marl.baselines.teleoperation.hand import feed, play
+from rcare_marl.baselines.teleoperation.server import Server
+from rcare_marl.baselines.teleoperation.stage import Hand, Scenario, Stage, parse
+from rcare_marl.envs.datasets import read
+from rcare_marl.envs.episode import replay
+from rcare_marl.errors import ConfigError, UnknownNameError
+
+TOKEN = "of-the-test"
+Steps: TypeAlias = Callable[[str, Server], Awaitable[None]]
+HAND = {"type": "hand", "seen": 0, "clutch": True, "values": [0, 0, 0, 0, 0, 0]}
+
+BAD = {
+    "no JSON": "hello",
+    "empty": "",
+    "a list": "[1, 2]",
+    "no type": "{}",
+    "unknown type": '{"type": "eval", "code": "1"}',
+    "a type from Python": '{"type": "__class__"}',
+    "NaN": json.dumps({**HAND, "values": [float("nan")] * 6}),
+    "infinity": json.dumps({**HAND, "values": [float("inf")] * 6}),
+    "a float that overflows": json.dumps(HAND).replace("[0,", "[1e999,"),
+    "a huge whole number": json.dumps(HAND).replace('"seen": 0', '"seen": ' + "9" * 400),
+    "too fast": json.dumps({**HAND, "values": [2] * 6}),
+    "true for a number": json.dumps({**HAND, "values": [True] * 6}),
+    "text for a number": json.dumps({**HAND, "seen": "1"}),
+    "half a scene": json.dumps({**HAND, "seen": 1.5}),
+    "a clutch by a number": json.dumps({**HAND, "clutch": 1}),
+    "no clutch": json.dumps({"type": "hand", "seen": 0, "values": []}),
+    "an unknown field": json.dumps({**HAND, "more": 1}),
+    "a field twice": '{"type": "command", "wish": "go", "wish": "pause"}',
+    "an unknown wish": '{"type": "command", "wish": "format"}',
+    "a view from nowhere": '{"type": "view", "turned": 0, "raised": 0, "nearness": 0}',
+    "too many values": json.dumps({**HAND, "values": [0] * 600}),
+    "deep nesting": "[" * 15000,
+    "too long": '{"type": "hand", "seen": "' + "x" * LARGEST + '"}',
+}
+
+
+@pytest.mark.parametrize("text", BAD.values(), ids=BAD.keys())
+def test_a_bad_message_is_refused_with_a_reason(text: str) -> None:
+    with pytest.raises(MessageError) as caught:
+        parse(text)
+    assert 0 < len(str(caught.value)) < 200
+
+
+def serve(scenario: Scenario, steps: Steps, **more: Any) -> None:
+    async def run() -> None:
+        server = Server(scenario, token=TOKEN, waits=True, **more)
+        runner = web.AppRunner(server.app)
+        await runner.setup()
+        site = web.TCPSite(runner, "127.0.0.1", 0)
+        await site.start()
+        port = runner.addresses[0][1]
+        try:
+            await asyncio.wait_for(steps(f"http://127.0.0.1:{port}", server), 60)
+        finally:
+            await runner.cleanup()
+
+    asyncio.run(run())
+
+
+def test_a_hand_feeds_to_success_and_its_record_is_replayed(tmp_path: Path) -> None:
+    done: list[bool] = []
+
+    async def steps(address: str, _: Server) -> None:
+        done.extend(await play(address, TOKEN, "robot", feed, episodes=2))
+
+    serve(Scenario("feeding", ["robot"], seed=3, record=tmp_path / "hand.hdf5"), steps)
+    assert done == [True, True]
+    episodes = read(tmp_path / "hand.hdf5")
+    assert [each.header.seed for each in episodes] == [3, 4]
+    assert all(each.is_success for each in episodes)
+    assert episodes[0].header.policies == {"robot": "hand", "recipient": "cooperative"}
+    assert replay(episodes[1]).difference == ""
+
+
+def test_two_people_play_two_roles() -> None:
+    def mouth(seen: Any) -> list[float]:
+        return opening
+
+    opening: list[float] = []
+    done: list[bool] = []
+
+    async def steps(address: str, server: Server) -> None:
+        acts = server._stage.facts("recipient")["acts"]
+        opening.extend(1.0 if "jaw" in name else 0.0 for name in acts)
+        robot = play(address, TOKEN, "robot", feed, episodes=1)
+        recipient = play(address, TOKEN, "recipient", mouth, episodes=1)
+        first, second = await asyncio.gather(robot, recipient)
+        done.extend(first + second)
+
+    serve(Scenario("feeding", ["robot", "recipient"], seed=1), steps)
+    assert done == [True, True]
+
+
+def test_nobody_foreign_gets_in_and_bad_messages_change_nothing() -> None:
+    async def steps(address: str, _: Server) -> None:
+        host = {"Origin": address}
+        async with ClientSession() as session:
+            for wrong in (
+                {"params": {"role": "robot", "token": TOKEN}, "headers": {"Origin": "http://evil"}},
+                {"params": {"role": "robot", "token": TOKEN}},
+                {"params": {"role": "robot", "token": "guess"}, "headers": host},
+                {"params": {"role": "robot"}, "headers": host},
+                {"params": {"role": "robot", "token": TOKEN}, "headers": {**host, "Host": "evil"}},
+                {"params": {"role": "doctor", "token": TOKEN}, "headers": host},
+            ):
+                with pytest.raises(WSServerHandshakeError) as caught:
+                    await session.ws_connect(f"{address}/session", **wrong)  # type: ignore[arg-type]
+                assert caught.value.status in (403, 409)
+            for path in ("/setting", "/setting?token=guess", "/web/../stage.py", "/web/stage.py"):
+                assert (await session.get(address + path)).status in (403, 404)
+            good = {"role": "robot", "token": TOKEN}
+            async with session.ws_connect(
+                f"{address}/session", params=good, headers=host
+            ) as socket:
+                assert (await socket.receive_json())["type"] == "facts"
+                first = await socket.receive_json()
+                assert (await socket.receive_bytes())[:3] == b"\xff\xd8\xff"  # a picture
+                with pytest.raises(WSServerHandshakeError):  # one person a role
+                    await session.ws_connect(f"{address}/session", params=good, headers=host)
+                refused = 0
+                for text in [*list(BAD.values())[:20], json.dumps({**HAND, "values": [0]})]:
+                    await socket.send_str(text)
+                    told: dict[str, Any] = {}
+                    while told.get("type") != "refused":
+                        item = await socket.receive()
+                        told = json.loads(item.data) if isinstance(item.data, str) else {}
+                    refused += 1
+                await socket.send_json({"type": "command", "wish": "pause"})
+                while told.get("status") != "paused":
+                    item = await socket.receive()
+                    told = json.loads(item.data) if isinstance(item.data, str) else {}
+                assert refused == 21
+                assert told["number"] == first["number"] and told["seen"] == first["seen"]
+
+    serve(Scenario("feeding", ["robot"]), steps)
+
+
+def test_without_the_clutch_nothing_moves() -> None:
+    stage = Stage(Scenario("feeding", ["robot"]))
+    before = stage.seen("robot")["seen"]["bowl_position"]
+    stage.step({"robot": Hand(0, False, (1.0,) * 6)})
+    stage.step({})
+    assert stage.seen("robot")["seen"]["bowl_position"] == pytest.approx(before, abs=1e-3)
+    stage.step({"robot": Hand(0, True, (1.0,) * 6)})
+    stage.step({"robot": Hand(0, True, (1.0,) * 6)})
+    assert stage.seen("robot")["seen"]["bowl_position"] != pytest.approx(before, abs=1e-3)
+    stage.close()
+
+
+def test_marked_episodes_are_recorded_as_successes(tmp_path: Path) -> None:
+    stage = Stage(Scenario("feeding", ["robot"], record=tmp_path / "marked.hdf5"))
+    stage.step({})
+    stage.mark()
+    stage.step({})
+    stage.begin()  # this one was not finished, and is dropped
+    stage.close()
+    (only,) = read(tmp_path / "marked.hdf5")
+    assert only.is_success and only.steps == 1 and only.header.seed == 0
+
+
+def test_a_scenario_names_what_is_wrong() -> None:
+    with pytest.raises(UnknownNameError, match="doctor"):
+        Scenario("feeding", ["doctor"])
+    with pytest.raises(ConfigError, match="each once"):
+        Scenario("feeding", ["robot", "robot"])
+    with pytest.raises(ConfigError, match="either a person plays or a policy"):
+        Scenario("feeding", ["robot"], policies={"robot": "scripted"})
