@@ -69,7 +69,7 @@ def test_pinocchio_has_every_link_where_we_have_it(package: Any) -> None:
         for name, index in body.links.items():
             if index < 0:
                 continue
-            there = data.oMf[model.getFrameId(name)].translation
+            there = data.oMf[model.getFrameId(name, pin.FrameType.BODY)].translation
             worst = max(worst, float(np.abs(there - body.link_pose(index).position).max()))
     world.close()
     assert worst < 1e-6

@@ -239,25 +239,25 @@ def srdf(robot: Planned, ignored: Mapping[str, Sequence[Pair]]) -> str:
     root = xml.Element("robot", name=model.name)
     for name, joints in robot.groups.items():
         group = xml.SubElement(root, "group", name=name)
-        ends = _chain(robot, name)
-        if ends is not None:
-            xml.SubElement(group, "chain", base_link=ends[0], tip_link=ends[1])
-        for joint in joints if ends is None else ():
+        chain = _chain(robot, name)
+        if chain is not None:
+            xml.SubElement(group, "chain", base_link=chain[0], tip_link=chain[1])
+        for joint in joints if chain is None else ():
             xml.SubElement(group, "joint", name=joint)
     whole = xml.SubElement(root, "group", name="whole_body")
     xml.SubElement(whole, "joint", name="base")
     for name in robot.groups:
         xml.SubElement(whole, "group", name=name)
     for name, posture in config.postures.items():
-        for group, joints in robot.groups.items():
-            if group in config.arms or group in config.groups:
-                _state(root, name, group, {j: _within(model, j, posture) for j in joints})
+        for part, joints in robot.groups.items():
+            if part in config.arms or part in config.groups:
+                _state(root, name, part, {j: _within(model, j, posture) for j in joints})
     for arm, gripper in robot.assembly.grippers.items():
-        group, told = gripper_name(arm), gripper.config
-        _state(root, "open", group, {told.joint: told.opened})
-        _state(root, "closed", group, {told.joint: told.closed})
-        attributes = {"parent_link": robot.assembly.tools[arm], "group": group}
-        xml.SubElement(root, "end_effector", name=f"{group}_end", **attributes, parent_group=arm)
+        hand, told, tip = gripper_name(arm), gripper.config, robot.assembly.tools[arm]
+        _state(root, "open", hand, {told.joint: told.opened})
+        _state(root, "closed", hand, {told.joint: told.closed})
+        ends = {"name": f"{hand}_end", "parent_link": tip, "group": hand, "parent_group": arm}
+        xml.SubElement(root, "end_effector", ends)
     drives = config.base is not None
     kind, frame = ("planar", "odom") if drives else ("fixed", "world")
     xml.SubElement(

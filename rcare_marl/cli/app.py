@@ -52,6 +52,7 @@ from .parameter import (
     settings,
 )
 from .people import people
+from .ros import ros
 from .training import train
 
 INTERRUPTED = 130  # exit status of a program that Ctrl-C ended, as shells have it
@@ -403,6 +404,7 @@ app.command()(train)
 app.command()(export)
 app.command()(people)
 app.add_typer(coach, name="coach")
+app.add_typer(ros, name="ros")
 
 
 @app.command()
