@@ -14,7 +14,7 @@ from sensor_msgs.msg import CameraInfo, Image, JointState
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from rcare_marl.pose import Array, Pose
+from rcare_marl.pose import Array, Pose, Vector
 
 WORLD = "world"
 
@@ -50,7 +50,7 @@ def transforms(stamp: Time, frames: Mapping[str, Pose], prefix: str = "") -> TFM
     return TFMessage(transforms=out)
 
 
-def _fill(message: Any, values: Sequence[float], names: str) -> None:
+def _fill(message: Any, values: Vector, names: str) -> None:
     for name, value in zip(names, values, strict=True):
         setattr(message, name, float(value))
 

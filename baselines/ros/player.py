@@ -92,6 +92,8 @@ class PlayerNode(Node):
             self.guard.check(self.now())
 
     def _on_joints(self, message: JointState) -> None:
+        if not self._is_running:
+            return
         names = list(message.name)
         positions, rates = np.array(message.position), np.array(message.velocity)
         stamp = messages.seconds(message.header.stamp)
@@ -101,6 +103,8 @@ class PlayerNode(Node):
             self._positions, self._rates = positions[order], rates[order]
 
     def _on_wrench(self, message: WrenchStamped) -> None:
+        if not self._is_running:
+            return
         told = message.wrench
         values = np.array(messages.vector(told.force) + messages.vector(told.torque))
         self.guard.wrench(messages.seconds(message.header.stamp), self.now(), values)
@@ -182,7 +186,6 @@ def play(
             executor.spin_once(timeout_sec=0.05)
     finally:
         executor.shutdown()
-        node.destroy_node()
         rclpy.shutdown()
     for reason in node.played.stops:
         print_line(f"stopped: {reason}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -47,13 +48,13 @@ class RobotNode(Node):
         super().__init__("rcare_marl_robot", namespace=namespace)
         self.served, self._prefix = served, prefix
         self.last_told = -1.0  # when anything that moves was told
-        self._waiting: dict[int, Any] = {}
+        self.lock = threading.Lock()  # actions run in threads of their own
         make = self.create_publisher
         self._joints = make(JointState, "joint_states", 10)
         self._wrench = make(WrenchStamped, "wrench", 10)
         self._scene = make(String, "scene", 10)
         self._markers = make(MarkerArray, "people", 10)
-        self._tf, self._clock = make(TFMessage, "/tf", 10), make(Clock, "/clock", 10)
+        self._frames, self._ticks = make(TFMessage, "/tf", 10), make(Clock, "/clock", 10)
         self._episode = make(String, "episode", LATCHED)
         make(String, "robot_description", LATCHED).publish(String(data=served.urdf()))
         self._cameras = self._make_cameras()
@@ -112,8 +113,8 @@ class RobotNode(Node):
         wrench.header.frame_id = messages.WORLD
         self._wrench.publish(wrench)
         frames = served.frames()
-        self._tf.publish(messages.transforms(stamp, frames, self._prefix))
-        self._clock.publish(Clock(clock=messages.moment(served.env.world.time)))
+        self._frames.publish(messages.transforms(stamp, frames, self._prefix))
+        self._ticks.publish(Clock(clock=messages.moment(served.env.world.time)))
         for role, agent in served.env.cast.items():
             if isinstance(agent, Human):
                 self._markers.publish(messages.bones(stamp, role, _bones(agent)))
@@ -142,31 +143,38 @@ class RobotNode(Node):
         )
         if not np.isfinite(twist).all():
             self.get_logger().error("a twist that is not finite stops the robot")
-            self.served.stop(True)
+            self._stop(True)
             return
-        self.last_told = time.monotonic()
-        if not self.served.is_stopped:
-            self.served.tell_twist(twist, self.last_told)
+        with self.lock:
+            self.last_told = time.monotonic()
+            if not self.served.is_stopped:
+                self.served.tell_twist(twist, self.last_told)
+
+    def _stop(self, is_stopped: bool) -> None:
+        with self.lock:
+            self.served.stop(is_stopped)
 
     def _on_pose(self, message: PoseStamped) -> None:
         pose = messages.pose_of(message.pose)
         if not np.isfinite((*pose.position, *pose.quaternion)).all():
             self.get_logger().error("a pose that is not finite stops the robot")
-            self.served.stop(True)
+            self._stop(True)
             return
-        self.last_told = time.monotonic()
-        if not self.served.is_stopped:
-            self.served.tell_pose(pose, self.last_told)
+        with self.lock:
+            self.last_told = time.monotonic()
+            if not self.served.is_stopped:
+                self.served.tell_pose(pose, self.last_told)
 
     def _on_stop(self, request: Any, answer: Any) -> Any:
-        self.served.stop(bool(request.data))
+        self._stop(bool(request.data))
         answer.success, answer.message = True, "stopped" if request.data else "released"
         self.get_logger().warning(f"emergency stop: {answer.message}")
         return answer
 
     def _on_reset(self, _: Any, answer: Any) -> Any:
-        self.served.reset(self.served.env.seed)
-        self.tell_episode("begin")
+        with self.lock:
+            self.served.reset(self.served.env.seed)
+            self.tell_episode("begin")
         answer.success, answer.message = True, f"seed {self.served.env.seed}"
         return answer
 
@@ -181,28 +189,33 @@ class RobotNode(Node):
         try:
             times = np.array([messages.seconds(p.time_from_start) for p in told.points])
             positions = np.array([list(p.positions) for p in told.points], np.float64)
-            self.served.tell_trajectory(list(told.joint_names), times, positions)
+            with self.lock:
+                self.served.tell_trajectory(list(told.joint_names), times, positions)
+                own = self.served.trajectory
         except (RcareError, ValueError) as error:
             out.error_code = out.INVALID_JOINTS if "joint" in str(error) else out.INVALID_GOAL
             out.error_string = str(error)
             handle.abort()
             return out
-        own = self.served.trajectory
         assert own is not None  # just told
         self.last_told = time.monotonic()
         end = self.served.env.world.time + float(own.times[-1]) + SETTLING
-        while self.served.trajectory is own and self.served.env.world.time < end:
+        arm, feedback = self.served.robot.arm, FollowJointTrajectory.Feedback()
+        feedback.joint_names = list(arm.names)
+        while rclpy.ok() and self.served.trajectory is own and self.served.env.world.time < end:
+            with self.lock:
+                is_there, here = self.served.is_there, arm.positions()
+                if handle.is_cancel_requested:
+                    self.served.cancel()
             if handle.is_cancel_requested:
-                self.served.cancel()
                 handle.canceled()
                 return out
-            if self.served.is_there:
+            if is_there:
                 out.error_code = out.SUCCESSFUL
                 handle.succeed()
                 return out
-            feedback = FollowJointTrajectory.Feedback(joint_names=list(self.served.robot.arm.names))
             feedback.desired.positions = own.at(self.served.progress).tolist()
-            feedback.actual.positions = self.served.robot.arm.positions().tolist()
+            feedback.actual.positions = here.tolist()
             handle.publish_feedback(feedback)
             time.sleep(0.02)
         is_late = self.served.trajectory is own
@@ -225,7 +238,11 @@ class RobotNode(Node):
         self.served.closing = float(np.clip(gripper.fraction(wanted), 0.0, 1.0))
         self.last_told = time.monotonic()
         end, before = self.served.env.world.time + 3.0, -1.0
-        while self.served.env.world.time < end and abs(gripper.closing() - before) > 1e-4:
+        while (
+            rclpy.ok()
+            and self.served.env.world.time < end
+            and abs(gripper.closing() - before) > 1e-4
+        ):
             before = gripper.closing()
             time.sleep(0.3)
         out.reached_goal = abs(gripper.closing() - self.served.closing) < 0.05
@@ -274,25 +291,30 @@ def serve(
         while not episodes or len(served.outcomes) < episodes:
             _spin(executor, tick)
             on_tick(time.monotonic() - tick)
-            node.tell()
+            with node.lock:
+                node.tell()
             began = time.monotonic()
             while node.last_told < began and time.monotonic() < tick + LEAD:
                 executor.spin_once(timeout_sec=0.002)
-            if node.last_told >= 0 and served.advance(time.monotonic()):
-                node.tell()
-                node.tell_episode("end")
-                seed = served.env.seed
-                print_line(f"seed {seed}: {'success' if served.outcomes[seed] else 'no success'}")
-                if not episodes or len(served.outcomes) < episodes:
-                    served.reset(seed + 1)
-                    node.tell_episode("begin")
+            with node.lock:
+                if node.last_told >= 0 and served.advance(time.monotonic()):
+                    _next(node, is_last=bool(episodes) and len(served.outcomes) >= episodes)
             tick = max(tick + period, time.monotonic() - period)
         _spin(executor, time.monotonic() + 0.5)  # so that the last messages go out
     finally:
-        executor.shutdown()
-        node.destroy_node()
+        executor.shutdown(timeout_sec=1.0)
         rclpy.shutdown()
     return served.outcomes
+
+
+def _next(node: RobotNode, *, is_last: bool) -> None:
+    """Say how an episode ended, and begin another one if it was not the last."""
+    served, seed = node.served, node.served.env.seed
+    node.tell_episode("end")
+    print_line(f"seed {seed}: {'success' if served.outcomes[seed] else 'no success'}")
+    if not is_last:
+        served.reset(seed + 1)
+        node.tell_episode("begin")
 
 
 def _spin(executor: Any, until: float) -> None:

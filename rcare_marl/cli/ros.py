@@ -136,6 +136,12 @@ def play(
     finally:
         env.close()
     print_line(f"{sum(found.outcomes.values())} of {len(found.outcomes)} ended well")
+    if found.ages:
+        ages = sorted(1e3 * age for age in found.ages)
+        print_line(
+            f"answers went out {ages[len(ages) // 2]:.1f} ms after the scene was told (median), "
+            f"{ages[-1]:.0f} ms at most"
+        )
     if found.stops:
         raise typer.Exit(1)
 
