@@ -119,9 +119,15 @@ def test_a_robot_that_falls_silent_ends_in_a_stop_and_a_message() -> None:
     server = start("serve", "feeding")
     player = start("play", "feeding", "--policy", "scripted")
     try:
-        time.sleep(20)
+        said = ""
+        assert player.stdout is not None
+        while "plays" not in said:
+            line = player.stdout.readline()
+            assert line, said
+            said += line
+        time.sleep(2)
         server.send_signal(signal.SIGSTOP)
-        said = player.communicate(timeout=30)[0]
+        said += player.communicate(timeout=30)[0]
     finally:
         end(server)
         player.kill()

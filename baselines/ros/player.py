@@ -144,6 +144,7 @@ class PlayerNode(Node):
             self.guard.release()
             self._policy.reset(np.random.default_rng([told["seed"], 0]))
             self._is_running = True
+            print_line(f"seed {told['seed']}: plays")
         else:
             self._is_running = False
             self.guard.release()
