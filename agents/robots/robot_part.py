@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 
 from rcare_marl.observable import Observable
-from rcare_marl.pose import Pose, rotation_vector
+from rcare_marl.pose import Array, Pose, rotation_vector
 
 from .arm import Arm
 from .control import Control, GripperClosing
@@ -54,6 +54,10 @@ class Part:
             pose = self.tool()
             self._tool_position = pose.position
             self._tool_rotation = rotation_vector(pose.quaternion)
+
+    def take_rates(self, velocities: Array) -> None:
+        """Sense these joint velocities [rad/s or m/s], shape [n], told by another, until `sense`."""
+        self._velocities = velocities
 
     def observables(self) -> list[Observable]:
         """Return what the robot senses of it."""

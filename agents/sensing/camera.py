@@ -165,6 +165,11 @@ class CameraSensor(Sensor):
             self._place = Place(agent.body.link_index(mount.link), mount.pose)
         self._viewpoint = Studio.of(world).enter(self._aim, config.rate)
 
+    @property
+    def fov_deg(self) -> float:
+        """Vertical field of view [degrees], once bound."""
+        return self._fov
+
     def _mount(self, agent: Agent) -> CameraMount:
         """Return the robot's own camera that is asked for."""
         mounts = agent.config.cameras if isinstance(agent, Robot) else {}

@@ -55,6 +55,7 @@ from .parameter import (
     settings,
 )
 from .people import people
+from .ros import ros
 from .teleoperation import teleoperate
 from .training import train
 from .watching import play, replay
@@ -337,6 +338,7 @@ app.command()(train)
 app.command()(export)
 app.command()(people)
 app.add_typer(coach, name="coach")
+app.add_typer(ros, name="ros")
 
 
 @app.command()

@@ -26,11 +26,17 @@ from .parameter import (
 def export(
     task: Task,
     form: Annotated[
-        str, typer.Option("--format", metavar="FORMAT", help="mjcf (for MuJoCo) or urdf.")
+        str,
+        typer.Option("--format", metavar="FORMAT", help="mjcf (for MuJoCo), urdf or moveit."),
     ] = "mjcf",
     output: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="A new folder; runs/TASK-FORMAT if left out."),
+        typer.Option(
+            "--output",
+            "--out",
+            metavar="FOLDER",
+            help="A new folder; runs/TASK-FORMAT if left out.",
+        ),
     ] = None,
     robot: RobotModel = None,
     recipient: RecipientModel = None,
@@ -48,12 +54,18 @@ def export(
 
     MJCF is one file with its meshes, and the start as the key frame "start". URDF is a file for each body,
     [bold]scene.yaml[/bold] with poses, bonds and who touches whom, and each person with all joints in
-    active and in passive range.
+    active and in passive range. moveit is a package for MoveIt 2 of the robot, with everybody and all
+    furniture as a planning scene; with the word moveit in place of a task, of the robot alone.
 
     Example: rcare-marl export feeding --format mjcf --output feeding
-    """
-    from .exporting import run
 
+    Example: rcare-marl export moveit --robot pr2 --out pr2_moveit
+    """
+    from .exporting import run, run_moveit
+
+    if task == "moveit":
+        run_moveit(robot or "kinova_gen3", output or Path("runs") / "moveit")
+        return
     cast = cast_of(robot, recipient, caregiver) | place_of(home, level, room)
     target = output or Path("runs") / f"{task}-{form}"
     run(task, cast, settings(option), form=form, seed=seed, draws=draws, output=target)

@@ -59,6 +59,14 @@ class ToolDelta(ToolMotion):
         self._push = tuple(self._hold.tolist())
         self._steps_left = -1  # physics steps to the end of the control step
         self._velocities = np.zeros(len(arm))
+        self._joints: Array | None = None  # where the next command goes in place of its action
+
+    def go_to(self, joints: Array) -> None:
+        """Let the next command drive the joints there [rad or m], shape [n], whatever its action.
+
+        They go no farther than their limits and speeds allow, and do not give way to contact.
+        """
+        self._joints = np.asarray(joints, np.float64)
 
     def reset(self) -> None:
         arm, chain = self._arm, self._arm.chain
@@ -81,6 +89,9 @@ class ToolDelta(ToolMotion):
     def command(self, action: Array, duration: float) -> None:
         arm, chain = self._arm, self._arm.chain
         positions, velocities, torques = arm.read()
+        if self._joints is not None:
+            self._go(positions, duration)
+            return
         if self._steps_left == 0:  # the step ran as planned: leave out the torque to speed up
             rate = (velocities - self._velocities) / arm.physics_dt
             torques = torques + self._hold - arm.inertial_torques(positions, rate)
@@ -105,6 +116,17 @@ class ToolDelta(ToolMotion):
     def _wished_twist(self, action: Array, duration: float) -> Array:
         """Return how fast the target is to move [m/s] and turn [rad/s], shape [6]."""
         return self.max * action
+
+    def _go(self, positions: Array, duration: float) -> None:
+        arm, chain = self._arm, self._arm.chain
+        assert self._joints is not None
+        most = arm.velocity * duration
+        wanted = np.clip(self._joints, arm.lower, arm.upper)
+        self._target = np.clip(wanted, positions - most, positions + most)
+        self._goal[:] = chain.tip_frame(self._target)
+        self._joints, self._steps_left = None, -1
+        speeds = arm.speeds_for(np.abs(self._target - positions), duration)
+        self._drive(speeds, arm.effort, chain.gravity_torques(positions))
 
     @property
     def steady(self) -> tuple[JointGroup, tuple[float, ...]]:

@@ -1,0 +1,18 @@
+# Makes a package of interfaces that the wheels of ROS 2 lack: make_interfaces("files" packages...).
+function(make_interfaces files)
+  find_package(ament_cmake REQUIRED)
+  find_package(rosidl_default_generators REQUIRED)
+  foreach(name ${ARGN})
+    find_package(${name} REQUIRED)
+  endforeach()
+  # The wheels name the Python headers of the machine that made them.
+  get_directory_property(targets IMPORTED_TARGETS)
+  list(FILTER targets INCLUDE REGEX "__rosidl_generator_py$")
+  foreach(target ${targets})
+    get_target_property(folders ${target} INTERFACE_INCLUDE_DIRECTORIES)
+    list(FILTER folders EXCLUDE REGEX "^/opt/python/")
+    set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${folders}")
+  endforeach()
+  rosidl_generate_interfaces(${PROJECT_NAME} ${files} DEPENDENCIES ${ARGN})
+  ament_package()
+endfunction()
