@@ -48,6 +48,14 @@ def serve(
             "Nothing is recorded if left out.",
         ),
     ] = None,
+    exercise: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="One of those on offer, by name or YAML file; may be given several times. All that ship "
+            "if left out.",
+        ),
+    ] = None,
     webcam: Annotated[
         Path | None,
         typer.Option(
@@ -70,6 +78,8 @@ def serve(
     Example: rcare-marl coach
 
     Example: rcare-marl coach --record runs/coaching
+
+    Example: rcare-marl coach --exercise lateral_raise --exercise mine.yaml
     """
     if context.invoked_subcommand is not None:
         return
@@ -79,6 +89,7 @@ def serve(
         if (error.name or "").split(".")[0] != "aiohttp":
             raise
         raise MissingPackageError("the coach's page", "coach") from error
+    from rcare_marl.agents.coaching.exercise import load_exercises
     from rcare_marl.baselines.coaching.page.three import three_folder
     from rcare_marl.baselines.coaching.page.webcam import Webcam
 
@@ -94,10 +105,14 @@ def serve(
             f"warning: whoever reaches {host} and gets to know the address with its token can begin sessions"
         )
     _check_recording(record)
+    offered = load_exercises(exercise or None)
+    if len({each.name for each in offered}) != len(offered):
+        raise ConfigError(f"--exercise must name each once, got {', '.join(exercise or ())}")
     service = Service(
         three=three_folder(),
         record=record,
         camera=None if webcam is None else Webcam.of_model(webcam, camera),
+        exercises=offered,
         host=host,
         is_secure=certificate is not None,
     )
@@ -117,7 +132,10 @@ def evaluate(
     seed: Annotated[int, typer.Option(min=0, help="Of the people and all they do.")] = 0,
     exercise: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="One of those to do; may be given several times."),
+        typer.Option(
+            metavar="NAME",
+            help="One of those to do, by name or YAML file; may be given several times.",
+        ),
     ] = None,
     split: Annotated[
         str, typer.Option(help="test, or development, on whom limits and weights were chosen.")

@@ -84,7 +84,8 @@ class Segmenter:
     def begin(self, template: Template) -> None:
         """Look for repetitions of an exercise from now on."""
         exercise = template.exercise
-        nominal = feature(exercise.keys[0])
+        self._bent = template.bent
+        nominal = feature(exercise.keys[0], template.bent)
         is_known = len(self.rest) > 0
         self._nominal = nominal
         self.rest = self.rest if is_known else nominal.copy()
@@ -130,7 +131,7 @@ class Segmenter:
             frame: The next frame.
             complete: Whether the last key pose has been reached.
         """
-        row, time = feature(frame.angles), float(frame.time)
+        row, time = feature(frame.angles, self._bent), float(frame.time)
         if self._times and not 0 < time - self._times[-1] <= GREATEST_STEP:
             if time <= self._times[-1]:
                 return None  # twice the same, or late: nothing to learn from it

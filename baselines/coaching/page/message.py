@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Literal, NoReturn, get_args
 
-from rcare_marl.agents.coaching.exercise import exercise_names
 from rcare_marl.agents.coaching.sources.landmark_source import COUNT
 from rcare_marl.errors import RcareError
 
@@ -67,6 +67,8 @@ class HandJoints:
     pinky: tuple[float, float, float]
 
 
+MOST_EXERCISES = 50  # of a session
+EXERCISE_NAME = re.compile(r"[^/\\\x00-\x1f]{1,80}")
 Reader = Callable[[Any, str], Any]  # what is given, and its name for messages
 
 
@@ -76,10 +78,12 @@ def _read(reader: Reader, default: Any = MISSING) -> Any:
 
 
 def _exercises(value: Any, name: str) -> tuple[str, ...]:
-    known = exercise_names()
-    if not isinstance(value, list) or not 1 <= len(value) <= len(known):
-        raise MessageError(f"{name} are a list of 1 to {len(known)} names")
-    names = tuple(_one_of(known)(each, name) for each in value)
+    """Take names, which the room knows or not: no path is among them."""
+    if not isinstance(value, list) or not 1 <= len(value) <= MOST_EXERCISES:
+        raise MessageError(f"{name} are a list of 1 to {MOST_EXERCISES} names")
+    if not all(isinstance(each, str) and EXERCISE_NAME.fullmatch(each) for each in value):
+        raise MessageError(f"{name} are names of exercises")
+    names = tuple(value)
     if len(set(names)) != len(names):
         raise MessageError("an exercise is named twice")
     return names
