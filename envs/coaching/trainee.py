@@ -139,7 +139,7 @@ class Trainee:
             self.reach = reach_of_muscles(self.reach)
             self.speed = SPEED_OF_MUSCLES
         else:
-            self.reach = reach_within_strength(self.reach, person)
+            self.reach = reach_within_strength(self.reach, person, self.seen)
 
     def ask(self, exercises: Sequence[Exercise], repetitions: int) -> None:
         """Give the person their programme."""

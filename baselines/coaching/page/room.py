@@ -15,7 +15,7 @@ from rcare_marl.agents.coaching.recognition.rule_recogniser import PRAISED_FOR, 
 from rcare_marl.agents.coaching.session import Session, programme
 from rcare_marl.agents.coaching.tree import Coach
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES, UpperBody
-from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.errors import ConfigError, RcareError, check_name
 from rcare_marl.pose import Array
 
 from .message import Begin, Command, Consent, Hands, Landmarks, Message, MessageError, Simulate
@@ -115,7 +115,7 @@ class Room:
                 check_name("exercise", name, self._offered)
             chosen = [self._offered[name] for name in begin.exercises]
             exercises = programme(chosen, _reach(begin), speed=math.inf)
-        except ConfigError as error:
+        except RcareError as error:
             raise MessageError(str(error)) from error
         sight = Sight(begin, self._camera)
         exercises = tuple(exercise.faster(begin.tempo) for exercise in exercises)
