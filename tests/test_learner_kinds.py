@@ -13,7 +13,7 @@ from rcare_marl.baselines.training.config import default_config, load_config
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.coaching.learner_kind import LearnerKind, learner_kinds, load_learner_kind
 from rcare_marl.envs.tasks.social_coaching import SocialCoaching
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, UnknownNameError
 
 HELD_OUT = {"forgetful", "frail"}  # which no shipped config trains with
 
@@ -98,7 +98,7 @@ def test_an_exercise_of_ones_own_is_given_by_its_file(tmp_path: Path) -> None:
 def test_what_is_no_kind_is_refused_in_plain_words(text: str, message: str, tmp_path: Path) -> None:
     file = tmp_path / "odd.yaml"
     file.write_text(text)
-    with pytest.raises(ConfigError, match=message):
+    with pytest.raises((ConfigError, UnknownNameError), match=message):
         load_learner_kind(str(file))
     with pytest.raises(ConfigError, match="quick"):
         lesson(learners=["quik"])
