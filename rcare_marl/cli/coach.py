@@ -7,6 +7,7 @@ import os
 import socket
 import tempfile
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,7 @@ from rcare_marl.console import print_line
 from rcare_marl.errors import ConfigError, MissingPackageError
 
 if TYPE_CHECKING:
+    from rcare_marl.agents.coaching.exercise import Exercise
     from rcare_marl.baselines.coaching.page.server import Service
 
 LOOPBACK = "127.0.0.1"
@@ -89,7 +91,6 @@ def serve(
         if (error.name or "").split(".")[0] != "aiohttp":
             raise
         raise MissingPackageError("the coach's page", "coach") from error
-    from rcare_marl.agents.coaching.exercise import load_exercises
     from rcare_marl.baselines.coaching.page.three import three_folder
     from rcare_marl.baselines.coaching.page.webcam import Webcam
 
@@ -105,14 +106,11 @@ def serve(
             f"warning: whoever reaches {host} and gets to know the address with its token can begin sessions"
         )
     _check_recording(record)
-    offered = load_exercises(exercise or None)
-    if len({each.name for each in offered}) != len(offered):
-        raise ConfigError(f"--exercise must name each once, got {', '.join(exercise or ())}")
     service = Service(
         three=three_folder(),
         record=record,
         camera=None if webcam is None else Webcam.of_model(webcam, camera),
-        exercises=offered,
+        exercises=_offered(exercise or None),
         host=host,
         is_secure=certificate is not None,
     )
@@ -186,6 +184,16 @@ def evaluate(
         output=output,
         as_json=as_json,
     )
+
+
+def _offered(names: Sequence[str] | None) -> Sequence[Exercise]:
+    """Return the exercises of these names or files, each of another name; all that ship if None."""
+    from rcare_marl.agents.coaching.exercise import load_exercises
+
+    found = load_exercises(names)
+    if len({each.name for each in found}) != len(found):
+        raise ConfigError(f"--exercise must name each once, got {', '.join(names or ())}")
+    return found
 
 
 def _check_recording(record: Path | None) -> None:
