@@ -53,9 +53,7 @@ def serve(
     exercise: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME",
-            help="One of those on offer, by name or YAML file; may be given several times. All that ship "
-            "if left out.",
+            metavar="NAME", help="Offer this one, by name or YAML file; may be given several times."
         ),
     ] = None,
     webcam: Annotated[
@@ -79,14 +77,12 @@ def serve(
 
     Example: rcare-marl coach
 
-    Example: rcare-marl coach --record runs/coaching
-
-    Example: rcare-marl coach --exercise lateral_raise --exercise mine.yaml
+    Example: rcare-marl coach --record runs/coaching --exercise mine.yaml
     """
     if context.invoked_subcommand is not None:
         return
     try:
-        from rcare_marl.baselines.coaching.page.server import Service, is_loopback
+        from rcare_marl.baselines.coaching.page.server import Service
     except ImportError as error:
         if (error.name or "").split(".")[0] != "aiohttp":
             raise
@@ -94,17 +90,7 @@ def serve(
     from rcare_marl.baselines.coaching.page.three import three_folder
     from rcare_marl.baselines.coaching.page.webcam import Webcam
 
-    if (certificate is None) != (key is None):
-        raise ConfigError("--certificate and --key belong together")
-    if not is_loopback(host):
-        if certificate is None:
-            raise ConfigError(
-                f"at {host} others can reach the page; browsers then give it a headset only over HTTPS, "
-                "so say --certificate FILE --key FILE"
-            )
-        print_line(
-            f"warning: whoever reaches {host} and gets to know the address with its token can begin sessions"
-        )
+    _check_address(host, certificate, key)
     _check_recording(record)
     service = Service(
         three=three_folder(),
@@ -184,6 +170,23 @@ def evaluate(
         output=output,
         as_json=as_json,
     )
+
+
+def _check_address(host: str, certificate: Path | None, key: Path | None) -> None:
+    """Refuse half of HTTPS, and an address that others reach without it."""
+    from rcare_marl.own_host import is_loopback
+
+    if (certificate is None) != (key is None):
+        raise ConfigError("--certificate and --key belong together")
+    if not is_loopback(host):
+        if certificate is None:
+            raise ConfigError(
+                f"at {host} others can reach the page; browsers then give it a headset only over HTTPS, "
+                "so say --certificate FILE --key FILE"
+            )
+        print_line(
+            f"warning: whoever reaches {host} and gets to know the address with its token can begin sessions"
+        )
 
 
 def _offered(names: Sequence[str] | None) -> Sequence[Exercise]:
