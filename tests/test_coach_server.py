@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import csv
 import json
 import logging
 import math
@@ -20,8 +21,10 @@ pytest.importorskip("aiohttp", reason="the coach's page needs the extra 'coach'"
 
 from aiohttp import ClientSession, ClientWebSocketResponse, WSMsgType, WSServerHandshakeError, web
 
-from rcare_marl.agents.coaching.exercise import exercise_names, load_exercise
+from rcare_marl.agents.coaching.exercise import exercise_names, load_exercise, load_exercises
 from rcare_marl.agents.coaching.upper_body import MOTION_INDEX
+from rcare_marl.assets import ROOT
+from rcare_marl.baselines.coaching.page.clinician import OBSERVATIONS, TABLE
 from rcare_marl.baselines.coaching.page.message import (
     LARGEST,
     MISTAKES,
@@ -277,8 +280,29 @@ def test_a_recording_holds_times_angles_and_judgements_and_a_report_and_can_be_d
         assert (np.diff(data["time"]) > 0).all()
         assert data["repetition/right"][-1] and not data["repetition/right"][0]
         assert "range" in json.loads(data["repetition/errors"].asstr()[0])
+    with (report.parent / TABLE).open() as table:
+        rows = list(csv.DictReader(table))
+    assert rows[0]["verdict"] != "right" and rows[-1]["verdict"] == "right"
+    assert float(rows[-1]["left_arm_deg"]) == pytest.approx(78, abs=20)
+    bundle = json.loads((report.parent / OBSERVATIONS).read_text())
+    found = {e["resource"]["code"]["text"]: e["resource"] for e in bundle["entry"]}
+    done = found["Lateral raise: repetitions"]["valueQuantity"]
+    assert (done["value"], done["code"]) == (len(rows), "{count}")
+    assert {resource["resourceType"] for resource in found.values()} == {"Observation"}
+    assert "All sessions in this folder" not in text  # one is no trend
+    assert "All sessions in this folder" in recording.write(tmp_path).read_text()
     room.receive(Consent(False), 60.0)
     assert not report.parent.exists()
+
+
+def test_the_page_offers_exercises_of_ones_own(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text((ROOT / "exercises" / "lateral_raise.yaml").read_text())
+    room = Room(exercises=load_exercises(["head_rotation", str(mine)]))
+    room.receive(simulated(exercises=("mine",)), 0.0)
+    assert run(room, 1)[-1]["exercise"]["name"] == "mine"
+    with pytest.raises(MessageError, match="head_rotation"):
+        room.receive(simulated(exercises=("front_raise",)), 5.0)
 
 
 def test_consent_is_for_one_session_and_the_next_leaves_what_was_kept_alone(tmp_path: Path) -> None:

@@ -11,11 +11,18 @@ import pytest
 from rcare_marl.agents.coaching.exercise import Exercise, Reach, exercise_names, load_exercise
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS, Frame, Judgement, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
-from rcare_marl.agents.coaching.recognition.template import COLUMN, features
+from rcare_marl.agents.coaching.recognition.template import COLUMN, Template, features
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
 from rcare_marl.agents.coaching.sources.joints_source import JointsSource
 from rcare_marl.agents.coaching.sources.one_euro import OneEuro
-from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, UpperBody, directions
+from rcare_marl.agents.coaching.upper_body import (
+    ARM,
+    MOTION_INDEX,
+    MOTIONS,
+    SIDES,
+    UpperBody,
+    directions,
+)
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Pose
@@ -155,6 +162,35 @@ def test_a_pause_half_way_and_a_repetition_begun_without_rest_are_no_faults() ->
     first = int(np.argmax(path[:, ARM["left"].start] > 0.45))
     without_rest = np.concatenate((path[:low], path[first:low], path[first:]))
     assert [r.right for r in verdicts(watch(exercise, without_rest))] == [True] * 3
+
+
+def test_a_pause_near_rest_on_the_way_back_ends_nothing_twice() -> None:
+    exercise = load_exercise("lateral_raise")
+    path = exercise.path()
+    low = int(np.flatnonzero(path[:, ARM["left"].start] > 0.52)[-1])  # thirty degrees up
+    paused = np.concatenate((path[:low], np.repeat(path[low : low + 1], 20, 0), path[low:]))
+    again = np.concatenate((paused, np.repeat(path[-1:], 30, 0), paused))
+    assert [r.right for r in verdicts(watch(exercise, again))] == [True, True]
+
+
+def test_hurried_repetitions_of_several_poses_are_told_apart() -> None:
+    exercise = load_exercise("chest_expansion")
+    path = exercise.path()
+    out = np.flatnonzero(path[:, ARM["left"].start] > 0.5)  # turns round half a radian up
+    hurried = np.concatenate((path[: out[-1]], path[out[0] : out[-1]], path[out[0] :]))
+    assert len(verdicts(watch(exercise, hurried))) == 3
+
+
+def test_an_arm_that_cannot_be_straightened_points_as_its_upper_arm_does() -> None:
+    exercise = load_exercise("lateral_raise")
+    keys = exercise.keys.copy()
+    keys[:, [ARM[side].start + 3 for side in SIDES]] = np.radians(35)
+    asked = exercise._with_keys(keys)
+    sagging = asked.path()
+    for side in SIDES:
+        sagging[:, ARM[side].start + 2] = np.radians(-45)  # the forearm hangs
+    assert Template(asked).bent == (True, True) and Template(exercise).bent == (False, False)
+    assert [r.right for r in verdicts(watch(asked, sagging))] == [True]
 
 
 def test_small_faults_add_up_and_what_is_nearly_right_is_said_to_be() -> None:

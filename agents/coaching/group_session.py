@@ -107,6 +107,10 @@ class GroupSession(Lesson):
     def is_done(self) -> bool:
         return not (self.is_over or any(map(self.is_busy, self.members)))
 
+    @property
+    def is_spent(self) -> bool:
+        return any(self.is_busy(name) and self.members[name].is_spent for name in self.members)
+
     def begin_exercise(self) -> None:
         super().begin_exercise()
         for name, session in self.members.items():

@@ -28,6 +28,9 @@ TEMPO = (0.5, 2.0)  # a demonstration's, against that of the exercise; our own c
 LEAVING = (
     1.0  # [s] that an order to go on must last where an exercise is not done yet; our own choice
 )
+# Fatigue from which a repetition that falls short is taken for one that was too much; our own choice.
+SPENT = 0.12
+SHORT = frozenset(("range", "asymmetric", "one_side", "part_missing"))
 SAME_TEMPO = 1.2  # factor up to which another tempo is judged as the same; our own choice
 CHEERS = ("Well done.", "Very good.", "That was right.")
 CALLS = ("Come on, together with me.", "You can do it. Watch me.", "Let us try once more, slowly.")
@@ -156,6 +159,11 @@ class Lesson(abc.ABC):
             self.must_skip = False
             self.begin_exercise()
 
+    @property
+    @abc.abstractmethod
+    def is_spent(self) -> bool:
+        """Whether somebody who is tired has just fallen short."""
+
     @abc.abstractmethod
     def keep_tempo(self, tempo: float) -> None:
         """Judge people by another tempo from now on, where it differs enough to matter."""
@@ -221,6 +229,11 @@ class Session(Lesson):
     @property
     def is_done(self) -> bool:
         return self.index < len(self.right) and self.right[self.index] >= self.wanted[self.index]
+
+    @property
+    def is_spent(self) -> bool:
+        found = self.judgement.finished
+        return found is not None and self.fatigue > SPENT and not SHORT.isdisjoint(found.errors)
 
     @property
     def right_count(self) -> int:

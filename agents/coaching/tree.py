@@ -40,6 +40,7 @@ from .session import Demonstration, Lesson, Order, Session, Word
 # All our own choices.
 PATIENCE = 2.5  # repetitions as shown, without a right one, after which the coach encourages
 TIRED, RESTED = 0.6, 0.4  # fatigue from which the coach rests, and until which
+RECOVERS = 0.6  # who falls short for being tired rests until so much of their fatigue is left
 LONGEST_REST = 30.0  # [s]: who is still tired then does not recover by resting, and is led on
 MORE_TIRED = 0.1  # and rests again when they are so much more tired
 AGAIN = 8.0  # [s] between two encouragements
@@ -56,6 +57,7 @@ class Intent:
         calls: How often it did.
         rests: Whether it lets the person rest.
         rests_at: Fatigue from which it does.
+        rests_to: And until which.
         rested_from: When it began to [s].
     """
 
@@ -66,7 +68,7 @@ class Intent:
         """Begin anew."""
         self.order = Order()
         self.slow_for, self.called_at, self.calls = -1, -np.inf, 0
-        self.rests, self.rests_at, self.rested_from = False, TIRED, 0.0
+        self.rests, self.rests_at, self.rests_to, self.rested_from = False, TIRED, RESTED, 0.0
 
     def stand(self) -> None:
         """Stand still."""
@@ -175,8 +177,10 @@ def coach_tree(session: Lesson, intent: Intent) -> Behaviour:
 
     def is_tired() -> bool:
         if not intent.rests:
-            intent.rests, intent.rested_from = session.fatigue > intent.rests_at, session.time
-        elif session.fatigue <= RESTED:
+            intent.rests = session.is_spent or session.fatigue > intent.rests_at
+            intent.rested_from, tired = session.time, session.fatigue
+            intent.rests_to = RESTED if tired > TIRED else RECOVERS * tired
+        elif session.fatigue <= intent.rests_to:
             intent.rests, intent.rests_at = False, TIRED
         elif session.time - intent.rested_from > LONGEST_REST:
             intent.rests, intent.rests_at = False, session.fatigue + MORE_TIRED

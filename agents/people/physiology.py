@@ -310,7 +310,9 @@ class Physiology:
         for i, effort in enumerate(load.efforts):
             demand = min(effort, 1.0) if effort > least else 0.0
             if demand > 0 or self._tired[i] > 0:
-                self._tired[i] = tire(self._tired[i], demand, duration, *self._rates[i])
+                fatigue, recovery = self._rates[i]
+                more = 1.0 if demand > 0 else self._figures["rest_recovery"]
+                self._tired[i] = tire(self._tired[i], demand, duration, fatigue, more * recovery)
 
     def steady(self, load: Load) -> tuple[float, ...]:
         """Return where vital signs, pain and comfort tend to, in the order of `QUANTITIES`."""

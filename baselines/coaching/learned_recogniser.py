@@ -76,8 +76,8 @@ _SWAP_FACTS = np.array([_FACT_NAMES.index(_other(name)) for name in _FACT_NAMES]
 @lru_cache(maxsize=8)  # by template, of which a recogniser keeps one an exercise
 def asked_rows(template: Template) -> tuple[Array, Array]:
     """Return the features of what was asked, at `STEPS` times and at rest, shapes [48, 24] and [24]."""
-    rest = feature(template.exercise.keys[0])
-    return _at_steps(features(template.exercise.path(RATE))), rest
+    rest = feature(template.exercise.keys[0], template.bent)
+    return _at_steps(features(template.exercise.path(RATE), template.bent)), rest
 
 
 def encode(segment: Segment, template: Template) -> tuple[Floats, Floats]:

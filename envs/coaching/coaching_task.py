@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcare_marl.agents.coaching.body import RobotBody
-from rcare_marl.agents.coaching.exercise import Exercise
+from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.agents.coaching.retarget import Retarget
 from rcare_marl.agents.coaching.session import ACTS, WORDS, Demonstration, Lesson, Order
 from rcare_marl.agents.coaching.upper_body import MOTIONS
@@ -25,6 +25,7 @@ from rcare_marl.world import World
 
 from ..state import Seen, State, Values, negate
 from ..task import Role, Task
+from .learner_kind import load_learner_kind
 from .seat import Seat, stand
 from .trainee import SocialCoachingOptions, Trainee, TraineeState, head_of, trainee_rewards
 
@@ -140,6 +141,7 @@ class CoachingTask(Task):
     Attributes:
         seats: The wheelchair of each person, by role.
         trainees: The people, by role, in the same order.
+        kinds: Kinds of learners, of which each person is one in each episode.
         session: The lesson.
         demonstration: What the robot shows and says.
         body: The robot's, as the coach moves it.
@@ -187,6 +189,8 @@ class CoachingTask(Task):
             if isinstance(agent, Human):
                 for seat in self.seats.values():
                     agent.ignore(seat.chair.body)  # the posture keeps them apart
+        self._asked = [exercise.name for exercise in load_exercises(self.options.exercises)]
+        self.kinds = [load_learner_kind(name) for name in self.options.learners]
         self.trainees = {role: Trainee(person) for role, person in self.recipients.items()}
         self.session = self.plan()
         self.body = RobotBody(self.robot)
@@ -201,7 +205,7 @@ class CoachingTask(Task):
     def reset(self, rng: np.random.Generator) -> None:
         repetitions = math.ceil(self.options.repetitions / self.options.tolerance)
         for trainee in self.trainees.values():
-            trainee.reset(rng, repetitions)
+            trainee.reset(rng, repetitions, self.kinds)
         self.begin_lesson()
         self.demonstration.reset()
         rest = self.session.exercise.angles(0.0)
@@ -215,13 +219,14 @@ class CoachingTask(Task):
         for trainee in self.trainees.values():
             trainee.tell_fatigue()
             trainee.look(now.time)
+            trainee.feel(self.control_dt)
         self.see(now.time)
         lesson, shown, coach = self.session, self.demonstration, head_of(self.robot)
         on = "" if lesson.index >= len(lesson.exercises) else lesson.exercise.name
         word = shown.word if shown.is_speaking else "nothing"
         return LessonState(
             **vars(now),
-            exercise=np.array([float(name == on) for name in self.options.exercises]),
+            exercise=np.array([float(name == on) for name in self._asked]),
             angles=shown.angles,
             phase=shown.phase,
             said=np.array([float(word == known) for known in WORDS]),

@@ -19,18 +19,23 @@ from rcare_marl.world import GRAVITY
 # Share of the strength of a rested shoulder that an arm's weight may take for many repetitions: muscles of
 # grade 3 lift it through its range once. Our own choice.
 SHARE = 0.8
+# An arm that rises by less than this beyond where it hangs beside the chair does no exercise; our own choice.
+LEAST_RISE = math.radians(20.0)
+# An elbow that extends with less [N·m] stays as bent as it is beside the chair; our own choice.
+EXTENDS = 2.0
 RISE = math.radians(3.0)  # steps by which that is searched for
 
 
-def reach_within_strength(reach: Reach, person: Human) -> Reach:
+def reach_within_strength(reach: Reach, person: Human, seated: Array) -> Reach:
     """Return what is left of a spawned person's reach where an arm rises no higher than it can often.
 
     Args:
         reach: What their range and grades allow.
         person: Who it is, driven by joint torques.
+        seated: Angles of the upper body as they sit [rad], shape [16].
     """
     raised = _Raised(person)
-    high, front = reach.high.copy(), list(reach.front or [])
+    low, high, front = reach.low.copy(), reach.high.copy(), list(reach.front or [])
     for i, side in enumerate(SIDES):
         at = ARM[side].start
         ahead = front[i] if front else float(high[at])
@@ -38,12 +43,16 @@ def reach_within_strength(reach: Reach, person: Human) -> Reach:
         if not raised.can_move(side) or max(high[at], ahead) <= lowest:
             continue
         most = [raised.most(side, p, lowest, m) for p, m in ((0.0, high[at]), (math.pi / 2, ahead))]
+        most = [m if m > seated[at] + LEAST_RISE else lowest for m in most]
+        elbow = at + 3
+        if raised.extends(side) < EXTENDS:
+            low[elbow] = min(max(low[elbow], seated[elbow]), high[elbow])
         high[at] = most[0]
         if front:
             front[i] = most[1]
         else:
             high[at] = min(most)
-    return Reach(reach.low, high, (front[0], front[1]) if front else None)
+    return Reach(low, high, (front[0], front[1]) if front else None)
 
 
 class _Raised:
@@ -65,6 +74,11 @@ class _Raised:
 
     def can_move(self, side: str) -> bool:
         return len(self._raising(side)) == len(SHOULDER[:2])
+
+    def extends(self, side: str) -> float:
+        """Return the torque with which an elbow extends [N·m]; infinite where it does not move."""
+        at = self._index.get(f"{side}_elbow_flexion")
+        return math.inf if at is None else float(self._person.drive.strength[at, 0])
 
     def most(self, side: str, plane: float, low: float, high: float) -> float:
         """Return the greatest elevation [rad] from `low` to `high` up to which the shoulder has to spare."""

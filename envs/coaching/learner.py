@@ -1,7 +1,7 @@
 """A person who learns exercises from a coach: watches, imitates after a while, errs, tires and drifts off.
 
-Everything that makes a learner a particular one comes from the generator of the episode. All figures are
-our own choice; none is measured on people.
+What kind of learner it is, is data (`learner_kind.py`); what makes them a particular one comes from the
+generator of the episode. All figures are our own choice; none is measured on people.
 """
 
 from __future__ import annotations
@@ -22,13 +22,10 @@ from rcare_marl.agents.people.body.skeleton import DOF_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array
 
+from .learner_kind import LearnerKind
+
 Mistake = Literal["none", "half", "one arm", "other plane"]
 
-DELAY = (0.3, 0.8)  # [s] between what is shown and what is done
-SIZE = (0.92, 1.05)  # share of the way that a learner goes
-SLIPS = 0.3  # chance to misunderstand an exercise at first
-DRIFTS_AFTER = (40.0, 120.0)  # [s] of attention, on average
-RETURNS_AFTER = 15.0  # [s] until a learner who is not called comes back, on average
 HALF, ANOTHER_PLANE = 0.5, math.radians(55.0)
 BEGINS = math.radians(3.0)  # from rest, up to which a demonstration counts as just begun
 LOOKS_AWAY = math.radians(25.0)
@@ -92,6 +89,10 @@ class Instruction(Protocol):
     session: Session
 
     @property
+    def kind(self) -> LearnerKind:
+        """Which kind of learner this episode asks for."""
+
+    @property
     def demonstration(self) -> Shown:
         """What the coach shows and says."""
 
@@ -121,10 +122,10 @@ class Learner:
         self._index = {dof: i for i, dof in enumerate(person.movable)}
 
     def reset(self, rng: np.random.Generator) -> None:
-        self._rng = rng
-        self._delay = float(rng.uniform(*DELAY))
-        self._size = float(rng.uniform(*SIZE))
-        self._drifts_after = float(rng.uniform(*DRIFTS_AFTER))
+        self._rng, self._kind = rng, self._lesson.kind
+        self._delay = float(rng.uniform(*self._kind.delay))
+        self._size = float(rng.uniform(*self._kind.size))
+        self._drifts_after = float(rng.uniform(*self._kind.drifts_after))
         self._away = LOOKS_AWAY * (1.0 if rng.random() < 0.5 else -1.0)
         self.is_attentive, self.waits = True, True
         self.mistake: Mistake = "none"
@@ -132,6 +133,9 @@ class Learner:
         self._memory: deque[tuple[float, Array]] = deque()
         self._imitation.reset()
         self._more = np.zeros(len(self._index))
+        slow, fast = self._kind.speed
+        self._most = self._control_dt * (float(rng.uniform(slow, fast)) if slow < fast else slow)
+        self._followed: Array | None = None  # what was shown, as fast as it is followed
 
     def act(self) -> Array:
         session, shown = self._lesson.session, self._lesson.demonstration
@@ -142,7 +146,7 @@ class Learner:
         while len(self._memory) > 1 and self._memory[1][0] <= session.time - self._delay:
             self._memory.popleft()
         rest = session.exercise.angles(0.0)
-        shown_then = self._memory[0][1]
+        shown_then = self._follow(self._memory[0][1])
         at_rest = float(np.abs(shown_then - rest).max()) < BEGINS
         self.waits = not self.is_attentive or (self.waits and not at_rest)
         wished = rest.copy() if self.waits else self._understood(shown_then, rest)
@@ -155,12 +159,18 @@ class Learner:
         self._keep_together(dofs)
         return self._person.action_towards(dofs, self._control_dt)
 
+    def _follow(self, shown: Array) -> Array:
+        """Return how far somebody of this speed has come of what was shown [rad], shape [16]."""
+        before = shown if self._followed is None else self._followed
+        self._followed = before + np.clip(shown - before, -self._most, self._most)
+        return self._followed
+
     def _begin_exercise(self, session: Session) -> None:
         if session.index == self._exercise:
             return
         self._exercise, self._seen_count, self.waits = session.index, 0, True
         self.mistake = "none"
-        if self._rng.random() < SLIPS:
+        if self._rng.random() < self._kind.slips:
             arms = [part for part in session.exercise.parts if part.endswith("arm")]
             kinds: list[Mistake] = ["half"]
             kinds += ["one arm"] if len(arms) == 2 else []
@@ -172,17 +182,17 @@ class Learner:
         begins = shown.is_speaking and not self._was_speaking
         self._was_speaking = shown.is_speaking
         if begins:
-            if self._rng.random() < MENDS[shown.word]:
+            if self._rng.random() < self._kind.heeds * MENDS[shown.word]:
                 self.mistake = "none"
             if self._rng.random() < CALLS[shown.word]:
                 self.is_attentive = True
         if shown.count > self._seen_count:
             self._seen_count = shown.count
-            if self.is_attentive and self._rng.random() < SEEN_AGAIN:
+            if self.is_attentive and self._rng.random() < self._kind.heeds * SEEN_AGAIN:
                 self.mistake = "none"
 
     def _drift(self) -> None:
-        after = self._drifts_after if self.is_attentive else RETURNS_AFTER
+        after = self._drifts_after if self.is_attentive else self._kind.returns_after
         if self._rng.random() < self._control_dt / after:
             self.is_attentive = not self.is_attentive
 
@@ -190,6 +200,7 @@ class Learner:
         """Return what the learner means to do when that is shown [rad], shape [16]."""
         weary = (self._lesson.session.fatigue - WEARY_FROM) / (1.0 - WEARY_FROM)
         size = self._size * (1.0 - (1.0 - WEARY_SIZE) * min(max(weary, 0.0), 1.0))
+        size *= max(1.0 - self._kind.flinches * self._person.physiology.pain, HALF)
         if self.mistake == "half":
             size *= HALF
         meant: Array = rest + size * (shown - rest)

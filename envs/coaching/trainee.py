@@ -10,24 +10,26 @@ from typing import Any
 
 import numpy as np
 
-from rcare_marl.agents.coaching.exercise import Exercise, Reach, exercise_names
+from rcare_marl.agents.coaching.exercise import Exercise, Reach, load_exercises
 from rcare_marl.agents.coaching.imitation import reach_of
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.session import Session
 from rcare_marl.agents.coaching.sources.joints_source import JointsSource
-from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, MOTIONS
+from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, MOTIONS, SIDES
 from rcare_marl.agents.people.actuation.muscular import MuscleDrive
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX
 from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.physiology import WORST_PAIN
 from rcare_marl.agents.people.physiology_model import REGIONS
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.errors import ConfigError, check_name
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
 
 from ..state import Seen, Values, where
 from ..task_options import TaskOptions
 from .endurance import reach_within_strength
+from .learner_kind import LearnerKind, load_learner_kind
 
 # [rad/s] of an arm or the head in what is shown: people here go at 0.8 and catch up; muscles come later.
 # Our own choice.
@@ -40,6 +42,10 @@ HEAD_TURN = math.radians(15)  # uniform, each way, at the start; our own choice
 # alike. Found by trying with the people who ship.
 MUSCLES_FRONT = math.radians(60)
 MUSCLES_NECK = math.radians(10)
+# Pain of a sore shoulder [1/rad] beyond where it begins, of 10: at rest a share of that of an arm at FAST
+# [rad/s]. Our own choice.
+PAIN, SORE_AT_REST, FAST = 6.0, 0.4, 0.8
+RAISED = [MOTION_INDEX[f"{side}_shoulder_elevation"] for side in SIDES]
 TIRING = ("neck", "left_arm", "right_arm")  # regions whose fatigue people tell of
 
 
@@ -50,8 +56,10 @@ class SocialCoachingOptions(TaskOptions):
     Attributes:
         reward: `paper`: right repetitions alone, for the paper has no reward here; `shaped` adds engagement,
             wrong repetitions, pain, fatigue and talk.
-        exercises: Which ones, in this order; what a person cannot do is left out.
+        exercises: Which ones, by name or YAML file, in this order; what a person cannot do is left out.
         repetitions: Right repetitions asked of each.
+        learners: Kinds of learners (`learner_kind.py`), by name or YAML file; each person is one of them in
+            each episode.
     """
 
     SHAPED_WEIGHTS = {
@@ -69,15 +77,19 @@ class SocialCoachingOptions(TaskOptions):
         """.split()
     )
     repetitions: int = 3
+    learners: tuple[str, ...] = ("anybody",)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in self.exercises:
-            check_name("exercise", name, exercise_names())
-        if len(set(self.exercises)) != len(self.exercises) or not self.exercises:
+        names = [exercise.name for exercise in load_exercises(self.exercises)]
+        if len(set(names)) != len(names) or not names:
             raise ConfigError(f"exercises must name some, each once, got {self.exercises}")
         if self.repetitions < 1:
             raise ConfigError(f"repetitions must be at least 1, got {self.repetitions}")
+        if not self.learners:
+            raise ConfigError("learners must name at least one kind")
+        for name in self.learners:
+            load_learner_kind(name)  # refuses what is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +105,7 @@ class TraineeState:
     gaze: float  # cosine between the face and the way to the robot's head
     told_fatigue: float  # how tired they say that they are, 0 to 1
     is_told: bool  # whether what is being said is said to them
-    pain: float  # what they feel, 0 to 10
+    pain: float  # what they feel, and tell, 0 to 10
     right: float  # right repetitions so far, of each exercise no more than asked for
     new_right: float  # those of the last control step
     wrong: float  # wrong repetitions so far
@@ -111,13 +123,15 @@ class Trainee:
         reach: What the person can do, seated as they are.
         speed: How fast what is shown goes at most, for this person to follow [rad/s].
         session: What is asked of them and what they have done; once `ask` was called.
+        kind: Which kind of learner they are in this episode.
     """
 
     session: Session
 
     def __init__(self, person: Human) -> None:
         """Take a person who has been spawned."""
-        self.person = person
+        self.person, self.kind = person, LearnerKind()
+        self._hurts_from = math.inf  # elevation of an arm [rad]
         self._order = [DOF_INDEX[dof] for dof in person.movable]
         self._begin_to_look()
         self.reach, self.speed = reach_of(person.avatar.profile, self.seen), SPEED
@@ -125,7 +139,7 @@ class Trainee:
             self.reach = reach_of_muscles(self.reach)
             self.speed = SPEED_OF_MUSCLES
         else:
-            self.reach = reach_within_strength(self.reach, person)
+            self.reach = reach_within_strength(self.reach, person, self.seen)
 
     def ask(self, exercises: Sequence[Exercise], repetitions: int) -> None:
         """Give the person their programme."""
@@ -133,8 +147,23 @@ class Trainee:
         self._unused = RuleRecogniser(known=exercises)
         self.session = Session(exercises, copy.deepcopy(self._unused), repetitions=repetitions)
 
-    def reset(self, rng: np.random.Generator, repetitions: int) -> None:
-        """Begin an episode in which so many repetitions of each exercise are asked for."""
+    def reset(
+        self, rng: np.random.Generator, repetitions: int, kinds: Sequence[LearnerKind]
+    ) -> None:
+        """Begin an episode as one of some kinds of learners.
+
+        Args:
+            rng: Of the episode.
+            repetitions: How many are asked of each exercise.
+            kinds: Of which one is drawn, each alike.
+        """
+        self.kind = kinds[int(rng.integers(len(kinds)))] if len(kinds) > 1 else kinds[0]
+        if self.kind.fatigue[1] > 0:
+            tired = float(rng.uniform(*self.kind.fatigue))
+            for region in TIRING:
+                self.person.physiology.set_fatigue(region, tired)
+        is_sore = self.kind.hurts_from[0] <= 180
+        self._hurts_from = math.radians(rng.uniform(*self.kind.hurts_from)) if is_sore else math.inf
         turn = rng.uniform(-HEAD_TURN, HEAD_TURN)
         halves = [
             dof
@@ -149,6 +178,7 @@ class Trainee:
     def _begin_to_look(self) -> None:
         self._source = JointsSource(self.person.model.joints)
         self.look(0.0)
+        self._raised = self.seen[RAISED]
 
     def look(self, time: float) -> None:
         """See the person: all joint angles, as the simulator knows them."""
@@ -157,6 +187,17 @@ class Trainee:
         frame = self._source.update(angles, time)
         assert frame is not None  # the simulator knows them all
         self.frame, self.seen = frame, np.nan_to_num(frame.angles)
+
+    def feel(self, duration: float) -> None:
+        """Hurt where a sore arm is raised high, the more the faster, after a control step [s]."""
+        raised = self.seen[RAISED]
+        speed = np.abs(raised - self._raised) / duration
+        self._raised = raised
+        beyond = np.maximum(raised - self._hurts_from, 0.0)
+        felt = float((PAIN * beyond * (SORE_AT_REST + speed / FAST)).max())
+        physiology = self.person.physiology
+        if felt > physiology.pain:
+            physiology.set({"pain": min(felt, WORST_PAIN)})
 
     def tell_fatigue(self) -> None:
         """Let the session know how tired the person is."""
@@ -216,6 +257,7 @@ def trainee_seen(role: str, prefix: str = "") -> list[Seen]:
         Seen(f"{prefix}since_right", "s", 1, of("since_right")),
         Seen(f"{prefix}gaze_at_coach", "1", 1, of("gaze")),
         Seen(f"{prefix}told_fatigue", "1", 1, of("told_fatigue")),
+        Seen(f"{prefix}told_pain", "1", 1, of("pain")),
         Seen(f"{prefix}contact_force", "N", 1, lambda state: state.safety[role].force),
     ]
 
@@ -236,12 +278,13 @@ def trainee_rewards(
     return options.weighted(terms)
 
 
-def trainee_metrics(trainee: TraineeState) -> dict[str, Values]:
-    """Return what is reported of a person's part of the episode so far."""
+def trainee_metrics(trainee: TraineeState, time: Values) -> dict[str, Values]:
+    """Return what is reported of a person's part of the episode so far, `time` [s] long."""
     return {
         "right_repetitions": trainee.right,
         "wanted_repetitions": trainee.wanted,
         "wrong_repetitions": trainee.wrong,
+        "right_per_minute": 60.0 * trainee.right / max(time, 1e-9),
         "exercises_done": trainee.done,
         "fatigue": trainee.told_fatigue,
         "following": trainee.following,

@@ -16,8 +16,9 @@ from rcare_marl.world import World
 from ..care_env import CareEnv
 from ..coaching.coaching_task import CoachingTask, LessonState, facing
 from ..coaching.learner import Learner
+from ..coaching.learner_kind import LearnerKind
 from ..coaching.seat import MOVABLE
-from ..coaching.trainee import trainee_metrics, trainee_seen
+from ..coaching.trainee import Trainee, trainee_metrics, trainee_seen
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..state import Seen, Values, greatest
@@ -29,7 +30,7 @@ APART = 1.9  # [m] from chair to chair: room for two arms raised to the side; ou
 COACH_AT = (1.3, 0.0)  # [m] on the floor, so that the arc lies about the origin
 CHAIR_ROOM, COACH_ROOM = 0.8, 0.4  # [m] about a chair and about the robot; our own choice
 TOGETHER = frozenset(
-    ("right_repetitions", "wanted_repetitions", "wrong_repetitions", "exercises_done", "following")
+    "right_repetitions wanted_repetitions wrong_repetitions right_per_minute exercises_done following".split()
 )  # metrics that are summed over all people; of the others the greatest is told
 
 
@@ -44,11 +45,18 @@ class GroupView:
         demonstration: The view itself.
     """
 
-    def __init__(self, group: GroupSession, name: str, shown: Demonstration) -> None:
+    def __init__(
+        self, group: GroupSession, name: str, shown: Demonstration, trainee: Trainee
+    ) -> None:
         """Take the lesson, who looks at it, and what is shown to all."""
-        self.session = group.members[name]
+        self.session, self._trainee = group.members[name], trainee
         self._group, self._name, self._shown = group, name, shown
         self.demonstration = self
+
+    @property
+    def kind(self) -> LearnerKind:
+        """Which kind of learner this episode asks for."""
+        return self._trainee.kind
 
     @property
     def angles(self) -> Array:
@@ -170,7 +178,7 @@ class GroupCoaching(CoachingTask):
         }
 
     def metrics(self, state: LessonState) -> Mapping[str, Values]:
-        found = [trainee_metrics(trainee) for trainee in state.trainees.values()]
+        found = [trainee_metrics(trainee, state.time) for trainee in state.trainees.values()]
         return {
             name: (sum if name in TOGETHER else greatest)([metrics[name] for metrics in found])
             for name in found[0]
@@ -199,7 +207,7 @@ def _call_names(people: Mapping[str, Human]) -> dict[str, str]:
 def learner(env: CareEnv, role: str) -> Learner:
     """Return a recipient who imitates what the coach shows, with human shortcomings."""
     assert isinstance(task := env.task, GroupCoaching)
-    view = GroupView(task.session, task.names[role], task.demonstration)
+    view = GroupView(task.session, task.names[role], task.demonstration, task.trainees[role])
     return Learner(task.recipients[role], view, task.control_dt)
 
 

@@ -15,6 +15,7 @@ from rcare_marl.world import World
 from ..care_env import CareEnv
 from ..coaching.coaching_task import CoachingTask, LessonState, facing
 from ..coaching.learner import Learner
+from ..coaching.learner_kind import LearnerKind
 from ..coaching.seat import MOVABLE
 from ..coaching.trainee import Trainee, trainee_metrics, trainee_seen
 from ..rectangle import Rectangle
@@ -53,6 +54,11 @@ class SocialCoaching(CoachingTask):
         """The person who is coached."""
         return self.trainees["recipient"]
 
+    @property
+    def kind(self) -> LearnerKind:
+        """Which kind of learner this episode asks for."""
+        return self.trainee.kind
+
     def furnish(self, world: World) -> dict[str, Pose]:
         coach = facing((DISTANCE, 0.0), math.pi)
         places = self.seat(world, {"recipient": Pose()}, coach)
@@ -74,7 +80,7 @@ class SocialCoaching(CoachingTask):
         return self.rewards_of("recipient", state)
 
     def metrics(self, state: LessonState) -> Mapping[str, Values]:
-        return trainee_metrics(state.trainees["recipient"])
+        return trainee_metrics(state.trainees["recipient"], state.time)
 
     def camera(self) -> Camera:
         return Camera(eye=(1.3, -2.45, 1.6), target=(0.48, 0.0, 0.92), fov_deg=44)

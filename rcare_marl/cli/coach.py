@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,7 @@ from .serving import PORT, serve_page
 from .serving import bound as bound
 
 if TYPE_CHECKING:
+    from rcare_marl.agents.coaching.exercise import Exercise
     from rcare_marl.baselines.coaching.page.server import Service
 
 LEVELS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # times the usual noise
@@ -48,6 +50,12 @@ def serve(
             "Nothing is recorded if left out.",
         ),
     ] = None,
+    exercise: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME", help="Offer this one, by name or YAML file; may be given several times."
+        ),
+    ] = None,
     webcam: Annotated[
         Path | None,
         typer.Option(
@@ -69,12 +77,12 @@ def serve(
 
     Example: rcare-marl coach
 
-    Example: rcare-marl coach --record runs/coaching
+    Example: rcare-marl coach --record runs/coaching --exercise mine.yaml
     """
     if context.invoked_subcommand is not None:
         return
     try:
-        from rcare_marl.baselines.coaching.page.server import Service, is_loopback
+        from rcare_marl.baselines.coaching.page.server import Service
     except ImportError as error:
         if (error.name or "").split(".")[0] != "aiohttp":
             raise
@@ -82,22 +90,13 @@ def serve(
     from rcare_marl.baselines.coaching.page.three import three_folder
     from rcare_marl.baselines.coaching.page.webcam import Webcam
 
-    if (certificate is None) != (key is None):
-        raise ConfigError("--certificate and --key belong together")
-    if not is_loopback(host):
-        if certificate is None:
-            raise ConfigError(
-                f"at {host} others can reach the page; browsers then give it a headset only over HTTPS, "
-                "so say --certificate FILE --key FILE"
-            )
-        print_line(
-            f"warning: whoever reaches {host} and gets to know the address with its token can begin sessions"
-        )
+    _check_address(host, certificate, key)
     _check_recording(record)
     service = Service(
         three=three_folder(),
         record=record,
         camera=None if webcam is None else Webcam.of_model(webcam, camera),
+        exercises=_offered(exercise or None),
         host=host,
         is_secure=certificate is not None,
     )
@@ -117,7 +116,10 @@ def evaluate(
     seed: Annotated[int, typer.Option(min=0, help="Of the people and all they do.")] = 0,
     exercise: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="One of those to do; may be given several times."),
+        typer.Option(
+            metavar="NAME",
+            help="One of those to do, by name or YAML file; may be given several times.",
+        ),
     ] = None,
     split: Annotated[
         str, typer.Option(help="test, or development, on whom limits and weights were chosen.")
@@ -168,6 +170,33 @@ def evaluate(
         output=output,
         as_json=as_json,
     )
+
+
+def _check_address(host: str, certificate: Path | None, key: Path | None) -> None:
+    """Refuse half of HTTPS, and an address that others reach without it."""
+    from rcare_marl.own_host import is_loopback
+
+    if (certificate is None) != (key is None):
+        raise ConfigError("--certificate and --key belong together")
+    if not is_loopback(host):
+        if certificate is None:
+            raise ConfigError(
+                f"at {host} others can reach the page; browsers then give it a headset only over HTTPS, "
+                "so say --certificate FILE --key FILE"
+            )
+        print_line(
+            f"warning: whoever reaches {host} and gets to know the address with its token can begin sessions"
+        )
+
+
+def _offered(names: Sequence[str] | None) -> Sequence[Exercise]:
+    """Return the exercises of these names or files, each of another name; all that ship if None."""
+    from rcare_marl.agents.coaching.exercise import load_exercises
+
+    found = load_exercises(names)
+    if len({each.name for each in found}) != len(found):
+        raise ConfigError(f"--exercise must name each once, got {', '.join(names or ())}")
+    return found
 
 
 def _check_recording(record: Path | None) -> None:

@@ -20,7 +20,7 @@ BACK = 0.15  # the speed is what the quick one has changed since then [s]
 STILL = math.radians(28)  # slower than this nothing moves [rad/s]
 SLOWEST = 0.45  # nor slower than this share of the slowest move that is shown, where that is less
 DWELL = 0.1  # how long rest must last at the end [s]
-DWELL_AMID, NEAR_AMID = 0.25, 0.6  # and before the last key pose [s], and so much nearer to rest
+DWELL_AMID, NEAR_AMID = 0.15, 0.6  # and before the last key pose [s], and so much nearer to rest
 # Who lays an arm down elsewhere than it was is back, too: after so long without a movement [s], no further
 # from rest than this share of the way they went. A pause of a second half way is none of these.
 LAID, LAID_FOR = 0.35, 0.4
@@ -32,6 +32,8 @@ STUCK = 3.5  # who stays so much longer than shown away from rest is done [s]
 KEPT = 2.0  # frames kept from before a beginning [s]
 LOST = 0.7  # a part that is not seen for so long is unknown [s]
 SAME = math.radians(8)  # so near to rest is rest [rad]
+# Who pauses no longer [s] and is as near to rest as since then, but for so much [rad], is on the way back.
+PAUSED, STILL_BACK = 2.0, math.radians(3)
 SETTLING = 1.0  # after a repetition arms may settle for so long [s]
 LOOKED = 0.6  # after `begin` it is looked so long how the person rests [s]
 ANYWHERE = math.radians(100)  # from the rest shown, where an arm may lie that has no part
@@ -84,7 +86,8 @@ class Segmenter:
     def begin(self, template: Template) -> None:
         """Look for repetitions of an exercise from now on."""
         exercise = template.exercise
-        nominal = feature(exercise.keys[0])
+        self._bent = template.bent
+        nominal = feature(exercise.keys[0], template.bent)
         is_known = len(self.rest) > 0
         self._nominal = nominal
         self.rest = self.rest if is_known else nominal.copy()
@@ -96,8 +99,7 @@ class Segmenter:
         # Arms that have no part tremble and count less.
         idle = [ARMS[i] and n.replace("wrist", "arm") not in asked for i, n in enumerate(VECTORS)]
         self._counts = np.where(idle, 0.5, 1.0)
-        # Its way leaves rest once: nearer to rest again, it is over.
-        self._is_simple = all(len(way.phases) == 1 for way in template.ways.values())
+        # Else its way leaves rest once: nearer to rest again, it is over.
         self._passes_rest = any(way.passes_rest for way in template.ways.values())
         hold = max((pose.hold_s for pose in exercise.poses), default=0.0)
         self._stuck = STUCK + exercise.judged.tempo[1] * hold
@@ -130,7 +132,7 @@ class Segmenter:
             frame: The next frame.
             complete: Whether the last key pose has been reached.
         """
-        row, time = feature(frame.angles), float(frame.time)
+        row, time = feature(frame.angles, self._bent), float(frame.time)
         if self._times and not 0 < time - self._times[-1] <= GREATEST_STEP:
             if time <= self._times[-1]:
                 return None  # twice the same, or late: nothing to learn from it
@@ -224,15 +226,27 @@ class Segmenter:
             self._learnt = True
             self._learn_rest(at_once=True)
             distance = self._distances(self.rest)
+        goes_on = self._goes_on_back(time)
         if float((distance * self._weights).max()) > self._begins and (
             speed >= self._still or self._still_for(time) < 0.5
         ):
+            if goes_on:
+                self.rest = self._rest_before.copy()
+                return
             self.moving, self._began, self._calm_since = True, time, None
             self._furthest, self._nearest = 0.0, (math.inf, time)
             return
         if self._still_for(time) > 0.3:
             self._learn_rest(after_return=time - self._finished < SETTLING)
         self._forget(time)
+
+    def _goes_on_back(self, time: float) -> bool:
+        """Return whether what moves is still on its way to where it rested before: a pause was no end."""
+        if time - self._finished > PAUSED:
+            return False
+        before = float((self._distances(self._rest_before) * self._weights).max())
+        self._nearest_before = min(self._nearest_before, before)
+        return before <= self._nearest_before + STILL_BACK
 
     def _learn_rest(self, *, at_once: bool = False, after_return: bool = False) -> None:
         """Take how the person is now for rest, if it is near enough to what is shown.
@@ -280,7 +294,7 @@ class Segmenter:
         is_laid = share <= LAID and complete and still >= LAID_FOR
         if is_laid or (share <= ELSEWHERE and still >= ELSEWHERE_FOR):
             return self._finish(time - still, time)
-        if complete or self._is_simple:
+        if complete or not self._passes_rest:
             if far < self._nearest[0] and share <= TURNED:
                 self._nearest = (far, time)
             elif far > self._nearest[0] + LEFT_AGAIN * self._furthest:
@@ -306,6 +320,7 @@ class Segmenter:
 
     def _finish(self, end: float, time: float) -> Segment:
         self.moving, self.moved_at, self._finished = False, time, time
+        self._rest_before, self._nearest_before = self.rest.copy(), math.inf
         times, rows = np.array(self._times), np.array(self._rows)
         start = self._start(times, rows)
         chosen = times >= start

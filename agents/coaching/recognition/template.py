@@ -14,7 +14,7 @@ from rcare_marl.pose import Array
 
 from ...people.motion.trajectory import PEAK
 from ..exercise import SMALLEST, Exercise
-from ..upper_body import FOREARM, UPPER_ARM
+from ..upper_body import ARM, FOREARM, SIDES, UPPER_ARM
 
 MOVING = (
     "left_arm",
@@ -35,10 +35,12 @@ COLUMN = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(VECTORS)}
 ANGLE_COLUMN = {name: 3 * len(VECTORS) + i for i, name in enumerate(ANGLES)}
 SIZE = 3 * len(VECTORS) + len(ANGLES)
 NEARLY_STRAIGHT, CLEARLY_BENT = math.radians(60), math.radians(90)  # of elbows; our own choice
+# Who is never asked to straighten an elbow further cannot: the forearm hangs as it may. Our own choice.
+NEVER_STRAIGHT = math.radians(25)
 _UPPER_SHARE = UPPER_ARM / (UPPER_ARM + FOREARM)
 
 
-def feature(angles: Array) -> Array:
+def feature(angles: Array, bent: tuple[bool, bool] = (False, False)) -> Array:
     """Return the features of one frame, shape [24]; NaN where they are unknown.
 
     Head and trunk are unit vectors as of `upper_body.directions`. So are arms, but an arm that is nearly
@@ -47,10 +49,12 @@ def feature(angles: Array) -> Array:
 
     Args:
         angles: Angles of `MOTIONS` [rad], shape [16].
+        bent: Whether left and right elbow cannot be straightened: the arm points as its upper arm does, for
+            a weak shoulder lets the forearm hang.
     """
     a = angles.tolist()  # in plain numbers: arrays this short take ten times as long
-    left, left_wrist = _arm(1.0, *a[6:10])
-    right, right_wrist = _arm(-1.0, *a[11:15])
+    left, left_wrist = _arm(1.0, bent[0], *a[6:10])
+    right, right_wrist = _arm(-1.0, bent[1], *a[11:15])
     flexion, lateral = a[0], a[1]
     trunk = (
         math.sin(flexion) * math.cos(lateral),
@@ -66,7 +70,7 @@ _Vector = tuple[float, float, float]
 
 
 def _arm(
-    sign: float, elevation: float, plane: float, rotation: float, elbow: float
+    sign: float, hangs: bool, elevation: float, plane: float, rotation: float, elbow: float
 ) -> tuple[_Vector, _Vector]:
     """Return where the arm points, and where its wrist is as a share of the arm's length."""
     ce, se, cp, sp = math.cos(elevation), math.sin(elevation), math.cos(plane), math.sin(plane)
@@ -80,7 +84,7 @@ def _arm(
     share = _UPPER_SHARE
     x, y, z = (share * u + (1 - share) * f for u, f in zip(upper, fore, strict=True))
     bent = (elbow - NEARLY_STRAIGHT) / (CLEARLY_BENT - NEARLY_STRAIGHT)
-    if bent >= 1.0 or not math.isfinite(x):  # a source may not know the forearm
+    if hangs or bent >= 1.0 or not math.isfinite(x):  # a source may not know the forearm
         return upper, (x, y, z)
     bent, length = max(bent, 0.0), math.sqrt(x * x + y * y + z * z)
     points = [bent * u + (1 - bent) * w / length for u, w in zip(upper, (x, y, z), strict=True)]
@@ -97,9 +101,9 @@ def _head(flexion: float, lateral: float, rotation: float) -> tuple[_Vector, _Ve
     return nose, crown
 
 
-def features(angles: Array) -> Array:
-    """Return the features of frames of angles [n, 16], shape [n, 24]."""
-    return np.array([feature(row) for row in angles])
+def features(angles: Array, bent: tuple[bool, bool] = (False, False)) -> Array:
+    """Return the features of frames of angles [n, 16], shape [n, 24]; `bent` as for `feature`."""
+    return np.array([feature(row, bent) for row in angles])
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,12 +186,15 @@ class Template:
         slowest_move: Greatest speed of any part on the way from one key pose to the next, of the move where
             that is least [rad/s]; infinite where nothing moves.
         elbows: Greatest flexion of left and right elbow at the key poses [rad].
+        bent: Whether left and right elbow are never asked to be straight.
     """
 
     def __init__(self, exercise: Exercise) -> None:
         self.exercise = exercise
-        rows = features(exercise.path(RATE))
-        keys = features(exercise.keys)
+        least = exercise.keys[:, [ARM[side].start + 3 for side in SIDES]].min(axis=0)
+        self.bent = (bool(least[0] > NEVER_STRAIGHT), bool(least[1] > NEVER_STRAIGHT))
+        rows = features(exercise.path(RATE), self.bent)
+        keys = features(exercise.keys, self.bent)
         self.ways = {
             part: _way(part, keys[:, COLUMN[part]], rows[:, COLUMN[part]])
             for part in MOVING

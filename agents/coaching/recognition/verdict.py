@@ -24,6 +24,9 @@ from .template import MOVING, RATE, Template
 ALIKE = 0.6  # likeness from which a movement is taken for another exercise
 UNLIKE = 0.3  # below this it is no attempt at an exercise
 GIVES = 1.5  # a limit gives way by so many standard deviations of what was measured
+ELBOW_GIVES = (
+    3.0  # that of elbows, whose bend hands tell worst: chosen on nine people of `development`
+)
 TOGETHER = 3.0  # shares of limits add up to the power of this: several small faults make one
 # Compensation and a way that falls short add up; who is slow or goes further has done nothing wrong by half.
 ADDS_UP = frozenset(
@@ -76,13 +79,14 @@ def used_of_limits(found: Assessment) -> dict[str, float]:
         ("arm_moved", found.arm, demand.still_deg, "arm"),
     )
     for name, value, limit, by in others:
-        out[name] = max(value, 0.0) / _given(math.radians(limit), sd[by])
+        gives = ELBOW_GIVES if by == "elbow" else GIVES
+        out[name] = max(value, 0.0) / _given(math.radians(limit), sd[by], gives)
     out["head_moved"] = max(out["head_moved"], found.gaze / math.radians(demand.gaze_deg))
     return out
 
 
-def _given(limit: float, unsure: float) -> float:
-    return math.hypot(limit, GIVES * unsure)
+def _given(limit: float, unsure: float, gives: float = GIVES) -> float:
+    return math.hypot(limit, gives * unsure)
 
 
 def _range_used(way: WayMeasure, share: float, unsure: float) -> float:

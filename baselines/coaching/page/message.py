@@ -7,11 +7,11 @@ and within bounds. Whatever is not so is refused; nothing of it is used.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from rcare_marl.agents.coaching.exercise import exercise_names
 from rcare_marl.agents.coaching.sources.landmark_source import COUNT
 
 from ...pages.strict import LARGEST as LARGEST
@@ -74,11 +74,17 @@ class HandJoints:
     pinky: tuple[float, float, float]
 
 
+MOST_EXERCISES = 50  # of a session
+EXERCISE_NAME = re.compile(r"[^/\\\x00-\x1f]{1,80}")
+
+
 def _exercises(value: Any, name: str) -> tuple[str, ...]:
-    known = exercise_names()
-    if not isinstance(value, list) or not 1 <= len(value) <= len(known):
-        raise MessageError(f"{name} are a list of 1 to {len(known)} names")
-    names = tuple(one_of(known)(each, name) for each in value)
+    """Take names, which the room knows or not: no path is among them."""
+    if not isinstance(value, list) or not 1 <= len(value) <= MOST_EXERCISES:
+        raise MessageError(f"{name} are a list of 1 to {MOST_EXERCISES} names")
+    if not all(isinstance(each, str) and EXERCISE_NAME.fullmatch(each) for each in value):
+        raise MessageError(f"{name} are names of exercises")
+    names = tuple(value)
     if len(set(names)) != len(names):
         raise MessageError("an exercise is named twice")
     return names

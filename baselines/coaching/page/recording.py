@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from rcare_marl.atomic_file import write_whole
 from rcare_marl.errors import ConfigError, MissingPackageError
 from rcare_marl.pose import Array
 
+from . import clinician
 from .message import Begin
 
 LONGEST = 2 * 3600 * 30  # steps that are kept: two hours
@@ -136,6 +138,11 @@ class Recording:
         try:
             place = _new_folder(folder)
             self._write_data(place / "session.h5")
+            write_whole(place / clinician.TABLE, clinician.to_csv(self))
+            found = clinician.bundle(self, datetime.now().astimezone())
+            write_whole(
+                place / clinician.OBSERVATIONS, (json.dumps(found, indent=1) + "\n").encode()
+            )
             return write_report(self, place)
         except OSError as error:
             raise ConfigError(f"cannot write the recording to {folder}: {error}") from error
@@ -198,6 +205,7 @@ img{max-width:100%;border:1px solid #bbb}
 table{border-collapse:collapse}
 th,td{border:1px solid #888;padding:.3rem .7rem;text-align:left}
 caption{text-align:left;font-weight:bold}
+@media print{body{font-size:11pt;margin:0}h2,img,table{break-inside:avoid}}
 """
 
 
@@ -223,7 +231,10 @@ def write_report(recording: Recording, folder: Path) -> Path:
 <p>Recorded for {spent:.0f} seconds with the person's consent; source: {begin.source}; tempo
 {begin.tempo:.0%} of the exercises'; asked for: {limits}. This is no medical assessment.</p>
 {_table(recording)}
+{clinician.trends(folder.parent, [each.name for each in recording.exercises])}
 {"".join(parts)}
+<p>Every repetition is in <a href="{clinician.TABLE}">{clinician.TABLE}</a>, and as FHIR Observations in
+<a href="{clinician.OBSERVATIONS}">{clinician.OBSERVATIONS}</a>.</p>
 <p>All angles are in <code>session.h5</code> beside this page. To delete the recording delete this folder.</p>
 </body></html>
 """

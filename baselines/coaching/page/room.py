@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 
-from rcare_marl.agents.coaching.exercise import Reach, load_exercises
+from rcare_marl.agents.coaching.exercise import Exercise, Reach, load_exercises
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS, Frame, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import PRAISED_FOR, RuleRecogniser
 from rcare_marl.agents.coaching.session import Session, programme
 from rcare_marl.agents.coaching.tree import Coach
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES, UpperBody
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, RcareError, check_name
 from rcare_marl.pose import Array
 
 from .message import Begin, Command, Consent, Hands, Landmarks, Message, MessageError, Simulate
@@ -62,8 +63,18 @@ class Room:
         recorder: Keeps the session once the person consented; None where recording is off.
     """
 
-    def __init__(self, *, recorder: Recorder | None = None, camera: Camera | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        recorder: Recorder | None = None,
+        camera: Camera | None = None,
+        exercises: Sequence[Exercise] = (),
+    ) -> None:
+        """Take what records, the webcam, and the exercises on offer: all that ship if none are given."""
         self.recorder, self._camera = recorder, camera
+        shipped = load_exercises()
+        self._offered = {exercise.name: exercise for exercise in exercises or shipped}
+        self._known = tuple({each.name: each for each in (*shipped, *exercises)}.values())
         self._session: Session | None = None
         self._number = 0  # of the session, counted from 1
         self._user: dict[str, Any] | None = None
@@ -100,12 +111,15 @@ class Room:
 
     def _begin(self, begin: Begin, now: float) -> None:
         try:
-            exercises = programme(load_exercises(begin.exercises), _reach(begin), speed=math.inf)
-        except ConfigError as error:
+            for name in begin.exercises:
+                check_name("exercise", name, self._offered)
+            chosen = [self._offered[name] for name in begin.exercises]
+            exercises = programme(chosen, _reach(begin), speed=math.inf)
+        except RcareError as error:
             raise MessageError(str(error)) from error
         sight = Sight(begin, self._camera)
         exercises = tuple(exercise.faster(begin.tempo) for exercise in exercises)
-        recogniser = RuleRecogniser()
+        recogniser = RuleRecogniser(known=self._known)
         session = Session(exercises, recogniser, repetitions=begin.repetitions)
         if self.recorder is not None:
             self.recorder.begin(begin, exercises)

@@ -7,13 +7,13 @@ import json
 import logging
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from rcare_marl.agents.coaching.exercise import load_exercises
+from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.errors import RcareError
 from rcare_marl.own_host import is_loopback as is_loopback
 
@@ -40,6 +40,7 @@ class Service:
         three: Folder with the files of three.js.
         record: Folder for recordings; None switches recording off.
         camera: The webcam, where there is one.
+        exercises: What is on offer.
         host: Address that is bound.
         is_secure: Whether it is served by HTTPS.
         token: What a page has to know; random if left out.
@@ -49,6 +50,7 @@ class Service:
     three: Path
     record: Path | None = None
     camera: Camera | None = None
+    exercises: Sequence[Exercise] = field(default_factory=load_exercises)
     host: str = "127.0.0.1"
     is_secure: bool = False
     token: str = field(default_factory=lambda: secrets.token_urlsafe(TOKEN), repr=False)
@@ -87,7 +89,7 @@ class Server(Door):
             {
                 "exercises": [
                     {"name": each.name, "title": each.title, "about": each.about}
-                    for each in load_exercises()
+                    for each in self._service.exercises
                 ],
                 "mistakes": list(MISTAKES),
                 "webcam": self._service.camera is not None,
@@ -127,7 +129,8 @@ class Conversation:
         self._socket, self._limiter = socket, Limiter()
         # Neither answers nor log become a flood themselves.
         self._complaints, self._notes = Limiter(rate=1, burst=1), Limiter(rate=5, burst=20)
-        self._room, self._clock = Room(recorder=recorder, camera=service.camera), service.clock
+        self._room = Room(recorder=recorder, camera=service.camera, exercises=service.exercises)
+        self._clock = service.clock
 
     async def hold(self) -> None:
         """Listen and tell, side by side."""
