@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+
+import rcare_marl
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("agents", "assets", "baselines", "envs")
@@ -122,3 +126,49 @@ def test_each_way_to_install_finds_every_asset(
     found = json.loads(run.stdout.splitlines()[-1])
     home = str(source) if way == "editable" else str(tmp_path / "venv")
     assert found["where"].startswith(home) and found["assets"].startswith(home)
+
+
+TORCH = {"tensorboard", "tensordict", "torch", "torchrl"}
+PICTURES = {"imageio", "matplotlib", "moderngl", "opencv-python-headless"}
+
+
+def _names(lines: Iterable[str]) -> set[str]:
+    found = (re.match(r"[\w.-]+", line) for line in lines if not line.startswith(("#", "-")))
+    return {match[0].lower() for match in found if match}
+
+
+def test_environments_alone_need_all_but_torch_and_pictures() -> None:
+    said = re.search(
+        r"^dependencies = \[(.*?)^\]", (ROOT / "pyproject.toml").read_text(), re.M | re.S
+    )
+    assert said is not None
+    every = _names(re.findall(r'^ *"([^"]+)"', said[1], re.M))
+    few = _names((ROOT / "docs" / "environments.txt").read_text().splitlines())
+    assert every - few == TORCH | PICTURES and few < every
+
+
+def test_environments_step_where_torch_and_pictures_are_missing() -> None:
+    missing = sorted({"cv2", "imageio_ffmpeg", *TORCH, *PICTURES - {"opencv-python-headless"}})
+    code = f"""
+import sys
+for name in {missing!r}:
+    sys.modules[name] = None
+import rcare_marl
+env = rcare_marl.make("feeding", policies={{"robot": "learned", "recipient": "cooperative"}})
+env.reset(seed=0)
+env.step({{}})
+from rcare_marl.cli import main
+sys.argv = ["rcare-marl", "train", "feeding"]
+main()
+"""
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 2, run.stderr
+    assert "needs t" in run.stderr and "not installed" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+def test_every_place_names_the_same_version() -> None:
+    version = rcare_marl.__version__
+    assert f'\nversion = "{version}"' in (ROOT / "pyproject.toml").read_text()
+    assert f"\nversion: {version}\n" in (ROOT / "docs" / "CITATION.cff").read_text()
+    assert f"\n## {version}" in (ROOT / "docs" / "changelog.md").read_text()
