@@ -7,6 +7,7 @@ its page run, as its reader would do.
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import shutil
@@ -179,3 +180,33 @@ def test_a_file_that_is_shown_can_be_read(block: Block, tmp_path: Path) -> None:
     )
     file.write_text(code, encoding="utf-8")
     READERS[block.page.stem](file)
+
+
+@pytest.mark.slow
+def test_the_site_builds_strictly_fetches_nothing_and_is_searched(tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    config = str(ROOT / "docs" / "site" / "mkdocs.yml")
+    mkdocs = [
+        sys.executable,
+        "-m",
+        "mkdocs",
+        "build",
+        "--strict",
+        "-q",
+        "-f",
+        config,
+        "-d",
+        str(site),
+    ]
+    subprocess.run(mkdocs, check=True, capture_output=True)
+    fetched = re.compile(r"<(?:script|link|img|iframe)\b[^>]*?(?:src|href)=[\"']?(?:https?:)?//")
+    for page in site.rglob("*.html"):
+        assert not fetched.search(page.read_text(encoding="utf-8")), page.name
+    entries = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))[
+        "docs"
+    ]
+    text = " ".join(entry["title"] + " " + entry["text"] for entry in entries).lower()
+    words = (
+        "spasticity make_batch wheelchair replay checkpoint curriculum aruco xpbd temperament audit"
+    )
+    assert all(word in text for word in words.split())

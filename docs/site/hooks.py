@@ -88,3 +88,22 @@ def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: 
         markdown = re.sub(rf"\]\((?:\.\./)?{origin}", f"]({name}", markdown)
     there = r"\[([^\]]*)\]\((?:\.\./[^)]*|LICENSE|NOTICE|CITATION\.cff)\)"
     return re.sub(there, r"\1", markdown)
+
+
+STYLE = """<style>[data-md-color-scheme="default"] {
+  --md-primary-fg-color: #00695c; --md-typeset-a-color: #00695c; --md-accent-fg-color: #004d40;
+  --md-default-fg-color--light: #555; --md-default-fg-color--lighter: #767676;
+  --doc-symbol-module-fg-color: #2f6b00; --doc-symbol-attribute-fg-color: #8a3300;
+}
+.md-typeset a:not(.headerlink):not(.md-button) { text-decoration: underline; }
+.md-typeset pre > code { white-space: pre-wrap; }</style></head>"""
+
+
+def on_post_page(output: str, *, page: Page, config: MkDocsConfig) -> str:
+    """Mend what the theme lacks for who sees little or uses a keyboard: contrast, names, focus."""
+    output = output.replace("</head>", STYLE, 1)
+    output = output.replace('role="dialog"', 'role="dialog" aria-label="Search"')
+    output = re.sub(
+        r'<nav class="md-nav" aria-label="[^"]*">', '<nav class="md-nav" role="none">', output
+    )
+    return re.sub(r"(<pre[^>]*>(?:<span></span>)?)<code", r'\1<code tabindex="0"', output)
