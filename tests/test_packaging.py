@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import rcare_marl
+from rcare_marl.cli.listing import rows
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("agents", "assets", "baselines", "envs")
@@ -154,6 +155,7 @@ import sys
 for name in {missing!r}:
     sys.modules[name] = None
 import rcare_marl
+from rcare_marl.cli.listing import rows
 env = rcare_marl.make("feeding", policies={{"robot": "learned", "recipient": "cooperative"}})
 env.reset(seed=0)
 env.step({{}})
@@ -193,3 +195,9 @@ def test_ci_goes_on_where_nothing_can_be_installed(tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr
     assert run.stdout.split("\n")[:4] == ["lint []", "types []", "docs []", "test []"]
     assert "libegl1" in run.stderr and "skipped" in run.stderr
+
+
+def test_licences_of_what_is_needed_are_listed() -> None:
+    told = {row["name"].lower(): row["licence"] for row in rows("licences")}
+    assert {"pettingzoo", "gymnasium", "pybullet", "torch", "torchrl", "trimesh"} <= set(told)
+    assert "zlib" in told["pybullet"] and all(told.values())

@@ -202,16 +202,17 @@ def _licences() -> list[Row]:
             package = distribution(name)
         except PackageNotFoundError:  # of an extra that was not asked for
             continue
-        about = package.metadata
-        classifiers = [c for c in about.get_all("Classifier") or () if c.startswith("License ::")]
-        told = about.get("License-Expression") or ", ".join(
-            c.split(" :: ")[-1] for c in classifiers
+        about = package.metadata.json
+        kinds = (kind for kind in about.get("classifier", ()) if kind.startswith("License ::"))
+        said = (
+            str(about.get("license_expression", "")),
+            ", ".join(k.split(" :: ")[-1] for k in kinds),
         )
-        text = (about.get("License") or "").strip().partition("\n")[0]
+        licence = next(filter(None, (*said, str(about.get("license", "")).strip())), "not said")
         found[key] = {
             "name": package.name,
             "version": package.version,
-            "licence": told or text or "not said",
+            "licence": licence.partition("\n")[0],
         }
         needed = (re.match(r"[\w.-]+", line) for line in package.requires or ())
         waiting += [match[0] for match in needed if match]
