@@ -4,6 +4,8 @@
 # processes run tests; those of one file stay together.
 
 VENV ?= .venv
+# PyTorch's wheels without CUDA: gigabytes less. TORCH_INDEX= takes PyPI's.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 ROS_VENV ?= .venv-ros
@@ -13,7 +15,7 @@ ARGS ?=
 JOBS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all test-browser browser ros lint types clean
+.PHONY: help setup demo test test-all test-browser browser ros lint types docs clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -86,28 +88,70 @@ lint: $(STAMP)  ## ruff
 types: $(STAMP)  ## mypy, strict
 	@$(BIN)/mypy
 
+docs: $(STAMP)  ## the site of the documentation, into build/site
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet -f docs/site/mkdocs.yml
+	@echo "build/site/index.html; with search: $(BIN)/python -m http.server -d build/site"
+
 clean:  ## remove .venv, caches and build products; runs/ stays
 	rm -rf $(VENV) $(ROS_VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .coverage
 	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +
 
-# PyBullet has wheels for CPython 3.10 and 3.11 only.
+# PyBullet has wheels for CPython 3.10 and 3.11; elsewhere it is compiled, with NumPy there, or its pictures
+# would be slow tuples, and without symbols (8 MB in place of 134). Pip keeps the wheel for the next time.
 $(STAMP): pyproject.toml setup.py $(CONSTRAINTS)
 	@set -e; \
+	fits='import sys; sys.exit(not (3, 10) <= sys.version_info[:2] < (3, 14))'; \
 	python=; \
-	for candidate in $(PYTHON) python3.11 python3.10 python3; do \
-	  if "$$candidate" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] < (3, 12))' \
-	    >/dev/null 2>&1; then python=$$candidate; break; fi; \
+	for candidate in $(if $(PYTHON),"$(PYTHON)",python3.11 python3.10 python3.12 python3.13 python3); do \
+	  if "$$candidate" -c "$$fits" >/dev/null 2>&1; then python=$$candidate; break; fi; \
 	done; \
+	if [ -z "$$python" ] && [ -n "$(PYTHON)" ]; then \
+	  echo "error: PYTHON=$(PYTHON) is no Python 3.10 to 3.13:" \
+	    "$$("$(PYTHON)" --version 2>&1 || true)" >&2; \
+	  exit 1; \
+	fi; \
 	if [ -z "$$python" ]; then \
-	  echo "error: no Python 3.10 or 3.11 found (PyBullet has no wheels for others). Install one," >&2; \
+	  echo "error: no Python 3.10 to 3.13 found. Install one," >&2; \
 	  echo "       or say where it is: make PYTHON=/path/to/python3.11" >&2; \
 	  exit 1; \
 	fi; \
+	wanted=$$("$$python" --version); \
+	there=$$($(BIN)/python --version 2>/dev/null || true); \
+	if [ -n "$(PYTHON)" ] && [ -n "$$there" ] && [ "$$there" != "$$wanted" ]; then \
+	  echo "error: $(VENV) has $$there; make clean, or VENV=another, to have $$wanted" >&2; \
+	  exit 1; \
+	fi; \
 	if ! $(BIN)/python -m pip --version >/dev/null 2>&1; then \
-	  echo "making $(VENV) with $$("$$python" --version)"; \
+	  echo "making $(VENV) with $$wanted"; \
 	  "$$python" -m venv --clear $(VENV); \
 	fi; \
+	pip="$(BIN)/python -m pip --disable-pip-version-check"; \
+	constraints="$(if $(CONSTRAINTS),-c $(CONSTRAINTS))"; \
 	echo "installing into $(VENV) (some minutes, once)"; \
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  $(if $(CONSTRAINTS),-c $(CONSTRAINTS)) -e '.[dev]'; \
+	if $(BIN)/python -c 'import sys; sys.exit(sys.version_info[:2] < (3, 12))' \
+	  && ! $(BIN)/python -c 'import pybullet' >/dev/null 2>&1; then \
+	  for tool in $${CC:-cc} $${CXX:-c++}; do \
+	    if ! command -v $$tool >/dev/null; then \
+	      echo "error: $$wanted has no wheel of PyBullet, and $$tool to compile it is missing" \
+	        "(on Debian: apt-get install g++)" >&2; \
+	      exit 1; \
+	    fi; \
+	  done; \
+	  headers=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("include"))'); \
+	  if [ ! -f "$$headers/Python.h" ]; then \
+	    echo "error: $$wanted has no wheel of PyBullet, and $$headers/Python.h to compile it is" \
+	      "missing (on Debian: apt-get install python3-dev)" >&2; \
+	    exit 1; \
+	  fi; \
+	  echo "compiling PyBullet for $$wanted (5 to 20 minutes, once)"; \
+	  $$pip install --quiet $$constraints numpy setuptools wheel; \
+	  CFLAGS="-g0 $$CFLAGS" LDFLAGS="-s $$LDFLAGS" \
+	    $$pip install --quiet --no-build-isolation $$constraints pybullet; \
+	fi; \
+	if [ -n "$(TORCH_INDEX)" ] && ! $(BIN)/python -c 'import torch' >/dev/null 2>&1; then \
+	  $$pip install --quiet --retries 0 --timeout 15 --no-deps --index-url $(TORCH_INDEX) \
+	    $$constraints torch 2>/dev/null \
+	    || echo "$(TORCH_INDEX) gives no torch for $$wanted; taking PyPI's, with CUDA" >&2; \
+	fi; \
+	$$pip install --quiet $$constraints -e '.[dev]'; \
 	touch $@

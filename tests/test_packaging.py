@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+
+import rcare_marl
+from rcare_marl.cli.listing import rows
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("agents", "assets", "baselines", "envs")
@@ -122,3 +127,77 @@ def test_each_way_to_install_finds_every_asset(
     found = json.loads(run.stdout.splitlines()[-1])
     home = str(source) if way == "editable" else str(tmp_path / "venv")
     assert found["where"].startswith(home) and found["assets"].startswith(home)
+
+
+TORCH = {"tensorboard", "tensordict", "torch", "torchrl"}
+PICTURES = {"imageio", "matplotlib", "moderngl", "opencv-python-headless"}
+
+
+def _names(lines: Iterable[str]) -> set[str]:
+    found = (re.match(r"[\w.-]+", line) for line in lines if not line.startswith(("#", "-")))
+    return {match[0].lower() for match in found if match}
+
+
+def test_environments_alone_need_all_but_torch_and_pictures() -> None:
+    said = re.search(
+        r"^dependencies = \[(.*?)^\]", (ROOT / "pyproject.toml").read_text(), re.M | re.S
+    )
+    assert said is not None
+    every = _names(re.findall(r'^ *"([^"]+)"', said[1], re.M))
+    few = _names((ROOT / "docs" / "environments.txt").read_text().splitlines())
+    assert every - few == TORCH | PICTURES and few < every
+
+
+def test_environments_step_where_torch_and_pictures_are_missing() -> None:
+    missing = sorted({"cv2", "imageio_ffmpeg", *TORCH, *PICTURES - {"opencv-python-headless"}})
+    code = f"""
+import sys
+for name in {missing!r}:
+    sys.modules[name] = None
+import rcare_marl
+from rcare_marl.cli.listing import rows
+env = rcare_marl.make("feeding", policies={{"robot": "learned", "recipient": "cooperative"}})
+env.reset(seed=0)
+env.step({{}})
+from rcare_marl.cli import main
+sys.argv = ["rcare-marl", "train", "feeding"]
+main()
+"""
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 2, run.stderr
+    assert "needs t" in run.stderr and "not installed" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+def test_every_place_names_the_same_version() -> None:
+    version = rcare_marl.__version__
+    assert f'\nversion = "{version}"' in (ROOT / "pyproject.toml").read_text()
+    assert f"\nversion: {version}\n" in (ROOT / "docs" / "CITATION.cff").read_text()
+    assert f"\n## {version}" in (ROOT / "docs" / "changelog.md").read_text()
+
+
+def test_ci_goes_on_where_nothing_can_be_installed(tmp_path: Path) -> None:
+    (tmp_path / ".ci").mkdir()
+    shutil.copy(ROOT / ".ci" / "run", tmp_path / ".ci" / "run")
+    (tmp_path / "Makefile").write_text(
+        "lint types docs test:\n\t@echo $@ [$$RCARE_MARL_REQUIRE_GL]\n"
+    )
+    few = tmp_path / "bin"  # no dpkg and no apt-get among them
+    few.mkdir()
+    for name in ("bash", "dirname", "id", "make"):
+        (few / name).symlink_to(shutil.which(name) or name)
+    run = subprocess.run(
+        [str(few / "bash"), str(tmp_path / ".ci" / "run")],
+        env={"PATH": str(few)},
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.split("\n")[:4] == ["lint []", "types []", "docs []", "test []"]
+    assert "libegl1" in run.stderr and "skipped" in run.stderr
+
+
+def test_licences_of_what_is_needed_are_listed() -> None:
+    told = {row["name"].lower(): row["licence"] for row in rows("licences")}
+    assert {"pettingzoo", "gymnasium", "pybullet", "torch", "torchrl", "trimesh"} <= set(told)
+    assert "zlib" in told["pybullet"] and all(told.values())

@@ -77,6 +77,11 @@ class Guarded(TyperGroup):
                 raise
             print_error(str(error))
             raise typer.Exit(2) from None
+        except ModuleNotFoundError as error:  # where only what environments need is installed
+            if ctx.params.get("debug") or (error.name or "").startswith("rcare_marl"):
+                raise
+            print_error(f"this needs {error.name}, which is not installed: see docs/install.md")
+            raise typer.Exit(2) from None
         except KeyboardInterrupt:
             print_line("interrupted")
             raise typer.Exit(INTERRUPTED) from None
@@ -109,7 +114,7 @@ def root(
 @app.command("list")
 def list_(
     kind: Annotated[
-        Kind | None, typer.Argument(help="What to list; everything if left out.")
+        Kind | None, typer.Argument(help="What to list; everything but licences if left out.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -119,7 +124,7 @@ def list_(
     """
     from . import listing
 
-    kinds = [kind.value] if kind is not None else [each.value for each in Kind]
+    kinds = [kind.value] if kind is not None else [e.value for e in Kind if e is not Kind.licences]
     rows = {name: listing.rows(name) for name in kinds}
     if as_json:
         print_json(rows[kinds[0]] if kind is not None else rows)

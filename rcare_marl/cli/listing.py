@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
 
 from rcare_marl import assets
 from rcare_marl.agents.coaching.exercise import load_exercises
@@ -42,6 +45,7 @@ def rows(kind: str) -> list[Row]:
         "exercises": _exercises,
         "algorithms": _algorithms,
         "randomisations": _randomisations,
+        "licences": _licences,
     }[kind]()
 
 
@@ -156,6 +160,8 @@ def _exercises() -> list[Row]:
 
 
 def _algorithms() -> list[Row]:
+    if find_spec("torch") is None:
+        return [{"name": "none", "about": "they need torch, which is not installed"}]
     from rcare_marl.baselines.algorithms import algorithm_class, algorithm_names  # it needs torch
 
     return [
@@ -181,3 +187,33 @@ def first_line(thing: object) -> str:
     if text.startswith("Return "):
         text = text.removeprefix("Return ").capitalize()
     return text.rstrip(".")
+
+
+def _licences() -> list[Row]:
+    """Return what is installed of all that this package needs, directly or not, and its licence."""
+    found: dict[str, Row] = {}
+    waiting = ["rcare-marl"]
+    while waiting:
+        name = waiting.pop()
+        key = re.sub(r"[-_.]+", "-", name).lower()
+        if key in found:
+            continue
+        try:
+            package = distribution(name)
+        except PackageNotFoundError:  # of an extra that was not asked for
+            continue
+        about = package.metadata.json
+        kinds = (kind for kind in about.get("classifier", ()) if kind.startswith("License ::"))
+        said = (
+            str(about.get("license_expression", "")),
+            ", ".join(k.split(" :: ")[-1] for k in kinds),
+        )
+        licence = next(filter(None, (*said, str(about.get("license", "")).strip())), "not said")
+        found[key] = {
+            "name": package.name,
+            "version": package.version,
+            "licence": licence.partition("\n")[0],
+        }
+        needed = (re.match(r"[\w.-]+", line) for line in package.requires or ())
+        waiting += [match[0] for match in needed if match]
+    return [found[key] for key in sorted(found)]

@@ -28,6 +28,7 @@ class Kind(str, Enum):
     exercises = "exercises"
     algorithms = "algorithms"
     randomisations = "randomisations"
+    licences = "licences"  # of what is installed
 
 
 class Subject(str, Enum):
