@@ -34,7 +34,8 @@ class ToAndFro:
         self.layout = SimpleNamespace(observed={"robots": observed})
         self.group_map = {"robots": ["robot"]}
         self.batch_size = torch.Size([COUNT])
-        seen, acts = Unbounded((COUNT, 1, 1 + memory + size)), Bounded(-1.0, 1.0, (COUNT, 1, size))
+        seen = Unbounded(torch.Size((COUNT, 1, 1 + memory + size)))
+        acts = Bounded(-1.0, 1.0, torch.Size((COUNT, 1, size)))
         self.observation_spec = Composite({"robots": Composite({"observation": seen})})
         self.full_action_spec = Composite({"robots": Composite({"action": acts})})
         self.place = torch.rand(COUNT, 1, 1, generator=torch.Generator().manual_seed(1))

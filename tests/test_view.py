@@ -29,7 +29,7 @@ def test_parts_come_in_the_order_in_which_they_are_named() -> None:
 
 
 def test_axes_of_a_turn_are_the_first_two_columns_of_its_matrix() -> None:
-    turn = SEEN[6:9]
+    turn = SEEN[6:9].astype(np.float64)
     matrix = matrix_from_quaternion(quaternion_from_axis_angle(turn, float(np.linalg.norm(turn))))
     np.testing.assert_allclose(view("axes(turn)").read(SEEN), matrix[:, :2].T.ravel(), atol=1e-6)
 

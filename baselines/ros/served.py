@@ -16,7 +16,7 @@ import numpy as np
 
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
-from rcare_marl.agents.robots.control import GripperClosing, moving_tool
+from rcare_marl.agents.robots.control import GripperClosing, ToolDelta, moving_tool
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.baselines.evaluation import evaluate as baseline
 from rcare_marl.envs import make
@@ -80,7 +80,12 @@ class ServedRobot:
         found = self.env.cast.get(ROLE)
         if not isinstance(found, Robot):
             raise ConfigError(f"{task} has no robot to serve")
-        self.robot, self._tool = found, moving_tool(found.control)
+        tool = moving_tool(found.control)
+        if not isinstance(tool, ToolDelta):
+            raise ConfigError(
+                f"a robot is served in control mode 'tool_delta', got {type(tool).__name__}"
+            )
+        self.robot, self._tool = found, tool
         _, players = baseline.make_players(self.env, task, policies)
         self._players: dict[str, Policy] = players
         self.outcomes: dict[int, bool] = {}

@@ -121,6 +121,7 @@ class Segmenter:
         self._began = 0.0
         self._fast_frames = 0
         self._furthest, self._nearest = 0.0, (math.inf, 0.0)
+        self._nearest_before = math.inf
         self._finished = -math.inf
         self._learnt = False
         self.moved_at: float | None = None

@@ -24,7 +24,7 @@ from .template import MOVING, RATE, Template
 ALIKE = 0.6  # likeness from which a movement is taken for another exercise
 UNLIKE = 0.3  # below this it is no attempt at an exercise
 GIVES = 1.5  # a limit gives way by so many standard deviations of what was measured
-ELBOW_GIVES = 3.0
+ELBOW_GIVES = (
     3.0  # that of elbows, whose bend hands tell worst: chosen on nine people of `development`
 )
 TOGETHER = 3.0  # shares of limits add up to the power of this: several small faults make one
