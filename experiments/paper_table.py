@@ -175,7 +175,8 @@ def run_again(row: Row, folder: Path, processes: int) -> None:
     if not file.is_file():
         return
     plan = Plan(**read_record(file)["plan"])
-    for kind, policy in ((SCRIPTED, SCRIPTED), (SHIPPED, trained.NAME)):
+    ships = trained.SPECIALIST if trained.for_everybody(plan.task) else trained.NAME
+    for kind, policy in ((SCRIPTED, SCRIPTED), (SHIPPED, ships)):
         record = assess(replace(plan, policies=(policy,)), processes=processes).to_dict()
         write_whole(folder / f"{row.name}_{kind}.json", record_text(record).encode())
 

@@ -40,26 +40,31 @@ def play(task: str, name: str = "learned", **cast: Any) -> list[str]:
 
 
 def test_who_it_was_trained_with_is_nothing_to_speak_of() -> None:
-    assert play("feeding") == []
-    assert play("feeding", robot="kinova_gen3", recipient="karan") == []
+    assert play("feeding", "specialist") == []
+    assert play("feeding", "specialist", robot="kinova_gen3", recipient="karan") == []
     assert play("toileting", level=1) == []
 
 
+def test_who_was_trained_with_a_population_is_told_of_no_person_but_of_other_robots() -> None:
+    for person in ("daniel", "population:test:3", "six"):
+        assert play("feeding", recipient=person, robot="pr2") == []
+    (text,) = play("feeding", robot="ur5")
+    assert "not trained with robot ur5" in text and "5 of 5" in text
+
+
 def test_another_cast_is_warned_of_once_with_what_was_measured() -> None:
-    (text,) = play("feeding", recipient="jose")
+    (text,) = play("feeding", "specialist", recipient="jose")
     assert "not trained with recipient jose" in text and "20 of 20" in text
-    (text,) = play("feeding", recipient="population:test:3")
+    (text,) = play("feeding", "specialist", recipient="population:test:3")
     assert "population:test:3" in text or "not measured" in text
-    (text,) = play("feeding", recipient="six")
+    (text,) = play("feeding", "specialist", recipient="six")
     assert "recipient six" in text and "not measured" in text
 
 
 @pytest.mark.parametrize(
     ("task", "cast", "figure"),
     [
-        ("feeding", {"recipient": "daniel"}, "0 of 20"),
-        ("feeding", {"recipient": "kim"}, "2 of 20"),
-        ("toileting", {"level": 3}, "2 of 20"),
+        ("limb_repositioning", {"recipient": "daniel"}, "1 of 20"),
         ("ambulating", {"level": 1, "options": {"mount": "left"}}, "0 of 20"),
     ],
 )
@@ -76,7 +81,7 @@ def test_what_hardly_ever_works_is_refused_with_the_figure(
 
 def test_a_robot_besides_does_not_help() -> None:
     with pytest.raises(ConfigError, match="0 of 20"):
-        play("feeding", recipient="daniel", robot="kinova_gen2")
+        play("feeding", "specialist", recipient="daniel", robot="kinova_gen2")
 
 
 def test_what_was_measured_is_of_what_there_is() -> None:
@@ -103,6 +108,7 @@ def test_what_was_measured_is_of_what_there_is() -> None:
 
 def test_the_command_line_says_it_in_a_line() -> None:
     line = "evaluate feeding --episodes 1 --policy learned --recipient".split()
+    line[line.index("learned")] = "specialist"
     refused = CliRunner().invoke(app, [*line, "daniel"])
     assert refused.exit_code == 2 and "0 of 20" in refused.stderr
     told = CliRunner().invoke(app, [*line, "jose"])

@@ -24,8 +24,8 @@ LIMITS = (
     "For research in simulation. It must not move a robot near a person: nothing in its training or "
     "evaluation shows that it would be safe there.",
     "It observes what only a simulator knows exactly, without noise or delay, unless it was trained with "
-    "sensors.",
-    "It is shown to work with the people, the robot, the room and the settings named here. With others it "
+    "sensors or randomised.",
+    "It is shown to work with the people, the robots, the room and the settings named here. With others it "
     "may press, spill or stop, though it accepts them where they observe and move alike.",
     "Success and force are those of rigid bodies and simplified tissue; forces on a real person would be "
     "others.",
@@ -82,7 +82,7 @@ class ModelCard:
         given = {
             key: value
             for key, value in file.recipe.items()
-            if key not in ("task", "residual") and value
+            if key not in ("task", "residual", "views", "taught") and value
         }
         return cls(
             name=place.stem,
@@ -132,6 +132,8 @@ def beginning(residual: float | None, training: Mapping[str, Any]) -> str:
     """
     if residual is not None:
         return f"residual of scale {residual:g}"
+    if training.get("algorithm") == "dagger":
+        return "by imitating the script on its own episodes"
     return "from demonstrations" if training.get("demonstrations") else "from scratch"
 
 

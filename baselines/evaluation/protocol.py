@@ -354,8 +354,9 @@ def _file_facts(plan: Plan, policy: str) -> dict[str, Any] | None:
     path: Path | None = None
     if Path(policy).suffix == SUFFIX:
         path = Path(policy)
-    elif policy in (trained.NAME, trained.ANYWAY):
-        path = trained.file_for(plan.task, int(plan.cast.get("level") or 1))
+    elif policy in (trained.NAME, trained.ANYWAY, trained.SPECIALIST):
+        level, specialist = int(plan.cast.get("level") or 1), policy == trained.SPECIALIST
+        path = trained.file_for(plan.task, level, specialist=specialist)
     if path is None:
         return None
     file = PolicyFile.read(path)

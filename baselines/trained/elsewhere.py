@@ -12,7 +12,7 @@ from typing import Any
 
 from rcare_marl import assets
 from rcare_marl.agents.people.human import Human
-from rcare_marl.agents.people.sampling.population import find_avatar
+from rcare_marl.agents.people.sampling.population import find_avatar, names_several
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.config import load, read_yaml
 from rcare_marl.envs.care_env import CareEnv
@@ -88,7 +88,7 @@ def differences(env: CareEnv, file: PolicyFile) -> dict[str, Any]:
             for cast in casts
         }
         here = called.get(role) or _model(agent)
-        if here not in known:
+        if here not in known and not (isinstance(agent, Human) and any(map(names_several, known))):
             out[role] = here
     place = env.task.place
     home = place.facts().get("home")

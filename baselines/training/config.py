@@ -19,6 +19,7 @@ from rcare_marl.errors import ConfigError
 from .cluster import Cluster, async_count
 
 CONFIGS = "rcare_marl.baselines.configs"
+EVERYBODY = "everybody"  # folder of the configs that train with a population
 VALIDATION_SEED = 1_000_000  # of the first episode that compares checkpoints; far from 0 to 99
 
 
@@ -303,6 +304,23 @@ def load_config(source: str | Path | Mapping[str, Any]) -> TrainConfig:
         UnknownNameError: If a field, task or algorithm does not exist.
     """
     return load(TrainConfig, source)
+
+
+def everybody_config(task: str) -> dict[str, Any]:
+    """Return the fields of the config with which a policy for everybody is trained.
+
+    Raises:
+        ConfigError: If none ships for the task.
+        UnknownNameError: If there is no such task.
+    """
+    task_class(task)
+    folder = Path(str(files(CONFIGS).joinpath(EVERYBODY)))
+    known = sorted(file.stem for file in folder.glob("*.yaml"))
+    if task not in known:
+        raise ConfigError(
+            f"no config {EVERYBODY!r} ships for {task!r}; there are: {', '.join(known)}"
+        )
+    return read_yaml(folder / f"{task}.yaml")
 
 
 def default_config(task: str, level: int | None = None) -> dict[str, Any]:

@@ -134,7 +134,10 @@ def train(
     ] = None,
     config: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="YAML file; else the one that ships for the task."),
+        typer.Option(
+            metavar="FILE|everybody",
+            help="YAML file, or the one that ships for a population; else that of the default cast.",
+        ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of everything random.")] = None,
     steps: Annotated[
@@ -227,11 +230,13 @@ def _chosen(
     changes: Mapping[str, Any],
 ) -> TrainConfig:
     """Return the config of a new training: a file's, changed by what else was said."""
-    from rcare_marl.baselines.training.config import default_config
+    from rcare_marl.baselines.training.config import EVERYBODY, default_config, everybody_config
     from rcare_marl.config import read_yaml
 
     if file is None:
         data = default_config(task, level)
+    elif str(file) == EVERYBODY and not file.exists():
+        data = everybody_config(task)
     else:
         data = {"task": task, **read_yaml(file)}
         if data["task"] != task:
