@@ -83,14 +83,14 @@ def test_describe_tells_actions_observations_and_constants() -> None:
         assert [0, *stops] == [*starts, *(env.observation_space(role).shape or ())]
     env.close()
     assert all(option["about"] for option in facts["options"])
-    radius = next(row for row in facts["constants"] if row["name"] == "MOUTH_RADIUS")
+    radius = next(row for row in facts["constants"] if row["name"] == "LOST_DISTANCE")
     assert radius["about"].startswith("[m]")
     assert facts["unplayed_roles"] == ["caregiver"]
 
 
 def test_describe_prints_tables() -> None:
     text = call("describe", "feeding").stdout
-    for word in ("tool_position", "jaw_opening", "MOUTH_RADIUS", "force_limit", "eaten"):
+    for word in ("tool_position", "jaw_opening", "LOST_DISTANCE", "force_limit", "eaten"):
         assert word in text
 
 

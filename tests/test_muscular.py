@@ -421,7 +421,7 @@ def test_tired_regions_lose_strength_and_a_new_episode_gives_it_back(
             angles.append(go_on(world, person, act, 3.0)[-1][0])
         return angles
 
-    weak, rested = fallen(0.97)
+    weak, rested = fallen(0.99)  # nearly all: what is left carries a bent forearm soon
     assert rested == pytest.approx(1.5, abs=0.2)
     assert weak < rested - 0.3
 

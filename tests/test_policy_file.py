@@ -389,8 +389,10 @@ def test_every_shipped_policy_plays_its_task_and_is_small(file: Path) -> None:
     assert file.stat().st_size < 2_000_000
     assert trained.LEVEL.sub(r"\g<task>", file.stem) == policy.task
     level = trained.LEVEL.fullmatch(file.stem)
-    place = {"level": int(level["level"])} if level is not None else {}
-    made = rcare_marl.make(policy.task, policies={"robot": "learned"}, **place)  # type: ignore[arg-type]
+    place = {"level": int(level["level"])} if level is not None and level["level"] else {}
+    of_all = trained.for_everybody(policy.task)
+    name = trained.SPECIALIST if of_all is not None and of_all != file else trained.NAME
+    made = rcare_marl.make(policy.task, policies={"robot": name}, **place)  # type: ignore[arg-type]
     made.reset(seed=0)
     action: Array = made.policies["robot"].act()
     assert np.isfinite(action).all()

@@ -115,8 +115,8 @@ def test_a_no_is_part_of_the_action_so_a_replay_hears_it() -> None:
 
 def test_agents_observe_refusals_where_the_options_say_so() -> None:
     names = []
-    for options in ({}, {"refusals_observed": True}):
+    for options in ({"refusals_observed": False}, {}):
         env = rcare_marl.make("drinking", options=options, policies={"recipient": "behaviour"})
         names.append({name for _, name, _ in env.describe("robot")})
         env.close()
-    assert names[1] - names[0] == {"says_no", "refusals"}
+    assert names[1] - names[0] == {"says_no", "no_stands", "refusals"}

@@ -311,7 +311,8 @@ class Physiology:
             demand = min(effort, 1.0) if effort > least else 0.0
             if demand > 0 or self._tired[i] > 0:
                 fatigue, recovery = self._rates[i]
-                more = 1.0 if demand > 0 else self._figures["rest_recovery"]
+                rests = effort <= self._figures["rest_effort"]
+                more = self._figures["rest_recovery"] if rests else 1.0
                 self._tired[i] = tire(self._tired[i], demand, duration, fatigue, more * recovery)
 
     def steady(self, load: Load) -> tuple[float, ...]:

@@ -284,7 +284,7 @@ def trainee_metrics(trainee: TraineeState, time: Values) -> dict[str, Values]:
         "right_repetitions": trainee.right,
         "wanted_repetitions": trainee.wanted,
         "wrong_repetitions": trainee.wrong,
-        "right_per_minute": 60.0 * trainee.right / max(time, 1e-9),
+        "right_per_minute": 60.0 * trainee.right / where(time > 0, time, 1.0),
         "exercises_done": trainee.done,
         "fatigue": trainee.told_fatigue,
         "following": trainee.following,

@@ -29,6 +29,13 @@ if TYPE_CHECKING:
     from rcare_marl.baselines.training.trainer import Trainer, TrainResult
 
 CONFIG = "config.yaml"  # in the folder of a run
+Configured = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE|everybody",
+        help="YAML file, or the one that ships for a population; else that of the default cast.",
+    ),
+]
 COPIED = (CONFIG, "versions.json", "progress.csv")  # what goes along into another folder
 LOCK = ".lock"  # held while a training runs there
 AUTO, NEVER = "auto", "never"
@@ -132,13 +139,7 @@ def train(
         str | None,
         typer.Option(metavar="NAME", help="Algorithm, such as sac; else as in the config."),
     ] = None,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE|everybody",
-            help="YAML file, or the one that ships for a population; else that of the default cast.",
-        ),
-    ] = None,
+    config: Configured = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of everything random.")] = None,
     steps: Annotated[
         int | None, typer.Option(min=1, help="Control steps of all environments together.")
