@@ -99,6 +99,15 @@ def test_a_learner_reads_what_it_wrote_and_is_told_what_to_do_and_to_keep() -> N
     env.close()
 
 
+def test_who_corrects_a_script_keeps_nothing_in_mind_for_it_and_is_not_taught() -> None:
+    env = LearnerEnv(EnvRecipe("bathing", residual={"robot": 0.2}))
+    assert env.layout.action_sizes["robots"] == 6
+    assert env.layout.observed["robots"][-1] == ("scripted_action", 6)
+    env.close()
+    with pytest.raises(ConfigError, match="cannot be taught"):
+        EnvRecipe("bathing", residual={"robot": 0.2}, taught=True)
+
+
 def test_a_policy_file_keeps_in_mind_what_it_wrote(bathing: Any) -> None:
     parts = (("sponge_to_target", 3), ("memory", 1))
     weights = np.zeros((7, 4), np.float32)

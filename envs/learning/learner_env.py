@@ -86,9 +86,9 @@ class LearnerEnv:
             self._bases: dict[str, Policy] = {
                 role: make_policy(env, recipe.task, role, "scripted") for role in recipe.residual
             }
-            if recipe.taught:
-                self._bases = {**self.demonstrators(), **self._bases}
-            self._memories = {role: memory_of(self._bases.get(role)) for role in env.cast}
+            teachers = self.demonstrators() if recipe.taught else {}
+            self._bases |= teachers
+            self._memories = {role: memory_of(teachers.get(role)) for role in env.cast}
             self.layout = self._lay_out()
         except BaseException:
             env.close()

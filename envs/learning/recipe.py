@@ -101,6 +101,8 @@ class EnvRecipe:
             _check_mapping("a variant", variant)
         several = {k: v if isinstance(v, str) else tuple(v) for k, v in self.partners.items()}
         object.__setattr__(self, "partners", several)
+        if self.taught and self.residual:
+            raise ConfigError("who corrects the script (residual) cannot be taught by it as well")
         for number in range(max(1, len(self.variants))):
             self._check_roles(number)
 
