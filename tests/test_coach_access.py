@@ -26,7 +26,7 @@ from typer.testing import CliRunner
 
 from rcare_marl.baselines.coaching import page as coaching
 from rcare_marl.baselines.coaching.page.server import Server, Service
-from rcare_marl.baselines.coaching.page.three import FILES, WEB
+from rcare_marl.baselines.coaching.page.three import FILES, WEB, three_folder
 from rcare_marl.cli.app import app
 from rcare_marl.cli.coach import LOOPBACK, bound
 from rcare_marl.errors import ConfigError
@@ -247,3 +247,14 @@ def test_over_https_page_and_sessions_are_reached_by_who_trusts_the_certificate(
             asyncio.run(asyncio.wait_for(begins(url, ssl.create_default_context()), 60))
         with pytest.raises(ClientConnectionError):
             asyncio.run(asyncio.wait_for(begins(url.replace("https", "http"), None), 60))
+
+
+def test_without_three_and_npm_the_command_says_what_to_do(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    if (WEB / "node_modules").exists():
+        monkeypatch.setattr("rcare_marl.baselines.coaching.page.three.FILES", ("missing.js",))
+    monkeypatch.setenv("RCARE_MARL_CACHE", str(tmp_path))
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    with pytest.raises(ConfigError, match="npm ci"):
+        three_folder()

@@ -41,9 +41,8 @@ from rcare_marl.baselines.coaching.page.message import (
 from rcare_marl.baselines.coaching.page.recording import Recorder
 from rcare_marl.baselines.coaching.page.room import STEP, Room
 from rcare_marl.baselines.coaching.page.server import Server, Service
-from rcare_marl.baselines.coaching.page.three import WEB, three_folder
+from rcare_marl.baselines.coaching.page.three import WEB
 from rcare_marl.cli.coach import LOOPBACK, bound
-from rcare_marl.errors import ConfigError
 
 BEGIN = {"type": "begin", "source": "hands", "height_m": 1.7, "exercises": ["lateral_raise"]}
 HEAD = [0, 1.2, 0, 0, 0, 0, 1]
@@ -498,14 +497,3 @@ def test_the_page_loads_nothing_from_elsewhere_and_serves_its_own_files_only() -
             assert "//" not in file.read_text().replace("// ", "").replace("://${", "")
 
     serve(ask)
-
-
-def test_without_three_and_npm_the_command_says_what_to_do(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    if (WEB / "node_modules").exists():
-        monkeypatch.setattr("rcare_marl.baselines.coaching.page.three.FILES", ("missing.js",))
-    monkeypatch.setenv("RCARE_MARL_CACHE", str(tmp_path))
-    monkeypatch.setattr("shutil.which", lambda _: None)
-    with pytest.raises(ConfigError, match="npm ci"):
-        three_folder()

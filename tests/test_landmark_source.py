@@ -18,6 +18,7 @@ from rcare_marl.agents.coaching.sources.landmark_source import (
     LandmarkSource,
     PoseDetector,
 )
+from rcare_marl.agents.coaching.sources.one_euro import OneEuro
 from rcare_marl.agents.coaching.upper_body import (
     ARM,
     MOTION_INDEX,
@@ -152,3 +153,15 @@ def test_a_missing_model_and_a_missing_mediapipe_are_named(
     monkeypatch.setattr(builtins, "__import__", without_mediapipe)
     with pytest.raises(MissingPackageError, match="pip install --no-deps mediapipe"):
         PoseDetector(model)
+
+
+def test_the_filter_is_smooth_at_rest_quick_in_motion_and_knows_gaps() -> None:
+    rng = np.random.default_rng(0)
+    smooth = OneEuro(cutoff=2.0, beta=5.0)
+    noisy = [smooth.update(rng.normal(0, 0.01, size=1), i / 30)[0] for i in range(300)]
+    assert np.std(noisy[30:]) < 0.006
+    ramp = OneEuro(cutoff=2.0, beta=5.0)
+    lag = [i / 30 - ramp.update(np.array((i / 30,)), i / 30)[0] for i in range(60)]
+    assert lag[-1] < 0.05  # [s] at 1 m/s
+    assert np.isnan(ramp.update(np.array((np.nan,)), 2.0)).all()
+    assert np.isfinite(ramp.update(np.array((2.1,)), 2.1)).all()

@@ -14,7 +14,6 @@ from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecognise
 from rcare_marl.agents.coaching.recognition.template import COLUMN, Template, features
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
 from rcare_marl.agents.coaching.sources.joints_source import JointsSource
-from rcare_marl.agents.coaching.sources.one_euro import OneEuro
 from rcare_marl.agents.coaching.upper_body import (
     ARM,
     MOTION_INDEX,
@@ -489,15 +488,3 @@ def test_sixteen_angles_pass_a_joints_source_as_they_are() -> None:
         JointsSource().update(np.zeros(3), 0.0)
     with pytest.raises(ConfigError, match="joint centres"):
         JointsSource().update(np.zeros(len(DOFS)), 0.0)
-
-
-def test_the_filter_is_smooth_at_rest_quick_in_motion_and_knows_gaps() -> None:
-    rng = np.random.default_rng(0)
-    smooth = OneEuro(cutoff=2.0, beta=5.0)
-    noisy = [smooth.update(rng.normal(0, 0.01, size=1), i / 30)[0] for i in range(300)]
-    assert np.std(noisy[30:]) < 0.006
-    ramp = OneEuro(cutoff=2.0, beta=5.0)
-    lag = [i / 30 - ramp.update(np.array((i / 30,)), i / 30)[0] for i in range(60)]
-    assert lag[-1] < 0.05  # [s] at 1 m/s
-    assert np.isnan(ramp.update(np.array((np.nan,)), 2.0)).all()
-    assert np.isfinite(ramp.update(np.array((2.1,)), 2.1)).all()
