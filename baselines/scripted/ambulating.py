@@ -14,7 +14,7 @@ from rcare_marl.envs.tasks.ambulating import Ambulating
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
 
-from .tool_script import ToolScript, limited, turning
+from .tool_script import ToolScript, limited, marks, turning
 
 # All our own choices.
 OFF = 0.06  # [m] beside the handle, where the hand comes in
@@ -94,6 +94,11 @@ class ScriptedAmbulating(ToolScript[Ambulating]):
             is_open = self._is_knob and (self._stage < 2 or self._phase > 0)
             action = np.append(action, -1.0 if is_open else 1.0)
         return action if way is None else np.append(action, self._steer(way))
+
+    def memory(self) -> Array:
+        stages = marks(*(self._stage == k for k in range(4)), self._is_deep)
+        times = (self._wait / CLOSING, self._idle / PATIENCE, self._shy / SHY)
+        return np.append(stages, np.clip(times, -1.0, 1.0))
 
     def _turns(self) -> bool:
         """Return whether the hand turns a knob now."""

@@ -40,7 +40,7 @@ class ScriptedDrinking(ToolScript[Drinking]):
     KIND = Drinking
 
     def _begin(self) -> None:
-        self._velocity, self._tilt, self._offering = np.zeros(3), 0.0, Offering()
+        self._velocity, self._offering = np.zeros(3), Offering()
         self._mouth: Array | None = None
         self._ahead = np.array((1.0, 0.0, 0.0))
 
@@ -58,16 +58,16 @@ class ScriptedDrinking(ToolScript[Drinking]):
             goal = seen.mouth + ASK * unit(seen.rim - seen.mouth)
         error = goal - seen.rim
         is_there = is_open and float(np.linalg.norm(error)) < ARRIVED
-        most = LAST if is_there else max(self._tilt, LEANING)
-        self._tilt = min(self._tilt + TILT_RATE * task.control_dt, most)
+        # A little ahead of the cup as it is: what lags behind, or is pushed, is not wound up.
+        tilt = min(seen.tilt + TILT_RATE / TURN_GAIN, LAST if is_there else max(seen.tilt, LEANING))
         if not offers:
-            self._tilt = max(self._tilt - UPRIGHT_RATE * task.control_dt, 0.0)
+            tilt = max(seen.tilt - UPRIGHT_RATE / TURN_GAIN, 0.0)
         wished = limited(GAIN * error, SLOW if offers and seen.distance < NEAR else FAST)
         step = ACCELERATION * task.control_dt
         self._velocity = self._velocity + limited(wished - self._velocity, step)
-        wanted = task.cup_pose(seen.rim, -self._ahead, self._tilt).quaternion
+        wanted = task.cup_pose(seen.rim, -self._ahead, tilt).quaternion
         turn = turning(wanted, seen.turn, TURN_GAIN)
         return self._about(seen.rim, self._velocity, turn)  # so that turning does not move the rim
 
     def memory(self) -> Array:
-        return np.append(marks(self._offering.is_on), self._tilt / math.pi)
+        return np.append(marks(self._offering.is_on), self._velocity / FAST)

@@ -24,6 +24,7 @@ from ..task import part_name
 from .view import ViewConfig
 
 PLACE = ("home", "level", "room")  # keys of a cast that are no roles
+OPTIONS = "options"  # key of a variant
 MAX_SCALE = 2.0  # of a residual: it then reaches every action from every other one
 
 
@@ -57,8 +58,8 @@ class EnvRecipe:
         task: Name of the task.
         options: Its settings.
         cast: Who plays, by role, and perhaps `home`, `level` and `room`: as for `rcare_marl.make`.
-        variants: Further cast entries. Environment i of a batch uses the i-th of them, in turn, over
-            `cast`, so that a policy meets several people.
+        variants: Further cast entries, and perhaps `options`. Environment i of a batch uses the i-th of
+            them, in turn, over `cast` and `options`, so that a policy meets several people.
         learners: Roles that learn; the robots if empty.
         partners: Policy of a role that does not learn: its name or the path of a policy file. Of
             several one is drawn for each episode. The task's default where none is given.
@@ -99,6 +100,7 @@ class EnvRecipe:
             object.__setattr__(self, name, tuple(getattr(self, name)))
         for variant in self.variants:
             _check_mapping("a variant", variant)
+            _check_mapping("options of a variant", variant.get(OPTIONS, {}))
         several = {k: v if isinstance(v, str) else tuple(v) for k, v in self.partners.items()}
         object.__setattr__(self, "partners", several)
         if self.taught and self.residual:
@@ -133,8 +135,11 @@ class EnvRecipe:
 
     def entries(self, variant: int = 0) -> dict[str, Any]:
         """Return the cast of a variant, with its place."""
-        own = self.variants[variant % len(self.variants)] if self.variants else {}
+        own = {k: v for k, v in self._variant(variant).items() if k != OPTIONS}
         return {**self.cast, **own}
+
+    def _variant(self, variant: int) -> Mapping[str, Any]:
+        return self.variants[variant % len(self.variants)] if self.variants else {}
 
     def roles(self, variant: int = 0) -> tuple[str, ...]:
         """Return the roles that are played."""
@@ -171,7 +176,7 @@ class EnvRecipe:
         }
         return make(
             self.task,
-            options=self.options,
+            options={**self.options, **self._variant(variant).get(OPTIONS, {})},
             policies=policies,
             engine=self.engine,
             randomise=self.randomise,

@@ -35,6 +35,7 @@ CONTACT_FORCE = 60.0  # our own choice
 KNOB_FRICTION = 1.0  # [1] of brass under the rubber of fingers; our own choice
 BEFORE = 0.14  # [m] from the handle to the tool at the start; our own choice
 OPEN_SHARE = 0.3  # of `progress`, for the open door on the way through; our own choice
+HARDWARE = ("knob", "lever", "slider")
 START_SPREAD = (0.05, 0.03, 0.05)  # [m] along the wall, out, up; uniform, each way; our own choice
 
 
@@ -68,6 +69,8 @@ class AmbulatingOptions(TaskOptions):
 class AmbulatingState(State):
     """What ambulating reads."""
 
+    kind: Array  # 1 where it is a knob, a lever, a panel that slides; shape [3]
+    slides: float  # which way a panel slides along the wall, 1 or -1; 0 of other doors
     turn: float  # how far the handle is turned [rad]; 0 where a panel slides
     opening: float  # how far the door is open [rad], or slid into the wall [m]
     is_latched: bool  # whether the latch holds it
@@ -219,6 +222,8 @@ class Ambulating(Task):
             progress = OPEN_SHARE * min(best, 1.0) + (1 - OPEN_SHARE) * way.share
         return AmbulatingState(
             **vars(now),
+            kind=np.array([self.hardware == kind for kind in HARDWARE], float),
+            slides=self.approach.slides_along if self.hardware == "slider" else 0.0,
             turn=turn,
             opening=opening,
             is_latched=self.door.is_latched,
@@ -244,6 +249,8 @@ class Ambulating(Task):
             Seen("door_opening", "rad or m", 1, lambda s: s.opening),
             Seen("handle_position", "m", 3, lambda s: s.handle),
             Seen("tool_to_handle", "m", 3, lambda s: s.gap),
+            Seen("handle_kind", "1", 3, lambda s: s.kind),
+            Seen("slides_along", "1", 1, lambda s: s.slides),
             Seen("door_force", "N", 1, lambda s: s.push),
             self.contact_force(),
             self.time_left(),

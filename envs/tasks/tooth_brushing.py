@@ -232,14 +232,12 @@ class ToothBrushing(Meal):
         press, cleaning, push = self._pressed / steps, self._cleaned / steps, self._pushed / steps
         self._forget()
         aims = [self.aim(quadrant) for quadrant in range(len(QUADRANTS))]
-        targets, outward = (np.array([aim[k] for aim in aims]) for k in range(2))
+        targets, outward, into = np.swapaxes(aims, 0, 1)
         speed, brushed, gained = np.zeros(2), np.zeros(len(QUADRANTS)), 0.0
         if before is not None:
             # Off the teeth and onto them is no stroke.
             moved = local - before.local
-            normal = np.array(
-                [frames[q // 2][:3, :3].T @ outward[q] for q in range(len(QUADRANTS))]
-            )
+            normal = np.array([frames[q // 2][:3, :3].T @ way for q, way in enumerate(outward)])
             rows = np.repeat(moved, 2, axis=0)
             along = np.linalg.norm(rows - (rows * normal).sum(1)[:, None] * normal, axis=1)
             along /= self.control_dt
@@ -248,7 +246,8 @@ class ToothBrushing(Meal):
             brushed = before.brushed + where(helps, self.control_dt, 0.0)
             enough = BRUSHED / self.options.tolerance
             gained = float((np.minimum(brushed, enough) - np.minimum(before.brushed, enough)).sum())
-        way = bristles - mouth
+        way, dirty = bristles - mouth, np.flatnonzero(~self.is_clean(brushed))
+        left = dirty[0] if len(dirty) else -1  # the first that is not clean, or else the last
         return ToothBrushingState(
             **vars(now),
             bristles=bristles,
@@ -261,7 +260,9 @@ class ToothBrushing(Meal):
             distance=math.sqrt(float(way @ way)),
             targets=targets,
             outward=outward,
-            to_next=self._unclean(brushed, targets) - bristles,
+            to_next=targets[left] - bristles,
+            next_outward=outward[left],
+            next_into=into[left],
             push=push,
             press=press,
             cleaning=cleaning,
@@ -276,17 +277,14 @@ class ToothBrushing(Meal):
         """Return which quadrants were brushed long enough, from how long each was [s]."""
         return brushed * self.options.tolerance >= BRUSHED - 1e-9
 
-    def _unclean(self, brushed: Array, targets: Array) -> Array:
-        """Return where the first quadrant is that is not clean [m], the last if all are, shape [3]."""
-        left = np.flatnonzero(~self.is_clean(brushed))
-        return np.asarray(targets[left[0] if len(left) else -1])
-
     def observables(self, role: str) -> Sequence[Seen]:
         return [
             Seen("bristles_position", "m", 3, lambda s: s.bristles),
             Seen("brush_axis", "1", 3, lambda s: s.axis),
             Seen("bristles_to_mouth", "m", 3, lambda s: s.mouth - s.bristles),
             Seen("bristles_to_teeth", "m", 3, lambda s: s.to_next),
+            Seen("teeth_outward", "1", 3, lambda s: s.next_outward),
+            Seen("teeth_along", "1", 3, lambda s: s.next_into),
             Seen("face_direction", "1", 3, lambda s: s.face),
             Seen("jaw_opening", "rad", 1, lambda s: s.jaw),
             Seen("in_mouth", "1", 1, lambda s: where(s.is_inside, 1.0, 0.0)),
