@@ -19,6 +19,7 @@ from rcare_marl.agents.policy import Policy
 from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.config import load
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.learning.learner_env import kept
 from rcare_marl.envs.learning.view import View, ViewConfig
 from rcare_marl.envs.registry import policy_factory, register_policy_file, task_class
 from rcare_marl.envs.task import part_name
@@ -49,6 +50,7 @@ class PolicyFile:
         action_size: Number of action values.
         memory: Number of values that the network writes beside them, and reads one control step later as
             the part `memory` of what it observes.
+        flags: How many of these, the first, are 1 or -1 once written.
         action_low: Least value of an action: -1, or 0 for what only pulls.
         layers: Weights, shape [out, in], and biases, shape [out], of each layer. The last has a row for
             each action value, and may have as many more for spreads, which are not used.
@@ -80,6 +82,7 @@ class PolicyFile:
     recipe: Mapping[str, Any] = field(default_factory=dict)
     view: Mapping[str, Any] = field(default_factory=dict)
     memory: int = 0
+    flags: int = 0
     training: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -142,7 +145,7 @@ class PolicyFile:
             )
             about["observed"] = tuple((name, size) for name, size in about["observed"])
             about |= {name: tuple(about[name]) for name in ("roles", "actions")}
-            about = {"view": {}, "memory": 0, **about}  # files of before have none
+            about = {"view": {}, "memory": 0, "flags": 0, **about}  # files of before have none
             return cls(**about, layers=layers, mean=mean, scale=scale)
 
     @property
@@ -220,7 +223,7 @@ class LearnedPolicy:
         self._low, self._mean, self._scale = file.action_low, file.mean, file.scale
         self._hidden = [(np.ascontiguousarray(w), b) for w, b in file.layers[:-1]]
         weights, biases = file.layers[-1]
-        self._size = file.action_size
+        self._size, self._flags = file.action_size, file.flags
         self._memory = np.zeros(file.memory, np.float32)
         count = file.action_size + file.memory  # what comes behind are spreads
         self._last = np.ascontiguousarray(weights[:count]), biases[:count]
@@ -239,7 +242,7 @@ class LearnedPolicy:
         values: Weights = self._view.read(seen[VECTOR] if isinstance(seen, dict) else seen)
         if self._base is None or self._residual is None:
             out = self.decide(np.concatenate([values, self._memory]))
-            self._memory = out[self._size :]
+            self._memory = kept(out[self._size :], self._flags).astype(np.float32)
             return out[: self._size].astype(np.float64)
         base = np.array(self._base.act())  # as in `envs.learning.LearnerEnv`, to the last bit
         own = self.decide(np.concatenate([values, base.astype(np.float32)]))
@@ -277,6 +280,6 @@ def load_policy(path: Path) -> Callable[[CareEnv, str], Policy]:
 
 _ABOUT = tuple(
     """
-    task group roles observed action_size action_low residual actions recipe view memory training
+    task group roles observed action_size action_low residual actions recipe view memory flags training
     """.split()
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -310,6 +310,16 @@ class Anew:
 
     def act(self) -> Array:
         return self._policy.act()
+
+    def memory(self) -> tuple[Sequence[object], Array]:
+        """Return what the policy goes by beside what it sees, see `memory_of`."""
+        return memory_of(self._policy)
+
+
+def memory_of(script: Policy | None) -> tuple[Sequence[object], Array]:
+    """Return what a script keeps in mind: what holds, and values of -1 to 1; nothing if it does not tell."""
+    tells = getattr(script, "memory", None)
+    return ((), np.zeros(0)) if tells is None else tells()
 
 
 def make_policy(env: CareEnv, task: str, role: str, policy: Any) -> Policy:

@@ -80,8 +80,9 @@ def test_with_a_memory_it_does_what_the_teacher_does_where_the_present_does_not_
     assert taught(memory=0) < 0.85
 
 
-def test_a_learner_reads_what_it_wrote_and_is_told_what_to_do_and_to_keep() -> None:
-    env = LearnerEnv(EnvRecipe("bathing", taught=True))
+@pytest.mark.parametrize("recipient", ["karan", "population:train:0-1"])
+def test_a_learner_reads_what_it_wrote_and_is_told_what_to_do_and_to_keep(recipient: str) -> None:
+    env = LearnerEnv(EnvRecipe("bathing", cast={"recipient": recipient}, taught=True))
     env.reset(seed=1)
     size, kept = 6, 5  # of an action, and of what the script of bathing keeps in mind
     assert env.layout.action_sizes["robots"] == size + kept
@@ -93,7 +94,8 @@ def test_a_learner_reads_what_it_wrote_and_is_told_what_to_do_and_to_keep() -> N
     action = np.linspace(-0.5, 0.5, size + kept, dtype=np.float32)
     env.step({"robots": action[None]})
     seen = env.observation["robots"][0]
-    np.testing.assert_allclose(seen[-size - 2 * kept : -size - kept], action[size:])
+    # What holds or not is kept as 1 or -1.
+    np.testing.assert_array_equal(seen[-size - 2 * kept : -size - kept], np.sign(action[size:]))
     assert set(np.abs(seen[-kept:])) == {1.0}  # on offer or not, and one of four phases
     assert (seen[-kept:] > 0).sum() == 2
     env.close()

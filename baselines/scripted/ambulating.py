@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from rcare_marl.envs.tasks.ambulating import Ambulating
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
 
-from .tool_script import ToolScript, limited, marks, turning
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 OFF = 0.06  # [m] beside the handle, where the hand comes in
@@ -95,10 +96,10 @@ class ScriptedAmbulating(ToolScript[Ambulating]):
             action = np.append(action, -1.0 if is_open else 1.0)
         return action if way is None else np.append(action, self._steer(way))
 
-    def memory(self) -> Array:
-        stages = marks(*(self._stage == k for k in range(4)), self._is_deep)
+    def memory(self) -> tuple[Sequence[object], Array]:
+        stages = [self._stage == k for k in range(4)]
         times = (self._wait / CLOSING, self._idle / PATIENCE, self._shy / SHY)
-        return np.append(stages, np.clip(times, -1.0, 1.0))
+        return [*stages, self._is_deep], np.clip(times, -1.0, 1.0)
 
     def _turns(self) -> bool:
         """Return whether the hand turns a knob now."""

@@ -5,6 +5,8 @@ It presses by what the sponge feels, and lifts at once from who does not want it
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rcare_marl.envs.registry import register_policy
@@ -12,7 +14,7 @@ from rcare_marl.envs.tasks.bathing import START_ANGLE, START_SHARE, TAKEN_AWAY, 
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, marks, turning
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 PRESS = 4.0  # [N], within PhyRC's 1 to 6 N of comfort, and gentle to who then says no
@@ -65,8 +67,8 @@ class ScriptedBathing(ToolScript[Bathing]):
             linear = linear - float(np.clip(into, -SINK, SINK)) * out
         return self._about(face, linear, TURN_GAIN * turn)  # so that turning does not wipe
 
-    def memory(self) -> Array:
-        return marks(self._offering.is_on, *(self._phase == name for name in PHASES))
+    def memory(self) -> tuple[Sequence[object], Array]:
+        return (self._offering.is_on, *(self._phase == name for name in PHASES)), np.zeros(0)
 
     def _next(
         self, start: Array, out: Array, turn: Array, ahead: float, height: float, force: float

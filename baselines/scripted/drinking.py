@@ -6,6 +6,7 @@ From who does not want it, it draws back at once, and sets the cup upright.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from rcare_marl.envs.tasks.drinking import Drinking
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, marks, turning, unit
+from .tool_script import ToolScript, limited, turning, unit
 
 # All our own choices.
 WAIT_IN_FRONT = 0.08  # [m] from mouth to rim while the mouth is closed
@@ -69,5 +70,5 @@ class ScriptedDrinking(ToolScript[Drinking]):
         turn = turning(wanted, seen.turn, TURN_GAIN)
         return self._about(seen.rim, self._velocity, turn)  # so that turning does not move the rim
 
-    def memory(self) -> Array:
-        return np.append(marks(self._offering.is_on), self._velocity / FAST)
+    def memory(self) -> tuple[Sequence[object], Array]:
+        return (self._offering.is_on,), self._velocity / FAST

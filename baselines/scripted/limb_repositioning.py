@@ -8,6 +8,7 @@ by where it sees it, and begins anew, otherwise, if the arm is stuck or does not
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from rcare_marl.pose import (
     rotate,
 )
 
-from .tool_script import ToolScript, limited, marks, turning
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
@@ -103,15 +104,13 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             goal = self._outside(seat, goal, turn)
         return self._towards(seat, goal, turn, limit)
 
-    def memory(self) -> Array:
+    def memory(self) -> tuple[Sequence[object], Array]:
         leaves = self.phase in ("leave", "back")
         out = self._out - self._task.state.plate if leaves else np.zeros(3)
         rest = (*self._velocity / FAST, *self._shift / FARTHEST[0], *self._forearm, *out / LOWERED)
         since, inward = self._since / PATIENCE["free"], self._inward / INWARD[1]
         values = (*rest, self._pitch / RAISED, inward, since, self._tries / 5)
-        return np.append(
-            marks(*(self.phase == name for name in PHASES)), np.clip(values, -1.0, 1.0)
-        )
+        return [self.phase == name for name in PHASES], np.clip(values, -1.0, 1.0)
 
     def _outside(self, seat: Pose, goal: Array, turn: Array) -> Array:
         """Keep the tip of the plate from going under the armrest [m], shape [3]."""

@@ -6,6 +6,7 @@ It presses by what the tool feels, and lifts at once from who does not want it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from rcare_marl.envs.tasks.scratching import TAKEN_AWAY, Scratching
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, marks, turning
+from .tool_script import ToolScript, limited, turning
 
 # All our own choices.
 PRESS, TOUCH = 1.5, 0.2  # [N] that it presses with, and that count as contact
@@ -65,6 +66,6 @@ class ScriptedScratching(ToolScript[Scratching]):
         linear = limited(along, ALONG) - float(np.clip(into, -SINK, SINK)) * out
         return self._about(seen.tip, linear, turn)
 
-    def memory(self) -> Array:
-        stroke = (math.sin(self._phase), math.cos(self._phase))
-        return np.append(marks(self._offering.is_on, self._is_down), stroke)
+    def memory(self) -> tuple[Sequence[object], Array]:
+        stroke = np.array((math.sin(self._phase), math.cos(self._phase)))
+        return (self._offering.is_on, self._is_down), stroke

@@ -61,12 +61,12 @@ class ToolScript(Generic[T]):
     def reset(self, rng: np.random.Generator) -> None:
         self._begin()
 
-    def memory(self) -> Array:
-        """Return what the script goes by beside what it sees now, each value -1 to 1, shape [k].
+    def memory(self) -> tuple[Sequence[object], Array]:
+        """Return what the script goes by beside what it sees now: what holds, and values of -1 to 1, [k].
 
         It is what a network that imitates the script has to keep in mind; see `baselines.algorithms.dagger`.
         """
-        return np.zeros(0)
+        return (), np.zeros(0)
 
     def _begin(self) -> None:
         """Set what the script remembers to how an episode begins."""
@@ -81,11 +81,6 @@ class ToolScript(Generic[T]):
         """
         to_tool = np.subtract(self._robot.tool_pose().position, point)
         return self._robot.tool_action(linear + np.cross(spin, to_tool), spin)
-
-
-def marks(*flags: object) -> Array:
-    """Return 1 for each flag that holds and -1 for each that does not, shape [flags]."""
-    return np.where([bool(flag) for flag in flags], 1.0, -1.0)
 
 
 def unit(way: Array) -> Array:

@@ -6,6 +6,7 @@ It presses by what the brush feels, and comes out again for each quadrant, and f
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from rcare_marl.envs.tasks.tooth_brushing import BEFORE, CLEAR, ToothBrushing
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, marks, turning, unit
+from .tool_script import ToolScript, limited, turning, unit
 
 # All our own choices.
 PRESS, TOUCH = 1.3, 0.1  # [N] that it presses with, and that count as contact
@@ -99,10 +100,10 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
             return self._about(seen.bristles, self._along(clear, into, SLOW), turn)
         return self._about(seen.bristles, self._stroke(place, outward, into), turn)
 
-    def memory(self) -> Array:
+    def memory(self) -> tuple[Sequence[object], Array]:
         quadrants = (self._quadrant == k for k in range(len(QUADRANTS)))
-        flags = marks(self._offering.is_on, self._is_in, self._is_down, *quadrants)
-        return np.append(flags, (math.sin(self._phase), math.cos(self._phase)))
+        stroke = np.array((math.sin(self._phase), math.cos(self._phase)))
+        return (self._offering.is_on, self._is_in, self._is_down, *quadrants), stroke
 
     def _along(self, way: Array, into: Array, most: float) -> Array:
         """Return the velocity along a way [m/s], first to the line of the brush, then along that."""

@@ -393,6 +393,7 @@ class _Evaluator:
         self._config = config
         env = LearnerEnv(config.recipe())
         self._groups, self._observed = env.groups, env.layout.observed
+        self._flags = env.layout.flags
         if config.taught:  # a teacher's action is no longer there when it is played
             self._observed = {group: parts[:-1] for group, parts in self._observed.items()}
         self._actions = {
@@ -411,6 +412,7 @@ class _Evaluator:
             observed=self._observed[group],
             action_size=len(self._actions[group]),
             memory=len(arrays.layers[-1][1]) - len(self._actions[group]),
+            flags=self._flags[group],
             action_low=arrays.low,
             layers=arrays.layers,
             mean=arrays.mean,

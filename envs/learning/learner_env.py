@@ -15,7 +15,7 @@ from rcare_marl.agents.policy import Policy
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError, check_name
 
-from ..cast import make_policy
+from ..cast import make_policy, memory_of
 from ..registry import group_map
 from .recipe import EnvRecipe
 from .view import View
@@ -36,6 +36,7 @@ class Layout:
         action_sizes: For each group the length of one role's action.
         action_lows: For each group the least value of an action, -1 or 0.
         state_size: Length of the state.
+        flags: For each group how many of the values that a role keeps in mind, the first, hold or do not.
     """
 
     groups: dict[str, tuple[str, ...]]
@@ -43,6 +44,7 @@ class Layout:
     action_sizes: dict[str, int]
     action_lows: dict[str, float]
     state_size: int
+    flags: dict[str, int]
 
     @property
     def observation_sizes(self) -> dict[str, int]:
@@ -88,7 +90,8 @@ class LearnerEnv:
             }
             teachers = self.demonstrators() if recipe.taught else {}
             self._bases |= teachers
-            self._memories = {role: memory_of(teachers.get(role)) for role in env.cast}
+            self._memories = {role: kept_by(teachers.get(role)) for role in env.cast}
+            self._flags = {role: len(memory_of(teachers.get(role))[0]) for role in env.cast}
             self.layout = self._lay_out()
         except BaseException:
             env.close()
@@ -153,6 +156,7 @@ class LearnerEnv:
             },
             {group: env.cast[role].action_low for group, role in first.items()},
             state_size,
+            {group: self._flags[role] for group, role in first.items()},
         )
 
     def reset(self, seed: int, stage: Mapping[str, float] | None = None) -> None:
@@ -215,7 +219,7 @@ class LearnerEnv:
         scale = self.recipe.residual.get(role)
         if scale is None:
             size = self.care_env.cast[role].action_size
-            self._memories[role][:] = action[size:]
+            self._memories[role][:] = kept(action[size:], self._flags[role])
             return action[:size]
         return np.clip(self._base_actions[role] + scale * action, low, 1.0)
 
@@ -225,7 +229,7 @@ class LearnerEnv:
         for role, base in self._bases.items():
             shown = np.array(base.act())  # a copy: scripts may reuse theirs
             if self.recipe.taught:
-                shown = np.concatenate((shown, memory_of(base)))
+                shown = np.concatenate((shown, kept_by(base)))
             self._base_actions[role] = shown
         for group, roles in self.groups.items():
             for row, role in zip(self.observation[group], roles, strict=True):
@@ -279,7 +283,12 @@ class LearnerEnv:
         self.care_env.close()
 
 
-def memory_of(script: Policy | None) -> npt.NDArray[np.float64]:
-    """Return what a script keeps in mind, each value -1 to 1, shape [k]; of none if it does not tell."""
-    tells = getattr(script, "memory", None)
-    return np.zeros(0) if tells is None else np.array(tells())
+def kept_by(script: Policy | None) -> npt.NDArray[np.float64]:
+    """Return what a script keeps in mind as values, 1 of what holds and -1 of what does not, shape [k]."""
+    flags, values = memory_of(script)
+    return np.concatenate([np.where([bool(flag) for flag in flags], 1.0, -1.0), values])
+
+
+def kept(written: npt.NDArray[Any], flags: int) -> npt.NDArray[Any]:
+    """Return what a network keeps of what it wrote: what holds is 1 or -1, and nothing between."""
+    return np.append(np.where(written[:flags] > 0, 1.0, -1.0), written[flags:])
