@@ -8,6 +8,7 @@ import time
 from collections import deque
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from rcare_marl.baselines.algorithms import make_algorithm
 from rcare_marl.baselines.algorithms.network import ActorArrays
 from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
 from rcare_marl.config import load
+from rcare_marl.envs.cast import make_policy
 from rcare_marl.envs.learning import BatchedEnv, LearnerEnv
 from rcare_marl.errors import ConfigError, check_package
 from rcare_marl.provenance import machine, versions
@@ -428,8 +430,9 @@ class _Evaluator:
         """Return what came of the episodes."""
         with closing(LearnerEnv(self._config.recipe())) as learner:
             env = learner.care_env
+            task = self._config.task
             players = {
-                role: LearnedPolicy(env, role, files[group])
+                role: make_policy(env, task, role, partial(LearnedPolicy, file=files[group]))
                 for group, roles in learner.groups.items()
                 for role in roles
             }
