@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from py_trees.common import Status
-from standing_person import CONTROL_DT, CONTROL_STEPS, person_in, run_policy
+from standing_person import CONTROL_DT, person_in, run_policy
 
 from rcare_marl.agents.people.avatar import body_model, load_avatar
 from rcare_marl.agents.people.body.posture import UPRIGHT
@@ -31,7 +30,6 @@ from rcare_marl.agents.people.motion.decomposition import decompose
 from rcare_marl.agents.people.motion.playback import Puppet, fitted, play
 from rcare_marl.agents.people.motion.retarget import load_bvh, map_joints, save_bvh
 from rcare_marl.agents.people.motion.trajectory import (
-    Follow,
     Trajectory,
     TrajectoryPolicy,
     minimum_jerk,
@@ -92,26 +90,6 @@ def test_a_person_follows_a_trajectory_to_its_end_and_rests_there() -> None:
     for dof, angle in goal.items():
         assert person.angle(dof) == pytest.approx(angle, abs=0.03)
     assert max(map(abs, person.velocities)) < 0.02
-
-
-def test_the_leaf_runs_until_the_person_has_arrived() -> None:
-    world = World()
-    person = person_in(world, Pose(), ("right_elbow_flexion",))
-    intent: dict[str, float] = {}
-    way = Trajectory.to(person, {"right_elbow_flexion": 1.0})
-    leaf = Follow("bend", person, intent, lambda: way, lambda: world.time, CONTROL_DT)
-    seen = []
-    for _ in range(40):
-        leaf.tick_once()
-        seen.append(leaf.status)
-        if leaf.status == Status.SUCCESS:
-            break
-        person.command(person.action_towards(intent, CONTROL_DT), CONTROL_DT)
-        for _ in range(CONTROL_STEPS):
-            person.actuate()
-            world.step()
-    assert seen[0] == Status.RUNNING and seen[-1] == Status.SUCCESS
-    assert world.time >= way.duration
 
 
 def test_impossible_trajectories_are_named_errors() -> None:

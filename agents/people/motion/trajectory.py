@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Array
@@ -19,7 +17,6 @@ if TYPE_CHECKING:
 
 SPEED = 0.8  # [rad/s] of the fastest joint; our own choice: an unhurried movement
 PEAK = 1.875  # greatest speed of a minimum-jerk movement, in its mean speed: 15 / 8
-SETTLED = 0.05  # [rad] that counts as arrived
 
 
 def minimum_jerk(share: float) -> float:
@@ -203,45 +200,3 @@ class TrajectoryPolicy:
         # The angles are pursued during the coming control step: those at its end are wished.
         wish = self._trajectory.sample(self._clock() - self._since + self._dt)
         return self._person.action_towards(wish, self._dt)
-
-
-class Follow(Behaviour):
-    """A leaf that moves a person along a trajectory; it succeeds when the person has arrived."""
-
-    def __init__(
-        self,
-        name: str,
-        person: Human,
-        intent: dict[str, float],
-        trajectory: Callable[[], Trajectory],
-        clock: Callable[[], float],
-        control_dt: float,
-        *,
-        tolerance: float = SETTLED,
-    ) -> None:
-        """Prepare the leaf.
-
-        Args:
-            name: Shown in pictures of the tree.
-            person: Who moves.
-            intent: Wished angles [rad], shared with the policy; this leaf writes into it.
-            trajectory: Returns the trajectory, asked when the leaf begins.
-            clock: Returns the simulated time [s].
-            control_dt: Length of a control step [s].
-            tolerance: How near the end counts as arrived [rad].
-        """
-        super().__init__(name)
-        self._person, self._intent, self._make = person, intent, trajectory
-        self._clock, self._dt, self._tolerance = clock, control_dt, tolerance
-
-    def initialise(self) -> None:
-        self._trajectory, self._since = self._make(), self._clock()
-
-    def update(self) -> Status:
-        passed = self._clock() - self._since
-        self._intent.update(self._trajectory.sample(passed + self._dt))
-        if passed < self._trajectory.duration:
-            return Status.RUNNING
-        end = self._trajectory.sample(self._trajectory.duration)
-        near = all(abs(self._person.angle(d) - a) < self._tolerance for d, a in end.items())
-        return Status.SUCCESS if near else Status.RUNNING
