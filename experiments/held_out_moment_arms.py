@@ -6,8 +6,8 @@ tendon's length, about the right side's joint. Joints that the model couples to 
 kneecap, the shoulder girdle) move along. With the girdle held still instead, MyoArm's own anterior deltoid
 would lower a raised arm: its paths are made for the rhythm of both.
 
-How the joints correspond was checked with muscles whose sign nobody doubts (`sure` in its YAML); the script stops
-if one of them is against it.
+How the joints correspond was checked with muscles whose sign nobody doubts (`sure` in its YAML); the script
+stops if one of them is against it.
 
 Run: pip install myo-sim==0.2.4 mujoco; python experiments/held_out_moment_arms.py [--out FILE]
 """
