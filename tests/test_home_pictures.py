@@ -21,6 +21,7 @@ from rcare_marl.pose import Pose
 from rcare_marl.rendering import Camera, GLRenderer, Light, Shot
 from rcare_marl.rendering.daylight import disc, dome, exposed
 from rcare_marl.rendering.geometry import world_parts
+from rcare_marl.rendering.portrait import framed
 from rcare_marl.world import World
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -113,7 +114,7 @@ def test_cutaway_takes_away_what_stands_in_the_way_and_nothing_else(home: CareHo
 
 def test_house_is_in_the_middle_of_its_picture_and_fills_it() -> None:
     points = np.array([(x, y, z) for x in (0, 12, 20) for y in (3, 9) for z in (0.0, 1.4)])
-    camera = home_picture.framed(points, (-0.3, -0.8, 1), fov_deg=24, width=800, height=500)
+    camera = framed(points, (-0.3, -0.8, 1), fov_deg=24, width=800, height=500)
     clip = np.c_[points, np.ones(len(points))] @ (camera.projection() @ camera.view()).T
     seen = clip[:, :2] / clip[:, 3:]
     low, high = seen.min(axis=0), seen.max(axis=0)
