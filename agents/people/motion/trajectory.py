@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,12 +26,6 @@ def minimum_jerk(share: float) -> float:
     """
     s = min(max(share, 0.0), 1.0)
     return s * s * s * (10 - 15 * s + 6 * s * s)
-
-
-def minimum_jerk_speed(share: float) -> float:
-    """Return the rate of `minimum_jerk`: 30 s² (1 - s)²; 15/8 in the middle, zero at both ends."""
-    s = min(max(share, 0.0), 1.0)
-    return 30 * (s * (1 - s)) ** 2
 
 
 class Trajectory:
@@ -156,47 +150,3 @@ class Trajectory:
         last = min(k + 1, len(self.knots) - 1)
         values = self.knots[k] + minimum_jerk(share) * (self.knots[last] - self.knots[k])
         return dict(zip(self.dofs, values.tolist(), strict=True))
-
-    def speed(self, time: float) -> dict[str, float]:
-        """Return the rate of each DoF [rad/s] at a time [s]."""
-        k, share = self._place(time)
-        last = min(k + 1, len(self.knots) - 1)
-        span = max(float(self.times[last] - self.times[k]), 1e-12)
-        values = minimum_jerk_speed(share) / span * (self.knots[last] - self.knots[k])
-        return dict(zip(self.dofs, values.tolist(), strict=True))
-
-
-class TrajectoryPolicy:
-    """A policy that follows one trajectory and then holds its end; it starts with the episode."""
-
-    def __init__(
-        self,
-        person: Human,
-        trajectory: Callable[[], Trajectory] | Trajectory,
-        clock: Callable[[], float],
-        control_dt: float,
-    ) -> None:
-        """Prepare the policy.
-
-        Args:
-            person: Who moves.
-            trajectory: The trajectory, or what returns it once the episode has begun.
-            clock: Returns the simulated time [s].
-            control_dt: Length of a control step [s].
-        """
-        self._person, self._make, self._clock = person, trajectory, clock
-        self._dt = control_dt
-        self._trajectory: Trajectory | None = None
-        self._since = 0.0
-
-    def reset(self, rng: np.random.Generator) -> None:
-        self._trajectory = None
-
-    def act(self) -> Array:
-        if self._trajectory is None:
-            made = self._make
-            self._trajectory = made if isinstance(made, Trajectory) else made()
-            self._since = self._clock()
-        # The angles are pursued during the coming control step: those at its end are wished.
-        wish = self._trajectory.sample(self._clock() - self._since + self._dt)
-        return self._person.action_towards(wish, self._dt)
