@@ -54,7 +54,7 @@ def test_plan_names_every_room_and_stays_within_its_frame(home: CareHome) -> Non
 def test_furniture_is_seen_from_above_on_its_footprint(home: CareHome) -> None:
     (axes,) = floor_plan.figure(home).axes
     (parts,) = axes.collections
-    seen = [path.vertices for path in parts.get_paths()]
+    seen = [np.asarray(path.vertices) for path in parts.get_paths()]
     boxes = np.array([(*points.min(axis=0), *points.max(axis=0)) for points in seen])
     for placed in home.placed:
         if placed.piece.kind in ("sofa", "wardrobe", "kitchen_run", "dining_table", "bed"):

@@ -86,7 +86,7 @@ def test_curves_are_those_of_the_kernel() -> None:
     x = np.linspace(0.2, 2.2, 101)
     at = torch.tensor(x)
     passive = [passive_curve(v, 0.55, passive_offset(0.55))[0] for v in x]
-    pairs = [
+    pairs: list[tuple[torch.Tensor, npt.ArrayLike]] = [
         (muscle_torch.force_length(at), [active_curve(v)[0] for v in x]),
         (muscle_torch.force_velocity(at - 1.2), [speed_curve(v - 1.2)[0] for v in x]),
         (muscle_torch.passive_force(at, torch.full_like(at, 0.55)), passive),
@@ -94,7 +94,7 @@ def test_curves_are_those_of_the_kernel() -> None:
         (muscle_torch.tendon_length(at), inverse_tendon_force(x)),
     ]
     for ours, theirs in pairs:
-        np.testing.assert_allclose(ours.numpy(), theirs, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(ours.numpy(), np.array(theirs), rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("tendon", TENDONS)

@@ -111,8 +111,8 @@ class TreePicture:
             _, fill, edge = LOOKS[box.status]
             corners = BoxStyle.Round(pad=0, rounding_size=BOX / 2 if box.is_leaf else 3)
             low = (box.x, box.y - BOX / 2)
-            look = {"facecolor": fill, "edgecolor": edge, "linewidth": 1.5}
-            axes.add_patch(FancyBboxPatch(low, box.width, BOX, boxstyle=corners, **look))
+            patch = FancyBboxPatch(low, box.width, BOX, boxstyle=corners, fc=fill, ec=edge, lw=1.5)
+            axes.add_patch(patch)
             write(box.x + PADDING, box.y, box.label, color=INK, va="center_baseline")
         write(MARGIN, MARGIN + 8, self._title, color=INK, fontsize=FONT_SIZE + 5)
         for i, line in enumerate(self._subtitle):

@@ -260,7 +260,7 @@ def checks() -> list[Check]:
                     Check("grade", case, right, count, count, "cases", MEANING, "read", is_fitted)
                 )
     return out + [
-        _weight(*row, study["source"])
+        _weight(*row, source=study["source"])
         for study in read_yaml(assets.ROOT / "clinical" / "limb_weights.yaml")["published"]
         for row in study["rows"]
     ]
