@@ -260,9 +260,9 @@ def checks() -> list[Check]:
                     Check("grade", case, right, count, count, "cases", MEANING, "read", is_fitted)
                 )
     return out + [
-        _weight(*row, source=study["source"])
+        _weight(group, sex, low, high, study["source"])
         for study in read_yaml(assets.ROOT / "clinical" / "limb_weights.yaml")["published"]
-        for row in study["rows"]
+        for group, sex, low, high in study["rows"]
     ]
 
 
