@@ -1,4 +1,4 @@
-"""Take pictures of the avatars in their postures, of their muscles at work, and film a reach.
+"""Take pictures of the avatars in their postures, and of their muscles at work.
 
 python experiments/avatar_pictures.py --out runs/avatars [--avatar NAME]
 
@@ -6,14 +6,13 @@ python experiments/avatar_pictures.py --conditions --out docs/images
 
 With `--conditions` it makes `condition_NAME.jpg` for each who is cared for: sitting from the front and from
 the side, lying, being fed, and being moved, by the tasks `feeding` and `limb_repositioning`. Else
-`sheet.png` shows every avatar in every posture, `muscles_NAME.png` skeleton, muscles and skin from the
-front and the side while the right arm reaches out, and `reach_NAME.mp4` films that reach.
+`sheet.png` shows every avatar in every posture, and `muscles_NAME.png` skeleton, muscles and skin from the
+front and the side while the right arm reaches out.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import typer
@@ -30,7 +29,6 @@ from rcare_marl.body import Body
 from rcare_marl.envs.devices import Wheelchair, hang_ventilator, spawn_fitted
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.rendering import Camera
-from rcare_marl.rendering.film import Film
 from rcare_marl.rendering.portrait import INK, Picture, contact_sheet, snapshot
 from rcare_marl.world import World
 
@@ -42,7 +40,6 @@ REACH = {
     "right_elbow_flexion": 0.5,
 }
 REACHING = 1.2  # [s] until the picture
-FILMED = 4.0  # [s]
 LONGEST = 120  # control steps of an episode that is looked for
 BED = (2.0, 0.9, 0.16)  # [m]
 BED_HEIGHT = 0.55
@@ -201,23 +198,6 @@ def muscles(avatar: str, posture: str, file: Path) -> None:
     world.close()
 
 
-def film(avatar: str, posture: str, file: Path) -> None:
-    """Film a reach that muscles make."""
-    world, person = scene(avatar, posture, muscles=True)
-    drawn = show_muscles(person, world, opacity=0.25)
-    view = camera(person, "between", width=960, height=720)
-    writer = Film(file, world, fps=RATE)
-    for _ in range(round(FILMED * RATE)):
-        writer.add(
-            view,
-            f"{person.avatar.name}: {person.avatar.condition}",
-            f"{world.time:.1f} s, greatest activation {drawn.activations().max():.2f}",
-        )
-        act(world, person, 1 / RATE)
-    writer.close()
-    world.close()
-
-
 def add_color_bar(image: Image.Image) -> None:
     """Draw what colour stands for what activation into the lower right corner."""
     bar = np.tile(activation_color(np.linspace(0, 1, 160))[None], (12, 1, 1))
@@ -242,10 +222,9 @@ def save(picture: Image.Image, file: Path) -> None:
 def main(
     out: Path = Path("runs/avatars"),
     avatar: str = "",
-    every: Annotated[bool, typer.Option("--film")] = False,
     conditions: bool = False,
 ) -> None:
-    """Draw one avatar, or all; with --film every avatar is filmed, not Karan alone."""
+    """Draw one avatar, or all."""
     if avatar:
         load_avatar(avatar)  # which refuses an unknown name
     out.mkdir(parents=True, exist_ok=True)
@@ -259,9 +238,6 @@ def main(
     for name in chosen:
         posture = "standing" if name == "caregiver" else "wheelchair"
         muscles(name, posture, out / f"muscles_{name}.png")
-        if every or name in (avatar, "karan"):
-            film(name, posture, out / f"reach_{name}.mp4")
-            print(out / f"reach_{name}.mp4")
 
 
 if __name__ == "__main__":

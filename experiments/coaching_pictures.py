@@ -1,12 +1,10 @@
-"""Draw the coach: each exercise of a session at its height, and the behaviour tree at work; or film sessions.
+"""Draw the coach: each exercise of a session at its height, and the behaviour tree at work; or a group.
 
 python experiments/coaching_pictures.py --recipient natalia
-python experiments/coaching_pictures.py --video runs/coaching --all
 """
 
 from __future__ import annotations
 
-import textwrap
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,21 +12,17 @@ import typer
 from PIL import Image
 
 import rcare_marl
-from rcare_marl.agents.coaching.session import SPEECH
 from rcare_marl.agents.people.behaviour.tree_picture import TreePicture
 from rcare_marl.baselines.scripted.social_coaching import ScriptedCoaching
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.coaching.coaching_task import CoachingTask
 from rcare_marl.envs.tasks.group_coaching import RECIPIENTS
 from rcare_marl.envs.tasks.social_coaching import SocialCoaching
-from rcare_marl.rendering.film import Film
 from rcare_marl.rendering.portrait import Picture, contact_sheet, snapshot
 
 SIZE = (480, 360)  # [pixel] of a picture
 QUALITY, ENOUGH = 86, 0.9  # of the way through a repetition, when its picture is taken
 OUT = Path(__file__).resolve().parents[1] / "docs" / "images"
-PEOPLE = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
-LINE = 58  # letters of what is said that the caption has room for
 TOGETHER = 0.4  # of the way that everybody of a group has gone, when its picture is taken
 GROUP = ("daniel", "kim", "karan", "natalia")
 
@@ -77,64 +71,18 @@ def draw_group(robot: str, out: Path, seed: int) -> None:
     env.close()
 
 
-def film(path: Path, robot: str, seed: int, repetitions: int, *recipients: str) -> None:
-    """Write a whole session as an MP4, in real time, with what is said and counted."""
-    env = session(robot, repetitions, *recipients)
-    task = env.task
-    assert isinstance(task, CoachingTask)
-    env.reset(seed=seed)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    movie = Film(path, env.world, fps=1 / task.control_dt)
-    sentences, begun = 0, 0.0
-    while not env.is_over:
-        env.step({})
-        if len(task.body.said) > sentences:
-            sentences, begun = len(task.body.said), env.world.time
-        metrics, is_followed = task.report(), task.session.judgement.following
-        said = ""
-        if task.demonstration.is_speaking:
-            said = line(task.body.said[-1], int((env.world.time - begun) / SPEECH))
-        state = "follows" if is_followed else "watches"
-        right, wanted = metrics["right_repetitions"], metrics["wanted_repetitions"]
-        count = f"{right:.0f} of {wanted:.0f} right, {state}"
-        movie.add(task.view(), said, count, good=is_followed or None)
-    movie.hold()
-    movie.close()
-    print(f"{path}: {env.world.time:.0f} s, {'done' if task.succeeded() else 'not done'}")
-    env.close()
-
-
-def line(text: str, word: int) -> str:
-    """Return the line of a text in which a word stands, counted from 0."""
-    lines = textwrap.wrap(text, LINE)
-    for found in lines:
-        word -= len(found.split())
-        if word < 0:
-            return found
-    return lines[-1]
-
-
 def main(
     recipient: str = "natalia",
     robot: str = "nao",
     out: Path = OUT,
-    video: Annotated[Path | None, typer.Option(help="film into it, and draw nothing")] = None,
-    everybody: Annotated[bool, typer.Option("--all", help="film six people in turn")] = False,
     group: Annotated[bool, typer.Option("--group", help="a group of four")] = False,
-    repetitions: Annotated[int, typer.Option(help="of each exercise, in a film")] = 1,
     seed: int = 0,
 ) -> None:
-    """Draw the coach of a person, or of a group; or film sessions."""
-    if video is None:
-        if group:
-            draw_group(robot, out, seed)
-        else:
-            draw(recipient, robot, out, seed)
-        return
-    for name in PEOPLE if everybody else () if group else (recipient,):
-        film(video / f"{name}.mp4", robot, seed, repetitions, name)
+    """Draw the coach of a person, or of a group."""
     if group:
-        film(video / "group.mp4", robot, seed, repetitions, *GROUP)
+        draw_group(robot, out, seed)
+    else:
+        draw(recipient, robot, out, seed)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,8 @@ tendon's length, about the right side's joint. Joints that the model couples to 
 kneecap, the shoulder girdle) move along. With the girdle held still instead, MyoArm's own anterior deltoid
 would lower a raised arm: its paths are made for the rhythm of both.
 
-How the joints correspond was checked with muscles whose sign nobody doubts (`SURE`); the script stops
-if one of them is against it.
+How the joints correspond was checked with muscles whose sign nobody doubts (`sure` in its YAML); the script
+stops if one of them is against it.
 
 Run: pip install myo-sim==0.2.4 mujoco; python experiments/held_out_moment_arms.py [--out FILE]
 """
@@ -24,110 +24,16 @@ from typing import Annotated, Any
 
 import typer
 
+from rcare_marl.config import read_yaml
+
 FILE = Path(__file__).parents[1] / "assets" / "muscles" / "held_out_moment_arms.csv"
 COLUMNS = ("model", "version", "region", "muscle", "dof", "posture_deg", "arm_mm")
 STEP = 1e-4  # [rad]
 TURNED = 5.0  # [mm] by which a muscle would turn a joint the wrong way
 LEAST = 0.2  # [mm] below which a muscle does not cross a joint
 
-# Joint of the model -> our DoF and the sign of its positive direction.
-JOINTS = {
-    "shoulder_elv_r": ("right_shoulder_abduction", 1),
-    "shoulder_rot_r": ("right_shoulder_external_rotation", -1),
-    "elbow_flexion_r": ("right_elbow_flexion", 1),
-    "pro_sup_r": ("right_elbow_pronation", 1),
-    "flexion_r": ("right_wrist_flexion", 1),
-    "deviation_r": ("right_wrist_radial_deviation", 1),
-    "mcp2_flexion_r": ("right_index1_flexion", 1),
-    "pm2_flexion_r": ("right_index2_flexion", 1),
-    "mcp3_flexion_r": ("right_middle1_flexion", 1),
-    "pm3_flexion_r": ("right_middle2_flexion", 1),
-    "hip_flexion_r": ("right_hip_flexion", 1),
-    "hip_adduction_r": ("right_hip_abduction", -1),
-    "hip_rotation_r": ("right_hip_external_rotation", -1),
-    "knee_angle_r": ("right_knee_flexion", 1),
-    "ankle_angle_r": ("right_ankle_dorsiflexion", 1),
-    "subtalar_angle_r": ("right_ankle_eversion", -1),
-}
-SHOULDER = (
-    "DELT1 DELT2 DELT3 SUPSP INFSP SUBSC TMIN TMAJ PECM1 PECM2 PECM3 LAT1 LAT2 LAT3 CORB".split()
-)
-ELBOW = (
-    "TRIlong TRIlat TRImed ANC SUP BIClong BICshort BRA BRD ECRL ECRB ECU FCR FCU PL PT PQ".split()
-)
-WRIST = "ECRL ECRB ECU FCR FCU PL".split()
+PLAN = read_yaml(Path(__file__).parent / "configs" / "held_out_moment_arms.yaml")
 FINGERS = {"2": "index", "3": "middle"}
-LEG = (
-    "addbrev addlong addmagDist addmagIsch addmagMid addmagProx bflh bfsh gaslat gasmed glmax1 glmax2 glmax3 "
-    "glmed1 glmed2 glmed3 glmin1 glmin2 glmin3 grac iliacus perbrev perlong piri psoas recfem sart semimem "
-    "semiten soleus tfl tibant tibpost vasint vaslat vasmed edl ehl fdl fhl"
-).split()
-# Grids: model, region, muscles, joints measured, values of the joints that make the posture [deg].
-GRIDS: tuple[tuple[str, str, list[str], tuple[str, ...], dict[str, tuple[float, ...]]], ...] = (
-    (
-        "myoarm",
-        "shoulder",
-        SHOULDER,
-        ("shoulder_elv_r", "shoulder_rot_r"),
-        {"elv_angle_r": (0, 90), "shoulder_elv_r": (5, 35, 65, 95), "shoulder_rot_r": (-45, 0, 45)},
-    ),
-    (
-        "myoarm",
-        "elbow",
-        ELBOW,
-        ("elbow_flexion_r", "pro_sup_r"),
-        {"elbow_flexion_r": (10, 50, 90, 125), "pro_sup_r": (-60, 0, 60)},
-    ),
-    (
-        "myoarm",
-        "wrist",
-        WRIST,
-        ("flexion_r", "deviation_r"),
-        {"elbow_flexion_r": (90,), "flexion_r": (-40, 0, 40), "deviation_r": (-8, 8)},
-    ),
-    (
-        "myoarm",
-        "hand",
-        [f"{m}{n}" for m in ("FDS", "FDP", "EDC") for n in FINGERS],
-        ("mcp2_flexion_r", "pm2_flexion_r", "mcp3_flexion_r", "pm3_flexion_r"),
-        {"mcp2_flexion_r": (10, 60), "pm2_flexion_r": (10, 70)},
-    ),
-    (
-        "myolegs",
-        "hip",
-        LEG,
-        ("hip_flexion_r", "hip_adduction_r", "hip_rotation_r"),
-        {"hip_flexion_r": (-10, 30, 70, 110), "hip_adduction_r": (-25, 10), "knee_angle_r": (60,)},
-    ),
-    ("myolegs", "knee", LEG, ("knee_angle_r",), {"knee_angle_r": (5, 30, 60, 90, 115)}),
-    (
-        "myolegs",
-        "ankle",
-        LEG,
-        ("ankle_angle_r", "subtalar_angle_r"),
-        {"ankle_angle_r": (-30, -10, 10, 25), "subtalar_angle_r": (-12, 12)},
-    ),
-)
-SURE = {  # muscle and joint -> sign
-    ("DELT2", "shoulder_elv_r"): 1,
-    ("INFSP", "shoulder_rot_r"): -1,
-    ("SUBSC", "shoulder_rot_r"): 1,
-    ("BRA", "elbow_flexion_r"): 1,
-    ("TRIlat", "elbow_flexion_r"): -1,
-    ("PQ", "pro_sup_r"): 1,
-    ("SUP", "pro_sup_r"): -1,
-    ("FCR", "flexion_r"): 1,
-    ("FCU", "deviation_r"): -1,
-    ("ECU", "deviation_r"): -1,
-    ("ECRL", "deviation_r"): 1,
-    ("FDP2", "mcp2_flexion_r"): 1,
-    ("recfem_r", "hip_flexion_r"): 1,
-    ("addlong_r", "hip_adduction_r"): 1,
-    ("tibpost_r", "subtalar_angle_r"): 1,
-    ("vasint_r", "knee_angle_r"): -1,
-    ("soleus_r", "ankle_angle_r"): -1,
-    ("perlong_r", "subtalar_angle_r"): -1,
-}
 
 
 class Model:
@@ -185,7 +91,7 @@ def our_name(muscle: str) -> str:
 
 def our_dof(joint: str, in_front: bool) -> tuple[str, int]:
     """Return our DoF of a joint; raising the arm is flexion where it is raised in front."""
-    dof, sign = JOINTS[joint]
+    dof, sign = PLAN["joints"][joint]
     if joint == "shoulder_elv_r" and in_front:
         dof = "right_shoulder_flexion"
     return dof, sign
@@ -206,22 +112,23 @@ def rows() -> Iterator[dict[str, str]]:
     """Yield a row for each muscle, DoF and posture of the grids."""
     version = importlib.metadata.version("myo-sim")
     models: dict[str, Model] = {}
-    for name, region, muscles, joints, values in GRIDS:
+    for grid in PLAN["grids"]:
+        name, muscles, values = grid["model"], grid["muscles"].split(), grid["values"]
         model = models.setdefault(name, Model(name))
         own = muscles if name == "myoarm" else [f"{muscle}_r" for muscle in muscles]
         for point in itertools.product(*values.values()):
             posture = dict(zip(values, map(float, point), strict=True))
-            if region == "hand":
+            if grid["region"] == "hand":
                 posture |= {
                     "mcp3_flexion_r": posture["mcp2_flexion_r"],
                     "pm3_flexion_r": posture["pm2_flexion_r"],
                 }
             angles = {joint: math.radians(value) for joint, value in posture.items()}
-            for joint in joints:
+            for joint in grid["joints"].split():
                 dof, sign = our_dof(joint, posture.get("elv_angle_r") == 90)
                 arms = model.arms(angles, joint)
                 for muscle in own:
-                    sure = SURE.get((muscle, joint))
+                    sure = PLAN["sure"].get(muscle, {}).get(joint)
                     if sure is not None and sure * arms[muscle] < -TURNED:
                         raise SystemExit(
                             f"{muscle} turns {joint} the wrong way at {posture}: {arms[muscle]:.1f} mm"
@@ -230,7 +137,7 @@ def rows() -> Iterator[dict[str, str]]:
                         yield {
                             "model": name,
                             "version": version,
-                            "region": region,
+                            "region": grid["region"],
                             "muscle": our_name(muscle),
                             "dof": dof,
                             "posture_deg": our_posture(posture),

@@ -10,7 +10,6 @@ import pytest
 from rcare_marl.envs.homes.furniture.assistive import (
     make_hospital_bed,
     make_manual_wheelchair,
-    make_platform_lift,
     make_transfer_bench,
 )
 from rcare_marl.envs.homes.piece import Piece, Setting
@@ -18,7 +17,7 @@ from rcare_marl.envs.homes.rule import Rules
 from rcare_marl.model.urdf import write
 from rcare_marl.world import World
 
-FURNITURE = (make_hospital_bed, make_manual_wheelchair, make_transfer_bench, make_platform_lift)
+FURNITURE = (make_hospital_bed, make_manual_wheelchair, make_transfer_bench)
 
 
 @pytest.mark.parametrize("level", [1, 2, 3])

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from py_trees.common import Status
+from scipy.optimize import brentq  # type: ignore[import-untyped]
 from standing_person import CONTROL_DT, CONTROL_STEPS, person_in
 from variants import few
 
 from rcare_marl.agents.people.actuation.drive import ActuationConfig
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
-from rcare_marl.agents.people.body.ik import surface_point
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, JOINT_INDEX, JOINTS
 from rcare_marl.agents.people.hand import GRIP_GAP
 from rcare_marl.agents.people.human import Human
@@ -249,8 +249,19 @@ class Room:
         self.world.mark_start()
 
     def forearm(self) -> Array:
-        """Return a point on the upper side of the forearm, near the wrist [m]."""
-        return surface_point(self.karan, "left_elbow", 0.88, (0.0, 0.0, 1.0), gap=0.01)
+        """Return a point 1 cm above the upper side of the forearm, near the wrist [m]."""
+        here = self.karan.joint_pose("left_elbow")
+        end = self.karan.joint_pose("left_wrist").position
+        bone, up = np.subtract(end, here.position), np.array((0.0, 0.0, 1.0))
+        out = up - (up @ bone) / (bone @ bone) * bone
+        start, out = here.position + 0.88 * bone, out / np.linalg.norm(out)
+        shapes, back = self.karan.segments["left_elbow"].shapes, here.inverse()
+
+        def gap(away: float) -> float:
+            point = np.asarray((back @ Pose(tuple((start + away * out).tolist()))).position)
+            return min(shape.distance(point) for shape in shapes)
+
+        return np.asarray(start + (float(brentq(gap, 0.0, 0.3)) + 0.01) * out)
 
     def lift(self, do: Caregiving) -> None:
         do.walk_to(0.5, 0.68, math.radians(-140))

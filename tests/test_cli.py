@@ -151,7 +151,7 @@ def test_evaluate_takes_a_place_and_records_it() -> None:
 
 def test_evaluate_prints_a_table() -> None:
     text = call("evaluate", "feeding", "--episodes", "1").stdout
-    assert "95 % interval" in text and "(1 of 1)" in text and "100.0 %" in text
+    assert "95 % interval" in text and "1 of 1, 100.0 %" in text
 
 
 @pytest.mark.parametrize(

@@ -20,37 +20,30 @@ from rcare_marl.world import World
 KINDS = (
     "armchair",
     "bed",
-    "bench",
-    "blind",
     "bookshelf",
     "chest_of_drawers",
     "closet_shelves",
     "coat_rack",
     "coffee_table",
     "console_table",
-    "curtain_window",
     "desk",
     "dumbbell_rack",
     "exercise_mat",
     "fireplace",
     "floor_lamp",
     "garden_table",
-    "mirror_wall",
     "nightstand",
     "office_chair",
     "pantry_shelves",
     "parallel_bars",
     "piano",
     "plant_stand",
-    "radiator",
     "recliner",
     "shoe_bench",
     "side_table",
     "sofa",
     "treadmill",
     "tv_stand",
-    "umbrella_stand",
-    "vanity",
     "wardrobe",
     "workbench",
 )
@@ -153,7 +146,7 @@ def test_heights_that_are_claimed_are_those_that_rays_meet(show: Show) -> None:
                 checked += 1
             else:
                 assert rule == "bed_side_space"
-    assert checked >= 14
+    assert checked >= 12
 
 
 def test_beds_leave_the_floor_beside_them_by_rule(show: Show) -> None:
@@ -179,7 +172,7 @@ def test_knees_find_room_where_it_is_promised(show: Show) -> None:
                 for y in np.linspace(area.y0 + 0.02, area.y1 - 0.02, 4):
                     rise = show.ray(kind, (x, y, 0.01), (x, y, 2.0))
                     assert rise is not None and rise > 0.6, kind
-    assert found == 4
+    assert found == 3
 
 
 def test_handles_are_on_what_they_move(show: Show) -> None:
@@ -210,7 +203,7 @@ def test_what_opens_strikes_nothing_of_its_own(show: Show) -> None:
             body.set_joints([j.index for j in joints], [share * j.upper for j in joints])
             for name, joint in zip(names, joints, strict=True):
                 for other in range(-1, body.link_count):
-                    if other != joint.index and (kind, other) != ("radiator", -1):
+                    if other != joint.index:
                         gap = body.own_gap(joint.index, other)
                         assert gap > -1e-3, f"{kind}: {name} at {share} strikes {other}: {gap}"
         body.set_joints([j.index for j in joints], [0.0] * len(joints))

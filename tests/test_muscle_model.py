@@ -10,9 +10,9 @@ from rcare_marl.agents.agent import Array
 from rcare_marl.agents.people.actuation import muscle_kernel as kernel
 from rcare_marl.agents.people.actuation.drive import fitted_musculature
 from rcare_marl.agents.people.actuation.hill import (
-    force_length,
+    active_curve,
     inverse_tendon_force,
-    passive_force,
+    passive_curve,
     passive_offset,
 )
 from rcare_marl.agents.people.actuation.muscle_model import TENDONS, MuscleModel, Tendon
@@ -81,11 +81,12 @@ def test_isometric_tension_balances_fibre_and_tendon() -> None:
         cosine = np.sqrt(1 - (table[:, kernel.PENNATION_SINE] / fibre) ** 2)
         passive = np.array(
             [
-                passive_force(x, strain=s)
+                passive_curve(x, s, passive_offset(s))[0]
                 for x, s in zip(fibre, table[:, kernel.STRAIN], strict=True)
             ]
         )
-        pulled = table[:, kernel.FORCE] * cosine * (activation * force_length(fibre) + passive)
+        active = activation * np.array([active_curve(x)[0] for x in fibre])
+        pulled = table[:, kernel.FORCE] * cosine * (active + passive)
         slack = fibre * cosine <= 0.021  # too short to pull: the fibre is not in balance
         assert np.allclose(pulled[~slack], tension[~slack], rtol=1e-6, atol=1e-3)
 

@@ -14,11 +14,12 @@ from rcare_marl.agents.people.actuation import muscle_kernel as kernel
 from rcare_marl.agents.people.actuation import muscle_torch
 from rcare_marl.agents.people.actuation.drive import fitted_musculature
 from rcare_marl.agents.people.actuation.hill import (
-    force_length,
-    force_velocity,
+    active_curve,
     inverse_tendon_force,
-    passive_force,
-    tendon_force,
+    passive_curve,
+    passive_offset,
+    speed_curve,
+    tendon_curve,
 )
 from rcare_marl.agents.people.actuation.muscle_layout import crosses
 from rcare_marl.agents.people.actuation.muscle_model import TENDONS, MuscleModel, Tendon
@@ -84,15 +85,16 @@ def tensors(
 def test_curves_are_those_of_the_kernel() -> None:
     x = np.linspace(0.2, 2.2, 101)
     at = torch.tensor(x)
-    pairs = [
-        (muscle_torch.force_length(at), force_length(x)),
-        (muscle_torch.force_velocity(at - 1.2), force_velocity(x - 1.2)),
-        (muscle_torch.passive_force(at, torch.full_like(at, 0.55)), passive_force(x, strain=0.55)),
-        (muscle_torch.tendon_force(at), tendon_force(x)),
+    passive = [passive_curve(v, 0.55, passive_offset(0.55))[0] for v in x]
+    pairs: list[tuple[torch.Tensor, npt.ArrayLike]] = [
+        (muscle_torch.force_length(at), [active_curve(v)[0] for v in x]),
+        (muscle_torch.force_velocity(at - 1.2), [speed_curve(v - 1.2)[0] for v in x]),
+        (muscle_torch.passive_force(at, torch.full_like(at, 0.55)), passive),
+        (muscle_torch.tendon_force(at), [tendon_curve(v)[0] for v in x]),
         (muscle_torch.tendon_length(at), inverse_tendon_force(x)),
     ]
     for ours, theirs in pairs:
-        np.testing.assert_allclose(ours.numpy(), theirs, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(ours.numpy(), np.array(theirs), rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("tendon", TENDONS)

@@ -11,56 +11,6 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[2]
 TOP = {"README.md": "start.md", "CONTRIBUTING.md": "contributing.md"}
-MODULES = {  # the public ones, by the page of the reference that shows them
-    "environments": [
-        "rcare_marl.envs.registry",
-        "rcare_marl.envs.care_env",
-        "rcare_marl.envs.gym",
-        "rcare_marl.envs.torchrl",
-        "rcare_marl.envs.learning",
-        "rcare_marl.envs.episode",
-    ],
-    "tasks": [
-        "rcare_marl.envs.task",
-        "rcare_marl.envs.task_options",
-        "rcare_marl.envs.state",
-        "rcare_marl.envs.broadcast",
-        "rcare_marl.envs.reach",
-        "rcare_marl.envs.safety",
-    ],
-    "agents": [
-        "rcare_marl.agents.agent",
-        "rcare_marl.agents.policy",
-        "rcare_marl.agents.people.human",
-        "rcare_marl.agents.people.avatar",
-        "rcare_marl.agents.people.physiology",
-        "rcare_marl.agents.robots.robot",
-        "rcare_marl.agents.robots.robot_config",
-        "rcare_marl.agents.sensing.suite",
-    ],
-    "places": [
-        "rcare_marl.envs.place",
-        "rcare_marl.envs.homes.care_home",
-        "rcare_marl.envs.devices.device",
-    ],
-    "world": [
-        "rcare_marl.world",
-        "rcare_marl.body",
-        "rcare_marl.pose",
-        "rcare_marl.rendering.camera",
-        "rcare_marl.rendering.renderer",
-        "rcare_marl.soft.soft_world",
-        "rcare_marl.errors",
-    ],
-    "learning": [
-        "rcare_marl.baselines.training.config",
-        "rcare_marl.baselines.training.trainer",
-        "rcare_marl.baselines.evaluation.protocol",
-        "rcare_marl.baselines.evaluation.cross_play",
-        "rcare_marl.baselines.partners",
-        "rcare_marl.baselines.policy_file",
-    ],
-}
 
 
 def on_files(files: Files, *, config: MkDocsConfig) -> Files:
@@ -68,7 +18,7 @@ def on_files(files: Files, *, config: MkDocsConfig) -> Files:
     for origin, name in TOP.items():
         text = (ROOT / origin).read_text(encoding="utf-8").replace("](docs/", "](")
         files.append(File.generated(config, name, content=text))
-    for title, modules in MODULES.items():
+    for title, modules in config.extra["reference"].items():
         shown = "\n\n".join(f"::: {module}" for module in modules)
         text = f"# Reference: {title}\n\n{shown}\n"
         files.append(File.generated(config, f"reference/{title}.md", content=text))
@@ -78,7 +28,7 @@ def on_files(files: Files, *, config: MkDocsConfig) -> Files:
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Put the pages of the reference into the navigation."""
     *_, last = config.nav or [{}]
-    last["Reference"] = [f"reference/{title}.md" for title in MODULES]
+    last["Reference"] = [f"reference/{title}.md" for title in config.extra["reference"]]
     return config
 
 

@@ -20,24 +20,21 @@ from .merging import extent, link_poses
 from .piece import Piece
 from .plan import Room
 
-BAR_KINDS = ("grab_bar", "fold_down_bar")
 BAR_RADIUS = (0.01, 0.03)  # [m] of what hands hold to hold themselves; own choice
 BAR_LENGTH = 0.3  # [m], least
 BAR_TOP = 1.2  # [m]; what is level but higher is a rail for a curtain; own choice
-BAR_NEAR = 0.6  # [m] from the toilet or bath that a bar of its own serves; own choice
 _LEVEL = 0.1  # most that a bar rises for its length
 # From the least to the most accessible.
 BATHING = ("shower_cabin", "bathtub", "bathtub_with_seat", "transfer_shower", "roll_in_shower")
-KITCHEN = ("kitchen_run", "kitchen_island", "fridge", "oven_tower", "tall_cupboard")
+KITCHEN = ("kitchen_run", "fridge", "oven_tower", "tall_cupboard")
 CUPBOARDS = tuple(
     """
-    bathroom_cabinet chest_of_drawers desk dresser_cabinet high_sideboard kitchen_island
-    kitchen_run nightstand pantry_cupboard sideboard tall_cupboard tv_stand vanity wardrobe
-    washbasin
+    bathroom_cabinet chest_of_drawers desk dresser_cabinet kitchen_run nightstand sideboard
+    tall_cupboard tv_stand wardrobe washbasin
     """.split()
 )
 TABLES = ("desk", "dining_table", "round_table")
-LIGHT = ("chair", "stool", "bin", "bath_mat", "laundry_basket")  # moved aside with a hand
+LIGHT = ("chair", "bin", "bath_mat", "laundry_basket")  # moved aside with a hand
 # Taken from the model of the piece as it is built; all else is measured where it stands.
 HEIGHTS = tuple(
     """
@@ -86,12 +83,12 @@ class Bar:
         return abs(self.ends[1][2] - self.ends[0][2]) <= _LEVEL * self.length
 
 
-def bars(model: Model, pose: Pose = Pose()) -> Iterator[Bar]:
-    """Yield the bars of a model that stands at `pose`; those on joints as they are unfolded.
+def bars(model: Model) -> Iterator[Bar]:
+    """Yield the bars of a model, in its own frame; those on joints as they are unfolded.
 
     A bar on a joint is unfolded at that end of the joint at which it is level.
     """
-    ends: dict[str, tuple[bool, tuple[Pose, ...]]] = {model.root: (False, (pose,))}
+    ends: dict[str, tuple[bool, tuple[Pose, ...]]] = {model.root: (False, (Pose(),))}
     for joint in model.joints.values():
         moves, parents = ends[joint.parent]
         places = (joint.lower, joint.upper) if joint.kind != "fixed" else (0.0,)
@@ -119,20 +116,9 @@ def _bar(shape: Shape, pose: Pose, folds: bool) -> Bar | None:
     return Bar((a, b), shape.radius, length, folds)
 
 
-def bars_at(home: CareHome, placed: Placed) -> list[Bar]:
-    """Return the bars on a piece, and those of their own beside it, in the frame of the piece."""
-    found = list(bars(placed.piece.model))
-    back, reach = placed.pose.inverse(), placed.footprint.grown(BAR_NEAR)
-    for other in home.placed:
-        is_bar = other.piece.kind in BAR_KINDS and other.room == placed.room
-        if is_bar and other.footprint.overlaps(reach):
-            found += bars(other.piece.model, back @ other.pose)
-    return found
-
-
 def measure_toilet_bars(home: CareHome, toilet: Placed) -> Iterator[Measurement]:
     """Yield which grab bars a toilet has, how long, thick and high they are, and how far off the wall."""
-    found = bars_at(home, toilet)
+    found = list(bars(toilet.piece.model))
     inside = home.plan.room(toilet.room).inside.moved(toilet.pose.inverse())
     fixed = [bar for bar in found if not bar.folds and bar.is_level and bar.top < BAR_TOP]
     folding = [bar for bar in found if bar.folds]
@@ -193,7 +179,7 @@ def measure_furniture(home: CareHome) -> Iterator[Measurement]:
             knee = piece.measures.get("table_knee_height") if piece.knee else None
             yield Measurement("table_knee_height", room, name, knee)
         if piece.kind in BATHING:
-            has_bars = any(bar.is_level and bar.top < BAR_TOP for bar in bars_at(home, placed))
+            has_bars = any(bar.is_level and bar.top < BAR_TOP for bar in bars(piece.model))
             yield Measurement("bath_grab_bars", room, name, "wall" if has_bars else "none")
         if piece.kind in KITCHEN:
             yield Measurement("kitchen_aisle", room, name, _aisle(home, placed))

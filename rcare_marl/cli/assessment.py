@@ -37,74 +37,8 @@ from .parameter import print_json
 RUN_COLUMNS = ("policy", "success", "95 % interval", "return", "peak force")
 COLUMNS = ("measure", "mean", "95 % interval", "IQM", "95 % interval of it", "most")
 SHOWN = 12  # differences of a repetition
-COLUMNS_OF_ONE = ("measure", "mean", "95 % interval", "most")
 LAST_STEP = ("force_n", "cost")  # an episode has peak_force_n, and its sum of costs
 BY_REGION = tuple(f"peak_force_{region}_n" for region in REGIONS)
-
-
-def show_one(result: baseline.Evaluation) -> None:
-    """Print an evaluation as a table: what came of it, what the task reports, and safety."""
-    who = ", ".join(
-        f"{role} {result.cast[role]} ({name})" for role, name in result.policies.items()
-    )
-    last = result.seed + len(result.episodes) - 1
-    title = f"{result.task}: {who}; seeds {result.seed} to {last}"
-    numbers = result.to_dict()
-    own = [name for name in result.episodes[0].metrics if name not in NOBODY]
-    groups = [
-        _outcome(result, numbers),
-        [_row_of_one(name, numbers) for name in own],
-        _safety(numbers),
-    ]
-    rows: list[tuple[str, ...]] = []
-    for group in groups:
-        rows += [(), *group] if rows and group else group
-    out = table(title, COLUMNS_OF_ONE, rows, **dict.fromkeys(COLUMNS_OF_ONE[1:], True))
-    console().print(out)
-
-
-def _outcome(result: baseline.Evaluation, numbers: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    low, high = result.success_interval
-    label = f"success ({numbers['successes']} of {numbers['episodes']})"
-    rows: list[tuple[str, ...]] = [
-        (label, percent(result.success_rate), f"{percent(low)} to {percent(high)}", "")
-    ]
-    if result.infeasible:
-        rows.append(("cannot be done", result.infeasible, "", ""))
-    elif len(result.feasible) < len(result.episodes):
-        done, count = sum(e.success for e in result.feasible), len(result.feasible)
-        low, high = baseline.wilson_interval(done, count)
-        title = f"of the feasible ({done} of {count})"
-        rows.append((title, percent(done / count), f"{percent(low)} to {percent(high)}", ""))
-    if result.refused:
-        rows.append(("people refused", str(len(result.refused)), "", ""))
-    rows += _of_roles("return", numbers)
-    return [*rows, ("control steps", f"{numbers['steps_mean']:.4g}", "", "")]
-
-
-def _safety(numbers: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return the rows of `envs.safety`, without the regions of the body that nothing pressed."""
-    if "peak_force_n_mean" not in numbers:
-        return []
-    names = [name for name in NOBODY if name not in LAST_STEP]
-    names = [name for name in names if name not in BY_REGION or numbers[f"{name}_max"]]
-    return [*_of_roles("cost", numbers), *(_row_of_one(name, numbers) for name in names)]
-
-
-def _of_roles(what: str, numbers: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return a row for each role, or one for all where they are alike."""
-    means, intervals = numbers[f"mean_{what}"], numbers[f"mean_{what}_interval_95"]
-    rows = [(figure(means[role]), interval(intervals[role]), "") for role in means]
-    if len(rows) > 1 and len(set(rows)) == 1:
-        return [(f"{what} of each", *rows[0])]
-    return [(f"{what} of {role}", *row) for role, row in zip(means, rows, strict=True)]
-
-
-def _row_of_one(name: str, numbers: Mapping[str, Any]) -> tuple[str, ...]:
-    mean, most = numbers[f"{name}_mean"], numbers[f"{name}_max"]
-    if mean is None:
-        return (name, "never", "", "")
-    return (name, figure(mean), interval(numbers[f"{name}_interval_95"]), figure(most))
 
 
 def figure(value: float) -> str:
@@ -181,7 +115,7 @@ def report(
         output: Where to write all of it.
         plot: Where to draw it.
         as_json: Whether to print JSON.
-        of_one: Whether to print it as the evaluation of its one policy.
+        of_one: Whether the JSON is of the evaluation of its one policy.
     """
     if output is not None:
         write_whole(output, record_text(record.to_dict()).encode())
@@ -195,10 +129,7 @@ def report(
             del entry["episodes"]
         print_json(brief)
         return
-    if of_one:
-        show_one(record.runs[0])
-    else:
-        show(record)
+    show(record)
     for file in (output, plot):
         if file is not None:
             print_line(f"wrote {file}")
@@ -223,6 +154,15 @@ def show(record: Record) -> None:
     sections = (lead, own, kept)
     told = _pooled if record.is_one_training else _side_by_side
     screen.print(told(record, numbers, sections))
+    for name, result in zip(plan.policies, record.runs, strict=True):
+        done, count = sum(each.success for each in result.feasible), len(result.feasible)
+        notes = [f"{len(result.refused)} people refused"] if result.refused else []
+        if result.infeasible:
+            notes.append(f"cannot be done: {result.infeasible}")
+        elif count < len(result.episodes):
+            notes.append(f"success in {done} of {count} feasible episodes")
+        for note in notes:
+            screen.print(Text(f"{name}: {note}", style="yellow"), soft_wrap=True)
     for name, reward in record.other_rewards().items():
         note = f"{name} was trained on the reward {reward!r}: for those returns add --option reward={reward}"
         screen.print(Text(note, style="yellow"), soft_wrap=True)
@@ -262,7 +202,7 @@ def _run_rows(record: Record) -> list[tuple[str, ...]]:
         rows.append(
             (
                 name,
-                percent(result.success_rate),
+                successes(result),
                 f"{percent(low)} to {percent(high)}",
                 figure(returned),
                 "-" if peak is None else f"{peak:.1f} N",

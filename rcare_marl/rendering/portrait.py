@@ -12,6 +12,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from ..body import Body
+from ..pose import Array
 from ..world import World
 from . import Camera, make_renderer
 
@@ -66,21 +67,44 @@ def portrait(
     corners = [[each[k >> i & 1][i] for i in range(3)] for each in ends for k in range(8)]
     points = np.array(corners)
     points[:, 2] = np.maximum(points[:, 2], 0.0)
+    width, height = size
+    camera = framed(points, direction, fov_deg=FOV, width=width, height=height, margin=1 / FILLED)
+    return snapshot(world, camera)
+
+
+def framed(
+    points: Array,
+    direction: Sequence[float],
+    *,
+    fov_deg: float,
+    width: int,
+    height: int,
+    margin: float = 1.04,
+) -> Camera:
+    """Return a camera that sees all points, with them in the middle of the picture.
+
+    Args:
+        points: What to see [m], shape [n, 3].
+        direction: From there to the camera.
+        fov_deg: Vertical field of view [deg].
+        width: Of the picture [pixel].
+        height: Of the picture [pixel].
+        margin: Size of the picture over that of what is to be seen.
+    """
     back = np.array(direction) / np.linalg.norm(direction)
     right = np.cross((0.0, 0.0, 1.0), back)
     right /= np.linalg.norm(right)
     axes = np.stack((right, np.cross(back, right), back), axis=1)
-    tall = math.tan(math.radians(FOV / 2))
-    half = np.array((tall * size[0] / size[1], tall))
-    # Repeated, since what is near looks larger: the distance, then the middle of what is seen from there.
+    tall = math.tan(math.radians(fov_deg / 2)) / margin
+    half = np.array((tall * width / height, tall))
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    for _ in range(4):
+    for _ in range(8):  # moving it moves what is at the edges: it settles quickly
         seen = (points - middle) @ axes
         far = float(((np.abs(seen[:, :2]) / half).max(axis=1) + seen[:, 2]).max())
         flat = seen[:, :2] / (far - seen[:, 2:])
         middle = middle + axes[:, :2] @ (0.5 * far * (flat.min(axis=0) + flat.max(axis=0)))
-    eye, target = (tuple(point.tolist()) for point in (middle + far / FILLED * back, middle))
-    return snapshot(world, Camera(eye, target, fov_deg=FOV, width=size[0], height=size[1]))
+    eye, target = (tuple(point.tolist()) for point in (middle + far * back, middle))
+    return Camera(eye, target, fov_deg=fov_deg, width=width, height=height)
 
 
 def contact_sheet(

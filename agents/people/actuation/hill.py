@@ -14,7 +14,6 @@ constant thickness turn as they shorten.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numba
 import numpy as np
@@ -139,38 +138,6 @@ def next_activation(activation, excitation, dt, rise, fall, least):  # type: ign
     return least + span * (now + step * (1.0 - _exp(-dt * rate)))
 
 
-def force_length(fibre_length: npt.ArrayLike) -> Array:
-    """Return f_L, active force by fibre length [optimal lengths], of any shape; 1 at length 1."""
-    return _each(active_curve, fibre_length)[0]
-
-
-def force_velocity(fibre_speed: npt.ArrayLike) -> Array:
-    """Return f_V, active force by fibre speed [ten optimal lengths/s], lengthening positive.
-
-    It is 0 at -1 and 1 at rest.
-    """
-    return _each(speed_curve, fibre_speed)[0]
-
-
-def passive_force(fibre_length: npt.ArrayLike, *, strain: float = PASSIVE_STRAIN) -> Array:
-    """Return f_PE, passive force by fibre length [optimal lengths].
-
-    It is 1 at length `1 + strain`; from there it goes on as a straight line, and ends at 2.
-
-    Raises:
-        ValueError: If `strain` is not positive.
-    """
-    if not strain > 0:
-        raise ValueError(f"strain must be positive, got {strain}")
-    offset = passive_offset(float(strain))
-    return _each(lambda length: passive_curve(length, float(strain), offset), fibre_length)[0]
-
-
-def tendon_force(tendon_length: npt.ArrayLike) -> Array:
-    """Return f_T, tendon force by tendon length [slack lengths]; 1 at 4.9 % strain."""
-    return _each(tendon_curve, tendon_length)[0]
-
-
 def inverse_tendon_force(force: npt.ArrayLike) -> Array:
     """Return the tendon length [slack lengths] at a tendon force [of F_max].
 
@@ -181,8 +148,3 @@ def inverse_tendon_force(force: npt.ArrayLike) -> Array:
     if (forces <= -_TENDON_C3).any():
         raise ValueError(f"a tendon's force is more than {-_TENDON_C3} F_max, got {forces.min()}")
     return np.vectorize(tendon_length, otypes="d")(forces)
-
-
-def _each(curve: Callable[[float], tuple[float, float]], at: npt.ArrayLike) -> tuple[Array, Array]:
-    """Return a curve and its slope at each value."""
-    return np.vectorize(curve, otypes="dd")(np.asarray(at, np.float64))

@@ -436,7 +436,7 @@ class TorchMuscles(torch.nn.Module):
 
 
 def force_length(length: Tensor) -> Tensor:
-    """Return f_L by fibre length [optimal lengths]; see `hill.force_length`."""
+    """Return f_L by fibre length [optimal lengths]; see `hill.active_curve`."""
     one = (length - hill._B21) / (hill._B31 + hill._B41 * length)
     two = (length - hill._B22) / (hill._B32 + hill._B42 * length)
     three = (length - hill._B23) / hill._B33
@@ -445,13 +445,13 @@ def force_length(length: Tensor) -> Tensor:
 
 
 def force_velocity(speed: Tensor) -> Tensor:
-    """Return f_V by fibre speed [ten optimal lengths/s]; see `hill.force_velocity`."""
+    """Return f_V by fibre speed [ten optimal lengths/s]; see `hill.speed_curve`."""
     x = hill._D2 * speed + hill._D3
     return hill._D1 * torch.log(x + torch.sqrt(x * x + 1.0)) + hill._D4
 
 
 def passive_force(length: Tensor, strain: Tensor) -> Tensor:
-    """Return f_PE by fibre length [optimal lengths]; see `hill.passive_force`."""
+    """Return f_PE by fibre length [optimal lengths]; see `hill.passive_curve`."""
     shape = hill._PASSIVE_SHAPE
     offset = torch.exp(shape * (hill._PASSIVE_START - 1.0) / strain)
     scale = hill._PASSIVE_TOP - offset
@@ -462,7 +462,7 @@ def passive_force(length: Tensor, strain: Tensor) -> Tensor:
 
 
 def tendon_force(length: Tensor) -> Tensor:
-    """Return f_T by tendon length [slack lengths]; see `hill.tendon_force`."""
+    """Return f_T by tendon length [slack lengths]; see `hill.tendon_curve`."""
     grown = hill._TENDON_C1 * torch.exp(hill._TENDON_SHAPE * (length - hill._TENDON_C2))
     return grown - hill._TENDON_C3
 

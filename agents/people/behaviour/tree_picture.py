@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-import html
 import textwrap
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import matplotlib
-from PIL import Image, ImageDraw, ImageFont
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import BoxStyle, FancyBboxPatch
+from PIL import ImageFont
 from py_trees import display
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -68,7 +71,9 @@ class TreePicture:
             subtitle: Written below the title, in lines as wide as the tree.
         """
         self._root, self._title = root, title or root.name
-        self._font = _font(FONT_SIZE)
+        # Matplotlib brings a font with it that has arrows.
+        fonts = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+        self._font = ImageFont.truetype(fonts / "DejaVuSans.ttf", FONT_SIZE)
         nodes = _flattened(root)
         widths = [self._font.getlength(_label(node)) + 2 * PADDING for node, _, _ in nodes]
         columns = [0.0] * (1 + max(depth for _, depth, _ in nodes))
@@ -93,83 +98,31 @@ class TreePicture:
         """Return the tree as indented lines of text with the status of each node."""
         return str(display.unicode_tree(self._root, show_status=True))
 
-    def svg(self) -> str:
-        """Return the picture as SVG."""
+    def figure(self) -> Figure:
+        """Return the picture as a figure of one point to a pixel."""
         width, height = self.size
-        lines = [
-            f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
-            f'viewBox="0 0 {width} {height}" font-family="DejaVu Sans, sans-serif" '
-            f'font-size="{FONT_SIZE}">',
-            f'<rect width="{width}" height="{height}" fill="white"/>',
-            f'<text x="{MARGIN}" y="{MARGIN + 8}" font-size="{FONT_SIZE + 5}" fill="{INK}">'
-            f"{html.escape(self._title)}</text>",
-        ]
+        figure = Figure(figsize=(width / 72, height / 72), dpi=72)
+        axes = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(height, 0))
+        axes.set_axis_off()
+        links = [self._link(box) for box in self.boxes if box.parent >= 0]
+        axes.add_collection(LineCollection(links, colors=PALE, linewidths=1))
+        write = partial(axes.text, family="DejaVu Sans", fontsize=FONT_SIZE, parse_math=False)
+        for box in self.boxes:
+            _, fill, edge = LOOKS[box.status]
+            corners = BoxStyle.Round(pad=0, rounding_size=BOX / 2 if box.is_leaf else 3)
+            low = (box.x, box.y - BOX / 2)
+            patch = FancyBboxPatch(low, box.width, BOX, boxstyle=corners, fc=fill, ec=edge, lw=1.5)
+            axes.add_patch(patch)
+            write(box.x + PADDING, box.y, box.label, color=INK, va="center_baseline")
+        write(MARGIN, MARGIN + 8, self._title, color=INK, fontsize=FONT_SIZE + 5)
         for i, line in enumerate(self._subtitle):
-            lines.append(
-                f'<text x="{MARGIN}" y="{TITLE + LINE * i + 18}" fill="{INK}">'
-                f"{html.escape(line)}</text>"
-            )
-        for box in self.boxes:
-            if box.parent >= 0:
-                points = " ".join(f"{x:.1f},{y:.1f}" for x, y in self._link(box))
-                lines.append(f'<polyline points="{points}" fill="none" stroke="{PALE}"/>')
-        for box in self.boxes:
-            radius = BOX / 2 if box.is_leaf else 3
-            lines.append(
-                f'<rect x="{box.x:.1f}" y="{box.y - BOX / 2:.1f}" width="{box.width:.1f}" '
-                f'height="{BOX}" rx="{radius}" fill="{LOOKS[box.status][1]}" '
-                f'stroke="{LOOKS[box.status][2]}" stroke-width="1.5"/>'
-                f'<text x="{box.x + PADDING:.1f}" y="{box.y + 5:.1f}" fill="{INK}">'
-                f"{html.escape(box.label)}</text>"
-            )
-        for x, text, color in self._colour_key():
-            lines.append(
-                f'<text x="{x:.1f}" y="{height - MARGIN - LINE}" fill="{color}">{text}</text>'
-            )
-        lines.append(
-            f'<text x="{MARGIN}" y="{height - MARGIN}" fill="{PALE}">{LEGEND}</text></svg>'
-        )
-        return "\n".join(lines) + "\n"
-
-    def _colour_key(self) -> list[tuple[float, str, str]]:
-        """Return where the name of each status stands below the tree [px], and its colour."""
-        out, x = [], float(MARGIN)
+            write(MARGIN, TITLE + LINE * i + 18, line, color=INK)
+        x = float(MARGIN)
         for text, _, color in LOOKS.values():
-            out.append((x, text, color))
+            write(x, height - MARGIN - LINE, text, color=color)
             x += self._font.getlength(text) + MARGIN
-        return out
-
-    def image(self) -> Image.Image:
-        """Return the picture as pixels, at twice the size."""
-        big = _font(FONT_SIZE * SCALE)
-        image = Image.new("RGB", (self.size[0] * SCALE, self.size[1] * SCALE), "white")
-        pen = ImageDraw.Draw(image)
-        place = (MARGIN * SCALE, 10 * SCALE)
-        pen.text(place, self._title, fill=INK, font=_font((FONT_SIZE + 5) * SCALE))
-        for box in self.boxes:
-            if box.parent >= 0:
-                points = [(x * SCALE, y * SCALE) for x, y in self._link(box)]
-                pen.line(points, fill=PALE, width=SCALE)
-        for box in self.boxes:
-            low, high = box.y - BOX / 2, box.y + BOX / 2
-            pen.rounded_rectangle(
-                [SCALE * v for v in (box.x, low, box.x + box.width, high)],
-                radius=(BOX / 2 if box.is_leaf else 3) * SCALE,
-                fill=LOOKS[box.status][1],
-                outline=LOOKS[box.status][2],
-                width=round(1.5 * SCALE),
-            )
-            middle = ((box.x + PADDING) * SCALE, box.y * SCALE)
-            pen.text(middle, box.label, fill=INK, font=big, anchor="lm")
-        for i, line in enumerate(self._subtitle):
-            at = (MARGIN * SCALE, (TITLE + LINE * i + 18) * SCALE)
-            pen.text(at, line, fill=INK, font=big, anchor="ls")
-        level = (self.size[1] - MARGIN - LINE) * SCALE
-        for x, text, color in self._colour_key():
-            pen.text((x * SCALE, level), text, fill=color, font=big, anchor="ls")
-        bottom = (MARGIN * SCALE, (self.size[1] - MARGIN) * SCALE)
-        pen.text(bottom, LEGEND, fill=PALE, font=big, anchor="ls")
-        return image
+        write(MARGIN, height - MARGIN, LEGEND, color=PALE)
+        return figure
 
     def _link(self, box: Box) -> list[tuple[float, float]]:
         """Return the corners of the line from a box's parent to it."""
@@ -185,20 +138,14 @@ class TreePicture:
             ConfigError: If the name ends in something else.
         """
         file = Path(path)
-        if file.suffix == ".png":
-            self.image().save(file)
-        elif file.suffix in (".svg", ".txt"):
-            file.write_text(self.svg() if file.suffix == ".svg" else self.text(), encoding="utf-8")
+        if file.suffix == ".txt":
+            file.write_text(self.text(), encoding="utf-8")
+        elif file.suffix in (".png", ".svg"):
+            with matplotlib.rc_context({"svg.fonttype": "none"}):  # text stays text
+                self.figure().savefig(file, dpi=72 * SCALE)
         else:
             raise ConfigError(f"a picture of a tree is .png, .svg or .txt, got {file.name!r}")
         return file
-
-
-def _font(size: int) -> ImageFont.FreeTypeFont:
-    # Matplotlib brings a font with it that has arrows.
-    return ImageFont.truetype(
-        Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf", size
-    )
 
 
 def _label(node: Behaviour) -> str:

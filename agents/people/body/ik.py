@@ -20,10 +20,8 @@ from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import (
     Array,
     Pose,
-    conjugate,
     matrix_from_quaternion,
     quaternion_from_matrix,
-    rotate,
 )
 from rcare_marl.tree.inverse_kinematics import (
     BALANCE,
@@ -45,12 +43,11 @@ from ..profile import Range
 from .goal import Balance, Direction, Gaze, Goal, Orientation, Point, Position
 from .person_tree import BASE_COLUMNS, BASE_REACH, FIRST, PELVIS, Base, part_of, walking_tree
 from .segment import Segment
-from .skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, PARENTS
+from .skeleton import DOF_INDEX, DOFS, JOINT_INDEX
 
 if TYPE_CHECKING:
     from ..human import Human
 
-THICKEST = 0.3  # [m] from a bone to the skin at most
 ITERATIONS = 60  # of one search
 # How much a radian away from the wished posture counts beside a metre from a goal: it decides only what
 # goals leave open, and costs a goal well under a millimetre. Our own choice, the joints' shares too.
@@ -383,47 +380,6 @@ def grip_point(person: Human, side: str) -> Array:
         person.model.joints[JOINT_INDEX[f"{side}_{name}"]] for name in ("wrist", "middle1")
     )
     return np.asarray(0.85 * (knuckle - wrist) + (0.0, -0.03, 0.0))
-
-
-def surface_point(
-    person: Human, joint: str, share: float, towards: Point, *, gap: float = 0.0
-) -> Array:
-    """Return a point on the surface of a person's limb in the world [m], shape [3].
-
-    Args:
-        person: Whose limb; spawned.
-        joint: SMPL-X joint of the segment, with a joint at its far end.
-        share: How far along the bone, 0 at the joint to 1 at its end.
-        towards: The side that is meant: a direction in the world, not along the bone.
-        gap: How far outside the surface [m].
-
-    Raises:
-        UnknownNameError: If there is no such joint.
-        ConfigError: If the segment has no joint at its far end, or `towards` is along the bone.
-    """
-    check_name("joint", joint, JOINT_INDEX)
-    if JOINT_INDEX[joint] not in PARENTS:
-        raise ConfigError(f"the segment {joint!r} has no joint at its far end")
-    end = JOINTS[PARENTS.index(JOINT_INDEX[joint])]
-    here = person.joint_pose(joint)
-    bone = rotate(
-        conjugate(here.quaternion),
-        np.subtract(person.joint_pose(end).position, here.position),
-    )
-    out = rotate(conjugate(here.quaternion), np.asarray(towards, np.float64))
-    out = out - (out @ bone) / (bone @ bone) * bone
-    size = float(np.linalg.norm(out))
-    if size < 1e-6:
-        raise ConfigError(f"a side of {joint!r} cannot be along its bone, as {towards} is")
-    shapes, start, out = person.segments[joint].shapes, share * bone, out / size
-    inside, outside = 0.0, THICKEST
-    for _ in range(30):
-        middle = 0.5 * (inside + outside)
-        if min(shape.distance(start + middle * out) for shape in shapes) < 0.0:
-            inside = middle
-        else:
-            outside = middle
-    return np.asarray(rotate(here.quaternion, start + (inside + gap) * out) + here.position)
 
 
 def arm_dofs(person: Human, side: str, *, trunk: bool = True) -> tuple[str, ...]:

@@ -1,10 +1,10 @@
 """The SMPL-X skeleton: 55 joints, and the 112 anatomical degrees of freedom that we give them.
 
-Axes are those of SMPL-X: x to the person's left, y up, z forward. The rest pose is the T-pose, and
-every joint's local frame is parallel to the body's frame there, so an axis below is both local and
-global. A degree of freedom is named by its positive motion (`left_elbow_flexion`), and a motion has
-the same sign on both sides. Clinical angles start at the anatomical position; the only one that
-differs from the T-pose is shoulder abduction, which is 90 degrees there.
+Axes are those of SMPL-X: x to the person's left, y up, z forward. The rest pose is the T-pose, and every
+joint's local frame is parallel to the body's frame there, so an axis is both local and global. A degree of
+freedom is named by its positive motion (`left_elbow_flexion`), and a motion has the same sign on both
+sides. Clinical angles start at the anatomical position; the only one that differs from the T-pose is
+shoulder abduction, which is 90 degrees there.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcare_marl import assets
+from rcare_marl.config import read_yaml
 from rcare_marl.pose import Array, axis_rotation
 
 from .scapula import pivot, turn_scapula
@@ -32,32 +34,8 @@ JOINTS: tuple[str, ...] = BODY + tuple(
 )
 JOINT_INDEX = {name: i for i, name in enumerate(JOINTS)}
 
-_BODY_PARENTS = (
-    -1,
-    0,
-    0,
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-    8,
-    9,
-    9,
-    9,
-    12,
-    13,
-    14,
-    16,
-    17,
-    18,
-    19,
-    15,
-    15,
-    15,
+_BODY_PARENTS = tuple(
+    map(int, "-1 0 0 0 1 2 3 4 5 6 7 8 9 9 9 12 13 14 16 17 18 19 15 15 15".split())
 )
 PARENTS: tuple[int, ...] = _BODY_PARENTS + tuple(
     wrist if k == 0 else first + 3 * finger + k - 1
@@ -102,58 +80,11 @@ def _negated(axis: Axis) -> Axis:
 
 
 # Joints of the middle and the left half, proximal axis first: (positive motion, negative, axis).
+_SIGNED = {name: axis for name, axis in zip("xyz", (X, Y, Z), strict=True)}
+_SIGNED |= {f"-{name}": _negated(axis) for name, axis in _SIGNED.items()}
 _AXES: dict[str, tuple[tuple[str, str, Axis], ...]] = {
-    "hip": (
-        ("flexion", "extension", _negated(X)),
-        ("abduction", "adduction", Z),
-        ("external_rotation", "internal_rotation", Y),
-    ),
-    "knee": (
-        ("flexion", "extension", X),
-        ("valgus", "varus", Z),
-        ("external_rotation", "internal_rotation", Y),
-    ),
-    "ankle": (
-        ("dorsiflexion", "plantarflexion", _negated(X)),
-        ("eversion", "inversion", Z),
-        ("external_rotation", "internal_rotation", Y),
-    ),
-    "foot": (
-        ("extension", "flexion", _negated(X)),
-        ("eversion", "inversion", Z),
-        ("external_rotation", "internal_rotation", Y),
-    ),
-    "collar": (
-        ("elevation", "depression", Z),
-        ("protraction", "retraction", _negated(Y)),
-        ("posterior_rotation", "anterior_rotation", _negated(X)),
-    ),
-    # At the side of the body the second axis is the sagittal one: flexion; see docs/avatars.md.
-    "shoulder": (
-        ("abduction", "adduction", Z),
-        ("flexion", "extension", _negated(Y)),
-        ("external_rotation", "internal_rotation", _negated(X)),
-    ),
-    "elbow": (
-        ("flexion", "extension", _negated(Y)),
-        ("valgus", "varus", Z),
-        ("pronation", "supination", X),
-    ),
-    "wrist": (
-        ("flexion", "extension", _negated(Z)),
-        ("radial_deviation", "ulnar_deviation", _negated(Y)),
-        ("pronation", "supination", X),
-    ),
-    "eye_smplhf": (
-        ("elevation", "depression", _negated(X)),
-        ("abduction", "adduction", Y),
-        ("extorsion", "intorsion", Z),
-    ),
-    "jaw": (
-        ("opening", "closing", X),
-        ("deviation_left", "deviation_right", Y),
-        ("tilt_right", "tilt_left", Z),
-    ),
+    joint: tuple((positive, other, _SIGNED[axis]) for positive, (other, axis) in rows.items())
+    for joint, rows in read_yaml(assets.ROOT / "clinical" / "joint_axes.yaml")["axes"].items()
 }
 _HALF = math.sqrt(0.5)
 _THUMB_FLEXION: Axis = (0.0, _HALF, -_HALF)  # in the rest pose the thumb's pad faces down and back

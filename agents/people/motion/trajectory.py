@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Array
@@ -19,7 +17,6 @@ if TYPE_CHECKING:
 
 SPEED = 0.8  # [rad/s] of the fastest joint; our own choice: an unhurried movement
 PEAK = 1.875  # greatest speed of a minimum-jerk movement, in its mean speed: 15 / 8
-SETTLED = 0.05  # [rad] that counts as arrived
 
 
 def minimum_jerk(share: float) -> float:
@@ -29,12 +26,6 @@ def minimum_jerk(share: float) -> float:
     """
     s = min(max(share, 0.0), 1.0)
     return s * s * s * (10 - 15 * s + 6 * s * s)
-
-
-def minimum_jerk_speed(share: float) -> float:
-    """Return the rate of `minimum_jerk`: 30 s² (1 - s)²; 15/8 in the middle, zero at both ends."""
-    s = min(max(share, 0.0), 1.0)
-    return 30 * (s * (1 - s)) ** 2
 
 
 class Trajectory:
@@ -159,89 +150,3 @@ class Trajectory:
         last = min(k + 1, len(self.knots) - 1)
         values = self.knots[k] + minimum_jerk(share) * (self.knots[last] - self.knots[k])
         return dict(zip(self.dofs, values.tolist(), strict=True))
-
-    def speed(self, time: float) -> dict[str, float]:
-        """Return the rate of each DoF [rad/s] at a time [s]."""
-        k, share = self._place(time)
-        last = min(k + 1, len(self.knots) - 1)
-        span = max(float(self.times[last] - self.times[k]), 1e-12)
-        values = minimum_jerk_speed(share) / span * (self.knots[last] - self.knots[k])
-        return dict(zip(self.dofs, values.tolist(), strict=True))
-
-
-class TrajectoryPolicy:
-    """A policy that follows one trajectory and then holds its end; it starts with the episode."""
-
-    def __init__(
-        self,
-        person: Human,
-        trajectory: Callable[[], Trajectory] | Trajectory,
-        clock: Callable[[], float],
-        control_dt: float,
-    ) -> None:
-        """Prepare the policy.
-
-        Args:
-            person: Who moves.
-            trajectory: The trajectory, or what returns it once the episode has begun.
-            clock: Returns the simulated time [s].
-            control_dt: Length of a control step [s].
-        """
-        self._person, self._make, self._clock = person, trajectory, clock
-        self._dt = control_dt
-        self._trajectory: Trajectory | None = None
-        self._since = 0.0
-
-    def reset(self, rng: np.random.Generator) -> None:
-        self._trajectory = None
-
-    def act(self) -> Array:
-        if self._trajectory is None:
-            made = self._make
-            self._trajectory = made if isinstance(made, Trajectory) else made()
-            self._since = self._clock()
-        # The angles are pursued during the coming control step: those at its end are wished.
-        wish = self._trajectory.sample(self._clock() - self._since + self._dt)
-        return self._person.action_towards(wish, self._dt)
-
-
-class Follow(Behaviour):
-    """A leaf that moves a person along a trajectory; it succeeds when the person has arrived."""
-
-    def __init__(
-        self,
-        name: str,
-        person: Human,
-        intent: dict[str, float],
-        trajectory: Callable[[], Trajectory],
-        clock: Callable[[], float],
-        control_dt: float,
-        *,
-        tolerance: float = SETTLED,
-    ) -> None:
-        """Prepare the leaf.
-
-        Args:
-            name: Shown in pictures of the tree.
-            person: Who moves.
-            intent: Wished angles [rad], shared with the policy; this leaf writes into it.
-            trajectory: Returns the trajectory, asked when the leaf begins.
-            clock: Returns the simulated time [s].
-            control_dt: Length of a control step [s].
-            tolerance: How near the end counts as arrived [rad].
-        """
-        super().__init__(name)
-        self._person, self._intent, self._make = person, intent, trajectory
-        self._clock, self._dt, self._tolerance = clock, control_dt, tolerance
-
-    def initialise(self) -> None:
-        self._trajectory, self._since = self._make(), self._clock()
-
-    def update(self) -> Status:
-        passed = self._clock() - self._since
-        self._intent.update(self._trajectory.sample(passed + self._dt))
-        if passed < self._trajectory.duration:
-            return Status.RUNNING
-        end = self._trajectory.sample(self._trajectory.duration)
-        near = all(abs(self._person.angle(d) - a) < self._tolerance for d, a in end.items())
-        return Status.SUCCESS if near else Status.RUNNING

@@ -44,19 +44,7 @@ REGIONS = JOINT_REGIONS | {
     "arm": _together("shoulder", "elbow", "wrist", "hand"),
     "leg": _together("hip", "knee", "ankle"),
 }
-STIFF = (
-    "neck",
-    "trunk",
-    "jaw",
-    "shoulder",
-    "elbow",
-    "wrist",
-    "finger",
-    "thumb",
-    "hip",
-    "knee",
-    "ankle",
-)
+STIFF = tuple("neck trunk jaw shoulder elbow wrist finger thumb hip knee ankle".split())
 
 
 def groups_of(key: str) -> tuple[str, ...]:

@@ -15,12 +15,15 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from rcare_marl import assets
+from rcare_marl.config import read_yaml
 from rcare_marl.pose import Array
 
 from ..actuation.drive import ActuationConfig
 from ..actuation.graded import body_test, frame_of, normal_torques, torque_holding
 from ..actuation.muscular import Excitation
 from ..avatar import AvatarConfig, load_avatar
+from ..body.anthropometry import Sex
 from ..body.skeleton import DOFS
 from ..profile import ClinicalProfile, SideProfile, clinical_norms
 from ..strength import RangeTest, Resistance, mmt_tests
@@ -59,39 +62,6 @@ HELD_OUT: dict[str, tuple[str, float, float]] = {  # avatar, stature [m], mass [
 MEANING = (
     "what the grades say in teaching (2: the whole range with gravity eliminated; 2+: less than half of it "
     "against gravity; 3: the whole range against gravity); positions after Hislop et al. from memory"
-)
-DVIR = "Z. Dvir, Clinical Rehabilitation 11, 1997 (abstract): weight by isokinetic strength"
-# Share of normal strength that the weight of the limb is, women then men.
-PUBLISHED: tuple[tuple[str, Literal["female", "male"], float, float, str], ...] = (
-    ("knee_extensors", "female", 0.05, 0.10, DVIR),
-    ("knee_extensors", "male", 0.05, 0.08, DVIR),
-    ("shoulder_flexors", "female", 0.07, 0.27, DVIR),
-    ("shoulder_flexors", "male", 0.07, 0.21, DVIR),
-    ("shoulder_abductors", "female", 0.07, 0.27, DVIR),
-    ("shoulder_abductors", "male", 0.07, 0.21, DVIR),
-    ("hip_flexors", "female", 0.05, 0.65, DVIR),
-    ("hip_flexors", "male", 0.04, 0.44, DVIR),
-    (
-        "elbow_flexors",
-        "male",
-        0.0,
-        0.04,
-        "M. MacAvoy & D. Green, J. Hand Surgery 32A, 2007 (abstract)",
-    ),
-    (
-        "knee_extensors",
-        "male",
-        0.036,
-        0.060,
-        "H. Sato et al. 1999 (abstract): 4.8 +- 1.2 % of normal",
-    ),
-    (
-        "knee_extensors",
-        "female",
-        0.036,
-        0.056,
-        "H. Sato et al. 1999 (abstract): 4.6 +- 1.0 % of normal",
-    ),
 )
 
 
@@ -289,9 +259,16 @@ def checks() -> list[Check]:
                 out.append(
                     Check("grade", case, right, count, count, "cases", MEANING, "read", is_fitted)
                 )
-    for group, sex, low, high, source in PUBLISHED:
-        person = load_avatar("karan" if sex == "male" else "caregiver")
-        share = torque_holding(frame_of(person), SIDE, group) / mmt_tests().shares.holding
-        case = f"weight of the limb, {group}, {sex}"
-        out.append(Check("grade", case, share, low, high, "of normal", source, "read", False))
-    return out
+    return out + [
+        _weight(group, sex, low, high, study["source"])
+        for study in read_yaml(assets.ROOT / "clinical" / "limb_weights.yaml")["published"]
+        for group, sex, low, high in study["rows"]
+    ]
+
+
+def _weight(group: str, sex: Sex, low: float, high: float, source: str) -> Check:
+    """Return the check of what share of normal strength the weight of a limb is."""
+    person = load_avatar("karan" if sex == "male" else "caregiver")
+    share = torque_holding(frame_of(person), SIDE, group) / mmt_tests().shares.holding
+    case = f"weight of the limb, {group}, {sex}"
+    return Check("grade", case, share, low, high, "of normal", source, "read", False)

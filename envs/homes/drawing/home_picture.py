@@ -19,6 +19,7 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.pose import Array
 from rcare_marl.rendering import Camera, Light, SoftwareRenderer, make_renderer
 from rcare_marl.rendering.daylight import disc, dome, exposed
+from rcare_marl.rendering.portrait import framed
 from rcare_marl.world import World
 
 Picture = npt.NDArray[np.uint8]
@@ -237,6 +238,7 @@ def perspective(home: CareHome, *, width: int = 1600, height: int = 1000) -> Pic
         home.spawn(world, ceilings=False, wall_height=CUT)
         corners = _corners(home.plan.outline, CUT)
         camera = framed(corners, VIEW, fov_deg=FOV, width=width, height=height)
+        camera = dataclasses.replace(camera, near=1.0, far=300.0)
         reach = 0.5 * float(np.ptp(corners[:, :2], axis=0).max()) + 2.0
         sky = Light(key=0.75, fill=1.15, bounce=0.6, reach=reach, lid=EVERYTHING)
         sun = Light(SUN, key=2.2, fill=1.15, bounce=0.6, reach=reach, lid=EVERYTHING)
@@ -271,46 +273,6 @@ def room_perspective(
         return _taken(world, camera, _light(home, room, vantage.open_sides))
     finally:
         world.close()
-
-
-def framed(
-    points: Array,
-    direction: tuple[float, float, float],
-    *,
-    fov_deg: float,
-    width: int,
-    height: int,
-    margin: float = 1.04,
-) -> Camera:
-    """Return a camera that sees all points, with them in the middle of the picture.
-
-    Args:
-        points: What to see [m], shape [n, 3].
-        direction: From there to the camera.
-        fov_deg: Vertical field of view [deg].
-        width: Of the picture [pixel].
-        height: Of the picture [pixel].
-        margin: Size of the picture over that of what is to be seen.
-    """
-    back = np.array(direction) / np.linalg.norm(direction)
-    right = np.cross((0.0, 0.0, 1.0), back)
-    right /= np.linalg.norm(right)
-    up = np.cross(back, right)
-    half = math.tan(math.radians(0.5 * fov_deg)) / margin
-    target = points.mean(axis=0)
-    distance = 0.0
-    for _ in range(8):  # moving the target moves what is at the edges: it settles quickly
-        away = points - target
-        wide, high, near = away @ right * height / width, away @ up, away @ back
-        distance = float((np.maximum(np.abs(wide), np.abs(high)) / half + near).max())
-        depth = distance - near
-        x, y = away @ right / depth, away @ up / depth
-        target = target + distance * 0.5 * ((x.min() + x.max()) * right + (y.min() + y.max()) * up)
-    eye = target + distance * back
-    (ex, ey, ez), (tx, ty, tz) = eye.tolist(), target.tolist()
-    return Camera(
-        (ex, ey, ez), (tx, ty, tz), fov_deg=fov_deg, width=width, height=height, near=1.0, far=300.0
-    )
 
 
 def _corners(areas: Sequence[Rectangle], top: float) -> Array:

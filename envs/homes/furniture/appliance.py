@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from rcare_marl.errors import ConfigError
 
-from ...rectangle import Rectangle
 from .joinery import Joinery, front_zone, furniture
 from .kitchen import (
     SWEEP,
     TALL,
-    add_fruit,
-    add_kettle,
-    add_knives,
     stand_tall,
     tall_carcass,
 )
@@ -160,50 +156,3 @@ def oven_tower(made: Joinery) -> None:
     made.door("door", a, b, "front", left=False, handle_z=z1 + 0.22, framed=True)
     made.box((0.01, -half + 0.017, over), (0.5, half - 0.017, z1 + 0.116), "trim")
     stand_tall(made, half, SWEEP + 0.1)
-
-
-@furniture("microwave")
-def microwave(made: Joinery) -> None:
-    """Make a microwave oven to stand on a worktop; its floor is that of the worktop."""
-    half, deep, high, wall = 0.24, 0.34, 0.28, 0.014
-    split, face = half - 0.12, deep + 0.02
-    made.box((0.0, -half, 0.01), (deep, half, 0.01 + wall), "plastic")
-    made.box((0.0, -half, high - wall), (deep, half, high), "plastic")
-    made.box((0.0, -half, 0.01), (wall, half, high), "plastic")
-    made.box((0.0, -half, 0.01), (deep, -half + wall, high), "plastic")
-    made.box((0.0, split, 0.01), (face, half, high), "plastic")
-    for x in (0.04, deep - 0.04):
-        for y in (-half + 0.04, half - 0.04):
-            made.post((x, y, 0.0), 0.01, 0.014, "rubber")
-    made.post((0.17, -0.06, 0.024), 0.032, 0.13, "glass")
-    low, top = (deep, -half, 0.01), (face, split, high)
-    door = made.door("door", low, top, "plastic", left=False, mass=1.2)
-    door.show((face, -half + 0.04, 0.05), (deep + 0.022, split - 0.06, high - 0.04), "black")
-    made.show((face, split + 0.02, 0.2), (face + 0.002, half - 0.02, 0.24), "black")
-    for z in (0.08, 0.14):
-        y = 0.5 * (split + half)
-        made.rod(((face, y, z), (face + 0.018, y, z)), 0.02, "metal")
-    made.frame("plate", (0.17, -0.06, 0.032), "middle of the turntable")
-    made.outline(deep + 0.06, half, high)
-    made.zones.clear()
-
-
-@furniture("kettle")
-def kettle(made: Joinery) -> None:
-    """Make a kettle to stand on a worktop; its floor is that of the worktop."""
-    add_kettle(made, (0.09, 0.0, 0.0))
-    made.footprint, made.height = Rectangle(0.0, -0.14, 0.18, 0.115), 0.21
-
-
-@furniture("knife_block")
-def knife_block(made: Joinery) -> None:
-    """Make a block of knives to stand on a worktop; its floor is that of the worktop."""
-    add_knives(made, (0.06, 0.0, 0.0))
-    made.outline(0.12, 0.05, 0.29)
-
-
-@furniture("fruit_bowl")
-def fruit_bowl(made: Joinery) -> None:
-    """Make a bowl of fruit to stand on a table; its floor is that of the table."""
-    add_fruit(made, (0.14, 0.0, 0.0))
-    made.outline(0.28, 0.14, 0.14)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 
 from rcare_marl.model.shape import Shape, Triple
 from rcare_marl.model.urdf import Joint, Link, Model, joint_pose
 
-from ...devices import Frame, HospitalBed, ManualWheelchair, PlatformLift, TransferBench
+from ...devices import Frame, HospitalBed, ManualWheelchair, TransferBench
 from ...rectangle import Rectangle
 from ..piece import Piece, Setting, Zone, maker
 
@@ -120,31 +119,4 @@ def make_transfer_bench(setting: Setting, *, seat_height: float = 0.48) -> Piece
         height=seat_height + f("backrest_height") + 0.06,
         frames=_moved(bench.frames, shift),
         measures={"bath_seat_height": seat_height},
-    )
-
-
-@maker("platform_lift")
-def make_platform_lift(setting: Setting, *, rise: float = 0.3) -> Piece:
-    """Make a platform lift that rises by `rise` [m], its landing at the wall, its ramp before it."""
-    lift = PlatformLift(rise=rise)
-    length, width, ramp = map(lift.model.figure, ("length", "width", "ramp"))
-    half = 0.5 * length
-    # The landing is at x of the lift: the piece looks the other way.
-    model = at_rest(lift.model, (half, 0.0, 0.0), {})
-    turned = dataclasses.replace(model.joints["stands"], rpy=(0.0, 0.0, math.pi))
-    model = dataclasses.replace(model, joints=model.joints | {"stands": turned})
-    frames = {}
-    for name, frame in lift.frames.items():
-        (x, y, z), (roll, pitch, yaw) = frame.position, frame.rpy_deg
-        frames[name] = Frame((half - x, -y, z), (roll, pitch, yaw + 180.0), frame.note)
-    side, tower = 0.5 * width + 0.035, 0.5 * width + 0.26
-    front = length + ramp
-    return Piece(
-        kind="platform_lift",
-        model=model,
-        footprint=Rectangle(0.0, -tower, front, side),
-        height=rise + 1.1,
-        zones=(Zone(Rectangle(front, -0.5 * width, front + 1.22, 0.5 * width)),),
-        frames=frames,
-        measures={"platform_lift_clear_width": width},
     )

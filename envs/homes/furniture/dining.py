@@ -185,18 +185,9 @@ def chair(made: Joinery) -> None:
 @furniture("sideboard")
 def sideboard(made: Joinery, *, width: float = 1.6) -> None:
     """Make a low sideboard with drawers over doors, `width` [m] wide, 1.0 to 2.4."""
-    _sideboard(made, width, 0.8)
-
-
-@furniture("high_sideboard")
-def high_sideboard(made: Joinery, *, width: float = 1.2) -> None:
-    """Make a sideboard that one can stand at, `width` [m] wide, 1.0 to 2.4."""
-    _sideboard(made, width, 1.15)
-
-
-def _sideboard(made: Joinery, width: float, z: float) -> None:
     if not 1.0 <= width <= 2.4:
         raise ConfigError(f"a {made.kind} is 1.0 to 2.4 m wide, got {width!r}")
+    z = 0.8
     _body_of_drawers(made, width, z, z + 0.23)
     outside = ((0.04, 0.0), (0.075, 0.06), (0.06, 0.16), (0.03, 0.2), (0.04, 0.23))
     made.lathe((0.2, -0.3 * width, z), (*outside, (0.032, 0.23), (0.0, 0.15)), "blanket")

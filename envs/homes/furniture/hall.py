@@ -80,39 +80,3 @@ def make_console_table(made: Joinery, *, width: float = 1.0) -> None:
         made.post((x, y, top + 0.4), top + 0.43, 0.022, colour)
     made.frame("tabletop", (0.5 * deep, 0.0, top), "free part of the top")
     made.stand_zone(-0.5 * wide, 0.5 * wide, 0.5, x=deep)
-
-
-@furniture("mirror_wall")
-def make_mirror(
-    made: Joinery, *, width: float = 0.5, height: float = 1.3, low: float = 0.5
-) -> None:
-    """Make a framed mirror on the wall, from `low` up [m]; low enough for a person who sits."""
-    half, high = 0.5 * width, low + height
-    made.box((0.0, -half, low), (0.022, half, high), "wood_dark")
-    made.show((0.022, -half + 0.03, low + 0.03), (0.026, half - 0.03, high - 0.03), "mirror")
-    made.frame("mirror", (0.026, 0.0, low + 0.5 * height), "middle of the glass, x out of it")
-    made.blocks = False
-
-
-@furniture("umbrella_stand")
-def make_umbrella_stand(made: Joinery) -> None:
-    """Make an open stand with two umbrellas and a walking stick in it."""
-    x, radius, high = 0.14, 0.11, 0.5
-    inside = radius - 0.012
-    wall = ((0.0, 0.0), (radius, 0.0), (radius, high), (inside, high), (inside, 0.015))
-    made.lathe((x, 0.0, 0.0), (*wall, (0.0, 0.015)), "metal_dark")
-    made.cylinder((x, 0.0, 0.0075), radius, 0.015)
-    size, away = (0.012, 2 * radius * math.tan(math.pi / 8), high), radius - 0.006
-    for k in range(8):  # staves, so that it is hollow
-        angle = 2 * math.pi * k / 8
-        at = (x + away * math.cos(angle), away * math.sin(angle), 0.5 * high)
-        made.slab(at, size, "", rpy=(0.0, 0.0, angle), seen=False)
-    for dx, dy, material in ((0.04, 0.03, "rug"), (-0.03, 0.05, "fabric")):
-        a, b = x + dx, x + dx + 0.07
-        made.rod([(x - 0.4 * dx, -0.6 * dy, 0.02), (a, dy, 0.86)], 0.006, "wood_dark")
-        cloth = [(x - 0.1 * dx, -0.3 * dy, 0.25), (x + 0.5 * dx, 0.5 * dy, 0.68)]
-        made.rod(cloth, 0.026, material)
-        grip = [(a, dy, 0.86), (a, dy, 0.9), (b, dy, 0.9), (b, dy, 0.86)]
-        made.rod(grip, 0.01, "wood", bend=0.03)
-    stick = [(x + 0.02, -0.05, 0.02), (x - 0.03, -0.07, 0.88), (x - 0.03, 0.02, 0.9)]
-    made.rod(stick, 0.011, "wood", bend=0.05)

@@ -1,4 +1,4 @@
-"""Fitted kitchens: runs of units against a wall, islands, tall cupboards."""
+"""Fitted kitchens: runs of units against a wall, tall cupboards."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from .kitchen_wall import add_cabinets, add_hood, add_tiles
 
 SWEEP = 0.45  # [m] in front of a run where drawers and most doors move
 TALL = 2.1  # [m]; common, from memory
-SPARE = 0.25  # [m] of worktop behind an island that stools go under; own choice
 
 
 @furniture("kitchen_run")
@@ -149,57 +148,12 @@ def add_fruit(made: Joinery, at: Triple) -> None:
     made.cylinder((x, y, z + 0.05), 0.12, 0.1)
 
 
-@furniture("kitchen_island")
-def kitchen_island(made: Joinery, *, length: float = 1.6) -> None:
-    """Make an island: units that open along x, and worktop that hangs over behind them.
-
-    The overhang takes stools at level 1; at levels 2 and 3 it is deep enough for knees and wheelchairs.
-    It is `length` [m] long; ConfigError unless that is 1.2 to 2.8.
-    """
-    if not 1.2 <= length <= 2.8:
-        raise ConfigError(f"a kitchen island is 1.2 to 2.8 m long, got {length!r}")
-    rules = made.rules
-    spare = rules.figure("counter_knee_depth", SPARE)
-    run = Run(made, spare, made.ruled("counter_height"))
-    half, count = 0.5 * length, round(length / 0.6)
-    width, back, depth = length / count, spare - 0.012, spare + DEPTH
-    units = tuple(
-        Unit("drawers" if k % 2 else "doors", -half + k * width, -half + (k + 1) * width)
-        for k in range(count)
-    )
-    add_units(run, units, spare)
-    made.box((back, -half, 0.0), (spare, half, run.under), "front")
-    add_fruit(made, run.at(0.2, 0.25 * length, run.top))
-    if rules.has("counter_knee_depth"):  # legs at the ends carry the overhang
-        for side in (-1, 1):
-            y = side * (half - 0.03)
-            made.box((0.02, y - 0.03, 0.0), (0.08, y + 0.03, run.under), "front")
-        free = half - 0.06
-        made.measures.update(counter_knee_height=run.under, counter_knee_width=2 * free)
-        made.measures["counter_knee_depth"] = back
-        made.knee.append(Rectangle(0.0, -free, back, free))
-    made.frame("worktop", (0.25, 0.0, run.top), "middle of the overhang")
-    behind = Zone(Rectangle(-rules.figure("passage_width"), -half, 0.0, half))
-    aisle = front_zone(depth, half, rules.figure("kitchen_aisle"))
-    made.outline(depth, half, run.top + 0.14, aisle, behind)
-
-
 @furniture("tall_cupboard")
 def tall_cupboard(made: Joinery, *, width: float = 0.6) -> None:
     """Make a cupboard of the height of a person with an upper and a lower door, `width` [m] wide."""
-    _tall(made, width, (PLINTH, 1.25, TALL), is_pantry=False)
-
-
-@furniture("pantry_cupboard")
-def pantry_cupboard(made: Joinery, *, width: float = 0.6) -> None:
-    """Make a tall cupboard with one high door and food on five shelves, `width` [m] wide."""
-    _tall(made, width, (PLINTH, TALL), is_pantry=True)
-
-
-def _tall(made: Joinery, width: float, joins: tuple[float, ...], *, is_pantry: bool) -> None:
     if not 0.4 <= width <= 1.2:
         raise ConfigError(f"a {made.kind} is 0.4 to 1.2 m wide, got {width!r}")
-    half = 0.5 * width
+    half, joins = 0.5 * width, (PLINTH, 1.25, TALL)
     tall_carcass(made, half)
     spans = [(-half, half)] if width <= 0.6 + 1e-9 else [(-half, 0.0), (0.0, half)]
     for place, (z0, z1) in enumerate(zip(joins, joins[1:], strict=False), start=1):
@@ -209,7 +163,7 @@ def _tall(made: Joinery, width: float, joins: tuple[float, ...], *, is_pantry: b
             made.door(name, *at, "front", left=leaf > 0, handle_z=grip, framed=True)
     for k, z in enumerate((0.45, 0.8, 1.15, 1.5, 1.8)):
         made.box((0.01, -half + 0.016, z), (0.48, half - 0.016, z + 0.016), "trim")
-        (_groceries if is_pantry else _linen)(made, half, z + 0.016, k)
+        _linen(made, half, z + 0.016, k)
     stand_tall(made, half, SWEEP)
 
 
@@ -229,38 +183,11 @@ def tall_carcass(made: Joinery, half: float) -> None:
     made.box((CARCASS - 0.076, -half, 0.0), (CARCASS - 0.06, half, PLINTH), "front")
 
 
-def _groceries(made: Joinery, half: float, z: float, row: int) -> None:
-    colours = ("accent", "paper", "clay", "leaf", "rug", "blanket", "glass")
-    for k in range(int((2 * half - 0.1) / 0.095)):
-        y = -half + 0.08 + 0.095 * k
-        material, top = colours[(3 * k + 2 * row) % 7], z + (0.12 + 0.05 * ((k + row) % 3))
-        if (k + row) % 2:
-            made.post((0.3, y, z), top, 0.036, material)
-        else:
-            made.show((0.22, y - 0.036, z), (0.36, y + 0.036, top), material)
-
-
 def _linen(made: Joinery, half: float, z: float, row: int) -> None:
     colours = ("towel", "linen", "blanket", "paper")
     for k in range(2):
         y, top = -0.5 * half + k * half, z + 0.1 + 0.05 * (row % 2)
         made.show((0.1, y - 0.4 * half, z), (0.42, y + 0.4 * half, top), colours[(row + k) % 4])
-
-
-@furniture("stool")
-def stool(made: Joinery, *, height: float = 0.65) -> None:
-    """Make a stool with a round seat, `height` [m] high."""
-    x, foot, z = 0.19, 0.15, 0.35 * height
-    made.cylinder((x, 0.0, height - 0.018), 0.17, 0.036, material="wood")
-    for dx in (-1, 1):
-        for dy in (-1, 1):
-            ends = (x + dx * foot, dy * foot, 0.002), (x + 0.11 * dx, 0.11 * dy, height - 0.03)
-            made.rod(ends, 0.016, "wood", solid=True)
-    for side in (-1, 1):
-        made.rod(((x - 0.135, 0.135 * side, z), (x + 0.135, 0.135 * side, z)), 0.01, "metal")
-        made.rod(((x + 0.135 * side, -0.135, z), (x + 0.135 * side, 0.135, z)), 0.01, "metal")
-    made.frame("seat", (x, 0.0, height), "middle of the seat")
-    made.outline(0.38, 0.18, height)
 
 
 @furniture("bin")

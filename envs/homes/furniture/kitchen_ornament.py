@@ -1,4 +1,4 @@
-"""What makes a room a home: lamps, rugs, pictures, clocks, plants."""
+"""What makes a room a home: rugs, pictures, clocks, plants."""
 
 from __future__ import annotations
 
@@ -11,32 +11,6 @@ from ...rectangle import Rectangle
 from .joinery import Joinery, furniture
 
 PICTURE_HEIGHT = 1.5  # [m] of the middle of pictures; common, from memory
-LAMP_BOTTOM = 1.9  # [m]; heads pass below it
-CEILING = 2.5  # [m]
-
-
-@furniture("pendant_lamp")
-def pendant_lamp(made: Joinery, *, bottom: float = LAMP_BOTTOM, ceiling: float = CEILING) -> None:
-    """Make a lamp that hangs from the ceiling; its frame is on the floor at the back of its shade.
-
-    Its lower edge is at `bottom` [m], the ceiling at `ceiling` [m]; ConfigError if heads would strike it,
-    or the ceiling is too low.
-    """
-    if not LAMP_BOTTOM <= bottom <= ceiling - 0.3:
-        raise ConfigError(
-            f"a pendant lamp hangs between {LAMP_BOTTOM} m and 0.3 m under the ceiling, got {bottom!r}"
-        )
-    x = 0.19
-    outside = ((0.19, 0.0), (0.17, 0.08), (0.06, 0.19), (0.03, 0.21))
-    shade = (*outside, (0.02, 0.2), (0.16, 0.07), (0.18, 0.0))
-    made.lathe((x, 0.0, bottom), shade, "accent")
-    made.draw(Shape("sphere", "lamp", (x, 0.0, bottom + 0.07), radius=0.05))
-    made.post((x, 0.0, bottom + 0.2), ceiling - 0.02, 0.004, "black")
-    made.post((x, 0.0, ceiling - 0.025), ceiling, 0.05, "white")
-    made.cylinder((x, 0.0, bottom + 0.1), 0.17, 0.2)
-    made.frame("light", (x, 0.0, bottom + 0.07), "the bulb")
-    made.outline(0.38, 0.19, ceiling)
-    made.blocks = False
 
 
 @furniture("rug")

@@ -251,23 +251,3 @@ def _logs(made: Joinery) -> None:
         flame = ((0.0, 0.0), (0.05, 0.06), (0.03, 0.5 * tall), (0.0, tall))
         made.lathe((0.18, y, 0.24), flame, "accent")
     made.block((0.08, -0.28, 0.03), (0.28, 0.28, 0.26))
-
-
-@furniture("radiator")
-def make_radiator(made: Joinery, *, width: float = 1.0, height: float = 0.6) -> None:
-    """Make a ribbed radiator under a window, with a valve that turns."""
-    half, low, high = 0.5 * width, 0.12, 0.12 + height
-    count = max(3, round(width / 0.09))
-    for k in range(count):
-        y = -half + (k + 0.5) * width / count
-        made.show((0.04, y - 0.03, low), (0.13, y + 0.03, high), "trim")
-    for z in (low + 0.05, high - 0.05):
-        made.show((0.06, -half, z - 0.02), (0.11, half, z + 0.02), "trim")
-    made.block((0.0, -half, low), (0.13, half, high))
-    x, y = 0.085, half + 0.04
-    made.post((x, y, 0.0), 0.2, 0.01, "metal", solid=True)
-    made.rod([(x, half, 0.17), (x, y, 0.17)], 0.01, "metal")
-    valve = made.joint("valve", (x, y, 0.225), "z", math.radians(270.0), damping=0.01)
-    valve.box((0.06, y - 0.014, 0.2), (0.11, y + 0.014, 0.25), "white", bevel=0.008)
-    note = "rim of the valve, turned along y"
-    made.frame("handle_valve", (0.11, y, 0.225), note, yaw_deg=90.0)
