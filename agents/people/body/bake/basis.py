@@ -1,12 +1,12 @@
 """The compact shape basis: rest shapes of anybody with NumPy alone (`assets/avatars/shape_basis.npz`).
 
 Rest vertices and bone heads are linear in products of phenotype factors. The file keeps their principal
-components as rounded steps, and the exact map from products to scores.
+components as rounded steps, and the exact map from products to scores; `make_basis` writes it.
 """
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -16,31 +16,20 @@ from rcare_marl import assets
 from rcare_marl.errors import check_name
 from rcare_marl.reading import ArrayFile
 
-from ..skeleton import JOINT_INDEX, JOINTS
-from .mesh import Floats, Mask
+from .mesh import Floats, Ints, Mask
 from .phenotype import PHENOTYPES, factors, products
-from .source import BONE_OF_JOINT, MASKS, MaskName
+from .source import MASKS, MaskName, ShapeSource
 
 BASIS_FILE = assets.ROOT / "avatars" / "shape_basis.npz"
 MEAN_STEP = 1e-5  # [m]
 Steps = NDArray[np.int16]
 
 
-class BasisSource:
-    """The shape basis that ships: one mesh and one rig for everybody.
+class BasisSource(ShapeSource):
+    """The shape basis that ships.
 
     Args:
-        file: The npz.
-
-    Attributes:
-        version: What made the shapes.
-        index: Base-mesh index of each vertex, shape [n].
-        faces: The closed skin with its eyeballs, shape [m, 3].
-        teeth: Faces of the teeth, shape [k, 3].
-        weights: Skin weights of the bones, shape [n, b].
-        bones: Names of the bones.
-        parents: Parent of each bone, -1 for the root.
-        changes: Names of the local changes; one without `l-` or `r-` may stand for both sides.
+        file: An npz that `make_basis` made.
     """
 
     def __init__(self, file: Path = BASIS_FILE) -> None:
@@ -93,29 +82,6 @@ class BasisSource:
         """Return which vertices line the mouth, shape [n]."""
         return self._cavity
 
-    @cached_property
-    def bone_index(self) -> dict[str, int]:
-        """Place of each bone in `bones`."""
-        return {name: i for i, name in enumerate(self.bones)}
-
-    @cached_property
-    def joint_weights(self) -> Floats:
-        """Weights of the 55 joints, each bone's given to its nearest ancestor that is one, [n, 55]."""
-        joint_of_bone = {bone: JOINT_INDEX[joint] for joint, bone in BONE_OF_JOINT.items()}
-        weights = np.zeros((len(self.weights), len(JOINTS)))
-        for i in range(len(self.bones)):
-            k = i
-            while self.bones[k] not in joint_of_bone:
-                k = self.parents[k]
-            weights[:, joint_of_bone[self.bones[k]]] += self.weights[:, i]
-        return weights
-
-    def descends(self, bone: int, ancestor: int) -> bool:
-        """Return whether a bone is another one or hangs on it."""
-        while bone >= 0 and bone != ancestor:
-            bone = self.parents[bone]
-        return bone == ancestor
-
 
 @lru_cache(maxsize=1)
 def shape_basis() -> BasisSource:
@@ -123,8 +89,16 @@ def shape_basis() -> BasisSource:
     return BasisSource()
 
 
+def pack(steps: Ints) -> NDArray[np.uint8]:
+    """Return shapes in whole steps [r, n, 3] as two planes of bytes that deflate well [2, r, 3, n]."""
+    by_axis = steps.transpose(0, 2, 1)
+    change = np.diff(by_axis, axis=2, prepend=0)
+    zigzag = np.where(change < 0, -2 * change - 1, 2 * change)
+    return np.stack([zigzag & 255, zigzag >> 8]).astype(np.uint8)
+
+
 def unpack(planes: NDArray[np.uint8]) -> Steps:
-    """Return shapes in whole steps [r, n, 3] from two planes of bytes that deflate well [2, r, 3, n]."""
+    """Return the shapes that `pack` took, shape [r, n, 3]."""
     zigzag = planes[0].astype(np.int32) | (planes[1].astype(np.int32) << 8)
     change = np.where(zigzag & 1, -(zigzag >> 1) - 1, zigzag >> 1)
     whole = np.cumsum(change, axis=2, dtype=np.int32).astype(np.int16)

