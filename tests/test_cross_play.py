@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import pytest
 from matplotlib.image import imread
 
 from rcare_marl.baselines.evaluation.cross_play import CrossPlay, cross_play
-from rcare_marl.baselines.evaluation.evaluate import evaluate
+from rcare_marl.baselines.evaluation.evaluate import evaluate, wilson_interval
 from rcare_marl.baselines.partners import Partner, partner_zoo
 from rcare_marl.errors import ConfigError, UnknownNameError
 
@@ -66,16 +65,21 @@ def test_processes_change_nothing(played: CrossPlay) -> None:
     assert again.to_dict() == played.to_dict()
 
 
-def test_record_is_plain_json_with_nothing_for_what_is_not_reported(
-    played: CrossPlay, tmp_path: Path
-) -> None:
-    unknown = {**played.values, "cost": np.full(played.values["cost"].shape, np.nan)}
-    dataclasses.replace(played, values=unknown).save(tmp_path / "matrix.json")
-    told = json.loads((tmp_path / "matrix.json").read_text())
-    assert told["success"] == played.success.tolist() and told["episodes"] == 2
-    assert told["values"]["cost"][0][0] == [None, None]
-    assert told["own"] == {"scripted": ["karan_cooperative"]}
-    assert "–" in dataclasses.replace(played, values=unknown).table("cost")
+def test_record_comes_back_as_it_was(played: CrossPlay, tmp_path: Path) -> None:
+    played.save(tmp_path / "matrix.json")
+    back = CrossPlay.read(tmp_path / "matrix.json")
+    assert back.to_dict() == played.to_dict()
+    assert back.own == {"scripted": ("karan_cooperative",)}
+
+
+def test_measure_that_a_task_does_not_report_stays_unknown(tmp_path: Path) -> None:
+    found = made([[1.0]], {})
+    unknown = dataclasses.replace(
+        found, values={**found.values, "cost": np.full((1, 1, 1), np.nan)}
+    )
+    unknown.save(tmp_path / "matrix.json")
+    back = CrossPlay.read(tmp_path / "matrix.json")
+    assert np.isnan(back.matrix("cost")).all() and "–" in back.table("cost")
 
 
 def test_gap_compares_known_partners_with_the_others() -> None:
@@ -83,6 +87,21 @@ def test_gap_compares_known_partners_with_the_others() -> None:
     gap = made([[1.0, 0.2], [0.4, 0.8]], own).gap()
     assert gap.own == pytest.approx(0.9) and gap.others == pytest.approx(0.3)
     assert np.isnan(made([[1.0]], {}).gap().own)
+
+
+def test_part_of_a_matrix_keeps_its_numbers_and_owners() -> None:
+    own = {"robot_0": ("partner_0",), "robot_1": ("partner_1", "partner_2")}
+    part = made([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]], own).select(
+        ["robot_1"], ["partner_2", "partner_0"]
+    )
+    assert part.success.tolist() == [[0.6, 0.4]]
+    assert part.own == {"robot_1": ("partner_2",)}
+
+
+def test_interval_counts_all_episodes_of_the_chosen_partners() -> None:
+    found = made([[1.0, 0.0, 1.0]], {})
+    assert found.interval("robot_0") == wilson_interval(2, 3)
+    assert found.interval("robot_0", ["partner_1"]) == wilson_interval(0, 1)
 
 
 def test_table_has_every_cell_and_marks_known_partners() -> None:
@@ -124,3 +143,9 @@ def test_bad_matches_are_refused() -> None:
         made([[1.0]], {"robot_9": ("partner_0",)})
     with pytest.raises(UnknownNameError, match="measure"):
         made([[1.0]], {}).matrix("sucess")
+
+
+def test_damaged_record_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "matrix.json").write_text('{"task": "feeding"}')
+    with pytest.raises(ConfigError, match="no record of a cross-play"):
+        CrossPlay.read(tmp_path / "matrix.json")

@@ -13,8 +13,8 @@ Example:
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,9 +26,10 @@ from rcare_marl.envs.registry import lead_roles
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
 from rcare_marl.provenance import versions
+from rcare_marl.reading import read_json
 
 from ..partners import Partner
-from .evaluate import Episode, Job, run_jobs
+from .evaluate import Episode, Job, run_jobs, wilson_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,15 +124,57 @@ class CrossPlay:
         matrix, own = self.matrix(measure), self.is_own()
         return Gap(*(float(matrix[m].mean()) if m.any() else float("nan") for m in (own, ~own)))
 
+    def select(
+        self, policies: Iterable[str] | None = None, partners: Iterable[str] | None = None
+    ) -> CrossPlay:
+        """Return a part of the matrix, in the order of the names; all of them where None.
+
+        Raises:
+            UnknownNameError: If there is no such policy or partner.
+        """
+        rows = _numbers("policy in the matrix", policies, self.policies)
+        columns = _numbers("partner in the matrix", partners, self.partners)
+        names = tuple(self.policies[i] for i in rows), tuple(self.partners[j] for j in columns)
+        own = {p: tuple(q for q in self.own.get(p, ()) if q in names[1]) for p in names[0]}
+        values = {name: array[np.ix_(rows, columns)] for name, array in self.values.items()}
+        own = {policy: met for policy, met in own.items() if met}
+        return replace(self, policies=names[0], partners=names[1], values=values, own=own)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, the same on every run of the same seeds."""
         values = {name: _listed(array) for name, array in self.values.items()}
         counts = {"episodes": self.episodes, "success": self.success.tolist()}
         return {**vars(self), "values": values, **counts}
 
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> CrossPlay:
+        """Return what `to_dict` gave.
+
+        Raises:
+            ConfigError: If something is missing or misshapen.
+        """
+        try:
+            shape = (len(data["policies"]), len(data["partners"]), data["episodes"])
+            values = {n: np.array(data["values"][n], np.float64).reshape(shape) for n in MEASURES}
+            given = {each.name: data[each.name] for each in fields(cls)}
+            given |= {name: tuple(data[name]) for name in ("policies", "partners")}
+            own = {name: tuple(partners) for name, partners in data["own"].items()}
+            return cls(**{**given, "values": values, "own": own})
+        except (KeyError, TypeError, ValueError) as error:
+            raise ConfigError(f"no record of a cross-play: {error!r}") from error
+
     def save(self, path: str | Path) -> None:
         """Write the record as JSON."""
         Path(path).write_text(json.dumps(self.to_dict()) + "\n", encoding="utf-8")
+
+    @classmethod
+    def read(cls, path: str | Path) -> CrossPlay:
+        """Return the record in a JSON file.
+
+        Raises:
+            ConfigError: If it cannot be read.
+        """
+        return cls.from_dict(read_json(path, "a record"))
 
     def table(self, measure: str = "success") -> str:
         """Return a measure of all pairs as a table in Markdown; own partners are in bold."""
@@ -143,6 +186,11 @@ class CrossPlay:
             ]
             rows.append((policy, *cells, _text(float(shown[i].mean()))))
         return markdown_table((TITLES[measure], *self.partners, "mean"), rows) + "\n"
+
+    def interval(self, policy: str, partners: Iterable[str] | None = None) -> tuple[float, float]:
+        """Return Wilson's 95 % interval of the success of a policy over some partners together."""
+        part = self.select([policy], partners).values["success"]
+        return wilson_interval(int(part.sum()), part.size)
 
     def _shown(self, measure: str) -> Array:
         return self.matrix(measure) * (100.0 if measure == "success" else 1.0)
@@ -276,6 +324,16 @@ def _write_numbers(axis: Axes, shown: Array, own: Flags, drawn: Any) -> None:
         if own[i, j]:
             corner = (j - 0.46, i - 0.44)
             axis.add_patch(Rectangle(corner, 0.92, 0.88, fill=False, edgecolor="#D55E00", lw=2))
+
+
+def _numbers(kind: str, wanted: Iterable[str] | None, known: Sequence[str]) -> list[int]:
+    if wanted is None:
+        return list(range(len(known)))
+    out = []
+    for name in wanted:
+        check_name(kind, name, known)
+        out.append(known.index(name))
+    return out
 
 
 def _listed(array: Array) -> list[Any]:
