@@ -49,14 +49,18 @@ PRESSING = (*HOLDING, "lower", "settle", "back")
 LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
 # Where the forearm points when it is up: while the elbow is behind the armrest, and beside it.
 OUTWARD = np.array((0.58, 0.8, 0.1))
-RAISED = 0.12  # [rad] of the wrist above the elbow, so that a drooping hand clears the armrest
+RAISED = 0.2  # [rad] of the wrist above the elbow, so that a drooping hand clears the armrest
 SETTLING = np.array((0.01, 0.0, 0.0))  # [m] that the forearm goes back when it is let go
-RISE = 0.01  # [m] of the elbow over its place, while the forearm is lifted
-CLEAR = 0.015  # [m] of the wrist over its place, before it goes over the armrest
+RISE = 0.02  # [m] of the elbow over its place, while the forearm is lifted
+CLEAR = 0.03  # [m] of the wrist over its place, before it goes over the armrest
 SINK = 0.4  # [rad/s] of the forearm on its way down
-UNDER = 0.017  # [m] of plate and room between pad and forearm, when it is let go
-TIP_UP = 0.3  # [rad] that its tip is higher until then: the thigh of the stout stands over the inner edge
-PRESSED = 0.6  # of the force limit, from which it is let go at once
+UNDER = 0.012  # [m] of plate and room between pad and forearm, when it is let go
+# [m] of the radius of a forearm, from where its owner is ever stouter, and where most. Their belly is beside
+# the pad and their arm is heavy: the plate's tip is higher until it leaves, by TIP_UP [rad], the plate is
+# higher by ROOM_UNDER [m], the arm is lifted less high, by the share LESS, and not aimed inward.
+STOUT = (0.036, 0.042)
+TIP_UP, ROOM_UNDER, LESS = 0.3, 0.005, 0.45
+PRESSED, HASTE = 0.6, 0.5  # of the force limit, and [s], from which it is let go as it is
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 YIELDING = (0.6, 0.85)  # of the force limit: where it gets slower, and where it goes back
@@ -67,7 +71,7 @@ AIM = 2.0  # [1/s] with which the plate goes where the forearm's middle is lacki
 FARTHEST = (0.1, 0.05)  # [m] that it does so along and across the pad
 # [m] that the forearm lies more to the middle of the chair, at first and at most, because the
 # plate takes it along as it is drawn out.
-INWARD = (0.0, 0.04)
+INWARD = (0.012, 0.04)
 HELD = 0.7  # of the forearm, nearer to the elbow than which the plate does not slide
 HIGH = 0.05  # [m] of the wrist over its place at most, on its way
 AHEAD = 0.04  # [m] that the forearm may lie too far ahead or back
@@ -95,7 +99,10 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._velocity = np.zeros(3)
         self.phase = "approach"
         self._wrist = np.zeros(3)
-        self._tries, self._shift, self._inward = 0, np.zeros(3), INWARD[0]
+        lean, fat = STOUT
+        self._stout = min(max((self._task.radius - lean) / (fat - lean), 0.0), 1.0)
+        self._high = 1.0 - LESS * self._stout  # how high it lifts
+        self._tries, self._shift, self._inward = 0, np.zeros(3), (1.0 - self._stout) * INWARD[0]
         self._since, self._was = 0.0, self.phase  # [s] in which phase
         self._waited, self._rise = 0.0, 0.0
         self._forearm, self._pitch, self._out = np.zeros(3), 0.0, np.zeros(3)
@@ -228,18 +235,18 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal = place + PRESS * rotate(turn, (1.0, 0.0, 0.0))
         if abs(float((goal - seat) @ self._direction())) < NEAR:
             self.phase, self._forearm = "lift", self._direction()
-            self._waited, self._rise = 0.0, RISE + HIGHER * self._tries
+            self._waited, self._rise = 0.0, self._high * RISE + HIGHER * self._tries
         return goal, turn, SLOW
 
     def _lift(self, seat: Array) -> tuple[Array, Array, float]:
         """Swing the forearm up, in an arc about where the elbow is to be, and wait low until it is there."""
         task = self._task
-        self._turn_to(np.array((0.93, 0.35, math.tan(RAISED))))
-        if self._forearm[2] > math.sin(RAISED) - 0.02:
+        self._turn_to(np.array((0.93, 0.35, math.tan(self._high * RAISED))))
+        if self._forearm[2] > math.sin(self._high * RAISED) - 0.02:
             self._waited += task.control_dt
             if self._ahead_by() < PLACED or self._waited > WAIT:
-                if task.state.wrist[2] > task.state.target[2] + CLEAR:
-                    self.phase, self._pitch, self._shift = "carry", RAISED, np.zeros(3)
+                if task.state.wrist[2] > task.state.target[2] + self._high * CLEAR:
+                    self.phase, self._pitch, self._shift = "carry", self._high * RAISED, np.zeros(3)
                 self._rise += RISING * task.control_dt
         forearm = task.state.wrist - task.state.elbow
         length = math.sqrt(float(forearm @ forearm))
@@ -265,10 +272,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         along = np.array((math.cos(pitch), 0.0, math.sin(pitch)))
         up = np.array((-along[2], 0.0, along[0]))
         elbow = task.state.target + SETTLING + (-0.5 * length, 0.0, RISE * pitch / RAISED)
-        place = elbow + HOOK_SHARE * length * along - (task.radius - UNDER) * up + self._shift
+        under = UNDER + self._stout * ROOM_UNDER
+        place = elbow + HOOK_SHARE * length * along - (task.radius - under) * up + self._shift
         # Nearer to the elbow the whole arm weighs on it.
         place[0] = max(float(place[0]), float(self._task.hook(HELD)[0][0]))
-        return place, _turned(-TIP_UP)
+        return place, _turned(-self._stout * TIP_UP)
 
     def _aim(self, seat: Array) -> float:
         """Move the plate by what the forearm lacks, and return how far that is to the left [m]."""
@@ -286,7 +294,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _carry(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring the raised forearm over the armrest."""
         task = self._task
-        goal, _ = self._over(RAISED)
+        goal, _ = self._over(self._high * RAISED)
         high = float(task.state.wrist[2] - task.state.target[2]) - HIGH
         if high > 0.0:  # a forearm that stands up falls into the lap
             goal[2] = min(float(goal[2]), float(seat[2]) - high)
@@ -325,7 +333,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if not is_carried:
             self._shift[2] = max(self._shift[2] - SINKING * task.control_dt, -SUNK)
         lies = is_carried and abs(aside) < CENTRED and abs(task.state.gap[0]) < AHEAD
-        if lies or (self._since > 0.5 and task.state.force > PRESSED * task.force_limit):
+        presses = task.state.force > PRESSED * task.force_limit and self._since > HASTE
+        if lies or (presses and abs(aside) < 2 * CENTRED):
             self._let_go(seat)
         goal, turn = self._over(0.0)
         return goal, turn, SLOW
