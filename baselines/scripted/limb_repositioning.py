@@ -51,15 +51,15 @@ LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
 OUTWARD = np.array((0.58, 0.8, 0.1))
 RAISED = 0.2  # [rad] of the wrist above the elbow, so that a drooping hand clears the armrest
 SETTLING = np.array((0.01, 0.0, 0.0))  # [m] that the forearm goes back when it is let go
-RISE = 0.02  # [m] of the elbow over its place, while the forearm is lifted
-CLEAR = 0.03  # [m] of the wrist over its place, before it goes over the armrest
+RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
+CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest
 SINK = 0.4  # [rad/s] of the forearm on its way down
 UNDER = 0.012  # [m] of plate and room between pad and forearm, when it is let go
 # [m] of the radius of a forearm, from where its owner is ever stouter, and where most. Their belly is beside
 # the pad and their arm is heavy: the plate's tip is higher until it leaves, by TIP_UP [rad], the plate is
 # higher by ROOM_UNDER [m], the arm is lifted less high, by the share LESS, and not aimed inward.
 STOUT = (0.036, 0.042)
-TIP_UP, ROOM_UNDER, LESS = 0.3, 0.005, 0.45
+TIP_UP, ROOM_UNDER, LESS = 0.3, 0.005, 0.55
 PRESSED, HASTE = 0.6, 0.5  # of the force limit, and [s], from which it is let go as it is
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
@@ -82,8 +82,11 @@ BRAKING = 0.04
 OVER = 0.035  # [m] from there, where the armrest is below it still
 SINKING, SUNK = 0.02, 0.008  # [m/s] on the pad until it carries the forearm, [m] at most
 LEAN = 4.0  # [N] on the pad, with which it does
+CAUGHT = (
+    2.0  # [s] on its way over, after which a hand may be caught at the armrest: it is lifted more
+)
 # [s].
-PATIENCE = dict(free=8.0, slide=4.0, lift=16.0, carry=4.0, lower=5.0, settle=2.0)
+PATIENCE = dict(free=8.0, slide=4.0, lift=16.0, carry=6.0, lower=5.0, settle=2.0)
 FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
 HIGHER = 0.015  # [m] that a new try raises the elbow more
 LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
@@ -295,6 +298,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Bring the raised forearm over the armrest."""
         task = self._task
         goal, _ = self._over(self._high * RAISED)
+        goal[2] += min(RISING * max(self._since - CAUGHT, 0.0), CLEAR)
         high = float(task.state.wrist[2] - task.state.target[2]) - HIGH
         if high > 0.0:  # a forearm that stands up falls into the lap
             goal[2] = min(float(goal[2]), float(seat[2]) - high)
