@@ -59,7 +59,7 @@ UNDER = 0.012  # [m] of plate and room between pad and forearm, when it is let g
 # the pad and their arm is heavy: the plate's tip is higher until it leaves, by TIP_UP [rad], the plate is
 # higher by ROOM_UNDER [m], the arm is lifted less high, by the share LESS, and not aimed inward.
 STOUT = (0.036, 0.042)
-TIP_UP, ROOM_UNDER, LESS = 0.3, 0.005, 0.55
+TIP_UP, ROOM_UNDER, LESS = 0.2, 0.005, 0.55
 PRESSED, HASTE = 0.6, 0.5  # of the force limit, and [s], from which it is let go as it is
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
@@ -318,11 +318,18 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Lower it, and level the plate, once the elbow has come back to where it belongs."""
         if self._ahead_by() < PLACED or self._since > WAIT_OVER:
             self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
-        self._aim(seat)
+        aside = self._aim(seat)
         goal, turn = self._over(self._pitch)
-        if self._pitch == 0.0 and math.dist(goal, seat) < NEAR:
+        if self._pitch == 0.0 and self._presses(aside):
+            self._let_go(seat)
+        elif self._pitch == 0.0 and math.dist(goal, seat) < NEAR:
             self.phase = "settle"
-        return goal, turn, SLOW
+        return goal, turn, self._high * SLOW
+
+    def _presses(self, aside: float) -> bool:
+        """Return whether it presses too much to go on, over a place that will do."""
+        pressed = self._task.state.force > PRESSED * self._task.force_limit
+        return pressed and self._since > HASTE and abs(aside) < 2 * CENTRED
 
     def _ahead_by(self) -> float:
         """Return how far ahead of its place a level forearm with this elbow would lie [m]."""
@@ -337,8 +344,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if not is_carried:
             self._shift[2] = max(self._shift[2] - SINKING * task.control_dt, -SUNK)
         lies = is_carried and abs(aside) < CENTRED and abs(task.state.gap[0]) < AHEAD
-        presses = task.state.force > PRESSED * task.force_limit and self._since > HASTE
-        if lies or (presses and abs(aside) < 2 * CENTRED):
+        if lies or self._presses(aside):
             self._let_go(seat)
         goal, turn = self._over(0.0)
         return goal, turn, SLOW
