@@ -126,8 +126,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         out = self._out - self._task.state.plate if leaves else np.zeros(3)
         rest = (*self._velocity / FAST, *self._shift / FARTHEST[0], *self._forearm, *out / LOWERED)
         since, inward = self._since / PATIENCE["free"], self._inward / INWARD[1]
-        values = (*rest, self._pitch / RAISED, inward, since, self._tries / 5)
-        values = (*values, self._waited / WAIT, self._rise / (10 * RISE))
+        waited, rise = self._waited / WAIT, self._rise / (2 * CLEAR)
+        values = (*rest, self._pitch / RAISED, inward, since, self._tries / 5, waited, rise)
         return np.append(
             marks(*(self.phase == name for name in PHASES)), np.clip(values, -1.0, 1.0)
         )
