@@ -1,8 +1,9 @@
 """A hand-written robot that lays an arm on the armrest with a cradle.
 
-It goes behind the forearm from outside, lifts it in an arc about the elbow, carries it over the armrest,
-lowers it and draws the plate out from under it. It yields where it presses, brings the forearm to its place
-by where it sees it, and begins anew, otherwise, if the arm is stuck or does not stay.
+It goes behind the forearm from outside, lifts it in an arc about the elbow, waits until the elbow, which
+gives way slowly, is back where it belongs, carries the forearm over the armrest, lowers it and draws the
+plate out from under it. It yields where it presses, brings the forearm to its place by where it sees it, and
+begins anew, otherwise, if the arm is stuck or does not stay.
 """
 
 from __future__ import annotations
@@ -37,6 +38,10 @@ ACCELERATION = 0.8  # [m/s²]
 NEAR = 0.02  # [m] from a place that counts as reached
 STILL = 0.03  # [m/s] of the wrist of an arm that hangs still
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
+LIFT = 0.16  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
+PLACED = 0.015  # [m] ahead of where it belongs, where the elbow is waited for no longer
+WAIT, WAIT_OVER = 6.0, 1.0  # [s] that it is, beside the armrest and over it
+RISING = 0.015  # [m/s] of the forearm, if it hangs too low then
 FREE = 0.03  # [m] of the elbow before the armrest's rear end, when the forearm is free of it
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
 HOLDING = ("free", "slide", "lift", "carry")
@@ -51,6 +56,12 @@ RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
 CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest
 SINK = 0.4  # [rad/s] of the forearm on its way down
 UNDER = 0.012  # [m] of plate and room between pad and forearm, when it is let go
+# [m] of the radius of a forearm, from where its owner is ever stouter, and where most. Their belly is beside
+# the pad and their arm is heavy: the plate's tip is higher until it leaves, by TIP_UP [rad], the plate is
+# higher by ROOM_UNDER [m], the arm is lifted less high, by the share LESS, and not aimed inward.
+STOUT = (0.036, 0.042)
+TIP_UP, ROOM_UNDER, LESS = 0.2, 0.005, 0.55
+PRESSED, HASTE = 0.6, 0.5  # of the force limit, and [s], from which it is let go as it is
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 YIELDING = (0.6, 0.85)  # of the force limit: where it gets slower, and where it goes back
@@ -72,8 +83,11 @@ BRAKING = 0.04
 OVER = 0.035  # [m] from there, where the armrest is below it still
 SINKING, SUNK = 0.02, 0.008  # [m/s] on the pad until it carries the forearm, [m] at most
 LEAN = 4.0  # [N] on the pad, with which it does
+CAUGHT = (
+    2.0  # [s] on its way over, after which a hand may be caught at the armrest: it is lifted more
+)
 # [s].
-PATIENCE = dict(free=8.0, slide=4.0, lift=6.0, carry=4.0, lower=4.0, settle=3.0)
+PATIENCE = dict(free=8.0, slide=4.0, lift=16.0, carry=6.0, lower=5.0, settle=2.0)
 FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
 HIGHER = 0.015  # [m] that a new try raises the elbow more
 LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
@@ -89,8 +103,12 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._velocity = np.zeros(3)
         self.phase = "approach"
         self._wrist = np.zeros(3)
-        self._tries, self._shift, self._inward = 0, np.zeros(3), INWARD[0]
+        lean, fat = STOUT
+        self._stout = min(max((self._task.radius - lean) / (fat - lean), 0.0), 1.0)
+        self._high = 1.0 - LESS * self._stout  # how high it lifts
+        self._tries, self._shift, self._inward = 0, np.zeros(3), (1.0 - self._stout) * INWARD[0]
         self._since, self._was = 0.0, self.phase  # [s] in which phase
+        self._waited, self._rise = 0.0, 0.0
         self._forearm, self._pitch, self._out = np.zeros(3), 0.0, np.zeros(3)
 
     def act(self) -> Array:
@@ -109,7 +127,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         out = self._out - self._task.state.plate if leaves else np.zeros(3)
         rest = (*self._velocity / FAST, *self._shift / FARTHEST[0], *self._forearm, *out / LOWERED)
         since, inward = self._since / PATIENCE["free"], self._inward / INWARD[1]
-        values = (*rest, self._pitch / RAISED, inward, since, self._tries / 5)
+        waited, rise = self._waited / WAIT, self._rise / (2 * CLEAR)
+        values = (*rest, self._pitch / RAISED, inward, since, self._tries / 5, waited, rise)
         return [self.phase == name for name in PHASES], np.clip(values, -1.0, 1.0)
 
     def _outside(self, seat: Pose, goal: Array, turn: Array) -> Array:
@@ -141,8 +160,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _let_go(self, seat: Array) -> None:
         half = 0.5 * self._task.cradle.model.figure("plate_length")
-        tipped = quaternion_from_rpy(TIPPED, 0.0, 0.0)
-        self.phase, self._flat = "leave", np.array(multiply(tipped, self._over(0.0)[1]))
+        self.phase, self._flat = "leave", _turned(TIPPED)
         self._drawn = float(self._task.state.gap[1])
         self._out = seat + (0.0, AWAY, half * math.sin(TIPPED))
 
@@ -190,7 +208,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Turn the wished direction of the forearm a step on."""
         towards = towards / np.linalg.norm(towards)
         left = math.acos(min(max(float(towards @ self._forearm), -1.0), 1.0))
-        part = min(1.0, SWEEP * self._task.control_dt / max(left, 1e-6))
+        speed = LIFT if self.phase == "lift" else SWEEP
+        part = min(1.0, speed * self._task.control_dt / max(left, 1e-6))
         wished = (1 - part) * self._forearm + part * towards
         self._forearm = wished / np.linalg.norm(wished)
 
@@ -218,19 +237,23 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal = place + PRESS * rotate(turn, (1.0, 0.0, 0.0))
         if abs(float((goal - seat) @ self._direction())) < NEAR:
             self.phase, self._forearm = "lift", self._direction()
+            self._waited, self._rise = 0.0, self._high * RISE + HIGHER * self._tries
         return goal, turn, SLOW
 
     def _lift(self, seat: Array) -> tuple[Array, Array, float]:
-        """Swing the forearm up, in an arc about where the elbow is to be, and stay below it."""
+        """Swing the forearm up, in an arc about where the elbow is to be, and wait low until it is there."""
         task = self._task
-        self._turn_to(np.array((0.93, 0.35, math.tan(RAISED))))
-        is_clear = task.state.wrist[2] > task.state.target[2] + CLEAR
-        if self._forearm[2] > math.sin(RAISED) - 0.02 and is_clear:
-            self.phase, self._pitch, self._shift = "carry", RAISED, np.zeros(3)
+        self._turn_to(np.array((0.93, 0.35, math.tan(self._high * RAISED))))
+        if self._forearm[2] > math.sin(self._high * RAISED) - 0.02:
+            self._waited += task.control_dt
+            if self._ahead_by() < PLACED or self._waited > WAIT:
+                if task.state.wrist[2] > task.state.target[2] + self._high * CLEAR:
+                    self.phase, self._pitch, self._shift = "carry", self._high * RAISED, np.zeros(3)
+                self._rise += RISING * task.control_dt
         forearm = task.state.wrist - task.state.elbow
         length = math.sqrt(float(forearm @ forearm))
         elbow = task.state.elbow.copy()
-        elbow[2] = task.state.target[2] + RISE + HIGHER * self._tries
+        elbow[2] = task.state.target[2] + self._rise
         goal, turn = task.cradle.under(
             elbow, elbow + length * self._forearm, task.radius, HOOK_SHARE
         )
@@ -251,10 +274,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         along = np.array((math.cos(pitch), 0.0, math.sin(pitch)))
         up = np.array((-along[2], 0.0, along[0]))
         elbow = task.state.target + SETTLING + (-0.5 * length, 0.0, RISE * pitch / RAISED)
-        level = np.column_stack(((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)))
-        turn = quaternion_from_matrix(level)
-        place = elbow + HOOK_SHARE * length * along - (task.radius - UNDER) * up
-        return place + self._shift, turn
+        under = UNDER + self._stout * ROOM_UNDER
+        place = elbow + HOOK_SHARE * length * along - (task.radius - under) * up + self._shift
+        # Nearer to the elbow the whole arm weighs on it.
+        place[0] = max(float(place[0]), float(self._task.hook(HELD)[0][0]))
+        return place, _turned(-self._stout * TIP_UP)
 
     def _aim(self, seat: Array) -> float:
         """Move the plate by what the forearm lacks, and return how far that is to the left [m]."""
@@ -272,9 +296,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _carry(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring the raised forearm over the armrest."""
         task = self._task
-        goal, _ = self._over(RAISED)
-        # Nearer to the elbow the whole arm weighs on it.
-        goal[0] = max(float(goal[0]), float(task.hook(HELD)[0][0]))
+        goal, _ = self._over(self._high * RAISED)
+        goal[2] += min(RISING * max(self._since - CAUGHT, 0.0), CLEAR)
         high = float(task.state.wrist[2] - task.state.target[2]) - HIGH
         if high > 0.0:  # a forearm that stands up falls into the lap
             goal[2] = min(float(goal[2]), float(seat[2]) - high)
@@ -291,13 +314,27 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return bool(min(state.elbow[2], state.wrist[2]) > state.target[2] + 0.5 * CLEAR)
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
-        """Lower it, and level the plate."""
-        self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
-        self._aim(seat)
+        """Lower it, and level the plate, once the elbow has come back to where it belongs."""
+        if self._ahead_by() < PLACED or self._since > WAIT_OVER:
+            self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
+        aside = self._aim(seat)
         goal, turn = self._over(self._pitch)
-        if self._pitch == 0.0 and math.dist(goal, seat) < NEAR:
+        if self._pitch == 0.0 and self._presses(aside):
+            self._let_go(seat)
+        elif self._pitch == 0.0 and math.dist(goal, seat) < NEAR:
             self.phase = "settle"
-        return goal, turn, SLOW
+        return goal, turn, self._high * SLOW
+
+    def _presses(self, aside: float) -> bool:
+        """Return whether it presses too much to go on, over a place that will do."""
+        pressed = self._task.state.force > PRESSED * self._task.force_limit
+        return pressed and self._since > HASTE and abs(aside) < 2 * CENTRED
+
+    def _ahead_by(self) -> float:
+        """Return how far ahead of its place a level forearm with this elbow would lie [m]."""
+        state = self._task.state
+        length = math.dist(state.wrist, state.elbow)
+        return float(state.elbow[0] + 0.5 * length - state.target[0])
 
     def _settle(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring the forearm over its place, and sink until the pad carries it."""
@@ -305,7 +342,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         aside, is_carried = self._aim(seat), task.state.pad_force >= LEAN
         if not is_carried:
             self._shift[2] = max(self._shift[2] - SINKING * task.control_dt, -SUNK)
-        elif abs(aside) < CENTRED and abs(task.state.gap[0]) < AHEAD:
+        lies = is_carried and abs(aside) < CENTRED and abs(task.state.gap[0]) < AHEAD
+        if lies or self._presses(aside):
             self._let_go(seat)
         goal, turn = self._over(0.0)
         return goal, turn, SLOW
@@ -346,3 +384,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         task = self._task
         low, high = np.multiply(YIELDING, task.force_limit)
         return float(np.clip((high - task.state.force) / (high - low), -1.0, 1.0))
+
+
+def _turned(tip: float) -> Array:
+    """Return how the plate is turned, along the armrest, with its tip lower by an angle [rad]."""
+    level = np.column_stack(((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)))
+    return np.array(multiply(quaternion_from_rpy(tip, 0.0, 0.0), quaternion_from_matrix(level)))
