@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import builtins
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +13,6 @@ from rcare_marl.agents.coaching.recognition.recogniser import Frame
 from rcare_marl.agents.coaching.sources.landmark_source import (
     LandmarkReading,
     LandmarkSource,
-    PoseDetector,
 )
 from rcare_marl.agents.coaching.sources.one_euro import OneEuro
 from rcare_marl.agents.coaching.upper_body import (
@@ -27,7 +23,7 @@ from rcare_marl.agents.coaching.upper_body import (
     UpperBody,
     directions,
 )
-from rcare_marl.errors import ConfigError, MissingPackageError
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import matrix_from_quaternion
 
 Array = npt.NDArray[np.float64]
@@ -134,25 +130,6 @@ def test_landmarks_of_another_shape_are_refused() -> None:
         LandmarkReading(np.zeros((17, 3)), np.zeros(17))
     with pytest.raises(ConfigError, match="tilt"):
         LandmarkSource(tilt=1.5)
-
-
-def test_a_missing_model_and_a_missing_mediapipe_are_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with pytest.raises(ConfigError, match="pose_landmarker_full.task"):
-        PoseDetector(tmp_path / "none.task")
-    model = tmp_path / "model.task"
-    model.write_bytes(b"")
-    importing = builtins.__import__
-
-    def without_mediapipe(name: str, *rest: Any, **options: Any) -> Any:
-        if name.startswith("mediapipe"):
-            raise ImportError(name)
-        return importing(name, *rest, **options)
-
-    monkeypatch.setattr(builtins, "__import__", without_mediapipe)
-    with pytest.raises(MissingPackageError, match="pip install --no-deps mediapipe"):
-        PoseDetector(model)
 
 
 def test_the_filter_is_smooth_at_rest_quick_in_motion_and_knows_gaps() -> None:
