@@ -6,7 +6,7 @@ import { createRequire } from 'node:module';
 
 import { access } from './coach_access.mjs';
 import { EMULATOR, headset } from './coach_headset.mjs';
-import { axe, button, editor, layout, webcam } from './coach_tools.mjs';
+import { axe, button, editor, layout, saved, webcam } from './coach_tools.mjs';
 
 const job = JSON.parse(fs.readFileSync(process.argv[2], 'utf8'));
 const require = createRequire(`${job.web}/`);
@@ -129,6 +129,7 @@ async function recorded(page) {
     if (wish !== 'no') {
       await page.waitForSelector('#kept:not([hidden])');
       out.reports.push(await page.textContent('#report'));
+      if (wish === 'keep') await saved(page, job, out);
     }
     if (wish === 'delete') {
       await page.click('#delete');
@@ -138,9 +139,4 @@ async function recorded(page) {
       await page.click('#again');
     }
   }
-  const report = await browser.newPage();
-  await report.goto(`file://${out.reports[0]}`);
-  out.report = await report.innerText('body');
-  out.plots = await report.$$eval('img', (images) => images.map(({ naturalWidth, alt }) => [naturalWidth, alt]));
-  await report.screenshot({ path: `${job.pictures}/report.png`, fullPage: true });
 }

@@ -10,6 +10,7 @@ async function picture(page, job, name) {
 
 // Turn the webcam on and off; whether its light would be on is told by the track of its picture.
 export async function button(page, job, out) {
+  await page.route('**/package/pose/pose.js', () => {}); // MediaPipe never comes: nothing is drawn while this is told
   await page.waitForSelector('#setup:not([hidden])');
   await page.click('#webcam');
   out.states = [];
@@ -124,4 +125,21 @@ export async function axe(page, job, out, { fill, words }) {
   await page.click('a[href="/editor"]');
   await page.waitForSelector('#save:not([disabled])');
   await audit('editor');
+}
+
+// The report in a tab of its own, and the table and the observations as files.
+export async function saved(page, job, out) {
+  const [report] = await Promise.all([page.waitForEvent('popup'), page.click('[data-kept="report.html"]')]);
+  await report.waitForLoadState();
+  out.address = report.url();
+  out.report = await report.innerText('body');
+  out.plots = await report.$$eval('img', (images) => images.map(({ naturalWidth, alt }) => [naturalWidth, alt]));
+  out.border = await report.evaluate(() => getComputedStyle(document.querySelector('th')).borderTopStyle);
+  if (job.keeps) await report.screenshot({ path: `${job.pictures}/report.png`, fullPage: true });
+  await report.close();
+  out.files = {};
+  for (const name of ['repetitions.csv', 'observations.json']) {
+    const [download] = await Promise.all([page.waitForEvent('download'), page.click(`[data-kept="${name}"]`)]);
+    out.files[name] = fs.readFileSync(await download.path(), 'utf8');
+  }
 }

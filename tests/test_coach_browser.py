@@ -244,11 +244,12 @@ def test_a_session_is_recorded_only_when_the_person_consents_on_the_page(tmp_pat
     kept, deleted = (Path(report) for report in seen["reports"])
     assert [each.name for each in folder.iterdir()] == [kept.parent.name]
     assert not deleted.exists() and "deleted" in seen["told"]
-    assert {each.name for each in kept.parent.iterdir()} == {
-        "lateral_raise.png",
-        "report.html",
-        "session.h5",
-    }
+    names = {"report.html", "session.h5", "repetitions.csv", "observations.json"}
+    assert {each.name for each in kept.parent.iterdir()} == names
+    assert seen["address"].startswith("blob:") and "token" not in seen["address"]
+    assert seen["border"] == "solid"  # its looks are let in
+    assert all((kept.parent / name).read_text() == text for name, text in seen["files"].items())
+    assert set(seen["files"]) == {"repetitions.csv", "observations.json"}
     assert "Lateral raise" in seen["report"]
     assert [width > 500 and bool(alt) for width, alt in seen["plots"]] == [True]
 

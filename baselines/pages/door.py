@@ -25,6 +25,8 @@ TYPES = {
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".html": "text/html; charset=utf-8",
+    ".csv": "text/csv; charset=utf-8",
+    ".json": "application/json",
     ".wasm": "application/wasm",
 }
 TOKEN = 24  # random bytes of a token: 192 bits, which nobody guesses

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import hashlib
 import json
 import logging
+import re
 import secrets
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,13 +22,18 @@ from rcare_marl.own_host import is_loopback as is_loopback
 
 from ...pages.door import HEADERS, TOKEN, Door, Limiter, answer
 from ...pages.door import secured as secured
+from .clinician import OBSERVATIONS, TABLE
 from .editor import drafted, fields_of
 from .message import LARGEST, MISTAKES, Draft, Message, MessageError, parse
 from .packages import FILES, WEB
-from .recording import Recorder
+from .recording import REPORT, STYLE, Recorder
 from .room import STEP, Room
 
 PAGE = tuple(file.name for end in ("css", "js") for file in sorted(WEB.glob(f"*.{end}")))
+KEPT = (REPORT, TABLE, OBSERVATIONS)  # of a recording, what the page hands out
+SESSION = re.compile(r"session-[0-9-]+")
+# The report has its own looks in itself, and is opened by the page: these, and no others, may be so.
+LOOKS = f"'sha256-{base64.b64encode(hashlib.sha256(STYLE.encode()).digest()).decode()}'"
 ROOMS = 8  # sessions at once; our own choice
 CLOSED_ABOVE = 64 * LARGEST  # a websocket that sends more at once is closed [bytes]
 SILENT = 20.0  # between two signs of life that are asked of the page [s]
@@ -60,9 +68,9 @@ class Server(Door):
 
     # The page may ask for the webcam, and compile MediaPipe, which is WebAssembly.
     headers: Mapping[str, str] = {
-        key: value.replace("camera=()", "camera=(self)").replace(
-            "script-src 'self'", "script-src 'self' 'wasm-unsafe-eval'"
-        )
+        key: value.replace("camera=()", "camera=(self)")
+        .replace("script-src 'self'", "script-src 'self' 'wasm-unsafe-eval'")
+        .replace("style-src 'self'", f"style-src 'self' {LOOKS}")
         for key, value in HEADERS.items()
     }
 
@@ -74,6 +82,7 @@ class Server(Door):
         self.app.router.add_get("/editor", self._editor)
         self.app.router.add_get("/setting", self._setting)
         self.app.router.add_get("/session", self._session)
+        self.app.router.add_get("/kept/{session}/{name}", self._kept)
         self.app.router.add_get("/web/{name}", self._file)
         self.app.router.add_get("/package/{package}/{name}", self._of_package)
         self.app.on_shutdown.append(self._leave)
@@ -111,6 +120,17 @@ class Server(Door):
                 "token": self._service.token,
             }
         )
+
+    async def _kept(self, request: web.Request) -> web.StreamResponse:
+        """What was recorded of a session, for who has the token."""
+        self.check_token(request)
+        record, match = self._service.record, request.match_info
+        if record is None or not SESSION.fullmatch(match["session"]) or match["name"] not in KEPT:
+            raise web.HTTPNotFound
+        file = record / match["session"] / match["name"]
+        if not file.is_file():
+            raise web.HTTPNotFound
+        return answer(file)
 
     async def _session(self, request: web.Request) -> web.StreamResponse:
         self.check_origin(request)

@@ -1,7 +1,7 @@
 // The page: form, session, end; keyboard, speech, screen readers; one websocket to this computer.
 
 import { Headset, isSupported } from '/web/headset.js';
-import { AGAIN, UNREACHABLE, ask, session } from '/web/link.js';
+import { AGAIN, UNREACHABLE, ask, ours, session } from '/web/link.js';
 import { drawn, dresser } from '/web/view.js';
 import { Webcam } from '/web/webcam.js';
 
@@ -222,6 +222,19 @@ function end() {
   $('over').focus({ preventScroll: true });
 }
 
+// Hand out a file of the recording: the report in a tab, which holds no address with a token, others to save.
+async function fetchKept(name) {
+  const folder = state.recording.report.split(/[\\/]/).at(-2);
+  const answer = await fetch(ours(`/kept/${folder}/${name}`));
+  if (!answer.ok) {
+    alarm(`The recording is not there (${answer.status}).`);
+    return;
+  }
+  const address = URL.createObjectURL(await answer.blob());
+  if (name.endsWith('.html')) window.open(address);
+  else Object.assign(document.createElement('a'), { href: address, download: name }).click();
+}
+
 function withdraw() {
   send({ type: 'consent', given: false });
   $('consent').checked = false;
@@ -309,6 +322,9 @@ $('setup').addEventListener('change', () => {
 $('mistake-now').addEventListener('change', (event) => send({ type: 'simulate', mistake: event.target.value }));
 $('webcam').addEventListener('click', turnWebcam);
 $('withdraw').addEventListener('click', withdraw);
+document.querySelectorAll('[data-kept]').forEach((button) => {
+  button.addEventListener('click', () => fetchKept(button.dataset.kept));
+});
 $('delete').addEventListener('click', withdraw);
 $('again').addEventListener('click', () => {
   show('setup');
