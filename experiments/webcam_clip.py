@@ -27,7 +27,7 @@ BEFORE, AFTER = 1.5, 1.0  # rest before and after the repetition [s]
 
 def main(
     exercise: str = "lateral_raise",
-    avatar: str = "daniel",
+    avatar: str = "natalia",
     share: Annotated[float, typer.Option(help="of the way that is gone")] = 1.0,
     rate: Annotated[float, typer.Option(help="pictures a second")] = 15.0,
     out: Path = Path("lateral_raise.mp4"),

@@ -31,7 +31,7 @@ export async function button(page, job, out) {
   out.states.push(await state());
 }
 
-// A session before the webcam, in which MediaPipe finds the person; until a repetition is judged.
+// A session before the webcam, in which MediaPipe finds the person, until a repetition is right.
 export async function webcam(page, job, out, { fill }) {
   await page.waitForSelector('#setup:not([hidden])');
   await page.click('#webcam');
@@ -39,12 +39,8 @@ export async function webcam(page, job, out, { fill }) {
   await page.evaluate(() => { [window.track] = document.querySelector('#webcam-picture').srcObject.getVideoTracks(); });
   await fill(page);
   await page.click('#begin');
-  await page.waitForFunction(() => ['Listen', 'Watch', 'That is'].some((text) => document.querySelector('#verdict-words').textContent.startsWith(text)));
-  out.seen = true;
-  if (job.judged) {
-    await page.waitForFunction(() => document.querySelector('#told').textContent);
-    out.told = await page.textContent('#told');
-  }
+  await page.waitForFunction(() => document.querySelector('#right').textContent === '1');
+  out.told = await page.textContent('#told');
   await picture(page, job, 'webcam_session');
   await page.click('[data-wish="stop"]');
   await page.waitForSelector('#over:not([hidden])');

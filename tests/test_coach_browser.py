@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from self_signed import OPENSSL, self_signed
 
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
 from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, UpperBody
-from rcare_marl.baselines.coaching.page.message import Hands, Message, parse
+from rcare_marl.baselines.coaching.page.message import Hands, Landmarks, Message, parse
 from rcare_marl.baselines.coaching.page.packages import WEB
 from rcare_marl.baselines.coaching.page.server import Server, Service, secured
 from rcare_marl.baselines.coaching.page.sight import FROM_WEBXR, grip_place, head_place
@@ -40,6 +41,7 @@ HEIGHT = 1.7  # [m]
 SEAT = np.array((0.0, 0.0, 0.5))  # of the hips above the floor [m]
 RATE = 12.0  # of the poses that are played [1/s]
 BEFORE, AFTER = 0.5, 1.5  # rest before and after a repetition [s]
+LATE = 7.5  # how much slower than ours the clock of a filmed person runs
 HURRY = 3.0  # how much faster than ours the clock of simulated people runs
 PATIENCE = 120.0  # for anything on the page to happen on a loaded machine [s]
 REQUIRED = "RCARE_MARL_REQUIRE_BROWSER"  # set by make test-browser: these tests must not be skipped
@@ -332,3 +334,21 @@ def test_axe_finds_nothing_on_any_part_of_the_pages(tmp_path: Path) -> None:
     with served(clock=hurried) as url:
         seen = drive(tmp_path, url, "axe")
     assert seen["violations"] == []
+
+
+@pytest.mark.slow  # a second a picture without a graphics card
+def test_a_filmed_person_before_the_webcam_does_a_right_repetition(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slowed(text: str) -> Message:
+        message = parse(text)
+        if isinstance(message, Landmarks):
+            message = replace(message, time=message.time / LATE)
+        return message
+
+    monkeypatch.setattr("rcare_marl.baselines.coaching.page.server.parse", slowed)
+    with served(clock=lambda: time.monotonic() / LATE) as url:
+        flags = fake_device(tmp_path, round(15 / LATE))
+        seen = drive(tmp_path, url, "webcam", flags=flags, viewport={"width": 480, "height": 320})
+    assert seen["told"].startswith("1 of 9 right")
+    assert seen["light"] == "ended"

@@ -31,6 +31,9 @@ SETTLING = 1.0  # how long a person is watched before anything is told [s]
 # own.
 ABOUT_TRUNK = np.radians((3.0, 3.0, 6.0, 5.0, 5.0, 5.0))
 ABOUT_ARM = np.radians((4.0, 6.0, 15.0, 6.0, 20.0))
+# Where one camera tells the depths, too: BlazePose bent an upright trunk by up to 26 deg and the head by 23
+# when arms were raised to the sides. Chosen on clips of one rendered person, right on those of another.
+ABOUT_TRUNK_IN_ONE_CAMERA = np.radians((20.0, 4.0, 8.0, 20.0, 8.0, 10.0))
 STRETCHED = 1e-3  # [m]; landmarks nearer to each other show no direction
 
 
@@ -61,11 +64,12 @@ class LandmarkSource:
     from. Without hips in sight the trunk's leaning is unknown, and the arms are told as of an upright trunk.
     """
 
-    def __init__(self, *, tilt: float = 0.0) -> None:
+    def __init__(self, *, tilt: float = 0.0, monocular: bool = False) -> None:
         """Prepare a source.
 
         Args:
             tilt: How far the camera looks up [rad]; down is negative.
+            monocular: Whether one camera told the depths: then how far somebody leans is hardly known.
 
         Raises:
             ConfigError: If the camera looks straight up or down.
@@ -84,7 +88,8 @@ class LandmarkSource:
         self._rotation = dict.fromkeys(SIDES, 0.0)
         self._raised = dict.fromkeys(SIDES, (math.nan, math.nan))
         self._axes_before, self._width = np.eye(3), 0.0
-        self._unsure = np.concatenate((ABOUT_TRUNK, *2 * [ABOUT_ARM]))
+        about_trunk = ABOUT_TRUNK_IN_ONE_CAMERA if monocular else ABOUT_TRUNK
+        self._unsure = np.concatenate((about_trunk, *2 * [ABOUT_ARM]))
 
     def update(self, raw: LandmarkReading | None, time: float) -> Frame | None:
         """Return what is known at a time [s]; None in the first second, and while nobody is seen."""

@@ -237,7 +237,7 @@ class Sight:
     def recentre(self) -> None:
         """Learn anew how the person sits."""
         self._hands = HandsSource(self._begin.height_m)
-        self._landmarks = LandmarkSource()
+        self._landmarks = LandmarkSource(monocular=True)
         self._reading: tuple[HandsReading | LandmarkReading, float] | None = None
 
     def take(self, message: Hands | Landmarks, now: float) -> None:
