@@ -80,6 +80,36 @@ def test_who_has_not_the_token_of_this_start_gets_the_bare_page_and_is_logged(
     assert not any("of-this-start" in each for each in logged)
 
 
+def test_what_was_recorded_is_handed_to_who_has_the_token_and_nothing_else_is(
+    tmp_path: Path,
+) -> None:
+    kept = tmp_path / "session-20261123-101500"
+    kept.mkdir()
+    for name in ("report.html", "session.h5"):
+        (kept / name).write_text(name)
+    (tmp_path / "report.html").touch()
+
+    async def ask() -> None:
+        runner = web.AppRunner(Server(Service(WEB, record=tmp_path, token="of-this-start")).app)
+        await runner.setup()
+        await web.SockSite(runner, bound(LOOPBACK, 0), shutdown_timeout=0.5).start()
+        url = f"http://{LOOPBACK}:{runner.addresses[0][1]}/kept"
+        async with ClientSession() as client:
+            for path, token, status in (
+                (f"{kept.name}/report.html", "of-this-start", 200),
+                (f"{kept.name}/report.html", "x", 403),
+                (f"{kept.name}/session.h5", "of-this-start", 404),
+                (f"{kept.name}/observations.json", "of-this-start", 404),
+                ("%2e%2e/report.html", "of-this-start", 404),
+                ("session-1/report.html", "of-this-start", 404),
+            ):
+                async with client.get(f"{url}/{path}?token={token}") as response:
+                    assert response.status == status, path
+        await runner.cleanup()
+
+    asyncio.run(asyncio.wait_for(ask(), 60))
+
+
 def test_the_address_that_a_browser_is_started_with_opens_the_page_once() -> None:
     async def ask() -> None:
         service = Service(WEB)

@@ -205,9 +205,11 @@ def _courses(courses: Mapping[str, Mapping[str, Sequence[Row]]]) -> str:
             axes.set_title(f"{title}: {name}", loc="left", fontsize=9)
             axes.set_ylim(bottom=0)
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-            axes.legend(fontsize=7, frameon=False)
     for axes in figure.axes[-3:]:
         axes.set_xlabel("session")
+        axes.legend(
+            fontsize=8, frameon=False, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.28)
+        )
     return picture(figure)
 
 
