@@ -61,6 +61,6 @@ def test_what_is_no_exercise_is_refused_by_the_name_of_what_is_wrong() -> None:
     ):
         with pytest.raises(RcareError, match=said):
             drafted(draft(exercise={**RAISE, **change}))
-    for bad in ({"name": "../mine"}, {"name": "Mine"}, {"exercise": []}, {"turn_deg": 400}):
+    for key, bad in (("name", "../mine"), ("name", "Mine"), ("exercise", []), ("turn_deg", 400)):
         with pytest.raises(MessageError):
-            parse(json.dumps({"type": "draft", "name": "mine", "exercise": RAISE, **bad}))
+            parse(json.dumps({"type": "draft", "name": "mine", "exercise": RAISE, key: bad}))
