@@ -28,9 +28,7 @@ RECIPIENTS = ("recipient", "second_recipient", "third_recipient", "fourth_recipi
 RADIUS = 2.3  # [m] of the arc on which chairs stand, about the robot; our own choice
 APART = 1.9  # [m] from chair to chair: room for two arms raised to the side; our own choice
 COACH_AT = (1.3, 0.0)  # [m] on the floor, so that the arc lies about the origin
-ARM_OUT = (
-    0.75  # [m] from a chair's middle to a hand that is stretched out to the side; our own choice
-)
+CHAIR_OUT, ARM_OUT = 0.3, 0.5  # [m] half a chair's width, and an arm beyond it; our own choice
 ACROSS = 0.53  # half the width that a camera of 44 degrees sees, over its distance, in a picture of 4 to 3
 CHAIR_ROOM, COACH_ROOM = 0.8, 0.4  # [m] about a chair and about the robot; our own choice
 TOGETHER = frozenset(
@@ -190,9 +188,8 @@ class GroupCoaching(CoachingTask):
 
     def camera(self) -> Camera:
         places = [pose.position for pose in self.chairs().values()]
-        wide = (
-            max(abs(y) for _, y, _ in places) + ARM_OUT
-        )  # everybody across the picture, as on a class photo
+        # Everybody across the picture, as on a class photo; who sits aside stretches an arm ahead.
+        wide = max(abs(y) + CHAIR_OUT + ARM_OUT * (COACH_AT[0] - x) / RADIUS for x, y, _ in places)
         front = max(x for x, _, _ in places)
         middle = 0.5 * (front + min(x for x, _, _ in places))
         eye = max(front + wide / ACROSS, COACH_AT[0] + 1.8)
