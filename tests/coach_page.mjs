@@ -6,6 +6,7 @@ import { createRequire } from 'node:module';
 
 import { access } from './coach_access.mjs';
 import { EMULATOR, headset } from './coach_headset.mjs';
+import { axe, button, editor, layout, saved, webcam } from './coach_tools.mjs';
 
 const job = JSON.parse(fs.readFileSync(process.argv[2], 'utf8'));
 const require = createRequire(`${job.web}/`);
@@ -21,7 +22,7 @@ const out = { errors: [], outside: [] };
 
 const browser = await chromium.launch({ executablePath: job.chromium, headless: true, args: [...FLAGS, ...job.flags] });
 try {
-  const page = await browser.newPage({ viewport: job.viewport, ignoreHTTPSErrors: true });
+  const page = await browser.newPage({ viewport: job.viewport, hasTouch: job.touch, isMobile: job.touch, ignoreHTTPSErrors: true });
   page.setDefaultTimeout(job.patience);
   page.on('pageerror', (error) => out.errors.push(error.message));
   page.on('console', (message) => {
@@ -30,14 +31,14 @@ try {
   });
   page.on('request', (request) => {
     const url = request.url();
-    if (!url.startsWith(`${origin}/`) && !url.startsWith('data:')) out.outside.push(url);
+    if (!url.startsWith(`${origin}/`) && !/^(data|blob):/.test(url)) out.outside.push(url);
   });
   if (job.kind === 'headset') {
     await page.addInitScript({ path: require.resolve('iwer/build/iwer.min.js') });
     await page.addInitScript(EMULATOR);
   }
   await page.goto(job.url);
-  await ({ access, arrive, headset, recorded, refused, simulated, stranger }[job.kind])(page, job, out, { fill, words });
+  await ({ access, arrive, axe, button, editor, headset, layout, recorded, refused, simulated, stranger, webcam }[job.kind])(page, job, out, { fill, words });
 } finally {
   await browser.close();
 }
@@ -128,6 +129,7 @@ async function recorded(page) {
     if (wish !== 'no') {
       await page.waitForSelector('#kept:not([hidden])');
       out.reports.push(await page.textContent('#report'));
+      if (wish === 'keep') await saved(page, job, out);
     }
     if (wish === 'delete') {
       await page.click('#delete');
@@ -137,9 +139,4 @@ async function recorded(page) {
       await page.click('#again');
     }
   }
-  const report = await browser.newPage();
-  await report.goto(`file://${out.reports[0]}`);
-  out.report = await report.innerText('body');
-  out.plots = await report.$$eval('img', (images) => images.map(({ naturalWidth, alt }) => [naturalWidth, alt]));
-  await report.screenshot({ path: `${job.pictures}/report.png`, fullPage: true });
 }

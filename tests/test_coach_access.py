@@ -25,8 +25,8 @@ from self_signed import OPENSSL, self_signed
 from typer.testing import CliRunner
 
 from rcare_marl.baselines.coaching import page as coaching
+from rcare_marl.baselines.coaching.page.packages import FILES, WEB, packages_folder
 from rcare_marl.baselines.coaching.page.server import Server, Service
-from rcare_marl.baselines.coaching.page.three import FILES, WEB, three_folder
 from rcare_marl.cli.app import app
 from rcare_marl.cli.coach import LOOPBACK, bound
 from rcare_marl.errors import ConfigError
@@ -80,6 +80,36 @@ def test_who_has_not_the_token_of_this_start_gets_the_bare_page_and_is_logged(
     assert not any("of-this-start" in each for each in logged)
 
 
+def test_what_was_recorded_is_handed_to_who_has_the_token_and_nothing_else_is(
+    tmp_path: Path,
+) -> None:
+    kept = tmp_path / "session-20261123-101500"
+    kept.mkdir()
+    for name in ("report.html", "session.h5"):
+        (kept / name).write_text(name)
+    (tmp_path / "report.html").touch()
+
+    async def ask() -> None:
+        runner = web.AppRunner(Server(Service(WEB, record=tmp_path, token="of-this-start")).app)
+        await runner.setup()
+        await web.SockSite(runner, bound(LOOPBACK, 0), shutdown_timeout=0.5).start()
+        url = f"http://{LOOPBACK}:{runner.addresses[0][1]}/kept"
+        async with ClientSession() as client:
+            for path, token, status in (
+                (f"{kept.name}/report.html", "of-this-start", 200),
+                (f"{kept.name}/report.html", "x", 403),
+                (f"{kept.name}/session.h5", "of-this-start", 404),
+                (f"{kept.name}/observations.json", "of-this-start", 404),
+                ("%2e%2e/report.html", "of-this-start", 404),
+                ("session-1/report.html", "of-this-start", 404),
+            ):
+                async with client.get(f"{url}/{path}?token={token}") as response:
+                    assert response.status == status, path
+        await runner.cleanup()
+
+    asyncio.run(asyncio.wait_for(ask(), 60))
+
+
 def test_the_address_that_a_browser_is_started_with_opens_the_page_once() -> None:
     async def ask() -> None:
         service = Service(WEB)
@@ -125,21 +155,22 @@ def refused(*given: str) -> str:
 
 
 @pytest.fixture
-def _three(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("RCARE_MARL_CACHE", str(cache_with_three(tmp_path / "cache")))
+def _packages(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("RCARE_MARL_CACHE", str(cache_with_packages(tmp_path / "cache")))
 
 
-def cache_with_three(cache: Path) -> Path:
-    """Make a cache in which three.js counts as installed, so that no test needs a network."""
+def cache_with_packages(cache: Path) -> Path:
+    """Make a cache in which the packages count as installed, so that no test needs a network."""
     recipe = (WEB / "package.json").read_bytes() + (WEB / "package-lock.json").read_bytes()
-    build = cache / f"coach-page-{hashlib.sha256(recipe).hexdigest()[:16]}/node_modules/three/build"
-    build.mkdir(parents=True)
-    for file in FILES:
-        (build / file).touch()
+    modules = cache / f"coach-page-{hashlib.sha256(recipe).hexdigest()[:16]}/node_modules"
+    for folder, names in FILES.values():
+        (modules / folder).mkdir(parents=True)
+        for name in names:
+            (modules / folder / name).touch()
     return cache
 
 
-@pytest.mark.usefixtures("_three")
+@pytest.mark.usefixtures("_packages")
 def test_what_cannot_be_served_or_recorded_is_said_before_anybody_exercises(tmp_path: Path) -> None:
     with socket.create_server((LOOPBACK, 0)) as taken:
         port = str(taken.getsockname()[1])
@@ -153,7 +184,7 @@ def test_what_cannot_be_served_or_recorded_is_said_before_anybody_exercises(tmp_
     assert f"cannot record to {file}" in refused("--record", str(file / "below"))
 
 
-@pytest.mark.usefixtures("_three")
+@pytest.mark.usefixtures("_packages")
 @pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may write everywhere")
 def test_a_folder_that_may_not_be_written_is_refused_before_anybody_exercises(
     tmp_path: Path,
@@ -167,7 +198,7 @@ def test_a_folder_that_may_not_be_written_is_refused_before_anybody_exercises(
 def test_without_the_extra_the_command_says_how_to_install_it(
     package: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setenv("RCARE_MARL_CACHE", str(cache_with_three(tmp_path / "cache")))
+    monkeypatch.setenv("RCARE_MARL_CACHE", str(cache_with_packages(tmp_path / "cache")))
     # Import it anew; afterwards its package shall have the module of before.
     monkeypatch.setattr(
         coaching, "server", sys.modules["rcare_marl.baselines.coaching.page.server"]
@@ -178,7 +209,7 @@ def test_without_the_extra_the_command_says_how_to_install_it(
 
 
 @needs_openssl
-@pytest.mark.usefixtures("_three")
+@pytest.mark.usefixtures("_packages")
 def test_a_key_of_another_certificate_is_refused_by_name(tmp_path: Path) -> None:
     certificate, _ = self_signed(tmp_path, "one")
     _, key = self_signed(tmp_path, "other")
@@ -195,7 +226,7 @@ def started(folder: Path, *given: str) -> Iterator[tuple[str, subprocess.Popen[s
         [sys.executable, "-c", COMMAND, "coach", "--no-open", "--port", "0", *given],
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "RCARE_MARL_CACHE": str(cache_with_three(folder / "cache"))},
+        env={**os.environ, "RCARE_MARL_CACHE": str(cache_with_packages(folder / "cache"))},
     )
     try:
         assert process.stderr is not None
@@ -249,12 +280,14 @@ def test_over_https_page_and_sessions_are_reached_by_who_trusts_the_certificate(
             asyncio.run(asyncio.wait_for(begins(url.replace("https", "http"), None), 60))
 
 
-def test_without_three_and_npm_the_command_says_what_to_do(
+def test_without_packages_and_npm_the_command_says_what_to_do(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     if (WEB / "node_modules").exists():
-        monkeypatch.setattr("rcare_marl.baselines.coaching.page.three.FILES", ("missing.js",))
+        monkeypatch.setattr(
+            "rcare_marl.baselines.coaching.page.packages.FILES", {"x": ("x", ("x.js",))}
+        )
     monkeypatch.setenv("RCARE_MARL_CACHE", str(tmp_path))
     monkeypatch.setattr("shutil.which", lambda _: None)
     with pytest.raises(ConfigError, match="npm ci"):
-        three_folder()
+        packages_folder()

@@ -12,9 +12,11 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -26,18 +28,20 @@ from self_signed import OPENSSL, self_signed
 
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
 from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, UpperBody
-from rcare_marl.baselines.coaching.page.message import Hands, Message, parse
+from rcare_marl.baselines.coaching.page.message import Hands, Landmarks, Message, parse
+from rcare_marl.baselines.coaching.page.packages import WEB
 from rcare_marl.baselines.coaching.page.server import Server, Service, secured
 from rcare_marl.baselines.coaching.page.sight import FROM_WEBXR, grip_place, head_place
-from rcare_marl.baselines.coaching.page.three import WEB
 from rcare_marl.pose import matrix_from_quaternion, quaternion_from_matrix
 
 Array = npt.NDArray[np.float64]
 
+CLIP = Path(__file__).parent / "data" / "lateral_raise.mp4"
 HEIGHT = 1.7  # [m]
 SEAT = np.array((0.0, 0.0, 0.5))  # of the hips above the floor [m]
 RATE = 12.0  # of the poses that are played [1/s]
 BEFORE, AFTER = 0.5, 1.5  # rest before and after a repetition [s]
+LATE = 7.5  # how much slower than ours the clock of a filmed person runs
 HURRY = 3.0  # how much faster than ours the clock of simulated people runs
 PATIENCE = 120.0  # for anything on the page to happen on a loaded machine [s]
 REQUIRED = "RCARE_MARL_REQUIRE_BROWSER"  # set by make test-browser: these tests must not be skipped
@@ -48,7 +52,7 @@ NEEDED = {
     "Node (on Debian: apt-get install nodejs npm)": shutil.which("node"),
     "the page's npm packages (make test-browser)": all(
         (WEB / "node_modules" / name / "package.json").is_file()
-        for name in ("iwer", "playwright-core", "three")
+        for name in ("@mediapipe/pose", "axe-core", "iwer", "playwright-core", "three")
     ),
 }
 MISSING = [what for what, there in NEEDED.items() if not there]
@@ -86,8 +90,7 @@ def hurried() -> float:
 @contextmanager
 def served(context: ssl.SSLContext | None = None, **service: Any) -> Iterator[str]:
     """Serve the page on a free port of this computer; yield its address, with a token that opens it."""
-    three = WEB / "node_modules" / "three" / "build"
-    server = Server(Service(three, is_secure=context is not None, **service))
+    server = Server(Service(WEB / "node_modules", is_secure=context is not None, **service))
     loop, ready, ports = asyncio.new_event_loop(), threading.Event(), list[int]()
 
     async def start() -> web.AppRunner:
@@ -124,6 +127,7 @@ def drive(folder: Path, url: str, kind: str, **job: Any) -> dict[str, Any]:
         "web": str(WEB),
         "chromium": CHROMIUM,
         "flags": [],
+        "touch": False,
         "expected": [],
         "pictures": kept or str(folder),
         "keeps": bool(kept),
@@ -242,11 +246,12 @@ def test_a_session_is_recorded_only_when_the_person_consents_on_the_page(tmp_pat
     kept, deleted = (Path(report) for report in seen["reports"])
     assert [each.name for each in folder.iterdir()] == [kept.parent.name]
     assert not deleted.exists() and "deleted" in seen["told"]
-    assert {each.name for each in kept.parent.iterdir()} == {
-        "lateral_raise.png",
-        "report.html",
-        "session.h5",
-    }
+    names = {"report.html", "session.h5", "repetitions.csv", "observations.json"}
+    assert {each.name for each in kept.parent.iterdir()} == names
+    assert seen["address"].startswith("blob:") and "token" not in seen["address"]
+    assert seen["border"] == "solid"  # its looks are let in
+    assert all((kept.parent / name).read_text() == text for name, text in seen["files"].items())
+    assert set(seen["files"]) == {"repetitions.csv", "observations.json"}
     assert "Lateral raise" in seen["report"]
     assert [width > 500 and bool(alt) for width, alt in seen["plots"]] == [True]
 
@@ -267,3 +272,83 @@ def test_the_page_can_be_read_and_used_without_a_mouse_and_with_poor_sight(tmp_p
             assert look["edge"]["ratio"] >= 3.0, f"{name}: {look['edge']}"
             assert look["smallest"] >= 24, f"{name}: text of {look['smallest']} px"
             assert look["overflow"] <= 0, f"{name}: {look['overflow']} px beyond the edge"
+
+
+def fake_device(folder: Path, rate: int) -> list[str]:
+    """Return flags with which a filmed person sits before Chromium's webcam, at so many pictures a second."""
+    file = folder / "webcam.y4m"
+    film, pictures = cv2.VideoCapture(str(CLIP)), []
+    while (read := film.read())[0]:
+        pictures.append(b"FRAME\n" + cv2.cvtColor(read[1], cv2.COLOR_BGR2YUV_I420).tobytes())
+    width, height = (int(film.get(each)) for each in (3, 4))
+    file.write_bytes(
+        f"YUV4MPEG2 W{width} H{height} F{rate}:1 Ip A1:1 C420\n".encode() + b"".join(pictures)
+    )
+    return [
+        "--use-fake-device-for-media-stream",
+        "--use-fake-ui-for-media-stream",
+        f"--use-file-for-fake-video-capture={file}",
+    ]
+
+
+def test_a_button_turns_the_webcam_on_and_off(tmp_path: Path) -> None:
+    with served() as url:
+        seen = drive(tmp_path, url, "button", flags=fake_device(tmp_path, 15))
+    on, off = seen["states"]
+    assert on == {"pressed": "true", "source": "landmarks", "light": "live", "shown": True}
+    assert off == {"pressed": "false", "source": "simulated", "light": "ended", "shown": False}
+
+
+def test_a_webcam_that_may_not_be_used_is_named(tmp_path: Path) -> None:
+    with served() as url:
+        seen = drive(tmp_path, url, "button")
+    assert "webcam" in seen["note"]
+
+
+def test_an_exercise_is_written_on_the_page_and_its_file_is_one_of_the_command(
+    tmp_path: Path,
+) -> None:
+    with served() as url:
+        seen = drive(tmp_path, url, "editor")
+    assert "shoulder_elevation must lie in -200..200 deg, got 300" in seen["bad"]
+    assert seen["barred"]
+    assert "moves left arm, right arm" in seen["good"]
+    mine = load_exercise(seen["file"])
+    assert (mine.name, mine.title, len(mine.poses)) == ("reach_up", "Reach up", 2)
+    assert mine.poses[0].angles_deg["left_shoulder_elevation"] == 120
+    assert mine.poses[1].angles_deg["right_elbow_flexion"] == 90
+
+
+@pytest.mark.parametrize("screen", ("wide", "phone"))
+def test_begin_is_in_view_and_coach_and_person_stand_apart(tmp_path: Path, screen: str) -> None:
+    with served(clock=hurried) as url:
+        seen = drive(tmp_path, url, "layout", screen=screen, touch=screen == "phone")
+    assert seen["begin"] and seen["stage"]
+    assert seen["keys"] is (screen == "wide")
+    coach, user, (width, height) = (seen["shares"][each] for each in ("coach", "user", "size"))
+    assert user["x"] >= coach["x"] + coach["w"] or user["y"] >= coach["y"] + coach["h"]
+    assert user["x"] + user["w"] <= width and user["y"] + user["h"] <= height
+
+
+def test_axe_finds_nothing_on_any_part_of_the_pages(tmp_path: Path) -> None:
+    with served(clock=hurried) as url:
+        seen = drive(tmp_path, url, "axe")
+    assert seen["violations"] == []
+
+
+@pytest.mark.slow  # a second a picture without a graphics card
+def test_a_filmed_person_before_the_webcam_does_a_right_repetition(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slowed(text: str) -> Message:
+        message = parse(text)
+        if isinstance(message, Landmarks):
+            message = replace(message, time=message.time / LATE)
+        return message
+
+    monkeypatch.setattr("rcare_marl.baselines.coaching.page.server.parse", slowed)
+    with served(clock=lambda: time.monotonic() / LATE) as url:
+        flags = fake_device(tmp_path, round(15 / LATE))
+        seen = drive(tmp_path, url, "webcam", flags=flags, viewport={"width": 480, "height": 320})
+    assert seen["told"].startswith("1 of 9 right")
+    assert seen["light"] == "ended"

@@ -1,11 +1,9 @@
-"""Body landmarks become the angles of an upper body; the detector says what it needs."""
+"""Body landmarks become the angles of an upper body."""
 
 from __future__ import annotations
 
-import builtins
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,10 +11,10 @@ import pytest
 
 from rcare_marl.agents.coaching.exercise import exercise_names, load_exercise
 from rcare_marl.agents.coaching.recognition.recogniser import Frame
+from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.sources.landmark_source import (
     LandmarkReading,
     LandmarkSource,
-    PoseDetector,
 )
 from rcare_marl.agents.coaching.sources.one_euro import OneEuro
 from rcare_marl.agents.coaching.upper_body import (
@@ -27,7 +25,7 @@ from rcare_marl.agents.coaching.upper_body import (
     UpperBody,
     directions,
 )
-from rcare_marl.errors import ConfigError, MissingPackageError
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import matrix_from_quaternion
 
 Array = npt.NDArray[np.float64]
@@ -136,25 +134,6 @@ def test_landmarks_of_another_shape_are_refused() -> None:
         LandmarkSource(tilt=1.5)
 
 
-def test_a_missing_model_and_a_missing_mediapipe_are_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with pytest.raises(ConfigError, match="pose_landmarker_full.task"):
-        PoseDetector(tmp_path / "none.task")
-    model = tmp_path / "model.task"
-    model.write_bytes(b"")
-    importing = builtins.__import__
-
-    def without_mediapipe(name: str, *rest: Any, **options: Any) -> Any:
-        if name.startswith("mediapipe"):
-            raise ImportError(name)
-        return importing(name, *rest, **options)
-
-    monkeypatch.setattr(builtins, "__import__", without_mediapipe)
-    with pytest.raises(MissingPackageError, match="pip install --no-deps mediapipe"):
-        PoseDetector(model)
-
-
 def test_the_filter_is_smooth_at_rest_quick_in_motion_and_knows_gaps() -> None:
     rng = np.random.default_rng(0)
     smooth = OneEuro(cutoff=2.0, beta=5.0)
@@ -165,3 +144,20 @@ def test_the_filter_is_smooth_at_rest_quick_in_motion_and_knows_gaps() -> None:
     assert lag[-1] < 0.05  # [s] at 1 m/s
     assert np.isnan(ramp.update(np.array((np.nan,)), 2.0)).all()
     assert np.isfinite(ramp.update(np.array((2.1,)), 2.1)).all()
+
+
+@pytest.mark.parametrize("person", ("daniel", "natalia"))
+def test_what_mediapipe_made_of_a_film_is_right_where_it_was_and_wrong_for_half_the_way(
+    person: str,
+) -> None:
+    with np.load(Path(__file__).parent / "data" / "webcam_landmarks.npz") as recorded:
+        for share, verdict in (("right", "right"), ("half", "wrong")):
+            source, recogniser = LandmarkSource(monocular=True), RuleRecogniser()
+            recogniser.begin(load_exercise("lateral_raise"))
+            found = []
+            for i, seen in enumerate(recorded[f"{person}_{share}"].astype(np.float64)):
+                frame = source.update(LandmarkReading(seen[:, :3], seen[:, 3]), i / 7.5)
+                if frame is not None and (done := recogniser.update(frame).finished) is not None:
+                    found.append(done)
+            assert [each.verdict for each in found] == [verdict]
+            assert share == "right" or "range" in found[0].errors

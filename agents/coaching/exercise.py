@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -329,10 +329,18 @@ def load_exercise(name: str | Path) -> Exercise:
     """
     is_file = isinstance(name, Path) or name.endswith((".yaml", ".yml"))
     path = Path(name) if is_file else assets.find("exercises", str(name))
-    data: dict[str, Any] = {"name": path.stem, **read_yaml(path)}
-    exercise = load(Exercise, data, where=str(path))
+    return exercise_of(path.stem, read_yaml(path), str(path))
+
+
+def exercise_of(name: str, fields: Mapping[str, Any], where: str) -> Exercise:
+    """Return the exercise of a name whose YAML says these fields; `where` it is from is for messages.
+
+    Raises:
+        ConfigError: If it is no exercise, or nothing moves in it.
+    """
+    exercise = load(Exercise, {"name": name, **fields}, where=where)
     if not exercise.can_do:
-        raise ConfigError(f"{path}: nothing moves in this exercise")
+        raise ConfigError(f"{where}: nothing moves in this exercise")
     return exercise
 
 

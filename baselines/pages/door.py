@@ -14,14 +14,21 @@ import logging
 import secrets
 import ssl
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 
 from aiohttp import web
 
 from rcare_marl.own_host import is_ours
 
-TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
+TYPES = {
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".csv": "text/csv; charset=utf-8",
+    ".json": "application/json",
+    ".wasm": "application/wasm",
+}
 TOKEN = 24  # random bytes of a token: 192 bits, which nobody guesses
 RATE = 120.0  # messages a second in the long run: a headset of 90 Hz, and then some
 BURST = 120.0  # at once
@@ -69,10 +76,13 @@ class Door:
     """The application of a page, which refuses whom it does not serve.
 
     Attributes:
+        headers: Of every answer.
         app: The application, for aiohttp.
         token: What a page has to know.
         is_secure: Whether it is served by HTTPS.
     """
+
+    headers: Mapping[str, str] = HEADERS
 
     def __init__(self, host: str, token: str, *, is_secure: bool = False) -> None:
         """Begin without any route.
@@ -124,24 +134,25 @@ class Door:
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if not is_ours(request.host, self._host):
             self.note("refused a request for a host that is not ours")
-            raise web.HTTPForbidden(text="this host name is not served", headers=HEADERS)
+            raise web.HTTPForbidden(text="this host name is not served", headers=self.headers)
         other = request.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
         if other and request.headers.get("Sec-Fetch-Mode") != "navigate":
             self.note("refused a request of another page")
-            raise web.HTTPForbidden(text="other pages may not ask", headers=HEADERS)
+            raise web.HTTPForbidden(text="other pages may not ask", headers=self.headers)
         try:
             response = await handler(request)
         except web.HTTPException as error:
-            error.headers.update(HEADERS)
+            error.headers.update(self.headers)
             raise
         if not response.prepared:
-            response.headers.update(HEADERS)
+            response.headers.update(self.headers)
         return response
 
 
 def answer(file: Path) -> web.FileResponse:
     """Return a file of a page."""
-    return web.FileResponse(file, headers={"Content-Type": f"{TYPES[file.suffix]}; charset=utf-8"})
+    kind = TYPES.get(file.suffix, "application/octet-stream")
+    return web.FileResponse(file, headers={"Content-Type": kind})
 
 
 def is_same(given: str, wanted: str) -> bool:

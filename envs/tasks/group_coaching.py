@@ -28,6 +28,8 @@ RECIPIENTS = ("recipient", "second_recipient", "third_recipient", "fourth_recipi
 RADIUS = 2.3  # [m] of the arc on which chairs stand, about the robot; our own choice
 APART = 1.9  # [m] from chair to chair: room for two arms raised to the side; our own choice
 COACH_AT = (1.3, 0.0)  # [m] on the floor, so that the arc lies about the origin
+CHAIR_OUT, ARM_OUT = 0.3, 0.5  # [m] half a chair's width, and an arm beyond it; our own choice
+ACROSS = 0.53  # half the width that a camera of 44 degrees sees, over its distance, in a picture of 4 to 3
 CHAIR_ROOM, COACH_ROOM = 0.8, 0.4  # [m] about a chair and about the robot; our own choice
 TOGETHER = frozenset(
     "right_repetitions wanted_repetitions wrong_repetitions right_per_minute exercises_done following".split()
@@ -185,7 +187,15 @@ class GroupCoaching(CoachingTask):
         }
 
     def camera(self) -> Camera:
-        return Camera(eye=(4.3, -1.0, 2.7), target=(-0.2, 0.0, 0.55), fov_deg=56)
+        places = [pose.position for pose in self.chairs().values()]
+        # Everybody across the picture, as on a class photo; who sits aside stretches an arm ahead.
+        wide = max(abs(y) + CHAIR_OUT + ARM_OUT * (COACH_AT[0] - x) / RADIUS for x, y, _ in places)
+        front = max(x for x, _, _ in places)
+        middle = 0.5 * (front + min(x for x, _, _ in places))
+        eye = max(front + wide / ACROSS, COACH_AT[0] + 1.8)
+        return Camera(
+            eye=(eye, 0.0, 1.0 + 0.3 * (eye - middle)), target=(middle, 0.0, 0.7), fov_deg=44
+        )
 
 
 def _seen(role: str, prefix: str) -> list[Seen]:

@@ -56,13 +56,6 @@ def serve(
             metavar="NAME", help="Offer this one, by name or YAML file; may be given several times."
         ),
     ] = None,
-    webcam: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="MODEL", help="Offer this computer's webcam, with this pose landmarker."
-        ),
-    ] = None,
-    camera: Annotated[int, typer.Option(min=0, help="Number of the webcam.")] = 0,
     host: Annotated[
         str, typer.Option(help="Address to serve at; all but this computer's own need HTTPS.")
     ] = LOOPBACK,
@@ -73,7 +66,7 @@ def serve(
 ) -> None:
     """Exercise with the coach, on a page in your browser or in a VR headset, until Ctrl-C.
 
-    It is reached from this computer only. Choose the headset on the page if you have one.
+    It is reached from this computer only. Choose on the page who watches you: a headset, or a webcam.
 
     Example: rcare-marl coach
 
@@ -87,15 +80,13 @@ def serve(
         if (error.name or "").split(".")[0] != "aiohttp":
             raise
         raise MissingPackageError("the coach's page", "coach") from error
-    from rcare_marl.baselines.coaching.page.three import three_folder
-    from rcare_marl.baselines.coaching.page.webcam import Webcam
+    from rcare_marl.baselines.coaching.page.packages import packages_folder
 
     _check_address(host, certificate, key)
     _check_recording(record)
     service = Service(
-        three=three_folder(),
+        packages=packages_folder(),
         record=record,
-        camera=None if webcam is None else Webcam.of_model(webcam, camera),
         exercises=_offered(exercise or None),
         host=host,
         is_secure=certificate is not None,

@@ -1,4 +1,4 @@
-"""Poses from the 33 body landmarks that pose detectors for webcams give, and such a detector.
+"""Poses from the 33 body landmarks that pose detectors for webcams give.
 
 Landmarks are in the order of BlazePose (Bazarevsky et al. 2020, arXiv:2006.10204), as MediaPipe has them, in
 metres: x to the right in the picture, y down, z away from the camera.
@@ -8,13 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from rcare_marl.errors import ConfigError, MissingPackageError
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
 
 from ..recognition.recogniser import Frame
@@ -34,6 +31,9 @@ SETTLING = 1.0  # how long a person is watched before anything is told [s]
 # own.
 ABOUT_TRUNK = np.radians((3.0, 3.0, 6.0, 5.0, 5.0, 5.0))
 ABOUT_ARM = np.radians((4.0, 6.0, 15.0, 6.0, 20.0))
+# Where one camera tells the depths, too: BlazePose bent an upright trunk by up to 26 deg and the head by 23
+# when arms were raised to the sides. Chosen on clips of one rendered person, right on those of another.
+ABOUT_TRUNK_IN_ONE_CAMERA = np.radians((20.0, 4.0, 8.0, 20.0, 8.0, 10.0))
 STRETCHED = 1e-3  # [m]; landmarks nearer to each other show no direction
 
 
@@ -64,11 +64,12 @@ class LandmarkSource:
     from. Without hips in sight the trunk's leaning is unknown, and the arms are told as of an upright trunk.
     """
 
-    def __init__(self, *, tilt: float = 0.0) -> None:
+    def __init__(self, *, tilt: float = 0.0, monocular: bool = False) -> None:
         """Prepare a source.
 
         Args:
             tilt: How far the camera looks up [rad]; down is negative.
+            monocular: Whether one camera told the depths: then how far somebody leans is hardly known.
 
         Raises:
             ConfigError: If the camera looks straight up or down.
@@ -87,7 +88,8 @@ class LandmarkSource:
         self._rotation = dict.fromkeys(SIDES, 0.0)
         self._raised = dict.fromkeys(SIDES, (math.nan, math.nan))
         self._axes_before, self._width = np.eye(3), 0.0
-        self._unsure = np.concatenate((ABOUT_TRUNK, *2 * [ABOUT_ARM]))
+        about_trunk = ABOUT_TRUNK_IN_ONE_CAMERA if monocular else ABOUT_TRUNK
+        self._unsure = np.concatenate((about_trunk, *2 * [ABOUT_ARM]))
 
     def update(self, raw: LandmarkReading | None, time: float) -> Frame | None:
         """Return what is known at a time [s]; None in the first second, and while nobody is seen."""
@@ -239,74 +241,3 @@ def _unit(vector: Array) -> Array | None:
     """Return a vector's direction; None if it is unknown or next to nothing."""
     length = float(np.linalg.norm(vector))
     return np.asarray(vector / length) if length > STRETCHED else None  # NaN is not greater
-
-
-INSTALL = "'rcare-marl[webcam]' && pip install --no-deps mediapipe==1.2.2"
-MODEL = "pose_landmarker_full.task"
-
-
-class PoseDetector:
-    """Finds the landmarks of one person in pictures of a webcam or a video, one after the other.
-
-    Close it in the end. MediaPipe does it, which is optional and imported when a detector is made. It asks
-    for the package opencv-contrib-python, which fills the same folder as the opencv-python-headless of this
-    project; so it is installed by itself beside the extra `webcam`, which has the rest of what it needs.
-    """
-
-    def __init__(self, model: str | Path) -> None:
-        """Open a model.
-
-        Args:
-            model: A file of MediaPipe's pose landmarker, such as `pose_landmarker_full.task` of Google's
-                model page; none is shipped with this project.
-
-        Raises:
-            ConfigError: If there is no such file, or it is no such model.
-            MissingPackageError: If MediaPipe is not installed.
-        """
-        path = Path(model)
-        if not path.is_file():
-            raise ConfigError(
-                f"no model of a pose landmarker at {path}: download {MODEL} from MediaPipe's page on pose "
-                "landmark detection and say where it is"
-            )
-        try:
-            import mediapipe  # type: ignore[import-not-found, import-untyped, unused-ignore]
-            from mediapipe.tasks.python import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
-                BaseOptions,
-                vision,
-            )
-        except ImportError as error:
-            raise MissingPackageError("finding a pose in a webcam", package=INSTALL) from error
-        options = vision.PoseLandmarkerOptions(
-            base_options=BaseOptions(model_asset_path=str(path)),
-            running_mode=vision.RunningMode.VIDEO,
-        )
-        self._mediapipe: Any = mediapipe
-        try:
-            self._landmarker: Any = vision.PoseLandmarker.create_from_options(options)
-        except (RuntimeError, ValueError) as error:
-            raise ConfigError(f"{path} is no model of a pose landmarker: {error}") from error
-
-    def detect(self, image: npt.NDArray[np.uint8], time: float) -> LandmarkReading | None:
-        """Return the landmarks in a picture, None if nobody is seen.
-
-        Args:
-            image: Colours (RGB), shape [height, width, 3].
-            time: [s]; it must grow by a millisecond at least from picture to picture.
-        """
-        picture = self._mediapipe.Image(
-            image_format=self._mediapipe.ImageFormat.SRGB, data=np.ascontiguousarray(image)
-        )
-        found = self._landmarker.detect_for_video(picture, round(1000 * time))
-        if not found.pose_world_landmarks:
-            return None
-        marks = found.pose_world_landmarks[0]
-        return LandmarkReading(
-            np.array([(mark.x, mark.y, mark.z) for mark in marks], np.float64),
-            np.array([mark.visibility for mark in marks], np.float64),
-        )
-
-    def close(self) -> None:
-        """Free the model."""
-        self._landmarker.close()

@@ -36,7 +36,7 @@ LIFT_DEG, TURN_DEG = (10.0, 180.0), (5.0, 90.0)
 TEMPO = (0.5, 1.5)
 REPETITIONS = (1, 20)
 
-Source = Literal["hands", "simulated", "landmarks", "webcam"]
+Source = Literal["hands", "simulated", "landmarks"]
 Mistake = Literal["none", "half_range", "one_side", "wrong_plane", "trunk_lean", "still"]
 Wish = Literal["pause", "resume", "skip", "rest", "stop", "recentre"]
 SOURCES: tuple[Source, ...] = get_args(Source)
@@ -75,6 +75,7 @@ class HandJoints:
 
 
 MOST_EXERCISES = 50  # of a session
+FILE_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 EXERCISE_NAME = re.compile(r"[^/\\\x00-\x1f]{1,80}")
 
 
@@ -133,8 +134,23 @@ def _place(value: Any, name: str) -> Place:
     return Place((x, y, z), (qx, qy, qz, qw))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    """How far somebody gets, as they say.
+
+    Attributes:
+        lift_left_deg: How far the person can lift the left arm [deg].
+        lift_right_deg: And the right one [deg].
+        turn_deg: How far they can turn the head to a side [deg].
+    """
+
+    lift_left_deg: float = field_of(number(*LIFT_DEG), LIFT_DEG[1])
+    lift_right_deg: float = field_of(number(*LIFT_DEG), LIFT_DEG[1])
+    turn_deg: float = field_of(number(*TURN_DEG), TURN_DEG[1])
+
+
 @dataclass(frozen=True)
-class Begin:
+class Begin(Range):
     """Begin a session, in the place of one that is on.
 
     Attributes:
@@ -143,9 +159,6 @@ class Begin:
         exercises: Names, in their order.
         repetitions: Right repetitions asked of each; as each exercise says if None.
         tempo: How fast the coach goes, against what the exercises say.
-        lift_left_deg: How far the person can lift the left arm [deg].
-        lift_right_deg: And the right one [deg].
-        turn_deg: How far they can turn the head to a side [deg].
         mistake: What a simulated person does wrong.
     """
 
@@ -154,9 +167,6 @@ class Begin:
     exercises: tuple[str, ...] = field_of(_exercises)
     repetitions: int | None = field_of(or_null(whole(*REPETITIONS)), None)
     tempo: float = field_of(number(*TEMPO), 1.0)
-    lift_left_deg: float = field_of(number(*LIFT_DEG), LIFT_DEG[1])
-    lift_right_deg: float = field_of(number(*LIFT_DEG), LIFT_DEG[1])
-    turn_deg: float = field_of(number(*TURN_DEG), TURN_DEG[1])
     mistake: Mistake = field_of(one_of(MISTAKES), "none")
 
 
@@ -213,9 +223,36 @@ class Consent:
     given: bool = field_of(flag)
 
 
-Message = Begin | Hands | Landmarks | Command | Simulate | Consent
+def _file_name(value: Any, name: str) -> str:
+    if not isinstance(value, str) or not FILE_NAME.fullmatch(value):
+        raise MessageError(f"{name} is of a to z, 0 to 9 and _, at most 40 of them, a letter first")
+    return value
+
+
+def _mapping(value: Any, name: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise MessageError(f"{name} is an object")
+    return value
+
+
+@dataclass(frozen=True)
+class Draft(Range):
+    """An exercise that is being written; what it becomes, or what is wrong with it, is the answer.
+
+    Attributes:
+        name: Of its file.
+        exercise: What its YAML would say; read as strictly as that.
+    """
+
+    name: str = field_of(_file_name)
+    exercise: dict[str, Any] = field_of(_mapping)
+
+
+Wanted = Begin | Hands | Landmarks | Command | Simulate | Consent  # of a session
+Message = Wanted | Draft
 KINDS: Mapping[str, type[Message]] = {
-    each.__name__.lower(): each for each in (Begin, Hands, Landmarks, Command, Simulate, Consent)
+    each.__name__.lower(): each
+    for each in (Begin, Hands, Landmarks, Command, Simulate, Consent, Draft)
 }
 
 

@@ -193,6 +193,7 @@ LINES = (
     ("right arm to the front", "right_shoulder_plane", "#b3400a", "-."),
     ("head turned to the left", "neck_rotation_left", "#23703a", "-"),
 )
+REPORT = "report.html"
 LEAST = np.radians(15)  # a motion that the exercise moves less is not drawn; our own choice
 GREEN = "#cdeccd"
 LEGEND = (
@@ -205,20 +206,18 @@ img{max-width:100%;border:1px solid #bbb}
 table{border-collapse:collapse}
 th,td{border:1px solid #888;padding:.3rem .7rem;text-align:left}
 caption{text-align:left;font-weight:bold}
-@media print{body{font-size:11pt;margin:0}h2,img,table{break-inside:avoid}}
+@media print{body{font-size:11pt;margin:0}img,table{break-inside:avoid}h2,h3{break-after:avoid}}
 """
 
 
 def write_report(recording: Recording, folder: Path) -> Path:
-    """Write `report.html` and its plots into a folder; return the page."""
+    """Write the report, which holds its plots in itself, into a folder; return the page."""
     parts = []
     for exercise in recording.exercises:
         steps = [step for step in recording.steps if step.exercise == exercise.name]
         if not steps:
             continue
-        picture = f"{exercise.name}.png"
-        _plot(exercise, steps, folder / picture)
-        parts.append(_section(exercise, recording, picture))
+        parts.append(_section(exercise, recording, _plot(exercise, steps)))
     begin, spent = recording.begin, recording.steps[-1].time - recording.steps[0].time
     limits = (
         f"arms up to {begin.lift_left_deg:.0f} (left) and {begin.lift_right_deg:.0f} (right) degrees, "
@@ -228,18 +227,20 @@ def write_report(recording: Recording, folder: Path) -> Path:
 <html lang="en"><head><meta charset="utf-8"><title>Exercise session</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head><body>
 <h1>Exercise session</h1>
-<p>Recorded for {spent:.0f} seconds with the person's consent; source: {begin.source}; tempo
-{begin.tempo:.0%} of the exercises'; asked for: {limits}. This is no medical assessment.</p>
+<p>{datetime.now():%d %B %Y, %H:%M}. Recorded for {spent:.0f} seconds with the person's consent; source:
+{begin.source}; tempo {begin.tempo:.0%} of the exercises'; asked for: {limits}. This is no medical
+assessment.</p>
 {_table(recording)}
-{clinician.trends(folder.parent, [each.name for each in recording.exercises])}
+{clinician.trends(folder.parent, recording.exercises)}
+<h2>This session</h2><p>{LEGEND}</p>
 {"".join(parts)}
 <p>Every repetition is in <a href="{clinician.TABLE}">{clinician.TABLE}</a>, and as FHIR Observations in
 <a href="{clinician.OBSERVATIONS}">{clinician.OBSERVATIONS}</a>.</p>
 <p>All angles are in <code>session.h5</code> beside this page. To delete the recording delete this folder.</p>
 </body></html>
 """
-    write_whole(folder / "report.html", page.encode())
-    return folder / "report.html"
+    write_whole(folder / REPORT, page.encode())
+    return folder / REPORT
 
 
 def _table(recording: Recording) -> str:
@@ -268,14 +269,13 @@ def _section(exercise: Exercise, recording: Recording, picture: str) -> str:
     )
     said = "".join(f"<li>{ERRORS[error]} ({n} times)</li>" for error, n in errors.most_common())
     return (
-        f"<h2>{title}</h2><p>{html.escape(exercise.about)}</p>"
-        f"<p>{LEGEND}</p>"
+        f"<h3>{title}</h3><p>{html.escape(exercise.about)}</p>"
         f"<img src='{picture}' alt='Angles of {title} over time; green where the person followed'>"
         f"{f'<p>What the coach had to say:</p><ul>{said}</ul>' if said else ''}"
     )
 
 
-def _plot(exercise: Exercise, steps: list[Step], file: Path) -> None:
+def _plot(exercise: Exercise, steps: list[Step]) -> str:
     from matplotlib.figure import Figure  # a second to import
 
     times = np.array([step.time for step in steps])
@@ -309,7 +309,7 @@ def _plot(exercise: Exercise, steps: list[Step], file: Path) -> None:
     axes.set_ylabel("angle [deg]")
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     axes.set_title(exercise.title, loc="left", pad=18)
-    figure.savefig(file, dpi=110)
+    return clinician.picture(figure)
 
 
 def _spans(times: Array, green: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:

@@ -9,24 +9,24 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rcare_marl.agents.coaching.exercise import Exercise, Reach, load_exercises
+from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS, Frame, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import PRAISED_FOR, RuleRecogniser
 from rcare_marl.agents.coaching.session import Session, programme
 from rcare_marl.agents.coaching.tree import Coach
-from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS, SIDES, UpperBody
+from rcare_marl.agents.coaching.upper_body import MOTIONS
 from rcare_marl.errors import ConfigError, RcareError, check_name
 from rcare_marl.pose import Array
 
-from .message import Begin, Command, Consent, Hands, Landmarks, Message, MessageError, Simulate
+from .editor import points_of, reach_of
+from .message import Begin, Command, Consent, Hands, Landmarks, MessageError, Simulate, Wanted
 from .recording import Recorder, Step
-from .sight import Camera, Sight
+from .sight import Sight
 
 Phase = Literal["waiting", "settling", "explaining", "exercising", "paused", "resting", "over"]
 
 STEP = 1 / 30  # of a session [s]
 LONGEST_STEP = 0.2  # where the computer was busy [s]
-FIGURE = UpperBody.of_height(1.6)  # of the coach; the page draws it as a small robot
 NOTHING_SEEN = "I cannot see you. Please check the headset, the hands or the camera."
 
 
@@ -67,11 +67,10 @@ class Room:
         self,
         *,
         recorder: Recorder | None = None,
-        camera: Camera | None = None,
         exercises: Sequence[Exercise] = (),
     ) -> None:
-        """Take what records, the webcam, and the exercises on offer: all that ship if none are given."""
-        self.recorder, self._camera = recorder, camera
+        """Take what records, and the exercises on offer: all that ship if none are given."""
+        self.recorder = recorder
         shipped = load_exercises()
         self._offered = {exercise.name: exercise for exercise in exercises or shipped}
         self._known = tuple({each.name: each for each in (*shipped, *exercises)}.values())
@@ -84,7 +83,7 @@ class Room:
         """Whether a session is on: begun, and not over."""
         return self._session is not None and not self._session.is_over
 
-    def receive(self, message: Message, now: float) -> None:
+    def receive(self, message: Wanted, now: float) -> None:
         """Take a message of the page at a time [s] of our clock.
 
         Raises:
@@ -114,10 +113,10 @@ class Room:
             for name in begin.exercises:
                 check_name("exercise", name, self._offered)
             chosen = [self._offered[name] for name in begin.exercises]
-            exercises = programme(chosen, _reach(begin), speed=math.inf)
+            exercises = programme(chosen, reach_of(begin), speed=math.inf)
         except RcareError as error:
             raise MessageError(str(error)) from error
-        sight = Sight(begin, self._camera)
+        sight = Sight(begin)
         exercises = tuple(exercise.faster(begin.tempo) for exercise in exercises)
         recogniser = RuleRecogniser(known=self._known)
         session = Session(exercises, recogniser, repetitions=begin.repetitions)
@@ -172,7 +171,7 @@ class Room:
             frame, self._trouble = None, f"{error}. Please sit upright and look ahead."
         if frame is not None:
             self._settled, self._trouble = True, ""
-            self._user = _points(self._sight.body, frame.angles)
+            self._user = points_of(frame.angles)
         elif not self._sight.sees(now):
             self._user = None
         if not self._settled:  # the coach waits until it knows how the person sits
@@ -248,7 +247,7 @@ class Room:
             "count": self._body.count,
             "hint": self._hint(session, sees=sees),
             "seen": sees,
-            "coach": _points(FIGURE, self._body.angles),
+            "coach": points_of(self._body.angles),
             "user": self._user,
             "over": _summary(session) if session.is_over else None,
             **self._recording(),
@@ -303,22 +302,3 @@ def _summary(session: Session) -> dict[str, Any]:
             )
         ],
     }
-
-
-def _points(body: UpperBody, angles: Array) -> dict[str, list[float] | None]:
-    """Return the points of a body [m], None for those that are not known."""
-    return {
-        name: np.round(point, 3).tolist() if np.isfinite(point).all() else None
-        for name, point in body.points(angles).items()
-    }
-
-
-def _reach(begin: Begin) -> Reach:
-    """Return what somebody says that they can do; all else is free."""
-    high = np.full(len(MOTIONS), math.radians(200))
-    low = -high
-    turn = MOTION_INDEX["neck_rotation_left"]
-    high[turn], low[turn] = math.radians(begin.turn_deg), -math.radians(begin.turn_deg)
-    for side, most in zip(SIDES, (begin.lift_left_deg, begin.lift_right_deg), strict=True):
-        high[ARM[side].start] = math.radians(most)
-    return Reach(low, high)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import hashlib
 import json
 import logging
+import re
 import secrets
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,15 +20,20 @@ from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.errors import RcareError
 from rcare_marl.own_host import is_loopback as is_loopback
 
-from ...pages.door import TOKEN, Door, Limiter, answer
+from ...pages.door import HEADERS, TOKEN, Door, Limiter, answer
 from ...pages.door import secured as secured
-from .message import LARGEST, MISTAKES, Message, MessageError, parse
-from .recording import Recorder
+from .clinician import OBSERVATIONS, TABLE
+from .editor import drafted, fields_of
+from .message import LARGEST, MISTAKES, Draft, Message, MessageError, parse
+from .packages import FILES, WEB
+from .recording import REPORT, STYLE, Recorder
 from .room import STEP, Room
-from .sight import Camera
-from .three import FILES, WEB
 
-PAGE = ("style.css", "page.js", "figure.js", "canvas.js", "headset.js", "scene.js")
+PAGE = tuple(file.name for end in ("css", "js") for file in sorted(WEB.glob(f"*.{end}")))
+KEPT = (REPORT, TABLE, OBSERVATIONS)  # of a recording, what the page hands out
+SESSION = re.compile(r"session-[0-9-]+")
+# The report has its own looks in itself, and is opened by the page: these, and no others, may be so.
+LOOKS = f"'sha256-{base64.b64encode(hashlib.sha256(STYLE.encode()).digest()).decode()}'"
 ROOMS = 8  # sessions at once; our own choice
 CLOSED_ABOVE = 64 * LARGEST  # a websocket that sends more at once is closed [bytes]
 SILENT = 20.0  # between two signs of life that are asked of the page [s]
@@ -37,9 +45,8 @@ class Service:
     """What the server offers.
 
     Attributes:
-        three: Folder with the files of three.js.
+        packages: The folder `node_modules` with what the page takes from npm.
         record: Folder for recordings; None switches recording off.
-        camera: The webcam, where there is one.
         exercises: What is on offer.
         host: Address that is bound.
         is_secure: Whether it is served by HTTPS.
@@ -47,9 +54,8 @@ class Service:
         clock: Time of sessions [s], which only grows.
     """
 
-    three: Path
+    packages: Path
     record: Path | None = None
-    camera: Camera | None = None
     exercises: Sequence[Exercise] = field(default_factory=load_exercises)
     host: str = "127.0.0.1"
     is_secure: bool = False
@@ -60,26 +66,45 @@ class Service:
 class Server(Door):
     """Serves the page and its sessions."""
 
+    # The page may ask for the webcam, and compile MediaPipe, which is WebAssembly.
+    headers: Mapping[str, str] = {
+        key: value.replace("camera=()", "camera=(self)")
+        .replace("script-src 'self'", "script-src 'self' 'wasm-unsafe-eval'")
+        .replace("style-src 'self'", f"style-src 'self' {LOOKS}")
+        for key, value in HEADERS.items()
+    }
+
     def __init__(self, service: Service) -> None:
         super().__init__(service.host, service.token, is_secure=service.is_secure)
         self._service, self._rooms = service, 0
         self._sockets: set[web.WebSocketResponse] = set()
         self.app.router.add_get("/", self._index)
+        self.app.router.add_get("/editor", self._editor)
         self.app.router.add_get("/setting", self._setting)
         self.app.router.add_get("/session", self._session)
+        self.app.router.add_get("/kept/{session}/{name}", self._kept)
         self.app.router.add_get("/web/{name}", self._file)
-        self.app.router.add_get("/three/{name}", self._file)
+        self.app.router.add_get("/package/{package}/{name}", self._of_package)
         self.app.on_shutdown.append(self._leave)
 
     async def _index(self, _: web.Request) -> web.StreamResponse:
         return answer(WEB / "index.html")
 
+    async def _editor(self, _: web.Request) -> web.StreamResponse:
+        return answer(WEB / "editor.html")
+
     async def _file(self, request: web.Request) -> web.StreamResponse:
         name = request.match_info["name"]
-        is_three = request.path.startswith("/three/")
-        if name not in (FILES if is_three else PAGE):
+        if name not in PAGE:
             raise web.HTTPNotFound
-        return answer((self._service.three if is_three else WEB) / name)
+        return answer(WEB / name)
+
+    async def _of_package(self, request: web.Request) -> web.StreamResponse:
+        folder, names = FILES.get(request.match_info["package"], ("", ()))
+        name = request.match_info["name"]
+        if name not in names:
+            raise web.HTTPNotFound
+        return answer(self._service.packages / folder / name)
 
     async def _setting(self, request: web.Request) -> web.StreamResponse:
         """What the page offers, and the token for all that follows."""
@@ -88,15 +113,24 @@ class Server(Door):
         return web.json_response(
             {
                 "exercises": [
-                    {"name": each.name, "title": each.title, "about": each.about}
-                    for each in self._service.exercises
+                    {"name": each.name, **fields_of(each)} for each in self._service.exercises
                 ],
                 "mistakes": list(MISTAKES),
-                "webcam": self._service.camera is not None,
                 "record": None if record is None else str(record),
                 "token": self._service.token,
             }
         )
+
+    async def _kept(self, request: web.Request) -> web.StreamResponse:
+        """What was recorded of a session, for who has the token."""
+        self.check_token(request)
+        record, match = self._service.record, request.match_info
+        if record is None or not SESSION.fullmatch(match["session"]) or match["name"] not in KEPT:
+            raise web.HTTPNotFound
+        file = record / match["session"] / match["name"]
+        if not file.is_file():
+            raise web.HTTPNotFound
+        return answer(file)
 
     async def _session(self, request: web.Request) -> web.StreamResponse:
         self.check_origin(request)
@@ -129,7 +163,7 @@ class Conversation:
         self._socket, self._limiter = socket, Limiter()
         # Neither answers nor log become a flood themselves.
         self._complaints, self._notes = Limiter(rate=1, burst=1), Limiter(rate=5, burst=20)
-        self._room = Room(recorder=recorder, camera=service.camera, exercises=service.exercises)
+        self._room = Room(recorder=recorder, exercises=service.exercises)
         self._clock = service.clock
 
     async def hold(self) -> None:
@@ -154,7 +188,10 @@ class Conversation:
             if kind is not WSMsgType.TEXT or not isinstance(data, str):
                 raise MessageError("messages are text")
             message = parse(data)
-            self._room.receive(message, self._clock())
+            if isinstance(message, Draft):
+                await self._send(drafted(message))
+            else:
+                self._room.receive(message, self._clock())
         except RcareError as error:
             await self._refuse(str(error), message)
 

@@ -1,10 +1,9 @@
-"""What a session sees of the person, by headset, camera or simulation, and how much a page may send."""
+"""What a session sees of the person, by headset, webcam or simulation, and how much a page may send."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Protocol
 
 import numpy as np
 
@@ -217,30 +216,16 @@ class PageClock:
         return self._time
 
 
-class Camera(Protocol):
-    """A webcam with something that finds landmarks, of this computer."""
-
-    def newest(self) -> tuple[LandmarkReading, float] | None:
-        """Return what was found since the last call, and when [s]; None if nothing was."""
-
-
 class Sight:
     """Takes readings as they come, and makes at most one frame of them a step.
 
     Attributes:
-        body: Lengths of the person's body, for drawing it.
         user: The simulated person, where the source is one.
     """
 
-    def __init__(self, begin: Begin, camera: Camera | None, *, seed: int = 0) -> None:
-        """Prepare for a session.
-
-        Raises:
-            MessageError: If a webcam is asked for that is not there.
-        """
-        if begin.source == "webcam" and camera is None:
-            raise MessageError("there is no webcam: start the coach with --webcam MODEL")
-        self._begin, self._camera = begin, camera if begin.source == "webcam" else None
+    def __init__(self, begin: Begin, *, seed: int = 0) -> None:
+        """Prepare for a session."""
+        self._begin = begin
         self.user: SimulatedUser | None = None
         if begin.source == "simulated":
             self.user = SimulatedUser(begin.height_m, seed=seed, mistake=begin.mistake)
@@ -252,12 +237,8 @@ class Sight:
     def recentre(self) -> None:
         """Learn anew how the person sits."""
         self._hands = HandsSource(self._begin.height_m)
-        self._landmarks = LandmarkSource()
+        self._landmarks = LandmarkSource(monocular=True)
         self._reading: tuple[HandsReading | LandmarkReading, float] | None = None
-
-    @property
-    def body(self) -> UpperBody:
-        return self._hands.body
 
     def take(self, message: Hands | Landmarks, now: float) -> None:
         """Take what the page sent.
@@ -285,8 +266,6 @@ class Sight:
         """
         if self.user is not None:
             self._reading = (self.user.follow(shown, rest, now), now)
-        elif self._camera is not None:
-            self._reading = self._camera.newest()
         if self._reading is None:
             return None
         raw, time = self._reading

@@ -1,10 +1,8 @@
 // Both figures as lines, where there is no WebGL.
 
-import { BONES, mirrored } from './figure.js';
+import { BONES, extent, label, mirrored, shares } from './figure.js';
 
-const HEIGHT = 2.0; // of what is seen [m]
-const FLOOR = 0.62; // height of the hips above the lower edge [m]
-const AT = { coach: 0.36, user: 0.75 }; // of the width
+const HIPS = 0.62; // height of the hips above the floor [m]
 
 export class FlatView {
   constructor(canvas) {
@@ -27,17 +25,20 @@ export class FlatView {
     context.fillRect(0, 0, canvas.width, canvas.height);
     if (!this.state) return;
     const ink = style.getPropertyValue('--ink');
-    this.figure(this.state.coach, AT.coach, style.getPropertyValue('--accent'), 0.05);
-    this.figure(this.state.user, AT.user, ink, 0.025);
+    label(canvas);
+    const { coach, user } = shares(canvas.width, canvas.height);
+    this.figure(this.state.coach, coach, style.getPropertyValue('--accent'), 0.05);
+    this.figure(this.state.user, user, ink, 0.025);
   }
 
-  figure(points, at, colour, thickness) {
+  figure(points, share, colour, thickness) {
     if (!points) return;
-    const { canvas, context } = this;
-    const scale = Math.min(canvas.height / HEIGHT, canvas.width / 2.4);
+    const { context } = this;
+    const { tall, middle, across } = extent(share);
+    const scale = Math.min(share.h / tall, share.w / across);
     const place = (point) => {
       const [x, y] = mirrored(point);
-      return [canvas.width * at + x * scale, canvas.height - (y + FLOOR) * scale];
+      return [share.x + share.w / 2 + x * scale, share.y + share.h / 2 - (y + HIPS - middle) * scale];
     };
     context.strokeStyle = context.fillStyle = colour;
     context.lineWidth = thickness * scale;

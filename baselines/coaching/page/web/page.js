@@ -1,7 +1,9 @@
 // The page: form, session, end; keyboard, speech, screen readers; one websocket to this computer.
 
-import { FlatView } from '/web/canvas.js';
 import { Headset, isSupported } from '/web/headset.js';
+import { AGAIN, UNREACHABLE, ask, ours, session } from '/web/link.js';
+import { drawn, dresser } from '/web/view.js';
+import { Webcam } from '/web/webcam.js';
 
 const $ = (id) => document.getElementById(id);
 const MISTAKES = {
@@ -9,20 +11,14 @@ const MISTAKES = {
   wrong_plane: 'moves in another direction', trunk_lean: 'leans with the trunk', still: 'keeps still',
 };
 const KEYS = { ' ': 'pause', s: 'skip', r: 'rest', c: 'recentre', Escape: 'stop' };
-const UNREACHABLE = 'The coach cannot be reached. Is it still running? I keep trying.';
-const STRANGE = 'This address is not complete, or of an earlier start. Please open the address that the coach '
-  + 'printed when it was started; it has ?token= in it.';
-const CONTRAST = matchMedia('(prefers-contrast: more)');
-const DARK = matchMedia('(prefers-color-scheme: dark)');
-const AGAIN = 2000; // between two tries to reach the coach [ms]
 const PHASES = { settling: 'Sit upright and look ahead', paused: 'Paused', resting: 'Rest' };
 
 let socket;
-let token = new URLSearchParams(location.search).get('token') ?? sessionStorage.getItem('token') ?? '';
 let view;
 let headset;
 let state = { phase: 'waiting' };
 let isOn = false; // a session has been asked for and is not over
+let from = ''; // source of the session
 let begun = 0; // number of the session that was asked for, on this connection
 let heard = { count: 0, number: 0, told: '' };
 
@@ -47,8 +43,7 @@ function show(part) {
 // The server.
 
 function connect() {
-  const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
-  socket = new WebSocket(`${scheme}://${location.host}/session?token=${encodeURIComponent(token)}`);
+  socket = session();
   socket.addEventListener('open', () => {
     state = { phase: 'waiting', session: 0 };
     begun = 0;
@@ -61,29 +56,8 @@ function connect() {
       show('setup');
     }
     alarm(UNREACHABLE);
-    setTimeout(async () => { if (await ask()) connect(); }, AGAIN);
+    setTimeout(async () => { if (await ask(alarm)) connect(); }, AGAIN);
   });
-}
-
-// What the coach offers, asked until it answers; undefined where this page is not of its present start.
-async function ask() {
-  let answer;
-  while (!answer) {
-    try {
-      answer = await fetch(`/setting?token=${encodeURIComponent(token)}`);
-    } catch {
-      alarm(UNREACHABLE);
-      await new Promise((done) => { setTimeout(done, AGAIN); });
-    }
-  }
-  if (!answer.ok) {
-    alarm(answer.status === 403 ? STRANGE : `The coach does not answer as it should (${answer.status}).`);
-    return undefined;
-  }
-  const setting = await answer.json();
-  token = setting.token;
-  sessionStorage.setItem('token', token); // of this tab, so that it can be loaded again
-  return setting;
 }
 
 function take(message) {
@@ -212,6 +186,7 @@ async function begin(event) {
   });
   if (state.recording) send({ type: 'consent', given: $('consent').checked }); // for this session alone
   begun = (state.session ?? 0) + 1;
+  from = source;
   $('live-mistake').hidden = source !== 'simulated';
   $('mistake-now').value = $('mistake').value;
   isOn = true;
@@ -223,6 +198,7 @@ async function begin(event) {
 function finish() {
   isOn = false;
   headset?.leave();
+  if (webcam.isOn) webcam.stop();
 }
 
 function end() {
@@ -246,6 +222,19 @@ function end() {
   $('over').focus({ preventScroll: true });
 }
 
+// Hand out a file of the recording: the report in a tab, which holds no address with a token, others to save.
+async function fetchKept(name) {
+  const folder = state.recording.report.split(/[\\/]/).at(-2);
+  const answer = await fetch(ours(`/kept/${folder}/${name}`));
+  if (!answer.ok) {
+    alarm(`The recording is not there (${answer.status}).`);
+    return;
+  }
+  const address = URL.createObjectURL(await answer.blob());
+  if (name.endsWith('.html')) window.open(address);
+  else Object.assign(document.createElement('a'), { href: address, download: name }).click();
+}
+
 function withdraw() {
   send({ type: 'consent', given: false });
   $('consent').checked = false;
@@ -254,13 +243,6 @@ function withdraw() {
 }
 
 // Preparation.
-
-// What the system asks for, unless the button has said otherwise.
-function dress(contrast = CONTRAST.matches ? 'high' : 'usual') {
-  document.documentElement.dataset.contrast = contrast;
-  $('contrast').setAttribute('aria-pressed', String(contrast === 'high'));
-  view?.dress?.();
-}
 
 function choices(select, names) {
   select.replaceChildren(...names.map((name) => new Option(MISTAKES[name] ?? name, name)));
@@ -278,10 +260,6 @@ function offer(setting) {
     return label;
   }));
   for (const id of ['mistake', 'mistake-now']) choices($(id), setting.mistakes);
-  if (setting.webcam) {
-    $('source-webcam').disabled = false;
-    set('webcam-note', 'pictures are looked at on this computer and not kept');
-  }
   if (setting.record) {
     $('recording-off').hidden = true;
     $('recording-on').hidden = false;
@@ -289,31 +267,40 @@ function offer(setting) {
   }
 }
 
+// The webcam, which is on from its button to the end of the session.
+
+const webcam = new Webcam($('webcam-picture'), (landmarks) => {
+  set('webcam-note', landmarks ? 'I see you' : 'I cannot see you: head, hips and both arms have to be in the picture');
+  if (isOn && from === 'landmarks' && landmarks) send(landmarks);
+}, (why) => webcamIs(false, why));
+
+function webcamIs(isOnNow, why = '') {
+  $('webcam').setAttribute('aria-pressed', String(isOnNow));
+  set('webcam', isOnNow ? 'Turn the webcam off' : 'Turn the webcam on');
+  $('webcam-picture').hidden = !isOnNow;
+  $('source-webcam').disabled = !isOnNow;
+  $(isOnNow ? 'source-webcam' : 'source-simulated').checked = true;
+  $('mistake-field').hidden = isOnNow;
+  set('webcam-note', why || (isOnNow ? 'it gets ready' : 'pictures are looked at in this browser, and neither kept nor sent'));
+}
+
+async function turnWebcam() {
+  if (webcam.isOn) {
+    webcam.stop();
+    return;
+  }
+  try {
+    webcamIs(true);
+    await webcam.start();
+  } catch (error) {
+    webcamIs(false, error.message);
+  }
+}
+
 async function lookForHeadset() {
   const found = await isSupported();
   $('source-hands').disabled = !found;
   set('headset-note', found ? 'Begin enters VR; hands or controllers' : 'none found: open this page in the headset, or plug it in');
-}
-
-async function makeView() {
-  try {
-    const { SolidView } = await import('/web/scene.js');
-    view = new SolidView($('scene'));
-    view.renderer.setAnimationLoop((time, frame) => {
-      if (frame && headset && isOn) headset.stream(time, frame);
-      if (!$('session').hidden) view.draw();
-    });
-  } catch (error) {
-    console.warn(`no WebGL, so lines: ${error.message}`);
-    const plain = $('scene').cloneNode(); // a canvas keeps the kind of drawing that was tried on it
-    $('scene').replaceWith(plain);
-    view = new FlatView(plain);
-    const loop = () => {
-      if (!$('session').hidden) view.draw();
-      requestAnimationFrame(loop);
-    };
-    requestAnimationFrame(loop);
-  }
 }
 
 document.addEventListener('keydown', (event) => {
@@ -333,25 +320,24 @@ $('setup').addEventListener('change', () => {
   $('mistake-field').hidden = !$('source-simulated').checked;
 });
 $('mistake-now').addEventListener('change', (event) => send({ type: 'simulate', mistake: event.target.value }));
+$('webcam').addEventListener('click', turnWebcam);
 $('withdraw').addEventListener('click', withdraw);
+document.querySelectorAll('[data-kept]').forEach((button) => {
+  button.addEventListener('click', () => fetchKept(button.dataset.kept));
+});
 $('delete').addEventListener('click', withdraw);
 $('again').addEventListener('click', () => {
   show('setup');
   $('main').focus();
   window.scrollTo(0, 0);
 });
-$('contrast').addEventListener('click', () => {
-  dress($('contrast').getAttribute('aria-pressed') === 'true' ? 'usual' : 'high');
-});
-CONTRAST.addEventListener('change', () => dress());
-DARK.addEventListener('change', () => dress(document.documentElement.dataset.contrast));
-
-const setting = await ask();
-history.replaceState(null, '', '/'); // the token is no business of who looks at the screen
+const setting = await ask(alarm);
 if (setting) {
   offer(setting);
-  await makeView();
-  dress();
+  view = await drawn($('scene'), (time, frame) => {
+    if (frame && headset && isOn) headset.stream(time, frame);
+  });
+  dresser($('contrast'), () => view.dress?.());
   await lookForHeadset();
   navigator.xr?.addEventListener?.('devicechange', lookForHeadset);
   connect();

@@ -1,12 +1,11 @@
-// The coach as a small white robot, the person as a skeleton, and in a headset a panel with the green window.
+// The coach as a small white robot, the person as a body on a stool, and in a headset a panel with the green window.
 
-import * as THREE from '/three/three.module.js';
+import * as THREE from '/package/three/three.module.js';
 
-import { BONES, SIDES, mirrored } from './figure.js';
+import { SIDES, extent, label, mirrored, shares } from './figure.js';
 
 const HIPS = 0.62; // height of the coach's hips above the floor [m]
-const COACH_AT = -0.76;
-const USER_AT = 0.78; // to the side, on a screen [m]
+const AT = { coach: -0.95, user: 0.95 }; // to the side: arms that are out do not meet [m]
 const IN_HEADSET = { distance: 2.0, raise: 0.35 }; // [m]
 const GREEN = 0x0b6b2e;
 const NEUTRAL = 0x33424f;
@@ -104,14 +103,13 @@ class Robot extends THREE.Group {
     const across = at.right_shoulder.clone().sub(at.left_shoulder).normalize();
     const ahead = across.clone().cross(spine).normalize();
     this.chest.position.copy(at.neck).addScaledVector(spine, -0.11);
-    this.chest.quaternion.setFromRotationMatrix(new THREE.Matrix4().makeBasis(across, spine, ahead));
+    this.chest.quaternion.copy(axes(across, spine));
     this.button.position.copy(this.chest.position).addScaledVector(ahead, 0.125);
     this.neck.span(at.neck, at.head);
     this.head.position.copy(at.head);
     const nose = at.eyes.clone().sub(at.head).normalize();
-    const side = spine.clone().cross(nose).normalize();
-    this.head.quaternion.setFromRotationMatrix(
-      new THREE.Matrix4().makeBasis(side, nose.clone().cross(side), nose));
+    const side = spine.clone().cross(nose);
+    this.head.quaternion.copy(axes(side, nose.cross(side)));
     for (const name of SIDES) {
       const arm = this.arms[name];
       const [shoulder, elbow, wrist, hand] = ['shoulder', 'elbow', 'wrist', 'hand'].map((p) => at[`${name}_${p}`]);
@@ -124,28 +122,99 @@ class Robot extends THREE.Group {
   }
 }
 
-class Skeleton extends THREE.Group {
+const TRUNK = [ // radius as a share of half the shoulders' width, height as one of the trunk's length
+  [0, -0.2], [0.7, -0.2], [0.98, -0.08], [0.96, 0.1], [0.86, 0.36], [1, 0.66], [1.1, 0.82], [1.1, 0.93], [0.85, 1.03], [0.4, 1.1], [0, 1.1],
+];
+const DEPTH = 0.66; // of a trunk, over its width
+
+class Person extends THREE.Group {
   constructor() {
     super();
-    const look = material(0x0b4f8a);
-    this.bones = BONES.map(() => new Limb(look, 0.026));
-    this.head = new THREE.Mesh(new THREE.SphereGeometry(0.1, 24, 18), look);
-    this.nose = new THREE.Mesh(new THREE.SphereGeometry(0.03, 16, 12), material(0xffffff));
-    this.add(...this.bones, this.head, this.nose);
-    this.look = look;
+    const skin = material(0xb07a55, 0.7);
+    const dark = material(0x2a2320, 0.8);
+    const cloth = material(0x46525e, 0.9);
+    this.look = material(0x0b4f8a, 0.8); // of the shirt
+    this.trunk = new THREE.Mesh(new THREE.LatheGeometry(TRUNK.map(([r, y]) => new THREE.Vector2(r, y)), 40), this.look);
+    this.neck = new Limb(skin, 0.05);
+    this.head = new THREE.Group();
+    const part = (look, radius, [x, y, z], scale = [1, 1, 1]) => {
+      const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 28, 20), look);
+      mesh.position.set(x, y, z);
+      mesh.scale.set(...scale);
+      this.head.add(mesh);
+    };
+    part(skin, 0.1, [0, 0, 0], [0.8, 1.12, 0.94]);
+    part(dark, 0.1, [0, 0.032, -0.018], [0.86, 1.0, 0.9]);
+    part(skin, 0.015, [0, -0.015, 0.096], [0.9, 1.3, 1]);
+    part(dark, 0.03, [0, -0.055, 0.075], [0.75, 0.16, 0.4]);
+    for (const sign of [-1, 1]) {
+      part(skin, 0.02, [0.08 * sign, -0.005, 0], [0.5, 1.2, 0.8]);
+      part(dark, 0.011, [0.032 * sign, 0.015, 0.086]);
+    }
+    this.add(this.trunk, this.neck, this.head);
+    this.arms = {};
+    for (const side of SIDES) {
+      const arm = {
+        sleeve: new Limb(this.look, 0.062, 0.054), upper: new Limb(skin, 0.046, 0.04), fore: new Limb(skin, 0.04, 0.029),
+        palm: new Limb(skin, 0.036, 0.036), fingers: new Limb(skin, 0.033, 0.017),
+      };
+      this.arms[side] = arm;
+      const [x, ...legs] = [0.1 * (side === 'left' ? -1 : 1), new Limb(cloth, 0.085, 0.062), new Limb(cloth, 0.06, 0.045)];
+      const [hip, knee, ankle] = [[x, -0.02, 0.02], [1.25 * x, 0, 0.42], [1.25 * x, -0.5, 0.44]].map((at) => new THREE.Vector3(...at));
+      legs[0].span(hip, knee);
+      legs[1].span(knee, ankle);
+      const shoe = new THREE.Mesh(new THREE.SphereGeometry(0.075, 22, 16), dark);
+      shoe.scale.set(0.75, 0.6, 1.7);
+      shoe.position.copy(ankle).add(new THREE.Vector3(0, -0.06, 0.05));
+      this.add(...Object.values(arm), ...legs, shoe);
+    }
+    const seat = new THREE.Mesh(new THREE.CylinderGeometry(0.24, 0.24, 0.06, 40), material(0x8a6a48, 0.8));
+    seat.position.set(0, -0.14, 0.04);
+    const leg = new Limb(material(0x7a8793), 0.03);
+    leg.span(new THREE.Vector3(0, -0.16, 0.04), new THREE.Vector3(0, -HIPS, 0.04));
+    this.add(seat, leg);
   }
 
   pose(points) {
-    this.visible = Boolean(points);
+    this.isThere = Boolean(points);
     if (!points) return;
     const at = vectors(points);
-    BONES.forEach(([from, to], i) => this.bones[i].span(at[from], at[to]));
-    this.head.visible = this.nose.visible = Boolean(at.head && at.eyes);
+    this.trunk.visible = Boolean(at.pelvis && at.neck);
+    if (this.trunk.visible) {
+      const spine = at.neck.clone().sub(at.pelvis);
+      const isKnown = at.left_shoulder && at.right_shoulder;
+      const across = isKnown ? at.right_shoulder.clone().sub(at.left_shoulder) : new THREE.Vector3(0.33, 0, 0);
+      const half = across.length() / 2;
+      this.trunk.position.copy(at.pelvis);
+      this.trunk.quaternion.copy(axes(across, spine));
+      this.trunk.scale.set(half, spine.length(), DEPTH * half);
+    }
+    this.neck.span(at.neck, at.head);
+    this.head.visible = Boolean(at.head && at.eyes);
     if (this.head.visible) {
+      const nose = at.eyes.clone().sub(at.head).normalize();
+      const up = at.head.clone().sub(at.neck ?? at.head.clone().sub(UP));
       this.head.position.copy(at.head);
-      this.nose.position.copy(at.head).addScaledVector(at.eyes.clone().sub(at.head).normalize(), 0.1);
+      const side = up.cross(nose);
+      this.head.quaternion.copy(axes(side, nose.clone().cross(side)));
+    }
+    for (const side of SIDES) {
+      const arm = this.arms[side];
+      const [shoulder, elbow, wrist, hand] = ['shoulder', 'elbow', 'wrist', 'hand'].map((p) => at[`${side}_${p}`]);
+      arm.sleeve.span(shoulder, shoulder && elbow && shoulder.clone().lerp(elbow, 0.6));
+      arm.upper.span(shoulder, elbow);
+      arm.fore.span(elbow, wrist);
+      arm.palm.span(wrist, hand);
+      arm.fingers.span(hand, wrist && hand && wrist.clone().lerp(hand, 1.8));
     }
   }
+}
+
+// How axes are turned of which x is along `across`, and y as near to `up` as can be.
+function axes(across, up) {
+  const x = across.clone().normalize();
+  const z = x.clone().cross(up).normalize();
+  return new THREE.Quaternion().setFromRotationMatrix(new THREE.Matrix4().makeBasis(x, z.clone().cross(x), z));
 }
 
 // What the page says beside the picture, as a board in the room of the headset.
@@ -220,20 +289,19 @@ export class SolidView {
     this.floor = new THREE.Mesh(new THREE.CircleGeometry(2.6, 64), material(0xb9c7d3, 1));
     this.floor.rotation.x = -Math.PI / 2;
     this.coach = new Robot();
-    this.user = new Skeleton();
+    this.user = new Person();
     this.board = new Board();
     this.board.position.set(-0.1, 2.15, -0.5);
     this.room.add(this.floor, this.coach, this.user, this.board);
     this.camera = new THREE.PerspectiveCamera(32, 1, 0.05, 50);
-    this.coach.position.set(COACH_AT, HIPS, 0);
-    this.user.position.set(USER_AT, HIPS, 0);
+    for (const [name, x] of Object.entries(AT)) this[name].position.set(x, HIPS, 0);
     this.board.visible = false;
   }
 
   show(state, words) {
     if (state.coach) this.coach.pose(state.coach);
     this.user.pose(state.user);
-    this.board.write(words);
+    if (words) this.board.write(words);
   }
 
   // Colours of the page, so that darkness and a high contrast reach the picture.
@@ -248,35 +316,38 @@ export class SolidView {
   draw() {
     const inHeadset = this.renderer.xr.isPresenting;
     this.board.visible = inHeadset;
-    if (!inHeadset) this.frame();
-    this.renderer.render(this.scene, this.camera);
+    this.coach.visible = true;
+    this.user.visible = Boolean(this.user.isThere);
+    this.renderer.setScissorTest(!inHeadset);
+    if (inHeadset) this.renderer.render(this.scene, this.camera);
+    else this.shares();
   }
 
-  // Fit both figures with their arms out into the stage, whatever its shape.
-  frame() {
-    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
+  // Each figure in its own share of the stage, whatever its shape.
+  shares() {
+    const { canvas, camera, renderer } = this;
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (!width || !height) return;
-    const size = this.renderer.getSize(new THREE.Vector2());
-    if (size.x !== width || size.y !== height) this.renderer.setSize(width, height, false);
-    const aspect = width / height;
-    const narrow = aspect < 1.15; // the person behind and smaller, or both get small
-    this.coach.position.x = narrow ? -0.3 : COACH_AT;
-    this.user.position.set(narrow ? 0.56 : USER_AT, HIPS, narrow ? -0.6 : 0);
-    const middle = narrow ? 0.06 : 0;
-    const [across, tall] = narrow ? [2.5, 2.1] : [3.15, 1.95]; // what has to fit [m]
-    const half = Math.tan((this.camera.fov / 2) * (Math.PI / 180));
-    const distance = Math.max(tall / (2 * half), across / (2 * half * aspect));
-    this.camera.aspect = aspect;
-    this.camera.position.set(middle, 1.05, distance + 0.3);
-    this.camera.lookAt(middle, 0.9, 0);
-    this.camera.updateProjectionMatrix();
-    this.camera.updateMatrixWorld();
-    for (const [figure, name] of [[this.coach, '.coach-name'], [this.user, '.user-name']]) {
-      const seen = figure.position.clone().project(this.camera);
-      document.querySelector(name).style.left = `${50 * (seen.x + 1)}%`;
-    }
+    const size = renderer.getSize(new THREE.Vector2());
+    if (size.x !== width || size.y !== height) renderer.setSize(width, height, false);
     this.room.position.set(0, 0, 0);
     this.room.quaternion.identity();
+    label(canvas);
+    const half = Math.tan((camera.fov / 2) * (Math.PI / 180));
+    for (const [name, share] of Object.entries(shares(width, height))) {
+      const { x, y, w, h } = share;
+      const { tall, middle, across } = extent(share);
+      this.coach.visible = name === 'coach';
+      this.user.visible = name === 'user' && Boolean(this.user.isThere);
+      camera.aspect = w / h;
+      camera.position.set(AT[name], middle + 0.2, Math.max(tall, across / camera.aspect) / (2 * half) + 0.3);
+      camera.lookAt(AT[name], middle, 0);
+      camera.updateProjectionMatrix();
+      this.floor.position.x = AT[name];
+      renderer.setViewport(x, height - y - h, w, h);
+      renderer.setScissor(x, height - y - h, w, h);
+      renderer.render(this.scene, camera);
+    }
   }
 
   // In a headset: before where the person looks, at their height.
@@ -288,8 +359,7 @@ export class SolidView {
     ahead.normalize();
     this.room.position.set(head[0], 0, head[2]).addScaledVector(ahead, IN_HEADSET.distance);
     this.room.quaternion.setFromUnitVectors(FRONT, ahead.clone().negate());
-    this.coach.position.x = -0.75;
-    this.user.position.set(0.85, HIPS, 0);
+    this.floor.position.x = 0;
     this.board.scale.setScalar(1.3);
     this.board.position.set(0, Math.max(head[1] + 0.72 + IN_HEADSET.raise, 2.05), -0.6);
   }

@@ -1,4 +1,7 @@
-"""Where three.js is, which draws the page: from npm, in the exact version of web/package-lock.json."""
+"""What the page takes from npm, in the exact versions and with the checksums of web/package-lock.json.
+
+Of three.js what draws, of MediaPipe what finds a pose in the webcam's pictures, with its models.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,28 @@ from rcare_marl.console import print_line
 from rcare_marl.errors import ConfigError
 
 WEB = Path(__file__).parent / "web"
-FILES = ("three.module.js", "three.core.js")  # the first imports the second
-LONGEST = 300.0  # of the installation [s]
+# What is served of each package, by the name under which the page asks for it: folder and files.
+POSE = (
+    "pose.js",
+    "pose_landmark_full.tflite",
+    "pose_solution_packed_assets.data",
+    "pose_solution_packed_assets_loader.js",
+    *(
+        f"pose_solution_{kind}.{end}"
+        for kind in ("simd_wasm_bin", "wasm_bin")
+        for end in ("js", "wasm")
+    ),
+    "pose_web.binarypb",
+)
+FILES = {
+    "three": ("three/build", ("three.module.js", "three.core.js")),  # the first imports the second
+    "pose": ("@mediapipe/pose", POSE),
+}
+LONGEST = 600.0  # of the installation: 45 MB, most of them MediaPipe's [s]
 
 
-def three_folder(*, install: bool = True) -> Path:
-    """Return the folder with three.js, installed now by npm if it is not there yet.
+def packages_folder(*, install: bool = True) -> Path:
+    """Return the folder `node_modules` with all of `FILES`, installed now by npm if it is not there yet.
 
     It is looked for beside the page (where `make test-browser` puts it), then in the cache.
 
@@ -28,20 +47,24 @@ def three_folder(*, install: bool = True) -> Path:
     recipe = (WEB / "package.json").read_bytes() + (WEB / "package-lock.json").read_bytes()
     cached = cache_folder() / f"coach-page-{hashlib.sha256(recipe).hexdigest()[:16]}"
     for place in (WEB, cached):
-        build = place / "node_modules" / "three" / "build"
-        if all((build / file).is_file() for file in FILES):
-            return build
+        if _is_whole(place / "node_modules"):
+            return place / "node_modules"
     command = f"cd {WEB} && npm ci --omit=dev --ignore-scripts"
     if not install:
-        raise ConfigError(f"three.js is not installed: {command}")
+        raise ConfigError(f"three.js and MediaPipe are not installed: {command}")
     npm = shutil.which("npm")
     if npm is None:
         raise ConfigError(
-            f"the page needs three.js from npm, which is not here: install Node, then {command}"
+            "the page needs three.js and MediaPipe from npm, which is not here: install Node, then "
+            + command
         )
-    print_line(f"installing three.js with npm into {cached} (once)")
+    print_line(f"installing three.js and MediaPipe with npm into {cached} (45 MB, once)")
     _install(npm, cached, command)
-    return cached / "node_modules" / "three" / "build"
+    return cached / "node_modules"
+
+
+def _is_whole(modules: Path) -> bool:
+    return all((modules / at / name).is_file() for at, names in FILES.values() for name in names)
 
 
 def _install(npm: str, target: Path, command: str) -> None:
@@ -59,9 +82,11 @@ def _install(npm: str, target: Path, command: str) -> None:
             )
             if done.returncode != 0:
                 last = (done.stderr.strip() or "no message").splitlines()[-1]
-                raise ConfigError(f"npm could not install three.js ({last}); try: {command}")
+                raise ConfigError(f"npm could not install the packages ({last}); try: {command}")
             if target.is_dir():  # one that is not whole
                 shutil.rmtree(target)
             folder.publish()
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise ConfigError(f"three.js could not be installed: {error}; try: {command}") from error
+        raise ConfigError(
+            f"the packages could not be installed: {error}; try: {command}"
+        ) from error
