@@ -19,10 +19,12 @@ from rcare_marl.errors import RcareError
 
 from ..pages.door import TOKEN, Door, Limiter, answer
 from ..pages.strict import LARGEST, MessageError
-from .stage import QUIET, STRAIGHT, Command, Hand, Scenario, Stage, View, parse
+from .stage import QUIET, Command, Hand, Scenario, Stage, parse
+from .tracked import Tracked
 
 WEB = Path(__file__).parent / "web"
-PAGE = ("style.css", "page.js")
+THREE = ("three.module.js", "three.core.js")  # the first imports the second
+PAGE = ("style.css", "page.js", "scene.js", "headset.js")
 IDLE = 0.25  # between two scenes that are told while nothing moves [s]
 SILENT = 20.0  # between two signs of life that are asked of the page [s]
 MOST_WAITED = 2.0  # for a hand, where the scene waits for hands [s]
@@ -38,23 +40,22 @@ class Player:
     Attributes:
         role: What they play.
         socket: Their page.
-        pictures: Whether it wants pictures.
+        draws: Whether it wants what there is to be drawn.
         hand: What their hand did last.
         at: When [s].
-        view: From where they look.
         latency: From the scene that a hand saw to what it did, as it came here [s].
     """
 
     role: str
     socket: web.WebSocketResponse
-    pictures: bool
-    hand: Hand | None = None
+    draws: bool
+    hand: Hand | Tracked | None = None
     at: float = 0.0
-    view: View = STRAIGHT
     latency: float = 0.0
     sent: dict[int, float] = field(default_factory=dict)
+    drawn: tuple[int, int] = (-1, -1)  # shapes and scene that its page draws
 
-    def live(self, now: float) -> Hand | None:
+    def live(self, now: float) -> Hand | Tracked | None:
         """Return what the hand does; nothing where it fell silent."""
         return self.hand if now - self.at < QUIET else None
 
@@ -74,6 +75,7 @@ class Server(Door):
         speed: float = 1.0,
         waits: bool = False,
         token: str | None = None,
+        three: Path | None = None,
     ) -> None:
         """Prepare; the scene is built when the application starts.
 
@@ -83,16 +85,18 @@ class Server(Door):
             speed: Simulated over real time.
             waits: Whether each step waits until every hand answered the scene before it.
             token: What a page has to know; random if None.
+            three: Folder with the files of three.js; without it no page is drawn, for hands of programs.
         """
         super().__init__(host, token or secrets.token_urlsafe(TOKEN))
         self._scenario, self._speed, self._waits = scenario, speed, waits
-        self._thread = ThreadPoolExecutor(1)  # the scene and its pictures are of one thread
+        self._three = three
+        self._thread = ThreadPoolExecutor(1)  # the scene is of one thread
         self.players: dict[str, Player] = {}
         self._paused, self._running = False, False
-        self._drawn = 0.0  # how long the last picture took [s]
         self._moved = asyncio.Event()
         self.app.router.add_get("/", self._index)
         self.app.router.add_get("/web/{name}", self._file)
+        self.app.router.add_get("/three/{name}", self._file)
         self.app.router.add_get("/setting", self._setting)
         self.app.router.add_get("/session", self._session)
         self.app.cleanup_ctx.append(self._play)
@@ -115,9 +119,11 @@ class Server(Door):
         return answer(WEB / "index.html")
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
-        if request.match_info["name"] not in PAGE:
+        name, is_three = request.match_info["name"], request.path.startswith("/three/")
+        folder = self._three if is_three else WEB
+        if folder is None or name not in (THREE if is_three else PAGE):
             raise web.HTTPNotFound
-        return answer(WEB / request.match_info["name"])
+        return answer(folder / name)
 
     async def _setting(self, request: web.Request) -> web.StreamResponse:
         """What the page offers, and the token for all that follows."""
@@ -135,7 +141,7 @@ class Server(Door):
         socket = web.WebSocketResponse(
             max_msg_size=4 * LARGEST, compress=False, heartbeat=SILENT, timeout=2.0
         )
-        player = Player(role, socket, pictures=request.query.get("pictures") != "0")
+        player = Player(role, socket, draws=request.query.get("draws") != "0")
         self.players[role] = player
         try:
             await socket.prepare(request)
@@ -162,10 +168,8 @@ class Server(Door):
                     logger.warning("refused a message: %s", error)
                     await self._send(player, {"type": "refused", "why": str(error)})
 
-    async def _take(self, player: Player, message: Hand | Command | View, now: float) -> None:
-        if isinstance(message, View):
-            player.view = message
-        elif isinstance(message, Hand):
+    async def _take(self, player: Player, message: Hand | Command | Tracked, now: float) -> None:
+        if isinstance(message, Hand | Tracked):
             self._stage.check(player.role, message)
             player.hand, player.at = message, now
             if message.seen in player.sent:
@@ -246,16 +250,13 @@ class Server(Door):
         player.sent.setdefault(facts["number"], time.monotonic())
         missing = [role for role in self._stage.roles if role not in self.players]
         state = {"status": self._status(), "missing": missing, "latency_ms": 1e3 * player.latency}
-        state["right"] = await self._on_stage(self._stage.right, player.view)
         await self._send(player, {"type": "scene", **facts, **state})
-        # Where pictures take longer than a step, some steps go without: the scene keeps its time.
-        every = 1 + int(self._drawn * self._speed / self._stage.control_dt)
-        is_due = state["status"] != "running" or facts["number"] % every == 0
-        if player.pictures and not player.socket.closed and is_due:
-            begun = time.monotonic()
-            picture = await self._on_stage(self._stage.picture, player.view)
-            self._drawn = time.monotonic() - begun
-            await self._deliver(player.socket.send_bytes(picture))
+        if player.draws and player.drawn != (self._stage.scenes, facts["number"]):
+            known, _ = player.drawn
+            for data in await self._on_stage(self._stage.drawn, known):
+                if not player.socket.closed:
+                    await self._deliver(player.socket.send_bytes(data))
+            player.drawn = self._stage.scenes, facts["number"]
 
     async def _send(self, player: Player, data: dict[str, Any]) -> None:
         if not player.socket.closed:

@@ -5,9 +5,8 @@ Not safe for threads: whoever serves it calls it from one thread alone.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -18,15 +17,13 @@ from rcare_marl.envs import make
 from rcare_marl.envs.datasets import Recording
 from rcare_marl.envs.registry import lead_roles, task_class
 from rcare_marl.errors import ConfigError, check_name
-from rcare_marl.rendering import Camera, Renderer, Shot, make_renderer
-from rcare_marl.rendering.portrait import encoded
+from rcare_marl.rendering.scenery import Scenery
 
 from ..pages.strict import MessageError, field_of, flag, number, one_of, parse_as, whole
+from .tracked import Embodied, LedTool, Tracked, led
 
 MOST_VALUES = 512  # of an action
 QUIET = 0.5  # after which a hand that says nothing moves nothing [s]; our own choice
-SIZE = (640, 480)  # of pictures [pixel]
-LOWEST, HIGHEST = math.radians(-10), math.radians(85)  # from where one may look
 Wish = Literal["pause", "go", "reset", "success"]
 WISHES: tuple[Wish, ...] = get_args(Wish)
 
@@ -59,18 +56,8 @@ class Command:
     wish: Wish = field_of(one_of(WISHES))
 
 
-@dataclass(frozen=True)
-class View:
-    """From where the scene is seen, against the task's own view: turned [deg], raised [deg], and how near."""
-
-    turned: float = field_of(number(-180.0, 180.0))
-    raised: float = field_of(number(-60.0, 60.0))
-    nearness: float = field_of(number(0.3, 3.0))
-
-
-Message = Hand | Command | View
-KINDS: Mapping[str, type[Message]] = {"hand": Hand, "command": Command, "view": View}
-STRAIGHT = View(0.0, 0.0, 1.0)
+Message = Hand | Command | Tracked
+KINDS: Mapping[str, type[Message]] = {"hand": Hand, "command": Command, "tracked": Tracked}
 
 
 def parse(text: str) -> Message:
@@ -117,7 +104,7 @@ class Stage:
         roles: Those that people play.
         control_dt: Time of a control step [s].
         number: Of the present scene: it grows with each step and each reset.
-        is_over: Whether the episode has ended.
+        scenes: How many times the shapes that a page draws were made: pages that know fewer know old ones.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -135,7 +122,8 @@ class Stage:
             if task_class(scenario.task).roles()[role].default is None:
                 cast.setdefault(role, {})
         self._env = make(scenario.task, options=scenario.options, policies=policies, **cast)
-        self._renderer: Renderer | None = None
+        self._scenery: Scenery | None = None
+        self.scenes = 0
         self._recording: Recording | None = None
         try:
             self.roles = tuple(scenario.roles)
@@ -164,6 +152,13 @@ class Stage:
         self._seed += 1
         self.number += 1
         self._env.reset(seed=self._seed)
+        self._led: dict[str, LedTool | Embodied] = {}
+        self._unled: dict[str, str] = {}  # why no headset plays them
+        for role in self.roles:
+            try:
+                self._led[role] = led(self._env.cast[role], self.control_dt)
+            except ConfigError as error:  # they have other ways to play it
+                self._unled[role] = str(error)
 
     def mark(self) -> None:
         """Take the running episode for a success, record it so, and begin the next one."""
@@ -173,6 +168,7 @@ class Stage:
 
     def facts(self, role: str) -> dict[str, Any]:
         """Return what does not change: what a role's action is, and what it observes, as data for JSON."""
+        camera = self._env.task.view()
         return {
             "task": self._task,
             "role": role,
@@ -180,22 +176,30 @@ class Stage:
             "units": {name: unit for _, name, unit in self._env.describe(role)},
             "control_dt": self.control_dt,
             "records": self._recording is not None,
+            "camera": {"eye": camera.eye, "target": camera.target, "fov_deg": camera.fov_deg},
+            "no_headset": self._unled.get(role, ""),
         }
 
-    def step(self, hands: Mapping[str, Hand | None]) -> None:
+    def step(self, hands: Mapping[str, Hand | Tracked | None]) -> None:
         """Let everybody act for one control step; a role without a hand, or its clutch, does nothing."""
         actions = {role: self._action(role, hands.get(role)) for role in self.roles}
         self._env.step(actions)  # type: ignore[arg-type]  # float64 will do
         self.number += 1
 
-    def check(self, role: str, hand: Hand) -> None:
-        """Refuse a hand whose action is not as long as that of its role."""
+    def check(self, role: str, hand: Hand | Tracked) -> None:
+        """Refuse a hand whose action is not as long as that of its role, or that its role cannot follow."""
+        if isinstance(hand, Tracked):
+            if role in self._unled:
+                raise MessageError(self._unled[role])
+            return
         wanted = self._env.cast[role].action_size
         if len(hand.values) != wanted:
             raise MessageError(f"the action of {role} has {wanted} values")
 
-    def _action(self, role: str, hand: Hand | None) -> Array:
+    def _action(self, role: str, hand: Hand | Tracked | None) -> Array:
         agent = self._env.cast[role]
+        if isinstance(hand, Tracked):
+            return np.clip(self._led[role].action(hand), agent.action_low, 1.0)
         if hand is None or not hand.clutch:
             return np.zeros(agent.action_size)
         return np.clip(np.array(hand.values), agent.action_low, 1.0)
@@ -215,38 +219,22 @@ class Stage:
             "is_over": env.is_over,
             "success": bool(task.succeeded()),
             "recorded": self.recorded,
+            "body": self._led[role].told() if role in self._led else None,
         }
 
-    def picture(self, view: View = STRAIGHT) -> bytes:
-        """Return the scene from a view, as a JPEG."""
-        if self._renderer is None:  # without shadows: what counts is that it comes soon
-            self._renderer = make_renderer(self._env.world, samples=0, ambient_occlusion=False)
-        shot = Shot(self._camera(view), look="plain")
-        return encoded(self._renderer.read([shot])[0]["rgb"], "JPEG")
+    def drawn(self, known: int) -> list[bytes]:
+        """Return what a page draws: the shapes, where it knows only those of fewer `scenes`; where they are now.
 
-    def right(self, view: View) -> list[float]:
-        """Return which direction of the floor is to the right in a view, x and y of a unit vector."""
-        camera = self._camera(view)
-        x, y, _ = np.subtract(camera.target, camera.eye).tolist()
-        length = max(math.hypot(x, y), 1e-9)
-        return [y / length, -x / length]
-
-    def _camera(self, view: View) -> Camera:
-        """Return the camera of a view: about what the task looks at."""
-        camera = self._env.task.view()
-        x, y, z = (np.subtract(camera.eye, camera.target) / view.nearness).tolist()
-        length, turned = math.hypot(x, y, z), math.atan2(y, x) + math.radians(view.turned)
-        level = math.atan2(z, math.hypot(x, y)) + math.radians(view.raised)
-        level = min(max(level, LOWEST), HIGHEST)
-        flat = length * math.cos(level)
-        away = (flat * math.cos(turned), flat * math.sin(turned), length * math.sin(level))
-        x, y, z = np.add(camera.target, away).tolist()
-        return replace(camera, eye=(x, y, z), width=SIZE[0], height=SIZE[1])
+        What the bytes are, `rcare_marl.rendering.scenery` says.
+        """
+        if self._scenery is None or self._scenery.is_stale:
+            self._scenery = Scenery(self._env.world)
+            self.scenes += 1
+        frame = self._scenery.frame(self.number)
+        return [frame] if known == self.scenes else [self._scenery.shapes(), frame]
 
     def close(self) -> None:
         """Finish the record and free the scene."""
-        if self._renderer is not None:
-            self._renderer.close()
         if self._recording is not None:
             self._recording.close()
         self._env.close()

@@ -64,7 +64,7 @@ def teleoperate(
         bool, typer.Option("--open/--no-open", help="Whether to open the page in your browser.")
     ] = True,
 ) -> None:
-    """Play a role of a task by keyboard, mouse, touch or gamepad, on a page of this computer, until Ctrl-C.
+    """Play a role of a task by headset, keyboard, mouse, touch or gamepad, on a page of this computer, until Ctrl-C.
 
     Nothing moves unless you hold the clutch. Several people open the page once each.
 
@@ -75,6 +75,7 @@ def teleoperate(
     check_package("aiohttp", "the page of teleoperation", "coach")
     if not 0.05 <= speed <= 2:
         raise ConfigError(f"speed must lie in 0.05..2, got {speed:g}")
+    from rcare_marl.baselines.coaching.page.three import three_folder
     from rcare_marl.baselines.teleoperation.server import Server
     from rcare_marl.baselines.teleoperation.stage import Scenario
 
@@ -88,8 +89,10 @@ def teleoperate(
         record,
     )
 
+    three = three_folder()
+
     async def serve() -> None:
-        server = Server(scenario, speed=speed, waits=wait)
+        server = Server(scenario, speed=speed, waits=wait, three=three)
         notes = () if record is None else (f"episodes are recorded to {record} when this ends",)
         await serve_page(server, task, bound(LOOPBACK, port), notes=notes, opens=open_)
 
