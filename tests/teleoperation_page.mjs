@@ -56,8 +56,46 @@ const LAWS = {
     window.emulated.put('right', memory.at);
     window.emulated.hold('right', 1);
   },
-  // Hold the clutch, and open the mouth when the spoon is near.
-  eat(told) {
+  // Walk up, kneel, take the ankle and lift the leg, and keep it there.
+  lift(told, memory) {
+    const { put, hold, close, stick, press } = window.emulated;
+    const { pelvis_position: pelvis, step, kneeling, ankle_position: ankle, left_hand_holds: holds, foot_to_lifted: lifted } = told.seen;
+    const palm = told.body.palms.left;
+    const plus = (a, b) => a.map((x, k) => x + b[k]);
+    const minus = (a, b) => a.map((x, k) => x - b[k]);
+    const short = (v, most) => v.map((x) => x * Math.min(1, most / Math.max(Math.hypot(...v), 1e-9)));
+    const lead = (goal, speed) => {  // the hand a little beyond where theirs is, until that comes
+      memory.aim = plus(memory.aim, short(minus(goal, palm).map((x) => 0.5 * x), 0.1 * speed));
+      memory.aim = plus(palm, short(minus(memory.aim, palm), 0.25));
+      return Math.hypot(...minus(goal, palm));
+    };
+    memory.phase ??= 'walk';
+    memory.floor ??= pelvis[0] - 0.46;
+    if (!['near', 'reach', 'grasp', 'lift'].includes(memory.phase)) memory.aim = palm;
+    const beside = plus(ankle, [0, -0.065, 0]);
+    if (memory.phase === 'walk') {
+      const left = pelvis[0] - memory.floor;
+      stick('left', 0, left > 0.05 ? -1 : 0);
+      if (left <= 0.05 && step.every((x) => Math.abs(x) < 1e-6)) memory.phase = 'kneel';
+    } else if (memory.phase === 'kneel') {
+      press('left', 'x-button', 1);
+      if (kneeling[0] > 0.99) { press('left', 'x-button', 0); memory.phase = 'near'; }
+    } else if (memory.phase === 'near') {
+      if (lead(plus(ankle, [0.12, -0.195, 0.05]), 0.35) < 0.12) memory.phase = 'reach';
+    } else if (memory.phase === 'reach') {
+      if (lead(beside, 0.2) < 0.05) memory.phase = 'grasp';
+    } else if (memory.phase === 'grasp') {
+      lead(beside, 0.1);
+      close('left', 1);
+      if (holds[0] > 0) memory.phase = 'lift';
+    } else {
+      lead(plus(palm, lifted), 0.15);
+    }
+    put('left', memory.aim);
+    hold('left', 1);
+  },
+  // Hold the clutch, and open the mouth.
+  eat() {
     window.emulated.hold('right', 1);
     window.emulated.close('right', 1);
   },
@@ -68,6 +106,7 @@ const origin = new URL(job.url).origin;
 const browser = await chromium.launch({ executablePath: job.chromium, headless: true, args: FLAGS });
 try {
   if (job.kind === 'strangers') await strangers();
+  else if (job.kind === 'watch') await watch();
   else {
     for (const role of job.roles) await enter(role);
     await Promise.all(job.roles.map(play));
@@ -115,7 +154,6 @@ async function play(role) {
   }, [LAWS[law].toString().replace(/^(\w+)\(/, 'function $1(')]);
   await page.waitForFunction(until ?? (() => window.emulated.scene.is_over));
   if (job.pictures) {
-    const data = await page.evaluate(() => window.emulated.picture?.());
     await page.screenshot({ path: `${job.pictures}/${job.name}_${role}_in.png` });
   }
   const { scene, memory, refused } = await page.evaluate(() => ({ ...window.emulated, device: null, socket: null, told: null, law: null }));
@@ -146,4 +184,34 @@ async function strangers() {
     const read = await fetch(`${address.origin}/setting${address.search}`).then(() => 'read', () => 'refused');
     return { socket, read };
   }, [job.url]);
+}
+
+// Watch, go back to the beginning, ask for what there is not, then for another task; and look at it on a phone.
+async function watch() {
+  const page = await open();
+  const picture = () => page.evaluate(() => {
+    const { renderer, scene, camera } = window.teleoperation;
+    renderer.render(scene, camera);
+    return document.querySelector('#picture').toDataURL();
+  });
+  await page.waitForFunction(() => window.emulated.scene?.number > 15);
+  const before = await picture();
+  out.terms = await page.$$eval('#terms th', (cells) => cells.map((cell) => cell.textContent));
+  await page.evaluate(() => { const at = document.querySelector('#moment'); at.value = 0; at.dispatchEvent(new Event('input')); });
+  await page.waitForTimeout(400);
+  out.back = { moment: await page.textContent('#moment-now'), differs: before !== await picture() };
+  if (job.pictures) await page.screenshot({ path: `${job.pictures}/${job.name}.png`, fullPage: true });
+  await page.setViewportSize({ width: 390, height: 844 });
+  await page.waitForTimeout(400);
+  out.overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+  if (job.pictures) await page.screenshot({ path: `${job.pictures}/${job.name}_phone.png`, fullPage: true });
+  const ask = (recipient) => page.evaluate((name) => window.emulated.socket.send(JSON.stringify(
+    { type: 'choice', task: 'scratching', robot: '', recipient: name, home: '', policy: '', seed: 2 })), recipient);
+  await ask('nobody_9');
+  await page.waitForFunction(() => window.emulated.refused.length);
+  out.refused = (await page.evaluate(() => window.emulated.refused)).join();
+  await ask('');
+  await page.waitForFunction(() => document.querySelector('#title').textContent.includes('scratching'));
+  await page.waitForFunction(() => window.emulated.scene.number > 3);
+  out.title = await page.textContent('#title');
 }

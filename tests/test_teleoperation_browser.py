@@ -109,7 +109,9 @@ def test_a_hand_in_a_headset_leads_the_spoon_to_the_mouth(tmp_path: Path) -> Non
 
 def test_who_is_fed_opens_the_mouth_by_the_trigger(tmp_path: Path) -> None:
     with served(Scenario("feeding", ["recipient"], seed=3)) as url:
-        seen = drive(tmp_path, url, "eat", roles=["recipient"], players={"recipient": {"law": "eat"}})
+        seen = drive(
+            tmp_path, url, "eat", roles=["recipient"], players={"recipient": {"law": "eat"}}
+        )
     person = seen["players"]["recipient"]
     assert person["last"]["success"], person["last"]
 
@@ -119,6 +121,26 @@ def test_two_people_in_two_browsers_feed_and_are_fed(tmp_path: Path) -> None:
     with served(Scenario("feeding", list(players), seed=1)) as url:
         seen = drive(tmp_path, url, "two", roles=list(players), players=players)
     assert [player["last"]["success"] for player in seen["players"].values()] == [True, True]
+
+
+@pytest.mark.slow
+def test_a_caregiver_in_a_headset_lifts_the_leg_while_the_robot_dresses(tmp_path: Path) -> None:
+    players = {"caregiver": {"law": "lift"}}
+    with served(Scenario("dressing", list(players), seed=0)) as url:
+        seen = drive(tmp_path, url, "lift", roles=list(players), players=players)
+    caregiver = seen["players"]["caregiver"]
+    assert caregiver["memory"]["phase"] == "lift", caregiver
+    assert caregiver["last"]["success"], caregiver["last"]
+
+
+def test_who_watches_goes_back_in_time_and_chooses_another_scene(tmp_path: Path) -> None:
+    with served(Scenario("feeding", (), policies={"robot": "scripted"}, seed=3)) as url:
+        seen = drive(tmp_path, url, "watch", kind="watch", viewport={"width": 1280, "height": 800})
+    assert seen["back"]["moment"] == "0.0 s" and seen["back"]["differs"]
+    assert seen["terms"][-1] == "force [N]" and len(seen["terms"]) > 1
+    assert "nobody_9" in seen["refused"]
+    assert seen["title"] == "Watching: scratching"
+    assert seen["overflow"] <= 0
 
 
 def test_bad_messages_of_a_page_change_nothing_and_pages_of_others_get_nowhere(

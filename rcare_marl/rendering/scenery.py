@@ -15,7 +15,9 @@ from .geometry import Geometry, world_parts
 from .mesh import Bytes, Floats, Ints, SmoothNormals, detail_levels, level_for
 from .stroke import TubeMesh, skin_opacity
 
-DETAIL = 0.008  # [m] that vertices are apart: software OpenGL pays for each triangle; our own choice
+DETAIL = (
+    0.008  # [m] that vertices are apart: software OpenGL pays for each triangle; our own choice
+)
 
 
 def packed(kind: str, facts: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]]) -> bytes:
@@ -66,18 +68,22 @@ class Surface:
 
 
 class Scenery:
-    """The meshes of a world, and where they are."""
+    """The meshes of a world, and where they are.
+
+    Attributes:
+        world: The world.
+    """
 
     def __init__(self, world: World) -> None:
         """Read them as they are now; `is_stale` says when that no longer fits."""
-        self._world = world
+        self.world = world
         self._known = self._look()
         self._geometry = Geometry(world_parts(world))
         self._surfaces = [_skin(skin) for skin in world.skins if skin_opacity(skin) > 0]
         self._surfaces += [_tubes(lines) for lines in world.lines]
 
     def _look(self) -> tuple[object, ...]:
-        world = self._world
+        world = self.world
         skins = tuple(id(part) for skin in world.skins for part in (skin, skin.faces, skin.colors))
         lines = tuple(id(part) for lines in world.lines for part in (lines, lines.starts))
         return tuple(body.uid for body in world.bodies), skins, lines

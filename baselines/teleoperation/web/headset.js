@@ -7,6 +7,7 @@ const STANDS_AT = 1.1;  // of who leads a robot, from what the scene is about [m
 const BEHIND = 0.05;  // from which the hand of the person counts as left behind [m]
 const [PINCHED, OPENED] = [0.02, 0.035];  // between thumb and index: the clutch of a bare hand [m]
 const [FIST, FLAT] = [0.09, 0.15];  // from the wrist to the tips of ring and little finger [m]
+const ASIDE = 0.75;  // to the left of where the person looks at first: the board, which is to hide nothing [rad]
 const STILL = 0.15;  // of a stick, below which it rests
 const LOOKS = { idle: 0x6b7580, held: 0x17602b, behind: 0xb01818 };
 const FOLLOW = 0.2;  // of the way that the person went since, in each picture: no jolts
@@ -136,8 +137,8 @@ export class Headset {
     room.position.copy(head).sub(from.applyQuaternion(room.quaternion));
     room.updateMatrixWorld(true);
     this.anchor = { room: room.matrix.clone(), pelvis, now: pelvis };
-    const ahead3 = turn.setY(0).normalize();
-    this.board.position.setFromMatrixPosition(viewer).addScaledVector(ahead3, 1.2).add(new THREE.Vector3(0, -0.55, 0));
+    const aside = turn.setY(0).normalize().applyAxisAngle(new THREE.Vector3(0, 1, 0), ASIDE);
+    this.board.position.setFromMatrixPosition(viewer).addScaledVector(aside, 1.2).add(new THREE.Vector3(0, -0.1, 0));
     this.board.lookAt(new THREE.Vector3().setFromMatrixPosition(viewer));
   }
 

@@ -1,7 +1,8 @@
 // The page of a role: sends what a hand does 20 times a second, and shows the scene that comes back.
 
+import { Audience } from '/web/audience.js';
 import { Headset, isSupported } from '/web/headset.js';
-import { Scene } from '/web/scene.js';
+import { Scene, kindOf } from '/web/scene.js';
 
 const RATE = 50;  // between two messages of a hand [ms]
 const DRAG = 120;  // pixels of a drag that mean full speed
@@ -13,8 +14,8 @@ const STICKS = [[0, 0, 1], [1, 1, -1], [3, 2, -1], [2, 5, -1]];  // axis of the 
 const find = (id) => document.getElementById(id);
 const token = new URLSearchParams(location.search).get("token") ?? "";
 const down = new Set();
-let scene, headset, socket, secret = token, acts = [], sliders = [], isTool = false;
-let number = 0, held = false, drag = null, orbit = null, records = false, pauses = false;
+let scene, headset, audience, socket, secret = token, acts = [], sliders = [], isTool = false;
+let number = 0, held = false, drag = null, orbit = null, records = false, pauses = false, telling;
 
 function trouble(text) {
   find("trouble").textContent = text;
@@ -35,6 +36,7 @@ async function begin() {
     button.addEventListener("click", () => join(role));
     find("roles").append(button, " ");
   }
+  if (setting.choices) Audience.offer(setting.choices, setting.task);
   const free = Object.keys(setting.roles).filter((role) => setting.roles[role]);
   if (Object.keys(setting.roles).length === 1 && free.length === 1) join(free[0]);
 }
@@ -44,10 +46,15 @@ function join(role) {
   const query = new URLSearchParams({ role, token: secret });
   socket = new WebSocket(`${scheme}://${location.host}/session?${query}`);
   socket.binaryType = "arraybuffer";
-  socket.addEventListener("message", (event) => typeof event.data === "string" ? told(JSON.parse(event.data)) : scene?.take(event.data));
+  socket.addEventListener("message", (event) => typeof event.data === "string" ? told(JSON.parse(event.data)) : drawn(event.data));
   socket.addEventListener("close", () => trouble("The scene is gone: start the command again and reload."));
   find("choice").hidden = true;
   find("stage").hidden = false;
+}
+
+function drawn(buffer) {
+  const isFrame = scene && kindOf(buffer) === "frame";
+  if (!audience || !isFrame || audience.keep(buffer)) scene?.take(buffer);
 }
 
 function told(data) {
@@ -55,7 +62,7 @@ function told(data) {
   if (data.type === "facts") { furnish(data); return; }
   number = data.number;
   const words = {
-    waiting: `waiting for ${data.missing.join(", ")}`, ready: "ready: hold the clutch to begin", paused: "paused",
+    waiting: `waiting for ${data.missing.join(", ")}`, ready: audience ? "ready" : "ready: hold the clutch to begin", paused: "paused",
     running: "running", over: data.success ? "success" : "over, no success",
   };
   const lines = [
@@ -64,6 +71,7 @@ function told(data) {
   ];
   find("status").textContent = lines.join(" · ");
   headset?.tell(number, data.body, lines);
+  audience?.tell(data);
   pauses = data.status === "paused";
   find("pause").setAttribute("aria-pressed", String(pauses));
   const rows = find("seen").rows;
@@ -73,17 +81,28 @@ function told(data) {
 }
 
 function furnish(facts) {
+  const watches = facts.shows !== facts.role;
   try {
-    scene = window.teleoperation = new Scene(find("picture"), facts.camera);
-    embody(facts);
+    if (scene) scene.look(facts.camera);
+    else {
+      scene = window.teleoperation = new Scene(find("picture"), facts.camera);
+      if (watches) audience = new Audience(scene, send);
+      embody(facts);
+    }
   } catch (error) {
     trouble(`The scene cannot be drawn: this browser has no WebGL (${error.message}).`);
   }
+  audience?.begin(facts);
+  find("actions").replaceChildren();
+  find("seen").replaceChildren();
+  find("seen-by").textContent = watches ? `What ${facts.shows} observes` : "What you observe";
   acts = facts.acts;
   records = facts.records;
   find("success").hidden = !records;
   isTool = acts.length >= 6 && acts[0].startsWith("tool x");
-  find("title").textContent += `, ${facts.role}`;
+  find("title").textContent = `${watches ? "Watching" : "Teleoperation"}: ${facts.task.replaceAll("_", " ")}`
+    + (watches ? "" : `, ${facts.role}`);
+  trouble("");
   sliders = acts.map((name, i) => {
     const label = document.createElement("label");
     const slider = Object.assign(document.createElement("input"), { type: "range", min: -1, max: 1, step: 0.01, value: 0 });
@@ -102,7 +121,7 @@ function furnish(facts) {
     row.append(head);
     row.insertCell();
   }
-  setInterval(tell, RATE);
+  if (acts.length) telling ??= setInterval(tell, RATE);
 }
 
 async function embody(facts) {

@@ -5,6 +5,7 @@ import * as THREE from '/three/three.module.js';
 const TYPES = { f4: Float32Array, u4: Uint32Array, i1: Int8Array, u1: Uint8Array };
 const LINEAR = Float32Array.from({ length: 256 }, (_, k) => (k <= 10 ? k / 3294.6 : ((k / 255 + 0.055) / 1.055) ** 2.4));
 const [LOWEST, HIGHEST] = [-10, 85].map(THREE.MathUtils.degToRad);  // from where one may look
+const FORCE = 10;  // that is drawn 10 cm long [N]
 const SKY = 0xe6ebf0;
 
 // Without a graphics card each pixel costs: then the picture has no more of them than the page, and rough edges.
@@ -14,6 +15,11 @@ const isSoftware = (() => {
   return !info || /SwiftShader|llvmpipe|Software/i.test(gl.getParameter(info.UNMASKED_RENDERER_WEBGL));
 })();
 
+export function kindOf(buffer) {
+  const size = new DataView(buffer).getUint32(0, true);
+  return JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size))).kind;
+}
+
 export function unpack(buffer) {
   const size = new DataView(buffer).getUint32(0, true);
   const { arrays, ...facts } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
@@ -21,24 +27,42 @@ export function unpack(buffer) {
   return facts;
 }
 
-// A material whose vertices lie where the transform of their slot puts them, one row of a texture each.
-function placed(look, places) {
-  look.onBeforeCompile = (shader) => {
-    shader.uniforms.places = places;
-    shader.vertexShader = `uniform highp sampler2D places; attribute float slot;
-      vec3 put(vec4 at) { int row = int(slot + 0.5);
-        return vec3(dot(texelFetch(places, ivec2(0, row), 0), at), dot(texelFetch(places, ivec2(1, row), 0), at),
-          dot(texelFetch(places, ivec2(2, row), 0), at)); }
-      ${shader.vertexShader}`
-      .replace('#include <beginnormal_vertex>', 'vec3 objectNormal = put(vec4(normal, 0.0));')
-      .replace('#include <begin_vertex>', 'vec3 transformed = put(vec4(position, 1.0));');
-  };
-  return look;
-}
-
-function look(alpha, closed) {
-  return new THREE.MeshLambertMaterial({
-    vertexColors: true, opacity: alpha, transparent: alpha < 0.99, side: closed ? THREE.FrontSide : THREE.DoubleSide,
+// Lit at the vertices, not in each pixel, which is what software GL is slow at. Where there are `places`, vertices
+// lie where the transform of their slot puts them, one row of a texture each.
+function look(alpha, closed, places = null) {
+  return new THREE.ShaderMaterial({
+    uniforms: { alpha: { value: alpha }, ...(places ? { places } : {}) },
+    transparent: alpha < 0.99,
+    side: closed ? THREE.FrontSide : THREE.DoubleSide,
+    defines: { ...(places ? { PLACED: 1 } : {}), ...(closed ? {} : { OPEN: 1 }) },
+    vertexShader: `
+      uniform highp sampler2D places;
+      attribute float slot;
+      attribute vec3 color;
+      varying vec3 shade;
+      vec3 put(vec4 at) {
+        #ifdef PLACED
+          int row = int(slot + 0.5);
+          return vec3(dot(texelFetch(places, ivec2(0, row), 0), at), dot(texelFetch(places, ivec2(1, row), 0), at),
+            dot(texelFetch(places, ivec2(2, row), 0), at));
+        #else
+          return at.xyz;
+        #endif
+      }
+      void main() {
+        vec4 seen = modelViewMatrix * vec4(put(vec4(position, 1.0)), 1.0);
+        vec3 up = put(vec4(normal, 0.0));
+        #ifdef OPEN  // the side that is seen
+          if (dot(normalMatrix * up, seen.xyz) > 0.0) up = -up;
+        #endif
+        vec3 light = mix(vec3(0.42, 0.38, 0.34), vec3(0.66), 0.5 + 0.5 * up.z) + 0.55 * max(dot(up, vec3(0.27, -0.53, 0.80)), 0.0);
+        shade = pow(min(color * light, 1.0), vec3(1.0 / 2.2));
+        gl_Position = projectionMatrix * seen;
+      }`,
+    fragmentShader: `
+      uniform float alpha;
+      varying vec3 shade;
+      void main() { gl_FragColor = vec4(shade, alpha); }`,
   });
 }
 
@@ -58,15 +82,14 @@ export class Scene {
     this.scene.background = new THREE.Color(SKY);
     this.room = new THREE.Group();  // in the axes of the scene: x, y on the floor, z up
     this.level();
-    this.sun = new THREE.DirectionalLight(0xffffff, 2.0);
-    this.sun.position.set(1, 3, 2);
-    this.scene.add(this.room, new THREE.HemisphereLight(0xffffff, 0xb4a593, 2.0), this.sun);
+    this.scene.add(this.room);
     this.shapes = new THREE.Group();
     this.room.add(this.shapes);
-    this.target = new THREE.Vector3(...camera.target);
-    this.away = new THREE.Vector3(...camera.eye).sub(this.target);
-    this.view = { turned: 0, raised: 0, nearness: 1 };
+    this.touches = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xd00000, depthTest: false }));
+    this.touches.frustumCulled = false;
+    this.room.add(this.touches);
     this.camera = new THREE.PerspectiveCamera(camera.fov_deg, 4 / 3, 0.03, 60);
+    this.look(camera);
     this.renderer.setAnimationLoop((time, frame) => this.draw(time, frame));
     this.onFrame = () => {};
   }
@@ -75,6 +98,24 @@ export class Scene {
   level() {
     this.room.position.set(0, 0, 0);
     this.room.quaternion.setFromAxisAngle(new THREE.Vector3(1, 0, 0), -Math.PI / 2);
+  }
+
+  // See it as the task's own camera does.
+  look(camera) {
+    this.target = new THREE.Vector3(...camera.target);
+    this.away = new THREE.Vector3(...camera.eye).sub(this.target);
+    this.view = { turned: 0, raised: 0, nearness: 1 };
+    this.camera.fov = camera.fov_deg;
+    this.key = null;
+  }
+
+  // Forces on a person, each as a line from where it presses, 10 cm for FORCE.
+  touch(found) {
+    const points = found.flatMap(([x, y, z, ...force]) => [
+      new THREE.Vector3(x, y, z), new THREE.Vector3(x, y, z).addScaledVector(new THREE.Vector3(...force), -0.1 / FORCE)]);
+    this.touches.geometry.dispose();
+    this.touches.geometry = new THREE.BufferGeometry().setFromPoints(points);
+    this.isDrawn = false;
   }
 
   take(buffer) {
@@ -96,7 +137,7 @@ export class Scene {
       const geometry = new THREE.BufferGeometry();
       for (const [name, attribute] of Object.entries(shared)) geometry.setAttribute(name, attribute);
       geometry.setIndex(new THREE.BufferAttribute(data.index.subarray(first, first + count), 1));
-      const mesh = new THREE.Mesh(geometry, placed(look(alpha, closed), this.places));
+      const mesh = new THREE.Mesh(geometry, look(alpha, closed, this.places));
       mesh.frustumCulled = false;
       this.shapes.add(mesh);
     }
