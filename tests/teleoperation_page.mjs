@@ -66,7 +66,7 @@ const LAWS = {
     const short = (v, most) => v.map((x) => x * Math.min(1, most / Math.max(Math.hypot(...v), 1e-9)));
     const lead = (goal, speed) => {  // the hand a little beyond where theirs is, until that comes
       memory.aim = plus(memory.aim, short(minus(goal, palm).map((x) => 0.5 * x), 0.1 * speed));
-      memory.aim = plus(palm, short(minus(memory.aim, palm), 0.25));
+      memory.aim = plus(palm, short(minus(memory.aim, palm), 0.6));
       return Math.hypot(...minus(goal, palm));
     };
     memory.phase ??= 'walk';
@@ -75,8 +75,8 @@ const LAWS = {
     const beside = plus(ankle, [0, -0.065, 0]);
     if (memory.phase === 'walk') {
       const left = pelvis[0] - memory.floor;
-      stick('left', 0, left > 0.05 ? -1 : 0);
-      if (left <= 0.05 && step.every((x) => Math.abs(x) < 1e-6)) memory.phase = 'kneel';
+      stick('left', 0, left > 0.1 ? -0.3 : 0);  // small steps: one that has begun is finished
+      if (left <= 0.1 && step.every((x) => Math.abs(x) < 1e-6)) memory.phase = 'kneel';
     } else if (memory.phase === 'kneel') {
       press('left', 'x-button', 1);
       if (kneeling[0] > 0.99) { press('left', 'x-button', 0); memory.phase = 'near'; }
@@ -206,12 +206,12 @@ async function watch() {
   out.overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
   if (job.pictures) await page.screenshot({ path: `${job.pictures}/${job.name}_phone.png`, fullPage: true });
   const ask = (recipient) => page.evaluate((name) => window.emulated.socket.send(JSON.stringify(
-    { type: 'choice', task: 'scratching', robot: '', recipient: name, home: '', policy: '', seed: 2 })), recipient);
+    { type: 'choice', task: 'feeding', robot: '', recipient: name, home: '', policy: '', seed: 2 })), recipient);
   await ask('nobody_9');
   await page.waitForFunction(() => window.emulated.refused.length);
   out.refused = (await page.evaluate(() => window.emulated.refused)).join();
-  await ask('');
-  await page.waitForFunction(() => document.querySelector('#title').textContent.includes('scratching'));
-  await page.waitForFunction(() => window.emulated.scene.number > 3);
-  out.title = await page.textContent('#title');
+  await ask('zoe');
+  await page.waitForFunction(() => document.querySelector('#chosen').textContent.includes('Zoe'));
+  await page.waitForFunction(() => window.emulated.scene.number > 1 && window.emulated.scene.seed === 2);
+  out.chosen = await page.textContent('#chosen');
 }

@@ -441,4 +441,3 @@ def test_play_tells_where_to_watch_and_stops_calmly(monkeypatch: pytest.MonkeyPa
     )
     lines = call("play", "feeding", "--port", "0", "--no-open").stderr.splitlines()
     assert lines == ["stopped"] and served[0][0] == "feeding"
-

@@ -278,6 +278,8 @@ class Stage:
 
     def check(self, role: str, hand: Hand | Tracked) -> None:
         """Refuse a hand whose action is not as long as that of its role, or that its role cannot follow."""
+        if role not in self.roles:
+            raise MessageError("who watches moves nothing")
         if isinstance(hand, Tracked):
             if role in self._unled:
                 raise MessageError(self._unled[role])

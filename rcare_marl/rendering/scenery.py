@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from ..world import Lines, Skin, World
 from .geometry import Geometry, world_parts
-from .mesh import Bytes, Floats, Ints, SmoothNormals, detail_levels, level_for
+from .gl_scene import OPEN_EDGES
+from .mesh import Bytes, Floats, Ints, SmoothNormals, detail_levels, is_closed, level_for
 from .stroke import TubeMesh, skin_opacity
 
 DETAIL = (
@@ -46,6 +47,8 @@ class Surface:
         source: Which vertices of a skin these are of, shape [n].
         rgba: sRGB colours, shape [n, 4].
         alpha: How opaque it is.
+        closed: Whether its inside is never seen, so that who is in a head looks out of it.
+        lines: Of lines, what they are.
     """
 
     of: Skin | TubeMesh
@@ -53,6 +56,7 @@ class Surface:
     source: npt.NDArray[np.intp]
     rgba: Bytes
     alpha: float
+    closed: bool = True
     lines: Lines | None = None
 
     def __post_init__(self) -> None:
@@ -114,7 +118,7 @@ class Scenery:
         for k, surface in enumerate(self._surfaces):
             arrays[f"faces{k}"] = surface.faces.astype(np.uint32)
             arrays[f"rgba{k}"] = surface.rgba
-        facts = {"runs": runs, "surfaces": [round(each.alpha, 3) for each in self._surfaces]}
+        facts = {"runs": runs, "surfaces": [(round(s.alpha, 3), s.closed) for s in self._surfaces]}
         return packed("shapes", facts, arrays)
 
     def frame(self, number: int) -> bytes:
@@ -143,15 +147,19 @@ def _skin(skin: Skin) -> Surface:
     normals = SmoothNormals(skin.faces, len(vertices)).compute(vertices)
     levels = detail_levels(vertices, normals, skin.faces, skin.colors)
     faces = levels[min(level_for(DETAIL), len(levels) - 1)]
-    source, inverse = np.unique(faces, return_inverse=True)
+    source, joined = np.unique(faces, return_inverse=True)
     rgba = np.full((len(source), 4), 255, np.uint8)
     rgba[:, :3] = skin.colors[source, :3]
-    inverse = inverse.reshape(-1, 3).astype(np.int32)
-    return Surface(skin, inverse, source.astype(np.intp), rgba, skin_opacity(skin))
+    inverse = np.asarray(joined.reshape(-1, 3), np.int32)
+    pieces = skin.rest_pieces()
+    rest = np.asarray(pieces[0][1] if pieces else vertices)
+    closed = is_closed(skin.faces, rest, skin.faces, tolerance=OPEN_EDGES)
+    return Surface(skin, inverse, source.astype(np.intp), rgba, skin_opacity(skin), closed)
 
 
 def _tubes(lines: Lines) -> Surface:
     tubes = TubeMesh(lines.starts)
     rgba = np.full((tubes.vertex_count, 4), 255, np.uint8)
     rgba[:, :3] = tubes.spread(lines.colors())
-    return Surface(tubes, tubes.faces, np.arange(tubes.vertex_count), rgba, 1.0, lines)
+    every = np.arange(tubes.vertex_count, dtype=np.intp)
+    return Surface(tubes, tubes.faces, every, rgba, 1.0, lines=lines)

@@ -130,7 +130,7 @@ async function embody(facts) {
   find("headset").disabled = Boolean(facts.no_headset);
   find("headset").title = facts.no_headset;
   headset = new Headset(scene, {
-    send,
+    send: audience ? () => {} : send,
     wish: (wish) => command(wish === "pause" && pauses ? "go" : wish),
     ended: () => find("headset").setAttribute("aria-pressed", "false"),
   });

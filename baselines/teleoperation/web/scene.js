@@ -6,6 +6,7 @@ const TYPES = { f4: Float32Array, u4: Uint32Array, i1: Int8Array, u1: Uint8Array
 const LINEAR = Float32Array.from({ length: 256 }, (_, k) => (k <= 10 ? k / 3294.6 : ((k / 255 + 0.055) / 1.055) ** 2.4));
 const [LOWEST, HIGHEST] = [-10, 85].map(THREE.MathUtils.degToRad);  // from where one may look
 const FORCE = 10;  // that is drawn 10 cm long [N]
+const [SLOW, PATIENT, COARSEST] = [36, 20, 0.5];  // [ms] of a picture; pictures; pixels of the picture for one of the page
 const SKY = 0xe6ebf0;
 
 // Without a graphics card each pixel costs: then the picture has no more of them than the page, and rough edges.
@@ -74,7 +75,8 @@ function colours(rgba) {
 
 export class Scene {
   constructor(canvas, camera) {
-    Object.assign(this, { canvas, drawn: 0, before: null, now: null, shownAt: 0, step: 0.1 });
+    Object.assign(this, { canvas, drawn: 0, before: null, now: null, shownAt: 0, step: 0.1, took: 0, since: 0 });
+    this.ratio = isSoftware ? 1 : Math.min(devicePixelRatio, 2);
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: devicePixelRatio < 1.5 && !isSoftware });
     this.renderer.xr.enabled = true;
     this.renderer.xr.setReferenceSpaceType('local-floor');
@@ -141,11 +143,11 @@ export class Scene {
       mesh.frustumCulled = false;
       this.shapes.add(mesh);
     }
-    this.surfaces = data.surfaces.map((alpha, k) => {
+    this.surfaces = data.surfaces.map(([alpha, closed], k) => {
       const geometry = new THREE.BufferGeometry();
       geometry.setIndex(new THREE.BufferAttribute(data[`faces${k}`], 1));
       geometry.setAttribute('color', colours(data[`rgba${k}`]));
-      const mesh = new THREE.Mesh(geometry, look(alpha, false));
+      const mesh = new THREE.Mesh(geometry, look(alpha, closed));
       mesh.frustumCulled = false;
       this.shapes.add(mesh);
       return geometry;
@@ -183,8 +185,22 @@ export class Scene {
     return share;
   }
 
+  // Without a graphics card the picture gets coarser until it comes often enough.
+  ease(time) {
+    const took = time - this.easedAt;
+    this.easedAt = time;
+    if (!isSoftware || !(took < 500)) return;
+    this.took += 0.1 * (took - this.took);
+    this.since += 1;
+    if (this.took < SLOW || this.since < PATIENT || this.ratio <= COARSEST) return;
+    this.ratio = Math.max(0.8 * this.ratio, COARSEST);
+    this.since = 0;
+    this.key = null;
+  }
+
   draw(time, frame) {
     this.onFrame(time, frame);
+    if (!this.renderer.xr.isPresenting) this.ease(time);
     if (this.now && !this.isSettled) {
       this.isSettled = this.blend(() => {}) === 1;
       this.places.value.needsUpdate = true;
@@ -206,8 +222,8 @@ export class Scene {
     const key = JSON.stringify([width, height, this.view]);
     if (!width || key === this.key) return false;
     this.key = key;
+    if (this.renderer.getPixelRatio() !== this.ratio) this.renderer.setPixelRatio(this.ratio);
     if (size.x !== width || size.y !== height) this.renderer.setSize(width, height, false);
-    this.renderer.setPixelRatio(isSoftware ? 1 : Math.min(devicePixelRatio, 2));
     const { x, y, z } = this.away;
     const turned = Math.atan2(y, x) + THREE.MathUtils.degToRad(this.view.turned);
     let level = Math.atan2(z, Math.hypot(x, y)) + THREE.MathUtils.degToRad(this.view.raised);
