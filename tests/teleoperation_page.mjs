@@ -66,7 +66,7 @@ const LAWS = {
     const short = (v, most) => v.map((x) => x * Math.min(1, most / Math.max(Math.hypot(...v), 1e-9)));
     const lead = (goal, speed) => {  // the hand a little beyond where theirs is, until that comes
       memory.aim = plus(memory.aim, short(minus(goal, palm).map((x) => 0.5 * x), 0.1 * speed));
-      memory.aim = plus(palm, short(minus(memory.aim, palm), 0.6));
+      memory.aim = plus(palm, short(minus(memory.aim, palm), 0.25));
       return Math.hypot(...minus(goal, palm));
     };
     memory.phase ??= 'walk';
@@ -210,8 +210,8 @@ async function watch() {
   await ask('nobody_9');
   await page.waitForFunction(() => window.emulated.refused.length);
   out.refused = (await page.evaluate(() => window.emulated.refused)).join();
-  await ask('zoe');
-  await page.waitForFunction(() => document.querySelector('#chosen').textContent.includes('Zoe'));
+  await ask('kim');
+  await page.waitForFunction(() => document.querySelector('#chosen').textContent.includes('Kim'));
   await page.waitForFunction(() => window.emulated.scene.number > 1 && window.emulated.scene.seed === 2);
   out.chosen = await page.textContent('#chosen');
 }

@@ -19,6 +19,8 @@ from rcare_marl.agents.people.body.goal import Goal, Orientation, Position
 from rcare_marl.agents.people.body.ik import WholeBodyIk, arm_dofs, grip_point, present_angles
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, SIDES
 from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.motion.caregiving import STRIVING, Striving
+from rcare_marl.agents.people.motion.skill import NEAR_LADEN
 from rcare_marl.agents.robots.control import GripperClosing, moving_tool
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
@@ -176,6 +178,7 @@ class Embodied:
         ]
         self._grips = {side: grip_point(person, side) for side in SIDES}
         self._clutched: dict[str, tuple[Pose, Pose]] = {}  # hand and wrist as they were
+        self._striving = Striving(person)
         self._limits = person.avatar.profile.limits("active")
         self._behind: dict[str, str] = {}
 
@@ -185,6 +188,7 @@ class Embodied:
         self._clutched = {side: was for side, was in self._clutched.items() if side in hands}
         self._behind = {}
         if not hands:
+            self._striving.forget()
             return np.zeros(person.action_size)
         arms = {side: hand for side, hand in hands.items() if side in self._arms}
         goals, movable = list[Goal](), list[str]()
@@ -209,6 +213,7 @@ class Embodied:
             for k, side in enumerate(arms):
                 if found.errors[2 * k] > BEHIND:
                     self._behind[side] = self._end(side, wish)
+        self._strive(arms, wish)
         if "jaw_opening" in person.movable and not person.hands:
             wish["jaw_opening"] = OPEN * max(hand.grasp for hand in hands.values())
         action = person.action_towards(wish, self._dt)
@@ -221,6 +226,19 @@ class Embodied:
             closed = {side: 2 * hand.grasp - 1 for side, hand in hands.items()}
             action[entries["grasp"]] = [closed.get(side, 0.0) for side in person.hands]
         return action
+
+    def _strive(self, arms: Mapping[str, TrackedHand], wish: dict[str, float]) -> None:
+        """Try harder under a load, until the hands are where they are wished to be."""
+        person = self._person
+        if not any(person.hands[side].held for side in arms if side in person.hands):
+            self._striving.forget()
+            return
+        left = [math.dist(self._palm(side), hand.place.position) for side, hand in arms.items()]
+        self._striving.add(wish, STRIVING if max(left) > NEAR_LADEN else 0.0)
+
+    def _palm(self, side: str) -> Array:
+        wrist = self._person.joint_pose(f"{side}_wrist")
+        return np.asarray(rotate(wrist.quaternion, self._grips[side]) + wrist.position)
 
     def _end(self, side: str, wish: Mapping[str, float]) -> str:
         """Return which joints of an arm are at the end of their active range."""
@@ -236,16 +254,12 @@ class Embodied:
         person = self._person
         eyes = [person.joint_pose(f"{side}_eye_smplhf") for side in SIDES]
         ahead = rotate(person.joint_pose("head").quaternion, (0.0, 0.0, 1.0))
-        palms = {}
-        for side in self._arms:
-            wrist = person.joint_pose(f"{side}_wrist")
-            palms[side] = (rotate(wrist.quaternion, self._grips[side]) + wrist.position).tolist()
         pelvis = person.body.base_pose()
         face = rotate(pelvis.quaternion, (0.0, 0.0, 1.0))
         return {
             "eyes": np.mean([each.position for each in eyes], axis=0).tolist(),
             "ahead": ahead.tolist(),
-            "palms": palms,
+            "palms": {side: self._palm(side).tolist() for side in self._arms},
             "pelvis": [*pelvis.position, math.atan2(face[1], face[0])],
             "behind": self._behind,
         }

@@ -165,9 +165,12 @@ export class Scene {
     if (!this.places.value) {
       const texture = new THREE.DataTexture(Float32Array.from(data.places), 3, data.places.length / 12, THREE.RGBAFormat, THREE.FloatType);
       this.places.value = texture;
-      this.surfaces.forEach((geometry, k) => geometry.setAttribute('position', new THREE.BufferAttribute(data[`position${k}`].slice(), 3)));
+      this.surfaces.forEach((geometry, k) => {
+        geometry.setAttribute('position', new THREE.BufferAttribute(data[`position${k}`].slice(), 3));
+        geometry.setAttribute('normal', new THREE.BufferAttribute(data[`normal${k}`].slice(), 4, true));
+      });
     }
-    this.surfaces.forEach((geometry, k) => geometry.setAttribute('normal', new THREE.BufferAttribute(data[`normal${k}`], 4, true)));
+    this.surfaces.forEach(({ attributes: { normal } }, k) => { normal.array.set(data[`normal${k}`]); normal.needsUpdate = true; });
     this.shownAt = now;
     this.isSettled = false;
   }
