@@ -56,44 +56,6 @@ const LAWS = {
     window.emulated.put('right', memory.at);
     window.emulated.hold('right', 1);
   },
-  // Walk up, kneel, take the ankle and lift the leg, and keep it there.
-  lift(told, memory) {
-    const { put, hold, close, stick, press } = window.emulated;
-    const { pelvis_position: pelvis, step, kneeling, ankle_position: ankle, left_hand_holds: holds, foot_to_lifted: lifted } = told.seen;
-    const palm = told.body.palms.left;
-    const plus = (a, b) => a.map((x, k) => x + b[k]);
-    const minus = (a, b) => a.map((x, k) => x - b[k]);
-    const short = (v, most) => v.map((x) => x * Math.min(1, most / Math.max(Math.hypot(...v), 1e-9)));
-    const lead = (goal, speed) => {  // the hand a little beyond where theirs is, until that comes
-      memory.aim = plus(memory.aim, short(minus(goal, palm).map((x) => 0.5 * x), 0.1 * speed));
-      memory.aim = plus(palm, short(minus(memory.aim, palm), 0.25));
-      return Math.hypot(...minus(goal, palm));
-    };
-    memory.phase ??= 'walk';
-    memory.floor ??= pelvis[0] - 0.46;
-    if (!['near', 'reach', 'grasp', 'lift'].includes(memory.phase)) memory.aim = palm;
-    const beside = plus(ankle, [0, -0.065, 0]);
-    if (memory.phase === 'walk') {
-      const left = pelvis[0] - memory.floor;
-      stick('left', 0, left > 0.1 ? -0.3 : 0);  // small steps: one that has begun is finished
-      if (left <= 0.1 && step.every((x) => Math.abs(x) < 1e-6)) memory.phase = 'kneel';
-    } else if (memory.phase === 'kneel') {
-      press('left', 'x-button', 1);
-      if (kneeling[0] > 0.99) { press('left', 'x-button', 0); memory.phase = 'near'; }
-    } else if (memory.phase === 'near') {
-      if (lead(plus(ankle, [0.12, -0.195, 0.05]), 0.35) < 0.12) memory.phase = 'reach';
-    } else if (memory.phase === 'reach') {
-      if (lead(beside, 0.2) < 0.05) memory.phase = 'grasp';
-    } else if (memory.phase === 'grasp') {
-      lead(beside, 0.1);
-      close('left', 1);
-      if (holds[0] > 0) memory.phase = 'lift';
-    } else {
-      lead(plus(palm, lifted), 0.15);
-    }
-    put('left', memory.aim);
-    hold('left', 1);
-  },
   // Hold the clutch, and open the mouth.
   eat() {
     window.emulated.hold('right', 1);

@@ -124,16 +124,6 @@ def test_two_people_in_two_browsers_feed_and_are_fed(tmp_path: Path) -> None:
     assert [player["last"]["success"] for player in seen["players"].values()] == [True, True]
 
 
-@pytest.mark.slow
-def test_a_caregiver_in_a_headset_lifts_the_leg_while_the_robot_dresses(tmp_path: Path) -> None:
-    players = {"caregiver": {"law": "lift"}}
-    with served(Scenario("dressing", list(players), seed=0)) as url:
-        seen = drive(tmp_path, url, "lift", roles=list(players), players=players)
-    caregiver = seen["players"]["caregiver"]
-    assert caregiver["memory"]["phase"] == "lift", caregiver
-    assert caregiver["last"]["success"], caregiver["last"]
-
-
 def test_who_watches_goes_back_in_time_and_chooses_another_scene(tmp_path: Path) -> None:
     with served(Scenario("feeding", (), policies={"robot": "scripted"}, seed=3)) as url:
         seen = drive(tmp_path, url, "watch", kind="watch", viewport={"width": 1280, "height": 800})
