@@ -28,7 +28,7 @@ _LOG = logging.getLogger(__package__)
 CELLS = (0.002, 0.004, 0.008, 0.016)  # [m], edge of a cell of each coarser level
 _FINEST = 0.08  # greatest cell, as a share of the size of the mesh
 _SMALLEST = 400  # faces; a mesh with fewer is always drawn as it is
-_CRUMB = 0.02  # [m], radius up to which a sphere is seen small and has fewer faces
+_CRUMB = 0.008  # [m], radius up to which a sphere is seen small and has fewer faces
 _BEVEL = 0.004  # [m], so that the edges of boxes catch light as real ones do
 
 
