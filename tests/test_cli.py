@@ -428,14 +428,16 @@ def test_bench_of_homes_measures_loading_and_a_step_in_each_kind_of_room() -> No
 
 
 def test_play_tells_where_to_watch_and_stops_calmly(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("viser")
+    pytest.importorskip("aiohttp")
+    served: list[Any] = []
 
-    def stop_after_reset(env: Any, policies: Any, seed: int, *, on_step: Any) -> Any:
-        env.reset(seed=seed)
-        on_step(env)
+    async def interrupt(server: Any, name: str, *_: Any, **__: Any) -> None:
+        served.append((name, server))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(baseline, "run_episode", stop_after_reset)
-    lines = call("play", "feeding").stderr.splitlines()
-    assert lines[0].startswith("feeding, ")
-    assert lines[1].startswith("watch at http://") and lines[2] == "stopped"
+    monkeypatch.setattr("rcare_marl.cli.teleoperation.serve_page", interrupt)
+    monkeypatch.setattr(
+        "rcare_marl.baselines.coaching.page.three.three_folder", lambda: Path("three")
+    )
+    lines = call("play", "feeding", "--port", "0", "--no-open").stderr.splitlines()
+    assert lines == ["stopped"] and served[0][0] == "feeding"

@@ -8,6 +8,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
 import pytest
 
 pytest.importorskip("aiohttp", reason="the page needs the extra 'coach'")
@@ -19,6 +20,7 @@ from rcare_marl.baselines.pages.strict import LARGEST, MessageError
 from rcare_marl.baselines.teleoperation.hand import feed, play
 from rcare_marl.baselines.teleoperation.server import Server
 from rcare_marl.baselines.teleoperation.stage import Hand, Scenario, Stage, parse
+from rcare_marl.baselines.teleoperation.tracked import Tracked
 from rcare_marl.envs.datasets import read
 from rcare_marl.envs.episode import replay
 from rcare_marl.errors import ConfigError, UnknownNameError
@@ -26,6 +28,21 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 TOKEN = "of-the-test"
 Steps: TypeAlias = Callable[[str, Server], Awaitable[None]]
 HAND = {"type": "hand", "seen": 0, "clutch": True, "values": [0, 0, 0, 0, 0, 0]}
+
+
+def track(**hand: Any) -> dict[str, Any]:
+    right = {"place": [0, 0, 1, 0, 0, 0, 1], "clutch": True, "grasp": 0, **hand}
+    still = {"head": None, "left": None, "walk": [0, 0, 0], "kneel": [0, 0]}
+    return {"type": "tracked", "seen": 0, "right": right, **still}
+
+
+def unpacked(data: bytes) -> dict[str, Any]:
+    size = int.from_bytes(data[:4], "little")
+    header: dict[str, Any] = json.loads(data[4 : 4 + size])
+    for name, (kind, at, count) in header.pop("arrays").items():
+        header[name] = np.frombuffer(data, f"<{kind}", count, 4 + size + at)
+    return header
+
 
 BAD = {
     "no JSON": "hello",
@@ -47,7 +64,14 @@ BAD = {
     "an unknown field": json.dumps({**HAND, "more": 1}),
     "a field twice": '{"type": "command", "wish": "go", "wish": "pause"}',
     "an unknown wish": '{"type": "command", "wish": "format"}',
-    "a view from nowhere": '{"type": "view", "turned": 0, "raised": 0, "nearness": 0}',
+    "a view, which pages keep to themselves": '{"type": "view", "turned": 0, "raised": 0, "nearness": 1}',
+    "a hand out of the world": json.dumps(track(place=[1e3, 0, 0, 0, 0, 0, 1])),
+    "a hand that is turned by no rotation": json.dumps(track(place=[0, 0, 0, 0, 0, 0, 0])),
+    "a hand without a turn": json.dumps(track(place=[0, 0, 0])),
+    "a hand closed twice over": json.dumps(track(grasp=2)),
+    "a hand with more": json.dumps(track(more=1)),
+    "a head by name": json.dumps({**track(), "head": "mine"}),
+    "running": json.dumps({**track(), "walk": [2, 0, 0]}),
     "too many values": json.dumps({**HAND, "values": [0] * 600}),
     "deep nesting": "[" * 15000,
     "too long": '{"type": "hand", "seen": "' + "x" * LARGEST + '"}',
@@ -134,7 +158,8 @@ def test_nobody_foreign_gets_in_and_bad_messages_change_nothing() -> None:
             ) as socket:
                 assert (await socket.receive_json())["type"] == "facts"
                 first = await socket.receive_json()
-                assert (await socket.receive_bytes())[:3] == b"\xff\xd8\xff"  # a picture
+                kinds = [unpacked(await socket.receive_bytes())["kind"] for _ in range(2)]
+                assert kinds == ["shapes", "frame"]
                 with pytest.raises(WSServerHandshakeError):  # one person a role
                     await session.ws_connect(f"{address}/session", params=good, headers=host)
                 refused = 0
@@ -164,6 +189,70 @@ def test_without_the_clutch_nothing_moves() -> None:
     stage.step({"robot": Hand(0, True, (1.0,) * 6)})
     stage.step({"robot": Hand(0, True, (1.0,) * 6)})
     assert stage.seen("robot")["seen"]["bowl_position"] != pytest.approx(before, abs=1e-3)
+    stage.close()
+
+
+def test_a_tracked_hand_leads_the_tool_from_where_its_clutch_closed() -> None:
+    stage = Stage(Scenario("feeding", ["robot"]))
+    before = np.array(stage.seen("robot")["body"]["tool"])
+
+    def hold(x: float, *, clutch: bool = True) -> None:
+        hand = {"place": [x, 0.4, 1.3, 0, 0, 0, 1], "clutch": clutch}
+        message = parse(json.dumps(track(**hand)))
+        assert isinstance(message, Tracked)
+        stage.step({"robot": message})
+
+    hold(2.0, clutch=False)
+    for _ in range(15):
+        hold(1.0)
+    there = np.array(stage.seen("robot")["body"]["tool"])
+    assert there == pytest.approx(before, abs=0.003)  # wherever the hand is
+    for _ in range(15):
+        hold(1.05)
+    moved = np.array(stage.seen("robot")["body"]["tool"]) - before
+    assert moved == pytest.approx((0.05, 0, 0), abs=0.006)
+    stage.close()
+
+
+def test_an_arm_follows_a_tracked_hand_as_far_as_its_active_range_goes() -> None:
+    stage = Stage(Scenario("dressing", ["caregiver"]))
+    body = stage.seen("caregiver")["body"]
+    assert body["eyes"][2] > body["palms"]["left"][2]
+
+    def reach(point: Any) -> dict[str, Any]:
+        hand = {
+            "place": [*np.asarray(point, float).tolist(), 0, 0, 0, 1],
+            "clutch": True,
+            "grasp": 0,
+        }
+        message = parse(json.dumps({**track(), "left": hand, "right": None}))
+        assert isinstance(message, Tracked)
+        for _ in range(12):
+            stage.step({"caregiver": message})
+        return dict(stage.seen("caregiver")["body"])
+
+    near = np.array(body["palms"]["left"]) + (-0.15, 0.0, 0.15)
+    there = reach(near)
+    assert there["palms"]["left"] == pytest.approx(near, abs=0.05) and not there["behind"]
+    beyond = reach(near + (-1.0, 0.0, 1.0))
+    assert np.linalg.norm(np.subtract(beyond["palms"]["left"], near + (-1.0, 0.0, 1.0))) > 0.3
+    assert "left" in beyond["behind"]
+    stage.close()
+
+
+def test_where_things_are_is_told_as_meshes_of_which_frames_tell_what_moved() -> None:
+    stage = Stage(Scenario("feeding", ["robot"]))
+    shapes, frame = (unpacked(each) for each in stage.drawn(known=-1))
+    assert len(shapes["position"]) == len(shapes["normal"]) // 4 * 3
+    assert max(first + count for first, count, *_ in shapes["runs"]) <= len(shapes["index"])
+    assert shapes["slot"].max() == len(frame["places"]) // 12 - 1
+    for k in range(len(shapes["surfaces"])):
+        assert shapes[f"faces{k}"].max() == len(frame[f"position{k}"]) // 3 - 1
+    stage.step({"robot": Hand(0, True, (1.0,) * 6)})
+    (later,) = (unpacked(each) for each in stage.drawn(known=stage.scenes))
+    assert later["number"] == frame["number"] + 1
+    moved = np.abs(later["places"] - frame["places"]).reshape(-1, 12).max(axis=1) > 1e-3
+    assert 0 < moved.sum() < len(moved)
     stage.close()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import math
 import secrets
 import time
 from collections.abc import Callable
@@ -19,12 +20,26 @@ from rcare_marl.errors import RcareError
 
 from ..pages.door import TOKEN, Door, Limiter, answer
 from ..pages.strict import LARGEST, MessageError
-from .stage import QUIET, STRAIGHT, Command, Hand, Scenario, Stage, View, parse
+from .stage import (
+    AUDIENCE,
+    QUIET,
+    Choice,
+    Hand,
+    Message,
+    Pace,
+    Scenario,
+    Stage,
+    choices,
+    parse,
+)
+from .tracked import Tracked
 
 WEB = Path(__file__).parent / "web"
-PAGE = ("style.css", "page.js")
+THREE = ("three.module.js", "three.core.js")  # the first imports the second
+PAGE = ("style.css", "page.js", "scene.js", "headset.js", "audience.js")
 IDLE = 0.25  # between two scenes that are told while nothing moves [s]
 SILENT = 20.0  # between two signs of life that are asked of the page [s]
+LINGER = 1.5  # at the end of an episode that is watched [s]
 MOST_WAITED = 2.0  # for a hand, where the scene waits for hands [s]
 
 logger = logging.getLogger(__name__)
@@ -38,23 +53,22 @@ class Player:
     Attributes:
         role: What they play.
         socket: Their page.
-        pictures: Whether it wants pictures.
+        draws: Whether it wants what there is to be drawn.
         hand: What their hand did last.
         at: When [s].
-        view: From where they look.
         latency: From the scene that a hand saw to what it did, as it came here [s].
     """
 
     role: str
     socket: web.WebSocketResponse
-    pictures: bool
-    hand: Hand | None = None
+    draws: bool
+    hand: Hand | Tracked | None = None
     at: float = 0.0
-    view: View = STRAIGHT
     latency: float = 0.0
     sent: dict[int, float] = field(default_factory=dict)
+    drawn: tuple[int, int] = (-1, -1)  # shapes and scene that its page draws
 
-    def live(self, now: float) -> Hand | None:
+    def live(self, now: float) -> Hand | Tracked | None:
         """Return what the hand does; nothing where it fell silent."""
         return self.hand if now - self.at < QUIET else None
 
@@ -63,7 +77,8 @@ class Server(Door):
     """Serves the page and the scene.
 
     Attributes:
-        players: Who plays, by role.
+        players: Who plays, by role; and who watches, by a number.
+        done: Is set when all episodes were played.
     """
 
     def __init__(
@@ -74,6 +89,9 @@ class Server(Door):
         speed: float = 1.0,
         waits: bool = False,
         token: str | None = None,
+        three: Path | None = None,
+        episodes: int = 0,
+        told: Callable[[str], None] = logger.info,
     ) -> None:
         """Prepare; the scene is built when the application starts.
 
@@ -83,16 +101,22 @@ class Server(Door):
             speed: Simulated over real time.
             waits: Whether each step waits until every hand answered the scene before it.
             token: What a page has to know; random if None.
+            three: Folder with the files of three.js; without it no page is drawn, for hands of programs.
+            episodes: After how many `done` is set; 0 goes on for good.
+            told: Is told what came of each episode.
         """
         super().__init__(host, token or secrets.token_urlsafe(TOKEN))
         self._scenario, self._speed, self._waits = scenario, speed, waits
-        self._thread = ThreadPoolExecutor(1)  # the scene and its pictures are of one thread
+        self._three = three
+        self._thread = ThreadPoolExecutor(1)  # the scene is of one thread
         self.players: dict[str, Player] = {}
-        self._paused, self._running = False, False
-        self._drawn = 0.0  # how long the last picture took [s]
+        self._paused, self._running, self._over = False, False, 0.0
+        self._told, self._left = told, episodes or math.inf
+        self.done = asyncio.Event()
         self._moved = asyncio.Event()
         self.app.router.add_get("/", self._index)
         self.app.router.add_get("/web/{name}", self._file)
+        self.app.router.add_get("/three/{name}", self._file)
         self.app.router.add_get("/setting", self._setting)
         self.app.router.add_get("/session", self._session)
         self.app.cleanup_ctx.append(self._play)
@@ -115,35 +139,41 @@ class Server(Door):
         return answer(WEB / "index.html")
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
-        if request.match_info["name"] not in PAGE:
+        name, is_three = request.match_info["name"], request.path.startswith("/three/")
+        folder = self._three if is_three else WEB
+        if folder is None or name not in (THREE if is_three else PAGE):
             raise web.HTTPNotFound
-        return answer(WEB / request.match_info["name"])
+        return answer(folder / name)
 
     async def _setting(self, request: web.Request) -> web.StreamResponse:
         """What the page offers, and the token for all that follows."""
         self.check_token(request, takes_ticket=True)
-        roles = {role: role not in self.players for role in self._stage.roles}
+        roles = {role: role not in self.players for role in self._stage.roles or (AUDIENCE,)}
         data = {"task": self._scenario.task, "roles": roles, "token": self.token}
+        if not self._stage.roles:
+            data["choices"] = await asyncio.to_thread(choices)
         return web.json_response(data)
 
     async def _session(self, request: web.Request) -> web.StreamResponse:
         self.check_origin(request)
         self.check_token(request)
         role = request.query.get("role", "")
-        if role not in self._stage.roles or role in self.players:
+        watches = role == AUDIENCE and not self._stage.roles
+        if not watches and (role not in self._stage.roles or role in self.players):
             raise web.HTTPConflict(text="no person can play that role, or somebody does")
         socket = web.WebSocketResponse(
             max_msg_size=4 * LARGEST, compress=False, heartbeat=SILENT, timeout=2.0
         )
-        player = Player(role, socket, pictures=request.query.get("pictures") != "0")
-        self.players[role] = player
+        player = Player(role, socket, draws=request.query.get("draws") != "0")
+        key = f"{AUDIENCE} {secrets.token_hex(4)}" if watches else role
+        self.players[key] = player
         try:
             await socket.prepare(request)
             await self._send(player, {"type": "facts", **self._stage.facts(role)})
             await self._tell(player)
             await self._listen(player)
         finally:
-            del self.players[role]
+            del self.players[key]
             self._moved.set()
         return socket
 
@@ -162,14 +192,16 @@ class Server(Door):
                     logger.warning("refused a message: %s", error)
                     await self._send(player, {"type": "refused", "why": str(error)})
 
-    async def _take(self, player: Player, message: Hand | Command | View, now: float) -> None:
-        if isinstance(message, View):
-            player.view = message
-        elif isinstance(message, Hand):
+    async def _take(self, player: Player, message: Message, now: float) -> None:
+        if isinstance(message, Hand | Tracked):
             self._stage.check(player.role, message)
             player.hand, player.at = message, now
             if message.seen in player.sent:
                 player.latency = now - player.sent[message.seen]
+        elif isinstance(message, Pace):
+            self._speed = message.speed
+        elif isinstance(message, Choice):
+            await self._change(message)
         elif message.wish in ("pause", "go"):
             self._paused = message.wish == "pause"
         else:
@@ -179,8 +211,21 @@ class Server(Door):
             await self._tell_all()
         self._moved.set()
 
+    async def _change(self, choice: Choice) -> None:
+        """Show another scene in place of this one; where it cannot be, this one goes on."""
+        if self._stage.roles or self._scenario.record is not None:
+            raise MessageError("the scene is chosen where all watch and nothing is recorded")
+        new = await self._on_stage(lambda: Stage(choice.of()))
+        old, self._stage, self._running = self._stage, new, False
+        await self._on_stage(old.close)
+        for player in tuple(self.players.values()):
+            player.drawn = (-1, -1)
+            facts = await self._on_stage(new.facts, player.role)
+            await self._send(player, {"type": "facts", **facts})
+        await self._tell_all()
+
     def _status(self) -> str:
-        if len(self.players) < len(self._stage.roles):
+        if len(self.players) < max(len(self._stage.roles), 1):
             return "waiting"
         if self._stage.is_over:
             return "over"
@@ -196,9 +241,11 @@ class Server(Door):
                 self._moved.clear()
                 if self._status() == "ready":  # the first hand that moves begins
                     live = [player.live(time.monotonic()) for player in self.players.values()]
-                    self._running = any(hand is not None and hand.clutch for hand in live)
+                    begun = any(hand is not None and hand.clutch for hand in live)
+                    self._running = begun or not self._stage.roles
                 if self._status() != "running":
                     await self._rest()
+                    await self._go_on()
                     due = time.monotonic()
                     continue
                 if self._waits:
@@ -207,6 +254,8 @@ class Server(Door):
                 hands = {role: player.live(now) for role, player in self.players.items()}
                 await self._on_stage(self._stage.step, hands)
                 self._running = not self._stage.is_over
+                if self._stage.is_over:
+                    self._end()
                 await self._tell_all()
                 due = max(due + self._stage.control_dt / self._speed, time.monotonic() - IDLE)
                 await asyncio.sleep(0 if self._waits else max(due - time.monotonic(), 0))
@@ -215,6 +264,20 @@ class Server(Door):
             for player in tuple(self.players.values()):
                 await player.socket.close(code=1011)
             raise
+
+    def _end(self) -> None:
+        """Say what came of an episode."""
+        self._over = time.monotonic()
+        self._told(self._stage.outcome())
+        self._left -= 1
+        if self._left <= 0:
+            self.done.set()
+
+    async def _go_on(self) -> None:
+        """Begin the next episode where all watch, when they have seen how the last one ended."""
+        if self._status() == "over" and not self._stage.roles and not self._paused:
+            if time.monotonic() - self._over > LINGER and not self.done.is_set():
+                await self._on_stage(self._stage.begin)
 
     async def _rest(self) -> None:
         """Wait until something is said, and tell how it stands now and then."""
@@ -246,16 +309,13 @@ class Server(Door):
         player.sent.setdefault(facts["number"], time.monotonic())
         missing = [role for role in self._stage.roles if role not in self.players]
         state = {"status": self._status(), "missing": missing, "latency_ms": 1e3 * player.latency}
-        state["right"] = await self._on_stage(self._stage.right, player.view)
         await self._send(player, {"type": "scene", **facts, **state})
-        # Where pictures take longer than a step, some steps go without: the scene keeps its time.
-        every = 1 + int(self._drawn * self._speed / self._stage.control_dt)
-        is_due = state["status"] != "running" or facts["number"] % every == 0
-        if player.pictures and not player.socket.closed and is_due:
-            begun = time.monotonic()
-            picture = await self._on_stage(self._stage.picture, player.view)
-            self._drawn = time.monotonic() - begun
-            await self._deliver(player.socket.send_bytes(picture))
+        if player.draws and player.drawn != (self._stage.scenes, facts["number"]):
+            known, _ = player.drawn
+            for data in await self._on_stage(self._stage.drawn, known):
+                if not player.socket.closed:
+                    await self._deliver(player.socket.send_bytes(data))
+            player.drawn = self._stage.scenes, facts["number"]
 
     async def _send(self, player: Player, data: dict[str, Any]) -> None:
         if not player.socket.closed:

@@ -5,28 +5,32 @@ Not safe for threads: whoever serves it calls it from one thread alone.
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 
+from rcare_marl import assets
 from rcare_marl.agents.agent import Array
+from rcare_marl.agents.policy import Policy
 from rcare_marl.envs import make
 from rcare_marl.envs.datasets import Recording
-from rcare_marl.envs.registry import lead_roles, task_class
+from rcare_marl.envs.homes import home_names
+from rcare_marl.envs.registry import lead_roles, task_class, task_names
 from rcare_marl.errors import ConfigError, check_name
-from rcare_marl.rendering import Camera, Renderer, Shot, make_renderer
-from rcare_marl.rendering.portrait import encoded
+from rcare_marl.rendering.scenery import Scenery
 
+from ..evaluation.evaluate import lead_policies, make_players, model_names, played_cast
 from ..pages.strict import MessageError, field_of, flag, number, one_of, parse_as, whole
+from ..trained import best_policy
+from .tracked import Embodied, LedTool, Tracked, led
 
+AUDIENCE = "audience"  # whoever watches, and plays no role
 MOST_VALUES = 512  # of an action
 QUIET = 0.5  # after which a hand that says nothing moves nothing [s]; our own choice
-SIZE = (640, 480)  # of pictures [pixel]
-LOWEST, HIGHEST = math.radians(-10), math.radians(85)  # from where one may look
 Wish = Literal["pause", "go", "reset", "success"]
 WISHES: tuple[Wish, ...] = get_args(Wish)
 
@@ -60,17 +64,45 @@ class Command:
 
 
 @dataclass(frozen=True)
-class View:
-    """From where the scene is seen, against the task's own view: turned [deg], raised [deg], and how near."""
+class Pace:
+    """How fast it is to go: simulated over real time."""
 
-    turned: float = field_of(number(-180.0, 180.0))
-    raised: float = field_of(number(-60.0, 60.0))
-    nearness: float = field_of(number(0.3, 3.0))
+    speed: float = field_of(number(0.05, 4.0))
 
 
-Message = Hand | Command | View
-KINDS: Mapping[str, type[Message]] = {"hand": Hand, "command": Command, "view": View}
-STRAIGHT = View(0.0, 0.0, 1.0)
+def _name(value: Any, name: str) -> str:
+    if not isinstance(value, str) or not re.fullmatch(r"[a-z0-9_]{0,60}", value):
+        raise MessageError(f"{name} is a name that ships, or empty")
+    return value
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What who watches wants to see; what is empty is as the task has it."""
+
+    task: str = field_of(_name)
+    robot: str = field_of(_name)
+    recipient: str = field_of(_name)
+    home: str = field_of(_name)
+    policy: str = field_of(_name)
+    seed: int = field_of(whole(0, 2**31))
+
+    def of(self) -> Scenario:
+        """Return what is to be played."""
+        cast = {name: getattr(self, name) for name in ("robot", "recipient", "home")}
+        policies = dict.fromkeys(lead_roles(self.task), self.policy) if self.policy else {}
+        chosen = {name: value for name, value in cast.items() if value}
+        return Scenario(self.task, (), chosen, policies=policies, seed=self.seed)
+
+
+Message = Hand | Command | Tracked | Pace | Choice
+KINDS: Mapping[str, type[Message]] = {
+    "hand": Hand,
+    "command": Command,
+    "tracked": Tracked,
+    "pace": Pace,
+    "choice": Choice,
+}
 
 
 def parse(text: str) -> Message:
@@ -84,7 +116,7 @@ class Scenario:
 
     Attributes:
         task: Name of the task.
-        roles: Those that people play.
+        roles: Those that people play; none where all watch, see `AUDIENCE`.
         cast: Who plays, by role, and where; see `rcare_marl.make`.
         options: Settings of the task.
         policies: Of roles that nobody plays; robots have their script, people their default partner.
@@ -104,10 +136,21 @@ class Scenario:
         known = task_class(self.task).roles()
         for role in (*self.roles, *self.policies):
             check_name(f"role in task {self.task!r}", role, known)
-        if not self.roles or len(set(self.roles)) < len(self.roles):
+        if len(set(self.roles)) < len(self.roles):
             raise ConfigError(f"name the roles that people play, each once, got {list(self.roles)}")
         if both := sorted(set(self.roles) & set(self.policies)):
             raise ConfigError(f"{', '.join(both)}: either a person plays or a policy")
+
+
+def choices() -> dict[str, list[str]]:
+    """Return what ships, by field of `Choice`; policies are of the robots of the task."""
+    return {
+        "task": list(task_names()),
+        "robot": ["", *assets.names("robots")],
+        "recipient": ["", *assets.names("avatars")],
+        "home": ["", *home_names()],
+        "policy": ["", "scripted", "learned", "random", "still"],
+    }
 
 
 class Stage:
@@ -117,11 +160,43 @@ class Stage:
         roles: Those that people play.
         control_dt: Time of a control step [s].
         number: Of the present scene: it grows with each step and each reset.
-        is_over: Whether the episode has ended.
+        scenes: How many times the shapes that a page draws were made: pages that know fewer know old ones.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         """Build it and begin the first episode; errors as of `make` and of `Recording`."""
+        self.roles = tuple(scenario.roles)
+        self._lead, self._players = lead_roles(scenario.task)[0], dict[str, Policy]()
+        names = self._cast(scenario) if self.roles else self._watch(scenario)
+        self._scenery: Scenery | None = None
+        self.scenes = 0
+        self._recording: Recording | None = None
+        try:
+            if scenario.record is not None:
+                self._recording = Recording(self._env, scenario.record, names)
+            self.control_dt, self._seed = self._env.task.control_dt, scenario.seed - 1
+            self.number, self._task = 0, scenario.task
+            self.begin()
+        except BaseException:
+            self.close()
+            raise
+
+    def _watch(self, scenario: Scenario) -> dict[str, str]:
+        """Build it with policies in all roles, and return their names."""
+        task, wanted = scenario.task, scenario.policies
+        cast = played_cast(task, scenario.cast, lead_policies(task, "", wanted))
+        self._env = make(task, options=scenario.options, **cast)
+        try:
+            chosen = lead_policies(task, best_policy(self._env, task), wanted)
+            names, self._players = make_players(self._env, task, chosen)
+        except BaseException:
+            self._env.close()
+            raise
+        self.played = names
+        return names
+
+    def _cast(self, scenario: Scenario) -> dict[str, str]:
+        """Build it with people in their roles and policies in the others, and return all their names."""
         leads = lead_roles(scenario.task)
         others = {
             name: "scripted" if name in leads else role.partner
@@ -135,19 +210,8 @@ class Stage:
             if task_class(scenario.task).roles()[role].default is None:
                 cast.setdefault(role, {})
         self._env = make(scenario.task, options=scenario.options, policies=policies, **cast)
-        self._renderer: Renderer | None = None
-        self._recording: Recording | None = None
-        try:
-            self.roles = tuple(scenario.roles)
-            names = {**policies, **dict.fromkeys(self.roles, "hand")}
-            if scenario.record is not None:
-                self._recording = Recording(self._env, scenario.record, names)
-            self.control_dt, self._seed = self._env.task.control_dt, scenario.seed - 1
-            self.number, self._task = 0, scenario.task
-            self.begin()
-        except BaseException:
-            self.close()
-            raise
+        self.played = {**policies, **dict.fromkeys(self.roles, "hand")}
+        return self.played
 
     @property
     def is_over(self) -> bool:
@@ -164,6 +228,16 @@ class Stage:
         self._seed += 1
         self.number += 1
         self._env.reset(seed=self._seed)
+        order = list(self._env.task.roles())
+        for role, player in self._players.items():  # as in an evaluation
+            player.reset(np.random.default_rng([self._seed, order.index(role)]))
+        self._led: dict[str, LedTool | Embodied] = {}
+        self._unled: dict[str, str] = {}  # why no headset plays them
+        for role in self.roles:
+            try:
+                self._led[role] = led(self._env.cast[role], self.control_dt)
+            except ConfigError as error:  # they have other ways to play it
+                self._unled[role] = str(error)
 
     def mark(self) -> None:
         """Take the running episode for a success, record it so, and begin the next one."""
@@ -171,31 +245,53 @@ class Stage:
             self._recording.keep(marked=True)
         self.begin()
 
+    def outcome(self) -> str:
+        """Return what came of the episode, as a line for people."""
+        ended = "success" if self._env.task.succeeded() else "no success"
+        return f"episode of seed {self._seed}: {ended} after {self._env.world.time:.1f} s"
+
     def facts(self, role: str) -> dict[str, Any]:
         """Return what does not change: what a role's action is, and what it observes, as data for JSON."""
+        camera = self._env.task.view()
+        acts = list(self._env.cast[role].action_names) if role in self.roles else []
+        shown = self._shown(role)
         return {
             "task": self._task,
             "role": role,
-            "acts": list(self._env.cast[role].action_names),
-            "units": {name: unit for _, name, unit in self._env.describe(role)},
+            "acts": acts,
+            "shows": shown,
+            "played": self.played,
+            "cast": model_names(self._env),
+            "units": {name: unit for _, name, unit in self._env.describe(shown)},
             "control_dt": self.control_dt,
             "records": self._recording is not None,
+            "camera": {"eye": camera.eye, "target": camera.target, "fov_deg": camera.fov_deg},
+            "no_headset": self._unled.get(role, ""),
         }
 
-    def step(self, hands: Mapping[str, Hand | None]) -> None:
+    def step(self, hands: Mapping[str, Hand | Tracked | None]) -> None:
         """Let everybody act for one control step; a role without a hand, or its clutch, does nothing."""
         actions = {role: self._action(role, hands.get(role)) for role in self.roles}
+        actions |= {role: self._players[role].act() for role in self._env.agents if not self.roles}
         self._env.step(actions)  # type: ignore[arg-type]  # float64 will do
         self.number += 1
 
-    def check(self, role: str, hand: Hand) -> None:
-        """Refuse a hand whose action is not as long as that of its role."""
+    def check(self, role: str, hand: Hand | Tracked) -> None:
+        """Refuse a hand whose action is not as long as that of its role, or that its role cannot follow."""
+        if role not in self.roles:
+            raise MessageError("who watches moves nothing")
+        if isinstance(hand, Tracked):
+            if role in self._unled:
+                raise MessageError(self._unled[role])
+            return
         wanted = self._env.cast[role].action_size
         if len(hand.values) != wanted:
             raise MessageError(f"the action of {role} has {wanted} values")
 
-    def _action(self, role: str, hand: Hand | None) -> Array:
+    def _action(self, role: str, hand: Hand | Tracked | None) -> Array:
         agent = self._env.cast[role]
+        if isinstance(hand, Tracked):
+            return np.clip(self._led[role].action(hand), agent.action_low, 1.0)
         if hand is None or not hand.clutch:
             return np.zeros(agent.action_size)
         return np.clip(np.array(hand.values), agent.action_low, 1.0)
@@ -203,50 +299,49 @@ class Stage:
     def seen(self, role: str) -> dict[str, Any]:
         """Return what a role observes now and how it stands, as data for JSON."""
         env, task = self._env, self._env.task
-        found = env.observe(role)
+        shown = self._shown(role)
+        found = env.observe(shown)
         vector = found["vector"] if isinstance(found, Mapping) else found
         return {
             "number": self.number,
             "time": round(env.world.time, 6),
             "seed": env.seed,
-            "seen": {name: vector[at].tolist() for at, name, _ in env.describe(role)},
-            "rewards": {n: float(v) for n, v in task.paid(role, task.state).items()},
+            "seen": {name: vector[at].tolist() for at, name, _ in env.describe(shown)},
+            "rewards": {n: float(v) for n, v in task.paid(shown, task.state).items()},
+            "touches": self._touches(),
             "force_n": float(task.report().get("force_n", 0.0)),
             "is_over": env.is_over,
             "success": bool(task.succeeded()),
             "recorded": self.recorded,
+            "body": self._led[role].told() if role in self._led else None,
         }
 
-    def picture(self, view: View = STRAIGHT) -> bytes:
-        """Return the scene from a view, as a JPEG."""
-        if self._renderer is None:  # without shadows: what counts is that it comes soon
-            self._renderer = make_renderer(self._env.world, samples=0, ambient_occlusion=False)
-        shot = Shot(self._camera(view), look="plain")
-        return encoded(self._renderer.read([shot])[0]["rgb"], "JPEG")
+    def _shown(self, role: str) -> str:
+        """Return whose observations and rewards somebody is shown: their own, or those of the lead role."""
+        return role if role in self.roles else self._lead
 
-    def right(self, view: View) -> list[float]:
-        """Return which direction of the floor is to the right in a view, x and y of a unit vector."""
-        camera = self._camera(view)
-        x, y, _ = np.subtract(camera.target, camera.eye).tolist()
-        length = max(math.hypot(x, y), 1e-9)
-        return [y / length, -x / length]
+    def _touches(self) -> list[list[float]]:
+        """Return where who is cared for is touched [m], and the force there [N]: six numbers each."""
+        task = self._env.task
+        cared = [person for person in task.people if person.name not in task.bystanders]
+        found = [touch for person in cared for touch in self._env.world.touches(person.body)]
+        rows = [[*t.position, *(np.array(t.normal) * t.force + t.friction)] for t in found]
+        return [[round(float(x), 4) for x in row] for row in rows]
 
-    def _camera(self, view: View) -> Camera:
-        """Return the camera of a view: about what the task looks at."""
-        camera = self._env.task.view()
-        x, y, z = (np.subtract(camera.eye, camera.target) / view.nearness).tolist()
-        length, turned = math.hypot(x, y, z), math.atan2(y, x) + math.radians(view.turned)
-        level = math.atan2(z, math.hypot(x, y)) + math.radians(view.raised)
-        level = min(max(level, LOWEST), HIGHEST)
-        flat = length * math.cos(level)
-        away = (flat * math.cos(turned), flat * math.sin(turned), length * math.sin(level))
-        x, y, z = np.add(camera.target, away).tolist()
-        return replace(camera, eye=(x, y, z), width=SIZE[0], height=SIZE[1])
+    def drawn(self, known: int) -> list[bytes]:
+        """Return what a page draws: shapes, where it knows only those of fewer `scenes`; where they are now.
+
+        What the bytes are, `rcare_marl.rendering.scenery` says.
+        """
+        world = self._env.world
+        if self._scenery is None or self._scenery.world is not world or self._scenery.is_stale:
+            self._scenery = Scenery(world)
+            self.scenes += 1
+        frame = self._scenery.frame(self.number)
+        return [frame] if known == self.scenes else [self._scenery.shapes(), frame]
 
     def close(self) -> None:
         """Finish the record and free the scene."""
-        if self._renderer is not None:
-            self._renderer.close()
         if self._recording is not None:
             self._recording.close()
         self._env.close()

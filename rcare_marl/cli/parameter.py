@@ -198,6 +198,12 @@ Record = Annotated[
         "NAME-v0 for Minari, another one for LeRobot.",
     ),
 ]
+Port = Annotated[
+    int | None, typer.Option(min=0, max=65535, help="Where to serve; 0 takes a free port.")
+]
+Opens = Annotated[
+    bool, typer.Option("--open/--no-open", help="Whether to open the page in your browser.")
+]
 Demonstrated = Annotated[
     Path | None,
     typer.Option(

@@ -1,10 +1,9 @@
-"""The commands `replay`, of recorded episodes and of records of evaluations, and `play`, on a live page."""
+"""The commands `replay`, of recorded episodes and of records of evaluations."""
 
 from __future__ import annotations
 
-import itertools
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
@@ -14,12 +13,9 @@ import typer
 from rich.text import Text
 
 from rcare_marl.atomic_file import write_whole
-from rcare_marl.baselines.evaluation import evaluate as baseline
-from rcare_marl.baselines.trained import best_policy
 from rcare_marl.console import console, print_line
-from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.datasets import Recording, read
+from rcare_marl.envs.datasets import read
 from rcare_marl.envs.episode import RecordedEpisode, replay
 
 from .parameter import print_json
@@ -144,53 +140,3 @@ class _Shown:
         if self._film is not None:
             self._film.hold()
             self._film.close()
-
-
-def play(
-    task: str,
-    policy: str | None,
-    role_policies: Mapping[str, str],
-    *,
-    episodes: int,
-    seed: int,
-    options: Mapping[str, Any],
-    cast: Mapping[str, Any],
-    dataset: Path | None = None,
-) -> None:
-    """Show episodes until Ctrl-C, or `episodes` of them if not 0; the page keeps real time.
-
-    Those that end are recorded to the dataset.
-
-    Without a `policy` the robot plays what it was trained, where that ships, and its script elsewhere.
-    """
-    others = baseline.lead_policies(
-        task, policy or "", role_policies
-    )  # unknown names before all else
-    played = baseline.played_cast(task, cast, others)
-    env = make(task, options=options, render_mode="human", **played)
-    told: list[str] = []
-    recording: Recording | None = None
-
-    def tell(env: CareEnv) -> None:
-        if (
-            env.viewer_url is not None and env.viewer_url not in told
-        ):  # another person, another page
-            told.append(env.viewer_url)
-            print_line(f"watch at {env.viewer_url}  (Ctrl-C ends)")
-
-    try:
-        chosen = policy or best_policy(env, task)
-        policies = baseline.lead_policies(task, chosen, role_policies)
-        print_line(f"{task}, {chosen}")
-        names, players = baseline.make_players(env, task, policies)
-        recording = None if dataset is None else Recording(env, dataset, names)
-        for number in range(episodes) if episodes else itertools.count():
-            episode = baseline.run_episode(env, players, seed + number, on_step=tell)
-            outcome = "success" if episode.success else "no success"
-            print_line(f"episode {number}: {outcome} after {episode.duration:.1f} s")
-    except KeyboardInterrupt:  # the way to end it, so no failure
-        print_line("stopped")
-    finally:
-        if recording is not None:
-            recording.close()
-        env.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -15,6 +15,8 @@ from .parameter import (
     HomeLevel,
     HomeName,
     HomeRoom,
+    Opens,
+    Port,
     RecipientModel,
     Record,
     RobotModel,
@@ -57,14 +59,10 @@ def teleoperate(
     wait: Annotated[
         bool, typer.Option("--wait", help="Let each step wait until every hand has answered.")
     ] = False,
-    port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Where to serve; 0 takes a free port.")
-    ] = None,
-    open_: Annotated[
-        bool, typer.Option("--open/--no-open", help="Whether to open the page in your browser.")
-    ] = True,
+    port: Port = None,
+    open_: Opens = True,
 ) -> None:
-    """Play a role of a task by keyboard, mouse, touch or gamepad, on a page of this computer, until Ctrl-C.
+    """Play a role of a task by headset, keyboard, mouse, touch or gamepad, on a page, until Ctrl-C.
 
     Nothing moves unless you hold the clutch. Several people open the page once each.
 
@@ -72,13 +70,9 @@ def teleoperate(
 
     Example: rcare-marl teleoperate feeding --role robot --role recipient
     """
-    check_package("aiohttp", "the page of teleoperation", "coach")
     if not 0.05 <= speed <= 2:
         raise ConfigError(f"speed must lie in 0.05..2, got {speed:g}")
-    from rcare_marl.baselines.teleoperation.server import Server
-    from rcare_marl.baselines.teleoperation.stage import Scenario
-
-    scenario = Scenario(
+    scene = (
         task,
         tuple(role or ("robot",)),
         cast_of(robot, recipient, caregiver) | place_of(home, level, room),
@@ -87,11 +81,51 @@ def teleoperate(
         seed,
         record,
     )
+    serve_scene(scene, port=port, opens=open_, speed=speed, waits=wait)
+
+
+def serve_scene(
+    scene: tuple[Any, ...],
+    *,
+    port: int | None,
+    opens: bool,
+    speed: float = 1.0,
+    waits: bool = False,
+    episodes: int = 0,
+) -> None:
+    """Serve the page of a scene until Ctrl-C, or until so many episodes were played.
+
+    Args:
+        scene: What `Scenario` takes.
+        port: Where to serve.
+        opens: Whether to open the page in a browser.
+        speed: Simulated over real time.
+        waits: Whether each step waits for all hands.
+        episodes: How many; 0 goes on.
+    """
+    check_package("aiohttp", "the page of the scene", "coach")
+    from rcare_marl.baselines.coaching.page.three import three_folder
+    from rcare_marl.baselines.teleoperation.server import Server
+    from rcare_marl.baselines.teleoperation.stage import Scenario
+
+    scenario = Scenario(*scene)
+    three = three_folder()
 
     async def serve() -> None:
-        server = Server(scenario, speed=speed, waits=wait)
+        server = Server(
+            scenario, speed=speed, waits=waits, three=three, episodes=episodes, told=print_line
+        )
+        record = scenario.record
         notes = () if record is None else (f"episodes are recorded to {record} when this ends",)
-        await serve_page(server, task, bound(LOOPBACK, port), notes=notes, opens=open_)
+        page = serve_page(server, scenario.task, bound(LOOPBACK, port), notes=notes, opens=opens)
+        serving = asyncio.create_task(page)
+        ended = asyncio.create_task(server.done.wait())
+        await asyncio.wait((serving, ended), return_when=asyncio.FIRST_COMPLETED)
+        if serving.done():
+            serving.result()
+        for each in (serving, ended):
+            each.cancel()
+        await asyncio.gather(serving, ended, return_exceptions=True)
 
     try:
         asyncio.run(serve())

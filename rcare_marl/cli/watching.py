@@ -14,6 +14,8 @@ from .parameter import (
     HomeName,
     HomeRoom,
     Json,
+    Opens,
+    Port,
     Processes,
     RecipientModel,
     Record,
@@ -95,20 +97,23 @@ def play(
     room: HomeRoom = None,
     option: TaskOptions = None,
     record: Record = None,
+    port: Port = None,
+    open_: Opens = True,
 ) -> None:
     """Show episodes live in your browser, in real time, until Ctrl-C.
 
+    On the page other tasks, people, robots, homes, policies and seeds can be chosen, the episode slowed down,
+    and any moment of it seen again.
+
     Example: rcare-marl play feeding
     """
-    from . import replaying
+    from .teleoperation import serve_scene
 
-    replaying.play(
-        task,
-        policy,
-        pairs(role_policy, "--role-policy"),
-        episodes=episodes,
-        seed=seed,
-        options=settings(option),
-        cast=cast_of(robot, recipient, caregiver) | place_of(home, level, room),
-        dataset=record,
-    )
+    wanted = pairs(role_policy, "--role-policy")
+    if policy:
+        from rcare_marl.baselines.evaluation.evaluate import lead_policies
+
+        wanted = lead_policies(task, policy, wanted)
+    cast = cast_of(robot, recipient, caregiver) | place_of(home, level, room)
+    scene = (task, (), cast, settings(option), wanted, seed, record)
+    serve_scene(scene, port=port, opens=open_, episodes=episodes)

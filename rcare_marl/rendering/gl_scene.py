@@ -18,7 +18,7 @@ from .shading import make_program, make_surface_program
 from .shot import Labels, Light
 from .stroke import TubeMesh
 
-_OPEN_EDGES = 0.003  # a person's nostrils and eyes may be open, a garment is drawn on both sides
+OPEN_EDGES = 0.003  # a person's nostrils and eyes may be open, a garment is drawn on both sides
 _COARSENESS = 1.4  # [pixel], of the cells that vertices are joined in
 _COARSEST = 0.008  # [m], of these cells where shapes are measured
 _FLOOR_HALF = 14.0  # [m]
@@ -53,7 +53,7 @@ class SkinBuffers:
         vertices = np.ascontiguousarray(pieces[0][1] if pieces else skin.vertices(), np.float32)
         faces = np.ascontiguousarray(skin.faces, np.int32)
         self._faces, self._colors, self._count = skin.faces, skin.colors, len(vertices)
-        self.closed = is_closed(faces, vertices, faces, tolerance=_OPEN_EDGES)
+        self.closed = is_closed(faces, vertices, faces, tolerance=OPEN_EDGES)
         self._normals = SmoothNormals(faces, len(vertices))
         self._data = np.empty((len(vertices), 6), np.float32)
         constant = np.zeros(len(vertices), [("rgba", "u1", 4), ("slot", "u4"), ("label", "i4")])

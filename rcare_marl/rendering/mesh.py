@@ -28,6 +28,7 @@ _LOG = logging.getLogger(__package__)
 CELLS = (0.002, 0.004, 0.008, 0.016)  # [m], edge of a cell of each coarser level
 _FINEST = 0.08  # greatest cell, as a share of the size of the mesh
 _SMALLEST = 400  # faces; a mesh with fewer is always drawn as it is
+_CRUMB = 0.008  # [m], radius up to which a sphere is seen small and has fewer faces
 _BEVEL = 0.004  # [m], so that the edges of boxes catch light as real ones do
 
 
@@ -48,7 +49,8 @@ def _primitive(kind: str, size: tuple[float, ...]) -> Mesh:
         made = trimesh.creation.box((40.0, 40.0, 0.001))
         made.apply_translation((0, 0, -0.0005))
     elif kind == "sphere":
-        made = trimesh.creation.uv_sphere(radius=size[0], count=(24, 32))
+        count = (24, 32) if size[0] > _CRUMB else (12, 16)
+        made = trimesh.creation.uv_sphere(radius=size[0], count=count)
     elif kind == "cylinder":
         made = trimesh.creation.cylinder(radius=size[1], height=size[0], sections=40)
     else:

@@ -43,6 +43,28 @@ STRIVING = 0.15  # of what a joint sags, learned in a control step
 LARGEST_SAG = 0.5  # [rad] that is wished beside a joint's angle at most
 
 
+class Striving:
+    """Wishes more of joints that a load in the hand keeps from where they are wished to be, one by one."""
+
+    def __init__(self, person: Human) -> None:
+        self._person = person
+        self._sag: dict[str, float] = {}  # of joints under a load [rad]
+
+    def forget(self) -> None:
+        """Begin anew, as without a load."""
+        self._sag.clear()
+
+    def add(self, wish: dict[str, float], share: float = STRIVING) -> None:
+        """Change wished angles by DoF [rad], after a share of what joints sag now is learned."""
+        person = self._person
+        for dof in wish:
+            i = person.movable.index(dof)
+            sag, now = self._sag.get(dof, 0.0), person.drive.target[i] - person.angle(dof)
+            sag += share * (float(now) - sag)
+            self._sag[dof] = min(max(sag, -LARGEST_SAG), LARGEST_SAG)
+            wish[dof] += self._sag[dof]
+
+
 class Caregiving:
     """A policy that does what is asked for, in the order of asking.
 
@@ -100,7 +122,7 @@ class Caregiving:
         self.angles = self._rest.copy()  # wished, of every DoF
         self.aside = np.zeros(3)  # how far beside its way the hand aims, against a load [m]
         self.strives = False
-        self._sag: dict[str, float] = {}  # of joints under a load [rad]
+        self._striving = Striving(person)
         self.trouble, self.greatest_grip = "", 0.0
         self.walk, self.knee, self.closing = (0.0, 0.0, 0.0), "", -1.0
 
@@ -111,7 +133,7 @@ class Caregiving:
         self._current = None
         self.angles = present_angles(self.person)
         self.aside = np.zeros(3)
-        self._sag.clear()
+        self._striving.forget()
         self.trouble, self.greatest_grip = "", 0.0
         if self._script is not None:
             self._script(self)
@@ -319,15 +341,9 @@ class Caregiving:
     def _strive(self, wish: dict[str, float], share: float) -> None:
         """Wish more of joints that a load in the hand keeps from where they are wished to be."""
         if not self.is_holding or not self.strives:
-            self._sag.clear()
+            self._striving.forget()
             return
-        person = self.person
-        for dof in wish:
-            i = person.movable.index(dof)
-            sag, now = self._sag.get(dof, 0.0), person.drive.target[i] - person.angle(dof)
-            sag += share * (float(now) - sag)
-            self._sag[dof] = min(max(sag, -LARGEST_SAG), LARGEST_SAG)
-            wish[dof] += self._sag[dof]
+        self._striving.add(wish, share)
 
     def keep(self) -> dict[str, float]:
         """Return wished angles [rad] that keep the hand, and what it holds, where it is wished to be."""

@@ -1,5 +1,9 @@
 // The page of a role: sends what a hand does 20 times a second, and shows the scene that comes back.
 
+import { Audience } from '/web/audience.js';
+import { Headset, isSupported } from '/web/headset.js';
+import { Scene, kindOf } from '/web/scene.js';
+
 const RATE = 50;  // between two messages of a hand [ms]
 const DRAG = 120;  // pixels of a drag that mean full speed
 const STILL = 0.12;  // of a gamepad's stick, below which it rests
@@ -10,9 +14,8 @@ const STICKS = [[0, 0, 1], [1, 1, -1], [3, 2, -1], [2, 5, -1]];  // axis of the 
 const find = (id) => document.getElementById(id);
 const token = new URLSearchParams(location.search).get("token") ?? "";
 const down = new Set();
-const view = { turned: 0, raised: 0, nearness: 1 };
-let socket, secret = token, acts = [], sliders = [], isTool = false;
-let right = [1, 0], number = 0, held = false, drag = null, orbit = null, records = false, pauses = false;
+let scene, headset, audience, socket, secret = token, acts = [], sliders = [], isTool = false;
+let number = 0, held = false, drag = null, orbit = null, records = false, pauses = false, telling;
 
 function trouble(text) {
   find("trouble").textContent = text;
@@ -33,6 +36,7 @@ async function begin() {
     button.addEventListener("click", () => join(role));
     find("roles").append(button, " ");
   }
+  if (setting.choices) Audience.offer(setting.choices, setting.task);
   const free = Object.keys(setting.roles).filter((role) => setting.roles[role]);
   if (Object.keys(setting.roles).length === 1 && free.length === 1) join(free[0]);
 }
@@ -41,24 +45,33 @@ function join(role) {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   const query = new URLSearchParams({ role, token: secret });
   socket = new WebSocket(`${scheme}://${location.host}/session?${query}`);
-  socket.binaryType = "blob";
-  socket.addEventListener("message", (event) => typeof event.data === "string" ? told(JSON.parse(event.data)) : draw(event.data));
+  socket.binaryType = "arraybuffer";
+  socket.addEventListener("message", (event) => typeof event.data === "string" ? told(JSON.parse(event.data)) : drawn(event.data));
   socket.addEventListener("close", () => trouble("The scene is gone: start the command again and reload."));
   find("choice").hidden = true;
   find("stage").hidden = false;
+}
+
+function drawn(buffer) {
+  const isFrame = scene && kindOf(buffer) === "frame";
+  if (!audience || !isFrame || audience.keep(buffer)) scene?.take(buffer);
 }
 
 function told(data) {
   if (data.type === "refused") { trouble(data.why); return; }
   if (data.type === "facts") { furnish(data); return; }
   number = data.number;
-  right = data.right;
   const words = {
-    waiting: `waiting for ${data.missing.join(", ")}`, ready: "ready: hold the clutch to begin", paused: "paused",
+    waiting: `waiting for ${data.missing.join(", ")}`, ready: audience ? "ready" : "ready: hold the clutch to begin", paused: "paused",
     running: "running", over: data.success ? "success" : "over, no success",
   };
-  find("status").textContent = `${words[data.status]} · ${data.time.toFixed(1)} s · delay ${data.latency_ms.toFixed(0)} ms`
-    + ` · force ${data.force_n.toFixed(1)} N` + (records ? ` · ${data.recorded} recorded` : "");
+  const lines = [
+    `${words[data.status]} · ${data.time.toFixed(1)} s · delay ${data.latency_ms.toFixed(0)} ms`,
+    `force ${data.force_n.toFixed(1)} N` + (records ? ` · ${data.recorded} recorded` : ""),
+  ];
+  find("status").textContent = lines.join(" · ");
+  headset?.tell(number, data.body, lines);
+  audience?.tell(data);
   pauses = data.status === "paused";
   find("pause").setAttribute("aria-pressed", String(pauses));
   const rows = find("seen").rows;
@@ -68,11 +81,28 @@ function told(data) {
 }
 
 function furnish(facts) {
+  const watches = facts.shows !== facts.role;
+  try {
+    if (scene) scene.look(facts.camera);
+    else {
+      scene = window.teleoperation = new Scene(find("picture"), facts.camera);
+      if (watches) audience = new Audience(scene, send);
+      embody(facts);
+    }
+  } catch (error) {
+    trouble(`The scene cannot be drawn: this browser has no WebGL (${error.message}).`);
+  }
+  audience?.begin(facts);
+  find("actions").replaceChildren();
+  find("seen").replaceChildren();
+  find("seen-by").textContent = watches ? `What ${facts.shows} observes` : "What you observe";
   acts = facts.acts;
   records = facts.records;
   find("success").hidden = !records;
   isTool = acts.length >= 6 && acts[0].startsWith("tool x");
-  find("title").textContent += `, ${facts.role}`;
+  find("title").textContent = `${watches ? "Watching" : "Teleoperation"}: ${facts.task.replaceAll("_", " ")}`
+    + (watches ? "" : `, ${facts.role}`);
+  trouble("");
   sliders = acts.map((name, i) => {
     const label = document.createElement("label");
     const slider = Object.assign(document.createElement("input"), { type: "range", min: -1, max: 1, step: 0.01, value: 0 });
@@ -91,14 +121,23 @@ function furnish(facts) {
     row.append(head);
     row.insertCell();
   }
-  setInterval(tell, RATE);
+  if (acts.length) telling ??= setInterval(tell, RATE);
 }
 
-async function draw(blob) {
-  const canvas = find("picture");
-  const image = await createImageBitmap(blob);
-  canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
-  image.close();
+async function embody(facts) {
+  if (!await isSupported()) return;
+  find("headset").hidden = false;
+  find("headset").disabled = Boolean(facts.no_headset);
+  find("headset").title = facts.no_headset;
+  headset = new Headset(scene, {
+    send: audience ? () => {} : send,
+    wish: (wish) => command(wish === "pause" && pauses ? "go" : wish),
+    ended: () => find("headset").setAttribute("aria-pressed", "false"),
+  });
+  find("headset").addEventListener("click", () => {
+    if (headset.isOn) { headset.session.end(); return; }
+    headset.enter().then(() => find("headset").setAttribute("aria-pressed", "true"), (error) => trouble(String(error)));
+  });
 }
 
 // What keys, mouse, gamepad and sliders say together; each value from -1 to 1.
@@ -119,7 +158,8 @@ function action() {
       if (Math.abs(value) > STILL) wanted[which] += sign * value;
     }
   }
-  if (isTool) {  // from the picture's directions to those of the scene
+  if (isTool) {
+    const right = scene?.right() ?? [1, 0];  // from the picture's directions to those of the scene
     for (const at of [0, 3]) {
       values[at] += wanted[at] * right[0] - wanted[at + 1] * right[1];
       values[at + 1] += wanted[at] * right[1] + wanted[at + 1] * right[0];
@@ -134,6 +174,7 @@ function send(data) {
 }
 
 function tell() {
+  if (headset?.isOn) return;
   const { clutch, values } = action();
   find("clutch").setAttribute("aria-pressed", String(clutch));
   send({ type: "hand", seen: number, clutch, values });
@@ -163,7 +204,7 @@ const canvas = find("picture");
 canvas.addEventListener("pointerdown", (event) => {
   canvas.setPointerCapture(event.pointerId);
   const start = { at: [event.clientX, event.clientY], x: 0, y: 0 };
-  if (event.button === 2) orbit = { ...start, ...{ turned: view.turned, raised: view.raised } };
+  if (event.button === 2) orbit = { ...start, ...{ turned: scene.view.turned, raised: scene.view.raised } };
   else drag = start;
 });
 canvas.addEventListener("pointermove", (event) => {
@@ -171,17 +212,15 @@ canvas.addEventListener("pointermove", (event) => {
   if (drag) [drag.x, drag.y] = shift(drag);
   if (orbit) {
     const [x, y] = shift(orbit);
-    view.turned = ((orbit.turned - x / 3 + 540) % 360) - 180;
-    view.raised = Math.max(-60, Math.min(60, orbit.raised + y / 4));
-    send({ type: "view", ...view });
+    scene.view.turned = ((orbit.turned - x / 3 + 540) % 360) - 180;
+    scene.view.raised = Math.max(-60, Math.min(60, orbit.raised + y / 4));
   }
 });
 for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { drag = orbit = null; });
 canvas.addEventListener("contextmenu", (event) => event.preventDefault());
 canvas.addEventListener("wheel", (event) => {
   event.preventDefault();
-  view.nearness = Math.max(0.3, Math.min(3, view.nearness * Math.exp(-event.deltaY / 600)));
-  send({ type: "view", ...view });
+  scene.view.nearness = Math.max(0.3, Math.min(3, scene.view.nearness * Math.exp(-event.deltaY / 600)));
 }, { passive: false });
 
 begin().catch((error) => trouble(String(error)));

@@ -1,0 +1,248 @@
+// The scene, drawn as the server tells it: shapes once, then where they are in each frame.
+
+import * as THREE from '/three/three.module.js';
+
+const TYPES = { f4: Float32Array, u4: Uint32Array, i1: Int8Array, u1: Uint8Array };
+const LINEAR = Float32Array.from({ length: 256 }, (_, k) => (k <= 10 ? k / 3294.6 : ((k / 255 + 0.055) / 1.055) ** 2.4));
+const [LOWEST, HIGHEST] = [-10, 85].map(THREE.MathUtils.degToRad);  // from where one may look
+const FORCE = 10;  // that is drawn 10 cm long [N]
+const [SLOW, PATIENT, COARSEST] = [36, 20, 0.5];  // [ms] of a picture; pictures; pixels of the picture for one of the page
+const SKY = 0xe6ebf0;
+
+// Without a graphics card each pixel costs: then the picture has no more of them than the page, and rough edges.
+const isSoftware = (() => {
+  const gl = new OffscreenCanvas(1, 1).getContext('webgl2');
+  const info = gl?.getExtension('WEBGL_debug_renderer_info');
+  return !info || /SwiftShader|llvmpipe|Software/i.test(gl.getParameter(info.UNMASKED_RENDERER_WEBGL));
+})();
+
+export function kindOf(buffer) {
+  const size = new DataView(buffer).getUint32(0, true);
+  return JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size))).kind;
+}
+
+export function unpack(buffer) {
+  const size = new DataView(buffer).getUint32(0, true);
+  const { arrays, ...facts } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
+  for (const [name, [type, at, count]] of Object.entries(arrays)) facts[name] = new TYPES[type](buffer, 4 + size + at, count);
+  return facts;
+}
+
+// Lit at the vertices, not in each pixel, which is what software GL is slow at. Where there are `places`, vertices
+// lie where the transform of their slot puts them, one row of a texture each.
+function look(alpha, closed, places = null) {
+  return new THREE.ShaderMaterial({
+    uniforms: { alpha: { value: alpha }, ...(places ? { places } : {}) },
+    transparent: alpha < 0.99,
+    side: closed ? THREE.FrontSide : THREE.DoubleSide,
+    defines: { ...(places ? { PLACED: 1 } : {}), ...(closed ? {} : { OPEN: 1 }) },
+    vertexShader: `
+      uniform highp sampler2D places;
+      attribute float slot;
+      attribute vec3 color;
+      varying vec3 shade;
+      vec3 put(vec4 at) {
+        #ifdef PLACED
+          int row = int(slot + 0.5);
+          return vec3(dot(texelFetch(places, ivec2(0, row), 0), at), dot(texelFetch(places, ivec2(1, row), 0), at),
+            dot(texelFetch(places, ivec2(2, row), 0), at));
+        #else
+          return at.xyz;
+        #endif
+      }
+      void main() {
+        vec4 seen = modelViewMatrix * vec4(put(vec4(position, 1.0)), 1.0);
+        vec3 up = put(vec4(normal, 0.0));
+        #ifdef OPEN  // the side that is seen
+          if (dot(normalMatrix * up, seen.xyz) > 0.0) up = -up;
+        #endif
+        vec3 light = mix(vec3(0.42, 0.38, 0.34), vec3(0.66), 0.5 + 0.5 * up.z) + 0.55 * max(dot(up, vec3(0.27, -0.53, 0.80)), 0.0);
+        shade = pow(min(color * light, 1.0), vec3(1.0 / 2.2));
+        gl_Position = projectionMatrix * seen;
+      }`,
+    fragmentShader: `
+      uniform float alpha;
+      varying vec3 shade;
+      void main() { gl_FragColor = vec4(shade, alpha); }`,
+  });
+}
+
+function colours(rgba) {
+  const out = new Float32Array(rgba.length / 4 * 3);
+  for (let i = 0; i < rgba.length / 4; i += 1) for (let k = 0; k < 3; k += 1) out[3 * i + k] = LINEAR[rgba[4 * i + k]];
+  return new THREE.BufferAttribute(out, 3);
+}
+
+export class Scene {
+  constructor(canvas, camera) {
+    Object.assign(this, { canvas, drawn: 0, before: null, now: null, shownAt: 0, step: 0.1, took: 0, since: 0 });
+    this.ratio = isSoftware ? 1 : Math.min(devicePixelRatio, 2);
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: devicePixelRatio < 1.5 && !isSoftware });
+    this.renderer.xr.enabled = true;
+    this.renderer.xr.setReferenceSpaceType('local-floor');
+    this.scene = new THREE.Scene();
+    this.scene.background = new THREE.Color(SKY);
+    this.room = new THREE.Group();  // in the axes of the scene: x, y on the floor, z up
+    this.level();
+    this.scene.add(this.room);
+    this.shapes = new THREE.Group();
+    this.room.add(this.shapes);
+    this.touches = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xd00000, depthTest: false }));
+    this.touches.frustumCulled = false;
+    this.room.add(this.touches);
+    this.camera = new THREE.PerspectiveCamera(camera.fov_deg, 4 / 3, 0.03, 60);
+    this.look(camera);
+    this.renderer.setAnimationLoop((time, frame) => this.draw(time, frame));
+    this.onFrame = () => {};
+  }
+
+  // The room as it is on a screen; a headset puts it elsewhere.
+  level() {
+    this.room.position.set(0, 0, 0);
+    this.room.quaternion.setFromAxisAngle(new THREE.Vector3(1, 0, 0), -Math.PI / 2);
+  }
+
+  // See it as the task's own camera does.
+  look(camera) {
+    this.target = new THREE.Vector3(...camera.target);
+    this.away = new THREE.Vector3(...camera.eye).sub(this.target);
+    this.view = { turned: 0, raised: 0, nearness: 1 };
+    this.camera.fov = camera.fov_deg;
+    this.key = null;
+  }
+
+  // Forces on a person, each as a line from where it presses, 10 cm for FORCE.
+  touch(found) {
+    const points = found.flatMap(([x, y, z, ...force]) => [
+      new THREE.Vector3(x, y, z), new THREE.Vector3(x, y, z).addScaledVector(new THREE.Vector3(...force), -0.1 / FORCE)]);
+    this.touches.geometry.dispose();
+    this.touches.geometry = new THREE.BufferGeometry().setFromPoints(points);
+    this.isDrawn = false;
+  }
+
+  take(buffer) {
+    const data = unpack(buffer);
+    if (data.kind === 'shapes') this.furnish(data);
+    else this.move(data);
+  }
+
+  furnish(data) {
+    for (const mesh of this.shapes.children) { mesh.geometry.dispose(); mesh.material.dispose(); }
+    this.shapes.clear();
+    this.before = this.now = null;
+    const shared = {
+      position: new THREE.BufferAttribute(data.position, 3), normal: new THREE.BufferAttribute(data.normal, 4, true),
+      color: colours(data.rgba), slot: new THREE.BufferAttribute(data.slot, 1),
+    };
+    this.places = { value: null };
+    for (const [first, count, alpha, closed] of data.runs) {
+      const geometry = new THREE.BufferGeometry();
+      for (const [name, attribute] of Object.entries(shared)) geometry.setAttribute(name, attribute);
+      geometry.setIndex(new THREE.BufferAttribute(data.index.subarray(first, first + count), 1));
+      const mesh = new THREE.Mesh(geometry, look(alpha, closed, this.places));
+      mesh.frustumCulled = false;
+      this.shapes.add(mesh);
+    }
+    this.surfaces = data.surfaces.map(([alpha, closed], k) => {
+      const geometry = new THREE.BufferGeometry();
+      geometry.setIndex(new THREE.BufferAttribute(data[`faces${k}`], 1));
+      geometry.setAttribute('color', colours(data[`rgba${k}`]));
+      const mesh = new THREE.Mesh(geometry, look(alpha, closed));
+      mesh.frustumCulled = false;
+      this.shapes.add(mesh);
+      return geometry;
+    });
+  }
+
+  move(data) {
+    const now = performance.now();
+    if (this.now) this.step = Math.min(Math.max((now - this.arrivedAt) / 1000, 0.02), 0.25);
+    this.arrivedAt = now;
+    const shown = [];  // what is seen now is where the way to the next frame begins
+    if (this.now) this.blend((array) => shown.push(Float32Array.from(array)));
+    this.now = [data.places, ...this.surfaces.map((_, k) => data[`position${k}`])];
+    this.before = shown.length ? shown : this.now;
+    if (!this.places.value) {
+      const texture = new THREE.DataTexture(Float32Array.from(data.places), 3, data.places.length / 12, THREE.RGBAFormat, THREE.FloatType);
+      this.places.value = texture;
+      this.surfaces.forEach((geometry, k) => {
+        geometry.setAttribute('position', new THREE.BufferAttribute(data[`position${k}`].slice(), 3));
+        geometry.setAttribute('normal', new THREE.BufferAttribute(data[`normal${k}`].slice(), 4, true));
+      });
+    }
+    this.surfaces.forEach(({ attributes: { normal } }, k) => { normal.array.set(data[`normal${k}`]); normal.needsUpdate = true; });
+    this.shownAt = now;
+    this.isSettled = false;
+  }
+
+  // Where things are between the last frame and this one, so that they move in every picture.
+  blend(each) {
+    const share = Math.min((performance.now() - this.shownAt) / 1000 / this.step, 1);
+    const held = [this.places.value.image.data, ...this.surfaces.map((geometry) => geometry.attributes.position.array)];
+    held.forEach((array, k) => {
+      const [from, to] = [this.before[k], this.now[k]];
+      if (share < 1) for (let i = 0; i < array.length; i += 1) array[i] = from[i] + share * (to[i] - from[i]);
+      else array.set(to);
+      each(array);
+    });
+    return share;
+  }
+
+  // Without a graphics card the picture gets coarser until it comes often enough.
+  ease(time) {
+    const took = time - this.easedAt;
+    this.easedAt = time;
+    if (!isSoftware || !(took < 500)) return;
+    this.took += 0.1 * (took - this.took);
+    this.since += 1;
+    if (this.took < SLOW || this.since < PATIENT || this.ratio <= COARSEST) return;
+    this.ratio = Math.max(0.8 * this.ratio, COARSEST);
+    this.since = 0;
+    this.key = null;
+  }
+
+  draw(time, frame) {
+    this.onFrame(time, frame);
+    if (!this.renderer.xr.isPresenting) this.ease(time);
+    if (this.now && !this.isSettled) {
+      this.isSettled = this.blend(() => {}) === 1;
+      this.places.value.needsUpdate = true;
+      for (const geometry of this.surfaces) geometry.attributes.position.needsUpdate = true;
+      this.isDrawn = false;
+    }
+    if (!this.renderer.xr.isPresenting) {
+      if (!this.frame() && this.isDrawn) return;  // nothing is new
+    }
+    this.renderer.render(this.scene, this.camera);
+    this.isDrawn = true;
+    this.drawn += 1;
+  }
+
+  // Put the camera where the view says; return whether it or the size of the picture changed.
+  frame() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const size = this.renderer.getSize(new THREE.Vector2());
+    const key = JSON.stringify([width, height, this.view]);
+    if (!width || key === this.key) return false;
+    this.key = key;
+    if (this.renderer.getPixelRatio() !== this.ratio) this.renderer.setPixelRatio(this.ratio);
+    if (size.x !== width || size.y !== height) this.renderer.setSize(width, height, false);
+    const { x, y, z } = this.away;
+    const turned = Math.atan2(y, x) + THREE.MathUtils.degToRad(this.view.turned);
+    let level = Math.atan2(z, Math.hypot(x, y)) + THREE.MathUtils.degToRad(this.view.raised);
+    level = Math.min(Math.max(level, LOWEST), HIGHEST);
+    const far = this.away.length() / this.view.nearness;
+    const eye = new THREE.Vector3(Math.cos(level) * Math.cos(turned), Math.cos(level) * Math.sin(turned), Math.sin(level));
+    this.camera.aspect = width / height;
+    this.camera.position.copy(this.room.localToWorld(eye.multiplyScalar(far).add(this.target)));
+    this.camera.lookAt(this.room.localToWorld(this.target.clone()));
+    this.camera.updateProjectionMatrix();
+    return true;
+  }
+
+  // Which way on the floor is to the right in the picture: x and y of a unit vector.
+  right() {
+    const turned = Math.atan2(this.away.y, this.away.x) + THREE.MathUtils.degToRad(this.view.turned);
+    return [-Math.sin(turned), Math.cos(turned)];
+  }
+}

@@ -1,0 +1,145 @@
+"""People in the scene by browsers with an emulated headset; `make test-browser` installs what they need."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import shutil
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("aiohttp", reason="the page needs the extra 'coach'")
+pytest.importorskip("h5py", reason="records need the extra 'data'")
+
+from aiohttp import web
+from test_teleoperation import BAD
+
+from rcare_marl.baselines.teleoperation.server import Server
+from rcare_marl.baselines.teleoperation.stage import Scenario
+
+# Where `make test-browser` installs what pages and their tests take from npm.
+WEB = Path(__file__).resolve().parents[1] / "baselines" / "coaching" / "page" / "web"
+THREE = WEB / "node_modules" / "three" / "build"
+TOKEN = "of-the-test"
+PATIENCE = 120.0  # for anything on the page to happen on a loaded machine [s]
+REQUIRED = "RCARE_MARL_REQUIRE_BROWSER"  # set by make test-browser: these tests must not be skipped
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), None)
+PACKAGES = all((WEB / "node_modules" / name).is_dir() for name in ("iwer", "playwright-core"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _browser() -> None:
+    if CHROMIUM is None or shutil.which("node") is None or not PACKAGES:
+        reason = "Chromium, Node or the page's npm packages are not installed: make test-browser"
+        if os.environ.get(REQUIRED):
+            pytest.fail(reason, pytrace=False)
+        pytest.skip(reason)
+
+
+@contextmanager
+def served(scenario: Scenario) -> Iterator[str]:
+    """Serve the page on a free port of this computer, each step as soon as hands answered."""
+    server = Server(scenario, token=TOKEN, waits=True, three=THREE)
+    loop, ready, ports = asyncio.new_event_loop(), threading.Event(), list[int]()
+
+    async def start() -> web.AppRunner:
+        runner = web.AppRunner(server.app, handle_signals=False)
+        await runner.setup()
+        await web.TCPSite(runner, "127.0.0.1", 0, shutdown_timeout=1.0).start()
+        ports.append(runner.addresses[0][1])
+        ready.set()
+        return runner
+
+    def work() -> None:
+        runner = loop.run_until_complete(start())
+        loop.run_forever()
+        loop.run_until_complete(runner.cleanup())
+        loop.close()
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    assert ready.wait(PATIENCE)
+    yield f"http://127.0.0.1:{ports[0]}/?token={TOKEN}"
+    loop.call_soon_threadsafe(loop.stop)
+    thread.join(30)
+
+
+def drive(folder: Path, url: str, name: str, **job: Any) -> dict[str, Any]:
+    """Run the driver; return what it saw. Pictures go where TELEOPERATION_PICTURES says."""
+    job = {
+        "url": url,
+        "kind": "play",
+        "name": name,
+        "web": str(WEB),
+        "chromium": CHROMIUM,
+        "pictures": os.environ.get("TELEOPERATION_PICTURES"),
+        "viewport": {"width": 480, "height": 320},
+        "patience": 1000 * PATIENCE,
+        **job,
+    }
+    file = folder / "job.json"
+    file.write_text(json.dumps(job))
+    driver = Path(__file__).with_name("teleoperation_page.mjs")
+    done = subprocess.run(
+        ["node", str(driver), str(file)], capture_output=True, text=True, timeout=6 * PATIENCE
+    )
+    assert done.returncode == 0, done.stderr
+    seen: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    assert not seen["errors"], seen["errors"]
+    assert not seen["outside"], "the page asked for something outside this computer"
+    return seen
+
+
+def test_a_hand_in_a_headset_leads_the_spoon_to_the_mouth(tmp_path: Path) -> None:
+    with served(Scenario("feeding", ["robot"], seed=3)) as url:
+        seen = drive(tmp_path, url, "feed", roles=["robot"], players={"robot": {"law": "feed"}})
+    robot = seen["players"]["robot"]
+    assert robot["last"]["success"], robot["last"]
+    assert robot["last"]["force_n"] == 0
+    assert not robot["refused"]
+
+
+def test_who_is_fed_opens_the_mouth_by_the_trigger(tmp_path: Path) -> None:
+    with served(Scenario("feeding", ["recipient"], seed=3)) as url:
+        seen = drive(
+            tmp_path, url, "eat", roles=["recipient"], players={"recipient": {"law": "eat"}}
+        )
+    person = seen["players"]["recipient"]
+    assert person["last"]["success"], person["last"]
+
+
+def test_two_people_in_two_browsers_feed_and_are_fed(tmp_path: Path) -> None:
+    players = {"robot": {"law": "feed"}, "recipient": {"law": "eat"}}
+    with served(Scenario("feeding", list(players), seed=1)) as url:
+        small = {"width": 320, "height": 200}
+        seen = drive(tmp_path, url, "two", roles=list(players), players=players, viewport=small)
+    assert [player["last"]["success"] for player in seen["players"].values()] == [True, True]
+
+
+def test_who_watches_goes_back_in_time_and_chooses_another_scene(tmp_path: Path) -> None:
+    with served(Scenario("feeding", (), policies={"robot": "scripted"}, seed=3)) as url:
+        seen = drive(tmp_path, url, "watch", kind="watch", viewport={"width": 1280, "height": 800})
+    assert seen["back"]["moment"] == "0.0 s" and seen["back"]["differs"]
+    assert seen["terms"][-1] == "force [N]" and len(seen["terms"]) > 1
+    assert "nobody_9" in seen["refused"]
+    assert "recipient is Kim" in seen["chosen"]
+    assert seen["overflow"] <= 0
+
+
+def test_bad_messages_of_a_page_change_nothing_and_pages_of_others_get_nowhere(
+    tmp_path: Path,
+) -> None:
+    bad = [text for text in BAD.values() if len(text) < 1000][:20]
+    with served(Scenario("feeding", ["robot"])) as url:
+        seen = drive(tmp_path, url, "strangers", kind="strangers", bad=bad)
+    assert len(seen["refused"]) == 20 and all(seen["refused"])
+    assert seen["numbers"][0] == seen["numbers"][1]
+    assert seen["foreign"] == {"socket": "refused", "read": "refused"}
