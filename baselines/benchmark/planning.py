@@ -61,7 +61,7 @@ def bench(
 ) -> dict[str, Any]:
     """Return what became of the queries for each robot, as plain values for JSON.
 
-    The postures depend on robot, house and seed alone. After Ctrl-C what rooms are done is returned.
+    The postures depend on robot, house and seed alone. After Ctrl-C or SIGTERM the rooms that are done are returned.
 
     Args:
         robot: Models of robots, comma between; those of `ROBOTS` if None.
@@ -94,7 +94,7 @@ def bench(
         ]:
             calls = [partial(_in_room, *each, queries, seed, share) for each in asked]
             run_each(calls, int(processes), partial(_take, found, asked))
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit):  # the latter after SIGTERM
         is_stopped = True
     results = {model: _summary(each) for model, each in found.items() if each}
     every = [each for result in results.values() for each in (result["solved"], result["hits"])]

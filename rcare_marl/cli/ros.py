@@ -52,12 +52,15 @@ def serve(
     Example: rcare-marl ros serve feeding --episodes 20
     """
     _check_ros()
-    import numpy as np
-
     from rcare_marl.baselines.ros import server
+    from rcare_marl.baselines.ros.pace import Pace
     from rcare_marl.baselines.ros.served import ServedRobot
 
-    cast, late = cast_of(robot, recipient, caregiver), list[float]()
+    def tell(pace: Pace) -> None:
+        well = f"{sum(served.outcomes.values())} of {len(served.outcomes)} ended well"
+        print_line(f"{well}; {pace.told()}")
+
+    cast = cast_of(robot, recipient, caregiver)
     served = ServedRobot(task, cast=cast, options=settings(option), seed=seed)
     print_line(f"{task} is served; Ctrl-C ends")
     try:
@@ -67,16 +70,10 @@ def serve(
             speed=speed,
             namespace=namespace,
             prefix=prefix,
-            on_tick=late.append,
+            on_end=tell,
         )
     finally:
         served.close()
-        if late:
-            median, most = 1e3 * np.median(late), 1e3 * max(late)
-            print_line(
-                f"{sum(served.outcomes.values())} of {len(served.outcomes)} ended well; steps began "
-                f"{median:.1f} ms late (median), {most:.0f} ms at most"
-            )
 
 
 @ros.command()
@@ -96,7 +93,7 @@ def play(
     ] = None,
     patience: Annotated[
         float, typer.Option(help="How much later than usual a message may come [s].")
-    ] = 0.06,
+    ] = 0.08,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what the robot would be told, and tell nothing.")
     ] = False,
