@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import queue
 import threading
 import time
 from collections import deque
@@ -13,8 +15,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from geometry_msgs.msg import TwistStamped, WrenchStamped
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.executors import MultiThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
@@ -54,7 +55,7 @@ class Played:
 class PlayerNode(Node):
     """Plays a policy: one answer to each scene that is told, while the guard permits.
 
-    The guard has a thread of its own, so it watches while the policy thinks.
+    Messages and the guard have a thread of their own, so it watches while the policy thinks.
     """
 
     def __init__(
@@ -77,12 +78,13 @@ class PlayerNode(Node):
         self._seen: deque[tuple[float, Any, Any]] = deque(maxlen=KEPT)
         self._lock = threading.Lock()  # of the guard
         self.guard.pause(np.inf)  # until an episode begins
-        listen, watching = self.create_subscription, MutuallyExclusiveCallbackGroup()
-        listen(JointState, "joint_states", self._on_joints, 50, callback_group=watching)
-        listen(WrenchStamped, "wrench", self._on_wrench, 10, callback_group=watching)
-        listen(String, "scene", self._on_scene, 1)
-        listen(String, "episode", self._on_episode, LATCHED, callback_group=watching)
-        self.create_timer(CHECKS, self._check, callback_group=watching)
+        self._scenes: queue.SimpleQueue[str] = queue.SimpleQueue()
+        listen = self.create_subscription
+        listen(JointState, "joint_states", self._on_joints, 50)
+        listen(WrenchStamped, "wrench", self._on_wrench, 10)
+        listen(String, "scene", lambda message: self._scenes.put(message.data), 10)
+        listen(String, "episode", self._on_episode, LATCHED)
+        self.create_timer(CHECKS, self._check)
 
     def now(self) -> float:
         """Return the time of stamps [s]."""
@@ -118,14 +120,22 @@ class PlayerNode(Node):
         with self._lock:
             self.guard.wrench(messages.seconds(message.header.stamp), self.now(), values)
 
-    def _on_scene(self, message: String) -> None:
+    def think(self, timeout: float) -> None:
+        """Answer the scene that was told last, or the next one in some time [s]."""
+        with contextlib.suppress(queue.Empty):
+            text = self._scenes.get(timeout=timeout)
+            while not self._scenes.empty():
+                text = self._scenes.get()
+            self._answer(text)
+
+    def _answer(self, text: str) -> None:
         with self._lock:
             if not self._seen or self.guard.is_paused or self.guard.fault:
                 return
             seen = list(self._seen)
         began = time.perf_counter()
         try:
-            told = json.loads(message.data)
+            told = json.loads(text)
             stamp, gap = float(told["stamp"]), float(told["separation"])
             _, positions, rates = min(seen, key=lambda each: abs(each[0] - stamp))
             numbers = self._twin.see(positions, rates, told["state"])
@@ -195,18 +205,18 @@ def play(
     make_ready()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = PlayerNode(twin, policy, limits, namespace, dry_run=dry_run)
-    executor = MultiThreadedExecutor(2)
+    executor = SingleThreadedExecutor()
     executor.add_node(node)
+    listening = threading.Thread(target=executor.spin, daemon=True)
+    listening.start()
     try:
         while not node.played.stops and not is_over(node.played):
             if episodes and len(node.played.outcomes) >= episodes:
                 break
-            executor.spin_once(timeout_sec=0.1)
-        until = time.monotonic() + 0.5  # so that the last messages go out
-        while time.monotonic() < until:
-            executor.spin_once(timeout_sec=0.05)
+            node.think(0.1)
+        time.sleep(0.5)  # so that the last messages go out
     finally:
-        executor.shutdown()
+        executor.shutdown(timeout_sec=1.0)
         rclpy.shutdown()
     for reason in node.played.stops:
         print_line(f"stopped: {reason}")

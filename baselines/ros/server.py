@@ -319,9 +319,9 @@ def serve(
         time.sleep(0.5)  # so that the last messages go out
     finally:
         served.on_step = lambda: None
+        on_end(pace)
         executor.shutdown(timeout_sec=1.0)
         rclpy.shutdown()
-        on_end(pace)
     return served.outcomes
 
 
