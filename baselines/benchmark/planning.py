@@ -61,7 +61,8 @@ def bench(
 ) -> dict[str, Any]:
     """Return what became of the queries for each robot, as plain values for JSON.
 
-    The postures depend on robot, house and seed alone. After Ctrl-C or SIGTERM the rooms that are done are returned.
+    The postures depend on robot, house and seed alone. After Ctrl-C or SIGTERM the rooms that are done are
+    returned.
 
     Args:
         robot: Models of robots, comma between; those of `ROBOTS` if None.

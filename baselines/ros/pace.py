@@ -13,7 +13,7 @@ import numpy as np
 from rcare_marl.console import print_line
 
 LAG = 0.1  # [s] that steps may lag behind real time before what is lost is given up; our own choice
-PRIORITY = 10  # of 99 among processes in real time; our own choice
+NICE = -15  # priority of a process in real time, -20 to 19; our own choice
 
 
 def make_ready() -> bool:
@@ -24,9 +24,9 @@ def make_ready() -> bool:
     """
     gc.freeze()
     try:
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)
     except (AttributeError, PermissionError):  # not on every system, and not for everybody
-        print_line("no real-time priority (ulimit -r): a busy machine may make messages late")
+        print_line("no priority over others (ulimit -e): a busy machine may make messages late")
         return False
     return True
 

@@ -201,7 +201,7 @@ def play(
         dry_run: Whether to say what the robot would be told, and tell it nothing.
         is_over: Asked all the time whether to end.
     """
-    twin.twist(policy)  # compiles what it needs before anybody waits
+    twin.rehearse(policy)
     make_ready()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = PlayerNode(twin, policy, limits, namespace, dry_run=dry_run)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rcare_marl.console import print_line
-from rcare_marl.errors import MissingPackageError
+from rcare_marl.errors import MissingPackageError, check_package
 
 from .parameter import (
     CaregiverModel,
@@ -23,7 +24,7 @@ from .parameter import (
 ros = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="Serve an environment as a robot on ROS 2, or play a policy on the topics of one.",
+    help="Serve an environment as a robot on ROS 2, play a policy on the topics of one, or record them.",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 Namespace = Annotated[
@@ -141,6 +142,26 @@ def play(
         )
     if found.stops:
         raise typer.Exit(1)
+
+
+@ros.command()
+def record(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Of MCAP, such as feeding.mcap.")],
+    namespace: Namespace = "",
+    seconds: Annotated[
+        float, typer.Option(min=0.0, help="How long [s]; 0 goes on until Ctrl-C.")
+    ] = 0.0,
+) -> None:
+    """Write what is told on all topics of a robot, /tf and /clock to an MCAP file.
+
+    Example: rcare-marl ros record feeding.mcap
+    """
+    _check_ros()
+    check_package("mcap", "recording", "data")
+    from rcare_marl.baselines.ros.recorder import record as write
+
+    counts = write(file, namespace, seconds)
+    print_line(f"{file}: {sum(counts.values())} messages of {len(counts)} topics")
 
 
 def _check_ros() -> None:
