@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from rcare_marl.baselines.evaluation import evaluate as baseline
+from rcare_marl.baselines.ros.pace import Pace
 from rcare_marl.baselines.ros.served import FRESH, ServedRobot
 from rcare_marl.baselines.ros.twin import Twin, account, numbers, told
 from rcare_marl.envs import make
@@ -133,3 +136,35 @@ def test_frames_and_description_name_the_same_links(served: ServedRobot) -> None
     assert all(f'<link name="{name}"' in urdf for name in frames if name in served.robot.body.links)
     assert {"tool", "recipient/head"} <= frames.keys()
     assert served.separation() > 0.05 and (served.wrench() == 0).all()
+
+
+def test_what_is_told_between_two_physics_steps_counts_in_the_next(served: ServedRobot) -> None:
+    count = 0
+
+    def tell() -> None:
+        nonlocal count
+        count += 1
+        if count == 12:  # in the middle of a control step
+            served.tell_twist(np.array([0.0, 0.0, 0.2, 0.0, 0.0, 0.0]))
+
+    served.on_step = tell
+    start = np.array(served.robot.tool_pose().position)
+    served.advance()
+    served.on_step = lambda: None
+    assert count == 24
+    assert 0.002 < served.robot.tool_pose().position[2] - start[2] < 0.2 * 13 / 240
+
+
+def test_steps_begin_when_they_are_due_and_are_counted_where_they_are_late() -> None:
+    lock, told = threading.Lock(), list[int]()
+    pace = Pace(0.01, lock, told.append)
+    with lock:
+        began = time.monotonic()
+        for _ in range(10):
+            pace()
+        assert time.monotonic() - began >= 0.1
+        assert told == list(range(10)) and pace.slips == 0
+        time.sleep(0.13)
+        pace()
+    assert pace.slips == 1 and max(pace.late) > 0.1
+    assert "11 steps of 10.0 ms" in pace.told()
