@@ -71,7 +71,7 @@ def _plain_stride(step: Call, acts: tuple[Call, ...], looks: tuple[Call, ...]) -
 def _steady(robot: Robot) -> list[ToolDelta] | None:
     """Return what pushes steadily between two commands, None if something else acts too."""
     controls = [part.control for part in robot.parts.values()]
-    steady = [control for control in controls if isinstance(control, ToolDelta)]
+    steady = [c for c in controls if isinstance(c, ToolDelta) and c.is_steady]
     return steady if len(steady) == len(robot.acting) else None
 
 

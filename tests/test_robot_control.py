@@ -29,6 +29,7 @@ FASTEST = {
     "joint_velocity": 2.3,
     "joint_torque": 2.7,
     "tool_delta": 2.1,
+    "tool_servo": 2.1,
     "tool_pose": 2.1,
     "impedance": 4.5,
 }

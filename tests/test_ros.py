@@ -18,7 +18,11 @@ PYTHON = Path(os.environ.get("RCARE_MARL_ROS_PYTHON", ROOT / ".venv-ros" / "bin"
 IS_WANTED = bool(os.environ.get("RCARE_MARL_REQUIRE_ROS"))
 MAIN = "from rcare_marl.cli import main; main()"
 SPACE = "/left"
-CAMERA = "{model: kinova_gen3, sensors: [{kind: camera, name: wrist, width: 32, height: 24}]}"
+ROBOT = (
+    "{model: kinova_gen3, gripper: commanded, "
+    "sensors: [{kind: camera, name: wrist, width: 32, height: 24}]}"
+)
+OPENED = 0.0  # [rad] of the joint of the Gen3's gripper
 
 pytestmark = pytest.mark.skipif(
     not (PYTHON.exists() or IS_WANTED), reason=f"no ROS 2 at {PYTHON}: make ros"
@@ -71,9 +75,7 @@ def end(process: subprocess.Popen[str]) -> str:
 
 @pytest.fixture(scope="module")
 def robot() -> Iterator[None]:
-    process = start(
-        "serve", "feeding", "--namespace", SPACE, "--prefix", "left_", "--robot", CAMERA
-    )
+    process = start("serve", "feeding", "--namespace", SPACE, "--prefix", "left_", "--robot", ROBOT)
     yield
     said = end(process)
     assert "Traceback" not in said, said
@@ -99,6 +101,25 @@ def test_a_client_that_is_not_ours_moves_the_arm_by_a_trajectory() -> None:
     said = run("ros_client.py", f"{SPACE}/joint_states", action, *changes)
     assert "code 0" in said, said
     assert float(said.split("off ")[1]) < 0.03
+
+
+@pytest.mark.usefixtures("robot")
+def test_what_is_told_is_recorded_for_tools_that_are_not_ours(tmp_path: Path) -> None:
+    file = tmp_path / "robot.mcap"
+    recorder = start("record", str(file), "--namespace", SPACE, "--seconds", "4")
+    assert recorder.wait(timeout=60) == 0, end(recorder)
+    got: dict[str, Any] = json.loads(run("ros_bag.py", str(file)).splitlines()[-1])
+    counts = got["counts"]
+    assert {"/tf", "/clock", f"{SPACE}/scene", f"{SPACE}/robot_description"} <= counts.keys()
+    assert "joint_1" in got["joints"]
+    assert counts[f"{SPACE}/joint_states"] > 5 * counts[f"{SPACE}/scene"] > 50
+
+
+@pytest.mark.usefixtures("robot")
+def test_a_client_that_is_not_ours_opens_the_gripper() -> None:
+    said = run("ros_gripper.py", f"{SPACE}/gripper_controller/gripper_cmd", str(OPENED))
+    assert "reached True stalled False" in said, said
+    assert float(said.split("at ")[1]) == pytest.approx(OPENED, abs=0.05)
 
 
 @pytest.mark.slow

@@ -14,7 +14,8 @@ from rcare_marl.pose import Array
 
 JOINTS = ("shoulder", "elbow")
 RATE = 0.1  # [s] between messages, as `ros serve` tells them
-CHECK = 0.02  # [s] between looks at the clock
+JOINT_RATE = 0.01  # [s] the same of joints
+CHECK = 0.01  # [s] between looks at the clock
 STOP_WITHIN = 0.1  # [s]
 WORKSPACE = (np.full(3, -1.0), np.full(3, 1.0))
 FAULT_AT = 1.0  # [s]
@@ -26,7 +27,7 @@ class Bench:
     def __init__(self) -> None:
         self.said: list[tuple[float, str]] = []
         self.now = 0.0
-        limits = SafetyLimits(period=RATE, workspace=WORKSPACE)
+        limits = SafetyLimits(workspace=WORKSPACE)
         self.guard = Guard(
             limits, JOINTS, np.ones(2), lambda why: self.said.append((self.now, why))
         )
@@ -39,19 +40,20 @@ class Bench:
         self.stamped: Callable[[float], float] = lambda stamp: stamp
 
     def run(self, until: float) -> None:
-        """Go on to a time: messages every `RATE`, a look at the clock every `CHECK`."""
+        """Go on to a time: messages when they are due, a look at the clock every `CHECK`."""
         while self.now < until - 1e-9:
             self.now = round(self.now + CHECK, 6)
             self.guard.check(self.now)
-            if abs(self.now / RATE - round(self.now / RATE)) < 1e-6:
-                self._tell()
+            self._tell(is_scene_due=abs(self.now / RATE - round(self.now / RATE)) < 1e-6)
 
-    def _tell(self) -> None:
+    def _tell(self, *, is_scene_due: bool) -> None:
         guard, now = self.guard, self.now
         stamp = self.stamped(now - self.lateness + self.ahead)
         positions = self.edit(0.1 * now * np.ones(2))
         if "joints" not in self.drop:
             guard.joints(stamp, now, self.names, positions, np.zeros_like(positions))
+        if not is_scene_due:
+            return
         if "wrench" not in self.drop:
             guard.wrench(stamp, now, np.array([self.force, 0, 0, 0, 0, 0]))
         if "scene" not in self.drop:
@@ -146,6 +148,10 @@ FAULTS = {
     "policy not a number": (_policy_nan, "no twist"),
     "policy too slow": (_policy_slow, "took 500 ms"),
 }
+SLOW = (  # of wrench, scene and policy
+    *("one source missing", "infinite", "too hard", "out of the workspace"),
+    *("policy not a number", "policy too slow"),
+)
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -157,7 +163,9 @@ def test_every_fault_stops_the_robot_in_time_and_says_why(name: str) -> None:
     fault(bench)
     bench.run(FAULT_AT + 1.0)
     (stop,) = bench.said
-    due = FAULT_AT + RATE  # when the first message was due that the fault could spoil
+    due = FAULT_AT + (
+        RATE if name in SLOW else JOINT_RATE
+    )  # when the first message was due that the fault could spoil
     assert stop[0] - due <= STOP_WITHIN, stop
     assert said in stop[1]
     assert all((twist == 0).all() for when, twist in bench.told if when >= stop[0])
@@ -175,6 +183,53 @@ def test_nothing_moves_before_all_have_spoken_or_before_release() -> None:
     bench.guard.release()
     bench.run(1.2)
     assert bench.told[-1][1][0] == pytest.approx(0.1)
+
+
+def test_a_robot_that_says_that_it_pauses_may_be_silent_and_jump() -> None:
+    bench = Bench()
+    bench.run(1.0)
+    bench.guard.pause(bench.now)
+    bench.drop = {"joints", "wrench", "scene"}
+    bench.run(2.0)
+    bench.drop, bench.edit = set(), lambda positions: positions + 1.0
+    bench.guard.release(bench.now)
+    bench.run(3.0)
+    assert not bench.said and bench.told[-1][1][0] == pytest.approx(0.1)
+    bench.drop = {"joints"}
+    bench.run(4.0)
+    ((when, _),) = bench.said
+    assert when - 3.0 <= JOINT_RATE + STOP_WITHIN
+
+
+def test_nothing_is_told_in_a_pause_and_one_without_end_is_a_fault() -> None:
+    bench = Bench()
+    bench.run(1.0)
+    bench.guard.pause(bench.now)
+    bench.run(9.0)
+    assert not bench.said and all((twist == 0).all() for when, twist in bench.told if when > 1.0)
+    bench.run(12.0)
+    assert "paused" in bench.said[0][1]
+
+
+def test_what_was_told_before_an_episode_began_is_not_heeded() -> None:
+    bench = Bench()
+    bench.guard.release(1.0)
+    bench.edit = lambda positions: positions + (3.0 if bench.now < 1.0 else 0.0)
+    bench.run(2.0)
+    assert not bench.said and bench.told[-1][1][0] == pytest.approx(0.1)
+
+
+def test_joints_that_stand_are_not_frozen_until_they_were_told_to_move_for_a_while() -> None:
+    bench = Bench()
+    stands = np.ones(2)
+    bench.edit, bench.twist = lambda _: stands, np.zeros(6)
+    bench.run(2.0)
+    assert not bench.said
+    bench.twist = np.array([0.1, 0, 0, 0, 0, 0])
+    bench.run(2.16)  # told at 2.1 to move
+    bench.edit = lambda _: stands + 0.1 * (bench.now - 2.16)
+    bench.run(3.0)
+    assert not bench.said
 
 
 def test_names_in_another_order_are_no_fault() -> None:

@@ -17,7 +17,7 @@ TAKES = {
     "learning": ("task", "processes", "seconds"),
     "parity": ("task", "seed"),
     "batch": ("task", "device", "steps", "seed"),
-    "planning": ("robot", "queries", "rooms", "seed"),
+    "planning": ("robot", "queries", "rooms", "seed", "processes", "seconds"),
 }
 NOT_OF_TASKS = ("avatar", "seconds", "task", "processes", "device", "queries", "rooms")
 MODULES = {

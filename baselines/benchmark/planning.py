@@ -3,8 +3,9 @@
 Somebody sits in a wheelchair in a room of each of several houses, and a robot stands by or on the chair. A
 query goes from one posture of the arm to another, both drawn uniformly within the limits of its joints, and
 half a turn each way, until they are clear by as much as a path has to be. Whether a way leads from one to the
-other is not known before: what is not solved in time is looked for ten times as long, and if there is no way
-then either, the query counts as one that may have none, and is told apart.
+other is not known before: what is not solved in time is looked for ten times as long, after all others of the
+room. If there is no way then either, the query counts as one that may have none, and is told apart; where no
+time is left to look, it counts as not solved.
 
 What is planned is judged by Bullet and not by the planner's own geometry: every 20 ms of a path, how far the
 robot and what it holds are from the person and from walls and furniture. To go straight is to move all
@@ -14,14 +15,16 @@ joints evenly from start to goal. Times are processor time of the one thread.
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rcare_marl.agents.planning import ACCELERATING
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.console import console, table
+from rcare_marl.console import console, print_line, table
 from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.homes import CareHome
@@ -32,6 +35,7 @@ from rcare_marl.planning.path import Path
 from rcare_marl.planning.search import dense
 from rcare_marl.pose import Array
 
+from ..workers import run_each
 from .environment import surroundings
 
 TASK = "feeding"
@@ -48,83 +52,156 @@ WANTED = {"solved": 0.95, "hits": 0}
 
 
 def bench(
-    robot: str | None = None, queries: int = QUERIES, rooms: int = ROOMS, seed: int = 0
+    robot: str | None = None,
+    queries: int = QUERIES,
+    rooms: int = ROOMS,
+    seed: int = 0,
+    processes: str = "1",
+    seconds: float | None = None,
 ) -> dict[str, Any]:
     """Return what became of the queries for each robot, as plain values for JSON.
 
+    The postures depend on robot, house and seed alone. After Ctrl-C or SIGTERM the rooms that are done are
+    returned.
+
     Args:
-        robot: The model of the one robot; those of `ROBOTS` if None.
+        robot: Models of robots, comma between; those of `ROBOTS` if None.
         queries: In each room.
         rooms: Houses, of each of which one room counts; with another seed they begin elsewhere.
         seed: Of the postures.
+        processes: How many rooms at once.
+        seconds: Time for all, of which each room gets a like share [s]; as long as it takes if None.
 
     Raises:
+        ConfigError: If the count of processes is none.
         MissingPackageError: If the extra `plan` is not installed.
     """
     check_installed()
-    found = {model: _of(model, queries, rooms, seed) for model in ([robot] if robot else ROBOTS)}
-    every = [each for result in found.values() for each in (result["solved"], result["hits"])]
+    if not processes.isdecimal() or not int(processes):
+        raise ConfigError(f"processes of planning must be one count, got {processes!r}")
+    models = robot.split(",") if robot else list(ROBOTS)
+    begin = seed % len(HOUSES)
+    left = {model: list(HOUSES[begin:] + HOUSES[:begin]) for model in models}
+    found: dict[str, list[dict[str, Any]]] = {model: [] for model in models}
+    rounds = -(-rooms * len(models) // int(processes))
+    share = None if seconds is None else seconds / rounds
+    is_stopped = False
+    try:
+        while asked := [
+            (model, left[model].pop(0))
+            for k in range(rooms)
+            for model in models
+            if k < rooms - len(found[model]) and left[model]
+        ]:
+            calls = [partial(_in_room, *each, queries, seed, share) for each in asked]
+            run_each(calls, int(processes), partial(_take, found, asked))
+    except (KeyboardInterrupt, SystemExit):  # the latter after SIGTERM
+        is_stopped = True
+    results = {model: _summary(each) for model, each in found.items() if each}
+    every = [each for result in results.values() for each in (result["solved"], result["hits"])]
     return {
         "task": TASK,
         "queries_per_room": queries,
         "seed": seed,
         "within_s": WITHIN,
-        "robots": found,
+        "processes": int(processes),
+        "robots": results,
         "wanted": WANTED,
         "met": {
-            "solved": min(every[::2]) >= WANTED["solved"],
+            "solved": min(every[::2], default=0.0) >= WANTED["solved"],
             "hits": sum(every[1::2]) == WANTED["hits"],
         },
+        "complete": not is_stopped,
+        "interrupted": is_stopped,
     } | surroundings()
 
 
-def _of(model: str, queries: int, rooms: int, seed: int) -> dict[str, Any]:
-    """Return the results of one robot over all rooms."""
-    rng = np.random.default_rng([seed, sum(model.encode())])
-    rows: list[dict[str, Any]] = []
-    names = []
-    for env in _rooms(model, rooms, seed):
-        names.append(f"{env.task.place.name}/{env.task.place.facts()['room']}")
-        judge = _Judge(env)
+def _take(
+    found: dict[str, list[dict[str, Any]]],
+    asked: Sequence[tuple[str, str]],
+    number: int,
+    result: dict[str, Any] | None | BaseException,
+) -> None:
+    """Keep what became of a room, and say so."""
+    model, house = asked[number]
+    if isinstance(result, BaseException):
+        raise result
+    if result is None:
+        print_line(f"{model}: no place in {house}")
+        return
+    found[model].append(result)
+    rows = result["rows"]
+    print_line(
+        f"{model} {result['room']}: {sum(row['solved'] for row in rows)} of "
+        f"{sum(row['has_way'] for row in rows)} solved, "
+        f"{sum(row.get('hits', 0) + row.get('hits_things', 0) for row in rows)} touched, "
+        f"{sum(not row['has_way'] for row in rows)} without a known way"
+    )
+
+
+def _in_room(
+    model: str, house: str, queries: int, seed: int, share: float | None
+) -> dict[str, Any] | None:
+    """Return what became of the queries in a house; None if the robot has no place there.
+
+    Args:
+        model: The robot.
+        house: The house.
+        queries: How many.
+        seed: Of the postures.
+        share: When to stop asking [s].
+    """
+    until = time.monotonic() + (np.inf if share is None else share)
+    rng = np.random.default_rng([seed, sum(model.encode()), HOUSES.index(house)])
+    env = _in_house(model, house)
+    if env is None:
+        return None
+    try:
+        env.reset(seed=seed)
+        judge, rows, unsolved = _Judge(env), list[dict[str, Any]](), list[Any]()
         for k in range(queries):
-            ends = judge.query(rng)
-            if ends is not None:
-                rows.append(judge.play(*ends, seed=k))
-    drawn = len(rows)
-    rows = [row for row in rows if row["has_way"]]
+            if time.monotonic() > until:
+                break
+            if (ends := judge.query(rng)) is None:
+                break
+            rows.append({"query": k, **judge.play(*ends, seed=k)})
+            if not rows[-1]["solved"]:
+                unsolved.append((rows[-1], ends))
+        for row, ends in unsolved:
+            if time.monotonic() < until:
+                row["has_way"] = judge.has_way(*ends)
+        return {"room": f"{house}/{env.task.place.facts()['room']}", "rows": rows}
+    finally:
+        env.close()
+
+
+def _summary(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the results of one robot over all rooms."""
+    every = [row for result in found for row in result["rows"]]
+    rows = [row for row in every if row["has_way"]]
     solved = [row for row in rows if row["solved"]]
     times = sorted(row["planning_s"] for row in rows)
     return {
-        "rooms": names,
+        "rooms": sorted(result["room"] for result in found),
         "queries": len(rows),
-        "without_known_way": drawn - len(rows),
-        "solved": len(solved) / len(rows),
+        "without_known_way": len(every) - len(rows),
+        "solved": len(solved) / max(len(rows), 1),
         "hits": sum(row["hits"] for row in solved),
         "hits_things": sum(row["hits_things"] for row in solved),
+        "touched": [
+            f"{result['room']} {row['query']}"
+            for result in found
+            for row in result["rows"]
+            if row["solved"] and (row["hits"] or row["hits_things"])
+        ],
         "limits_kept": sum(row["limits_kept"] for row in solved) / max(len(solved), 1),
-        "nearest_person_mm": 1e3 * min(row["nearest"] for row in solved),
-        "straight_hits": sum(row["straight_hits"] for row in rows) / len(rows),
-        "straight_hits_person": sum(row["straight_hits_person"] for row in rows) / len(rows),
-        "planning_median_s": statistics.median(times),
-        "planning_p95_s": times[int(0.95 * (len(times) - 1))],
+        "nearest_person_mm": 1e3 * min((row["nearest"] for row in solved), default=0.0),
+        "straight_hits": sum(row["straight_hits"] for row in rows) / max(len(rows), 1),
+        "straight_hits_person": sum(row["straight_hits_person"] for row in rows)
+        / max(len(rows), 1),
+        "planning_median_s": statistics.median(times) if times else 0.0,
+        "planning_p95_s": times[int(0.95 * (len(times) - 1))] if times else 0.0,
     }
-
-
-def _rooms(model: str, count: int, seed: int) -> Iterator[CareEnv]:
-    """Yield environments in rooms of houses in which the robot has a place, one room a house."""
-    begin = seed % len(HOUSES)
-    for house in HOUSES[begin:] + HOUSES[:begin]:
-        env = _in_house(model, house)
-        if env is None:
-            continue
-        try:
-            env.reset(seed=seed)
-            yield env
-        finally:
-            env.close()
-        count -= 1
-        if not count:
-            return
 
 
 def _in_house(model: str, house: str) -> CareEnv | None:
@@ -181,7 +258,7 @@ class _Judge:
         try:
             path = self._robot.plan(goal, seed=seed, **self._wishes)
         except PlanningError:
-            return row | {"solved": False, "planning_s": WITHIN, "has_way": self._has_way(goal)}
+            return row | {"solved": False, "planning_s": WITHIN, "has_way": True}
         times = np.arange(0.0, path.duration + STEP, STEP)
         gaps = np.array([self._gaps(path.at(time)) for time in times])
         return row | {
@@ -194,7 +271,9 @@ class _Judge:
             "limits_kept": self._keeps_limits(path),
         }
 
-    def _has_way(self, goal: Array) -> bool:
+    def has_way(self, start: Array, goal: Array) -> bool:
+        """Return whether a way is found in ten times the time."""
+        self._put(start)
         try:
             self._robot.plan(goal, seed=SECOND_SEED, **{**self._wishes, "within_s": 10 * WITHIN})
         except PlanningError:

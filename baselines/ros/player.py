@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import queue
+import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -24,11 +28,13 @@ from rcare_marl.console import print_line
 from rcare_marl.errors import RcareError
 
 from . import messages
+from .pace import make_ready
 from .safety import Guard, SafetyLimits
 from .twin import Twin
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-CHECKS = 0.02  # [s] between looks at the clock; our own choice
+CHECKS = 0.01  # [s] between looks at the clock; our own choice
+KEPT = 50  # postures, of which that of the time of the scene is taken
 
 
 @dataclass
@@ -47,7 +53,10 @@ class Played:
 
 
 class PlayerNode(Node):
-    """Plays a policy: one answer to each scene that is told, while the guard permits."""
+    """Plays a policy: one answer to each scene that is told, while the guard permits.
+
+    Messages and the guard have a thread of their own, so it watches while the policy thinks.
+    """
 
     def __init__(
         self,
@@ -66,12 +75,14 @@ class PlayerNode(Node):
         self._out = self.create_publisher(TwistStamped, "servo/twist", 10)
         self._said = self.create_publisher(String, "safety", LATCHED)
         self._stop = self.create_client(SetBool, "emergency_stop")
-        self._positions = self._rates = np.zeros(0)
-        self._is_running = False
+        self._seen: deque[tuple[float, Any, Any]] = deque(maxlen=KEPT)
+        self._lock = threading.Lock()  # of the guard
+        self.guard.pause(np.inf)  # until an episode begins
+        self._scenes: queue.SimpleQueue[str] = queue.SimpleQueue()
         listen = self.create_subscription
-        listen(JointState, "joint_states", self._on_joints, 10)
+        listen(JointState, "joint_states", self._on_joints, 50)
         listen(WrenchStamped, "wrench", self._on_wrench, 10)
-        listen(String, "scene", self._on_scene, 10)
+        listen(String, "scene", lambda message: self._scenes.put(message.data), 10)
         listen(String, "episode", self._on_episode, LATCHED)
         self.create_timer(CHECKS, self._check)
 
@@ -88,43 +99,59 @@ class PlayerNode(Node):
             self._stop.call_async(SetBool.Request(data=True))
 
     def _check(self) -> None:
-        if self._is_running:
+        with self._lock:
             self.guard.check(self.now())
 
     def _on_joints(self, message: JointState) -> None:
-        if not self._is_running:
-            return
         names = list(message.name)
         positions, rates = np.array(message.position), np.array(message.velocity)
         stamp = messages.seconds(message.header.stamp)
-        self.guard.joints(stamp, self.now(), names, positions, rates)
-        if not self.guard.fault:
-            order = [names.index(name) for name in self._twin.joints]
-            self._positions, self._rates = positions[order], rates[order]
+        with self._lock:
+            if self.guard.is_paused:
+                return
+            self.guard.joints(stamp, self.now(), names, positions, rates)
+            if not self.guard.fault:
+                order = [names.index(name) for name in self._twin.joints]
+                self._seen.append((stamp, positions[order], rates[order]))
 
     def _on_wrench(self, message: WrenchStamped) -> None:
-        if not self._is_running:
-            return
         told = message.wrench
         values = np.array(messages.vector(told.force) + messages.vector(told.torque))
-        self.guard.wrench(messages.seconds(message.header.stamp), self.now(), values)
+        with self._lock:
+            self.guard.wrench(messages.seconds(message.header.stamp), self.now(), values)
 
-    def _on_scene(self, message: String) -> None:
-        if not len(self._positions) or not self._is_running or self.guard.fault:
-            return
+    def think(self, timeout: float) -> None:
+        """Answer the scene that was told last, or the next one in some time [s]."""
+        with contextlib.suppress(queue.Empty):
+            text = self._scenes.get(timeout=timeout)
+            while not self._scenes.empty():
+                text = self._scenes.get()
+            self._answer(text)
+
+    def _answer(self, text: str) -> None:
+        with self._lock:
+            if not self._seen or self.guard.is_paused or self.guard.fault:
+                return
+            seen = list(self._seen)
         began = time.perf_counter()
         try:
-            told = json.loads(message.data)
+            told = json.loads(text)
             stamp, gap = float(told["stamp"]), float(told["separation"])
-            numbers = self._twin.see(self._positions, self._rates, told["state"])
+            _, positions, rates = min(seen, key=lambda each: abs(each[0] - stamp))
+            numbers = self._twin.see(positions, rates, told["state"])
             tool = np.array(self._twin.robot.tool_pose().position)
-            self.guard.scene(stamp, self.now(), np.append(numbers, gap), tool)
+            with self._lock:
+                self.guard.scene(stamp, self.now(), np.append(numbers, gap), tool)
             twist = self._twin.twist(self._policy)
         except (RcareError, ValueError, KeyError, TypeError) as error:
-            self.guard.stop(f"scene or policy: {error}")
+            with self._lock:
+                self.guard.stop(f"scene or policy: {error}")
             return
         took = time.perf_counter() - began
-        self._tell(self.guard.permit(twist, self.now(), gap=gap, took=took))
+        with self._lock:
+            allowed = self.guard.permit(twist, self.now(), gap=gap, took=took)
+            if not self.guard.is_paused:
+                self._tell(allowed)
         self.played.ages.append(self.now() - stamp)
 
     def _tell(self, twist: np.ndarray[Any, Any]) -> None:
@@ -140,14 +167,16 @@ class PlayerNode(Node):
 
     def _on_episode(self, message: String) -> None:
         told = json.loads(message.data)
-        if told["event"] == "begin":
-            self.guard.release()
-            self._policy.reset(np.random.default_rng([told["seed"], 0]))
-            self._is_running = True
-            print_line(f"seed {told['seed']}: plays")
-        else:
-            self._is_running = False
-            self.guard.release()
+        with self._lock:
+            was_paused = self.guard.is_paused
+            if told["event"] == "begin":
+                self._seen.clear()
+                self._policy.reset(np.random.default_rng([told["seed"], 0]))
+                self.guard.release(told["stamp"])
+                print_line(f"seed {told['seed']}: plays")
+                return
+            self.guard.pause(self.now())
+        if told["event"] == "end" and not was_paused:
             self.played.outcomes[told["seed"]] = bool(told["success"])
 
 
@@ -172,21 +201,22 @@ def play(
         dry_run: Whether to say what the robot would be told, and tell it nothing.
         is_over: Asked all the time whether to end.
     """
-    twin.twist(policy)  # compiles what it needs before anybody waits
+    twin.rehearse(policy)
+    make_ready()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = PlayerNode(twin, policy, limits, namespace, dry_run=dry_run)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    listening = threading.Thread(target=executor.spin, daemon=True)
+    listening.start()
     try:
         while not node.played.stops and not is_over(node.played):
             if episodes and len(node.played.outcomes) >= episodes:
                 break
-            executor.spin_once(timeout_sec=0.1)
-        until = time.monotonic() + 0.5  # so that the last messages go out
-        while time.monotonic() < until:
-            executor.spin_once(timeout_sec=0.05)
+            node.think(0.1)
+        time.sleep(0.5)  # so that the last messages go out
     finally:
-        executor.shutdown()
+        executor.shutdown(timeout_sec=1.0)
         rclpy.shutdown()
     for reason in node.played.stops:
         print_line(f"stopped: {reason}")

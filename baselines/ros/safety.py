@@ -17,6 +17,7 @@ from rcare_marl.pose import Array, Vector
 
 Box = tuple[Vector, Vector]
 SOURCES = ("joints", "wrench", "scene")
+MOVING = 0.005  # [m/s] of the tool, from which joints must be seen to move; our own choice
 
 
 @dataclass(frozen=True)
@@ -24,10 +25,12 @@ class SafetyLimits:
     """When a robot is stopped or slowed. All our own choice.
 
     Attributes:
-        period: Between messages of a source [s].
+        period: Between messages of wrench and scene [s].
+        joint_period: Between those of joints [s].
         patience: How much longer than a period nothing may come [s].
+        pause: The same, while a robot has said that it does not move [s].
         delay: How old a message may be when it comes [s].
-        frozen: How long joints may be told to the last bit alike while the tool is told to move [s].
+        frozen: How long joints may be told to the last bit alike once the tool is told to move [s].
         jump: How far a joint may be from where it can be after its greatest speed [rad or m].
         force: On the tool [N].
         speed: Of the tool, far from people [m/s].
@@ -38,7 +41,9 @@ class SafetyLimits:
     """
 
     period: float = 0.1
-    patience: float = 0.06
+    joint_period: float = 0.01
+    patience: float = 0.08
+    pause: float = 10.0
     delay: float = 0.15
     frozen: float = 0.08
     jump: float = 0.05
@@ -76,19 +81,39 @@ class Guard:
         self._joints, self._fastest = tuple(joints), fastest
         self.release()
 
-    def release(self) -> None:
-        """Let the robot move again; everything must be told anew first."""
-        self.fault = ""
+    def release(self, since: float = -np.inf) -> None:
+        """Let the robot move again; everything must be told anew first.
+
+        Args:
+            since: What is older than that is not heeded, by its stamp [s].
+        """
+        self.fault, self._since = "", since
+        self._paused: float | None = None
         self._came: dict[str, float] = {}
         self._stamps: dict[str, float] = {}
         self._positions: Array | None = None
-        self._alike_since: float | None = None
-        self._told = 0.0  # speed that the tool was told last [m/s]
+        self._changed = 0.0  # when the joints were told elsewhere than before [s]
+        self._told_to_move: float | None = None  # since when [s]
+
+    def pause(self, now: float) -> None:
+        """Take note that the robot says that it does not move, as while its scene is set up anew.
+
+        Nothing is told to it and nothing that it tells is heeded until `release`. A stop stays one.
+        """
+        self._came.clear()
+        self._paused = now
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether the robot has said that it does not move."""
+        return self._paused is not None
 
     @property
     def is_ready(self) -> bool:
         """Whether all sources have spoken, and nothing is wrong."""
-        return not self.fault and all(source in self._came for source in SOURCES)
+        return not (self.fault or self.is_paused) and all(
+            source in self._came for source in SOURCES
+        )
 
     def stop(self, reason: str) -> None:
         """Stop for a reason; the first one stands until `release`."""
@@ -98,15 +123,21 @@ class Guard:
 
     def check(self, now: float) -> str:
         """Return why the robot must not move at `now`; empty if it may. Call it often."""
+        limits = self.limits
+        if self._paused is not None and now - self._paused > limits.pause:
+            self.stop(f"paused for {now - self._paused:.0f} s")
         for source, came in self._came.items():
             silence = now - came
-            if silence > self.limits.period + self.limits.patience:
+            period = limits.joint_period if source == "joints" else limits.period
+            if silence > period + limits.patience:
                 self.stop(f"{source}: nothing for {1e3 * silence:.0f} ms")
         return self.fault
 
     def _take(self, source: str, stamp: float, now: float, values: Array, size: int) -> bool:
         """Take note of a message; whether it is sound."""
         self.check(now)
+        if self.is_paused or stamp < self._since:
+            return False
         age = now - stamp
         before = self._stamps.get(source)
         if values.shape != (size,):
@@ -156,13 +187,12 @@ class Guard:
             if far.any():
                 name = self._joints[int(np.argmax(far))]
                 self.stop(f"joints: {name} jumped by {way[np.argmax(far)]:.2f}")
-            is_alike = bool((here == before).all()) and self._told > 0.005
-            if not is_alike:
-                self._alike_since = None
-            elif self._alike_since is None:
-                self._alike_since = last
-            if self._alike_since is not None and stamp - self._alike_since > self.limits.frozen:
-                self.stop("joints: frozen while the tool is told to move")
+        if before is None or (here != before).any():
+            self._changed = now
+        elif self._told_to_move is not None:
+            alike = now - max(self._changed, self._told_to_move)
+            if alike > self.limits.frozen:
+                self.stop(f"joints: frozen for {1e3 * alike:.0f} ms while the tool is told to move")
         self._positions = here
 
     def wrench(self, stamp: float, now: float, values: Array) -> None:
@@ -194,11 +224,14 @@ class Guard:
         elif took > self.limits.think:
             self.stop(f"policy: took {1e3 * took:.0f} ms")
         if not self.is_ready:
-            self._told = 0.0
+            self._told_to_move = None
             return np.zeros(6)
         share = min(max(gap, 0.0) / self.limits.near, 1.0)
         most = self.limits.near_speed + share * (self.limits.speed - self.limits.near_speed)
         speed = float(np.linalg.norm(twist[:3]))
         out: npt.NDArray[np.float64] = twist * min(1.0, most / max(speed, 1e-9))
-        self._told = float(np.linalg.norm(out[:3]))
+        if min(speed, most) < MOVING:
+            self._told_to_move = None
+        elif self._told_to_move is None:
+            self._told_to_move = now
         return out

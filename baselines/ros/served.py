@@ -1,12 +1,13 @@
 """An environment as a robot that takes twists, poses and trajectories; knows no transport.
 
-The robot's role is not played by a policy: what it was told last moves it, once a control step, as long as
-that is fresh. Everybody else is played by the partners of the task.
+The robot's role is not played by a policy: what it was told last moves it, as long as that is fresh, through
+a servo of 120 Hz. What is told between two physics steps counts in the next. Everybody else is played by the
+partners of the task, ten times a second.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.policy import Policy
-from rcare_marl.agents.robots.control import GripperClosing, ToolDelta, moving_tool
+from rcare_marl.agents.robots.control import GripperClosing, ToolServo, moving_tool
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.baselines.evaluation import evaluate as baseline
 from rcare_marl.envs import make
@@ -58,6 +59,7 @@ class ServedRobot:
         outcomes: Whether each episode ended well, by its seed.
         is_stopped: Whether an emergency stop holds it.
         closing: How far its gripper is to be closed [1].
+        on_step: Called before each physics step, as by who keeps real time.
     """
 
     def __init__(
@@ -71,25 +73,30 @@ class ServedRobot:
         """Begin the first episode.
 
         Raises:
-            ConfigError: If the task has no robot, or another than one whose tool is moved.
+            ConfigError: If the task has no robot, or it has another control mode than `tool_servo`.
             UnknownNameError: If there is no such task.
         """
         policies = {**baseline.lead_policies(task, "still"), ROLE: "still"}
-        played = baseline.played_cast(task, cast or {}, policies)
+        played = baseline.played_cast(task, _with_servo(cast or {}), policies)
         self.env = make(task, options=options or {}, **played)
         found = self.env.cast.get(ROLE)
         if not isinstance(found, Robot):
             raise ConfigError(f"{task} has no robot to serve")
         tool = moving_tool(found.control)
-        if not isinstance(tool, ToolDelta):
+        if not isinstance(tool, ToolServo):
             raise ConfigError(
-                f"a robot is served in control mode 'tool_delta', got {type(tool).__name__}"
+                f"a robot is served in control mode 'tool_servo', got {type(tool).__name__}"
             )
         self.robot, self._tool = found, tool
+        self.on_step: Callable[[], None] = lambda: None
+        tool.on_step = self._before_step
         _, players = baseline.make_players(self.env, task, policies)
         self._players: dict[str, Policy] = players
         self.outcomes: dict[int, bool] = {}
         self.is_stopped, self.closing = False, 0.0
+        self.reset(seed)
+        self.advance()  # compiles what it needs before anybody waits
+        self.outcomes.clear()
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
@@ -108,15 +115,15 @@ class ServedRobot:
         self.trajectory: Trajectory | None = None
         self.progress = 0.0  # [s] of the trajectory
 
-    def tell_twist(self, twist: Array, now: float) -> None:
+    def tell_twist(self, twist: Array) -> None:
         """Move the tool so [m/s] and [rad/s] about the world's axes, shape [6], while that is fresh."""
         self.cancel()
-        self._twist, self._fresh_until = twist, now + FRESH
+        self._twist, self._fresh_until = twist, self.env.world.time + FRESH
 
-    def tell_pose(self, pose: Pose, now: float) -> None:
+    def tell_pose(self, pose: Pose) -> None:
         """Bring the tool to a pose in the world, while that is fresh."""
         self.cancel()
-        self._pose, self._fresh_until = pose, now + FRESH
+        self._pose, self._fresh_until = pose, self.env.world.time + FRESH
 
     def tell_trajectory(self, names: list[str], times: Array, positions: Array) -> None:
         """Follow a trajectory of all joints of the main arm from now on.
@@ -158,32 +165,35 @@ class ServedRobot:
         self.is_stopped = is_stopped
         self.cancel()
 
-    def advance(self, now: float) -> bool:
+    def advance(self) -> bool:
         """Let everybody act for one control step; return whether the episode is over."""
-        env, dt = self.env, self.env.task.control_dt
-        if self.trajectory is not None and not self.is_stopped:
-            self.progress = self.progress + dt
-            self._tool.go_to(self.trajectory.at(self.progress))
+        env = self.env
         actions = {role: policy.act() for role, policy in self._players.items() if role != ROLE}
-        actions[ROLE] = self._action(now)
+        actions[ROLE] = self._action()
         env.step(actions)  # type: ignore[arg-type]  # float64 will do
         if env.is_over:
             self.outcomes[env.seed] = bool(env.task.succeeded())
         return env.is_over
 
-    def _action(self, now: float) -> Array:
+    def _before_step(self) -> None:
+        """Hand in what the servo is to do in the physics step to come."""
+        self.on_step()
+        if self.trajectory is not None:
+            self.progress += self.env.world.physics_dt
+            self._tool.go_to(self.trajectory.at(self.progress))
+        self._tool.command(self._tool_action(), 0.0)
+
+    def _action(self) -> Array:
         parts = []
         for part in self.robot.parts.values():
-            if part.control is self._tool:
-                parts.append(self._tool_action(now))
-            elif isinstance(part.control, GripperClosing):
+            if isinstance(part.control, GripperClosing):
                 parts.append(np.array([2 * self.closing - 1]))
             else:
                 parts.append(np.zeros(part.control.size))
         return np.concatenate(parts)
 
-    def _tool_action(self, now: float) -> Array:
-        if self.is_stopped or now > self._fresh_until:
+    def _tool_action(self) -> Array:
+        if self.env.world.time > self._fresh_until:
             return np.zeros(6)
         if self._pose is not None:
             here = self.robot.tool_pose()
@@ -251,3 +261,10 @@ class ServedRobot:
     def close(self) -> None:
         """Close the environment."""
         self.env.close()
+
+
+def _with_servo(cast: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a cast whose robot follows at the rate of a servo, unless it says otherwise."""
+    robot = cast.get(ROLE, {})
+    said = robot if isinstance(robot, Mapping) else {"model": robot}
+    return {**cast, ROLE: {"control": "tool_servo", **said}}

@@ -32,11 +32,16 @@ from rcare_marl.console import print_line
 from rcare_marl.errors import RcareError
 
 from . import messages
+from .pace import Pace, make_ready
 from .served import ServedRobot
 from .twin import account
 
-LEAD = 0.03  # [s] after what it told, when it takes what it was told in answer; our own choice
+TELLING = 2  # physics steps between messages of joints: 120 Hz
+LAG = (
+    0.1  # [s] that physics may lag behind real time before what is lost is given up; our own choice
+)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ANSWER = 5.0  # [s] that a call of `reset` waits; our own choice
 SETTLING = 1.0  # [s] that joints get to arrive after the end of a trajectory; our own choice
 
 
@@ -47,8 +52,9 @@ class RobotNode(Node):
         """Offer everything in a namespace, frames beginning with a prefix."""
         super().__init__("rcare_marl_robot", namespace=namespace)
         self.served, self._prefix = served, prefix
-        self.last_told = -1.0  # when anything that moves was told
-        self.lock = threading.Lock()  # actions run in threads of their own
+        self.is_awake = False  # whether anything that moves was told
+        self.must_reset = False
+        self.lock = threading.Lock()  # of the robot: what is told comes in threads of its own
         make = self.create_publisher
         self._joints = make(JointState, "joint_states", 10)
         self._wrench = make(WrenchStamped, "wrench", 10)
@@ -63,7 +69,7 @@ class RobotNode(Node):
         listen(TwistStamped, "servo/twist", self._on_twist, 10)
         listen(PoseStamped, "servo/pose", self._on_pose, 10)
         self.create_service(SetBool, "emergency_stop", self._on_stop)
-        self.create_service(Trigger, "reset", self._on_reset)
+        self.create_service(Trigger, "reset", self._on_reset, callback_group=together)
         arm = next(name for name in served.robot.moves if name in served.robot.arms)
         self._actions = [
             ActionServer(
@@ -101,14 +107,18 @@ class RobotNode(Node):
                 out[key] = topics, infos, sensor.fov_deg
         return out
 
-    def tell(self) -> None:
-        """Publish what the robot senses now; the scene last, since policies wait for it."""
-        served, stamp = self.served, self.get_clock().now().to_msg()
-        body = served.robot.body
+    def tell_joints(self) -> Any:
+        """Publish where the joints are; return the stamp."""
+        stamp, body = self.get_clock().now().to_msg(), self.served.robot.body
         names = list(body.joints)
         readings = body.joint_readings([body.joints[name].index for name in names])
         states = [np.array([float(each[k]) for each in readings]) for k in (0, 1, 3)]
         self._joints.publish(messages.joint_state(stamp, names, states))
+        return stamp
+
+    def tell(self) -> None:
+        """Publish what the robot senses now; the scene last, since policies wait for it."""
+        served, stamp = self.served, self.tell_joints()
         wrench = messages.wrench(stamp, f"{self._prefix}tool", served.wrench())
         wrench.header.frame_id = messages.WORLD
         self._wrench.publish(wrench)
@@ -132,9 +142,10 @@ class RobotNode(Node):
         self._scene.publish(String(data=json.dumps(told)))
 
     def tell_episode(self, event: str) -> None:
-        """Publish that an episode began or how it ended."""
+        """Publish that an episode began, pauses or how it ended: until one begins nothing moves."""
         env = self.served.env
         told = {"event": event, "seed": env.seed, "success": self.served.outcomes.get(env.seed)}
+        told["stamp"] = self.now()
         self._episode.publish(String(data=json.dumps(told)))
 
     def _on_twist(self, message: TwistStamped) -> None:
@@ -146,9 +157,9 @@ class RobotNode(Node):
             self._stop(True)
             return
         with self.lock:
-            self.last_told = time.monotonic()
+            self.is_awake = True
             if not self.served.is_stopped:
-                self.served.tell_twist(twist, self.last_told)
+                self.served.tell_twist(twist)
 
     def _stop(self, is_stopped: bool) -> None:
         with self.lock:
@@ -161,9 +172,9 @@ class RobotNode(Node):
             self._stop(True)
             return
         with self.lock:
-            self.last_told = time.monotonic()
+            self.is_awake = True
             if not self.served.is_stopped:
-                self.served.tell_pose(pose, self.last_told)
+                self.served.tell_pose(pose)
 
     def _on_stop(self, request: Any, answer: Any) -> Any:
         self._stop(bool(request.data))
@@ -172,10 +183,11 @@ class RobotNode(Node):
         return answer
 
     def _on_reset(self, _: Any, answer: Any) -> Any:
-        with self.lock:
-            self.served.reset(self.served.env.seed)
-            self.tell_episode("begin")
-        answer.success, answer.message = True, f"seed {self.served.env.seed}"
+        self.must_reset = True
+        until = time.monotonic() + ANSWER
+        while self.must_reset and time.monotonic() < until:
+            time.sleep(0.01)
+        answer.success, answer.message = not self.must_reset, f"seed {self.served.env.seed}"
         return answer
 
     def _may_move(self, goal: Any) -> GoalResponse:
@@ -198,7 +210,7 @@ class RobotNode(Node):
             handle.abort()
             return out
         assert own is not None  # just told
-        self.last_told = time.monotonic()
+        self.is_awake = True
         end = self.served.env.world.time + float(own.times[-1]) + SETTLING
         arm, feedback = self.served.robot.arm, FollowJointTrajectory.Feedback()
         feedback.joint_names = list(arm.names)
@@ -236,7 +248,7 @@ class RobotNode(Node):
         assert gripper is not None  # or the goal was refused
         wanted = float(handle.request.command.position)
         self.served.closing = float(np.clip(gripper.fraction(wanted), 0.0, 1.0))
-        self.last_told = time.monotonic()
+        self.is_awake = True
         end, before = self.served.env.world.time + 3.0, -1.0
         while (
             rclpy.ok()
@@ -266,11 +278,11 @@ def serve(
     speed: float = 1.0,
     namespace: str = "",
     prefix: str = "",
-    on_tick: Callable[[float], None] = lambda _: None,
+    on_end: Callable[[Pace], None] = lambda _: None,
 ) -> dict[int, bool]:
     """Serve a robot until Ctrl-C or the end of some episodes; return how they ended, by seed.
 
-    Nothing moves until something is told. A control step takes as long as it lasts, over `speed`.
+    Nothing moves until something is told. Each physics step begins when it is due, over `speed`.
 
     Args:
         served: The robot.
@@ -278,45 +290,49 @@ def serve(
         speed: Times real time.
         namespace: Of all but `/tf` and `/clock`.
         prefix: Of the names of frames.
-        on_tick: Called with how late each step began [s].
+        on_end: Told at the end how well time was kept.
     """
+    make_ready()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = RobotNode(served, namespace, prefix=prefix)
     executor = MultiThreadedExecutor(4)
     executor.add_node(node)
-    period = served.env.task.control_dt / speed
+    listening = threading.Thread(target=executor.spin, daemon=True)
+    period = served.env.world.physics_dt / speed
+    pace = Pace(period, node.lock, lambda k: None if k % TELLING else node.tell_joints())
+    served.on_step = pace
+    substeps = round(served.env.task.control_dt / served.env.world.physics_dt)
     try:
+        listening.start()
         node.tell_episode("begin")
-        tick = time.monotonic()
+        pace.start()
         while not episodes or len(served.outcomes) < episodes:
-            _spin(executor, tick)
-            on_tick(time.monotonic() - tick)
             with node.lock:
                 node.tell()
-            began = time.monotonic()
-            while node.last_told < began and time.monotonic() < tick + LEAD:
-                executor.spin_once(timeout_sec=0.002)
-            with node.lock:
-                if node.last_told >= 0 and served.advance(time.monotonic()):
-                    _next(node, is_last=bool(episodes) and len(served.outcomes) >= episodes)
-            tick = max(tick + period, time.monotonic() - period)
-        _spin(executor, time.monotonic() + 0.5)  # so that the last messages go out
+                is_over = node.is_awake and served.advance()
+                for _ in range(0 if node.is_awake else substeps):
+                    if not node.is_awake:
+                        pace()
+            if is_over or node.must_reset:
+                _next(node, is_over=is_over, is_last=len(served.outcomes) == episodes)
+                pace.start()
+        time.sleep(0.5)  # so that the last messages go out
     finally:
+        served.on_step = lambda: None
+        on_end(pace)
         executor.shutdown(timeout_sec=1.0)
         rclpy.shutdown()
     return served.outcomes
 
 
-def _next(node: RobotNode, *, is_last: bool) -> None:
-    """Say how an episode ended, and begin another one if it was not the last."""
+def _next(node: RobotNode, *, is_over: bool, is_last: bool) -> None:
+    """Say how an episode ended or that it pauses, and begin another one if it was not the last."""
     served, seed = node.served, node.served.env.seed
-    node.tell_episode("end")
-    print_line(f"seed {seed}: {'success' if served.outcomes[seed] else 'no success'}")
-    if not is_last:
-        served.reset(seed + 1)
+    node.tell_episode("end" if is_over else "pause")
+    if is_over:
+        print_line(f"seed {seed}: {'success' if served.outcomes[seed] else 'no success'}")
+    if not (is_over and is_last):
+        with node.lock:
+            served.reset(seed + is_over)
+        node.must_reset = False
         node.tell_episode("begin")
-
-
-def _spin(executor: Any, until: float) -> None:
-    while (left := until - time.monotonic()) > 0:
-        executor.spin_once(timeout_sec=left)

@@ -127,6 +127,13 @@ class Twin:
         part.take_rates(velocities)
         return np.array(numbers(self.env.task.state))
 
+    def rehearse(self, policy: Policy) -> None:
+        """See and decide some times for nothing: compiles what it needs before anybody waits."""
+        here, rates = self.robot.arm.positions(), self.robot.arm.velocities()
+        for _ in range(3):
+            self.see(here, rates, account(self._like))
+            self.twist(policy)
+
     def twist(self, policy: Policy) -> Array:
         """Return how a policy moves the tool now [m/s] and [rad/s], shape [6], in the world's axes."""
         return np.asarray(policy.act(), np.float64)[:6] * self._tool.max

@@ -143,13 +143,16 @@ BenchSeconds = Annotated[
     float | None,
     typer.Option(
         min=0.1,
-        help="Simulated time for `avatars`, 5 if left out; time of each part of `learning`, 10.",
+        help="Simulated time for `avatars`, 5 if left out; time of each part of `learning`, 10; "
+        "of all of `planning`, as long as it takes.",
     ),
 ]
 BenchDevice = Annotated[str | None, typer.Option(help="Where `batch` lets MuJoCo run: cpu.")]
 WorkerCounts = Annotated[
     str | None,
-    typer.Option(metavar="COUNTS", help="Of workers, for `learning`; 1,2 if left out."),
+    typer.Option(
+        metavar="COUNTS", help="Of workers, for `learning` (1,2 if left out) and `planning` (1)."
+    ),
 ]
 Processes = Annotated[
     int, typer.Option(min=1, help="How many processes run them; the numbers are the same.")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rcare_marl.console import print_line
-from rcare_marl.errors import MissingPackageError
+from rcare_marl.errors import MissingPackageError, check_package
 
 from .parameter import (
     CaregiverModel,
@@ -23,7 +24,7 @@ from .parameter import (
 ros = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="Serve an environment as a robot on ROS 2, or play a policy on the topics of one.",
+    help="Serve an environment as a robot on ROS 2, play a policy on the topics of one, or record them.",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 Namespace = Annotated[
@@ -52,12 +53,15 @@ def serve(
     Example: rcare-marl ros serve feeding --episodes 20
     """
     _check_ros()
-    import numpy as np
-
     from rcare_marl.baselines.ros import server
+    from rcare_marl.baselines.ros.pace import Pace
     from rcare_marl.baselines.ros.served import ServedRobot
 
-    cast, late = cast_of(robot, recipient, caregiver), list[float]()
+    def tell(pace: Pace) -> None:
+        well = f"{sum(served.outcomes.values())} of {len(served.outcomes)} ended well"
+        print_line(f"{well}; {pace.told()}")
+
+    cast = cast_of(robot, recipient, caregiver)
     served = ServedRobot(task, cast=cast, options=settings(option), seed=seed)
     print_line(f"{task} is served; Ctrl-C ends")
     try:
@@ -67,16 +71,10 @@ def serve(
             speed=speed,
             namespace=namespace,
             prefix=prefix,
-            on_tick=late.append,
+            on_end=tell,
         )
     finally:
         served.close()
-        if late:
-            median, most = 1e3 * np.median(late), 1e3 * max(late)
-            print_line(
-                f"{sum(served.outcomes.values())} of {len(served.outcomes)} ended well; steps began "
-                f"{median:.1f} ms late (median), {most:.0f} ms at most"
-            )
 
 
 @ros.command()
@@ -96,7 +94,7 @@ def play(
     ] = None,
     patience: Annotated[
         float, typer.Option(help="How much later than usual a message may come [s].")
-    ] = 0.06,
+    ] = 0.08,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what the robot would be told, and tell nothing.")
     ] = False,
@@ -144,6 +142,26 @@ def play(
         )
     if found.stops:
         raise typer.Exit(1)
+
+
+@ros.command()
+def record(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Of MCAP, such as feeding.mcap.")],
+    namespace: Namespace = "",
+    seconds: Annotated[
+        float, typer.Option(min=0.0, help="How long [s]; 0 goes on until Ctrl-C.")
+    ] = 0.0,
+) -> None:
+    """Write what is told on all topics of a robot, /tf and /clock to an MCAP file.
+
+    Example: rcare-marl ros record feeding.mcap
+    """
+    _check_ros()
+    check_package("mcap", "recording", "data")
+    from rcare_marl.baselines.ros.recorder import record as write
+
+    counts = write(file, namespace, seconds)
+    print_line(f"{file}: {sum(counts.values())} messages of {len(counts)} topics")
 
 
 def _check_ros() -> None:

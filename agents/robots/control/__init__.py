@@ -11,7 +11,7 @@ from ..joint_group import JointGroup
 from .control import BaseVelocity, Control, GripperClosing, ToolMotion
 from .impedance import Compliance, ToolImpedance
 from .joint_control import JointDelta, JointPosition, JointTorque, JointVelocity
-from .tool_delta import ToolDelta, ToolPose
+from .tool_delta import ToolDelta, ToolPose, ToolServo
 
 CONTROLS: dict[str, Callable[[Arm], Control]] = {
     "joint_delta": JointDelta,
@@ -19,11 +19,12 @@ CONTROLS: dict[str, Callable[[Arm], Control]] = {
     "joint_velocity": JointVelocity,
     "joint_torque": JointTorque,
     "tool_delta": ToolDelta,
+    "tool_servo": ToolServo,
     "tool_pose": ToolPose,
     "impedance": lambda arm: ToolImpedance(arm, Compliance()),
 }
 # Modes that carry the arm's weight by themselves.
-WEIGHT_CARRYING = ("joint_torque", "tool_delta", "tool_pose", "impedance")
+WEIGHT_CARRYING = ("joint_torque", "tool_delta", "tool_servo", "tool_pose", "impedance")
 # Of a head or torso beside arms; modes that need an arm's kinematics leave such groups to `joint_delta`.
 GROUP_CONTROLS: dict[str, Callable[[JointGroup], Control]] = {
     "joint_position": JointPosition,
@@ -74,6 +75,7 @@ __all__ = [
     "ToolImpedance",
     "ToolMotion",
     "ToolPose",
+    "ToolServo",
     "make_control",
     "moving_tool",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numba
 import numpy as np
@@ -44,6 +45,7 @@ class ToolDelta(ToolMotion):
     LEASH = (0.03, 0.25)  # [m], [rad]
     CONTACT_FORCE = 15.0  # [N]
     needs_actuation = True
+    is_steady = True  # whether what motors do changes with commands alone
 
     def __init__(self, arm: Arm) -> None:
         super().__init__()
@@ -150,6 +152,38 @@ class ToolDelta(ToolMotion):
         if self._steps_left == 0:
             self._velocities = self._arm.velocities()
         self._arm.drive_torques(self._push)
+
+
+class ToolServo(ToolDelta):
+    """`ToolDelta` of at least `RATE`: an action holds until the next, and may come at any time.
+
+    Attributes:
+        on_step: Called before each physics step, by who keeps time and hands in what is wanted by then.
+    """
+
+    RATE = 100.0  # [Hz]; our own choice
+    is_steady = False
+
+    def __init__(self, arm: Arm) -> None:
+        super().__init__(arm)
+        self.on_step: Callable[[], None] = lambda: None
+        self._every = max(int(1.0 / (self.RATE * arm.physics_dt) + 1e-9), 1)  # physics steps
+        self._wanted, self._count = np.zeros(self.size), 0
+
+    def reset(self) -> None:
+        super().reset()
+        self._wanted, self._count = np.zeros(self.size), 0
+
+    def command(self, action: Array, duration: float) -> None:
+        self._wanted = action
+
+    def actuate(self) -> None:
+        """Follow what is wanted now, and carry the weight of the arm."""
+        self.on_step()
+        if self._count % self._every == 0:
+            super().command(self._wanted, self._every * self._arm.physics_dt)
+        self._count += 1
+        super().actuate()
 
 
 class ToolPose(ToolDelta):
