@@ -437,7 +437,7 @@ def test_play_tells_where_to_watch_and_stops_calmly(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr("rcare_marl.cli.teleoperation.serve_page", interrupt)
     monkeypatch.setattr(
-        "rcare_marl.baselines.coaching.page.three.three_folder", lambda: Path("three")
+        "rcare_marl.baselines.coaching.page.packages.packages_folder", lambda: Path("packages")
     )
     lines = call("play", "feeding", "--port", "0", "--no-open").stderr.splitlines()
     assert lines == ["stopped"] and served[0][0] == "feeding"

@@ -109,5 +109,5 @@ def record(path: Path, namespace: str = "", seconds: float = 0.0) -> dict[str, i
         finally:
             executor.shutdown()
             rclpy.shutdown()
-            writer.finish()
+            writer.finish()  # type: ignore[no-untyped-call]
     return node.counts

