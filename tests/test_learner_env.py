@@ -42,6 +42,18 @@ def test_a_recipe_survives_json_and_pickle() -> None:
     assert pickle.loads(pickle.dumps(recipe)) == recipe
 
 
+def test_a_variant_has_its_own_options_over_those_of_all() -> None:
+    recipe = EnvRecipe("ambulating", options={"mount": "left"}, variants=({}, _RIGHT))
+    for variant, mount in enumerate(("left", "right")):
+        with recipe.make(variant) as env:
+            assert env.task.options.mount == mount
+    with pytest.raises(ConfigError, match="options of a variant must be a mapping"):
+        EnvRecipe("ambulating", variants=({"options": "left"},))
+
+
+_RIGHT = {"level": 2, "options": {"mount": "right"}}
+
+
 def test_a_recipe_tells_what_it_cannot_write_down() -> None:
     recipe = EnvRecipe("feeding", cast={"recipient": {"policy": lambda env, role: None}})
     with pytest.raises(ConfigError, match=r"cast.recipient.policy cannot be written"):

@@ -119,6 +119,16 @@ def test_a_training_on_mujoco_says_so_in_its_policy(tmp_path: Path) -> None:
     env.close()
 
 
+@pytest.mark.slow
+def test_a_correction_of_a_script_is_evaluated_with_another_person_in_each_episode(
+    tmp_path: Path,
+) -> None:
+    people = {"recipient": "population:train:0-1"}
+    given = {"task": "bathing", "cast": people, "residual": {"robot": 0.1}, "options": {}}
+    run = SHORT | given | {"envs": 1, "steps": 20, "interval": 20, "evaluation_episodes": 2}
+    assert trained(run, tmp_path).success >= 0.5
+
+
 def test_the_best_checkpoint_is_that_of_the_kept_policy(tmp_path: Path) -> None:
     trained(SHORT, tmp_path)
     rows = [(float(r["eval_success"]), float(r["eval_return"])) for r in curve(tmp_path)]
