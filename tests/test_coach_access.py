@@ -288,6 +288,6 @@ def test_without_packages_and_npm_the_command_says_what_to_do(
             "rcare_marl.baselines.coaching.page.packages.FILES", {"x": ("x", ("x.js",))}
         )
     monkeypatch.setenv("RCARE_MARL_CACHE", str(tmp_path))
-    monkeypatch.setattr("shutil.which", lambda _: None)
+    monkeypatch.setattr("shutil.which", lambda *_, **__: None)
     with pytest.raises(ConfigError, match="npm ci"):
         packages_folder()

@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
+FOUND = 10.0  # [s] within which a robot must be found; our own choice
 LOOK = 0.5  # [s] between looks for new topics; our own choice
 FIELD = re.compile(r"^([A-Za-z]\w*(?:/\w+)?)\b(?!\s*=)", re.MULTILINE)
 BETWEEN = "\n" + "=" * 80 + "\nMSG: {}\n"
@@ -56,6 +57,9 @@ class _Recorder(Node):
     def __init__(self, writer: Writer, namespace: str) -> None:
         super().__init__("rcare_marl_recorder", namespace=namespace)
         self.counts: dict[str, int] = {}
+        self.first: float | None = (
+            None  # when something was first told, by a clock that only rises [s]
+        )
         self._writer, self._kinds = writer, dict[str, int]()
         self.create_timer(LOOK, self._look)
         self._look()
@@ -63,7 +67,8 @@ class _Recorder(Node):
     def _look(self) -> None:
         own = self.get_namespace().rstrip("/") + "/"
         for topic, (kind, *_) in self.get_topic_names_and_types():
-            if topic in self.counts or not (topic.startswith(own) or topic in ("/tf", "/clock")):
+            is_wanted = topic.startswith(own) or topic in ("/tf", "/clock")
+            if topic in self.counts or not is_wanted or "/msg/" not in kind:  # parts of actions
                 continue
             if kind not in self._kinds:
                 told = definition(kind).encode()
@@ -80,6 +85,8 @@ class _Recorder(Node):
             self.create_subscription(_message(kind), topic, take, profile, raw=True)
 
     def _take(self, topic: str, channel: int, message: bytes) -> None:
+        if self.first is None and topic.endswith(("/joint_states", "/scene")):
+            self.first = time.monotonic()
         now = self.get_clock().now().nanoseconds
         self._writer.add_message(channel, now, bytes(message), now, self.counts[topic])
         self.counts[topic] += 1
@@ -91,7 +98,7 @@ def record(path: Path, namespace: str = "", seconds: float = 0.0) -> dict[str, i
     Args:
         path: The file.
         namespace: Of the robot; empty for all topics.
-        seconds: How long [s]; 0 goes on.
+        seconds: How long from the first scene or joints on [s]; 0 goes on.
     """
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor()
@@ -100,10 +107,12 @@ def record(path: Path, namespace: str = "", seconds: float = 0.0) -> dict[str, i
         writer.start(profile="ros2", library="rcare-marl")
         node = _Recorder(writer, namespace)
         executor.add_node(node)
-        until = time.monotonic() + seconds
+        until = time.monotonic() + FOUND + seconds
         try:
             while not seconds or time.monotonic() < until:
                 executor.spin_once(timeout_sec=0.1)
+                if node.first is not None:
+                    until = node.first + seconds
         except KeyboardInterrupt:  # the way to end it
             pass
         finally:

@@ -178,7 +178,7 @@ class ServedRobot:
     def _before_step(self) -> None:
         """Hand in what the servo is to do in the physics step to come."""
         self.on_step()
-        if self.trajectory is not None:
+        if self.trajectory is not None and not self.is_stopped:
             self.progress += self.env.world.physics_dt
             self._tool.go_to(self.trajectory.at(self.progress))
         self._tool.command(self._tool_action(), 0.0)
@@ -193,7 +193,7 @@ class ServedRobot:
         return np.concatenate(parts)
 
     def _tool_action(self) -> Array:
-        if self.env.world.time > self._fresh_until:
+        if self.is_stopped or self.env.world.time > self._fresh_until:
             return np.zeros(6)
         if self._pose is not None:
             here = self.robot.tool_pose()
