@@ -41,6 +41,7 @@ LAG = (
     0.1  # [s] that physics may lag behind real time before what is lost is given up; our own choice
 )
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+HEARD = 0.1  # [s] until who plays has heard that it pauses; our own choice
 ANSWER = 5.0  # [s] that a call of `reset` waits; our own choice
 SETTLING = 1.0  # [s] that joints get to arrive after the end of a trajectory; our own choice
 
@@ -329,6 +330,7 @@ def _next(node: RobotNode, *, is_over: bool, is_last: bool) -> None:
     """Say how an episode ended or that it pauses, and begin another one if it was not the last."""
     served, seed = node.served, node.served.env.seed
     node.tell_episode("end" if is_over else "pause")
+    time.sleep(HEARD)  # or who plays may see the joints jump before
     if is_over:
         print_line(f"seed {seed}: {'success' if served.outcomes[seed] else 'no success'}")
     if not (is_over and is_last):
