@@ -149,7 +149,7 @@ def record(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Of MCAP, such as feeding.mcap.")],
     namespace: Namespace = "",
     seconds: Annotated[
-        float, typer.Option(min=0.0, help="How long [s]; 0 goes on until Ctrl-C.")
+        float, typer.Option(min=0.0, help="How long from the first scene on [s]; 0 goes on.")
     ] = 0.0,
 ) -> None:
     """Write what is told on all topics of a robot, /tf and /clock to an MCAP file.
