@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import fnmatch
+import gc
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +17,18 @@ PARTS = ("assets", "agents", "envs", "baselines")  # each may import those befor
 CORE = "rcare_marl"
 # The top floor: what people call. It may import everything, and nobody imports it.
 TOP = ("rcare_marl/__init__.py", "rcare_marl/cli/")
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_finalised() -> Iterator[None]:
+    """Let no finaliser of what other tests left run while code is parsed.
+
+    In CPython 3.11 `ast.parse` is not re-entrant (python/cpython issue 106905): a finaliser that imports
+    something, which pytest then parses, ends in a SystemError.
+    """
+    gc.disable()
+    yield
+    gc.enable()
 
 
 def modules(folder: str) -> list[Path]:
