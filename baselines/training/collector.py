@@ -180,11 +180,19 @@ class _AsyncCollector(MultiAsyncCollector):
     def _next(self, batches: Iterator[TensorDictBase]) -> TensorDictBase | None:
         try:
             return next(batches, None)
-        except RuntimeError as error:  # one of them is gone
+        except (RuntimeError, ValueError) as error:
+            # One of them is gone; the others are ended, and one that takes its time cannot be closed yet.
+            said = str(error) if isinstance(error, RuntimeError) else self._gone()
             raise WorkerError(
-                f"{error} What they said stands above; a training goes on from its last checkpoint when it "
+                f"{said} What they said stands above; a training goes on from its last checkpoint when it "
                 "is started again"
             ) from error
+
+    def _gone(self) -> str:
+        ended = (-signal.SIGTERM, None)  # by us, or not yet
+        codes = [(k, p.exitcode) for k, p in enumerate(self.procs) if not p._closed]
+        gone = [f"worker {k} (exit code {code})" for k, code in codes if code not in ended]
+        return f"At least one process failed: {', '.join(gone) or 'nobody knows which'}."
 
     def shutdown(self, *arguments: Any, **options: Any) -> None:
         super().shutdown(*arguments, **options)
