@@ -14,6 +14,7 @@ import numpy as np
 
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.scenes.hanging_shorts import HOLD_START, tip
+from rcare_marl.envs.scenes.start_posture import room_beside
 from rcare_marl.envs.tasks.dressing import REACH, Dressing
 from rcare_marl.pose import Array
 
@@ -32,10 +33,7 @@ SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
 EASED, HEADWAY = 2.0, 0.03  # [s] in which the hem has to make so many [m], or the pull is eased
 EASE, OFF = 0.08, 0.02  # [m] that it goes back then, and farther off the leg with each time
 MOST_OFF = 0.06  # [m]
-TOUCH, ROOM = (
-    4.0,
-    0.03,
-)  # [N] beyond what the cloth presses: the hand touches, and stays so far away [m]
+CLOSE, NEARING = 0.006, 3.0  # [m] from trunk and arms to the robot, at least; [1/s] as it comes near them
 YIELDING = (0.5, 0.8)  # of the force limit: where the pull gets slower, and where it goes back
 AWAY = (0.05, 0.0, 0.06)  # [m] that the open hand goes
 
@@ -52,7 +50,6 @@ class ScriptedDressing(ToolScript[Dressing]):
         self._along, self._left = HOLD_START, False
         self._caught = 0.0  # [s] in all
         self._hem, self._since, self._off = 0.0, 0.0, 0.0  # [m] as far as the hem was, [s] ago, [m]
-        self._most = math.inf  # [m] as far as it has found room
         self._turn = np.array(self._robot.tool_pose().quaternion)
         self._out = np.zeros(3)
 
@@ -60,7 +57,7 @@ class ScriptedDressing(ToolScript[Dressing]):
         tool = self._robot.tool_pose()
         here = np.array(tool.position)
         goal = self._goal(here)
-        wished = limited(GAIN * (goal - here), FAST)
+        wished = self._kept_clear(limited(GAIN * (goal - here), FAST))
         action = self._robot.tool_action(wished, turning(self._turn, tool.quaternion))
         return np.concatenate((action, np.full(self._others, -1.0 if self._left else 0.0)))
 
@@ -78,14 +75,20 @@ class ScriptedDressing(ToolScript[Dressing]):
             low, high = (share * task.force_limit for share in YIELDING)
             eager = min(max((high - task.state.force) / (high - low), -1.0), 1.0)
             step = PULL * eager * task.control_dt
-            if task.state.force - task.state.cloth_force > TOUCH:
-                self._most = min(self._most, self._along - ROOM)
-            self._along = min(self._along + step, task.leg.shank + REACH + SPARE, self._most)
+            self._along = min(self._along + step, task.leg.shank + REACH + SPARE)
         if is_up:
             self._ease()
         if is_up and lag > CAUGHT:
             self._caught += task.control_dt
         return goal + (0.0, -task.outward * self._inward(), 0.0)
+
+    def _kept_clear(self, wished: Array) -> Array:
+        """Return a velocity [m/s] that comes near trunk and arms slowly, and not too near, shape [3]."""
+        task = self._task
+        room = room_beside(self._robot.body, task.recipient.body, task.world)
+        onward = task.leg.direction(task.leg.shank + task.leg.thigh)
+        excess = float(wished @ onward) - NEARING * (room - CLOSE)
+        return wished - max(excess, 0.0) * onward
 
     def _ease(self) -> None:
         """Go back if the hem makes no headway."""

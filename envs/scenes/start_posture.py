@@ -74,7 +74,7 @@ def pulling_search(search: ReachSearch, person: Body, *, ahead: float) -> ReachS
     robot, world = search.robot.body, search.world
 
     def crowding() -> float:
-        cost = ROOM_WEIGHT * (ROOM - _room(robot, person, world))
+        cost = ROOM_WEIGHT * (ROOM - room_beside(robot, person, world))
         cost += ROOM_WEIGHT * (TOUCH - world.separation(robot, person, within=TOUCH))
         foremost = max(robot.link_pose(i).position[0] for i in range(robot.link_count))
         return cost + ROOM_WEIGHT * max(foremost - ahead, 0.0)
@@ -108,7 +108,7 @@ def turns() -> list[Array]:
     return out
 
 
-def _room(robot: Body, person: Body, world: World) -> float:
-    """Return how far a robot is from what of a person does not move: trunk, head, arms [m]."""
+def room_beside(robot: Body, person: Body, world: World) -> float:
+    """Return how far a robot is from what of a person does not move: trunk, head, arms; 6 cm at most [m]."""
     links = range(-1, robot.link_count)
     return min(world.separation(robot, person, within=ROOM, links=(k, -1)) for k in links)
