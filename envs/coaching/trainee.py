@@ -55,7 +55,7 @@ class SocialCoachingOptions(TaskOptions):
 
     Attributes:
         reward: `paper`: right repetitions alone, for the paper has no reward here; `shaped` adds engagement,
-            wrong repetitions, pain, fatigue and talk.
+            wrong repetitions, pain, fatigue, talk and, where it is given a weight, time.
         exercises: Which ones, by name or YAML file, in this order; what a person cannot do is left out.
         repetitions: Right repetitions asked of each.
         learners: Kinds of learners (`learner_kind.py`), by name or YAML file; each person is one of them in
@@ -69,6 +69,7 @@ class SocialCoachingOptions(TaskOptions):
         "pain": 0.05,
         "fatigue": 0.02,
         "talk": 0.002,
+        "time": 0.0,
     }
 
     exercises: tuple[str, ...] = tuple(
@@ -275,6 +276,7 @@ def trainee_rewards(
     terms["pain"] = -trainee.pain / 10.0
     terms["fatigue"] = -trainee.told_fatigue
     terms["talk"] = -(is_speaking * 1.0)
+    terms["time"] = -1.0
     return options.weighted(terms)
 
 
