@@ -236,6 +236,7 @@ class LearnedPolicy:
         weights, biases = file.layers[-1]
         self._size, self._flags = file.action_size, file.flags
         self._memory = np.zeros(file.memory, np.float32)
+        self._lasts = 0  # for how many control steps more
         count = file.action_size + file.memory  # what comes behind are spreads
         self._last = np.ascontiguousarray(weights[:count]), biases[:count]
         self._base: Policy | None = None
