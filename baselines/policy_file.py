@@ -19,7 +19,8 @@ from rcare_marl.agents.policy import Policy
 from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.config import load
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.learning.learner_env import kept
+from rcare_marl.envs.learning.learner_env import kept, scale_of
+from rcare_marl.envs.learning.recipe import Scale
 from rcare_marl.envs.learning.view import View, ViewConfig
 from rcare_marl.envs.registry import policy_factory, register_policy_file, task_class
 from rcare_marl.envs.task import part_name
@@ -57,7 +58,8 @@ class PolicyFile:
         mean: Taken from an observation first, shape [observation].
         scale: Divides it then, shape [observation].
         residual: How much of the action is added to that of the scripted policy [1]; None where the
-            action is the network's own.
+            action is the network's own. Of all values alike, or of each.
+        hold: Control steps that an action of the network lasts.
         actions: What each action value moves; not checked if empty.
         recipe: How its environments were made, see `envs.learning.EnvRecipe`.
         view: How the network reads an observation, see `envs.learning.view.ViewConfig`; the parts of
@@ -77,7 +79,8 @@ class PolicyFile:
     layers: tuple[tuple[Weights, Weights], ...]
     mean: Weights
     scale: Weights
-    residual: float | None = None
+    residual: Scale | None = None
+    hold: int = 1
     actions: tuple[str, ...] = ()
     recipe: Mapping[str, Any] = field(default_factory=dict)
     view: Mapping[str, Any] = field(default_factory=dict)
@@ -145,7 +148,15 @@ class PolicyFile:
             )
             about["observed"] = tuple((name, size) for name, size in about["observed"])
             about |= {name: tuple(about[name]) for name in ("roles", "actions")}
-            about = {"view": {}, "memory": 0, "flags": 0, **about}  # files of before have none
+            if isinstance(about["residual"], list):
+                about["residual"] = tuple(about["residual"])
+            about = {
+                "view": {},
+                "memory": 0,
+                "flags": 0,
+                "hold": 1,
+                **about,
+            }  # files of before have none
             return cls(**about, layers=layers, mean=mean, scale=scale)
 
     @property
@@ -218,35 +229,42 @@ class LearnedPolicy:
             ConfigError: If the network was not made for them, see `PolicyFile.check`.
         """
         file.check(env, role)
-        self._env, self._role, self._residual = env, role, file.residual
+        self._env, self._role, self._hold = env, role, file.hold
         self._view = file.view_on(env, role)
         self._low, self._mean, self._scale = file.action_low, file.mean, file.scale
         self._hidden = [(np.ascontiguousarray(w), b) for w, b in file.layers[:-1]]
         weights, biases = file.layers[-1]
         self._size, self._flags = file.action_size, file.flags
         self._memory = np.zeros(file.memory, np.float32)
+        self._lasts = 0  # for how many control steps more
         count = file.action_size + file.memory  # what comes behind are spreads
         self._last = np.ascontiguousarray(weights[:count]), biases[:count]
         self._base: Policy | None = None
         if file.residual is not None:
+            self._residual = scale_of(file.residual, file.action_size, role)
             self._base = policy_factory(file.task, part_name(role), BASE)(env, role)
 
     def reset(self, rng: np.random.Generator) -> None:
         self._view.reset()
         self._memory[:] = 0.0
+        self._lasts = 0
         if self._base is not None:
             self._base.reset(rng)
 
     def act(self) -> npt.NDArray[np.float64]:
         seen = self._env.observe(self._role)
         values: Weights = self._view.read(seen[VECTOR] if isinstance(seen, dict) else seen)
-        if self._base is None or self._residual is None:
-            out = self.decide(np.concatenate([values, self._memory]))
-            self._memory = kept(out[self._size :], self._flags).astype(np.float32)
-            return out[: self._size].astype(np.float64)
-        base = np.array(self._base.act())  # as in `envs.learning.LearnerEnv`, to the last bit
-        own = self.decide(np.concatenate([values, base.astype(np.float32)]))
-        return np.clip(base + self._residual * own, self._low, 1.0)
+        base = None if self._base is None else np.array(self._base.act())
+        if self._lasts == 0:
+            self._lasts = self._hold
+            more = self._memory if base is None else base.astype(np.float32)
+            self._own = self.decide(np.concatenate([values, more]))
+        self._lasts -= 1
+        if base is None:
+            self._memory = kept(self._own[self._size :], self._flags).astype(np.float32)
+            return self._own[: self._size].astype(np.float64)
+        # As in `envs.learning.LearnerEnv`, to the last bit.
+        return np.clip(base + self._residual * self._own, self._low, 1.0)
 
     def decide(self, observation: Weights) -> Weights:
         """Return the network's own action and memory, shape [actions + memory], for what it reads."""
@@ -280,6 +298,6 @@ def load_policy(path: Path) -> Callable[[CareEnv, str], Policy]:
 
 _ABOUT = tuple(
     """
-    task group roles observed action_size action_low residual actions recipe view memory flags training
+    task group roles observed action_size action_low residual hold actions recipe view memory flags training
     """.split()
 )

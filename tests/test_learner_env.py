@@ -77,6 +77,11 @@ def test_a_recipe_tells_what_it_cannot_write_down() -> None:
         ({"residual": {"recipient": 0.3}}, "residual is for roles that learn"),
         ({"residual": {"robot": 0.0}}, "above 0"),
         ({"residual": {"robot": float("nan")}}, "above 0"),
+        ({"residual": {"robot": [0.0, 0.0]}}, "above 0"),
+        ({"residual": {"robot": [0.5, -0.1]}}, "above 0"),
+        ({"hold": 0}, "from 1 on"),
+        ({"hold": 2.0}, "from 1 on"),
+        ({"hold": 2, "taught": True}, "hold must be 1"),
         ({"options": ["shaped"]}, "options must be a mapping"),
         ({"learners": "robot"}, "must be a list"),
     ],
@@ -179,6 +184,38 @@ def test_a_residual_is_added_within_the_range_of_actions() -> None:
     np.testing.assert_allclose(given[0], np.clip(base + 0.5, -1, 1), atol=1e-6)
     assert np.any(base + 0.5 > 1) or np.any(given[0] < 1)
     env.close()
+
+
+def test_a_residual_has_a_scale_for_each_value_or_is_refused() -> None:
+    scales = (0.5, 0.0, 0.0, 0.0, 0.0, 0.5)
+    env = LearnerEnv(EnvRecipe("feeding", residual={"robot": scales}))
+    given: list[Any] = []
+    real = env.care_env.step
+    env.care_env.step = lambda actions: given.append(actions["robot"]) or real(actions)  # type: ignore[method-assign, func-returns-value]
+    env.reset(SEED)
+    base = env.observation["robots"][0, -6:].copy()
+    env.step({"robots": np.full((1, 6), -1.0, np.float32)})
+    np.testing.assert_allclose(given[0], np.clip(base - scales, -1, 1), atol=1e-6)
+    env.close()
+    with pytest.raises(ConfigError, match="2 scales, and an action 6 values"):
+        LearnerEnv(EnvRecipe("feeding", residual={"robot": [0.5, 0.5]}))
+
+
+def test_an_action_that_is_held_is_as_if_it_were_given_so_often_and_sums_what_it_pays() -> None:
+    held, plain = (LearnerEnv(EnvRecipe("feeding", hold=hold)) for hold in (3, 1))
+    for env in (held, plain):
+        env.reset(SEED)
+    for action in np.linspace(-0.4, 0.4, 4):
+        push = {"robots": np.full((1, 6), action, np.float32)}
+        held.step(push)
+        paid = np.zeros(1, np.float32)
+        for _ in range(3):
+            plain.step(push)
+            paid += plain.reward["robots"]
+        np.testing.assert_allclose(held.reward["robots"], paid, rtol=1e-6)
+        np.testing.assert_array_equal(held.state, plain.state)
+    held.close()
+    plain.close()
 
 
 def test_demonstrators_are_scripts_and_default_partners() -> None:

@@ -68,6 +68,7 @@ def test_a_sore_shoulder_hurts_when_it_is_raised_and_the_coach_is_told() -> None
     env.close()
     assert max(pain) > 1 and "told_pain" in seen
     assert report["pain"] == pytest.approx(max(pain), rel=0.05)  # safety is read a moment before
+    assert report["mean_pain"] == pytest.approx(sum(pain) / (len(pain) - 1), rel=0.02)
     assert report["right_per_minute"] == pytest.approx(
         60 * report["right_repetitions"] / (0.1 * (len(pain) - 1))
     )

@@ -20,6 +20,7 @@ from rcare_marl.baselines.evaluation.evaluate import evaluate, make_players, run
 from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.learning import EnvRecipe, LearnerEnv
+from rcare_marl.envs.learning.recipe import Scale
 from rcare_marl.envs.registry import register_policy_file
 from rcare_marl.envs.task import part_name
 from rcare_marl.errors import ConfigError
@@ -142,19 +143,27 @@ def test_a_residual_is_added_to_the_scripted_action(env: CareEnv) -> None:
         env.step({"robot": action.astype(np.float32)})
 
 
-@pytest.mark.parametrize("residual", [None, 0.3])
-def test_a_policy_plays_as_it_did_in_training(env: CareEnv, residual: float | None) -> None:
-    file = network(env, residual=residual)
+@pytest.mark.parametrize(
+    ("residual", "hold"), [(None, 1), (0.3, 1), (0.3, 3), ((0.3, 0.0, 0.1, 0.3, 0.3, 0.2), 3)]
+)
+def test_a_policy_plays_as_it_did_in_training(
+    env: CareEnv, residual: Scale | None, hold: int, tmp_path: Path
+) -> None:
+    network(env, residual=residual, hold=hold).save(tmp_path / "a.npz")
+    file = PolicyFile.read(tmp_path / "a.npz")
     scales = {} if residual is None else {"robot": residual}
-    learner = LearnerEnv(EnvRecipe("feeding", residual=scales))
+    learner = LearnerEnv(EnvRecipe("feeding", residual=scales, hold=hold))
     policy = LearnedPolicy(env, "robot", file)
     learner.reset(6)
     env.reset(seed=6)
     policy.reset(np.random.default_rng([6, 0]))
-    for _ in range(12):
+    for _ in range(12 // hold):
         learner.step({"robots": policy.decide(learner.observation["robots"][0])[None]})
-        _, rewards, *_ = env.step({"robot": policy.act()})  # type: ignore[dict-item]  # float64 will do
-        assert learner.reward["robots"][0] == np.float32(rewards["robot"])
+        paid = np.zeros(1, np.float32)
+        for _ in range(hold):
+            _, rewards, *_ = env.step({"robot": policy.act()})  # type: ignore[dict-item]  # float64 will do
+            paid += [rewards["robot"]]
+        assert learner.reward["robots"][0] == paid[0]
     np.testing.assert_array_equal(learner.state, env.state())
     learner.close()
 

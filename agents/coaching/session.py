@@ -359,6 +359,8 @@ class Demonstration:
     def _speak(self, word: Word) -> None:
         if self.is_speaking:
             return
+        if word == "hint" and not self._session.hint:
+            word = "encourage"  # there is nothing to correct
         self.word = word
         if word != "nothing":
             self.spoken_to, text = self._session.address(word)

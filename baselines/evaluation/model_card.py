@@ -7,7 +7,7 @@ Example:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -79,10 +79,11 @@ class ModelCard:
         file, place = PolicyFile.read(path), Path(path)
         sizes = [file.observation_size, *(len(biases) for _, biases in file.layers)]
         learned = beginning(file.residual, file.training)
+        learned += f", a decision every {file.hold} control steps" if file.hold > 1 else ""
         given = {
             key: value
             for key, value in file.recipe.items()
-            if key not in ("task", "residual", "views", "taught") and value
+            if key not in ("task", "residual", "hold", "views", "taught") and value
         }
         return cls(
             name=place.stem,
@@ -123,7 +124,7 @@ class ModelCard:
         return f"## {self.name}\n\n{markdown_table(('', ''), rows)}\n"
 
 
-def beginning(residual: float | None, training: Mapping[str, Any]) -> str:
+def beginning(residual: float | Sequence[float] | None, training: Mapping[str, Any]) -> str:
     """Return what the learning of a policy began with.
 
     Args:
@@ -131,7 +132,8 @@ def beginning(residual: float | None, training: Mapping[str, Any]) -> str:
         training: How it was trained, see `PolicyFile.training`.
     """
     if residual is not None:
-        return f"residual of scale {residual:g}"
+        scales = residual if isinstance(residual, Sequence) else (residual,)
+        return f"residual of scale {' '.join(f'{scale:g}' for scale in scales)}"
     if training.get("algorithm") == "dagger":
         return "by imitating the script on its own episodes"
     return "from demonstrations" if training.get("demonstrations") else "from scratch"

@@ -98,8 +98,9 @@ def differences(env: CareEnv, file: PolicyFile) -> dict[str, Any]:
         out["level"] = place.level
     learned_in = load(type(env.task).Options, dict(recipe.get("options", {})), "options")
     for field in dataclasses.fields(learned_in):
-        now = getattr(env.task.options, field.name)
-        if field.name not in COMMON and now != getattr(learned_in, field.name):
+        now, then = (getattr(o, field.name) for o in (env.task.options, learned_in))
+        is_among = isinstance(now, tuple) and set(now) <= set(then)  # some of what it met
+        if field.name not in COMMON and now != then and not is_among:
             out[f"options.{field.name}"] = now
     return out
 

@@ -187,7 +187,9 @@ class TrainConfig:
         variants: Further cast entries; environment i of the batch takes the i-th, in turn.
         learners: Roles that learn; the robots if empty.
         partners: Policies of the other roles; several are drawn from, episode by episode.
-        residual: For learners that correct the scripted policy: how much they may, 0 to 1.
+        residual: For learners that correct the scripted policy: how much they may, 0 to 2, of all values of
+            the action or of each.
+        hold: Control steps that an action of the learners lasts; steps are counted in these decisions.
         engine: What computes the motion, see `rcare_marl.make`.
         randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
         views: For learners, what their network reads of what they observe, see `ViewConfig`.
@@ -216,7 +218,8 @@ class TrainConfig:
     variants: tuple[dict[str, Any], ...] = ()
     learners: tuple[str, ...] = ()
     partners: dict[str, Any] = field(default_factory=dict)
-    residual: dict[str, float] = field(default_factory=dict)
+    residual: dict[str, Any] = field(default_factory=dict)
+    hold: int = 1
     engine: str = "bullet"
     randomise: Any = None
     views: dict[str, Any] = field(default_factory=dict)
@@ -252,6 +255,11 @@ class TrainConfig:
             raise ConfigError(
                 f"{self.algo} is shown what to do all along: leave demonstrations out "
                 "(--set demonstrations.episodes=0)"
+            )
+        if self.demonstrations.are_wanted and self.hold > 1:
+            raise ConfigError(
+                f"demonstrations are of control steps, and here an action lasts {self.hold} of them: leave "
+                "demonstrations out (--set demonstrations.episodes=0), or set hold to 1"
             )
         if self.demonstrations.are_wanted and getattr(settings, "cloning_updates", None) == 0:
             raise ConfigError(

@@ -55,7 +55,7 @@ class SocialCoachingOptions(TaskOptions):
 
     Attributes:
         reward: `paper`: right repetitions alone, for the paper has no reward here; `shaped` adds engagement,
-            wrong repetitions, pain, fatigue and talk.
+            wrong repetitions, pain, fatigue, talk and, where it is given a weight, time.
         exercises: Which ones, by name or YAML file, in this order; what a person cannot do is left out.
         repetitions: Right repetitions asked of each.
         learners: Kinds of learners (`learner_kind.py`), by name or YAML file; each person is one of them in
@@ -69,6 +69,7 @@ class SocialCoachingOptions(TaskOptions):
         "pain": 0.05,
         "fatigue": 0.02,
         "talk": 0.002,
+        "time": 0.0,
     }
 
     exercises: tuple[str, ...] = tuple(
@@ -106,6 +107,7 @@ class TraineeState:
     told_fatigue: float  # how tired they say that they are, 0 to 1
     is_told: bool  # whether what is being said is said to them
     pain: float  # what they feel, and tell, 0 to 10
+    suffered: float  # pain summed over time so far [s]
     right: float  # right repetitions so far, of each exercise no more than asked for
     new_right: float  # those of the last control step
     wrong: float  # wrong repetitions so far
@@ -176,7 +178,7 @@ class Trainee:
         self._begin_to_look()
 
     def _begin_to_look(self) -> None:
-        self._source = JointsSource(self.person.model.joints)
+        self._source, self._suffered = JointsSource(self.person.model.joints), 0.0
         self.look(0.0)
         self._raised = self.seen[RAISED]
 
@@ -198,6 +200,7 @@ class Trainee:
         physiology = self.person.physiology
         if felt > physiology.pain:
             physiology.set({"pain": min(felt, WORST_PAIN)})
+        self._suffered += physiology.pain * duration
 
     def tell_fatigue(self) -> None:
         """Let the session know how tired the person is."""
@@ -233,6 +236,7 @@ class Trainee:
             told_fatigue=session.fatigue,
             is_told=is_told,
             pain=self.person.physiology.pain,
+            suffered=self._suffered,
             right=right,
             new_right=right - (0.0 if before is None else before.right),
             wrong=wrong,
@@ -275,6 +279,7 @@ def trainee_rewards(
     terms["pain"] = -trainee.pain / 10.0
     terms["fatigue"] = -trainee.told_fatigue
     terms["talk"] = -(is_speaking * 1.0)
+    terms["time"] = -1.0
     return options.weighted(terms)
 
 
@@ -285,6 +290,7 @@ def trainee_metrics(trainee: TraineeState, time: Values) -> dict[str, Values]:
         "wanted_repetitions": trainee.wanted,
         "wrong_repetitions": trainee.wrong,
         "right_per_minute": 60.0 * trainee.right / where(time > 0, time, 1.0),
+        "mean_pain": trainee.suffered / where(time > 0, time, 1.0),
         "exercises_done": trainee.done,
         "fatigue": trainee.told_fatigue,
         "following": trainee.following,

@@ -17,7 +17,7 @@ from rcare_marl.errors import ConfigError, check_name
 
 from ..cast import make_policy, memory_of
 from ..registry import group_map
-from .recipe import EnvRecipe
+from .recipe import EnvRecipe, Scale
 from .view import View
 
 Floats = npt.NDArray[np.float32]
@@ -90,6 +90,10 @@ class LearnerEnv:
             }
             teachers = self.demonstrators() if recipe.taught else {}
             self._bases |= teachers
+            self._scales = {
+                role: scale_of(scale, env.cast[role].action_size, role)
+                for role, scale in recipe.residual.items()
+            }
             self._memories = {role: kept_by(teachers.get(role)) for role in env.cast}
             self._flags = {role: len(memory_of(teachers.get(role))[0]) for role in env.cast}
             self.layout = self._lay_out()
@@ -199,24 +203,32 @@ class LearnerEnv:
             self._is_staged = True
 
     def step(self, actions: Mapping[str, Floats]) -> None:
-        """Let everybody act for one control step.
+        """Let everybody act for one decision of the learners: as many control steps as the recipe holds it.
 
         Args:
             actions: For each group, shape [roles, action size].
         """
+        for values in (*self.reward.values(), *self.cost.values()):
+            values[:] = 0.0
+        for _ in range(self.recipe.hold):
+            self._step_once(actions)
+            if self.terminated or self.truncated:
+                break
+
+    def _step_once(self, actions: Mapping[str, Floats]) -> None:
         commands: dict[str, npt.NDArray[Any]] = {}
         for group, roles in self.groups.items():
             for role, action in zip(roles, actions[group], strict=True):
                 commands[role] = self._applied(role, action, self.layout.action_lows[group])
         observations, rewards, ended, late, infos = self.care_env.step(commands)
         for group, roles in self.groups.items():
-            self.reward[group][:] = [rewards[role] for role in roles]
-            self.cost[group][:] = [infos[role].get("cost", 0.0) for role in roles]
+            self.reward[group] += [rewards[role] for role in roles]
+            self.cost[group] += [infos[role].get("cost", 0.0) for role in roles]
         self.terminated, self.truncated = any(ended.values()), any(late.values())
         self._take(observations, infos)
 
     def _applied(self, role: str, action: Floats, low: float) -> npt.NDArray[Any]:
-        scale = self.recipe.residual.get(role)
+        scale = self._scales.get(role)
         if scale is None:
             size = self.care_env.cast[role].action_size
             self._memories[role][:] = kept(action[size:], self._flags[role])
@@ -292,3 +304,18 @@ def kept_by(script: Policy | None) -> npt.NDArray[np.float64]:
 def kept(written: npt.NDArray[Any], flags: int) -> npt.NDArray[Any]:
     """Return what a network keeps of what it wrote: what holds is 1 or -1, and nothing between."""
     return np.append(np.where(written[:flags] > 0, 1.0, -1.0), written[flags:])
+
+
+def scale_of(scale: Scale, size: int, role: str) -> float | npt.NDArray[np.float64]:
+    """Return a residual's scale, of all values of an action or of each, shape [size].
+
+    Raises:
+        ConfigError: If an action has another number of values.
+    """
+    if not isinstance(scale, tuple):
+        return scale
+    if len(scale) != size:
+        raise ConfigError(
+            f"residual of {role!r} has {len(scale)} scales, and an action {size} values"
+        )
+    return np.array(scale, np.float64)

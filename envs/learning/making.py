@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rcare_marl.errors import ConfigError, check_name
 
-from .recipe import PLACE, EnvRecipe
+from .recipe import PLACE, EnvRecipe, Scale
 from .vector import CareVectorEnv
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def make_batch(
     learners: Sequence[str] = (),
     options: Mapping[str, Any] | None = None,
     policies: Mapping[str, Any] | None = None,
-    residual: Mapping[str, float] | None = None,
+    residual: Mapping[str, Scale] | None = None,
     randomise: Any = None,
     **cast: Any,
 ) -> BatchedEnv:
@@ -79,7 +79,7 @@ def make_vector(
     role: str = "robot",
     options: Mapping[str, Any] | None = None,
     policies: Mapping[str, Any] | None = None,
-    residual: Mapping[str, float] | None = None,
+    residual: Mapping[str, Scale] | None = None,
     randomise: Any = None,
     **cast: Any,
 ) -> CareVectorEnv:
@@ -122,7 +122,7 @@ def batch_recipe(
     learners: Sequence[str],
     options: Mapping[str, Any] | None,
     policies: Mapping[str, Any] | None,
-    residual: Mapping[str, float] | None,
+    residual: Mapping[str, Scale] | None,
     cast: Mapping[str, Any],
     randomise: Any = None,
 ) -> EnvRecipe:

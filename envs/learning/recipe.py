@@ -27,6 +27,8 @@ PLACE = ("home", "level", "room")  # keys of a cast that are no roles
 OPTIONS = "options"  # key of a variant
 MAX_SCALE = 2.0  # of a residual: it then reaches every action from every other one
 
+Scale = float | tuple[float, ...]  # of a residual: of all values of an action alike, or of each
+
 
 class Population:
     """A policy that is another one of its members in each episode.
@@ -63,7 +65,10 @@ class EnvRecipe:
         learners: Roles that learn; the robots if empty.
         partners: Policy of a role that does not learn: its name or the path of a policy file. Of
             several one is drawn for each episode. The task's default where none is given.
-        residual: For roles that learn, the scale of their action on top of the scripted policy's.
+        residual: For roles that learn, the scale of their action on top of the scripted policy's: one number,
+            or one for each value of the action, 0 for what is left to the script.
+        hold: Control steps that a learner's action lasts: a decision. Rewards and costs of these are
+            summed. A script that is corrected acts in each of them.
         engine: What computes the motion, see `rcare_marl.make`.
         randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
         views: For roles that learn, what their network reads of what they observe, see `ViewConfig`; all
@@ -83,7 +88,8 @@ class EnvRecipe:
     variants: tuple[Mapping[str, Any], ...] = ()
     learners: tuple[str, ...] = ()
     partners: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
-    residual: Mapping[str, float] = field(default_factory=dict)
+    residual: Mapping[str, Scale] = field(default_factory=dict)
+    hold: int = 1
     engine: str = "bullet"
     randomise: Any = None
     views: Mapping[str, Any] = field(default_factory=dict)
@@ -103,6 +109,16 @@ class EnvRecipe:
             _check_mapping("options of a variant", variant.get(OPTIONS, {}))
         several = {k: v if isinstance(v, str) else tuple(v) for k, v in self.partners.items()}
         object.__setattr__(self, "partners", several)
+        scales = {k: tuple(v) if isinstance(v, list) else v for k, v in self.residual.items()}
+        object.__setattr__(self, "residual", scales)
+        if type(self.hold) is not int or self.hold < 1:
+            raise ConfigError(
+                f"hold must be a whole number of control steps from 1 on, got {self.hold!r}"
+            )
+        if self.taught and self.hold > 1:
+            raise ConfigError(
+                f"who is taught by a script acts in each control step: hold must be 1, got {self.hold}"
+            )
         if self.taught and self.residual:
             raise ConfigError("who corrects the script (residual) cannot be taught by it as well")
         for number in range(max(1, len(self.variants))):
@@ -118,9 +134,12 @@ class EnvRecipe:
         for role, scale in self.residual.items():
             if role not in learning:
                 raise ConfigError(f"residual is for roles that learn, {learning}, got {role!r}")
-            if not isinstance(scale, int | float) or not 0 < scale <= MAX_SCALE:
+            each = scale if isinstance(scale, tuple) else (scale,)
+            is_known = all(isinstance(s, int | float) and 0 <= s <= MAX_SCALE for s in each)
+            if not is_known or not any(each):
                 raise ConfigError(
-                    f"residual of {role!r} must be above 0 and at most {MAX_SCALE}, got {scale!r}"
+                    f"residual of {role!r} must be above 0 and at most {MAX_SCALE}, or such a number or 0 "
+                    f"for each value of the action, got {scale!r}"
                 )
             find_policy(self.task, role, "scripted")
         for role in self.views:

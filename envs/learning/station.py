@@ -246,7 +246,8 @@ class Station:
 
     def _begin_next(self, k: int) -> None:
         self._remember(k)
-        if sum(len(record.actions) for record in self._past[k]) >= RENEWAL:
+        decisions = sum(len(record.actions) for record in self._past[k])
+        if decisions * self._recipe.hold >= RENEWAL:
             self._renew(k)
         number = self._records[k].episode + 1
         seed = episode_seed(self._seed, self._places[k], number)

@@ -149,6 +149,12 @@ CARRIER_INDEX = {name: i for i, name in enumerate(CARRIERS)}
 PRONATIONS = tuple(f"{side}_elbow_pronation" for side in SIDES)  # what an ulna does not do
 
 
+# Of each DoF its joint, and the cross product with its axis, once and twice (Rodrigues' formula).
+_JOINT_OF = [JOINT_INDEX[dof.joint] for dof in DOFS]
+_ABOUT = np.array([((0, -z, y), (z, 0, -x), (-y, x, 0)) for x, y, z in (dof.axis for dof in DOFS)])
+_ABOUT_TWICE = _ABOUT @ _ABOUT
+
+
 def joint_rotation(joint: str, angles: Array) -> Array:
     """Return a joint's local rotation for DoF `angles` [rad], shape [112] -> [3, 3]."""
     out = np.eye(3)
@@ -161,7 +167,16 @@ def joint_rotation(joint: str, angles: Array) -> Array:
 
 def joint_rotations(angles: Array) -> Array:
     """Return each joint's local rotation for DoF `angles` [rad], shape [112] -> [55, 3, 3]."""
-    return np.stack([joint_rotation(joint, angles) for joint in JOINTS])
+    out = np.tile(np.eye(3), (len(JOINTS), 1, 1))
+    turned = np.flatnonzero(angles)  # most do not
+    given = angles[turned].tolist()
+    sines = np.array([math.sin(angle) for angle in given])[:, None, None]
+    rest = np.array([1 - math.cos(angle) for angle in given])[:, None, None]
+    turns = np.eye(3) + sines * _ABOUT[turned] + rest * _ABOUT_TWICE[turned]
+    for i, turn in zip(turned.tolist(), turns, strict=True):
+        j = _JOINT_OF[i]
+        out[j] = out[j] @ turn
+    return out
 
 
 def carrier_joint(carrier: str) -> str:

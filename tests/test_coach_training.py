@@ -1,0 +1,50 @@
+"""A coach that learns: the configs that ship train, and what they leave plays as it was trained."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rcare_marl.baselines.evaluation.evaluate import evaluate, lead_policies
+from rcare_marl.baselines.policy_file import PolicyFile
+from rcare_marl.baselines.training.config import default_config, load_config
+from rcare_marl.baselines.training.trainer import train
+from rcare_marl.errors import ConfigError
+
+BRIEF = {"envs": 2, "workers": 0, "steps": 16, "interval": 16, "evaluation_episodes": 1}
+PEOPLE = {  # who turn their heads only, so that a session is short
+    "social_coaching": {"variants": [{"recipient": "jose"}]},
+    "group_coaching": {"cast": {"recipient": "jose", "second_recipient": "morgan"}},
+}
+
+
+@pytest.mark.parametrize("task", PEOPLE)
+def test_the_config_that_ships_trains_a_coach_who_decides_once_a_second(
+    task: str, tmp_path: Path
+) -> None:
+    config = default_config(task)
+    short = {"repetitions": 1, "exercises": ["head_rotation"]}
+    small = {**config["algorithm"], "hidden": [16], "warm_up": 8}
+    train(
+        {
+            **config,
+            **BRIEF,
+            **PEOPLE[task],
+            "algorithm": small,
+            "options": {**config["options"], **short},
+        },
+        tmp_path,
+    )
+    file = PolicyFile.read(tmp_path / "policy_last.npz")
+    assert file.hold == 10 and isinstance(file.residual, tuple)
+    cast = {"recipient": "jose", **({"second_recipient": "morgan"} if "group" in task else {})}
+    players = lead_policies(task, str(tmp_path / "policy_last.npz"))
+    (played,) = evaluate(task, players, episodes=1, seed=1, options=short, cast=cast).episodes
+    assert played.steps > 10 and played.metrics["wanted_repetitions"] >= 1
+
+
+def test_demonstrations_do_not_go_with_actions_that_last() -> None:
+    given = {"task": "toileting", "hold": 5, "demonstrations": {"episodes": 1}}
+    with pytest.raises(ConfigError, match=r"demonstrations are of control steps.*lasts 5"):
+        load_config(given)
