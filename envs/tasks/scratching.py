@@ -12,7 +12,14 @@ import numpy as np
 
 from rcare_marl.agents.people.human import Human
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix
+from rcare_marl.pose import (
+    Array,
+    Pose,
+    conjugate,
+    multiply,
+    quaternion_from_matrix,
+    rotation_vector,
+)
 from rcare_marl.world import World
 
 from ..devices import Device
@@ -52,6 +59,8 @@ MISS, MISS_TURN = 0.01, 0.15
 OTHER_WAY = 1.0
 # [m] from the skin, on the way that a robot must reach.
 GAPS = (START_GAP[1], START_GAP[0], 0.03, 0.002)
+# Side, hold and posture by who, which robot and which site: the search is long, and a population comes again.
+_FOUND: dict[str, tuple[str, Hold, Array]] = {}
 
 
 @dataclass(frozen=True)
@@ -75,7 +84,7 @@ class ScratchingState(State):
     """What scratching reads."""
 
     tip: Array  # of the tool [m], shape [3]
-    turn: Array  # how the tool is turned, a quaternion, shape [4]
+    to_turn: Array  # by how much it is to be turned to point into the skin [rad], shape [3]
     itch: Array  # where it itches [m], shape [3]
     said: Array  # where the person says that it does [m], shape [3]
     out: Array  # out of the skin there, a unit vector, shape [3]
@@ -149,13 +158,20 @@ class Scratching(Meal):
         Raises:
             ConfigError: If it can on neither side.
         """
-        own = self.options.mount
-        self._side[site] = own
-        try:
-            return self._hold_there(world, site)
-        except ConfigError:
-            self._side[site] = "left" if own == "right" else "right"
-            return self._hold_there(world, site)
+        person, robot, own = self.recipient, self.robot, self.options.mount
+        who = (person.avatar, person.posture, person.movable, robot.config, robot.body.base_pose())
+        is_bare = self.place.room is None
+        key = repr((*who, own, site, is_bare))
+        if key not in _FOUND or not is_bare:  # furniture is in the way as well
+            self._side[site] = own
+            try:
+                hold = self._hold_there(world, site)
+            except ConfigError:
+                self._side[site] = "left" if own == "right" else "right"
+                hold = self._hold_there(world, site)
+            _FOUND[key] = self._side[site], hold, self._near[site]
+        self._side[site], hold, self._near[site] = _FOUND[key]
+        return hold
 
     def _hold_there(self, world: World, site: Site) -> Hold:
         """Find how the tool leans and is rolled for a site on the side that is set."""
@@ -243,13 +259,14 @@ class Scratching(Meal):
             moved = local - before.local
             moved = moved - (moved @ self._itch.out) * self._itch.out
             speed = float(np.linalg.norm(moved)) / self.control_dt
+        turned = conjugate(self.tool.pose.quaternion)
         ease, distance = self.options.tolerance, math.sqrt(float(gap @ gap))
         helps = distance < NEAR * ease and PRESS[0] <= press <= PRESS[1] and speed >= STROKE
         gained = self.control_dt if helps else 0.0
         return ScratchingState(
             **vars(now),
             tip=tip,
-            turn=np.array(self.tool.pose.quaternion),
+            to_turn=rotation_vector(multiply(self.tool_quaternion(out), turned)),
             itch=itch,
             said=itch + self._said_in_world(),
             out=out,
@@ -280,6 +297,7 @@ class Scratching(Meal):
             Seen("tip_position", "m", 3, lambda s: s.tip),
             Seen("tip_to_itch", "m", 3, lambda s: s.said - s.tip),
             Seen("itch_out", "1", 3, lambda s: s.out),
+            Seen("tool_to_turn", "rad", 3, lambda s: s.to_turn),
             Seen("itch_site", "1", len(SITES), lambda s: s.site),
             Seen("tool_force", "N", 1, lambda s: s.press),
             Seen("tool_speed", "m/s", 1, lambda s: s.speed),
