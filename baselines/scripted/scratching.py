@@ -22,10 +22,10 @@ HOVER = 0.03  # [m] over the skin, while it is not over the itch
 REACHED = 0.012  # [m] along the skin that it may be off to press; as far again it hovers
 LEVEL = 0.3  # [rad] that the tool may be turned otherwise to press
 UNDER = 0.01  # [m] under the skin, where it goes until it feels it
-STROKE, STROKING = 0.01, 0.04  # [m] each way, [m/s] of its strokes
+STROKE, STROKING = 0.01, 0.08  # [m] each way, [m/s] of its strokes
 GAIN, TURN_GAIN = 2.5, 2.0  # [1/s]
 YIELD = 0.008  # [m/s] into the skin for each newton that is lacking
-FAST, AWAY, SINK, ALONG = 0.15, 0.25, 0.03, 0.06  # [m/s]: in the air, off, onto the skin, along it
+FAST, AWAY, SINK, ALONG = 0.15, 0.25, 0.03, 0.1  # [m/s]: in the air, off, onto the skin, along it
 
 
 @register_policy("scratching", "robot", "scripted")

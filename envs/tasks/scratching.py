@@ -12,14 +12,7 @@ import numpy as np
 
 from rcare_marl.agents.people.human import Human
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import (
-    Array,
-    Pose,
-    conjugate,
-    multiply,
-    quaternion_from_matrix,
-    rotation_vector,
-)
+from rcare_marl.pose import Array, Pose, quaternion_from_matrix, turn_to
 from rcare_marl.world import World
 
 from ..devices import Device
@@ -259,14 +252,13 @@ class Scratching(Meal):
             moved = local - before.local
             moved = moved - (moved @ self._itch.out) * self._itch.out
             speed = float(np.linalg.norm(moved)) / self.control_dt
-        turned = conjugate(self.tool.pose.quaternion)
         ease, distance = self.options.tolerance, math.sqrt(float(gap @ gap))
         helps = distance < NEAR * ease and PRESS[0] <= press <= PRESS[1] and speed >= STROKE
         gained = self.control_dt if helps else 0.0
         return ScratchingState(
             **vars(now),
             tip=tip,
-            to_turn=rotation_vector(multiply(self.tool_quaternion(out), turned)),
+            to_turn=turn_to(self.tool_quaternion(out), self.tool.pose.quaternion),
             itch=itch,
             said=itch + self._said_in_world(),
             out=out,
