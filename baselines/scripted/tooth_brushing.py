@@ -15,7 +15,7 @@ from rcare_marl.envs.tasks.tooth_brushing import BEFORE, CLEAR, ToothBrushing
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, turning, unit
+from .tool_script import ToolScript, limited, unit
 
 # All our own choices.
 PRESS, TOUCH = 1.3, 0.1  # [N] that it presses with, and that count as contact
@@ -71,7 +71,7 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
             return self._about(seen.bristles, linear - AWAY * seen.axis, 0.0 * turn)
         if not goes_on:
             ahead = unit(self._face * (1.0, 1.0, 0.0))
-            turn = turning(task.brush_quaternion(-ahead), task.brush.pose.quaternion, TURN_GAIN)
+            turn = 0.0 * turn
             before = self._mouth + (TAKEN_AWAY + FURTHER) * ahead - seen.bristles
         if offers and seen.refusal.is_no:
             before = seen.mouth + ASK * unit(seen.bristles - seen.mouth) - seen.bristles
