@@ -31,9 +31,9 @@ def test_a_script_whose_hand_was_led_astray_begins_anew(
     rng = np.random.default_rng(0)
     script.reset(rng)
     for k in range(1000):
-        action = np.array(script.act())
+        action = np.array(script.act(), np.float32)
         if any(begin <= k < end for begin, end in SPANS):
-            action = rng.uniform(-most, most, action.shape)
+            action = rng.uniform(-most, most, action.shape).astype(np.float32)
         _, _, ended, late, infos = env.step({"robot": action})
         if any(ended.values()) or any(late.values()):
             break

@@ -96,10 +96,12 @@ def differences(env: CareEnv, file: PolicyFile) -> dict[str, Any]:
         out["home"] = home or "a bare floor"
     if place.level not in {cast.get("level") or USUAL_LEVEL for cast in casts}:
         out["level"] = place.level
-    learned_in = load(type(env.task).Options, dict(recipe.get("options", {})), "options")
-    for field in dataclasses.fields(learned_in):
+    kind = type(env.task).Options
+    given = [{**recipe.get("options", {}), **each.get("options", {})} for each in variants]
+    learned_in = [load(kind, options, "options") for options in given]
+    for field in dataclasses.fields(kind):
         now = getattr(env.task.options, field.name)
-        if field.name not in COMMON and now != getattr(learned_in, field.name):
+        if field.name not in COMMON and now not in [getattr(o, field.name) for o in learned_in]:
             out[f"options.{field.name}"] = now
     return out
 

@@ -52,8 +52,9 @@ MISS, MISS_TURN = 0.01, 0.15
 OTHER_WAY = 1.0
 # [m] from the skin, on the way that a robot must reach.
 GAPS = (START_GAP[1], START_GAP[0], 0.03, 0.002)
-# Side, hold and posture by who, which robot and which site: the search is long, and a population comes again.
-_FOUND: dict[str, tuple[str, Hold, Array]] = {}
+# Side, hold and posture, or why not, by who, which robot and which site: the search is long, and people of
+# a population come again.
+_FOUND: dict[str, tuple[str, Hold, Array] | ConfigError] = {}
 
 
 @dataclass(frozen=True)
@@ -156,14 +157,17 @@ class Scratching(Meal):
         is_bare = self.place.room is None
         key = repr((*who, own, site, is_bare))
         if key not in _FOUND or not is_bare:  # furniture is in the way as well
-            self._side[site] = own
-            try:
-                hold = self._hold_there(world, site)
-            except ConfigError:
-                self._side[site] = "left" if own == "right" else "right"
-                hold = self._hold_there(world, site)
-            _FOUND[key] = self._side[site], hold, self._near[site]
-        self._side[site], hold, self._near[site] = _FOUND[key]
+            for self._side[site] in (own, "left" if own == "right" else "right"):
+                try:
+                    hold = self._hold_there(world, site)
+                    _FOUND[key] = self._side[site], hold, self._near[site]
+                    break
+                except ConfigError as refusal:
+                    _FOUND[key] = refusal
+        found = _FOUND[key]
+        if isinstance(found, ConfigError):
+            raise found.with_traceback(None)
+        self._side[site], hold, self._near[site] = found
         return hold
 
     def _hold_there(self, world: World, site: Site) -> Hold:
