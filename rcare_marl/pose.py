@@ -168,3 +168,8 @@ def rotation_vector(q: Vector) -> Array:
     sine = math.sqrt(x * x + y * y + z * z)
     scale = 2.0 if sine < 1e-12 else 2 * math.atan2(sine, w) / sine
     return np.array((x * scale, y * scale, z * scale))
+
+
+def turn_to(wanted: Vector, now: Vector) -> Array:
+    """Return the turn from one orientation to a wanted one, quaternions, in the world [rad], shape [3]."""
+    return rotation_vector(multiply(wanted, conjugate(now)))

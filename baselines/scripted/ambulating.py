@@ -27,8 +27,10 @@ MISSED, BOLDER = 0.008, 0.012  # [m] that a panel is open if the hand passed the
 PATIENCE = 3.0  # [s] of pushing a panel in vain
 DEEPER = 0.10  # [m] that a panel is open where there is room for the whole finger beside its bar
 PAST = 0.02  # [m] beyond the handle: the hand slipped off it
-NEAR = 0.012  # [m] from a place that counts as there
-CLOSING = 1.5  # [s] that the gripper closes before it turns
+NEAR = 0.015  # [m] from its way in that it may be; as far again it keeps out
+BESIDE = {"lever": 0.03, "slider": 0.02}  # [m] from the line along which it pushes
+TAKEN, LOST = 0.022, 0.045  # [m] from the middle of a knob: it closes its hand; it has it no more
+SQUEEZE = 30.0  # [N] on a knob from which on it turns at full speed
 GAIN = 3.0  # [1/s]
 FAST, SLOW = 0.20, 0.10  # [m/s] on the way, and in contact
 TURNING = 0.5  # [rad/s] of a knob
@@ -72,7 +74,8 @@ class ScriptedAmbulating(ToolScript[Ambulating]):
         self._turn_speed = task.way.chair.drive.turn if task.way is not None else 1.0
 
     def _begin(self) -> None:
-        self._stage, self._wait, self._is_deep = 0, 0.0, False
+        self._holds = self._pushes = False  # it has a knob in hand, or pushes
+        self._wait = 0.0  # [s] since it let go
         self._phase = 0  # 1: it lets go of the handle, 2: it swings the leaf, 3: it drives on
         self._shy, self._lane = SHY, None
         self._farthest = self._idle = 0.0
@@ -87,25 +90,26 @@ class ScriptedAmbulating(ToolScript[Ambulating]):
         wished = GAIN * (goal - tool)
         if way is not None and self._phase == 3:  # where it goes comes along with the chair
             wished += self._chair_velocity(way)
-        turn = turning(self._task.facing, pose.quaternion)
-        if self._turns():
-            turn = np.array((0.0, TURNING, 0.0))
+        share = self._turns()
+        turn = (1 - share) * turning(self._task.facing, pose.quaternion)
+        turn = turn + (0.0, share * TURNING, 0.0)
         action = self._robot.tool_action(limited(wished, most), turn)
         if self._has_gripper:
-            is_open = self._is_knob and (self._stage < 2 or self._phase > 0)
+            is_open = self._is_knob and (not self._holds or self._phase > 0)
             action = np.append(action, -1.0 if is_open else 1.0)
         return action if way is None else np.append(action, self._steer(way))
 
     def memory(self) -> tuple[Sequence[object], Array]:
-        stages = [self._stage == k for k in range(4)]
-        times = (self._wait / CLOSING, self._idle / PATIENCE, self._shy / SHY)
-        return [*stages, self._is_deep], np.clip(times, -1.0, 1.0)
+        times = (self._idle / PATIENCE, self._shy / SHY)
+        return (self._holds,), np.clip(times, -1.0, 1.0)
 
-    def _turns(self) -> bool:
-        """Return whether the hand turns a knob now."""
-        if self._phase > 0 or not self._is_knob or self._stage < 3:
-            return False
-        return self._through is None or self._task.state.is_latched
+    def _turns(self) -> float:
+        """Return how much of its speed the hand turns a knob with now: as it is squeezed."""
+        if not self._is_knob or self._phase > 0 or not self._holds:
+            return 0.0
+        if self._through is not None and not self._task.state.is_latched:
+            return 0.0
+        return min(self._task.state.push / SQUEEZE, 1.0)
 
     def _at_handle(self, tool: Array) -> tuple[Array, float]:
         """Return where the tool goes to free the door."""
@@ -120,7 +124,7 @@ class ScriptedAmbulating(ToolScript[Ambulating]):
         if self._phase == 0 and opening > AJAR.get(self._task.hardware, PANEL):
             self._phase, self._wait = (1, 0.0) if self._is_hinged else (3, 0.0)
         if self._phase > 0 and self._task.state.is_latched:  # it fell shut: once more
-            self._stage, self._wait, self._phase = 0, 0.0, 0
+            self._wait, self._phase = 0.0, 0
         return self._phase > 0
 
     def _lead(self, tool: Array, way: WayState) -> tuple[Array, float]:
@@ -180,30 +184,32 @@ class ScriptedAmbulating(ToolScript[Ambulating]):
 
     def _push(self, tool: Array) -> tuple[Array, float]:
         """Return where the tool goes to push a lever down, or a panel aside by its bar."""
-        at = self._task.state.handle
-        beside = np.array((0.0, 0.0, 1.0))
+        at, beside = self._task.state.handle, np.array((0.0, 0.0, 1.0))
         if self._task.hardware == "slider":
             beside = np.array((-self._task.approach.slides_along, 0.0, 0.0))
-            if self._task.state.opening > DEEPER and not self._is_deep:
-                self._is_deep, self._stage = True, 0
-            at = at - (0.0, 0.0 if self._is_deep else self._shy, 0.0)
-        if self._stage == 2 and float((tool - at) @ beside) < -PAST:
-            self._stage = 0
-            if self._task.state.opening < MISSED:  # its fingers end before the bar
-                self._shy -= BOLDER
-        places = (at + OFF * beside - (0.0, OUT, 0.0), at + OFF * beside)
-        if self._stage < 2:
-            if math.dist(tool, places[self._stage]) < NEAR:
-                self._stage += 1
-            else:
-                return places[self._stage], FAST
-        elif self._is_stuck():
-            self._stage = 0
-            return tool, SLOW
-        return at - LEAD * beside, SLOW
+            # Where the wall is beside the bar no longer, there is room for the whole finger.
+            at = at - (0.0, 0.0 if self._task.state.opening > DEEPER else self._shy, 0.0)
+        off = tool - at
+        along = float(off @ beside)
+        aside = off - along * beside
+        has_passed, self._pushes = self._pushes and along < -PAST, False
+        if has_passed and self._task.state.opening < MISSED:  # its fingers end before the bar
+            self._shy = max(self._shy - BOLDER, 0.0)
+        if (
+            along > -PAST
+            and np.linalg.norm(aside) < BESIDE[self._task.hardware]
+            and not self._is_stuck()
+        ):
+            self._pushes = True
+            return at + max(-LEAD, along - SLOW / GAIN) * beside, SLOW
+        # First before the place beside it, then in.
+        out = max(OFF - along, float(np.linalg.norm(aside * (1.0, 0.0, 1.0)))) / NEAR - 1.0
+        if out >= 1.0:
+            self._idle = 0.0
+        return at + OFF * beside - (0.0, OUT * min(max(out, 0.0), 1.0), 0.0), FAST
 
     def _is_stuck(self) -> bool:
-        """Return whether a panel did not move for long; the hand then pauses, and comes anew."""
+        """Return whether a panel did not move for long; the hand then comes anew."""
         if self._task.hardware != "slider":
             return False
         self._idle += self._task.control_dt
@@ -212,16 +218,10 @@ class ScriptedAmbulating(ToolScript[Ambulating]):
         return self._idle > PATIENCE
 
     def _knob(self, tool: Array) -> tuple[Array, float]:
-        """Return where the tool goes to hold a knob."""
-        at = self._task.state.handle
-        places = (at - (0.0, OUT, 0.0), at + (0.0, DEEP, 0.0))
-        if self._stage < 2:
-            if math.dist(tool, places[self._stage]) < NEAR:
-                self._stage += 1
-            else:
-                return places[self._stage], FAST
-        if self._stage == 2:
-            self._wait += self._task.control_dt
-            if self._wait >= CLOSING:
-                self._stage = 3
-        return places[1], SLOW
+        """Return where the tool goes to hold a knob: before it, in, and in again where it slipped off."""
+        off = tool - self._task.state.handle - (0.0, DEEP, 0.0)
+        self._holds = float(np.linalg.norm(off)) < (LOST if self._holds else TAKEN)
+        if self._holds:
+            return tool - off, SLOW
+        out = math.hypot(off[0], off[2]) / NEAR - 1.0
+        return tool - off - (0.0, OUT * min(max(out, 0.0), 1.0), 0.0), FAST

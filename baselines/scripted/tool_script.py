@@ -19,7 +19,7 @@ from rcare_marl.body import Body
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.task import Task
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, Vector, conjugate, multiply, rotation_vector
+from rcare_marl.pose import Array, Pose, Vector, turn_to
 
 T = TypeVar("T", bound=Task)
 
@@ -95,7 +95,7 @@ def limited(velocity: Array, most: float) -> Array:
 
 def turning(wanted: Vector, now: Vector, gain: float = 2.0) -> Array:
     """Return the turn from one orientation to a wanted one, quaternions, times a gain [rad/s], [3]."""
-    return gain * rotation_vector(multiply(wanted, conjugate(now)))
+    return gain * turn_to(wanted, now)
 
 
 class Detour:

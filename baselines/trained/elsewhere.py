@@ -96,11 +96,14 @@ def differences(env: CareEnv, file: PolicyFile) -> dict[str, Any]:
         out["home"] = home or "a bare floor"
     if place.level not in {cast.get("level") or USUAL_LEVEL for cast in casts}:
         out["level"] = place.level
-    learned_in = load(type(env.task).Options, dict(recipe.get("options", {})), "options")
-    for field in dataclasses.fields(learned_in):
-        now, then = (getattr(o, field.name) for o in (env.task.options, learned_in))
-        is_among = isinstance(now, tuple) and set(now) <= set(then)  # some of what it met
-        if field.name not in COMMON and now != then and not is_among:
+    kind = type(env.task).Options
+    given = [{**recipe.get("options", {}), **each.get("options", {})} for each in variants]
+    learned_in = [load(kind, options, "options") for options in given]
+    for field in dataclasses.fields(kind):
+        now = getattr(env.task.options, field.name)
+        met = [getattr(o, field.name) for o in learned_in]
+        is_among = isinstance(now, tuple) and any(set(now) <= set(then) for then in met)
+        if field.name not in COMMON and now not in met and not is_among:
             out[f"options.{field.name}"] = now
     return out
 

@@ -15,7 +15,7 @@ class ToothBrushingState(State):
     """What tooth brushing reads."""
 
     bristles: Array  # their middle [m], shape [3]
-    turn: Array  # how the brush is turned, a quaternion, shape [4]
+    to_turn: Array  # by how much it is to be turned to go in to the next quadrant [rad], shape [3]
     axis: Array  # along the handle to the head, a unit vector, shape [3]
     mouth: Array  # between the lips [m], shape [3]
     face: Array  # where the face looks, a unit vector, shape [3]

@@ -12,7 +12,7 @@ import numpy as np
 
 from rcare_marl.agents.people.human import Human
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, quaternion_from_matrix, turn_to
 from rcare_marl.world import World
 
 from ..devices import Device
@@ -52,6 +52,9 @@ MISS, MISS_TURN = 0.01, 0.15
 OTHER_WAY = 1.0
 # [m] from the skin, on the way that a robot must reach.
 GAPS = (START_GAP[1], START_GAP[0], 0.03, 0.002)
+# Side, hold and posture, or why not, by who, which robot and which site: the search is long, and people of
+# a population come again.
+_FOUND: dict[str, tuple[str, Hold, Array] | ConfigError] = {}
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class ScratchingState(State):
     """What scratching reads."""
 
     tip: Array  # of the tool [m], shape [3]
-    turn: Array  # how the tool is turned, a quaternion, shape [4]
+    to_turn: Array  # by how much it is to be turned to point into the skin [rad], shape [3]
     itch: Array  # where it itches [m], shape [3]
     said: Array  # where the person says that it does [m], shape [3]
     out: Array  # out of the skin there, a unit vector, shape [3]
@@ -149,13 +152,23 @@ class Scratching(Meal):
         Raises:
             ConfigError: If it can on neither side.
         """
-        own = self.options.mount
-        self._side[site] = own
-        try:
-            return self._hold_there(world, site)
-        except ConfigError:
-            self._side[site] = "left" if own == "right" else "right"
-            return self._hold_there(world, site)
+        person, robot, own = self.recipient, self.robot, self.options.mount
+        who = (person.avatar, person.posture, person.movable, robot.config, robot.body.base_pose())
+        is_bare = self.place.room is None
+        key = repr((*who, own, site, is_bare))
+        if key not in _FOUND or not is_bare:  # furniture is in the way as well
+            for self._side[site] in (own, "left" if own == "right" else "right"):
+                try:
+                    hold = self._hold_there(world, site)
+                    _FOUND[key] = self._side[site], hold, self._near[site]
+                    break
+                except ConfigError as refusal:
+                    _FOUND[key] = refusal
+        found = _FOUND[key]
+        if isinstance(found, ConfigError):
+            raise found.with_traceback(None)
+        self._side[site], hold, self._near[site] = found
+        return hold
 
     def _hold_there(self, world: World, site: Site) -> Hold:
         """Find how the tool leans and is rolled for a site on the side that is set."""
@@ -249,7 +262,7 @@ class Scratching(Meal):
         return ScratchingState(
             **vars(now),
             tip=tip,
-            turn=np.array(self.tool.pose.quaternion),
+            to_turn=turn_to(self.tool_quaternion(out), self.tool.pose.quaternion),
             itch=itch,
             said=itch + self._said_in_world(),
             out=out,
@@ -280,6 +293,7 @@ class Scratching(Meal):
             Seen("tip_position", "m", 3, lambda s: s.tip),
             Seen("tip_to_itch", "m", 3, lambda s: s.said - s.tip),
             Seen("itch_out", "1", 3, lambda s: s.out),
+            Seen("tool_to_turn", "rad", 3, lambda s: s.to_turn),
             Seen("itch_site", "1", len(SITES), lambda s: s.site),
             Seen("tool_force", "N", 1, lambda s: s.press),
             Seen("tool_speed", "m/s", 1, lambda s: s.speed),

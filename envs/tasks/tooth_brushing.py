@@ -13,7 +13,7 @@ import numpy as np
 from rcare_marl.agents.people.behaviour.behaviour_tree import BehaviourTree, eat_when_fed
 from rcare_marl.agents.robots.kinematics import IkResult
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, quaternion_from_matrix, turn_to
 from rcare_marl.world import World
 
 from ..broadcast import clip, norm, where
@@ -251,7 +251,7 @@ class ToothBrushing(Meal):
         return ToothBrushingState(
             **vars(now),
             bristles=bristles,
-            turn=np.array(pose.quaternion),
+            to_turn=turn_to(self.brush_quaternion(into[left]), pose.quaternion),
             axis=pose.matrix()[:3, 2],
             mouth=mouth,
             face=face,
@@ -285,6 +285,7 @@ class ToothBrushing(Meal):
             Seen("bristles_to_teeth", "m", 3, lambda s: s.to_next),
             Seen("teeth_outward", "1", 3, lambda s: s.next_outward),
             Seen("teeth_along", "1", 3, lambda s: s.next_into),
+            Seen("brush_to_turn", "rad", 3, lambda s: s.to_turn),
             Seen("face_direction", "1", 3, lambda s: s.face),
             Seen("jaw_opening", "rad", 1, lambda s: s.jaw),
             Seen("in_mouth", "1", 1, lambda s: where(s.is_inside, 1.0, 0.0)),
