@@ -21,10 +21,10 @@ try {
   });
   await page.goto(`${job.url}/index.html`);
   for (const word of job.words) {
-    await page.fill('input[name="query"]', '');
-    await page.waitForFunction(() => !document.querySelector('.md-search-result__list > li'));
-    await page.fill('input[name="query"]', word);
-    await page.waitForSelector('.md-search-result__list > li');
+    await page.reload(); // nothing is left of the word before
+    await page.click('input[name="query"]');
+    await page.keyboard.type(word);
+    await page.waitForSelector('.md-search-result__list > li', { state: 'attached' });
     out.found[word] = await page.$$eval('.md-search-result__list > li > a', (links) => links.map((each) => new URL(each.href).pathname.slice(1)));
   }
   const source = fs.readFileSync(`${job.web}/node_modules/axe-core/axe.min.js`, 'utf8');

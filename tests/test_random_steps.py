@@ -25,6 +25,7 @@ COACHING = ("group_coaching", "social_coaching")
 # Of all steps, by what a step costs: with particles a hundredth each, most for the cheapest.
 COSTLY = ("dressing", "drinking", "phyrc_bathing", "phyrc_dressing")
 SHARES = dict.fromkeys(COSTLY, 0.01) | dict.fromkeys(COACHING, 0.02) | {"toileting": 0.42}
+SLACK = ("limb_repositioning", "recipient")  # a slack arm slips off the armrest: refused by name
 HELD = (1, 15)  # control steps that an action is held, in turn: the longer, the farther all gets
 LOOK = 20  # steps between two looks at every body and particle
 SUNK = 0.03  # [m] that something thrown may sink before the floor has stopped it
@@ -39,8 +40,10 @@ def casts(task: str) -> list[dict[str, Any]]:
         if part.kind is Robot:
             others = task_class(task).reachable_by or ()
         found += [{role: name} for name in sorted(others) if part.default not in (None, name)]
-        if part.kind is Human and part.default is not None:
-            found.append({role: {"actuation": "muscle"}})
+        if part.kind is Human and part.default is not None and (task, role) != SLACK:
+            # Who also grasps or walks takes actions that no muscle has.
+            action = {"excitation": "posture"} if part.moves else {}
+            found.append({role: {"actuation": "muscle", **action}})
     return found
 
 

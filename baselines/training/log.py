@@ -118,7 +118,9 @@ class TrainingLog:
             yield
         except OSError as error:
             where = self._path.parent
-            raise ConfigError(f"cannot write curves in {where}: {error.strerror or error}") from error
+            raise ConfigError(
+                f"cannot write curves in {where}: {error.strerror or error}"
+            ) from error
 
     def _write_rows(self) -> None:
         out = io.StringIO()
