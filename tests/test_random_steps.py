@@ -109,7 +109,8 @@ def test_random_steps_stay_finite_in_their_spaces_and_above_the_floor(case: Any)
                 assert low > -SUNK, f"{what} is {-low:.3f} m below the floor in episode {episode}"
             if step == steps // 3:
                 used = process.memory_info().rss
-        assert process.memory_info().rss - used < GROWTH
+        grown = process.memory_info().rss - used
+        assert grown < GROWTH, f"{grown:,} bytes more after {steps:,} steps"
 
 
 def test_every_task_has_its_share_of_a_million_steps() -> None:
