@@ -19,9 +19,8 @@ try {
   page.on('request', (request) => {
     if (!request.url().startsWith(job.url) && !/^(data|blob):/.test(request.url())) out.outside.push(request.url());
   });
-  await page.goto(`${job.url}/index.html`);
   for (const word of job.words) {
-    await page.reload(); // nothing is left of the word before
+    await page.goto(`${job.url}/index.html`, { waitUntil: 'networkidle' }); // nothing is left of the word before
     await page.click('input[name="query"]');
     await page.keyboard.type(word);
     await page.waitForSelector('.md-search-result__list > li', { state: 'attached' });
@@ -29,8 +28,7 @@ try {
   }
   const source = fs.readFileSync(`${job.web}/node_modules/axe-core/axe.min.js`, 'utf8');
   for (const name of job.pages) {
-    await page.goto(`${job.url}/${name}`);
-    await page.waitForLoadState('networkidle');
+    await page.goto(`${job.url}/${name}`, { waitUntil: 'networkidle' });
     await page.evaluate(source);
     const { violations } = await page.evaluate(() => window.axe.run());
     out.violations.push(...violations.map(({ id, nodes }) => `${name}: ${id} at ${nodes.map(({ target }) => target).join(', ')}`));

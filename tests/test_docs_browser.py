@@ -29,7 +29,7 @@ WANTED = {  # a word, and a page that its search has to name
     "checkpoint": "learning.html",
     "curriculum": "curriculum.html",
     "aruco": "sensors.html",
-    "xpbd": "tissue.html",
+    "xpbd": "paper.html",
     "temperament": "co_training.html",
     "audit": "homes.html",
     "tremor": "actuation.html",
@@ -41,7 +41,7 @@ WANTED = {  # a word, and a page that its search has to name
     "gravity": "export.html",
     "headset": "coaching_page.html",
     "mujoco": "engines.html",
-    "parallel_env": "start.html",
+    "parallel_env": "reference/environments.html",
 }
 
 

@@ -80,4 +80,5 @@ def on_post_page(output: str, *, page: Page, config: MkDocsConfig) -> str:
     output = re.sub(
         r'<nav class="md-nav" aria-label="[^"]*">', '<nav class="md-nav" role="none">', output
     )
+    output = output.replace("<table>", '<table tabindex="0">')  # a wide one scrolls
     return re.sub(r"(<pre[^>]*>(?:<span></span>)?)<code", r'\1<code tabindex="0"', output)
