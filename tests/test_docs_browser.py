@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -65,7 +66,7 @@ def test_the_site_finds_twenty_words_and_bars_nobody(tmp_path: Path) -> None:
     assert not seen["violations"], "\n".join(seen["violations"])
 
 
-def look(folder: Path, site: Path) -> dict[str, list[str]]:
+def look(folder: Path, site: Path) -> dict[str, Any]:
     """Serve the site on this computer, and return what the driver saw of it."""
     handler = functools.partial(Quiet, directory=str(site))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:

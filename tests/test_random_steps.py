@@ -17,6 +17,7 @@ from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.registry import task_class
+from rcare_marl.soft.soft_object import ParticleObject
 from rcare_marl.soft.soft_world import SoftWorld
 
 STEPS = 1_000_000
@@ -70,8 +71,9 @@ def lowest(env: CareEnv) -> tuple[float, str]:
     assert floor.name == "floor"
     moving = [each for each in others if each.mass() > 0 and each.solid_links()]
     found = [(env.world.separation(each, floor, within=1.0), each.name) for each in moving]
-    for each in SoftWorld.of(env.world).objects if env.world.matter else ():
-        found.append((float(each.points[:, 2].min()), type(each).__name__))
+    soft = SoftWorld.of(env.world).objects if env.world.matter else []
+    particles = [each for each in soft if isinstance(each, ParticleObject)]
+    found += [(float(each.positions[:, 2].min()), each.name) for each in particles]
     return min(found)
 
 
