@@ -60,6 +60,9 @@ def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: 
     """Let links to pages at the top find them; what is no page, such as a file of code, is named only."""
     for origin, name in TOP.items():
         markdown = re.sub(rf"\]\((?:\.\./)?{origin}", f"]({name}", markdown)
+    markdown = re.sub(r"\]\((notebooks/\w+)\.ipynb\)", r"](\1.md)", markdown)
+    if page.file.src_uri.startswith("notebooks/"):
+        return markdown  # whose links lead to pages
     there = r"\[([^\]]*)\]\((?:\.\./[^)]*|LICENSE|NOTICE|CITATION\.cff)\)"
     return re.sub(there, r"\1", markdown)
 
