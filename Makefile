@@ -33,7 +33,7 @@ test-all: $(STAMP)  ## all tests, the slow ones too
 
 # `make test` runs these, too, where all that they need is installed.
 test-browser: $(STAMP) browser  ## our pages in Chromium with an emulated headset; installs what is missing
-	@RCARE_MARL_REQUIRE_BROWSER=1 $(BIN)/python -m pytest -q -rs -m "" tests/test_coach_browser.py tests/test_teleoperation_browser.py $(ARGS)
+	@RCARE_MARL_REQUIRE_BROWSER=1 $(BIN)/python -m pytest -q -rs -m "" tests/test_coach_browser.py tests/test_teleoperation_browser.py tests/test_docs_browser.py $(ARGS)
 
 browser:  ## what test-browser needs: Chromium (by apt-get, as root) and the page's npm packages
 	@set -e; \

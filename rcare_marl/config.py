@@ -156,9 +156,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
             for k, v in value.items()
         }
     if origin is typing.Literal:
-        if value not in args or isinstance(value, bool) != isinstance(
-            args[args.index(value)], bool
-        ):
+        if not any(type(value) is type(each) and value == each for each in args):
             raise UnknownNameError(f"value for {where}", _text(value), [str(a) for a in args])
         return value
     if isinstance(value, int) and abs(value) > LARGEST_NUMBER:

@@ -29,6 +29,7 @@ from rcare_marl.envs.devices.device_model import load_device
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 _BLOCK = re.compile(
     r"^(?: *<!-- test: (?P<marks>[^\n]*) -->\n)?(?P<indent> *)```(?P<kind>\w*)\n(?P<code>.*?)^ *```$",
     re.DOTALL | re.MULTILINE,
@@ -77,6 +78,11 @@ def _blocks() -> list[Block]:
             marks = tuple(mark.strip() for mark in (match["marks"] or "").split(";") if mark)
             code = re.sub(rf"^{match['indent']}", "", match["code"], flags=re.MULTILINE)
             found.append(Block(page, line, match["kind"], code, marks))
+    for book in NOTEBOOKS:  # each as one block, with its marks among what it says of itself
+        data = json.loads(book.read_text(encoding="utf-8"))
+        cells = ["".join(c["source"]) for c in data["cells"] if c["cell_type"] == "code"]
+        marks = tuple(data["metadata"]["rcare_marl"]["test"])
+        found.append(Block(book, 1, "python", "\n".join(cells), marks))
     return found
 
 
@@ -210,8 +216,37 @@ def test_the_site_builds_strictly_fetches_nothing_and_is_searched(tmp_path: Path
     entries = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))[
         "docs"
     ]
-    text = " ".join(entry["title"] + " " + entry["text"] for entry in entries).lower()
-    words = (
-        "spasticity make_batch wheelchair replay checkpoint curriculum aruco xpbd temperament audit"
+    found = {
+        entry["location"].partition("#")[0] for entry in entries
+    }  # test_docs_browser.py asks it
+    assert found >= {f"notebooks/{book.stem}.html" for book in NOTEBOOKS} and len(NOTEBOOKS) == 3
+
+
+def test_every_link_leads_to_a_file_and_a_heading_that_are_there() -> None:
+    broken = []
+    for page in PAGES:
+        for target in _links(page.read_text(encoding="utf-8")):
+            place, _, anchor = target.partition("#")
+            file = (page.parent / place).resolve() if place else page
+            if not file.exists():
+                broken.append(f"{page.name}: {target}")
+            elif anchor and anchor not in _headings(file):
+                broken.append(f"{page.name}: {target}")
+    assert not broken, "\n".join(broken)
+
+
+def _links(text: str) -> list[str]:
+    """Return what a page links to in the repository."""
+    text = re.sub(r"^ *```.*?^ *```$|`[^`\n]*`", "", text, flags=re.DOTALL | re.MULTILINE)
+    found = re.findall(r"\]\(<?([^)\s>]+)>?(?: \"[^\"]*\")?\)", text)
+    return [each for each in found if not re.match(r"[a-z]+:", each)]
+
+
+def _headings(page: Path) -> set[str]:
+    """Return the anchors of a page's headings, as GitHub and the site name them."""
+    text = re.sub(
+        r"^ *```.*?^ *```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
     )
-    assert all(word in text for word in words.split())
+    titles = re.findall(r"^#+ (.+)$", text, flags=re.MULTILINE)
+    titles = [re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", each) for each in titles]
+    return {re.sub(r"[^\w\- ]", "", each.lower()).strip().replace(" ", "-") for each in titles}

@@ -148,6 +148,15 @@ def test_environments_alone_need_all_but_torch_and_pictures() -> None:
     assert every - few == TORCH | PICTURES and few < every
 
 
+def test_what_is_locked_are_the_versions_that_are_tested() -> None:
+    locked, pinned = (
+        set(re.findall(r"^([\w-]+==[\w.]+)", file.read_text().lower().replace("_", "-"), re.M))
+        for file in (ROOT / "docs" / "environments.lock", ROOT / "constraints.txt")
+    )
+    few = _names((ROOT / "docs" / "environments.txt").read_text().replace("_", "-").splitlines())
+    assert locked <= pinned and few <= {each.partition("==")[0] for each in locked}
+
+
 def test_environments_step_where_torch_and_pictures_are_missing() -> None:
     missing = sorted({"cv2", "imageio_ffmpeg", *TORCH, *PICTURES - {"opencv-python-headless"}})
     code = f"""

@@ -90,8 +90,11 @@ def save(
         if is_best:
             _keep(file, file.with_name(BEST))
         _force_folder(file.parent)
-    except OSError as error:
-        raise ConfigError(f"cannot write {file}: {error.strerror or error}") from error
+    except (OSError, RuntimeError) as error:  # Torch ends a file that it cannot write by the latter
+        cause = error if isinstance(error, OSError) else error.__context__
+        if not isinstance(cause, OSError):
+            raise
+        raise ConfigError(f"cannot write {file}: {cause.strerror or cause}") from error
 
 
 def _keep(file: Path, name: Path) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -74,7 +75,8 @@ class TrainingLog:
             self._read(at_step)
         self._write_rows()
         purge = at_step + 1 if at_step > 0 else None  # events after it are not shown
-        self._events: SummaryWriter | None = SummaryWriter(str(folder), purge_step=purge)
+        with self._writing():
+            self._events: SummaryWriter | None = SummaryWriter(str(folder), purge_step=purge)
 
     def _read(self, at_step: int) -> None:
         what = "the log of a training"
@@ -104,10 +106,21 @@ class TrainingLog:
         self._columns += [name for name in row if name not in self._columns]
         self._rows.append(row)
         self._write_rows()
-        for name, value in metrics.items():
-            section = next((s for s, names in SECTIONS.items() if name in names), "train")
-            self._events.add_scalar(f"{section}/{name}", value, step)
-        self._events.flush()
+        with self._writing():
+            for name, value in metrics.items():
+                section = next((s for s, names in SECTIONS.items() if name in names), "train")
+                self._events.add_scalar(f"{section}/{name}", value, step)
+            self._events.flush()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            where = self._path.parent
+            raise ConfigError(
+                f"cannot write curves in {where}: {error.strerror or error}"
+            ) from error
 
     def _write_rows(self) -> None:
         out = io.StringIO()
@@ -117,7 +130,8 @@ class TrainingLog:
         write_whole(self._path, out.getvalue().encode())
 
     def close(self) -> None:
-        """Close it; safe to call twice."""
-        if self._events is not None:
-            self._events.close()
-        self._events = None
+        """Close it; safe to call twice. ConfigError if what is left cannot be written."""
+        events, self._events = self._events, None
+        if events is not None:
+            with self._writing():
+                events.close()

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from tensordict import TensorDictBase
 
+from rcare_marl.atomic_file import write_whole
 from rcare_marl.baselines.algorithms import make_algorithm
 from rcare_marl.baselines.algorithms.network import ActorArrays
 from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
@@ -164,7 +165,6 @@ class Trainer:
                     demos = demonstrate(shown, config.demonstrations, config.seed)
                 self._say("copying the demonstrations")
                 algorithm.add_demonstrations(demos)
-            self.folder.mkdir(parents=True, exist_ok=True)
             self._write_beginnings()  # what cannot begin leaves no trace
         else:
             self._say("playing again what led to the checkpoint")
@@ -332,9 +332,9 @@ class Trainer:
         import yaml
 
         text = yaml.safe_dump(self.config.to_dict(), sort_keys=False)
-        (self.folder / "config.yaml").write_text(text, encoding="utf-8")
+        write_whole(self.folder / "config.yaml", text.encode())
         found = json.dumps(self._versions(), indent=2)
-        (self.folder / "versions.json").write_text(found + "\n", encoding="utf-8")
+        write_whole(self.folder / "versions.json", found.encode() + b"\n")
 
     def _result(self, reached: bool) -> TrainResult:
         groups, progress = list(self._algorithm.actor_arrays()), self._progress

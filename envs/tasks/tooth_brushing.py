@@ -83,7 +83,6 @@ class ToothBrushing(Meal):
         "franka_panda",
         "kinova_gen2",
         "kinova_gen3",
-        "pr2",
         "stretch_re1_dex",
         "ur5",
     )
