@@ -33,7 +33,10 @@ SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
 EASED, HEADWAY = 2.0, 0.03  # [s] in which the hem has to make so many [m], or the pull is eased
 EASE, OFF = 0.08, 0.02  # [m] that it goes back then, and farther off the leg with each time
 MOST_OFF = 0.06  # [m]
-CLOSE, NEARING = 0.006, 3.0  # [m] from trunk and arms to the robot, at least; [1/s] as it comes near them
+CLOSE, NEARING = (
+    0.006,
+    3.0,
+)  # [m] from trunk and arms to the robot, at least; [1/s] as it comes near them
 YIELDING = (0.5, 0.8)  # of the force limit: where the pull gets slower, and where it goes back
 AWAY = (0.05, 0.0, 0.06)  # [m] that the open hand goes
 
