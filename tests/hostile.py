@@ -19,16 +19,13 @@ def peak() -> int:
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
-BEFORE = peak()
-
-
 def try_out(call: Callable[[], Any], what: object) -> Any:
     """Return what a call gives, `REFUSED` where it refuses; nothing else may come of it."""
-    begun, result = time.process_time(), REFUSED
+    begun, before, result = time.process_time(), peak(), REFUSED
     try:
         result = call()
     except RcareError as error:
         assert len(str(error)) <= LONGEST
     assert time.process_time() - begun < SOON, f"slow: {what!r:.300}"
-    assert peak() - BEFORE < MOST, f"large: {what!r:.300}"
+    assert peak() - before < MOST, f"large: {what!r:.300}"
     return result
