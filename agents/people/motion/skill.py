@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 HAND_SPEED = 0.35  # [m/s] of a hand at its quickest
 GRIP_FORCE = 80.0  # [N] that a hand holds a limb with, along each axis: careful, not firm
 NEAR, NEAR_LADEN = 0.015, 0.03  # [m] from its goal at which a hand has arrived, free and holding
-PATIENCE = 2.0  # [s] that a hand is given to arrive after its movement should be over
+PATIENCE = 2.0  # [s] that a hand is given to arrive after its movement should be over, and to come nearer
+NEARER = 0.005  # [m] that is headway
 CORRECTION, LARGEST_CORRECTION = 1.5, 0.3  # [1/s] of what is left, to aim beside; [m] in all
 STEER = 0.15  # weight of a wished direction of palm or fingers, a radian against a metre
 STEERED = math.radians(30)  # that counts as well enough directed; only the place decides
@@ -178,6 +179,7 @@ class Reach(Skill):
         way = float(np.linalg.norm(self._goal - self._start))
         self._duration = max(PEAK * way / self._speed, owner.control_dt)
         self._since, self._rest = owner.world.time, owner.angles.copy()
+        self._least, self._patient = math.inf, self._since + self._duration + PATIENCE
         if not owner.can_reach(self._goal, self._near):
             owner.trouble = (
                 f"the {owner.side} arm does not reach {np.round(self._goal, 2)} from here"
@@ -217,7 +219,10 @@ class Reach(Skill):
         left = float(np.linalg.norm(self._goal - self._owner.hand()))
         if self._passed() >= self._duration and left < self._near:
             return True
-        if self._passed() < self._duration + PATIENCE:
+        if left < self._least - NEARER:
+            self._least = left
+            self._patient = max(self._patient, self._owner.world.time + PATIENCE)
+        if self._owner.world.time < self._patient:
             return False
         self._owner.trouble = (
             f"the hand stays {left:.2f} m from {np.round(self._goal, 2)}: something holds it back"
