@@ -83,7 +83,7 @@ class ModelCard:
         given = {
             key: value
             for key, value in file.recipe.items()
-            if key not in ("task", "residual", "hold", "views", "taught") and value
+            if key not in ("task", "residual", "hold", "physics_dt", "views", "taught") and value
         }
         return cls(
             name=place.stem,

@@ -190,6 +190,7 @@ class TrainConfig:
         residual: For learners that correct the scripted policy: how much they may, 0 to 2, of all values of
             the action or of each.
         hold: Control steps that an action of the learners lasts; steps are counted in these decisions.
+        physics_dt: Physics step [s] of the training.
         engine: What computes the motion, see `rcare_marl.make`.
         randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
         views: For learners, what their network reads of what they observe, see `ViewConfig`.
@@ -220,6 +221,7 @@ class TrainConfig:
     partners: dict[str, Any] = field(default_factory=dict)
     residual: dict[str, Any] = field(default_factory=dict)
     hold: int = 1
+    physics_dt: float = 1 / 240
     engine: str = "bullet"
     randomise: Any = None
     views: dict[str, Any] = field(default_factory=dict)

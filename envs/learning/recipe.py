@@ -69,6 +69,7 @@ class EnvRecipe:
             or one for each value of the action, 0 for what is left to the script.
         hold: Control steps that a learner's action lasts: a decision. Rewards and costs of these are
             summed. A script that is corrected acts in each of them.
+        physics_dt: Physics step [s]; where nobody is touched coarser ones teach as much in less time.
         engine: What computes the motion, see `rcare_marl.make`.
         randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
         views: For roles that learn, what their network reads of what they observe, see `ViewConfig`; all
@@ -90,6 +91,7 @@ class EnvRecipe:
     partners: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
     residual: Mapping[str, Scale] = field(default_factory=dict)
     hold: int = 1
+    physics_dt: float = 1 / 240
     engine: str = "bullet"
     randomise: Any = None
     views: Mapping[str, Any] = field(default_factory=dict)
@@ -198,6 +200,7 @@ class EnvRecipe:
             options={**self.options, **self._variant(variant).get(OPTIONS, {})},
             policies=policies,
             engine=self.engine,
+            physics_dt=self.physics_dt,
             randomise=self.randomise,
             **self.entries(variant),
         )
