@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.scenes.hanging_shorts import HOLD_START, tip
 from rcare_marl.envs.scenes.start_posture import room_beside
@@ -33,10 +34,10 @@ SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
 EASED, HEADWAY = 2.0, 0.03  # [s] in which the hem has to make so many [m], or the pull is eased
 EASE, OFF = 0.08, 0.02  # [m] that it goes back then, and farther off the leg with each time
 MOST_OFF = 0.06  # [m]
-CLOSE, NEARING = (
-    0.006,
-    3.0,
-)  # [m] from trunk and arms to the robot, at least; [1/s] as it comes near them
+CLOSE, NEARING = 0.006, 3.0  # [m] from trunk and arms, at least; [1/s] as it comes near them
+RETREAT = 0.05  # [m/s] along the leg, from which on it goes away from them
+BENT, UP = 0.03, 0.015  # [m] from the thigh, while the leg is bent and when it is up
+SHY = 8.0  # [1/s] to keep that
 YIELDING = (0.5, 0.8)  # of the force limit: where the pull gets slower, and where it goes back
 AWAY = (0.05, 0.0, 0.06)  # [m] that the open hand goes
 
@@ -53,6 +54,7 @@ class ScriptedDressing(ToolScript[Dressing]):
         self._along, self._left = HOLD_START, False
         self._caught = 0.0  # [s] in all
         self._hem, self._since, self._off = 0.0, 0.0, 0.0  # [m] as far as the hem was, [s] ago, [m]
+        self._shy = 0.0  # [m] farther off the leg, for its thigh
         self._turn = np.array(self._robot.tool_pose().quaternion)
         self._out = np.zeros(3)
 
@@ -71,9 +73,10 @@ class ScriptedDressing(ToolScript[Dressing]):
             self._left, self._out = True, here + AWAY
         if self._left:
             return self._out
-        goal = tip(task.leg, self._along) + self._off * task.leg.front(self._along)
-        lag = float(np.linalg.norm(goal - here))
         is_up = float(np.linalg.norm(task.state.to_lifted)) < LIFTED
+        self._keep_off(is_up)
+        goal = tip(task.leg, self._along) + (self._off + self._shy) * task.leg.front(self._along)
+        lag = float(np.linalg.norm(goal - here))
         if is_up and lag < LAG:
             low, high = (share * task.force_limit for share in YIELDING)
             eager = min(max((high - task.state.force) / (high - low), -1.0), 1.0)
@@ -90,8 +93,19 @@ class ScriptedDressing(ToolScript[Dressing]):
         task = self._task
         room = room_beside(self._robot.body, task.recipient.body, task.world)
         onward = task.leg.direction(task.leg.shank + task.leg.thigh)
-        excess = float(wished @ onward) - NEARING * (room - CLOSE)
-        return wished - max(excess, 0.0) * onward
+        most = NEARING * (room - CLOSE)
+        if float(wished @ onward) > -RETREAT:
+            wished = limited(wished, max(most, 0.0))
+        return wished + min(most, 0.0) * onward
+
+    def _keep_off(self, is_up: bool) -> None:
+        """Go farther off the leg where its thigh comes near, and back again; the more while it is bent."""
+        task, person = self._task, self._task.recipient
+        thigh = (person.body, person.frames[JOINT_INDEX[f"{task.side}_hip"]].link)
+        wanted = UP if is_up else BENT
+        room = min(task.world.gaps([thigh], self._robot.body, within=2 * BENT))
+        self._shy += SHY * (wanted - room) * task.control_dt
+        self._shy = min(max(self._shy, 0.0), MOST_OFF)
 
     def _ease(self) -> None:
         """Go back if the hem makes no headway."""
