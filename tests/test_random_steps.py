@@ -30,7 +30,7 @@ SLACK = ("limb_repositioning", "recipient")  # a slack arm slips off the armrest
 HELD = (1, 15)  # control steps that an action is held, in turn: the longer, the farther all gets
 LOOK = 20  # steps between two looks at every body and particle
 SUNK = 0.03  # [m] that something thrown may sink before the floor has stopped it
-GROWTH = 8e6  # [bytes] of the process in the last two thirds of its steps
+GROWTH = 64e6  # [bytes] of the process in the last two thirds of its steps, compiling included
 
 
 def casts(task: str) -> list[dict[str, Any]]:
