@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 HAND_SPEED = 0.35  # [m/s] of a hand at its quickest
 GRIP_FORCE = 80.0  # [N] that a hand holds a limb with, along each axis: careful, not firm
 NEAR, NEAR_LADEN = 0.015, 0.03  # [m] from its goal at which a hand has arrived, free and holding
-PATIENCE = 2.0  # [s] that a hand is given to arrive after its movement should be over, and to come nearer
+PATIENCE = (
+    2.0  # [s] that a hand is given to arrive after its movement should be over, and to come nearer
+)
 NEARER = 0.005  # [m] that is headway
 CORRECTION, LARGEST_CORRECTION = 1.5, 0.3  # [1/s] of what is left, to aim beside; [m] in all
 STEER = 0.15  # weight of a wished direction of palm or fingers, a radian against a metre
