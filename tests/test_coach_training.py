@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,7 +14,7 @@ from rcare_marl.baselines.training.trainer import train
 from rcare_marl.errors import ConfigError
 
 BRIEF = {"envs": 2, "workers": 0, "steps": 16, "interval": 16, "evaluation_episodes": 1}
-PEOPLE = {  # who turn their heads only, so that a session is short
+PEOPLE: dict[str, dict[str, Any]] = {  # who turn their heads only, so that a session is short
     "social_coaching": {"variants": [{"recipient": "jose"}]},
     "group_coaching": {"cast": {"recipient": "jose", "second_recipient": "morgan"}},
 }

@@ -198,7 +198,7 @@ def test_a_residual_has_a_scale_for_each_value_or_is_refused() -> None:
     np.testing.assert_allclose(given[0], np.clip(base - scales, -1, 1), atol=1e-6)
     env.close()
     with pytest.raises(ConfigError, match="2 scales, and an action 6 values"):
-        LearnerEnv(EnvRecipe("feeding", residual={"robot": [0.5, 0.5]}))
+        LearnerEnv(EnvRecipe("feeding", residual={"robot": (0.5, 0.5)}))
 
 
 def test_an_action_that_is_held_is_as_if_it_were_given_so_often_and_sums_what_it_pays() -> None:
