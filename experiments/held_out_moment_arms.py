@@ -3,8 +3,9 @@
 Nothing of ours is fitted to them or chosen by them. MyoArm descends from Saul 2015 and Holzbaur 2005; MyoLegs
 from Rajagopal 2016, to which our legs were once fitted. A moment arm is -dL/dq by a difference of the
 tendon's length, about the right side's joint. Joints that the model couples to it (the knee's gliding, the
-kneecap, the shoulder girdle) move along. With the girdle held still instead, MyoArm's own anterior deltoid
-would lower a raised arm: its paths are made for the rhythm of both.
+kneecap) move along. The shoulder girdle (`held` in the YAML) is placed by MyoArm's rhythm; in `arm_mm` it is
+then held, so that the arm is that about the joint between blade and humerus, as specimens are measured; in
+`coupled_mm` it moves along, which carries the joint's centre with the clavicle, as ours does not.
 
 How the joints correspond was checked with muscles whose sign nobody doubts (`sure` in its YAML); the script
 stops if one of them is against it.
@@ -27,7 +28,7 @@ import typer
 from rcare_marl.config import read_yaml
 
 FILE = Path(__file__).parents[1] / "assets" / "muscles" / "held_out_moment_arms.csv"
-COLUMNS = ("model", "version", "region", "muscle", "dof", "posture_deg", "arm_mm")
+COLUMNS = ("model", "version", "region", "muscle", "dof", "posture_deg", "arm_mm", "coupled_mm")
 STEP = 1e-4  # [rad]
 TURNED = 5.0  # [mm] by which a muscle would turn a joint the wrong way
 LEAST = 0.2  # [mm] below which a muscle does not cross a joint
@@ -56,14 +57,20 @@ class Model:
             driver = self.model.joint(self.model.eq_obj2id[e]).name
             self._couplings.append((name, driver, tuple(self.model.eq_data[e][:5])))
 
-    def lengths(self, angles: dict[str, float]) -> dict[str, float]:
-        """Return the length of each tendon that an actuator pulls, at joint angles [rad] [m]."""
+    def lengths(self, angles: dict[str, float], held: dict[str, float]) -> dict[str, float]:
+        """Return the length of each tendon that an actuator pulls, at joint angles [rad] [m].
+
+        Args:
+            angles: Of the joints that are set.
+            held: Of the same joints, where the held ones of the girdle are placed.
+        """
         self.data.qpos[:] = self.model.qpos0
         for name, value in angles.items():
             self.data.qpos[self.model.joint(name).qposadr[0]] = value
         for name, driver, figures in self._couplings:
             to, of = (self.model.joint(n).qposadr[0] for n in (name, driver))
-            x = self.data.qpos[of] - self.model.qpos0[of]
+            is_held = name in PLAN["held"].split() and driver in held
+            x = (held[driver] if is_held else self.data.qpos[of]) - self.model.qpos0[of]
             self.data.qpos[to] = self.model.qpos0[to] + sum(c * x**k for k, c in enumerate(figures))
         self._mujoco.mj_forward(self.model, self.data)
         names = [self.model.actuator(i).name for i in range(self.model.nu)]
@@ -72,12 +79,10 @@ class Model:
             name: float(self.data.ten_length[t]) for name, t in zip(names, tendons, strict=True)
         }
 
-    def arms(self, angles: dict[str, float], joint: str) -> dict[str, float]:
-        """Return -dL/dq of each muscle about a joint [mm]."""
-        ends = [
-            self.lengths({**angles, joint: angles.get(joint, 0.0) + sign * STEP})
-            for sign in (1, -1)
-        ]
+    def arms(self, angles: dict[str, float], joint: str, is_held: bool) -> dict[str, float]:
+        """Return -dL/dq of each muscle about a joint [mm], the girdle held or following."""
+        turned = [{**angles, joint: angles.get(joint, 0.0) + sign * STEP} for sign in (1, -1)]
+        ends = [self.lengths(turn, angles if is_held else turn) for turn in turned]
         return {name: (ends[1][name] - ends[0][name]) / (2 * STEP) * 1e3 for name in ends[0]}
 
 
@@ -126,14 +131,15 @@ def rows() -> Iterator[dict[str, str]]:
             angles = {joint: math.radians(value) for joint, value in posture.items()}
             for joint in grid["joints"].split():
                 dof, sign = our_dof(joint, posture.get("elv_angle_r") == 90)
-                arms = model.arms(angles, joint)
+                arms = model.arms(angles, joint, is_held=True)
+                coupled = model.arms(angles, joint, is_held=False)
                 for muscle in own:
                     sure = PLAN["sure"].get(muscle, {}).get(joint)
-                    if sure is not None and sure * arms[muscle] < -TURNED:
+                    if sure is not None and sure * coupled[muscle] < -TURNED:
                         raise SystemExit(
-                            f"{muscle} turns {joint} the wrong way at {posture}: {arms[muscle]:.1f} mm"
+                            f"{muscle} turns {joint} the wrong way at {posture}: {coupled[muscle]:.1f} mm"
                         )
-                    if abs(arms[muscle]) >= LEAST:
+                    if max(abs(arms[muscle]), abs(coupled[muscle])) >= LEAST:
                         yield {
                             "model": name,
                             "version": version,
@@ -142,6 +148,7 @@ def rows() -> Iterator[dict[str, str]]:
                             "dof": dof,
                             "posture_deg": our_posture(posture),
                             "arm_mm": f"{sign * arms[muscle]:.1f}",
+                            "coupled_mm": f"{sign * coupled[muscle]:.1f}",
                         }
 
 
