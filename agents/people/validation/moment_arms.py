@@ -1,6 +1,7 @@
 """Moment arms of the reference skeleton's muscles, against publications and against open models.
 
-MyoSuite's MyoArm was fitted by nobody here and nothing of ours was chosen by it, so its rows are held out.
+MyoSuite's MyoArm was fitted by nobody here, so its rows are held out; docs/muscles.md says what of it was
+looked at.
 MyoLegs descends from Rajagopal 2016, to which our leg paths were once fitted: agreement with it proves
 little, and its rows count as fitted. `experiments/held_out_moment_arms.py` wrote the rows and says how.
 
