@@ -21,6 +21,7 @@ from rcare_marl.agents.robots.control.tool_delta import ToolDelta
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.engines.bullet_rows import physics_step
 from rcare_marl.errors import ConfigError, check_type, shown
+from rcare_marl.tree.least_squares import put
 from rcare_marl.world import World
 
 Call = Callable[[], None]
@@ -127,7 +128,7 @@ def _advance(steps, scene, people, hold, before, watched):  # type: ignore[no-un
     places, state, inertia, rules, felt, touched = scene
     positions, velocities, applied = state[0], state[1], state[2]
     for step in range(steps):
-        before[:] = velocities
+        put(velocities, before)
         if people is not None:
             for person in people:
                 drive, ends, at, dofs = person

@@ -23,6 +23,7 @@ import numpy as np
 from rcare_marl.bullet import bullet
 
 from .pose import Array, matrix_from_quaternion
+from .tree.least_squares import put
 
 if TYPE_CHECKING:
     from .body import Body
@@ -135,24 +136,34 @@ class JointFeedback:
 
 
 @numba.njit(cache=True)
-def _inertia(row, turn):  # type: ignore[no-untyped-def]
-    """Return the spatial inertia about the centre of mass in the world, shape [6, 6]."""
-    out = np.zeros((6, 6))
+def _inertia(row, turn, out) -> None:  # type: ignore[no-untyped-def]
+    """Write the spatial inertia about the centre of mass in the world into zeros, shape [6, 6]."""
     for a in range(3):
         for b in range(3):
             for k in range(3):
                 out[a, b] += turn[a, k] * row[1 + k] * turn[b, k]
         out[3 + a, 3 + a] = row[0]
-    return out
 
 
 @numba.njit(cache=True)
 def _carry(arm):  # type: ignore[no-untyped-def]
     """Return what takes an acceleration to a point `arm` away, shape [6, 6]."""
-    out = np.eye(6)
+    out = np.zeros((6, 6))
+    for k in range(6):
+        out[k, k] = 1.0
     out[3, 1], out[3, 2] = arm[2], -arm[1]
     out[4, 0], out[4, 2] = -arm[2], arm[0]
     out[5, 0], out[5, 1] = arm[1], -arm[0]
+    return out
+
+
+@numba.njit(cache=True)
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    """Return the cross product, shape [3]."""
+    out = np.empty(3)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        out[k] = a[i] * b[j] - a[j] * b[i]
     return out
 
 
@@ -169,36 +180,38 @@ def _coriolis_wrenches(  # type: ignore[no-untyped-def]
     whole = np.zeros((count + 1, 6, 6))
     bias = np.zeros((count + 1, 6))
     motion, coriolis = np.zeros((count, 6)), np.zeros((count, 6))
-    whole[0] = _inertia(inertias[0], turns[0])
+    _inertia(inertias[0], turns[0], whole[0])
     for i in range(count):
-        whole[i + 1] = _inertia(inertias[i + 1], turns[i + 1])
+        _inertia(inertias[i + 1], turns[i + 1], whole[i + 1])
         about = turns[i + 1] @ axes[i, :3].copy()
-        motion[i, :3] = about
-        motion[i, 3:] = turns[i + 1] @ axes[i, 3:].copy() + np.cross(about, arms[i])
+        put(about, motion[i, :3])
+        put(turns[i + 1] @ axes[i, 3:].copy() + _cross(about, arms[i]), motion[i, 3:])
         step = motion[i] * speeds[i]
-        coriolis[i, :3] = np.cross(rates[i, :3], step[:3])
-        coriolis[i, 3:] = np.cross(rates[i, :3], step[3:]) + np.cross(rates[i, 3:], step[:3])
+        put(_cross(rates[i, :3], step[:3]), coriolis[i, :3])
+        put(_cross(rates[i, :3], step[3:]) + _cross(rates[i, 3:], step[:3]), coriolis[i, 3:])
     reach, grip, push = np.zeros((count, 6)), np.zeros(count), np.zeros(count)
     for i in range(count - 1, -1, -1):
-        reach[i] = whole[i + 1] @ motion[i]
+        put(whole[i + 1] @ motion[i], reach[i])
         grip[i] = motion[i] @ reach[i]
         push[i] = -(motion[i] @ bias[i + 1])
         passed = whole[i + 1].copy()
         force = bias[i + 1].copy()
         if grip[i] > 0:
-            passed -= np.outer(reach[i], reach[i]) / grip[i]
+            for a in range(6):
+                for b in range(6):
+                    passed[a, b] -= reach[i, a] * reach[i, b] / grip[i]
             force += reach[i] * (push[i] / grip[i])
         force += passed @ coriolis[i]
         carry = _carry(places[i + 1] - places[parents[i] + 1])
-        whole[parents[i] + 1] += carry.T @ passed @ carry
-        bias[parents[i] + 1] += carry.T @ force
+        inertia, pressed = whole[parents[i] + 1], bias[parents[i] + 1]
+        inertia += carry.T @ passed @ carry
+        pressed += carry.T @ force
     moved, out = np.zeros((count + 1, 6)), np.zeros((count, 6))
-    moved[0] = np.linalg.solve(whole[0], -bias[0])
+    put(np.linalg.solve(whole[0], -bias[:1].T)[:, 0], moved[0])
     for i in range(count):
-        carry = _carry(places[i + 1] - places[parents[i] + 1])
-        moved[i + 1] = carry @ moved[parents[i] + 1] + coriolis[i]
+        carry, here = _carry(places[i + 1] - places[parents[i] + 1]), moved[i + 1]
+        put(carry @ moved[parents[i] + 1] + coriolis[i], here)
         if grip[i] > 0:
-            free = (push[i] - reach[i] @ moved[i + 1]) / grip[i]
-            moved[i + 1] += motion[i] * free
-        out[i] = whole[i + 1] @ moved[i + 1] + bias[i + 1]
+            here += motion[i] * ((push[i] - reach[i] @ here) / grip[i])
+        put(whole[i + 1] @ here + bias[i + 1], out[i])
     return out

@@ -7,11 +7,16 @@ they fail, so that a machine that should have it cannot pass without.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterator
 from functools import cache
+from typing import TYPE_CHECKING
 
 import pytest
 
 from rcare_marl.errors import MissingPackageError, RenderingError
+
+if TYPE_CHECKING:
+    from rcare_marl.envs.care_env import CareEnv
 
 REQUIRED = "RCARE_MARL_REQUIRE_GL"
 # Read when Torch and BLAS are imported: beside other tests more threads would only wait for each other.
@@ -28,6 +33,23 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.fail(f"{REQUIRED} is set, but there is {missing}", pytrace=False)
     if missing:
         pytest.skip(missing)
+
+
+@pytest.fixture(scope="session")
+def usual() -> Iterator[Callable[[str], CareEnv]]:
+    """Give the environment of a task with its usual cast, made once: who changes settings restores them."""
+    import rcare_marl
+
+    made: dict[str, CareEnv] = {}
+
+    def of(task: str) -> CareEnv:
+        if task not in made:
+            made[task] = rcare_marl.make(task)
+        return made[task]
+
+    yield of
+    for env in made.values():
+        env.close()
 
 
 @cache

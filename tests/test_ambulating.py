@@ -101,22 +101,6 @@ def test_the_paper_rewards_rotation_of_handles_and_nearness_of_panels(scripted: 
         assert terms == {"rotation_angle": pytest.approx(0.0, abs=1e-3)}
 
 
-def test_random_actions_stay_finite(scripted: CareEnv) -> None:
-    level = task_of(scripted).place.level
-    env = rcare_marl.make("ambulating", level=level, options={"reward": "shaped"})
-    for role in env.possible_agents:
-        env.action_space(role).seed(0)
-    env.reset(seed=0)
-    for _ in range(100):
-        if env.is_over:
-            env.reset()
-        actions = {role: env.action_space(role).sample() for role in env.agents}
-        observations, rewards, _, _, _ = env.step(actions)
-        assert all(np.isfinite(seen).all() for seen in observations.values())
-        assert np.isfinite(list(rewards.values())).all()
-    env.close()
-
-
 def test_a_door_of_a_house_is_worked_where_a_chair_has_room() -> None:
     env = rcare_marl.make("ambulating", home="house_07", level=3, policies=BOTH)
     task = run(env, 0)

@@ -121,8 +121,10 @@ def state(env: CareEnv, seed: int) -> np.ndarray[Any, np.dtype[np.float32]]:
         for task in task_names()
     ],
 )
-def test_the_spread_is_that_of_what_a_task_randomises(task: str) -> None:
-    env, seeds = rcare_marl.make(task), range(1, 6)  # two may by chance be far apart
+def test_the_spread_is_that_of_what_a_task_randomises(
+    task: str, usual: Callable[[str], CareEnv]
+) -> None:
+    env, seeds = usual(task), range(1, 6)  # two may by chance be far apart
     whole = [state(env, seed) for seed in seeds]
     env.task.set_stage(spread=0.5)
     half = [state(env, seed) for seed in seeds]
@@ -130,7 +132,6 @@ def test_the_spread_is_that_of_what_a_task_randomises(task: str) -> None:
     none = [state(env, seed) for seed in seeds]
     env.task.set_stage()
     again = [state(env, seed) for seed in (1, 2)]
-    env.close()
     wide, narrow, nothing = (float(np.ptp(states, axis=0).max()) for states in (whole, half, none))
     assert nothing < 1e-3 and nothing < narrow < wide
     assert all(np.array_equal(a, b) for a, b in zip(whole, again, strict=False))

@@ -79,7 +79,7 @@ def test_the_robot_can_be_mounted_on_the_left() -> None:
     env.close()
 
 
-@pytest.mark.parametrize("robot", few(("nao", "stretch_re1", "fetch"), "nao", "fetch"))
+@pytest.mark.parametrize("robot", few(("nao", "stretch_re1", "fetch"), "nao"))
 def test_a_robot_that_cannot_reach_is_refused(robot: str) -> None:
     with pytest.raises(ConfigError, match="no arm that reaches"):
         rcare_marl.make("drinking", robot=robot)
@@ -186,37 +186,6 @@ def test_the_shaped_reward_has_its_own_terms() -> None:
     _, infos = env.reset(seed=0)
     assert {"water", "approach", "drunk", "comfort", "upright", "done"} <= set(infos["robot"])
     assert {"cost", "peak_pressure_pa", "spilled_share"} <= set(infos["robot"])
-    env.close()
-
-
-def test_the_same_seed_gives_the_same_episode(scripted: CareEnv) -> None:
-    ends = []
-    for _ in range(2):
-        scripted.reset(seed=7)
-        for _ in range(25):
-            scripted.step({})
-        water = task_of(scripted).water
-        ends.append(scripted.state().tobytes() + water.positions.tobytes())
-    assert ends[0] == ends[1]
-
-
-@pytest.mark.parametrize("most", few((90, 300), 90))
-def test_random_actions_leave_all_finite(most: int) -> None:
-    env = rcare_marl.make("drinking", options={"force_limit": 1e6})
-    rng = np.random.default_rng(0)
-    steps, seed = 0, 0
-    while steps < most:
-        env.reset(seed=seed)
-        seed += 1
-        while env.agents and steps < most:
-            steps += 1
-            actions = {
-                r: rng.uniform(-1, 1, env.action_space(r).shape).astype(np.float32)
-                for r in env.agents
-            }
-            env.step(actions)
-            assert np.isfinite(env.state()).all()
-            assert np.isfinite(task_of(env).water.positions).all()
     env.close()
 
 

@@ -23,7 +23,7 @@ from rcare_marl.tree.joint_tree import (
     new_frames,
     place,
 )
-from rcare_marl.tree.least_squares import bounded_step, rotation_vector
+from rcare_marl.tree.least_squares import bounded_step, put, rotation_vector
 from rcare_marl.world import GRAVITY
 
 DAMPING = 0.02  # of the least squares; keeps steps small near singular postures
@@ -255,17 +255,17 @@ def _solve(arrays, tip, goal, seed, lower, upper, rest, turn_weight, iterations)
     distance, angle = 0.0, 0.0
     for k in range(iterations + 1):
         place_chain(tree, tip, q, frames, here)
-        error[:3] = goal[:, 3] - here[:, 3]
-        error[3:] = rotation_vector(goal, here)
+        put(goal[:, 3] - here[:, 3], error[:3])
+        put(rotation_vector(goal, here), error[3:])
         distance = math.sqrt((error[:3] ** 2).sum())
         angle = math.sqrt((error[3:] ** 2).sum())
         if (distance < 1e-5 and turn_weight * angle < 1e-4) or k == iterations:
             break
         scale = min(1.0, 0.15 / max(distance, 1e-9), 0.5 / max(angle * turn_weight, 1e-9))
         matrix = jacobian(tree, frames, len(q) - 1, here[:, 3])
-        matrix[3:] *= turn_weight
+        np.multiply(matrix[3:], turn_weight, matrix[3:])
         wanted = error * scale
-        wanted[3:] *= turn_weight
+        np.multiply(wanted[3:], turn_weight, wanted[3:])
         pull = 0.05 * (rest - q) if k < iterations // 2 else np.zeros(len(q))
         # Far away the damping calms, close by it would only slow the last steps down.
         damping = DAMPING if distance + angle > 0.1 else 0.1 * DAMPING

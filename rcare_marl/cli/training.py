@@ -39,11 +39,6 @@ Configured = Annotated[
 COPIED = (CONFIG, "versions.json", "progress.csv")  # what goes along into another folder
 LOCK = ".lock"  # held while a training runs there
 AUTO, NEVER = "auto", "never"
-
-
-if TYPE_CHECKING:
-    from rcare_marl.baselines.training.config import TrainConfig
-
 EVERY = 30.0  # [s] between two lines where there is no terminal
 WINDOW = 30.0  # [s] over which the speed is measured
 Clock = Callable[[], float]

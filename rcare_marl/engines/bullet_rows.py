@@ -25,6 +25,7 @@ import numba
 import numpy as np
 
 from rcare_marl.pose import Array
+from rcare_marl.tree.least_squares import put
 
 from . import native
 from .caps import cut_speeds
@@ -90,7 +91,7 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
     call(places[native.STEP_1], model, data)
     call(places[native.ACCELERATION], model, data)
     cut_speeds(qvel, smooth, caps, dt)
-    acceleration[:] = smooth
+    put(smooth, acceleration)
     pushes[:] = acted[:] = 0.0
     touched[:] = False
     count = whole(data + places[native.NEFC], 1)[0]
@@ -125,7 +126,7 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
     if feels[0]:
         call(places[native.RNE], model, data)
         for k in range(len(kept)):
-            kept[k][:] = present[k]
+            np.multiply(present[k], 1.0, kept[k])
     call(places[native.EULER], model, data)
 
 

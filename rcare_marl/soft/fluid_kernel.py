@@ -398,7 +398,7 @@ def simulate(particles, neighbours, vessels, touching, impact, step) -> None:  #
     x, v, previous, active, near = particles
     met, weights, feel = neighbours.met, neighbours.weights, neighbours.feel
     for _ in range(step.substeps):
-        vessels.former[:] = vessels.now
+        np.multiply(vessels.now, 1.0, vessels.former)
         move_meetings(vessels.now, step.dt)
         if touching.size:
             move_meetings(impact.shapes.meetings, step.dt)

@@ -202,7 +202,7 @@ def line_point(force, moment, near, out) -> None:  # type: ignore[no-untyped-def
     """
     square = force[0] ** 2 + force[1] ** 2 + force[2] ** 2
     if square < 1e-18:
-        out[:] = near
+        out[0], out[1], out[2] = near[0], near[1], near[2]
         return
     along = (force[0] * near[0] + force[1] * near[1] + force[2] * near[2]) / square
     out[0] = (force[1] * moment[2] - force[2] * moment[1]) / square + force[0] * along

@@ -157,7 +157,8 @@ def sum_up(got, row, period, out) -> None:  # type: ignore[no-untyped-def]
         out[k] = got[k] / period
         apart += (out[3 + k] - middle[k]) ** 2
     if apart > row[TALL] ** 2:  # hardly any force, and a couple
-        out[3:] = middle
+        for k in range(3):
+            out[3 + k] = middle[k]
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")

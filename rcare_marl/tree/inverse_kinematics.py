@@ -16,7 +16,7 @@ import numpy as np
 from rcare_marl.pose import Array
 
 from .joint_tree import Ints, carried_moments, new_frames, place
-from .least_squares import rotation_vector, solve_rows
+from .least_squares import put, rotation_vector, solve_rows
 
 POSITION, ORIENTATION, DIRECTION, GAZE, BALANCE = range(5)
 ROWS = 3  # residuals of one goal
@@ -163,7 +163,7 @@ def evaluate(tree, problem, q, frames, out, wants) -> None:  # type: ignore[no-u
             for r in range(3):
                 residual[at + r] = w * (x[r] - row[_TARGET + r])
         elif kind == ORIENTATION:
-            phi[:] = rotation_vector(turn, row[_TARGET:].reshape(3, 3))
+            put(rotation_vector(turn, row[_TARGET:].reshape(3, 3)), phi)
             for r in range(3):
                 residual[at + r] = w * phi[r]
         elif kind == DIRECTION:
@@ -234,7 +234,7 @@ def _bounded(problem, here, q, damping, step) -> None:  # type: ignore[no-untype
         stiff[c] = problem.pull[k] + damping
         slope[c] = problem.pull[k] * (q[k] - problem.rest[k])
     for _ in range(_BOUND_ROUNDS):
-        b[:] = left
+        put(left, b)
         solve_rows(jacobian, free, slope, stiff, 1.0, b)
         blocked = False
         for c in range(count):
@@ -291,7 +291,7 @@ def search(tree, problem, q, iterations):  # type: ignore[no-untyped-def]
         if not better:
             break
         gain, cost = cost - trial_cost, trial_cost
-        now[:] = trial
+        put(trial, now)
         damping = max(0.25 * damping, 1e-7)
         if gain < 1e-5 * cost + 1e-14:
             break

@@ -219,12 +219,12 @@ def jacobian(tree, frames, part, point):  # type: ignore[no-untyped-def]
     while i >= 0:
         d, p = frames.axes[i], frames.points[i]
         if tree.slides[i]:
-            out[:3, i] = d
+            out[0, i], out[1, i], out[2, i] = d[0], d[1], d[2]
         else:
             x, y, z = point[0] - p[0], point[1] - p[1], point[2] - p[2]
             out[0, i] = d[1] * z - d[2] * y
             out[1, i] = d[2] * x - d[0] * z
             out[2, i] = d[0] * y - d[1] * x
-            out[3:, i] = d
+            out[3, i], out[4, i], out[5, i] = d[0], d[1], d[2]
         i = tree.parents[i]
     return out

@@ -9,6 +9,16 @@ import numpy as np
 
 
 @numba.njit(cache=True)
+def put(values, out) -> None:  # type: ignore[no-untyped-def]
+    """Write `values` [n] into `out` [n].
+
+    `out[:] = values` would do, but for that numba compiles the text of an error: 4 to 7 s in each process.
+    """
+    for i in range(out.shape[0]):
+        out[i] = values[i]
+
+
+@numba.njit(cache=True)
 def rotation_vector(turn, wanted):  # type: ignore[no-untyped-def]
     """Return the rotation vector [3] that turns the axes `wanted` into `turn`, both [3, >= 3]."""
     e, out = np.zeros((3, 3)), np.empty(3)
@@ -118,7 +128,7 @@ def bounded_step(matrix, wanted, q, lower, upper, pull, damping):  # type: ignor
     step, free = np.zeros(n), np.ones(n, np.bool_)
     rest = wanted.copy()
     for _ in range(n):
-        step_free = least_squares(matrix, rest - matrix @ np.where(free, pull, 0.0), free, damping)
+        step_free = least_squares(matrix, rest - matrix @ (pull * free), free, damping)
         blocked = False
         for i in range(n):
             if not free[i]:

@@ -41,6 +41,7 @@ from rcare_marl.tree.dynamics import (
     tree_depths,
 )
 from rcare_marl.tree.joint_tree import JointTree
+from rcare_marl.tree.least_squares import put
 
 from .actuation import MAX_SPEED, Shaking, TargetAngles
 from .joint_tissue import (
@@ -257,7 +258,7 @@ def torques_of(person) -> None:  # type: ignore[no-untyped-def]
     table, parents, depths, state, gravity, dt, work, matrices, out, reflex = person
     if len(reflex[0]) > 0:
         answer_stretch(reflex, state[0], state[1])
-        state[4, :] = reflex[6]
+        put(reflex[6], state[4])
     _torques(table, parents, depths, state, gravity, dt, work, matrices, out)
 
 

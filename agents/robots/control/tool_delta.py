@@ -11,7 +11,13 @@ import numpy as np
 from rcare_marl import pose as poses
 from rcare_marl.pose import Array, Pose
 from rcare_marl.tree.joint_tree import Tree, gravity_torques, jacobian, new_frames
-from rcare_marl.tree.least_squares import bounded_step, least_squares, rotation_vector, turn_frame
+from rcare_marl.tree.least_squares import (
+    bounded_step,
+    least_squares,
+    put,
+    rotation_vector,
+    turn_frame,
+)
 from rcare_marl.world import GRAVITY
 
 from ..arm import Arm
@@ -246,7 +252,7 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
     hold = gravity_torques(tree, positions, frames, GRAVITY)
     here = jacobian(tree, frames, last, real[:, 3])
     turned = goal.copy()
-    turned[:, 3] += twist[:3] * duration
+    put(goal[:, 3] + twist[:3] * duration, turned[:, 3])
     turn_frame(turned, twist[3:] * duration)
     _give_way(turned, real, here, hold - torques, twist, duration, gentleness)
 
@@ -257,12 +263,12 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
     error = np.empty(6)
     for k in range(4):
         place_chain(tree, tip, target, frames, there)
-        error[:3] = turned[:, 3] - there[:, 3]
-        error[3:] = weight * rotation_vector(turned, there)
+        put(turned[:, 3] - there[:, 3], error[:3])
+        put(weight * rotation_vector(turned, there), error[3:])
         if k > 0 and (error**2).sum() < 1e-10:
             break
         matrix = jacobian(tree, frames, last, there[:, 3])
-        matrix[3:] *= weight
+        np.multiply(matrix[3:], weight, matrix[3:])
         target += bounded_step(matrix, error, target, lower, upper, pull, DAMPING)
         pull = np.zeros(n)
 
@@ -273,12 +279,14 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
         if way > velocity[i] * duration * part:
             part = part if way == 0 else min(part, velocity[i] * duration / way)
     if part < 1:
-        target[:] = start + part * (target - start)
+        put(start + part * (target - start), target)
     place_chain(tree, tip, target, frames, there)
     missed = rotation_vector(turned, there)
     gap = ((turned[:, 3] - there[:, 3]) ** 2).sum()
     # What the joints cannot reach is forgotten: it would only have to be undone later.
-    goal[:] = there if gap > 1e-6 or (missed**2).sum() > 1e-5 else turned
+    found = there if gap > 1e-6 or (missed**2).sum() > 1e-5 else turned
+    for r in range(3):
+        put(found[r], goal[r])
 
     forces, speeds = np.empty(n), np.empty(n)
     for i in range(n):
@@ -309,10 +317,11 @@ def _give_way(goal, real, matrix, outside, twist, duration, gentleness) -> None:
         allowed = max(1 - size / contact_force, -2.0) * YIELD
         if into > allowed:
             gap += (into - allowed) * along
-    goal[:, 3] = real[:, 3] + gap
+    put(real[:, 3] + gap, goal[:, 3])
     turn = rotation_vector(goal, real)
     angle = math.sqrt((turn**2).sum())
     most = turn_leash + duration * math.sqrt((twist[3:] ** 2).sum())
     if angle > most:
-        goal[:, :3] = real[:, :3]
+        for r in range(3):
+            put(real[r, :3], goal[r, :3])
         turn_frame(goal, turn * (most / angle))
