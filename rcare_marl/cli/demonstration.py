@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import closing
@@ -19,13 +20,16 @@ from rcare_marl.envs import make
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.scenes.meal import MOUTH_RADIUS
 from rcare_marl.envs.task_options import FORCE_LIMIT
+from rcare_marl.envs.tasks.feeding import Feeding
 from rcare_marl.errors import ConfigError
 from rcare_marl.rendering.film import Film
 
 from .assessment import successes
 
 TASK = "feeding"
-FILMED = 3  # episodes
+# Of the film: a meal, where, and how often a second there is a picture; our own choices.
+MEAL: dict[str, Any] = {"options": {"bites": 3}, "home": "house_06", "room": "dining_1"}
+PICTURES = 30  # [1/s]
 FOLDER = Path("runs") / "demo"
 VIDEO, PLOT, RECORD = "feeding.mp4", "feeding.png", "feeding.json"
 
@@ -46,14 +50,7 @@ def run(
                 raise ConfigError("the demo shows one person, such as population:test:17")
             chosen = policy or best_policy(env, TASK)
             names, players = baseline.make_players(env, TASK, baseline.lead_policies(TASK, chosen))
-            film = None
-            try:
-                if video:
-                    film = Film(folder.path / VIDEO, env.world, fps=1 / env.task.control_dt)
-                done, records = _run_episodes(env, players, episodes, seed, film)
-            finally:
-                if film is not None:
-                    film.close()
+            done, records = _run_episodes(env, players, episodes, seed)
             models = baseline.model_names(env)
             config = {
                 "physics_dt_s": env.world.physics_dt,
@@ -61,6 +58,8 @@ def run(
                 "time_limit_s": env.task.time_limit,
                 "agents": {role: agent.describe() for role, agent in env.cast.items()},
             }
+        if video:
+            _film_meal(folder.path / VIDEO, seed, cast)
         result = baseline.Evaluation(TASK, names, models, {}, seed, tuple(done))
         record = {
             "config": config,
@@ -86,44 +85,55 @@ def run(
 
 
 def _run_episodes(
-    env: CareEnv,
-    players: Mapping[str, Any],
-    count: int,
-    seed: int,
-    film: Film | None,
+    env: CareEnv, players: Mapping[str, Any], count: int, seed: int
 ) -> tuple[list[baseline.Episode], list[Recorder]]:
     done: list[baseline.Episode] = []
     records: list[Recorder] = []
     with progress("feeding") as bar:
         job = bar.add_task("", total=count)
         for number in range(count):
-            record = Recorder()
-            shot = film if number < FILMED else None
-            bar.update(job, description="with video" if shot else "")
-
-            def on_step(env: CareEnv, record: Recorder = record, shot: Film | None = shot) -> None:
-                record(env)
-                if shot is not None:
-                    _film_step(shot, env, f"episode {len(done) + 1} of {count}")
-
-            done.append(baseline.run_episode(env, players, seed + number, on_step=on_step))
-            records.append(record)
+            records.append(Recorder())
+            done.append(baseline.run_episode(env, players, seed + number, on_step=records[-1]))
             bar.advance(job)
     return done, records
 
 
-def _film_step(film: Film, env: CareEnv, title: str) -> None:
-    metrics = env.task.report()
-    left = f"{title}   {env.world.time:4.1f} s"
-    right = (
-        f"spoon to mouth {100 * metrics['distance_m']:.1f} cm   force {metrics['force_n']:.1f} N"
-    )
-    if not env.is_over:
-        film.add(env.task.view(), left, right)
-        return
-    good = env.task.succeeded()
-    film.add(env.task.view(), left, "success" if good else "no success", good=good)
-    film.hold()
+def _film_meal(path: Path, seed: int, cast: Mapping[str, Any]) -> None:
+    """Film the scripted robot at a meal of several bites, in a dining room."""
+    policies = {"robot": "scripted", "recipient": "cooperative"}
+    with make(TASK, policies=policies, **MEAL, **cast) as env, progress("filming") as bar:
+        film = Film(path, env.world, fps=PICTURES)
+        each, steps = round(1 / (PICTURES * env.world.physics_dt)), itertools.count(1)
+
+        def look() -> None:
+            if next(steps) % each == 0:
+                _film(film, env)
+
+        env.reset(seed=seed)
+        setattr(env.task, "after_substep", look)  # noqa: B010  (feeding has none of its own)
+        job = bar.add_task("a meal", total=env.task.time_limit)
+        try:
+            while not env.is_over:
+                env.step({})
+                bar.update(job, completed=env.world.time)
+            _film(film, env)
+            film.hold()
+        finally:
+            film.close()
+
+
+def _film(film: Film, env: CareEnv) -> None:
+    task = env.task
+    assert isinstance(task, Feeding)
+    seen, bites = task.state, task.options.bites
+    bite = min(seen.mouthful.swallowed + 1, bites)
+    left = f"bite {bite} of {bites}   {env.world.time:4.1f} s"
+    right = f"spoon to mouth {100 * seen.distance:.1f} cm   force {task.report()['force_n']:.1f} N"
+    if env.is_over:
+        good = task.succeeded()
+        film.add(task.view(), left, "eaten" if good else "not eaten", good=good)
+    else:
+        film.add(task.view(), left, right)
 
 
 def _show(result: baseline.Evaluation, title: str, files: Sequence[Path]) -> None:
