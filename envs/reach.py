@@ -85,7 +85,7 @@ class ReachSearch:
         cost: What a pose of the way costs after the one before it; with it the cheapest trial is taken, and
             not the first that will do.
         crowding: What a pose costs as the robot stands there, 0 or more.
-        rests: Whether the arm prefers the posture of its start from there on, in the way and afterwards.
+        rests: Whether the arm prefers the posture of its start on the way.
         roams: Whether other places are tried than those of the trials, if nothing there will do.
     """
 
@@ -127,8 +127,6 @@ class ReachSearch:
             robot.place(stood)
             raise ConfigError(self._refusal(misses, what))
         robot.place(found.base)
-        if self.rests:
-            robot.arm.rest = found.posture
         return found
 
     def starting(self, trials: Iterable[Trial]) -> list[Trial]:

@@ -140,7 +140,7 @@ class ToothBrushing(Meal):
         found = search.find(trials, "all teeth")
         person.set_angles({jaw: 0.0})
         self._face_aside(0.0)
-        self._near = found.posture
+        self._near = self.robot.arm.rest = found.posture
         return cast(Hold, found.trial.hold)
 
     def _face_aside(self, turned: float) -> None:
