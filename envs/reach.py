@@ -85,6 +85,7 @@ class ReachSearch:
         cost: What a pose of the way costs after the one before it; with it the cheapest trial is taken, and
             not the first that will do.
         crowding: What a pose costs as the robot stands there, 0 or more.
+        rests: Whether the arm prefers the posture of its start on the way.
         roams: Whether other places are tried than those of the trials, if nothing there will do.
     """
 
@@ -98,6 +99,7 @@ class ReachSearch:
     within: Callable[[IkResult], bool] = lambda found: found.is_within(DISTANCE, ANGLE)
     cost: Cost | None = None
     crowding: Callable[[], float] | None = None
+    rests: bool = False
     roams: bool = True
 
     def find(self, trials: Iterable[Trial], what: str) -> Reach:
@@ -162,6 +164,15 @@ class ReachSearch:
         self, trial: Trial, misses: list[IkResult], home: Array, most: float = math.inf
     ) -> tuple[float, Reach] | None:
         """Return what a trial costs and finds; None if it fails, or costs `most` or more."""
+        rest = self.robot.arm.rest
+        try:
+            return self._followed(trial, misses, home, most)
+        finally:
+            self.robot.arm.rest = rest
+
+    def _followed(
+        self, trial: Trial, misses: list[IkResult], home: Array, most: float
+    ) -> tuple[float, Reach] | None:
         robot = self.robot
         if trial.base is not None:
             robot.place(trial.base)
@@ -175,6 +186,8 @@ class ReachSearch:
                 misses.append(found)
                 return None
             postures.append(found.posture)
+            if self.rests:
+                robot.arm.rest = postures[0]
             if before is not None and self.cost is not None:
                 cost += self.cost(before, found)
                 if cost < most and self.crowding is not None:

@@ -35,6 +35,27 @@ def test_the_scripted_robot_brushes_every_quadrant_gently_and_the_same_twice() -
     env.close()
 
 
+def test_who_is_bent_looks_at_the_brush_and_not_under_it() -> None:
+    env = made("population:train:55")  # bent forward by 25 degrees
+    env.reset(seed=55)
+    for _ in range(4):  # before it is too near to be looked at
+        env.step({})
+    state = cast(ToothBrushing, env.task).state
+    way = state.bristles - state.mouth
+    off = np.degrees(np.arccos(state.face @ way / np.linalg.norm(way)))
+    assert off < 12.0, off
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("who", [53, 54, 55])  # heavy, heavy, bent: legs and trunk were in the way
+def test_who_is_heavy_or_bent_has_all_teeth_brushed(who: int) -> None:
+    env = made(f"population:train:{who}")
+    play(env, who)
+    assert env.task.succeeded() and env.task.state.peak_force < 5.0
+    env.close()
+
+
 def test_a_mouth_that_stays_closed_is_not_entered() -> None:
     env = made(partner="still")
     env.reset(seed=0)

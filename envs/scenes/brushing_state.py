@@ -27,6 +27,7 @@ class ToothBrushingState(State):
     to_next: Array  # from the bristles to the first quadrant that is not clean [m], shape [3]
     next_outward: Array  # the way out of the teeth there, a unit vector, shape [3]
     next_into: Array  # along the brush into the mouth there, a unit vector, shape [3]
+    next_force: float  # of the bristles on the outer side there, the mean of the control step [N]
     push: Array  # on the brush within the mouth, the mean of the control step [N], shape [3]
     press: float  # of the brush on the person, the mean of the control step [N]
     cleaning: Array  # of that on the outer side of each quadrant [N], shape [4]

@@ -52,6 +52,7 @@ HALF_WIDTH, LIP_STRETCH = 0.034, 0.012  # of the mouth with drawn corners; up an
 CHEEK, THROAT = 0.040, 0.075  # from the midline to a side, from the lips to the back
 SOFT = 80.0  # [N/m]
 ENTRY, LEFT = 0.015, 0.025  # [m] before the lips, where a brush has come in; where it is out again
+PASSED = ("head", "jaw", "neck", "spine3")  # whose rigid shapes a brush in the mouth goes through
 CLEAR = 0.002  # [m] between brush and face, from where that is rigid again
 NEAR = 0.12  # [m] from the lips, beyond which nothing is looked at
 
@@ -139,7 +140,8 @@ class MouthInside:
         self.is_inside = self._passes = False
         self.outside = np.zeros(len(QUADRANTS))
         self.push = np.zeros(3)
-        frames = {joint: person.frames[JOINT_INDEX[joint]] for joint in ("head", "jaw", "neck")}
+        # The rigid trunk of who is heavy reaches up into the floor of the mouth.
+        frames = {joint: person.frames[JOINT_INDEX[joint]] for joint in PASSED}
         self._passed = sorted({frame.link for frame in frames.values()})
         self._links = [frames[arch.joint].link for arch in self.arches]
         self._locals = []

@@ -30,6 +30,8 @@ MOUTH_IN_FRONT = (
 )
 MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw_opening")
 OFFERED, TAKEN_AWAY = 0.22, 0.26  # [m] from the mouth: within offered, beyond no more; own choice
+# [m] that an arm had better keep from the recipient; [rad] what it costs to touch them; own choices
+ROOM, CROWDED = 0.08, 1.0
 HELPER_AT = (0.15, 0.85)  # [m] beside the chair, where a caregiver stands; our own choice
 
 
@@ -117,6 +119,11 @@ class Meal(Task):
         """Let people and a robot on the chair be where they are in it."""
         self.let_overlap(self.chair.body)
         self._head_dofs = [d for d in self.recipient.movable if d.startswith(("neck", "head"))]
+
+    def crowding(self) -> float:
+        """Return what it costs that the arm is so near the recipient as it is [rad], for `search`."""
+        gap = self.world.separation(self.robot.body, self.recipient.body, within=ROOM)
+        return CROWDED * (1.0 - gap / ROOM)
 
     def turn_head(self, rng: np.random.Generator, turn: float, tilt: float) -> None:
         """Turn and tilt the head of the recipient at random, uniformly each way up to two angles [rad]."""

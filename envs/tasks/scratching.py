@@ -184,6 +184,8 @@ class Scratching(Meal):
             roams=False,
             within=lambda found: found.distance + MISS_TURN * found.angle < MISS,
             cost=lambda before, after: float(np.abs(after.posture - before.posture).max()),
+            crowding=self.crowding,
+            rests=True,
         )
         found = search.find(trials, f"the {site}")
         self._near[site] = found.posture
@@ -219,7 +221,7 @@ class Scratching(Meal):
         first = np.cross(out, (0.0, 1.0, 0.0))
         first = first / np.linalg.norm(first)
         at = place + gap * out + offset[0] * first + offset[1] * np.cross(out, first)
-        near = self._near[self._site]
+        self.robot.arm.rest = near = self._near[self._site]
         found = self.robot.solve_ik(self._tool_for(at, out), seed=near).posture
         turned = np.abs(np.angle(np.exp(1j * (found - near))))  # whole turns are none
         # Another way to bend the arm may sweep over the person: then it starts over the middle.

@@ -134,11 +134,13 @@ class ToothBrushing(Meal):
             roams=False,
             within=lambda found: found.distance + MISS_TURN * found.angle < MISS,
             cost=self._effort,
+            crowding=self.crowding,
+            rests=True,
         )
         found = search.find(trials, "all teeth")
         person.set_angles({jaw: 0.0})
         self._face_aside(0.0)
-        self._near = found.posture
+        self._near = self.robot.arm.rest = found.posture
         return cast(Hold, found.trial.hold)
 
     def _face_aside(self, turned: float) -> None:
@@ -262,6 +264,7 @@ class ToothBrushing(Meal):
             to_next=targets[left] - bristles,
             next_outward=outward[left],
             next_into=into[left],
+            next_force=float(cleaning[left]),
             push=push,
             press=press,
             cleaning=cleaning,
@@ -291,6 +294,7 @@ class ToothBrushing(Meal):
             Seen("brush_push", "N", 3, lambda s: s.push),
             Seen("brush_force", "N", 1, lambda s: s.press),
             Seen("quadrant_force", "N", len(QUADRANTS), lambda s: s.cleaning),
+            Seen("next_force", "N", 1, lambda s: s.next_force),
             Seen("brushed", "s", len(QUADRANTS), lambda s: s.brushed),
             self.contact_force(),
             self.time_left(),

@@ -158,7 +158,8 @@ def look_at(
 ) -> Callable[[], dict[str, float]]:
     """Return the angles of neck and head that turn the mouth towards a point in the world [m].
 
-    Within `beyond` [m] of the mouth the direction means nothing any more: then the head keeps still.
+    Within `beyond` [m] of the mouth the direction means nothing any more: then the head keeps still. Who
+    leans or is bent makes up for it, by how the face stands as this is made.
     """
     halves = [
         (f"{joint}_{motion}", motion)
@@ -168,16 +169,26 @@ def look_at(
     ]
     limits = {dof: person.active[person.movable.index(dof)] for dof, _ in halves}
 
+    def turn_to(way: Array) -> dict[str, float]:
+        local = rotate(conjugate(person.body.base_pose().quaternion), way)
+        return {
+            "rotation_left": float(np.arctan2(local[0], local[2])),
+            "flexion": float(np.arctan2(-local[1], np.hypot(local[0], local[2]))),
+        }
+
+    lean = turn_to(person.mouth_and_face()[1])
+    for dof, motion in halves:
+        lean[motion] -= person.angle(dof)
+
     def wish() -> dict[str, float]:
         way = point() - person.mouth_position()
         if way @ way < beyond**2:
             return {}
-        local = rotate(conjugate(person.body.base_pose().quaternion), way)
-        turn = {
-            "rotation_left": float(np.arctan2(local[0], local[2])),
-            "flexion": float(np.arctan2(-local[1], np.hypot(local[0], local[2]))),
+        turn = turn_to(way)
+        return {
+            dof: float(np.clip((turn[motion] - lean[motion]) / 2, *limits[dof]))
+            for dof, motion in halves
         }
-        return {dof: float(np.clip(turn[motion] / 2, *limits[dof])) for dof, motion in halves}
 
     return wish
 
