@@ -203,10 +203,8 @@ class Exercise:
 
     def excursions(self, angles: Array) -> dict[str, float]:
         """Return how far each part gets from rest on a path of angles [frames, 16] [rad]."""
-        found, rest = directions(angles), directions(self.keys[0])
-        return {
-            part: float(np.arccos(np.clip(found[part] @ rest[part], -1, 1)).max()) for part in PARTS
-        }
+        path = np.concatenate((self.keys[:1], angles))
+        return {part: float(far.max()) for part, far in _excursions(path).items()}
 
     def angles(self, time: float | Array) -> Array:
         """Return the angles [rad], shape [..., 16], at times since the beginning [s], shape [...].
@@ -236,14 +234,15 @@ class Exercise:
     def adapted(self, reach: Reach) -> Exercise:
         """Return what this exercise is for one person: no goal goes beyond their reach.
 
-        What they can do next to nothing of is left out; see `can_do` for whether anything is left.
+        What they can do next to nothing of is left out, and an arm that cannot take part in every key pose it
+        has one in; see `can_do` for whether anything is left.
         """
         keys = reach.clip(self.keys)
-        wanted = self.excursions(self.keys)
-        adapted = self._with_keys(keys)
-        left = adapted.excursions(keys)
+        wanted, left = _excursions(self.keys), _excursions(keys)
         for part in self.parts:
-            if left[part] < max(SMALLEST, SMALLEST_SHARE * wanted[part]):
+            asked = wanted[part] >= SMALLEST
+            lost = left[part] < np.maximum(SMALLEST, SMALLEST_SHARE * wanted[part])
+            if lost[asked].any() if part.endswith("arm") else lost[asked].all():
                 keys[:, COLUMNS[part]] = keys[0, COLUMNS[part]]
         return self._with_keys(keys)
 
@@ -288,6 +287,12 @@ class Exercise:
             if poses:
                 before = np.radians([poses[-1].angles_deg[motion] for motion in MOTIONS])
         return replace(self, poses=tuple(poses), rest=_named(keys[0]))
+
+
+def _excursions(path: Array) -> dict[str, Array]:
+    """Return how far each part is from where a path of angles [frames, 16] begins [rad], shape [frames]."""
+    found = directions(path)
+    return {part: np.arccos(np.clip(found[part] @ found[part][0], -1, 1)) for part in PARTS}
 
 
 def _named(angles: Array) -> dict[str, float]:
