@@ -30,7 +30,7 @@ LEAVING = (
 )
 # Fatigue from which a repetition that falls short is taken for one that was too much; our own choice.
 SPENT = 0.12
-SHORT = frozenset(("range", "asymmetric", "one_side", "part_missing"))
+SHORT = frozenset(("range", "asymmetric", "one_side", "part_missing", "bent_elbows"))
 SAME_TEMPO = 1.2  # factor up to which another tempo is judged as the same; our own choice
 CHEERS = ("Well done.", "Very good.", "That was right.")
 CALLS = ("Come on, together with me.", "You can do it. Watch me.", "Let us try once more, slowly.")

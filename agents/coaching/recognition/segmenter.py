@@ -38,8 +38,9 @@ SETTLING = 1.0  # after a repetition arms may settle for so long [s]
 LOOKED = 0.6  # after `begin` it is looked so long how the person rests [s]
 ANYWHERE = math.radians(100)  # from the rest shown, where an arm may lie that has no part
 LOOKS_AWAY = math.radians(75)  # who looks elsewhere at the end is back all the same
-FAR_OUT = 0.8  # share of the way from which it counts how unsure a source is
-NOTED = 0.15  # of a running mean over frames
+FAR_OUT = 0.8  # share of the way from which it counts how unsure a source is of elbows
+NOTED, NOTED_OUT = 0.05, 0.15  # of running means over frames
+ELBOWS = np.array([motion.endswith("elbow_flexion") for motion in MOTIONS])
 HEAD = np.array([name in ("head", "crown") for name in VECTORS])
 LIES = math.radians(
     28
@@ -59,7 +60,7 @@ class Segment:
         start: When it began [s].
         end: When it ended [s].
         returned: Whether it ended at rest; else the person stayed away from it too long.
-        unsure: How unsure the source was of each of `MOTIONS`, far out [rad], shape [16].
+        unsure: How unsure the source was of each of `MOTIONS`, of elbows far out [rad], shape [16].
     """
 
     times: Array
@@ -179,10 +180,12 @@ class Segmenter:
         self.now = np.where(time - self._seen <= LOST, self._quick, np.nan)
 
     def _note_unsure(self, unsure: Array | None, far: float) -> None:
-        """Note how unsure the source is where a movement is far out: what it says of rest is not judged."""
-        if unsure is not None and (not self.moving or far >= FAR_OUT * self._furthest):
-            known = np.isfinite(unsure)
-            self._unsure[known] += NOTED * (unsure[known] - self._unsure[known])
+        """Note how unsure the source is: of elbows far out, where they are judged, else all the way."""
+        if unsure is None:
+            return
+        is_out = not self.moving or far >= FAR_OUT * self._furthest
+        gap = np.where(ELBOWS, NOTED_OUT * is_out, NOTED) * (unsure - self._unsure)
+        self._unsure += np.where(np.isfinite(gap), gap, 0.0)
 
     def _distances(self, reference: Array) -> Array:
         """Return how far each vector is from a reference [rad], nearly; 0 where it is unknown."""
