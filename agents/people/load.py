@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 TRUNK = "spine3"  # its tilt is that of the trunk
 LEAVES_SUPPORT = 0.2  # [rad] from the start, where furniture carries no more; our own choice
-# Up to here [rad] a limb that lies on something lies there with all its weight; an elbow that bends as fast as
-# this [rad/s] does so by itself. Our own choice.
+# Up to here [rad] a limb that lies on something lies there with all its weight; an elbow that bends as fast
+# as this [rad/s] does so by itself. Our own choice.
 LIES, BENDS = 0.1, 0.2
 # Of a limb that lies on something: what points it, what bends it, and what rolls about its own axis.
 _POINTS, _BENDS, _ROLLS = 1, 2, 3
@@ -125,7 +125,7 @@ class LoadMeter:
 
 @numba.njit(cache=True)
 def _away(angle, reach) -> float:  # type: ignore[no-untyped-def]
-    """Return 0 where a joint has hardly left [rad] the start, to 1 where nothing carries its limb any more."""
+    """Return 0 where a joint has hardly left [rad] the start, to 1 where nothing carries its limb."""
     return min(max((abs(angle) - LIES) / (reach - LIES), 0.0), 1.0)
 
 

@@ -157,7 +157,7 @@ class HandsSource:
     def _seen(self, readings: Sequence[HandsReading]) -> list[Seen]:
         """Return wrists and hands in the frame of the trunk, of readings in which the head is seen.
 
-        Noise is averaged out first: of noisy arms the furthest would count, and arms look longer than they are.
+        Noise is averaged out first: of noisy arms the furthest count, which look longer than they are.
         """
         found = [self._in_body(raw) for raw in readings if raw.head is not None]
         positions, turns = (_averaged(np.array([each[k] for each in found])) for k in (0, 1))
