@@ -29,6 +29,9 @@ from .one_euro import OneEuro
 SETTLING = 1.0  # without a calibration what is seen so long counts as sitting upright [s]
 LOOK, FIT_EVERY, MOST_SEEN = 0.1, 0.5, 200  # how the body is learnt: [s], [s], arms kept
 AVERAGED = 7  # frames of a calibration
+# How much straighter an elbow may be is asked at so many standard deviations of its bend, and for that at so
+# many of the distance: lengths err more than a fit says. Chosen on three people of `development`.
+FAR, FAR_OFF = 3.0, 4.0
 HANGS = 0.94  # share of its length from which an arm at rest counts as hanging
 LEFT_HOME = 0.2  # a hand so far from where it was first is not at rest [m]
 TURN_TIME = 0.15  # time constant of the trunk's turn [s]
@@ -328,8 +331,8 @@ class HandsSource:
         self._rotation[side], self._raised[side] = out[2], out[:2]
         about = math.hypot(self.fit.of_direction, 0.25 * bend)
         # An arm that is taken for too long by so much looks bent by this, the less the more it is bent.
-        straighter = min(math.cos(0.5 * out[3]) + self.fit.of_reach, 1.0)
-        bend = max(bend, out[3] - 2 * math.acos(straighter))
+        straighter = min(math.cos(0.5 * out[3]) + FAR_OFF * self.fit.of_reach, 1.0)
+        bend = max(bend, (out[3] - 2 * math.acos(straighter)) / FAR)
         sine = max(math.sin(out[0]), 0.2)
         unsure = (about, about / sine, ABOUT["rotation"] + bend, bend, ABOUT["rotation"])
         return np.array(out), np.array(unsure)
