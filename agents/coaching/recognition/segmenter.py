@@ -20,7 +20,7 @@ BACK = 0.15  # the speed is what the quick one has changed since then [s]
 STILL = math.radians(28)  # slower than this nothing moves [rad/s]
 SLOWEST = 0.45  # nor slower than this share of the slowest move that is shown, where that is less
 DWELL = 0.1  # how long rest must last at the end [s]
-DWELL_AMID, NEAR_AMID = 0.08, 0.6  # and before the last key pose [s], and so much nearer to rest
+DWELL_AMID, NEAR_AMID = 0.15, 0.6  # and before the last key pose [s], and so much nearer to rest
 # Who lays an arm down elsewhere than it was is back, too: after so long without a movement [s], no further
 # from rest than this share of the way they went. A pause of a second half way is none of these.
 LAID, LAID_FOR = 0.35, 0.4
