@@ -41,7 +41,10 @@ def test_the_config_that_ships_trains_a_coach_who_decides_once_a_second(
     )
     file = PolicyFile.read(tmp_path / "policy_last.npz")
     assert file.hold == 10 and isinstance(file.residual, tuple)
-    cast = {"recipient": "jose", **({"second_recipient": "morgan"} if "group" in task else {})}
+    cast: dict[str, Any] = {
+        "recipient": "jose",
+        **({"second_recipient": "morgan"} if "group" in task else {}),
+    }
     players = {"robot": str(tmp_path / "policy_last.npz"), **dict.fromkeys(cast, "learner")}
     env = rcare_marl.make(task, **cast, policies=players, options=short, physics_dt=1 / 30)
     env.reset(seed=1)
