@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from rcare_marl.baselines.evaluation.evaluate import evaluate, lead_policies
+import rcare_marl
 from rcare_marl.baselines.policy_file import PolicyFile
 from rcare_marl.baselines.training.config import default_config, load_config
 from rcare_marl.baselines.training.trainer import train
+from rcare_marl.envs.coaching.coaching_task import SIZE
 from rcare_marl.errors import ConfigError
 
 BRIEF = {"envs": 2, "workers": 0, "steps": 16, "interval": 16, "evaluation_episodes": 1}
@@ -39,10 +41,18 @@ def test_the_config_that_ships_trains_a_coach_who_decides_once_a_second(
     )
     file = PolicyFile.read(tmp_path / "policy_last.npz")
     assert file.hold == 10 and isinstance(file.residual, tuple)
-    cast = {"recipient": "jose", **({"second_recipient": "morgan"} if "group" in task else {})}
-    players = lead_policies(task, str(tmp_path / "policy_last.npz"))
-    (played,) = evaluate(task, players, episodes=1, seed=1, options=short, cast=cast).episodes
-    assert played.steps > 10 and played.metrics["wanted_repetitions"] >= 1
+    cast: dict[str, Any] = {
+        "recipient": "jose",
+        **({"second_recipient": "morgan"} if "group" in task else {}),
+    }
+    players = {"robot": str(tmp_path / "policy_last.npz"), **dict.fromkeys(cast, "learner")}
+    env = rcare_marl.make(task, **cast, policies=players, options=short, physics_dt=1 / 30)
+    env.reset(seed=1)
+    for _ in range(2 * file.hold):
+        env.step({})
+    action = env.policies["robot"].act()
+    assert action.shape == (SIZE,) and np.abs(action).max() <= 1
+    env.close()
 
 
 def test_demonstrations_do_not_go_with_actions_that_last() -> None:

@@ -205,6 +205,20 @@ def test_the_tired_rest_until_they_are_rested() -> None:
     assert lesson.go().act == "rest"
 
 
+def test_what_somebody_does_who_was_invited_to_rest_is_not_judged() -> None:
+    lesson = Lesson()
+    lesson.go(8.0)
+    lesson.session.must_rest = True
+    lesson.go(1.0)
+    begun = len(lesson.told.begun)
+    lesson.told.finds("no_movement")
+    lesson.go(5.0)
+    assert not lesson.session.repetitions and not lesson.session.judgement.following
+    lesson.session.must_rest, lesson.told.next = False, Judgement()
+    lesson.go(1.0)
+    assert len(lesson.told.begun) == begun + 1  # nothing from before the rest is gone on with
+
+
 def test_who_does_not_recover_by_resting_is_led_on_and_rests_again_when_more_tired() -> None:
     lesson = Lesson()
     lesson.go(8.0)

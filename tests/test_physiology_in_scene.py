@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Literal
 
 import numpy as np
@@ -23,9 +24,11 @@ def person(
     *,
     movable: tuple[str, ...] = ("right_shoulder",),
     kind: Literal["skeletal", "muscle"] = "skeletal",
+    eased: tuple[str, ...] = (),
 ) -> Human:
     world = World()
-    human = Human("recipient", load_avatar(avatar), posture=load_posture("wheelchair"),
+    posture = dataclasses.replace(load_posture("wheelchair"), eased=eased)
+    human = Human("recipient", load_avatar(avatar), posture=posture,
                   movable=movable, physiology_observed=True,
                   actuation=ActuationConfig(kind=kind, excitation="posture"))  # fmt: skip
     human.use_arm_rests(Pose((0.25, 0.26, 0.77)), Pose((0.25, -0.26, 0.77)))
@@ -55,6 +58,20 @@ def test_who_sits_still_in_a_chair_makes_no_effort_and_a_raised_arm_does() -> No
     assert human.physiology.heart_rate > 72.5
     assert human.physiology.fatigue == human.physiology.fatigue_of("right_arm") > 0
     assert human.physiology.fatigue_of("left_arm") == 0
+
+
+def test_an_arm_that_lies_on_something_rests_however_it_has_rolled_and_not_once_it_is_raised() -> (
+    None
+):
+    left = {}
+    for raised in (0.0, 0.6):
+        human = person(eased=("right_shoulder",))
+        up = human.angle("right_shoulder_flexion") + raised
+        human.set_angles({"right_shoulder_external_rotation": -0.6, "right_shoulder_flexion": up})
+        human.physiology.set_fatigue("right_arm", 0.4)
+        step(human, 5, human.action_towards({}, 0.1))
+        left[raised] = human.physiology.fatigue_of("right_arm")
+    assert left[0.0] < 0.37 < left[0.6]
 
 
 def under_a_weight(avatar: str) -> Human:

@@ -423,6 +423,25 @@ def test_a_guided_calibration_finds_how_a_person_is_built_and_it_can_be_kept() -
         HandsSource(1.1).calibrate(guided(UpperBody.of_height(1.9)))
 
 
+def test_hands_that_were_calibrated_see_an_elbow_that_is_well_bent() -> None:
+    body, exercise = UpperBody.of_height(1.7), load_exercise("lateral_raise")
+    said = []
+    for bent in (12.0, 60.0):
+        source, recogniser = HandsSource(1.7), RuleRecogniser()
+        source.calibrate(guided(body))
+        recogniser.begin(exercise)
+        extra = {f"{side}_elbow_flexion": bent for side in ("left", "right")}
+        path = changed(exercise, **extra)
+        path = np.concatenate((np.repeat(path[:1], 45, 0), path, np.repeat(path[-1:], 60, 0)))
+        at = Pose((0.3, 0.2, 0.5), (0.0, 0.0, math.sin(0.4), math.cos(0.4)))
+        for k, raw in enumerate(readings(body, path, at)):
+            frame = source.update(raw, k / RATE)
+            assert frame is not None
+            found = recogniser.update(frame).finished
+            said += [found.errors] if found is not None else []
+    assert said == [(), ("bent_elbows",)]
+
+
 def test_hands_that_are_swapped_are_noticed_and_sorted() -> None:
     body = UpperBody.of_height(1.7)
     path = np.zeros((60, 16))

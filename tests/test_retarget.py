@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -203,6 +204,16 @@ def test_no_goal_lies_beyond_the_active_range() -> None:
     turned = adapted("kim", "head_rotation").keys[:, MOTION_INDEX["neck_rotation_left"]].max()
     limits = [profile.limits("active")[f"{j}_rotation_left"][1] for j in ("neck", "head")]
     assert turned == pytest.approx(sum(limits))
+
+
+def test_an_arm_that_is_lost_in_one_key_pose_takes_no_part_and_weak_elbows_are_not_judged() -> None:
+    reach = reach_of(load_avatar("daniel").profile)
+    front = (reach.front[0], 0.0) if reach.front else None
+    weak = dataclasses.replace(reach, front=front, straightens=False)
+    asked = load_exercise("chest_expansion").adapted(weak)  # forward first, and only then aside
+    assert "left_arm" in asked.parts and "right_arm" not in asked.parts
+    assert "right_arm" in load_exercise("lateral_raise").adapted(weak).parts
+    assert asked.judged.elbow_deg == 180
 
 
 def test_what_cannot_be_raised_stays_where_it_rests() -> None:

@@ -105,11 +105,13 @@ class Reach:
         low: Least angle of each of `MOTIONS` [rad], shape [16].
         high: Greatest angle [rad], shape [16]; of the elevation of an arm: to the side.
         front: Greatest elevation to the front of left and right arm [rad]; as to the side if None.
+        straightens: Whether they straighten both elbows; how bent elbows are is not judged else.
     """
 
     low: Array
     high: Array
     front: tuple[float, float] | None = None
+    straightens: bool = True
 
     def __post_init__(self) -> None:
         for name in ("low", "high"):
@@ -204,9 +206,7 @@ class Exercise:
     def excursions(self, angles: Array) -> dict[str, float]:
         """Return how far each part gets from rest on a path of angles [frames, 16] [rad]."""
         found, rest = directions(angles), directions(self.keys[0])
-        return {
-            part: float(np.arccos(np.clip(found[part] @ rest[part], -1, 1)).max()) for part in PARTS
-        }
+        return {part: float(_between(found[part], rest[part]).max()) for part in PARTS}
 
     def angles(self, time: float | Array) -> Array:
         """Return the angles [rad], shape [..., 16], at times since the beginning [s], shape [...].
@@ -236,16 +236,20 @@ class Exercise:
     def adapted(self, reach: Reach) -> Exercise:
         """Return what this exercise is for one person: no goal goes beyond their reach.
 
-        What they can do next to nothing of is left out; see `can_do` for whether anything is left.
+        What they can do next to nothing of is left out, and an arm that cannot take part in every key pose it
+        has one in; see `can_do` for whether anything is left.
         """
         keys = reach.clip(self.keys)
-        wanted = self.excursions(self.keys)
-        adapted = self._with_keys(keys)
-        left = adapted.excursions(keys)
+        goals, own = directions(self.keys), directions(keys)
         for part in self.parts:
-            if left[part] < max(SMALLEST, SMALLEST_SHARE * wanted[part]):
+            asked = _between(goals[part], goals[part][0]) >= SMALLEST
+            way = _between(goals[part], own[part][0])
+            nearer = way - _between(goals[part], own[part])
+            lost = nearer < np.maximum(SMALLEST, SMALLEST_SHARE * way)
+            if lost[asked].any() if part.endswith("arm") else lost[asked].all():
                 keys[:, COLUMNS[part]] = keys[0, COLUMNS[part]]
-        return self._with_keys(keys)
+        judged = self.judged if reach.straightens else replace(self.judged, elbow_deg=180.0)
+        return replace(self._with_keys(keys), judged=judged)
 
     def with_own_goal(self, share: float) -> Exercise:
         """Return this exercise with goals of somebody who gets so far, as far as it allows that.
@@ -288,6 +292,11 @@ class Exercise:
             if poses:
                 before = np.radians([poses[-1].angles_deg[motion] for motion in MOTIONS])
         return replace(self, poses=tuple(poses), rest=_named(keys[0]))
+
+
+def _between(a: Array, b: Array) -> Array:
+    """Return the angles between unit vectors [..., 3] [rad], shape [...]."""
+    return np.asarray(np.arccos(np.clip((a * b).sum(axis=-1), -1, 1)))
 
 
 def _named(angles: Array) -> dict[str, float]:

@@ -138,6 +138,7 @@ class GroupSession(Lesson):
         self.fatigue = max((self.members[name].fatigue for name in watched), default=0.0)
         for name, session in self.members.items():
             session.judgement = Judgement() if name not in watched else session.judgement
+            session.is_resting = self.is_resting
             session.see(frames[name] if name in watched else None, time)
         self._look_round(watched)
 

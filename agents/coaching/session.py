@@ -30,7 +30,7 @@ LEAVING = (
 )
 # Fatigue from which a repetition that falls short is taken for one that was too much; our own choice.
 SPENT = 0.12
-SHORT = frozenset(("range", "asymmetric", "one_side", "part_missing"))
+SHORT = frozenset(("range", "asymmetric", "one_side", "part_missing", "bent_elbows"))
 SAME_TEMPO = 1.2  # factor up to which another tempo is judged as the same; our own choice
 CHEERS = ("Well done.", "Very good.", "That was right.")
 CALLS = ("Come on, together with me.", "You can do it. Watch me.", "Let us try once more, slowly.")
@@ -103,6 +103,7 @@ class Lesson(abc.ABC):
         must_pause: Set it to pause as long as it is set.
         must_skip: Set it to leave the present exercise; cleared then.
         must_rest: Set it to rest as long as it is set.
+        is_resting: Whether people are invited to rest: nothing they do then counts.
         fatigue: How tired people say that they are, 0 to 1.
     """
 
@@ -120,6 +121,7 @@ class Lesson(abc.ABC):
         """Begin anew, with the first exercise."""
         self.index, self.time, self.fatigue = 0, 0.0, 0.0
         self.must_stop = self.must_pause = self.must_skip = self.must_rest = False
+        self.is_resting = False
         self.begin_exercise()
 
     def begin_exercise(self) -> None:
@@ -218,9 +220,9 @@ class Session(Lesson):
 
     def begin_exercise(self) -> None:
         super().begin_exercise()
-        self._tempo = self._next_tempo = 1.0
+        self._next_tempo = 1.0
         if not self.is_over:
-            self._recogniser.begin(self.exercise)
+            self._begin(1.0)
 
     @property
     def is_complete(self) -> bool:
@@ -243,8 +245,14 @@ class Session(Lesson):
     def see(self, frame: Frame | None, time: float) -> None:
         """Take what a source saw of the person at a time [s], None where it saw nothing."""
         self.time = time
+        if self.is_resting:
+            self._rests = True
+            self.judgement = Judgement()
+            return
         if frame is None or self.index >= len(self.exercises):
             return
+        if self._rests:  # what was begun before the rest is not gone on with
+            self._begin(self._tempo)
         self.judgement = judgement = self._recogniser.update(frame)
         self._take_tempo()
         if judgement.hint:
@@ -273,8 +281,12 @@ class Session(Lesson):
         """Judge by the tempo asked for as soon as no repetition is under way: that would be cut in two."""
         under_way = self.judgement.progress > 0 and self.judgement.finished is None
         if self._next_tempo != self._tempo and not under_way and not self.is_over:
-            self._tempo = self._next_tempo
-            self._recogniser.begin(self.exercise.faster(self._tempo))
+            self._begin(self._next_tempo)
+
+    def _begin(self, tempo: float) -> None:
+        """Look for repetitions at a tempo, with none under way."""
+        self._tempo, self._rests = tempo, False
+        self._recogniser.begin(self.exercise.faster(tempo))
 
     def address(self, word: Word) -> tuple[str | None, str]:
         return None, self.sentence(word)
@@ -335,7 +347,7 @@ class Demonstration:
         if order.act == "next" and (session.is_done or self._leaving > LEAVING - 1e-9):
             session.go_on()
             self._leaving = 0.0
-        self.is_resting = order.act == "rest"
+        self.is_resting = session.is_resting = order.act == "rest"
         if session.index != self._of:  # another exercise
             self._of, self.count = session.index, 0
             self._stop()

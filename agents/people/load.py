@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 
 TRUNK = "spine3"  # its tilt is that of the trunk
 LEAVES_SUPPORT = 0.2  # [rad] from the start, where furniture carries no more; our own choice
+# Up to here [rad] a limb that lies on something lies there with all its weight; an elbow that bends as fast
+# as this [rad/s] does so by itself. Our own choice.
+LIES, BENDS = 0.1, 0.2
+# Of a limb that lies on something: what points it, what bends it, and what rolls about its own axis.
+_POINTS, _BENDS, _ROLLS = 1, 2, 3
+EASED = {"shoulder_abduction": _POINTS, "shoulder_flexion": _POINTS, "elbow_flexion": _BENDS}
 
 
 # Columns of the kernel's table, one row a DoF.
@@ -49,7 +55,7 @@ class LoadMeter:
         self._figures = (*figures, LEAVES_SUPPORT)
         joints = [DOFS[DOF_INDEX[dof]].joint for dof in person.movable]
         posed, count = person.posture, len(joints)
-        held = (*JOINTS,) if posed.supported == "all" else (*posed.supported, *posed.eased)
+        held = JOINTS if posed.supported == "all" else posed.supported
         self._table = table = np.zeros((count, _COLUMNS))
         table[:, _AGAINST], table[:, _ALONG] = person.drive.strength.T
         table[:, _POSTURE] = posture
@@ -60,6 +66,11 @@ class LoadMeter:
             table[:, _CARRIED] = np.where(is_held, weights, 0.0)
         table[:, _COUNTS_AGAINST : _COUNTS_ALONG + 1] = 1.0
         self._regions = np.array([REGIONS.index(model.region(joint)) for joint in joints], np.int64)
+        self._eased = np.zeros(count, np.int64)
+        if isinstance(person.drive, SkeletalDrive):
+            for i, dof in enumerate(person.movable):
+                if joints[i] in posed.eased:
+                    self._eased[i] = EASED.get(dof.split("_", 1)[1], _ROLLS)
         if count and isinstance(person.drive, SkeletalDrive):
             self._weigh(person.drive)
         self._out = np.zeros(len(REGIONS) + 1)
@@ -83,7 +94,8 @@ class LoadMeter:
         if len(self._regions):
             motion = np.array(person.positions), np.array(person.velocities)
             torques = person.drive.muscle_torques()
-            _exert(self._table, self._regions, self._figures, torques, *motion, self._out)
+            shape = self._table, self._regions, self._eased, self._figures
+            _exert(*shape, torques, *motion, self._out)
         *efforts, power = self._out.tolist()
         return Load(power, efforts, self._forces(), self.upright())
 
@@ -112,15 +124,28 @@ class LoadMeter:
 
 
 @numba.njit(cache=True)
-def _exert(table, regions, figures, torques, positions, velocities, out) -> None:  # type: ignore[no-untyped-def]
+def _away(angle, reach) -> float:  # type: ignore[no-untyped-def]
+    """Return 0 where a joint has hardly left [rad] the start, to 1 where nothing carries its limb."""
+    return min(max((abs(angle) - LIES) / (reach - LIES), 0.0), 1.0)
+
+
+@numba.njit(cache=True)
+def _exert(table, regions, eased, figures, torques, positions, velocities, out) -> None:  # type: ignore[no-untyped-def]
     """Write the effort of each region, and last the metabolic power above rest [W].
 
     The drive lets a strong person hold themselves up; who sits in a chair does not tire of it. So the
-    weight that furniture carries near the start posture is taken off.
+    weight that furniture carries near the start posture is taken off; of a limb that lies on something
+    (`eased`), all effort, whichever way its elbow and axis have come to lie.
     """
     efficiency, holding, reach = figures
     out[:] = 0.0
     last = out.shape[0] - 1
+    works = np.zeros(last)  # share of the effort of a limb that lies on something which is its own
+    for i in range(table.shape[0]):
+        if eased[i] == _POINTS:
+            works[regions[i]] = max(
+                works[regions[i]], _away(positions[i] - table[i, _POSTURE], reach)
+            )
     for i in range(table.shape[0]):
         row, torque = table[i], torques[i]
         near = max(1.0 - abs(positions[i] - row[_POSTURE]) / reach, 0.0)
@@ -129,6 +154,10 @@ def _exert(table, regions, figures, torques, positions, velocities, out) -> None
             torque = max(torque - max(carried, 0.0), 0.0)
         else:
             torque = min(torque - min(carried, 0.0), 0.0)
+        if eased[i] == _BENDS:
+            torque *= max(works[regions[i]], min(abs(velocities[i]) / BENDS, 1.0))
+        elif eased[i]:
+            torque *= works[regions[i]]
         strength = row[_ALONG] if torque > 0.0 else row[_AGAINST]
         counts = row[_COUNTS_ALONG] if torque > 0.0 else row[_COUNTS_AGAINST]
         if strength > 0.0:  # a muscle without strength makes no effort

@@ -18,7 +18,7 @@ from rcare_marl.world import GRAVITY
 
 # Share of the strength of a rested shoulder that an arm's weight may take for many repetitions: muscles of
 # grade 3 lift it through its range once. Our own choice.
-SHARE = 0.8
+SHARE = 0.75
 # An arm that rises by less than this beyond where it hangs beside the chair does no exercise; our own choice.
 LEAST_RISE = math.radians(20.0)
 # An elbow that extends with less [N·m] stays as bent as it is beside the chair; our own choice.
@@ -34,7 +34,7 @@ def reach_within_strength(reach: Reach, person: Human, seated: Array) -> Reach:
         person: Who it is, driven by joint torques.
         seated: Angles of the upper body as they sit [rad], shape [16].
     """
-    raised = _Raised(person)
+    raised, straightens = _Raised(person), reach.straightens
     low, high, front = reach.low.copy(), reach.high.copy(), list(reach.front or [])
     for i, side in enumerate(SIDES):
         at = ARM[side].start
@@ -47,12 +47,13 @@ def reach_within_strength(reach: Reach, person: Human, seated: Array) -> Reach:
         elbow = at + 3
         if raised.extends(side) < EXTENDS:
             low[elbow] = min(max(low[elbow], seated[elbow]), high[elbow])
+            straightens = False
         high[at] = most[0]
         if front:
             front[i] = most[1]
         else:
             high[at] = min(most)
-    return Reach(low, high, (front[0], front[1]) if front else None)
+    return Reach(low, high, (front[0], front[1]) if front else None, straightens)
 
 
 class _Raised:

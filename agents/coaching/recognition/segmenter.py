@@ -38,6 +38,9 @@ SETTLING = 1.0  # after a repetition arms may settle for so long [s]
 LOOKED = 0.6  # after `begin` it is looked so long how the person rests [s]
 ANYWHERE = math.radians(100)  # from the rest shown, where an arm may lie that has no part
 LOOKS_AWAY = math.radians(75)  # who looks elsewhere at the end is back all the same
+FAR_OUT = 0.8  # share of the way from which it counts how unsure a source is of elbows
+NOTED, NOTED_OUT = 0.05, 0.15  # of running means over frames
+ELBOWS = np.array([motion.endswith("elbow_flexion") for motion in MOTIONS])
 HEAD = np.array([name in ("head", "crown") for name in VECTORS])
 LIES = math.radians(
     28
@@ -57,7 +60,7 @@ class Segment:
         start: When it began [s].
         end: When it ended [s].
         returned: Whether it ended at rest; else the person stayed away from it too long.
-        unsure: How unsure the source was of each of `MOTIONS`, the mean over frames [rad], shape [16].
+        unsure: How unsure the source was of each of `MOTIONS`, of elbows far out [rad], shape [16].
     """
 
     times: Array
@@ -110,7 +113,7 @@ class Segmenter:
     def _clear(self) -> None:
         self.moving = False
         self._away = False  # done, but not back at rest yet
-        self._unsure = np.zeros(len(MOTIONS))  # running mean over frames
+        self._unsure = np.zeros(len(MOTIONS))
         self._times: list[float] = []
         self._rows: list[Array] = []
         self._quick = self._slow = self.now = np.full(0, np.nan)
@@ -140,15 +143,13 @@ class Segmenter:
             if time - self._times[-1] > KEPT:
                 self._clear()  # a break
         dt = time - self._times[-1] if self._times else 0.0
-        if frame.unsure is not None:
-            known = np.isfinite(frame.unsure)
-            self._unsure[known] += 0.05 * (frame.unsure[known] - self._unsure[known])
         self._times.append(time)
         self._rows.append(row)
         self._smooth(row, time, dt)
         if self.moved_at is None:
             self.moved_at = time
         distance = self._distances(self.rest)
+        self._note_unsure(frame.unsure, float(distance[self._asked].max(initial=0.0)))
         speed = self._speed()
         self._note_still(speed, time)
         near = bool((distance <= self._near_now(complete=complete)).all())
@@ -177,6 +178,14 @@ class Segmenter:
             mean[fresh] = row[fresh]
         self._recent.append((time, self._quick.copy()))
         self.now = np.where(time - self._seen <= LOST, self._quick, np.nan)
+
+    def _note_unsure(self, unsure: Array | None, far: float) -> None:
+        """Note how unsure the source is: of elbows far out, where they are judged, else all the way."""
+        if unsure is None:
+            return
+        is_out = not self.moving or far >= FAR_OUT * self._furthest
+        gap = np.where(ELBOWS, NOTED_OUT * is_out, NOTED) * (unsure - self._unsure)
+        self._unsure += np.where(np.isfinite(gap), gap, 0.0)
 
     def _distances(self, reference: Array) -> Array:
         """Return how far each vector is from a reference [rad], nearly; 0 where it is unknown."""

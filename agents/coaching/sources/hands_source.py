@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d  # type: ignore[import-untyped]
 from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 from rcare_marl.errors import ConfigError
@@ -27,6 +28,10 @@ from .one_euro import OneEuro
 # All our own choice.
 SETTLING = 1.0  # without a calibration what is seen so long counts as sitting upright [s]
 LOOK, FIT_EVERY, MOST_SEEN = 0.1, 0.5, 200  # how the body is learnt: [s], [s], arms kept
+AVERAGED = 7  # frames of a calibration
+# How much straighter an elbow may be is asked at so many standard deviations of its bend, and for that at so
+# many of the distance: lengths err more than a fit says. Chosen on three people of `development`.
+FAR, FAR_OFF = 3.0, 4.0
 HANGS = 0.94  # share of its length from which an arm at rest counts as hanging
 LEFT_HOME = 0.2  # a hand so far from where it was first is not at rest [m]
 TURN_TIME = 0.15  # time constant of the trunk's turn [s]
@@ -153,19 +158,24 @@ class HandsSource:
         return BY_HANDS * turn if abs(turn) < GREATEST_ASIDE else 0.0
 
     def _seen(self, readings: Sequence[HandsReading]) -> list[Seen]:
-        """Return wrists and hands in the frame of the trunk, of readings in which the head is seen."""
-        out: list[Seen] = []
+        """Return wrists and hands in the frame of the trunk, of readings in which the head is seen.
+
+        Noise is averaged out first: of noisy arms the furthest count, which look longer than they are.
+        """
+        found = [self._in_body(raw) for raw in readings if raw.head is not None]
+        positions, turns = (_averaged(np.array([each[k] for each in found])) for k in (0, 1))
         step = max(1, len(readings) // 120)
-        for raw in readings[::step]:
-            if raw.head is None:
-                continue
-            positions, turns = self._in_body(raw)
-            shoulders, leaned, _, _ = self._trunk(positions[0], turns[0])
-            for i, side in enumerate(SIDES, start=1):
-                if np.isfinite(positions[i]).all():
-                    palm = (positions[i] - shoulders) @ leaned
-                    out.append((side, palm, turns[i][:, 0] @ leaned))
-        return out
+        each = zip(positions[::step], turns[::step], strict=True)
+        return [one for position, turn in each for one in self._arms_of(position, turn)]
+
+    def _arms_of(self, positions: Array, turns: Array) -> list[Seen]:
+        """Return palms and fingers in the frame of the trunk, of places and axes in that of the body."""
+        shoulders, leaned, _, _ = self._trunk(positions[0], turns[0])
+        return [
+            (side, (positions[i] - shoulders) @ leaned, turns[i][:, 0] @ leaned)
+            for i, side in enumerate(SIDES, start=1)
+            if np.isfinite(positions[i]).all()
+        ]
 
     def update(self, raw: HandsReading, time: float) -> Frame | None:
         """Return what is known at a time [s]; None while the head is not seen or nothing is calibrated."""
@@ -176,7 +186,7 @@ class HandsSource:
         if not np.isfinite(positions[0]).all():
             return None
         if time - self._looked_at >= self._every:
-            self._note_reach(raw, time)
+            self._note_reach(positions, turns, time)
         angles, unsure = np.full(len(MOTIONS), np.nan), np.full(len(MOTIONS), np.nan)
         head, body = turns[0], self.body
         shoulders, leaned, flexion, lateral = self._trunk(positions[0], head)
@@ -200,11 +210,12 @@ class HandsSource:
                 )
         return Frame(time, angles, unsure)
 
-    def _note_reach(self, raw: HandsReading, time: float) -> None:
+    def _note_reach(self, positions: Array, turns: Array, time: float) -> None:
         """Keep what arms show of the body, evenly over the session, and fit the body to it now and then."""
         self._looked_at = time
         # What lies at rest tells little, and a body that is fitted to it would move while nobody does.
-        self._arms += [each for each in self._seen([raw]) if self._has_left(each[0], each[1])]
+        found = self._arms_of(positions, turns)
+        self._arms += [each for each in found if self._has_left(each[0], each[1])]
         if len(self._arms) > MOST_SEEN:
             del self._arms[::2]
             self._every *= 2
@@ -319,11 +330,20 @@ class HandsSource:
         out = arm_motion(side, upper, fore, hand, rotation=self._rotation[side])
         self._rotation[side], self._raised[side] = out[2], out[:2]
         about = math.hypot(self.fit.of_direction, 0.25 * bend)
-        # An arm that is taken for too long by so much looks bent by this.
-        bend = math.hypot(bend, 2 * math.acos(1.0 - self.fit.of_reach))
+        # An arm that is taken for too long by so much looks bent by this, the less the more it is bent.
+        straighter = min(math.cos(0.5 * out[3]) + FAR_OFF * self.fit.of_reach, 1.0)
+        bend = max(bend, (out[3] - 2 * math.acos(straighter)) / FAR)
         sine = max(math.sin(out[0]), 0.2)
         unsure = (about, about / sine, ABOUT["rotation"] + bend, bend, ABOUT["rotation"])
         return np.array(out), np.array(unsure)
+
+
+def _averaged(values: Array) -> Array:
+    """Return the running mean of `AVERAGED` frames of values [n, ...]; NaN where they are."""
+    known = np.isfinite(values)
+    size, kept = min(AVERAGED, len(values)), np.where(known, values, 0.0)
+    total, count = (uniform_filter1d(each, size, axis=0) for each in (kept, known.astype(float)))
+    return np.where(known, total / np.maximum(count, 1e-9), np.nan)
 
 
 def _is_sound(pose: Pose) -> bool:
