@@ -41,7 +41,7 @@ PERSON_SPEED, PERSON_ACCELERATION = 1.5, 5.0  # [rad/s], [rad/s²] of the joints
 REACHED = (0.003, 0.03)  # [m], [rad] by which the tool may miss a place
 FOUND, ENDS = (
     12,
-    3,
+    4,
 )  # postures that reach it: looked for, and the nearest, among which a search may choose
 DEEPEST = 0.01  # [m] that a start may be in something
 HALF_TURN = math.pi  # [rad] of a joint that turns on and on, each way
@@ -319,19 +319,41 @@ def _wished(agent: Agent, goal: Wish, request: Request, problem: Problem) -> Ite
         for together in zip(*(arm.solutions(pose, start) for pose in poses), strict=True):
             for found in together:
                 if found.is_within(*REACHED):
-                    yield _near(found.posture, start, arm.upper)
+                    near = _near(found.posture, start, arm.upper)
+                    yield from same_but_for_turns(near, problem.lower, problem.upper)
         return
     if isinstance(goal, Mapping):
         for name in goal:
             check_name(f"joint of {agent.name!r}", name, arm.names)
-        posture = np.array([goal.get(n, p) for n, p in zip(arm.names, start, strict=True)])
+        postures = np.array([[goal.get(n, p) for n, p in zip(arm.names, start, strict=True)]])
     else:
-        posture = np.asarray(goal, np.float64)
-    if posture.shape != start.shape or not np.isfinite(posture).all():
+        postures = np.atleast_2d(np.asarray(goal, np.float64))
+    if postures.shape[1:] != start.shape or not np.isfinite(postures).all():
         raise ConfigError(
             f"a posture of {agent.name!r} has {len(start)} numbers, got {shown(goal)}"
         )
-    yield _near(posture, start, arm.upper)
+    for posture in postures:
+        yield _near(posture, start, arm.upper)
+
+
+def same_but_for_turns(posture: Array, lower: Array, upper: Array) -> list[Array]:
+    """Return all postures within limits that are the same but for full turns of joints.
+
+    Args:
+        posture: A posture [rad or m], shape [n].
+        lower: Lower limits, shape [n]; finite.
+        upper: Upper limits, shape [n]; finite.
+    """
+    turn, near = 2 * np.pi, 1e-9
+    places = [
+        place
+        + turn
+        * np.arange(
+            np.ceil((low - near - place) / turn), np.floor((high + near - place) / turn) + 1
+        )
+        for place, low, high in zip(posture, lower, upper, strict=True)
+    ]
+    return [np.array(each) for each in itertools.product(*places)]
 
 
 def _near(posture: Array, start: Array, upper: Array) -> Array:

@@ -2,7 +2,8 @@
 
 Somebody sits in a wheelchair in a room of each of several houses, and a robot stands by or on the chair. A
 query goes from one posture of the arm to another, both drawn uniformly within the limits of its joints, and
-half a turn each way, until they are clear by as much as a path has to be. Whether a way leads from one to the
+half a turn each way, until they are clear by as much as a path has to be; full turns of a joint that may turn
+farther do not count. Whether a way leads from one to the
 other is not known before: what is not solved in time is looked for ten times as long, after all others of the
 room. If there is no way then either, the query counts as one that may have none, and is told apart; where no
 time is left to look, it counts as not solved.
@@ -231,9 +232,9 @@ class _Judge:
         }
         self._grips = [robot.tool_pose().inverse() @ body.base_pose() for body in self._held]
 
-    def query(self, rng: np.random.Generator) -> tuple[Array, Array] | None:
-        """Return two postures that are clear; None if there is hardly any."""
-        from rcare_marl.agents.planning import Request, posed
+    def query(self, rng: np.random.Generator) -> tuple[Array, list[Array]] | None:
+        """Return a posture that is clear and another with its full turns; None if there is hardly any."""
+        from rcare_marl.agents.planning import Request, posed, same_but_for_turns
 
         problem = posed(self._robot, Request(self._wishes["avoid"], FROM_THINGS))
         found: list[Array] = []
@@ -243,20 +244,22 @@ class _Judge:
             if problem.holds(posture):
                 found.append(posture)
                 if len(found) == 2:
-                    return found[0], found[1]
+                    goals = same_but_for_turns(found[1], problem.lower, problem.upper)
+                    goals.sort(key=lambda goal: float(np.abs(goal - found[0]).max()))
+                    return found[0], goals
         return None
 
-    def play(self, start: Array, goal: Array, seed: int) -> dict[str, Any]:
-        """Return what became of a query."""
+    def play(self, start: Array, goals: Sequence[Array], seed: int) -> dict[str, Any]:
+        """Return what became of a query; the nearest goal comes first."""
         self._put(start)
-        straight = [self._gaps(posture) for posture in dense(np.array((start, goal)), STEP)]
+        straight = [self._gaps(posture) for posture in dense(np.array((start, goals[0])), STEP)]
         row: dict[str, Any] = {
             "straight_hits_person": any(person < 0 for person, _ in straight),
             "straight_hits": any(min(gaps) < 0 for gaps in straight),
         }
         self._put(start)
         try:
-            path = self._robot.plan(goal, seed=seed, **self._wishes)
+            path = self._robot.plan(goals, seed=seed, **self._wishes)
         except PlanningError:
             return row | {"solved": False, "planning_s": WITHIN, "has_way": True}
         times = np.arange(0.0, path.duration + STEP, STEP)
@@ -271,11 +274,11 @@ class _Judge:
             "limits_kept": self._keeps_limits(path),
         }
 
-    def has_way(self, start: Array, goal: Array) -> bool:
+    def has_way(self, start: Array, goals: Sequence[Array]) -> bool:
         """Return whether a way is found in ten times the time."""
         self._put(start)
         try:
-            self._robot.plan(goal, seed=SECOND_SEED, **{**self._wishes, "within_s": 10 * WITHIN})
+            self._robot.plan(goals, seed=SECOND_SEED, **{**self._wishes, "within_s": 10 * WITHIN})
         except PlanningError:
             return False
         return True
