@@ -123,9 +123,9 @@ class Agent(abc.ABC):
         between control steps.
 
         Args:
-            goal: Joints [rad or m] by name; or, of a robot, the whole posture of the arm, shape [n], or several, shape [k, n], or
-                the pose of its tool in the world, or several of which one is enough; or, of a person,
-                goals as `WholeBodyIk` has them.
+            goal: Joints [rad or m] by name; or, of a robot, the whole posture of the arm, shape [n], or
+                several, shape [k, n], or the pose of its tool in the world, or several, of which one is
+                enough; or, of a person, goals as `WholeBodyIk` has them.
             avoid: Distance from some agents or bodies [m]; None lets it go through one.
             gap: Distance from everything else [m].
             planner: `rrt_connect`, or `bit_star`, which uses all its time for a shorter way.

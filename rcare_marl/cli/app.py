@@ -235,7 +235,9 @@ def demo(
             metavar="FOLDER", help="Where to leave the files; runs/demo-1, -2, ... if left out."
         ),
     ] = None,
-    video: Annotated[bool, typer.Option(help="Whether to film a meal in a dining room, too.")] = True,
+    video: Annotated[
+        bool, typer.Option(help="Whether to film a meal in a dining room, too.")
+    ] = True,
     policy: BestPolicyName = None,
     robot: RobotModel = None,
     recipient: RecipientModel = None,
