@@ -2,11 +2,11 @@
 
 Somebody sits in a wheelchair in a room of each of several houses, and a robot stands by or on the chair. A
 query goes from one posture of the arm to another, both drawn uniformly within the limits of its joints, and
-half a turn each way, until they are clear by as much as a path has to be; full turns of a joint that may turn
-farther do not count. Whether a way leads from one to the
-other is not known before: what is not solved in time is looked for ten times as long, after all others of the
-room. If there is no way then either, the query counts as one that may have none, and is told apart; where no
-time is left to look, it counts as not solved.
+half a turn each way, until they are clear by as much as a path has to be; full turns of a joint that may
+turn farther do not count. Whether a way leads from one to the other is not known before: what is not solved
+in time is looked for ten times as long, after all others of the room. If there is no way then either, the
+query counts as one that may have none, and is told apart; where no time is left to look, it counts as not
+solved.
 
 What is planned is judged by Bullet and not by the planner's own geometry: every 20 ms of a path, how far the
 robot and what it holds are from the person and from walls and furniture. To go straight is to move all
@@ -251,11 +251,12 @@ class _Judge:
 
     def play(self, start: Array, goals: Sequence[Array], seed: int) -> dict[str, Any]:
         """Return what became of a query; the nearest goal comes first."""
-        self._put(start)
-        straight = [self._gaps(posture) for posture in dense(np.array((start, goals[0])), STEP)]
+        straight = dense(np.array((start, goals[0])), STEP)
+        hits_person = any(self._gap_to(posture, [self._person.body]) < 0 for posture in straight)
         row: dict[str, Any] = {
-            "straight_hits_person": any(person < 0 for person, _ in straight),
-            "straight_hits": any(min(gaps) < 0 for gaps in straight),
+            "straight_hits_person": hits_person,
+            "straight_hits": hits_person
+            or any(self._gap_to(posture, self._things) < 0 for posture in straight),
         }
         self._put(start)
         try:
@@ -263,14 +264,15 @@ class _Judge:
         except PlanningError:
             return row | {"solved": False, "planning_s": WITHIN, "has_way": True}
         times = np.arange(0.0, path.duration + STEP, STEP)
-        gaps = np.array([self._gaps(path.at(time)) for time in times])
+        postures = [path.at(time) for time in times]
+        people = [self._gap_to(each, [self._person.body], within=0.05) for each in postures]
         return row | {
             "solved": path.planning_s <= WITHIN,
             "planning_s": path.planning_s,
             "has_way": True,
-            "hits": bool((gaps[:, 0] < 0).any()),
-            "hits_things": bool((gaps[:, 1] < 0).any()),
-            "nearest": float(gaps[:, 0].min()),
+            "hits": min(people) < 0,
+            "hits_things": any(self._gap_to(each, self._things) < 0 for each in postures),
+            "nearest": min(people),
             "limits_kept": self._keeps_limits(path),
         }
 
@@ -288,17 +290,17 @@ class _Judge:
         for body, grip in zip(self._held, self._grips, strict=True):
             body.set_base(self._robot.tool_pose() @ grip)
 
-    def _gaps(self, posture: Array) -> tuple[float, float]:
-        """Return how far robot and tool are from the person and from things, 5 cm at most [m]."""
+    def _gap_to(self, posture: Array, others: Sequence[Any], *, within: float = 0.0) -> float:
+        """Return how far robot and tool are from some bodies, `within` at most [m]."""
         self._put(posture)
-        own = (self._robot.body, *self._held)
-        return (
-            min(self._gap(body, self._person.body) for body in own),
-            min((self._gap(body, thing) for body in own for thing in self._things), default=0.05),
+        return min(
+            (
+                self._env.world.separation(body, other, within=within)
+                for body in (self._robot.body, *self._held)
+                for other in others
+            ),
+            default=within,
         )
-
-    def _gap(self, a: Any, b: Any) -> float:
-        return self._env.world.separation(a, b, within=0.05)
 
     def _keeps_limits(self, path: Path) -> bool:
         arm, rows, dt = self._robot.arm, path.positions, np.diff(path.times)[:, None]
