@@ -210,10 +210,20 @@ def _in_house(model: str, house: str) -> CareEnv | None:
     for room in (room.name for room in CareHome.load(house).rooms() if room.kind in kinds):
         for side in ("right", "left"):
             try:
-                return make(TASK, robot=model, home=house, room=room, options={"mount": side})
+                env = make(TASK, robot=model, home=house, room=room, options={"mount": side})
             except ConfigError:
                 continue  # too narrow there
+            if _stands_clear(env):
+                return env
+            env.close()
     return None
+
+
+def _stands_clear(env: CareEnv) -> bool:
+    """Return whether the robot, as an episode begins, is in no wall and no furniture (1 mm is let pass)."""
+    env.reset(seed=0)
+    robot, things = env.cast["robot"].body, [body for _, body in env.task.place.obstacles]
+    return all(env.world.separation(robot, thing, within=0.0) >= 0 for thing in things)
 
 
 class _Judge:
@@ -260,7 +270,7 @@ class _Judge:
         }
         self._put(start)
         try:
-            path = self._robot.plan(goals, seed=seed, **self._wishes)
+            path = self._robot.plan(np.array(goals), seed=seed, **self._wishes)
         except PlanningError:
             return row | {"solved": False, "planning_s": WITHIN, "has_way": True}
         times = np.arange(0.0, path.duration + STEP, STEP)
@@ -280,7 +290,7 @@ class _Judge:
         """Return whether a way is found in ten times the time."""
         self._put(start)
         try:
-            self._robot.plan(goals, seed=SECOND_SEED, **{**self._wishes, "within_s": 10 * WITHIN})
+            self._robot.plan(np.array(goals), seed=SECOND_SEED, **{**self._wishes, "within_s": 10 * WITHIN})
         except PlanningError:
             return False
         return True
