@@ -290,7 +290,9 @@ class _Judge:
         """Return whether a way is found in ten times the time."""
         self._put(start)
         try:
-            self._robot.plan(np.array(goals), seed=SECOND_SEED, **{**self._wishes, "within_s": 10 * WITHIN})
+            self._robot.plan(
+                np.array(goals), seed=SECOND_SEED, **{**self._wishes, "within_s": 10 * WITHIN}
+            )
         except PlanningError:
             return False
         return True
