@@ -32,19 +32,24 @@ def cards(folder: Path) -> list[ModelCard]:
     return out
 
 
-def page(text: str, found: list[ModelCard]) -> str:
-    """Return the text of a page with the cards in their place.
+def placed(text: str, body: str, begin: str, end: str) -> str:
+    """Return the text of a page with a body between two of its lines.
 
     Raises:
         ValueError: If the page does not mark that place.
     """
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"the page needs the lines {BEGIN!r} and {END!r}")
+    before, found, rest = text.partition(begin)
+    _, ended, after = rest.partition(end)
+    if not (found and ended):
+        raise ValueError(f"the page needs the lines {begin!r} and {end!r}")
+    return f"{before}{begin}\n\n{body}\n{end}{after}"
+
+
+def page(text: str, found: list[ModelCard]) -> str:
+    """Return the text of a page with the cards in their place; errors as of `placed`."""
     limits = ["Limits of all of them:", "", *(f"- {limit}" for limit in LIMITS), ""]
     body = "\n".join([*limits, *(card.markdown() for card in found)]) if found else NONE
-    return f"{before}{begin}\n\n{body}\n{end}{after}"
+    return placed(text, body, BEGIN, END)
 
 
 def main(

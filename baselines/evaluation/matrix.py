@@ -418,6 +418,31 @@ def run_matrix(
         ConfigError: If `processes` is below 1.
     """
     cells = plan.cells()
+
+    def tell(done: Mapping[int, Outcome], last: Outcome) -> None:
+        if on_cell is not None:
+            on_cell(Matrix(plan, tuple(done[i] for i in sorted(done))), last)
+
+    return Matrix(plan, run_cells(cells, processes, on_progress, tell))
+
+
+def run_cells(
+    cells: Sequence[Cell],
+    processes: int,
+    on_progress: Progress | None = None,
+    on_cell: Callable[[Mapping[int, Outcome], Outcome], None] | None = None,
+) -> tuple[Outcome, ...]:
+    """Return what came of cells, of one plan or of several; see `run_matrix`.
+
+    Args:
+        cells: What to run.
+        processes: How many at once.
+        on_progress: Called with the number of episodes that were done since.
+        on_cell: Called after each cell, with those that are finished by their numbers, and with it.
+
+    Raises:
+        ConfigError: If `processes` is below 1.
+    """
     done: dict[int, Outcome] = {}
     told = 0
     tell = on_progress or (lambda _: None)
@@ -432,11 +457,11 @@ def run_matrix(
         if not isinstance(found, Outcome):
             found = Outcome(cells[number], "crashed", f"{type(found).__name__}: {found}")
         done[number] = found
-        tell(plan.episodes - told)
+        tell(cells[number].plan.episodes - told)
         told = 0
         if on_cell is not None:
-            on_cell(Matrix(plan, tuple(done[i] for i in sorted(done))), found)
+            on_cell(done, found)
 
     calls = [partial(cell.run, one) if processes == 1 else cell.run for cell in cells]
     run_each(calls, processes, finish)
-    return Matrix(plan, tuple(done[i] for i in range(len(cells))))
+    return tuple(done[i] for i in range(len(cells)))

@@ -190,7 +190,7 @@ def assess(
         UnknownNameError: If a task, role, model, option or policy does not exist.
         ConfigError: If a value is impossible, or a file is no policy for this task.
     """
-    files = {name: facts for name in plan.policies if (facts := _file_facts(plan, name))}
+    files = {name: facts for name in plan.policies if (facts := file_facts(plan, name))}
     folder = None if save is None else Path(save)
     runs = run(plan, plan.policies, processes=processes, on_progress=on_progress, save=folder)
     return Record(plan, runs, files)
@@ -349,7 +349,7 @@ def _ends(interval: tuple[float, float] | None) -> list[float] | None:
     return None if interval is None else list(interval)
 
 
-def _file_facts(plan: Plan, policy: str) -> dict[str, Any] | None:
+def file_facts(plan: Plan, policy: str) -> dict[str, Any] | None:
     """Return what to keep of a policy's file; None of a policy that is none."""
     path: Path | None = None
     if Path(policy).suffix == SUFFIX:

@@ -37,6 +37,7 @@ from .parameter import (
     PolicyName,
     PolicyPatterns,
     Processes,
+    ProtocolName,
     Randomise,
     RecipientModel,
     Record,
@@ -156,10 +157,12 @@ def describe(
 
 @app.command()
 def evaluate(
+    context: typer.Context,
     task: Task,
     policy: PolicyName = "scripted",
     policies: PolicyPatterns = None,
     over: Over = None,
+    protocol: ProtocolName = None,
     episodes: Episodes = None,
     seed: Seed = 0,
     processes: Processes = 1,
@@ -196,6 +199,8 @@ def evaluate(
     Example: rcare-marl evaluate feeding --role-policy robot=learned --randomise delay_1
 
     Example: rcare-marl evaluate feeding --over people=six,robots=reachable --out matrix.json
+
+    Example: rcare-marl evaluate feeding --protocol everybody --policies learned --out board.json
     """
     from . import assessment
 
@@ -206,23 +211,39 @@ def evaluate(
         "randomise": randomise,
     }
     others = pairs(role_policy, "--role-policy")
+    if protocol is not None:
+        from . import leaderboard
+
+        _check_only(context, "protocol", "policy", "policies", "processes", "as_json", "output")
+        names = policies or [policy]
+        fine = leaderboard.run(
+            task, protocol, names, processes=processes, output=output, as_json=as_json
+        )
+        raise typer.Exit(0 if fine else 1)
     if over is not None:
         from . import matrix
 
-        beside = {"policies": policies, "plot": plot, "save-episodes": save_episodes}
-        beside["record"] = record
-        for name in [name for name, value in beside.items() if value]:
-            raise typer.BadParameter("does not go with --over", param_hint=f"--{name}")
-        plan = matrix.MatrixPlan(
-            task, matrix.parse_over(over), policy, others, episodes or 5, **given
-        )
-        if not matrix.run(plan, processes=processes, output=output, as_json=as_json):
-            raise typer.Exit(1)
-        return
+        left_out = ("policies", "plot", "save_episodes", "record")
+        _check_only(context, "over", *(name for name in context.params if name not in left_out))
+        axes = matrix.parse_over(over)
+        plan = matrix.MatrixPlan(task, axes, policy, others, episodes or 5, **given)
+        fine = matrix.run(plan, processes=processes, output=output, as_json=as_json)
+        raise typer.Exit(0 if fine else 1)
     given |= {"episodes": episodes or 100, "processes": processes, "save": save_episodes}
     found = assessment.run(task, policies or [policy], others, dataset=record, **given)
     of_one = not policies and plot is None and processes == 1
     assessment.report(found, output=output, plot=plot, as_json=as_json, of_one=of_one)
+
+
+def _check_only(context: typer.Context, option: str, *others: str) -> None:
+    """Refuse what was given beside an option and is none of the others that go with it."""
+    for parameter in context.command.params:
+        name, is_option = str(parameter.name), parameter.param_type_name == "option"
+        source = context.get_parameter_source(name)
+        given = source is not None and source.name == "COMMANDLINE"
+        if is_option and given and name not in (option, *others):
+            hint = max(parameter.opts, key=len)
+            raise typer.BadParameter(f"does not go with --{option}", param_hint=hint)
 
 
 @app.command()

@@ -170,6 +170,14 @@ PlotFile = Annotated[
     Path | None,
     typer.Option("--plot", metavar="FILE", help="Draw success, returns and forces as a PNG."),
 ]
+ProtocolName = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME|FILE",
+        help="Judge --policies by the rows of a protocol, such as [bold]everybody[/bold]: strangers, "
+        "partners, robots, homes, perturbations. See docs/leaderboard.md.",
+    ),
+]
 Over = Annotated[
     str | None,
     typer.Option(
