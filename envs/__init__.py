@@ -121,7 +121,8 @@ def make(
     how: dict[str, Any] = {"physics_dt": physics_dt, "render_mode": render_mode}
     how |= {"engine": engine, "randomise": perturbed}
     rest: dict[str, Any] = {**place, **how, **cast}
-    again = partial(make, task, options=options, policies=policies, **rest)
+    rest |= {"randomise": None if randomise is None else perturbed}
+    again = partial(make, task, options=options or None, policies=policies or None, **rest)
     stage = partial(_scene, task, given, policies, (home, level, room))
     if drawn := drawn_people(cls.roles(), cast):
         company = Company(cast, drawn, stage)

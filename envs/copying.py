@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import pickle
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +24,7 @@ class Past:
     Policies are made anew and decide again, so that what they remember is copied too.
     """
 
-    def __init__(self, env: CareEnv, make: Callable[[], CareEnv]) -> None:
+    def __init__(self, env: CareEnv, make: partial[CareEnv]) -> None:
         """Begin to watch an environment that `make` makes again."""
         self.make = make
         self._options: Any = None
@@ -34,6 +36,16 @@ class Past:
             self._options, self._actions = env.task.options, []
         else:
             self._actions.append({role: env.commands[role] for role in env.possible_agents})
+
+    def __str__(self) -> str:
+        """Return the call that makes it again, without what is as usual."""
+        usual = {
+            name: each.default
+            for name, each in inspect.signature(self.make.func).parameters.items()
+        }
+        given = {n: v for n, v in self.make.keywords.items() if n not in usual or v != usual[n]}
+        said = [*map(repr, self.make.args), *(f"{name}={value!r}" for name, value in given.items())]
+        return f"rcare_marl.make({', '.join(said)})"
 
     def state(self, env: CareEnv) -> tuple[Any, ...]:
         """Return the arguments of `made_again`; EpisodeError if the environment is closed."""
@@ -56,6 +68,9 @@ class ByRecipe:
 
     def close(self) -> None:
         """Free what it holds."""
+
+    def __repr__(self) -> str:
+        return object.__repr__(self) if self.past is None else f"<{self.past}>"
 
     def __enter__(self) -> Any:
         return self

@@ -1,29 +1,29 @@
 """Draw pictures of tasks for docs/images: tasks, phyrc, bathing, meal and faces.jpg, and meal.gif.
 
 python experiments/task_pictures.py [--out FOLDER] [--task NAME ...] [--seed N]
+python experiments/task_pictures.py [--out FOLDER] --film runs/demo-1/feeding.mp4
 
 tasks.jpg has every task before and after an episode of the scripted robot; one with a site of its own, such
 as a door, at each level. phyrc.jpg and bathing.jpg show three moments of an episode. What is drawn is what
-was simulated. meal.jpg and meal.gif are of a meal in a dining room, faces.jpg has six people. With --task
-only these tasks are drawn, into tasks.jpg.
+was simulated. faces.jpg has six people. With --task only these tasks are drawn, into tasks.jpg. With --film
+meal.jpg and meal.gif are taken out of the film of `make demo`, and nothing else is drawn.
 """
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import imageio_ffmpeg
 import numpy as np
 import typer
-from PIL import Image
 
 import rcare_marl
 from rcare_marl.agents.agent import Agent
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.cli.demonstration import MEAL
 from rcare_marl.envs.homes import LEVELS
 from rcare_marl.envs.registry import task_class
 from rcare_marl.envs.tasks.bathing import Bathing
@@ -37,8 +37,8 @@ OUT = Path(__file__).resolve().parents[1] / "docs" / "images"
 STILL = {"robot": "scripted", "recipient": "still"}
 PHYRC = {"phyrc_bathing": (0.5, 10.0, 40.0), "phyrc_dressing": (0.5, 9.5, 20.0)}  # [s]
 PHYRC_SEED = 1
-HERO_SIZE, GIF_SIZE, GIF_SECONDS = (1280, 720), (480, 270), 10.0  # [pixel], [pixel], [s]
-AT_MOUTH = 0.04  # [m] from spoon to mouth in meal.jpg
+HERO_WIDTH, GIF_WIDTH, GIF_RATE, GIF_SECONDS = 1280, 720, 10, 10.0  # [pixel], [pixel], [1/s], [s]
+AT_MOUTH = 2.6  # [s] into the film
 FACE_SIZE = (420, 420)  # [pixel]
 PEOPLE = ("daniel", "jose", "karan", "kim", "morgan", "natalia")
 WIPED = (0.0, 0.3, 0.75)  # of the upper side of the arm when a picture is taken
@@ -122,28 +122,15 @@ def draw_bathing(out: Path, seed: int) -> None:
     contact_sheet([*far, *near], columns=3).save(out, quality=QUALITY)
 
 
-def draw_meal(out: Path) -> None:
-    """Draw a spoon at the mouth, and ten seconds of a meal of several bites."""
-    env = rcare_marl.make("feeding", policies=partners("feeding"), **MEAL)
-    env.reset(seed=0)
-    frames: list[Image.Image] = []
-    hero: Image.Image | None = None
-    while not env.is_over and len(frames) < GIF_SECONDS / env.task.control_dt:
-        frames.append(Image.fromarray(snapshot(env.world, sized(env.task.view(), GIF_SIZE))))
-        if env.task.report()["distance_m"] < AT_MOUTH and hero is None:
-            hero = Image.fromarray(snapshot(env.world, env.task.view(), HERO_SIZE))
-            hero.save(out / "meal.jpg", quality=QUALITY)
-        env.step({})
-    palette = frames[len(frames) // 2].quantize(128)
-    small = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    lasts = round(1000 * env.task.control_dt)
-    small[0].save(out / "meal.gif", save_all=True, append_images=small[1:], duration=lasts, loop=0)
-    env.close()
-
-
-def sized(camera: Camera, size: tuple[int, int]) -> Camera:
-    """Return a camera with a picture of another size [pixel]."""
-    return replace(camera, width=size[0], height=size[1])
+def draw_meal(film: Path, out: Path) -> None:
+    """Take a picture of a spoon at the mouth and ten seconds out of the film of a demo."""
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", "-i", str(film)]
+    moment = ["-ss", str(AT_MOUTH), "-frames:v", "1", "-vf", f"scale={HERO_WIDTH}:-1"]
+    subprocess.check_call([*command, *moment, "-q:v", "4", str(out / "meal.jpg")])
+    small = f"fps={GIF_RATE},scale={GIF_WIDTH}:-1:flags=lanczos"
+    colours = "split[a][b];[a]palettegen=max_colors=160[p];[b][p]paletteuse=dither=none"
+    part = ["-t", str(GIF_SECONDS), "-vf", f"{small},{colours}", str(out / "meal.gif")]
+    subprocess.check_call([*command, *part])
 
 
 def draw_faces(out: Path) -> None:
@@ -164,8 +151,15 @@ def draw_faces(out: Path) -> None:
     contact_sheet(pictures, names, columns=3, gap=GAP).save(out, quality=QUALITY)
 
 
-def main(out: Path = OUT, task: list[str] = [], seed: int = 0) -> None:  # noqa: B006  (typer's way)
-    """Draw all, or pairs of the named tasks alone."""
+def main(
+    out: Path = OUT,
+    task: list[str] = [],  # noqa: B006  (typer's way)
+    film: Path | None = None,
+    seed: int = 0,
+) -> None:
+    """Draw all, or pairs of the named tasks alone, or take pictures out of a film."""
+    if film is not None:
+        return draw_meal(film, out)
     known = rcare_marl.task_names()
     for name in task:
         check_name("task", name, known)
@@ -173,7 +167,6 @@ def main(out: Path = OUT, task: list[str] = [], seed: int = 0) -> None:  # noqa:
     if not task:
         draw_phyrc(out / "phyrc.jpg")
         draw_bathing(out / "bathing.jpg", seed)
-        draw_meal(out)
         draw_faces(out / "faces.jpg")
 
 

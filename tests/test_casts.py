@@ -32,7 +32,8 @@ def reaching(task: str) -> Collection[str]:
 
 # Each takes 5 s and more; test_reach.py dresses somebody else with another robot.
 SLOW = {*(("dressing", role) for role in ("robot", "recipient", "caregiver"))}
-SLOW |= {("phyrc_dressing", "robot")}
+SLOW |= {("phyrc_dressing", "robot"), ("phyrc_dressing", "recipient"), ("phyrc_bathing", "robot")}
+SLOW |= {("drinking", "robot")}
 SEARCHED = {("drinking", "stretch_re1_dex")}  # the search for its start takes 5 s
 
 

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
-import json
 import os
-import shutil
 import ssl
-import subprocess
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,7 +18,7 @@ import pytest
 
 pytest.importorskip("aiohttp", reason="the coach's page needs the extra 'coach'")
 
-from aiohttp import web
+from browser import need, serving, watched
 from self_signed import OPENSSL, self_signed
 
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
@@ -43,28 +38,11 @@ RATE = 12.0  # of the poses that are played [1/s]
 BEFORE, AFTER = 0.5, 1.5  # rest before and after a repetition [s]
 LATE = 7.5  # how much slower than ours the clock of a filmed person runs
 HURRY = 3.0  # how much faster than ours the clock of simulated people runs
-PATIENCE = 120.0  # for anything on the page to happen on a loaded machine [s]
-REQUIRED = "RCARE_MARL_REQUIRE_BROWSER"  # set by make test-browser: these tests must not be skipped
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), None)
-NEEDED = {
-    "Chromium (on Debian: apt-get install chromium)": CHROMIUM,
-    "Node (on Debian: apt-get install nodejs npm)": shutil.which("node"),
-    "the page's npm packages (make test-browser)": all(
-        (WEB / "node_modules" / name / "package.json").is_file()
-        for name in ("@mediapipe/pose", "axe-core", "iwer", "playwright-core", "three")
-    ),
-}
-MISSING = [what for what, there in NEEDED.items() if not there]
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _browser() -> None:
-    reason = f"not installed: {'; '.join(MISSING)}"
-    if MISSING and os.environ.get(REQUIRED):
-        pytest.fail(reason, pytrace=False)
-    if MISSING:
-        pytest.skip(reason)
+    need("@mediapipe/pose", "axe-core", "iwer", "playwright-core", "three")
 
 
 class Clock:
@@ -91,30 +69,8 @@ def hurried() -> float:
 def served(context: ssl.SSLContext | None = None, **service: Any) -> Iterator[str]:
     """Serve the page on a free port of this computer; yield its address, with a token that opens it."""
     server = Server(Service(WEB / "node_modules", is_secure=context is not None, **service))
-    loop, ready, ports = asyncio.new_event_loop(), threading.Event(), list[int]()
-
-    async def start() -> web.AppRunner:
-        runner = web.AppRunner(server.app, handle_signals=False)
-        await runner.setup()
-        site = web.TCPSite(runner, "127.0.0.1", 0, shutdown_timeout=1.0, ssl_context=context)
-        await site.start()
-        ports.append(runner.addresses[0][1])
-        ready.set()
-        return runner
-
-    def work() -> None:
-        runner = loop.run_until_complete(start())
-        loop.run_forever()
-        loop.run_until_complete(runner.cleanup())
-        loop.close()
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    assert ready.wait(60)
-    scheme = "http" if context is None else "https"
-    yield f"{scheme}://127.0.0.1:{ports[0]}/?token={server.ticket()}"
-    loop.call_soon_threadsafe(loop.stop)
-    thread.join(30)
+    with serving(server.app, context) as url:
+        yield f"{url}/?token={server.ticket()}"
 
 
 def drive(folder: Path, url: str, kind: str, **job: Any) -> dict[str, Any]:
@@ -124,8 +80,6 @@ def drive(folder: Path, url: str, kind: str, **job: Any) -> dict[str, Any]:
         "url": url,
         "kind": kind,
         "name": kind,
-        "web": str(WEB),
-        "chromium": CHROMIUM,
         "flags": [],
         "touch": False,
         "expected": [],
@@ -134,20 +88,9 @@ def drive(folder: Path, url: str, kind: str, **job: Any) -> dict[str, Any]:
         "viewport": {"width": 900, "height": 600},
         "exercise": "lateral_raise",
         "height_cm": round(100 * HEIGHT),
-        "patience": 1000 * PATIENCE,
         **job,
     }
-    file = folder / "job.json"
-    file.write_text(json.dumps(job))
-    driver = Path(__file__).with_name("coach_page.mjs")
-    done = subprocess.run(
-        ["node", str(driver), str(file)], capture_output=True, text=True, timeout=6 * PATIENCE
-    )
-    assert done.returncode == 0, done.stderr
-    seen: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    assert not seen["errors"], seen["errors"]
-    assert not seen["outside"], "the page asked for something outside this computer"
-    return seen
+    return watched("coach_page.mjs", folder, job)
 
 
 def performance(exercise: Exercise, share: float) -> list[dict[str, Any]]:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import functools
 import http.server
-import json
-import os
-import shutil
 import subprocess
 import sys
 import threading
@@ -14,13 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from browser import need, watched
 
 ROOT = Path(__file__).parents[1]
-WEB = ROOT / "baselines" / "coaching" / "page" / "web"
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), None)
-REQUIRED = "RCARE_MARL_REQUIRE_BROWSER"  # set by make test-browser: these tests must not be skipped
-PATIENCE = 120.0  # [s]
 PAGES = ("index.html", "tasks.html", "reference/environments.html")  # that axe looks at
 WANTED = {  # a word, and a page that its search has to name
     "spasticity": "actuation.html",
@@ -48,44 +41,26 @@ WANTED = {  # a word, and a page that its search has to name
 
 @pytest.mark.slow
 def test_the_site_finds_twenty_words_and_bars_nobody(tmp_path: Path) -> None:
-    there = CHROMIUM and shutil.which("node") and (WEB / "node_modules" / "axe-core").is_dir()
-    if not there and os.environ.get(REQUIRED):
-        pytest.fail(
-            "Chromium, Node or the page's packages are missing: make browser", pytrace=False
-        )
-    if not there:
-        pytest.skip("Chromium, Node or the page's packages are missing: make browser")
+    need("axe-core", "playwright-core")
     site = tmp_path / "site"
     config = ROOT / "docs" / "site" / "mkdocs.yml"
     build = [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-f", str(config)]
     subprocess.run([*build, "-d", str(site)], check=True, capture_output=True)
-    seen = look(tmp_path, site)
-    assert not seen["errors"] and not seen["outside"], seen
+    seen = seen_of(tmp_path, site)
     missed = {w: seen["found"][w][:8] for w, page in WANTED.items() if page not in seen["found"][w]}
     assert len(WANTED) == 20 and not missed, missed
     assert not seen["violations"], "\n".join(seen["violations"])
 
 
-def look(folder: Path, site: Path) -> dict[str, Any]:
+def seen_of(folder: Path, site: Path) -> dict[str, Any]:
     """Serve the site on this computer, and return what the driver saw of it."""
     handler = functools.partial(Quiet, directory=str(site))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        job = {
-            "url": f"http://127.0.0.1:{server.server_port}",
-            "web": str(WEB),
-            "chromium": CHROMIUM,
-            "patience": 1000 * PATIENCE,
-            "words": list(WANTED),
-            "pages": PAGES,
-        }
-        file = folder / "job.json"
-        file.write_text(json.dumps(job))
-        driver = Path(__file__).with_name("site_page.mjs")
-        done = subprocess.run(["node", str(driver), str(file)], capture_output=True, text=True)
+        url = f"http://127.0.0.1:{server.server_port}"
+        seen = watched("site_page.mjs", folder, {"url": url, "words": list(WANTED), "pages": PAGES})
         server.shutdown()
-    assert done.returncode == 0, done.stderr
-    return dict(json.loads(done.stdout.splitlines()[-1]))
+    return seen
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):

@@ -6,8 +6,8 @@ import builtins
 import json
 import math
 import sys
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -354,22 +354,31 @@ def test_a_lift_and_a_bed_raise_people_as_in_bullet() -> None:
 SENSED = ["joint_wrench", "joint_torque", {"kind": "wrist_wrench", "tare": True}]
 
 
+@pytest.fixture(scope="module")
+def sensed() -> Iterator[list[CareEnv]]:
+    """Give the same scene in Bullet and in MuJoCo."""
+    with ExitStack() as stack:
+        yield [
+            stack.enter_context(rcare_marl.make("feeding", engine=e, robot={"sensors": SENSED}))
+            for e in ("bullet", "mujoco")
+        ]
+
+
 @pytest.mark.parametrize("way", [0.0, 0.2])
-def test_joints_and_wrists_feel_what_they_feel_in_bullet(way: float) -> None:
+def test_joints_and_wrists_feel_what_they_feel_in_bullet(sensed: list[CareEnv], way: float) -> None:
     found = []
-    for engine in ("bullet", "mujoco"):
-        with closing(rcare_marl.make("feeding", engine=engine, robot={"sensors": SENSED})) as env:
-            env.reset(seed=0)
-            action = np.zeros(env.action_space("robot").shape, np.float32)
-            action[0] = -way
-            rest = np.zeros(env.action_space("recipient").shape, np.float32)
-            for _ in range(8):
-                env.step({"robot": action, "recipient": rest})
-            assert (suite := env.cast["robot"].sensors) is not None
-            read = suite.reading
-            names = [("joint_wrench", "force"), ("joint_wrench", "torque")]
-            names += [("joint_torque", "effort"), ("wrist_wrench", "force")]
-            found.append([np.asarray(read(*name)) for name in [*names, ("wrist_wrench", "torque")]])
+    for env in sensed:
+        env.reset(seed=0)
+        action = np.zeros(env.action_space("robot").shape, np.float32)
+        action[0] = -way
+        rest = np.zeros(env.action_space("recipient").shape, np.float32)
+        for _ in range(8):
+            env.step({"robot": action, "recipient": rest})
+        assert (suite := env.cast["robot"].sensors) is not None
+        read = suite.reading
+        names = [("joint_wrench", "force"), ("joint_wrench", "torque")]
+        names += [("joint_torque", "effort"), ("wrist_wrench", "force")]
+        found.append([np.asarray(read(*name)) for name in [*names, ("wrist_wrench", "torque")]])
     for bullet, mujoco in zip(found[0][:2], found[1][:2], strict=True):
         assert mujoco == pytest.approx(bullet, abs=0.02 * float(np.abs(bullet).max()))
     assert found[1][2] == pytest.approx(found[0][2], abs=0.02 * float(np.abs(found[0][2]).max()))

@@ -52,6 +52,12 @@ def test_with_closes_an_environment() -> None:
         env.reset()
 
 
+def test_an_environment_says_what_makes_it_again(env: CareEnv) -> None:
+    with rcare_marl.make(TASK) as plain:
+        assert repr(plain) == f"<rcare_marl.make({TASK!r})>"
+    assert repr(env) == f"<rcare_marl.make({TASK!r}, policies={ROLES!r})>"
+
+
 @pytest.mark.parametrize(
     "twin", [copy.deepcopy, copy.copy, lambda e: pickle.loads(pickle.dumps(e))]
 )

@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 
 import rcare_marl
+from rcare_marl import assets
 from rcare_marl.assets import ROOT
 from rcare_marl.baselines.training.config import default_config, load_config
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.coaching.learner_kind import LearnerKind, learner_kinds, load_learner_kind
+from rcare_marl.envs.coaching.learner_kind import LearnerKind, load_learner_kind
 from rcare_marl.envs.tasks.social_coaching import SocialCoaching
 from rcare_marl.errors import ConfigError, UnknownNameError
 
@@ -31,7 +32,7 @@ def task_of(env: CareEnv) -> SocialCoaching:
     return env.task
 
 
-@pytest.mark.parametrize("name", learner_kinds())
+@pytest.mark.parametrize("name", assets.names("learners"))
 def test_every_kind_that_ships_can_be_loaded_and_says_who_it_is(name: str) -> None:
     assert load_learner_kind(name).description
 
@@ -43,7 +44,7 @@ def test_anybody_is_what_a_kind_is_without_figures() -> None:
 @pytest.mark.parametrize("task", ["social_coaching", "group_coaching"])
 def test_a_shipped_training_keeps_two_kinds_for_judging(task: str) -> None:
     kinds = load_config(default_config(task)).options["learners"]
-    assert set(kinds) == set(learner_kinds()) - HELD_OUT
+    assert set(kinds) == set(assets.names("learners")) - HELD_OUT
 
 
 def test_a_tired_learner_begins_tired_and_one_of_several_kinds_is_drawn_by_the_seed() -> None:

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
-import json
 import os
-import shutil
-import subprocess
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,58 +13,27 @@ import pytest
 pytest.importorskip("aiohttp", reason="the page needs the extra 'coach'")
 pytest.importorskip("h5py", reason="records need the extra 'data'")
 
-from aiohttp import web
+from browser import WEB, need, serving, watched
 from test_teleoperation import BAD
 
 from rcare_marl.baselines.teleoperation.server import Server
 from rcare_marl.baselines.teleoperation.stage import Scenario
 
-# Where `make test-browser` installs what pages and their tests take from npm.
-WEB = Path(__file__).resolve().parents[1] / "baselines" / "coaching" / "page" / "web"
 THREE = WEB / "node_modules" / "three" / "build"
 TOKEN = "of-the-test"
-PATIENCE = 120.0  # for anything on the page to happen on a loaded machine [s]
-REQUIRED = "RCARE_MARL_REQUIRE_BROWSER"  # set by make test-browser: these tests must not be skipped
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), None)
-PACKAGES = all((WEB / "node_modules" / name).is_dir() for name in ("iwer", "playwright-core"))
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _browser() -> None:
-    if CHROMIUM is None or shutil.which("node") is None or not PACKAGES:
-        reason = "Chromium, Node or the page's npm packages are not installed: make test-browser"
-        if os.environ.get(REQUIRED):
-            pytest.fail(reason, pytrace=False)
-        pytest.skip(reason)
+    need("iwer", "playwright-core")
 
 
 @contextmanager
 def served(scenario: Scenario) -> Iterator[str]:
     """Serve the page on a free port of this computer, each step as soon as hands answered."""
     server = Server(scenario, token=TOKEN, waits=True, three=THREE)
-    loop, ready, ports = asyncio.new_event_loop(), threading.Event(), list[int]()
-
-    async def start() -> web.AppRunner:
-        runner = web.AppRunner(server.app, handle_signals=False)
-        await runner.setup()
-        await web.TCPSite(runner, "127.0.0.1", 0, shutdown_timeout=1.0).start()
-        ports.append(runner.addresses[0][1])
-        ready.set()
-        return runner
-
-    def work() -> None:
-        runner = loop.run_until_complete(start())
-        loop.run_forever()
-        loop.run_until_complete(runner.cleanup())
-        loop.close()
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    assert ready.wait(PATIENCE)
-    yield f"http://127.0.0.1:{ports[0]}/?token={TOKEN}"
-    loop.call_soon_threadsafe(loop.stop)
-    thread.join(30)
+    with serving(server.app) as url:
+        yield f"{url}/?token={TOKEN}"
 
 
 def drive(folder: Path, url: str, name: str, **job: Any) -> dict[str, Any]:
@@ -78,24 +42,11 @@ def drive(folder: Path, url: str, name: str, **job: Any) -> dict[str, Any]:
         "url": url,
         "kind": "play",
         "name": name,
-        "web": str(WEB),
-        "chromium": CHROMIUM,
         "pictures": os.environ.get("TELEOPERATION_PICTURES"),
         "viewport": {"width": 480, "height": 320},
-        "patience": 1000 * PATIENCE,
         **job,
     }
-    file = folder / "job.json"
-    file.write_text(json.dumps(job))
-    driver = Path(__file__).with_name("teleoperation_page.mjs")
-    done = subprocess.run(
-        ["node", str(driver), str(file)], capture_output=True, text=True, timeout=6 * PATIENCE
-    )
-    assert done.returncode == 0, done.stderr
-    seen: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    assert not seen["errors"], seen["errors"]
-    assert not seen["outside"], "the page asked for something outside this computer"
-    return seen
+    return watched("teleoperation_page.mjs", folder, job)
 
 
 def test_a_hand_in_a_headset_leads_the_spoon_to_the_mouth(tmp_path: Path) -> None:

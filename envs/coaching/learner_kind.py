@@ -61,11 +61,6 @@ class LearnerKind:
                 raise ConfigError(f"{name} of a learner is at most 1, got {value}")
 
 
-def learner_kinds() -> tuple[str, ...]:
-    """Return the names of all kinds of learners there are."""
-    return assets.names("learners")
-
-
 def load_learner_kind(name: str) -> LearnerKind:
     """Return a kind of learner by its name, or from a YAML file of your own.
 

@@ -6,7 +6,6 @@ robomimic: https://robomimic.github.io/docs/datasets/overview.html; Minari: http
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,6 @@ from .common import WHAT, assembled, check_rewards, header_of, lead_first, read_
 MAIN = "main_data.hdf5"  # Minari's names
 META = "metadata.json"
 HEADERS = "rcare_marl"  # key of our headers in its metadata
-ID = re.compile(r"[-\w]+-v\d+")  # what Minari calls a dataset
 
 
 class RobomimicWriter:

@@ -35,9 +35,8 @@ PRESS = (0.5, 2.5)
 COMFORT_FORCE = 3.0  # [N] free of penalty; our own choice, as all that follows
 STROKE = 0.01  # [m/s] along the teeth at least
 BRUSHED = 3.0  # [s] of strokes that clean a quadrant, in place of the 30 s that are advised
-BACK = (
-    0.42  # of the arch's depth, behind the foremost tooth, where a brush is aimed at: the premolars
-)
+# Of the arch's depth, behind the foremost tooth, where a brush is aimed at: the premolars.
+BACK = 0.42
 # [rad] by which the brush comes in from the other side, by which it points up or down to its row of teeth.
 YAW, PITCH = math.radians(10), math.radians(12)
 START_GAP = (0.13, 0.19)  # [m] from the lips to the tip at the start
@@ -78,14 +77,7 @@ class ToothBrushing(Meal):
     """
 
     room_kinds = ("bathroom", "bedroom", "living", "lounge", "kitchen")
-    reachable_by = (
-        "fetch",
-        "franka_panda",
-        "kinova_gen2",
-        "kinova_gen3",
-        "stretch_re1_dex",
-        "ur5",
-    )
+    reachable_by = ("fetch", "franka_panda", "kinova_gen2", "kinova_gen3", "stretch_re1_dex", "ur5")
     least_success = 90
     engines = ("bullet",)  # the rigid face lets the brush in during an episode
     time_limit = 60.0

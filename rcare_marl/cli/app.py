@@ -288,7 +288,10 @@ def gallery(
     ] = "all",
     name: Annotated[
         list[str] | None,
-        typer.Option("--name", help="Only this robot or avatar; may be given several times."),
+        typer.Option(
+            "--name",
+            help="Only this one, by name or YAML file; may be given several times.",
+        ),
     ] = None,
     output: Annotated[
         Path, typer.Option(metavar="FOLDER", help="Where to leave the pictures.")
@@ -296,6 +299,10 @@ def gallery(
     meshes: Annotated[
         bool, typer.Option(help="Whether to draw real meshes of robots where they are installed.")
     ] = True,
+    size: Annotated[
+        tuple[int, int],
+        typer.Option(min=64, max=4096, metavar="WIDTH HEIGHT", help="Of a picture [pixel]."),
+    ] = (480, 600),
 ) -> None:
     """Draw every robot and every avatar, with names: one picture each, and a sheet of each kind.
 
@@ -303,7 +310,8 @@ def gallery(
     """
     from . import gallery as pictures
 
-    for file in pictures.make(output, pictures.check_kind(kind), name or (), meshes=meshes):
+    kinds = pictures.check_kind(kind)
+    for file in pictures.make(output, kinds, name or (), meshes=meshes, size=size):
         typer.echo(file)
 
 

@@ -14,6 +14,7 @@ import typer
 from rcare_marl.console import print_line
 from rcare_marl.errors import ConfigError, MissingPackageError
 
+from .parameter import Opens
 from .serving import LOOPBACK as LOOPBACK
 from .serving import PORT, serve_page
 from .serving import bound as bound
@@ -39,9 +40,7 @@ def serve(
             help=f"Where to serve; {PORT} if left out, or a free one if it is taken.",
         ),
     ] = None,
-    open_: Annotated[
-        bool, typer.Option("--open/--no-open", help="Whether to open the page in your browser.")
-    ] = True,
+    open_: Opens = True,
     record: Annotated[
         Path | None,
         typer.Option(

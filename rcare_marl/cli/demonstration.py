@@ -9,8 +9,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.text import Text
 
+from rcare_marl.agents.people.human import Human
 from rcare_marl.atomic_file import draft
 from rcare_marl.baselines.evaluation import evaluate as baseline
 from rcare_marl.baselines.evaluation.episode_figure import Recorder, draw
@@ -22,6 +24,7 @@ from rcare_marl.envs.scenes.meal import MOUTH_RADIUS
 from rcare_marl.envs.task_options import FORCE_LIMIT
 from rcare_marl.envs.tasks.feeding import Feeding
 from rcare_marl.errors import ConfigError
+from rcare_marl.rendering import Camera
 from rcare_marl.rendering.film import Film
 
 from .assessment import successes
@@ -102,14 +105,14 @@ def _film_meal(path: Path, seed: int, cast: Mapping[str, Any]) -> None:
     """Film the scripted robot at a meal of several bites, in a dining room."""
     policies = {"robot": "scripted", "recipient": "cooperative"}
     with make(TASK, policies=policies, **MEAL, **cast) as env, progress("filming") as bar:
-        film = Film(path, env.world, fps=PICTURES)
+        env.reset(seed=seed)
+        film = Film(path, env.world, fps=PICTURES, close_up=_at_mouth(env))
         each, steps = round(1 / (PICTURES * env.world.physics_dt)), itertools.count(1)
 
         def look() -> None:
             if next(steps) % each == 0:
                 _film(film, env)
 
-        env.reset(seed=seed)
         setattr(env.task, "after_substep", look)  # noqa: B010  (feeding has none of its own)
         job = bar.add_task("a meal", total=env.task.time_limit)
         try:
@@ -120,6 +123,15 @@ def _film_meal(path: Path, seed: int, cast: Mapping[str, Any]) -> None:
             film.hold()
         finally:
             film.close()
+
+
+def _at_mouth(env: CareEnv) -> Camera:
+    """Return a camera that sees mouth and spoon from the side."""
+    person = env.cast["recipient"]
+    assert isinstance(person, Human)
+    lips, face = person.mouth_and_face()
+    eye = lips + 0.35 * (face + np.cross(face, (0.0, 0.0, 1.0))) + (0.0, 0.0, 0.05)
+    return Camera(tuple(eye.tolist()), tuple((lips + 0.06 * face).tolist()), fov_deg=28)
 
 
 def _film(film: Film, env: CareEnv) -> None:

@@ -45,7 +45,12 @@ class Plate:
 
 
 def make(
-    out: Path, kinds: Sequence[str], names: Sequence[str], *, meshes: bool = True
+    out: Path,
+    kinds: Sequence[str],
+    names: Sequence[str],
+    *,
+    meshes: bool = True,
+    size: tuple[int, int] = SIZE,
 ) -> list[Path]:
     """Draw everybody and return the files: `robots/<name>.png`, `robots.jpg`, likewise for avatars.
 
@@ -54,6 +59,7 @@ def make(
         kinds: `robots`, `avatars` or both.
         names: Only these, by name or YAML file; all if empty.
         meshes: Whether to draw robots by real meshes where a package with them is installed.
+        size: Width and height of a picture [pixel].
 
     Raises:
         UnknownNameError: If nobody has such a name.
@@ -65,8 +71,8 @@ def make(
     chosen = [(kind, name) for kind, name in subjects if not names or name in names]
     chosen += [(_kind(name), name) for name in names if _is_file(name)]
     draw: dict[str, Callable[[str], Plate]] = {
-        "robots": lambda name: robot_plate(name, meshes=meshes),
-        "avatars": avatar_plate,
+        "robots": lambda name: robot_plate(name, meshes=meshes, size=size),
+        "avatars": lambda name: avatar_plate(name, size=size),
     }
     files: list[Path] = []
     plates: dict[str, list[Plate]] = {}
@@ -95,20 +101,20 @@ def _kind(file: str) -> str:
     return "robots" if "arms" in read_yaml(file) else "avatars"
 
 
-def robot_plate(name: str, *, meshes: bool = True) -> Plate:
+def robot_plate(name: str, *, meshes: bool = True, size: tuple[int, int] = SIZE) -> Plate:
     """Return a picture of a robot at its start posture, on the floor or bolted to it."""
     config = load_robot(name)
     world = World()
     robot = Robot("robot", config, meshes="auto" if meshes else "never")
     robot.spawn(world, robot.mount("floor"))
-    picture = portrait(world, [robot.body], VIEW, SIZE)
+    picture = portrait(world, [robot.body], VIEW, size)
     world.close()
     arms = f"{len(config.arms)} arm{'s' if len(config.arms) > 1 else ''}"
     drives = config.base.kind if config.base is not None else "bolted down"
     return Plate(Path(name).stem, f"{arms}, {drives}, {robot.files.model.mass:.1f} kg", picture)
 
 
-def avatar_plate(name: str) -> Plate:
+def avatar_plate(name: str, *, size: tuple[int, int] = SIZE) -> Plate:
     """Return a picture of a person: in a wheelchair, or standing if they are no care recipient."""
     avatar = load_avatar(name)
     stands = "caregiver" in name
@@ -123,7 +129,7 @@ def avatar_plate(name: str) -> Plate:
     person.spawn(world, support)
     if not stands and avatar.profile.ventilator_rate is not None:
         hang_ventilator(world, chair, person)
-    picture = portrait(world, [person.body, *bodies], VIEW, SIZE)
+    picture = portrait(world, [person.body, *bodies], VIEW, size)
     world.close()
     return Plate(Path(name).stem, f"{avatar.condition}, {avatar.age_years:g}", picture)
 

@@ -124,11 +124,6 @@ class Camera:
         return cls(eye, target, up, fov, width, height, near, far, fx / fy, (cx, cy))
 
     @property
-    def aspect(self) -> float:
-        """Width over height of what is seen [1]."""
-        return self.width / self.height / self.stretch
-
-    @property
     def focal(self) -> tuple[float, float]:
         """Horizontal and vertical focal length [pixel]."""
         vertical = 0.5 * self.height / math.tan(math.radians(self.fov_deg) / 2)

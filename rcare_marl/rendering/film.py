@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib import font_manager
 from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import binary_dilation
 
 from rcare_marl.rendering import Camera, make_renderer
 from rcare_marl.world import World
@@ -28,6 +29,9 @@ COARSE = 4  # of the film's pixels are one of the picture that tells what moved
 TALL = 700  # [pixel] of what is drawn anew, at least: less would shade nooks less
 AROUND = 3  # of those to each side are drawn anew with what moved
 UNLIKE = 2  # of 255, by which what moved differs
+INSET, FINER = (480, 360), 1.5  # [pixel] of a close-up, and how many times finer it is drawn
+INSET_EVERY = 3  # pictures there is a new close-up
+GAP, EDGE = 16, 4  # [pixel] around it, and of its frame
 
 Picture = npt.NDArray[np.uint8]
 
@@ -35,15 +39,18 @@ Picture = npt.NDArray[np.uint8]
 class Film:
     """An MP4 in the making; close it before the file is used."""
 
-    def __init__(self, path: Path, world: World, *, fps: float) -> None:
+    def __init__(
+        self, path: Path, world: World, *, fps: float, close_up: Camera | None = None
+    ) -> None:
         """Begin.
 
         Args:
             path: The file.
             world: What to film.
             fps: Pictures a second; the control rate gives real time.
+            close_up: What sees a detail, shown in the lower right corner.
         """
-        self._fps = fps
+        self._fps, self._close_up, self._count = fps, close_up, 0
         self._font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), FONT_SIZE)
         self._smooth = make_renderer(world)
         self._quick = make_renderer(world, samples=0)
@@ -68,6 +75,8 @@ class Film:
             self._look_anew(view)
         self._draw_what_moved(view)
         self._last = self._now.copy()
+        if self._close_up is not None:
+            self._put_close_up(self._close_up, self._last)
         bar = Image.fromarray(self._last[-BAR:])
         pen = ImageDraw.Draw(bar, "RGBA")
         pen.rectangle((0, 0, width, BAR), fill=(20, 24, 28, 200))
@@ -77,10 +86,21 @@ class Film:
         self._last[-BAR:] = np.asarray(bar)
         self._writer.send(self._last)
 
+    def _put_close_up(self, camera: Camera, picture: Picture) -> None:
+        if self._count % INSET_EVERY == 0:
+            width, height = (round(FINER * each) for each in INSET)
+            seen = self._quick.render(dataclasses.replace(camera, width=width, height=height))
+            self._inset = np.asarray(Image.fromarray(seen).resize(INSET, Image.Resampling.BOX))
+        self._count += 1
+        width, height = INSET
+        right, end = SIZE[0] - GAP, SIZE[1] - BAR - GAP
+        picture[end - height - 2 * EDGE : end, right - width - 2 * EDGE : right] = 255
+        picture[end - height - EDGE : end - EDGE, right - width - EDGE : right - EDGE] = self._inset
+
     def _look_anew(self, view: Camera) -> None:
         self._view, self._now = view, self._smooth.render(view).copy()
         self._first, self._jagged = self._now.copy(), self._quick.render(view)
-        self._small = self._coarse(view)
+        self._small = self._empty = self._coarse(view)
 
     def _coarse(self, view: Camera) -> npt.NDArray[np.int16]:
         size = view.width // COARSE, view.height // COARSE
@@ -103,7 +123,14 @@ class Film:
         unlike = (np.abs(drawn.astype(np.int16) - self._jagged[part]) > UNLIKE).any(axis=2)
         wide = np.pad(unlike, 1)  # with what lies beside it: the first picture's edges are smooth
         unlike |= wide[:-2, 1:-1] | wide[2:, 1:-1] | wide[1:-1, :-2] | wide[1:-1, 2:]
+        unlike &= self._is_near_change(small)[part]  # elsewhere only the nooks' shade is another
         self._now[part] = np.where(unlike[..., None], drawn, self._first[part])
+
+    def _is_near_change(self, small: npt.NDArray[np.int16]) -> npt.NDArray[np.bool_]:
+        """Return which of the film's pixels are not, or are near what is not, as in the first picture."""
+        other = (np.abs(small - self._empty) > UNLIKE).any(axis=2)
+        near = binary_dilation(other, iterations=AROUND)
+        return near.repeat(COARSE, axis=0).repeat(COARSE, axis=1)
 
     def hold(self) -> None:
         """Show the last picture a while longer."""

@@ -31,6 +31,7 @@ from rcare_marl.reading import read_xml
 
 from ..body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, PARENTS, SIDES, forward_kinematics
 from ..profile import clinical_norms
+from .hill import PASSIVE_STRAIN
 from .muscle_table import number
 from .muscle_unit import MuscleUnit, PathPoint, Side, path_lengths, t_pose_length
 
@@ -42,7 +43,6 @@ _LIMB = _LEG | {"Shoulder": "collar", "Arm": "shoulder", "ForeArm": "elbow", "Ha
 BODIES: dict[str, str] = _AXIAL | {
     body + side[0].upper(): f"{side}_{joint}" for side in SIDES for body, joint in _LIMB.items()
 }
-_PASSIVE_STRAIN = 0.6  # De Groote et al. 2016; the file has none
 # Both arms 30 degrees from the body, where motions have their clinical names.
 _ARM = math.radians(-60)
 _STEP = 1e-4  # [rad], of the difference that is a moment arm
@@ -94,7 +94,7 @@ def _unit(element: ET.Element, centres: Array, file: str) -> MuscleUnit:
         optimal_fiber_length=number(element.attrib, "lm", where, 0.01, 10.0) * length,
         tendon_slack_length=number(element.attrib, "lt", where, 0.0, 10.0) * length,
         pennation=number(element.attrib, "pen_angle", where, 0.0, 1.05),
-        passive_strain=_PASSIVE_STRAIN,
+        passive_strain=PASSIVE_STRAIN,  # as in De Groote et al. 2016: the file has none
         path=path,
         source=f"MASS XML {Path(file).name}; not checked; arm, neck and trunk forces there are "
         "placeholders",
