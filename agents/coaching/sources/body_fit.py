@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -30,6 +30,8 @@ CLOSE, SHORT = (
 ROUNDS = 4
 TELLING = 0.35  # share of its first variance from which the reach counts as measured
 SLACK_UNKNOWN, SLACK_KNOWN = 0.06, 0.025  # what is not known of a distance, as a share of it
+MOST_LIFT = 2.5  # how far shoulders move with arms at most, against the average
+OWN_SHARE, OWN_GAP = 0.4, 0.06  # a length differs from the usual by no more: shares of it, or of the stature
 OFF_UNKNOWN, OFF_KNOWN = math.radians(6), math.radians(3.5)  # and of a direction [rad]
 
 
@@ -54,6 +56,38 @@ class BodyFit:
     of_reach: float = SLACK_UNKNOWN
     of_direction: float = OFF_UNKNOWN
     is_measured: bool = False
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the numbers of a measured body, to keep for the person's next session."""
+        own = {name: round(getattr(self, name), 4) for name in ("height", "forward", "lift")}
+        return own | {name: round(value, 4) for name, value in vars(self.body).items()}
+
+    @classmethod
+    def from_dict(cls, numbers: Mapping[str, float]) -> BodyFit:
+        """Return the measured body of the numbers of `to_dict`.
+
+        Raises:
+            ConfigError: If they are others, or do not fit the stature that is among them.
+        """
+        names = {"height", "forward", "lift", *(each.name for each in fields(UpperBody))}
+        if set(numbers) != names:
+            raise ConfigError(f"a body has the numbers {', '.join(sorted(names))}")
+        left = dict(numbers)
+        height, forward, lift = (left.pop(name) for name in ("height", "forward", "lift"))
+        usual, body = UpperBody.of_height(height), UpperBody(**left)
+        for name, value in vars(usual).items():
+            gap = max(OWN_SHARE * value, OWN_GAP * height)
+            if abs(left[name] - value) > gap:
+                raise ConfigError(
+                    f"{name} of {left[name]:g} m does not fit a stature of {height:g} m: it is "
+                    f"{max(value - gap, 0.0):.3f} to {value + gap:.3f} m"
+                )
+        if not (abs(forward) <= 0.2 * height and 0.0 <= lift <= MOST_LIFT):
+            raise ConfigError(
+                f"shoulders lie within {0.2 * height:.2f} m of the trunk's line and move 0 to {MOST_LIFT:g} "
+                f"times the average, got {forward:g} m and {lift:g}"
+            )
+        return cls(body, height, forward, lift, SLACK_KNOWN, OFF_KNOWN, True)
 
     @classmethod
     def of(cls, body: UpperBody, height: float) -> BodyFit:
@@ -131,7 +165,7 @@ class BodyFit:
             self,
             body=fitted,
             forward=float(value[2] * unit),
-            lift=float(np.clip(value[4], 0.0, 2.5)),
+            lift=float(np.clip(value[4], 0.0, MOST_LIFT)),
             of_reach=SLACK_KNOWN if measured else SLACK_UNKNOWN,
             of_direction=OFF_KNOWN if measured else OFF_UNKNOWN,
             is_measured=measured,
