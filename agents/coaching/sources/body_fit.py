@@ -59,8 +59,8 @@ class BodyFit:
 
     def to_dict(self) -> dict[str, float]:
         """Return the numbers of a measured body, to keep for the person's next session."""
-        own = {name: round(getattr(self, name), 4) for name in ("height", "forward", "lift")}
-        return own | {name: round(value, 4) for name, value in vars(self.body).items()}
+        own = {name: getattr(self, name) for name in ("height", "forward", "lift")}
+        return {name: round(float(value), 4) for name, value in (own | vars(self.body)).items()}
 
     @classmethod
     def from_dict(cls, numbers: Mapping[str, float]) -> BodyFit:

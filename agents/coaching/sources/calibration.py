@@ -15,7 +15,8 @@ from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array
 
 from ...people.motion.trajectory import minimum_jerk
-from ..upper_body import ARM, MOTIONS, SIDES, arm_direction
+from ..upper_body import ARM, MOTIONS, SIDES, arm_direction, turn_z
+from .body_fit import BodyFit
 from .hands_source import HandsReading, HandsSource
 
 # All our own choice.
@@ -61,7 +62,8 @@ class Calibration:
     Attributes:
         index: Which of `PARTS` is on; their number once all are done.
         trouble: What was wrong when something had to be asked again; empty if nothing was.
-        source: A source that knows the person; one that knows the stature alone until all parts are done.
+        source: A source that knows the person, once all parts are done; until then the stature alone.
+        fit: What was found out; None until all parts are done.
         is_over: Whether it is done, or was given up.
     """
 
@@ -84,7 +86,7 @@ class Calibration:
             )
         self._height, self._again, self._kept = height, 0, list[HandsReading]()
         self.trouble, self.is_over, self.source = "", False, HandsSource(height)
-        self._probe = self.source
+        self.fit: BodyFit | None = None
         self._begin(0)
 
     def _begin(self, index: int) -> None:
@@ -116,16 +118,13 @@ class Calibration:
         return sum(part.seconds + MOVE for part in PARTS[self.index :]) - self._gone
 
     @property
-    def is_measured(self) -> bool:
-        """Whether it came to an end, and the person's body is known."""
-        return self.is_over and self.source.fit.is_measured
-
-    @property
     def words(self) -> str:
-        """What came out, in plain words."""
-        if not self.is_measured:
+        """What came out, in plain words; empty until it is over."""
+        if not self.is_over:
+            return ""
+        if self.fit is None:
             return "You are not measured, so I judge more leniently."
-        body = self.source.body
+        body = self.fit.body
         return (
             f"I have measured you: {100 * body.reach:.0f} cm from shoulder to palm, "
             f"{200 * body.shoulder:.0f} cm from shoulder to shoulder."
@@ -198,7 +197,7 @@ class Calibration:
             self.source, self._kept = HandsSource(self._height), []
             self._ask_again(wrong, 0)
         else:
-            self.is_over = True
+            self.is_over, self.fit = True, self.source.fit
 
     def _ask_again(self, wrong: str, index: int) -> None:
         self._again += 1
@@ -217,7 +216,9 @@ class Calibration:
             if len(own) < SEEN * len(seen):
                 return f"I could not see your {side} hand."
             elevation, plane = own[:, arm], own[:, arm + 1]
-            way = arm_direction(side, elevation, plane)
+            # One hand that is elsewhere than the other looks like a trunk that turns: taken out again.
+            way = arm_direction(side, elevation, plane)[:, None] @ np.swapaxes(turn_z(own[:, 2]), 1, 2)
+            way = way[:, 0]
             if self.index == 0:
                 if (elevation < math.radians(HANGING)).mean() < SEEN:
                     return f"Your {side} arm did not hang."

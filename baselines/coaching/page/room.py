@@ -304,8 +304,8 @@ class Room:
             "of": len(PARTS),
             "left_s": round(found.left, 1),
             "trouble": found.trouble,
-            "words": found.words if found.is_over else "",
-            "body": found.source.fit.to_dict() if found.is_measured else None,
+            "words": found.words,
+            "body": None if found.fit is None else found.fit.to_dict(),
         }
 
     def _hint(self, session: Session, *, sees: bool) -> str:

@@ -323,9 +323,8 @@ class Sight:
         self.calibration.update(raw, time)
         if raw.head is not None:
             self._seen_at = now
-        if self.calibration.is_measured:
-            self._hands = self.calibration.source
-            self._fit = self._hands.fit
+        if self.calibration.fit is not None:
+            self._hands, self._fit = self.calibration.source, self.calibration.fit
 
     def sees(self, now: float) -> bool:
         """Return whether the person has been seen lately."""
