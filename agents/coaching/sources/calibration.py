@@ -63,6 +63,7 @@ class Calibration:
         index: Which of `PARTS` is on; their number once all are done.
         trouble: What was wrong when something had to be asked again; empty if nothing was.
         source: A source that knows the person, once all parts are done; until then the stature alone.
+        angles_seen: Of the person now [rad], shape [16]; NaN where they are not known.
         fit: What was found out; None until all parts are done.
         is_over: Whether it is done, or was given up.
     """
@@ -87,6 +88,7 @@ class Calibration:
         self._height, self._again, self._kept = height, 0, list[HandsReading]()
         self.trouble, self.is_over, self.source = "", False, HandsSource(height)
         self.fit: BodyFit | None = None
+        self.angles_seen = np.full(len(MOTIONS), np.nan)
         self._begin(0)
 
     def _begin(self, index: int) -> None:
@@ -157,17 +159,19 @@ class Calibration:
         if math.isnan(self._since):
             self._since = time
         self._gone = time - self._since
+        if self.index:
+            self._look(reading, time)
         if self._gone < MOVE:
             return
         self._readings.append(reading)
-        if self.index:
-            self._look(reading, time)
         if self._gone >= MOVE + PARTS[self.index].seconds:
             self._judge(time)
 
     def _look(self, reading: HandsReading, time: float) -> None:
         frame = self._probe.update(reading, time)
-        self._seen.append(np.full(len(MOTIONS), np.nan) if frame is None else frame.angles)
+        self.angles_seen = np.full(len(MOTIONS), np.nan) if frame is None else frame.angles
+        if self._gone >= MOVE:
+            self._seen.append(self.angles_seen)
 
     def _judge(self, time: float) -> None:
         """Go on to the next part, or ask again for what was not done."""

@@ -216,6 +216,8 @@ class Room:
             return
         self._body.show(calibration.angles)
         self._sight.frame(self._body.angles, self._body.rest, now)
+        seen = calibration.angles_seen
+        self._user = points_of(seen) if np.isfinite(seen).any() else None
         if calibration.is_over:
             self._body.stand_still()
             self._body.say(calibration.words)
