@@ -12,7 +12,7 @@ from rcare_marl.pose import Array
 
 from ..upper_body import MOTIONS
 from .recogniser import Frame
-from .template import VECTORS, Template, feature
+from .template import COLUMN, VECTORS, Template, feature
 
 # All our own choice.
 QUICK, SLOW = 0.06, 0.2  # time constants of two running means [s]
@@ -46,6 +46,7 @@ LIES = math.radians(
     28
 )  # hands that lie in a lap or on an armrest have the arm so much elsewhere than shown
 ARMS = np.array([name.endswith(("arm", "wrist")) for name in VECTORS])
+WRIST_COLUMNS = [COLUMN["left_wrist"].start, COLUMN["right_wrist"].start]
 GREATEST_STEP = 0.5  # a clock that jumps further counts as a break [s]
 
 
@@ -192,6 +193,10 @@ class Segmenter:
         gap = (self.now - reference)[: 3 * len(VECTORS)].reshape(-1, 3)
         far = np.sqrt((gap * gap).sum(axis=1))
         far[far != far] = 0.0
+        # Whether an elbow looks straight or bent turns its arm, but not the wrist: near to rest is what either
+        # of them says.
+        known = self.now[WRIST_COLUMNS] == self.now[WRIST_COLUMNS]
+        far[:2] = np.where(known, np.minimum(far[:2], far[5:]), far[:2])
         return np.asarray(far)
 
     def _speed(self) -> float:
