@@ -21,6 +21,8 @@ STILL = math.radians(28)  # slower than this nothing moves [rad/s]
 SLOWEST = 0.45  # nor slower than this share of the slowest move that is shown, where that is less
 DWELL = 0.1  # how long rest must last at the end [s]
 DWELL_AMID, NEAR_AMID = 0.15, 0.6  # and before the last key pose [s], and so much nearer to rest
+# So near to rest, as a share of what is near, nothing but a speed so many times as great is a movement.
+AT_REST, TREMBLES = 0.5, 2.0
 # Who lays an arm down elsewhere than it was is back, too: after so long without a movement [s], no further
 # from rest than this share of the way they went. A pause of a second half way is none of these.
 LAID, LAID_FOR = 0.35, 0.4
@@ -130,12 +132,13 @@ class Segmenter:
         self._learnt = False
         self.moved_at: float | None = None
 
-    def update(self, frame: Frame, *, complete: bool) -> Segment | None:
+    def update(self, frame: Frame, *, complete: bool, tried: bool) -> Segment | None:
         """Take a frame; return a repetition when it has ended.
 
         Args:
             frame: The next frame.
             complete: Whether the last key pose has been reached.
+            tried: Whether some of the way to each key pose has been gone, so that rest is no longer on the way.
         """
         row, time = feature(frame.angles, self._bent), float(frame.time)
         if self._times and not 0 < time - self._times[-1] <= GREATEST_STEP:
@@ -153,10 +156,14 @@ class Segmenter:
         self._note_unsure(frame.unsure, float(distance[self._asked].max(initial=0.0)))
         speed = self._speed()
         self._note_still(speed, time)
-        near = bool((distance <= self._near_now(complete=complete)).all())
+        share = float((distance / self._near_now(complete=complete)).max())
+        passes = self._passes_rest and not tried
+        # Whoever is back at rest is so though a sensor trembles.
+        is_slow = self._fast_frames < (1 if self._calm_since is None else 3)
+        is_slow |= not passes and share < AT_REST and speed < TREMBLES * self._still
         self._calm_since = (
             (time if self._calm_since is None else self._calm_since)
-            if near and self._fast_frames < (1 if self._calm_since is None else 3)
+            if share <= 1.0 and is_slow
             else None
         )
         if self._away:
@@ -165,7 +172,7 @@ class Segmenter:
         if not self.moving:
             self._look_for_start(distance, speed, time)
             return None
-        return self._look_for_end(distance, time, complete=complete)
+        return self._look_for_end(distance, time, complete=complete, passes=passes)
 
     def _smooth(self, row: Array, time: float, dt: float) -> None:
         if not len(self._quick):
@@ -288,10 +295,11 @@ class Segmenter:
         if old > 15:  # not in every frame
             del self._times[:old], self._rows[:old]
 
-    def _look_for_end(self, distance: Array, time: float, *, complete: bool) -> Segment | None:
+    def _look_for_end(
+        self, distance: Array, time: float, *, complete: bool, passes: bool
+    ) -> Segment | None:
         # One may pass rest on the way from one key pose to the next.
-        passes = self._passes_rest and self._furthest > self._begins
-        amid = ELSEWHERE_FOR if passes else DWELL_AMID
+        amid = ELSEWHERE_FOR if passes and self._furthest > self._begins else DWELL_AMID
         dwell = DWELL if complete else amid
         if self._calm_since is not None and time - self._calm_since >= dwell:
             return self._finish(self._calm_since, time)
