@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -57,6 +57,7 @@ class RuleRecogniser:
         assert self._template is not None
         self._phase = dict.fromkeys(self._template.ways, 0)
         self._share = dict.fromkeys(self._template.ways, 0.0)
+        self._now = dict.fromkeys(self._template.ways, 0.0)  # share of the present phase at this moment
         self._tried = dict.fromkeys(self._template.ways, 0)  # key poses of which some of the way was gone
         self._wrong_since: float | None = None
         self._is_wrong, self._fault, self._fault_at = False, "", -math.inf
@@ -71,7 +72,8 @@ class RuleRecogniser:
             raise RuntimeError("update of a recogniser came before begin")
         time = float(frame.time)
         moved_at = self._segmenter.moved_at
-        segment = self._segmenter.update(frame, complete=self._is_complete(), tried=self._is_tried())
+        complete, holds = self._has_reached(self._share), self._has_reached(self._now)
+        segment = self._segmenter.update(frame, complete=complete, tried=self._is_tried(), holds=holds)
         if segment is not None:
             repetition = self._judged(self._template, segment)
             self._restart()
@@ -117,11 +119,12 @@ class RuleRecogniser:
     def _ways(self) -> tuple[str, ...]:
         return tuple(self._template.ways) if self._template else ()
 
-    def _is_complete(self) -> bool:
+    def _has_reached(self, shares: Mapping[str, float]) -> bool:
+        """Return whether shares of the present phases are enough of the last ones."""
         assert self._template is not None
         least = self._template.exercise.judged.range_share
         return all(
-            self._phase[part] == len(way.phases) - 1 and self._share[part] >= least
+            self._phase[part] == len(way.phases) - 1 and shares[part] >= least
             for part, way in self._template.ways.items()
             if way.phases
         )
@@ -154,7 +157,7 @@ class RuleRecogniser:
                 continue
             k = self._phase[part]
             share = float(way.phases[k].share(direction))
-            self._share[part] = max(self._share[part], share)
+            self._now[part], self._share[part] = share, max(self._share[part], share)
             t = self._tried[part]
             if t < len(way.phases) and float(way.phases[t].share(direction)) >= ATTEMPTED:
                 self._tried[part] = t + 1

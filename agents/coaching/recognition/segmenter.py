@@ -100,7 +100,7 @@ class Segmenter:
         asked = {part: way.excursion for part, way in template.ways.items()}
         smallest = min(asked.values(), default=1.0)
         self._begins = min(max(0.35 * smallest, math.radians(6)), math.radians(15))
-        self._weights, self._near, self._usual = _limits(asked)
+        self._weights, self._close, self._usual = _limits(asked)
         self._asked = np.array([name in asked for name in VECTORS])
         # Arms that have no part tremble and count less.
         idle = [ARMS[i] and n.replace("wrist", "arm") not in asked for i, n in enumerate(VECTORS)]
@@ -126,19 +126,22 @@ class Segmenter:
         self._still_since: float | None = None
         self._began = 0.0
         self._fast_frames = 0
-        self._furthest, self._nearest = 0.0, (math.inf, 0.0)
+        self._furthest, self._most, self._nearest = 0.0, 0.0, (math.inf, 0.0)
         self._nearest_before = math.inf
         self._finished = -math.inf
         self._learnt = False
         self.moved_at: float | None = None
 
-    def update(self, frame: Frame, *, complete: bool, tried: bool) -> Segment | None:
+    def update(
+        self, frame: Frame, *, complete: bool, tried: bool = False, holds: bool = False
+    ) -> Segment | None:
         """Take a frame; return a repetition when it has ended.
 
         Args:
             frame: The next frame.
             complete: Whether the last key pose has been reached.
             tried: Whether some of the way to each key pose has been gone, so that rest is no longer on the way.
+            holds: Whether the last key pose is held now, which is no place to lay an arm down.
         """
         row, time = feature(frame.angles, self._bent), float(frame.time)
         if self._times and not 0 < time - self._times[-1] <= GREATEST_STEP:
@@ -152,8 +155,10 @@ class Segmenter:
         self._smooth(row, time, dt)
         if self.moved_at is None:
             self.moved_at = time
-        distance = self._distances(self.rest)
-        self._note_unsure(frame.unsure, float(distance[self._asked].max(initial=0.0)))
+        gap = self._distances(self.rest)
+        far = float(gap[self._asked].max(initial=0.0))
+        self._note_unsure(frame.unsure, far)
+        distance = self._near(gap)
         speed = self._speed()
         self._note_still(speed, time)
         share = float((distance / self._near_now(complete=complete)).max())
@@ -172,7 +177,8 @@ class Segmenter:
         if not self.moving:
             self._look_for_start(distance, speed, time)
             return None
-        return self._look_for_end(distance, time, complete=complete, passes=passes)
+        self._holds = holds
+        return self._look_for_end(far, distance, time, complete=complete, passes=passes)
 
     def _smooth(self, row: Array, time: float, dt: float) -> None:
         if not len(self._quick):
@@ -191,7 +197,7 @@ class Segmenter:
         """Note how unsure the source is: of elbows far out, where they are judged, else all the way."""
         if unsure is None:
             return
-        is_out = not self.moving or far >= FAR_OUT * self._furthest
+        is_out = not self.moving or far >= FAR_OUT * self._most
         gap = np.where(ELBOWS, NOTED_OUT * is_out, NOTED) * (unsure - self._unsure)
         self._unsure += np.where(np.isfinite(gap), gap, 0.0)
 
@@ -200,11 +206,17 @@ class Segmenter:
         gap = (self.now - reference)[: 3 * len(VECTORS)].reshape(-1, 3)
         far = np.sqrt((gap * gap).sum(axis=1))
         far[far != far] = 0.0
-        # Whether an elbow looks straight or bent turns its arm, but not the wrist: near to rest is what either
-        # of them says.
-        known = self.now[WRIST_COLUMNS] == self.now[WRIST_COLUMNS]
-        far[:2] = np.where(known, np.minimum(far[:2], far[5:]), far[:2])
         return np.asarray(far)
+
+    def _near(self, gap: Array) -> Array:
+        """Return how far each vector is from rest of gaps to it [rad]: of an arm what it or its wrist says.
+
+        Whether an elbow looks straight or bent turns an arm, and not its wrist.
+        """
+        out = gap.copy()
+        known = self.now[WRIST_COLUMNS] == self.now[WRIST_COLUMNS]
+        out[:2] = np.where(known, np.minimum(gap[:2], gap[5:]), gap[:2])
+        return out
 
     def _speed(self) -> float:
         """Return how fast the fastest part moves [rad/s]."""
@@ -227,7 +239,7 @@ class Segmenter:
 
     def _near_now(self, *, complete: bool) -> Array:
         """Return how near to rest each vector must be for the movement to be over [rad]."""
-        out = self._near.copy()
+        out = self._close.copy()
         if self.moving and not complete:
             out[self._asked] *= NEAR_AMID
         if self._furthest > self._begins:
@@ -247,7 +259,7 @@ class Segmenter:
                 return
             self._learnt = True
             self._learn_rest(at_once=True)
-            distance = self._distances(self.rest)
+            distance = self._near(self._distances(self.rest))
         goes_on = self._goes_on_back(time)
         if float((distance * self._weights).max()) > self._begins and (
             speed >= self._still or self._still_for(time) < 0.5
@@ -256,7 +268,7 @@ class Segmenter:
                 self.rest = self._rest_before.copy()
                 return
             self.moving, self._began, self._calm_since = True, time, None
-            self._furthest, self._nearest = 0.0, (math.inf, time)
+            self._furthest, self._most, self._nearest = 0.0, 0.0, (math.inf, time)
             return
         if self._still_for(time) > 0.3:
             self._learn_rest(after_return=time - self._finished < SETTLING)
@@ -266,7 +278,8 @@ class Segmenter:
         """Return whether what moves is still on its way to where it rested before: a pause was no end."""
         if time - self._finished > PAUSED:
             return False
-        before = float((self._distances(self._rest_before) * self._weights).max())
+        gap = self._near(self._distances(self._rest_before))
+        before = float((gap * self._weights).max())
         self._nearest_before = min(self._nearest_before, before)
         return before <= self._nearest_before + STILL_BACK
 
@@ -296,31 +309,32 @@ class Segmenter:
             del self._times[:old], self._rows[:old]
 
     def _look_for_end(
-        self, distance: Array, time: float, *, complete: bool, passes: bool
+        self, far: float, distance: Array, time: float, *, complete: bool, passes: bool
     ) -> Segment | None:
         # One may pass rest on the way from one key pose to the next.
         amid = ELSEWHERE_FOR if passes and self._furthest > self._begins else DWELL_AMID
         dwell = DWELL if complete else amid
         if self._calm_since is not None and time - self._calm_since >= dwell:
             return self._finish(self._calm_since, time)
-        far = float(distance[self._asked].max(initial=0.0))
-        self._furthest = max(self._furthest, far)
-        still, share = self._still_for(time), far / max(self._furthest, 1e-6)
+        near = float(distance[self._asked].max(initial=0.0))
+        self._furthest, self._most = max(self._furthest, near), max(self._most, far)
+        still, share = self._still_for(time), far / max(self._most, 1e-6)
         if self._furthest > self._begins:
-            return self._look_for_turn(far, share, still, time, complete=complete)
+            return self._look_for_turn(near, share, still, time, complete=complete)
         return self._look_for_too_long(still, time)
 
     def _look_for_turn(
-        self, far: float, share: float, still: float, time: float, *, complete: bool
+        self, near: float, share: float, still: float, time: float, *, complete: bool
     ) -> Segment | None:
         """Return a repetition that ended where an arm was laid down, or where it turned into the next."""
         is_laid = share <= LAID and complete and still >= LAID_FOR
-        if is_laid or (share <= ELSEWHERE and still >= ELSEWHERE_FOR):
+        is_elsewhere = share <= ELSEWHERE and still >= ELSEWHERE_FOR and not self._holds
+        if is_laid or is_elsewhere:
             return self._finish(time - still, time)
         if complete or not self._passes_rest:
-            if far < self._nearest[0] and share <= TURNED:
-                self._nearest = (far, time)
-            elif far > self._nearest[0] + LEFT_AGAIN * self._furthest:
+            if near < self._nearest[0] and near <= TURNED * self._furthest:
+                self._nearest = (near, time)
+            elif near > self._nearest[0] + LEFT_AGAIN * self._furthest:
                 return self._finish_at_turn(self._nearest[1], time)
         return self._look_for_too_long(still, time)
 
@@ -338,7 +352,7 @@ class Segmenter:
         segment = self._finish(turn, turn)
         self._times, self._rows = [t for t, _ in kept], [row for _, row in kept]
         self.moving, self._began, self.moved_at = True, turn, time
-        self._furthest, self._nearest = 0.0, (math.inf, time)
+        self._furthest, self._most, self._nearest = 0.0, 0.0, (math.inf, time)
         return segment
 
     def _finish(self, end: float, time: float) -> Segment:
