@@ -169,12 +169,14 @@ def measure_way(way: Way, motion: Motion, demand: Demand) -> WayMeasure:
     if way.part == "head":  # where somebody looks at rest is ahead
         directions, rest = directions @ rotation_between(rest, way.rest).T, way.rest
     shares: list[float] = []
+    # Only the first way begins at a person's own rest.
+    scales = [p.scale if k else p.scale_from(rest) for k, p in enumerate(way.phases)]
     reached, against, since = tuple[int, ...](), 0.0, 0
     for k, phase in enumerate(way.phases):
         if shares and shares[-1] < ATTEMPTED:
             shares.append(0.0)  # without the key pose before it, it was not tried
             continue
-        share, first = _attained(phase.share(directions[since:], phase.scale_from(rest)))
+        share, first = _attained(phase.share(directions[since:], scales[k]))
         if k == 0:
             # Who rests with an arm forward is on the way already.
             begun = float(np.clip(phase.share(rest), 0.0, 0.8))
@@ -188,7 +190,7 @@ def measure_way(way: Way, motion: Motion, demand: Demand) -> WayMeasure:
     out = np.flatnonzero(between(way.path, way.rest) >= 0.35 * way.excursion)
     ends = (way.path[out[0]], way.path[out[-1]]) if len(out) else (way.rest, way.rest)
     path = np.concatenate((way.path, arc(rest, ends[0]), arc(ends[1], rest)))
-    moving, scales = motion.excursion(way.part), [phase.scale_from(rest) for phase in way.phases]
+    moving = motion.excursion(way.part)
     away = most(off_path(directions[moving > 0.3 * moving.max(initial=0.0)], path))
     allowed = min(math.radians(demand.plane_deg), max(0.6 * way.excursion, math.radians(12)))
     return WayMeasure(
