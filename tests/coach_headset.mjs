@@ -135,6 +135,8 @@ export async function headset(page, job, out, { fill }) {
 
   await page.waitForSelector('#source-hands:not([disabled])');
   await page.check('#source-hands');
+  out.measures = await page.isChecked('#measure'); // as long as nothing is known of somebody
+  await page.uncheck('#measure');
   await fill(page);
   await page.click('#begin');
   await page.waitForSelector('#session:not([hidden])');

@@ -38,7 +38,7 @@ try {
     await page.addInitScript(EMULATOR);
   }
   await page.goto(job.url);
-  await ({ access, arrive, axe, button, editor, headset, layout, recorded, refused, simulated, stranger, webcam }[job.kind])(page, job, out, { fill, words });
+  await ({ access, arrive, axe, button, editor, headset, layout, measured, recorded, refused, simulated, stranger, webcam }[job.kind])(page, job, out, { fill, words });
 } finally {
   await browser.close();
 }
@@ -107,6 +107,36 @@ async function simulated(page) {
   await page.waitForSelector('#over:not([hidden])');
   out.title = await page.textContent('#over-title');
   out.focus = await page.evaluate(() => document.activeElement.id);
+}
+
+// A calibration of who keeps still at first; what came out is kept by a name, chosen for the next session, forgotten.
+async function measured(page) {
+  await fill(page, 1);
+  await page.selectOption('#mistake', 'still');
+  await page.check('#measure');
+  await page.click('#begin');
+  await words(page, 'Sit upright');
+  out.number = await page.textContent('#number');
+  const trouble = await page.waitForFunction(() => document.querySelector('#hint').textContent);
+  out.trouble = await trouble.jsonValue();
+  await page.selectOption('#mistake-now', 'none');
+  await words(page, 'Draw one big circle');
+  if (job.keeps) await page.screenshot({ path: `${job.pictures}/measuring.png` });
+  await page.waitForSelector('#over:not([hidden])');
+  out.words = await page.textContent('#measured-words');
+  await page.fill('#name', 'Ada');
+  await page.click('#keep');
+  out.kept = await page.textContent('#keeping');
+  if (job.keeps) await page.screenshot({ path: `${job.pictures}/measured.png`, fullPage: true });
+  await page.reload();
+  await page.waitForSelector('#known:not([hidden])');
+  await page.selectOption('#person', 'Ada');
+  out.chosen = await page.evaluate(() => ['measure', 'height'].map((id) => document.getElementById(id)).map(({ checked, value }) => [checked, value]));
+  out.body = await page.evaluate(() => JSON.parse(localStorage.getItem('rcare-marl-coach-bodies')).Ada);
+  if (job.keeps) await page.screenshot({ path: `${job.pictures}/known.png`, fullPage: true });
+  await page.click('#forget');
+  out.left = await page.evaluate(() => localStorage.getItem('rcare-marl-coach-bodies'));
+  out.gone = await page.isHidden('#known');
 }
 
 // A session without consent, one with it, and one that is deleted on the last page.

@@ -22,6 +22,7 @@ from browser import need, serving, watched
 from self_signed import OPENSSL, self_signed
 
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
+from rcare_marl.agents.coaching.sources.body_fit import BodyFit
 from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, UpperBody
 from rcare_marl.baselines.coaching.page.message import Hands, Landmarks, Message, parse
 from rcare_marl.baselines.coaching.page.packages import WEB
@@ -131,7 +132,7 @@ def test_a_right_performance_in_a_headset_turns_green_and_a_wrong_one_does_not(
             wrong=performance(exercise, 0.5),
             viewport={"width": 480, "height": 320},
         )
-    assert seen["hands"] == ["joints"]
+    assert seen["measures"] and seen["hands"] == ["joints"]
     assert seen["right"]["green"], seen
     assert seen["right"]["counted"] == 1
     assert not seen["wrong"]["green"], seen
@@ -197,6 +198,20 @@ def test_a_session_is_recorded_only_when_the_person_consents_on_the_page(tmp_pat
     assert set(seen["files"]) == {"repetitions.csv", "observations.json"}
     assert "Lateral raise" in seen["report"]
     assert [width > 500 and bool(alt) for width, alt in seen["plots"]] == [True]
+
+
+def test_the_page_leads_through_a_calibration_and_keeps_what_came_out_by_name(
+    tmp_path: Path,
+) -> None:
+    with served(clock=hurried) as url:
+        seen = drive(tmp_path, url, "measured", viewport={"width": 1280, "height": 800})
+    assert seen["number"].startswith("Part 1 of 4, ")
+    assert "arm was not held out to the front. Once more" in seen["trouble"]
+    assert "I have measured you: " in seen["words"]
+    assert "Ada" in seen["kept"]
+    assert seen["chosen"] == [[False, "on"], [False, "170"]]
+    assert BodyFit.from_dict(seen["body"]).is_measured
+    assert seen["left"] == "{}" and seen["gone"]
 
 
 def test_the_page_can_be_read_and_used_without_a_mouse_and_with_poor_sight(tmp_path: Path) -> None:

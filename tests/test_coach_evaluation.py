@@ -18,6 +18,7 @@ from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
 from rcare_marl.agents.coaching.recognition.segmenter import Segment
 from rcare_marl.agents.coaching.recognition.template import Template, features
+from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS
 from rcare_marl.baselines.coaching.camera_sensor import CameraSensor
 from rcare_marl.baselines.coaching.evaluation import evaluate_coach, noise_levels
@@ -32,7 +33,7 @@ from rcare_marl.baselines.coaching.learned_recogniser import (
     mirrored,
     save_network,
 )
-from rcare_marl.baselines.coaching.noise import NoiseModel
+from rcare_marl.baselines.coaching.noise import TROUBLES, HandsSensor, NoiseModel
 from rcare_marl.baselines.coaching.performance import perform
 from rcare_marl.baselines.coaching.synthetic_user import draw_person
 from rcare_marl.baselines.coaching.train_recogniser import (
@@ -104,6 +105,8 @@ def test_tables_say_it_to_people_and_levels_of_noise_are_drawn(tmp_path: Path) -
         (("--exercise", "lateral_rise"), "lateral_raise"),
         (("--split", "training"), "development"),
         (("--level", "-1"), "positive"),
+        (("--trouble", "hand_los"), "hand_lost"),
+        (("--trouble", "swapped", "--source", "joints"), "--source hands"),
     ],
 )
 def test_a_slip_is_named_with_what_is_allowed(wrong: tuple[str, str], words: str) -> None:
@@ -118,6 +121,31 @@ def test_levels_of_noise_are_multiples_of_the_usual() -> None:
     assert twice.pixel == 2 * usual.pixel and twice.dropout == 2 * usual.dropout
     with pytest.raises(ConfigError, match="positive"):
         noise_levels("hands", [0.0])
+
+
+def seen_of_hands(trouble: str) -> tuple[HandsSource, list[HandsReading]]:
+    """Return a source that a person sat down before, and what headset and hands report then."""
+    user, rng = draw_person(0, seed=5), np.random.default_rng(0)
+    done = perform(user, load_exercise("lateral_raise"), "right", rng, repetitions=3)
+    assert done is not None
+    sensor = HandsSensor(TROUBLES[trouble])
+    source = sensor.source(user, rng)
+    return source, [raw for _, _, raw in sensor.readings(user, done, rng)]
+
+
+def test_troubles_of_a_headset_are_what_they_say() -> None:
+    usual, _ = seen_of_hands("drift")
+    source, readings = seen_of_hands("swapped")
+    assert source.is_swapped and not usual.is_swapped
+    source, _ = seen_of_hands("stature")
+    assert source.fit.height == pytest.approx(usual.fit.height + 0.06, abs=0.011)
+    _, readings = seen_of_hands("hand_lost")
+    missing = [np.mean([getattr(r, side) is None for r in readings]) for side in ("left", "right")]
+    assert min(missing) < 0.12 and 0.12 < max(missing) < 0.35  # one hand, a sixth of the time
+    source, readings = seen_of_hands("slumped")
+    frames = [source.update(raw, k / 30) for k, raw in enumerate(readings)]
+    leans = [frame.angles[0] for frame in frames if frame is not None]
+    assert np.degrees(np.median(leans[-30:]) - np.median(leans[:30])) == pytest.approx(12, abs=5)
 
 
 # --- The camera's sensor. ---

@@ -26,6 +26,7 @@ from .synthetic_user import SPLITS, SyntheticUser, draw_person
 RIGHT_REPETITIONS = 3  # of each exercise by each person
 IDLE_TIME = 20.0  # of each person with each exercise [s]
 LATE = 0.75  # a verdict later than this after the end of a repetition is none [s]
+REMINDERS = frozenset(("no_movement", "not_seen"))
 UNSEEN = "nothing"
 
 SENSORS: Mapping[str, Callable[[NoiseModel], Sensor]] = {
@@ -265,11 +266,11 @@ def score_trial(
     said = tuple("right" if r.right else r.errors[0] for _, r in verdicts)
     latencies, recognised, false_alarms = [], 0, 0
     for start, end in performance.spans:
-        own = [
-            (at, r) for at, r in verdicts if r.start < end and r.end > start and at <= end + LATE
-        ]
-        if own:
-            latencies.append(own[-1][0] - end)
+        of_it = [(at, r) for at, r in verdicts if r.start < end and r.end > start]
+        own = [(at, r) for at, r in of_it if at <= end + LATE]
+        # That nothing moved is no verdict on a repetition.
+        judged = [at - end for at, r in own or of_it[:1] if not REMINDERS.intersection(r.errors)]
+        latencies += judged[-1:]
         recognised += bool(own) and all(r.right for _, r in own)
     total = len(performance.spans)
     if performance.kind == "right":

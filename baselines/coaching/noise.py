@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol
 
@@ -48,6 +48,10 @@ class NoiseModel:
         drift_deg: By how much what is taken for ahead turns in a minute [deg]; of headset and hands alike.
         stature: Standard deviation of the stature that is told [m].
         pixel: Standard deviation of a marker's corner in a picture, along each axis [pixel].
+        stature_off: By how much too tall the stature is told [m].
+        slump_deg: How far somebody who sat upright at first slumps forward within ten seconds [deg].
+        hand_lost: For how much of every six seconds one hand is not seen at all [s].
+        swapped: Whether the devices of left and right hand are swapped: 1, or 0.
     """
 
     GROWING: ClassVar[tuple[str, ...]] = (
@@ -63,6 +67,10 @@ class NoiseModel:
     drift_deg: float = 2.0
     stature: float = 0.015
     pixel: float = 0.6
+    stature_off: float = 0.0
+    slump_deg: float = 0.0
+    hand_lost: float = 0.0
+    swapped: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -99,6 +107,18 @@ class NoiseModel:
         return out
 
 
+# What may go wrong with a headset and two hands, besides noise; our own choice.
+TROUBLES: Mapping[str, NoiseModel] = {
+    "drift": NoiseModel(drift_deg=10.0),
+    "hand_lost": NoiseModel(hand_lost=1.0),
+    "swapped": NoiseModel(swapped=1.0),
+    "stature": NoiseModel(stature_off=0.06),
+    "slumped": NoiseModel(slump_deg=12.0),
+}
+HIDDEN_EVERY = 6.0  # [s] how often a hand is lost for a while
+SLUMPED_AFTER = 10.0  # [s]
+
+
 class Sensor(Protocol):
     """Watches performances."""
 
@@ -121,7 +141,9 @@ class HandsSensor:
     def source(self, user: SyntheticUser, rng: np.random.Generator) -> HandsSource:
         """Return a source that was told a stature to the centimetre, and saw a calibration pose."""
         self._place(user, rng)
-        source = HandsSource(round(user.height + float(rng.normal(0, self._noise.stature)), 2))
+        noise = self._noise
+        told = user.height + float(rng.normal(0, noise.stature)) + noise.stature_off
+        source = HandsSource(round(told, 2))
         rest = np.zeros(len(MOTIONS))
         rest[3:6] = np.radians(rng.normal(0, 2, size=3))
         for i, side in enumerate(SIDES):
@@ -142,6 +164,7 @@ class HandsSensor:
         taken, told = self._noise.times(float(performance.times[-1]), rng)
         angles = sampled(performance, taken)
         turned = np.radians(self._noise.drift_deg) * rng.choice((-1, 1)) * taken / 60
+        angles[:, 0] += np.radians(self._noise.slump_deg) * np.minimum(taken / SLUMPED_AFTER, 1.0)
         yield from zip(taken, told, self._read(user, angles, rng, turned), strict=True)
 
     def _place(self, user: SyntheticUser, rng: np.random.Generator) -> None:
@@ -165,6 +188,9 @@ class HandsSensor:
             facing = Rotation.from_rotvec(drift[:, None] * (0.0, 0.0, 1.0)) * facing
         held = bent_poses(user, angles)
         lost = noise.lost(count, 3, rng)
+        if noise.hand_lost and drift is not None:
+            since = np.arange(count) / noise.rate + rng.uniform(0, HIDDEN_EVERY)
+            lost[:, int(rng.integers(1, 3))] |= since % HIDDEN_EVERY < noise.hand_lost
         poses: list[list[Pose | None]] = []
         for i, device in enumerate(DEVICES):
             position, turn = held[device]
@@ -184,6 +210,8 @@ class HandsSensor:
                     )
                 ]
             )
+        if noise.swapped:
+            poses[1:] = poses[:0:-1]
         for head, left, right in zip(*poses, strict=True):
             yield HandsReading(head, left, right)
 

@@ -118,6 +118,12 @@ def evaluate(
         int | None,
         typer.Option(min=1, help="How many people at once; one a core if left out."),
     ] = None,
+    trouble: Annotated[
+        str | None,
+        typer.Option(
+            help="What goes wrong with headset and hands: drift, hand_lost, swapped, stature or slumped."
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Repeat it at every --level and draw that, as a PNG."),
@@ -154,6 +160,7 @@ def evaluate(
         seed=seed,
         split=split,
         exercises=tuple(exercise or ()),
+        trouble=trouble,
         processes=processes or os.cpu_count() or 1,
         levels=levels,
         plot=plot,

@@ -19,10 +19,11 @@ from rcare_marl.baselines.coaching.evaluation import (
     evaluate_coach,
     noise_levels,
 )
-from rcare_marl.baselines.coaching.noise import NoiseModel
+from rcare_marl.baselines.coaching.noise import TROUBLES, NoiseModel
 from rcare_marl.baselines.coaching.performance import WRONG
 from rcare_marl.baselines.evaluation.episode_figure import style
 from rcare_marl.console import console, print_line, progress, table
+from rcare_marl.errors import ConfigError, check_name
 
 from .parameter import print_json
 
@@ -51,12 +52,27 @@ def run(*, exercises: Sequence[str], noise: NoiseModel | None, **given: Any) -> 
 
 
 def evaluate(
-    *, levels: Sequence[float], plot: Path | None, output: Path | None, as_json: bool, **given: Any
+    *,
+    levels: Sequence[float],
+    trouble: str | None,
+    plot: Path | None,
+    output: Path | None,
+    as_json: bool,
+    **given: Any,
 ) -> None:
-    """Evaluate at usual noise, and at each level of it if there are any; print and write what came of it."""
-    begun = time.monotonic()
+    """Evaluate at usual noise, and at each level of it if there are any; print and write what came of it.
+
+    Raises:
+        ConfigError: If a trouble of hands is asked for with another source, or with levels.
+    """
+    begun, noise = time.monotonic(), None
+    if trouble is not None:
+        check_name("trouble", trouble, TROUBLES)
+        if given["source"] != "hands" or levels:
+            raise ConfigError("--trouble is of --source hands, and goes without --level and --plot")
+        noise = TROUBLES[trouble]
     noises = noise_levels(given["source"], levels)
-    usual = run(**given, noise=None)
+    usual = run(**given, noise=noise)
     found = {
         level: usual if level == 1 else run(**given, noise=noise) for level, noise in noises.items()
     }

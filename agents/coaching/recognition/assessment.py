@@ -38,6 +38,7 @@ MUCH_MORE_ALIKE = 0.25  # by so much a movement that is another exercise is more
 SEEN = 0.5  # share of frames in which a part has to be seen
 ALL = 1.05  # share of the way from which it was gone
 OUT = 0.6  # share of the greatest excursion from which a movement is out
+ON_THE_WAY = (0.25, 0.5, 0.7)  # where arms are compared: who is late is so all along
 WIDTH = math.radians(50)  # of the path in a likeness
 GENTLE = (
     0.6  # a movement that leaves the path by less than this share of what is allowed keeps to it
@@ -129,7 +130,7 @@ class WayMeasure:
         shares: Of the way to each key pose.
         away: How far it left the path [rad].
         allowed: How far it may [rad].
-        reached: When it was half way to the first key pose, in frames; -1 if it was not.
+        reached: When it was at each of `ON_THE_WAY` to the first key pose, in frames; empty if it never was.
         excursion: How far it got from its rest [rad].
         against: How far it went the other way, as a share of the first phase.
         scale: What counts as all of the shortest way to a key pose [rad].
@@ -139,7 +140,7 @@ class WayMeasure:
     shares: tuple[float, ...]
     away: float
     allowed: float
-    reached: int
+    reached: tuple[int, ...]
     excursion: float
     against: float
     scale: float = 1.0
@@ -168,17 +169,20 @@ def measure_way(way: Way, motion: Motion, demand: Demand) -> WayMeasure:
     if way.part == "head":  # where somebody looks at rest is ahead
         directions, rest = directions @ rotation_between(rest, way.rest).T, way.rest
     shares: list[float] = []
-    reached, against, since = -1, 0.0, 0
+    # Only the first way begins at a person's own rest.
+    scales = [p.scale if k else p.scale_from(rest) for k, p in enumerate(way.phases)]
+    reached, against, since = tuple[int, ...](), 0.0, 0
     for k, phase in enumerate(way.phases):
         if shares and shares[-1] < ATTEMPTED:
             shares.append(0.0)  # without the key pose before it, it was not tried
             continue
-        share, first = _attained(phase.share(directions[since:], phase.scale_from(rest)))
+        share, first = _attained(phase.share(directions[since:], scales[k]))
         if k == 0:
             # Who rests with an arm forward is on the way already.
             begun = float(np.clip(phase.share(rest), 0.0, 0.8))
-            half = np.flatnonzero(phase.share(directions) >= 0.5 * (begun + 1.0))
-            reached = int(half[0]) if len(half) else -1
+            gone = phase.share(directions)
+            at = [np.flatnonzero(gone >= begun + on * (1.0 - begun)) for on in ON_THE_WAY]
+            reached = tuple(int(each[0]) for each in at) if len(at[-1]) else ()
             against = most(-phase.share(directions))
         shares.append(share)
         since += first
@@ -186,7 +190,7 @@ def measure_way(way: Way, motion: Motion, demand: Demand) -> WayMeasure:
     out = np.flatnonzero(between(way.path, way.rest) >= 0.35 * way.excursion)
     ends = (way.path[out[0]], way.path[out[-1]]) if len(out) else (way.rest, way.rest)
     path = np.concatenate((way.path, arc(rest, ends[0]), arc(ends[1], rest)))
-    moving, scales = motion.excursion(way.part), [phase.scale_from(rest) for phase in way.phases]
+    moving = motion.excursion(way.part)
     away = most(off_path(directions[moving > 0.3 * moving.max(initial=0.0)], path))
     allowed = min(math.radians(demand.plane_deg), max(0.6 * way.excursion, math.radians(12)))
     return WayMeasure(

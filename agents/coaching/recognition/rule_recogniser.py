@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from rcare_marl.pose import Array
 
 from ..exercise import Exercise, load_exercises
+from .assessment import ATTEMPTED
 from .recogniser import ERRORS, Frame, Judgement, Repetition
 from .segmenter import Segment, Segmenter
 from .template import COLUMN, Template, off_path
@@ -56,6 +57,8 @@ class RuleRecogniser:
         assert self._template is not None
         self._phase = dict.fromkeys(self._template.ways, 0)
         self._share = dict.fromkeys(self._template.ways, 0.0)
+        self._now = dict.fromkeys(self._template.ways, 0.0)  # share of the present phase at this moment
+        self._tried = dict.fromkeys(self._template.ways, 0)  # key poses of which some of the way was gone
         self._wrong_since: float | None = None
         self._is_wrong, self._fault, self._fault_at = False, "", -math.inf
 
@@ -69,7 +72,8 @@ class RuleRecogniser:
             raise RuntimeError("update of a recogniser came before begin")
         time = float(frame.time)
         moved_at = self._segmenter.moved_at
-        segment = self._segmenter.update(frame, complete=self._is_complete())
+        complete, holds = self._has_reached(self._share), self._has_reached(self._now)
+        segment = self._segmenter.update(frame, complete=complete, tried=self._is_tried(), holds=holds)
         if segment is not None:
             repetition = self._judged(self._template, segment)
             self._restart()
@@ -115,14 +119,20 @@ class RuleRecogniser:
     def _ways(self) -> tuple[str, ...]:
         return tuple(self._template.ways) if self._template else ()
 
-    def _is_complete(self) -> bool:
+    def _has_reached(self, shares: Mapping[str, float]) -> bool:
+        """Return whether shares of the present phases are enough of the last ones."""
         assert self._template is not None
         least = self._template.exercise.judged.range_share
         return all(
-            self._phase[part] == len(way.phases) - 1 and self._share[part] >= least
+            self._phase[part] == len(way.phases) - 1 and shares[part] >= least
             for part, way in self._template.ways.items()
             if way.phases
         )
+
+    def _is_tried(self) -> bool:
+        """Return whether some of the way to each key pose has been gone."""
+        assert self._template is not None
+        return all(self._tried[part] == len(way.phases) for part, way in self._template.ways.items())
 
     def _progress(self) -> float:
         """Return how far the present repetition is on its way out, by the part that lags most."""
@@ -147,7 +157,10 @@ class RuleRecogniser:
                 continue
             k = self._phase[part]
             share = float(way.phases[k].share(direction))
-            self._share[part] = max(self._share[part], share)
+            self._now[part], self._share[part] = share, max(self._share[part], share)
+            t = self._tried[part]
+            if t < len(way.phases) and float(way.phases[t].share(direction)) >= ATTEMPTED:
+                self._tried[part] = t + 1
             if self._share[part] >= 0.85 and k + 1 < len(way.phases):
                 self._phase[part], self._share[part] = k + 1, 0.0
             allowed = min(math.radians(demand.plane_deg), max(0.6 * way.excursion, 0.2))

@@ -12,7 +12,7 @@ from rcare_marl.pose import Array
 
 from ..upper_body import MOTIONS
 from .recogniser import Frame
-from .template import VECTORS, Template, feature
+from .template import COLUMN, VECTORS, Template, feature
 
 # All our own choice.
 QUICK, SLOW = 0.06, 0.2  # time constants of two running means [s]
@@ -21,6 +21,8 @@ STILL = math.radians(28)  # slower than this nothing moves [rad/s]
 SLOWEST = 0.45  # nor slower than this share of the slowest move that is shown, where that is less
 DWELL = 0.1  # how long rest must last at the end [s]
 DWELL_AMID, NEAR_AMID = 0.15, 0.6  # and before the last key pose [s], and so much nearer to rest
+# So near to rest, as a share of what is near, nothing but a speed so many times as great is a movement.
+AT_REST, TREMBLES = 0.5, 2.0
 # Who lays an arm down elsewhere than it was is back, too: after so long without a movement [s], no further
 # from rest than this share of the way they went. A pause of a second half way is none of these.
 LAID, LAID_FOR = 0.35, 0.4
@@ -46,6 +48,7 @@ LIES = math.radians(
     28
 )  # hands that lie in a lap or on an armrest have the arm so much elsewhere than shown
 ARMS = np.array([name.endswith(("arm", "wrist")) for name in VECTORS])
+WRIST_COLUMNS = [COLUMN["left_wrist"].start, COLUMN["right_wrist"].start]
 GREATEST_STEP = 0.5  # a clock that jumps further counts as a break [s]
 
 
@@ -97,7 +100,7 @@ class Segmenter:
         asked = {part: way.excursion for part, way in template.ways.items()}
         smallest = min(asked.values(), default=1.0)
         self._begins = min(max(0.35 * smallest, math.radians(6)), math.radians(15))
-        self._weights, self._near, self._usual = _limits(asked)
+        self._weights, self._close, self._usual = _limits(asked)
         self._asked = np.array([name in asked for name in VECTORS])
         # Arms that have no part tremble and count less.
         idle = [ARMS[i] and n.replace("wrist", "arm") not in asked for i, n in enumerate(VECTORS)]
@@ -123,18 +126,22 @@ class Segmenter:
         self._still_since: float | None = None
         self._began = 0.0
         self._fast_frames = 0
-        self._furthest, self._nearest = 0.0, (math.inf, 0.0)
+        self._furthest, self._most, self._nearest = 0.0, 0.0, (math.inf, 0.0)
         self._nearest_before = math.inf
         self._finished = -math.inf
         self._learnt = False
         self.moved_at: float | None = None
 
-    def update(self, frame: Frame, *, complete: bool) -> Segment | None:
+    def update(
+        self, frame: Frame, *, complete: bool, tried: bool = False, holds: bool = False
+    ) -> Segment | None:
         """Take a frame; return a repetition when it has ended.
 
         Args:
             frame: The next frame.
             complete: Whether the last key pose has been reached.
+            tried: Whether some of the way to each key pose has been gone, so that rest is no longer on the way.
+            holds: Whether the last key pose is held now, which is no place to lay an arm down.
         """
         row, time = feature(frame.angles, self._bent), float(frame.time)
         if self._times and not 0 < time - self._times[-1] <= GREATEST_STEP:
@@ -148,14 +155,20 @@ class Segmenter:
         self._smooth(row, time, dt)
         if self.moved_at is None:
             self.moved_at = time
-        distance = self._distances(self.rest)
-        self._note_unsure(frame.unsure, float(distance[self._asked].max(initial=0.0)))
+        gap = self._distances(self.rest)
+        far = float(gap[self._asked].max(initial=0.0))
+        self._note_unsure(frame.unsure, far)
+        distance = self._near(gap)
         speed = self._speed()
         self._note_still(speed, time)
-        near = bool((distance <= self._near_now(complete=complete)).all())
+        share = float((distance / self._near_now(complete=complete)).max())
+        passes = self._passes_rest and not tried
+        # Whoever is back at rest is so though a sensor trembles.
+        is_slow = self._fast_frames < (1 if self._calm_since is None else 3)
+        is_slow |= not passes and share < AT_REST and speed < TREMBLES * self._still
         self._calm_since = (
             (time if self._calm_since is None else self._calm_since)
-            if near and self._fast_frames < (1 if self._calm_since is None else 3)
+            if share <= 1.0 and is_slow
             else None
         )
         if self._away:
@@ -164,7 +177,8 @@ class Segmenter:
         if not self.moving:
             self._look_for_start(distance, speed, time)
             return None
-        return self._look_for_end(distance, time, complete=complete)
+        self._holds = holds
+        return self._look_for_end(far, distance, time, complete=complete, passes=passes)
 
     def _smooth(self, row: Array, time: float, dt: float) -> None:
         if not len(self._quick):
@@ -183,7 +197,7 @@ class Segmenter:
         """Note how unsure the source is: of elbows far out, where they are judged, else all the way."""
         if unsure is None:
             return
-        is_out = not self.moving or far >= FAR_OUT * self._furthest
+        is_out = not self.moving or far >= FAR_OUT * self._most
         gap = np.where(ELBOWS, NOTED_OUT * is_out, NOTED) * (unsure - self._unsure)
         self._unsure += np.where(np.isfinite(gap), gap, 0.0)
 
@@ -193,6 +207,16 @@ class Segmenter:
         far = np.sqrt((gap * gap).sum(axis=1))
         far[far != far] = 0.0
         return np.asarray(far)
+
+    def _near(self, gap: Array) -> Array:
+        """Return how far each vector is from rest of gaps to it [rad]: of an arm what it or its wrist says.
+
+        Whether an elbow looks straight or bent turns an arm, and not its wrist.
+        """
+        out = gap.copy()
+        known = self.now[WRIST_COLUMNS] == self.now[WRIST_COLUMNS]
+        out[:2] = np.where(known, np.minimum(gap[:2], gap[5:]), gap[:2])
+        return out
 
     def _speed(self) -> float:
         """Return how fast the fastest part moves [rad/s]."""
@@ -215,7 +239,7 @@ class Segmenter:
 
     def _near_now(self, *, complete: bool) -> Array:
         """Return how near to rest each vector must be for the movement to be over [rad]."""
-        out = self._near.copy()
+        out = self._close.copy()
         if self.moving and not complete:
             out[self._asked] *= NEAR_AMID
         if self._furthest > self._begins:
@@ -235,7 +259,7 @@ class Segmenter:
                 return
             self._learnt = True
             self._learn_rest(at_once=True)
-            distance = self._distances(self.rest)
+            distance = self._near(self._distances(self.rest))
         goes_on = self._goes_on_back(time)
         if float((distance * self._weights).max()) > self._begins and (
             speed >= self._still or self._still_for(time) < 0.5
@@ -244,7 +268,7 @@ class Segmenter:
                 self.rest = self._rest_before.copy()
                 return
             self.moving, self._began, self._calm_since = True, time, None
-            self._furthest, self._nearest = 0.0, (math.inf, time)
+            self._furthest, self._most, self._nearest = 0.0, 0.0, (math.inf, time)
             return
         if self._still_for(time) > 0.3:
             self._learn_rest(after_return=time - self._finished < SETTLING)
@@ -254,7 +278,8 @@ class Segmenter:
         """Return whether what moves is still on its way to where it rested before: a pause was no end."""
         if time - self._finished > PAUSED:
             return False
-        before = float((self._distances(self._rest_before) * self._weights).max())
+        gap = self._near(self._distances(self._rest_before))
+        before = float((gap * self._weights).max())
         self._nearest_before = min(self._nearest_before, before)
         return before <= self._nearest_before + STILL_BACK
 
@@ -283,31 +308,33 @@ class Segmenter:
         if old > 15:  # not in every frame
             del self._times[:old], self._rows[:old]
 
-    def _look_for_end(self, distance: Array, time: float, *, complete: bool) -> Segment | None:
+    def _look_for_end(
+        self, far: float, distance: Array, time: float, *, complete: bool, passes: bool
+    ) -> Segment | None:
         # One may pass rest on the way from one key pose to the next.
-        passes = self._passes_rest and self._furthest > self._begins
-        amid = ELSEWHERE_FOR if passes else DWELL_AMID
+        amid = ELSEWHERE_FOR if passes and self._furthest > self._begins else DWELL_AMID
         dwell = DWELL if complete else amid
         if self._calm_since is not None and time - self._calm_since >= dwell:
             return self._finish(self._calm_since, time)
-        far = float(distance[self._asked].max(initial=0.0))
-        self._furthest = max(self._furthest, far)
-        still, share = self._still_for(time), far / max(self._furthest, 1e-6)
+        near = float(distance[self._asked].max(initial=0.0))
+        self._furthest, self._most = max(self._furthest, near), max(self._most, far)
+        still, share = self._still_for(time), far / max(self._most, 1e-6)
         if self._furthest > self._begins:
-            return self._look_for_turn(far, share, still, time, complete=complete)
+            return self._look_for_turn(near, share, still, time, complete=complete)
         return self._look_for_too_long(still, time)
 
     def _look_for_turn(
-        self, far: float, share: float, still: float, time: float, *, complete: bool
+        self, near: float, share: float, still: float, time: float, *, complete: bool
     ) -> Segment | None:
         """Return a repetition that ended where an arm was laid down, or where it turned into the next."""
         is_laid = share <= LAID and complete and still >= LAID_FOR
-        if is_laid or (share <= ELSEWHERE and still >= ELSEWHERE_FOR):
+        is_elsewhere = share <= ELSEWHERE and still >= ELSEWHERE_FOR and not self._holds
+        if is_laid or is_elsewhere:
             return self._finish(time - still, time)
         if complete or not self._passes_rest:
-            if far < self._nearest[0] and share <= TURNED:
-                self._nearest = (far, time)
-            elif far > self._nearest[0] + LEFT_AGAIN * self._furthest:
+            if near < self._nearest[0] and near <= TURNED * self._furthest:
+                self._nearest = (near, time)
+            elif near > self._nearest[0] + LEFT_AGAIN * self._furthest:
                 return self._finish_at_turn(self._nearest[1], time)
         return self._look_for_too_long(still, time)
 
@@ -325,7 +352,7 @@ class Segmenter:
         segment = self._finish(turn, turn)
         self._times, self._rows = [t for t, _ in kept], [row for _, row in kept]
         self.moving, self._began, self.moved_at = True, turn, time
-        self._furthest, self._nearest = 0.0, (math.inf, time)
+        self._furthest, self._most, self._nearest = 0.0, 0.0, (math.inf, time)
         return segment
 
     def _finish(self, end: float, time: float) -> Segment:

@@ -61,8 +61,9 @@ def used_of_limits(found: Assessment) -> dict[str, float]:
     arms = [found.ways[part] for part in ("left_arm", "right_arm") if part in found.ways]
     if len(arms) == 2:
         uneven = unevenness(arms[0].shares, arms[1].shares)
-        reached = [arm.reached for arm in arms]
-        late = abs(reached[0] - reached[1]) / RATE if min(reached) >= 0 else 0.0
+        # An arm that pauses on the way is behind at one place, one that begins later is all along.
+        pairs = zip(*(arm.reached for arm in arms), strict=False)
+        late = min((abs(left - right) for left, right in pairs), default=0) / RATE
         scale = max(min(arm.scale for arm in arms), 1e-3)
         allowed = _given(demand.symmetry, sd["arm"] / scale)
         out["asymmetric"] = max(uneven / allowed, late / demand.lag_s)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -19,9 +19,9 @@ Seen = tuple[str, Array, Array]  # side, palm from the middle of the shoulders [
 # below them [stature]; our own choice, of what is written about forward heads.
 BEHIND = 0.015
 # All our own choice. Standard deviations between people, as shares of stature: half the width of the
-# shoulders, shoulders against head along the trunk and forward, reach of a straight arm; and how far
-# shoulders move with arms against the average.
-BETWEEN = np.array((0.007, 0.012, 0.02, 0.016, 0.4))
+# shoulders, shoulders against head along the trunk, forward and to the left, reach of a straight arm; and how
+# far shoulders move with arms against the average. To the left: how a headset sits, and who holds it.
+BETWEEN = np.array((0.007, 0.012, 0.02, 0.012, 0.016, 0.4))
 STRAIGHT = math.radians(40)  # who bends wrist or elbow by less has an arm that counts
 CLOSE, SHORT = (
     0.010,
@@ -30,6 +30,8 @@ CLOSE, SHORT = (
 ROUNDS = 4
 TELLING = 0.35  # share of its first variance from which the reach counts as measured
 SLACK_UNKNOWN, SLACK_KNOWN = 0.06, 0.025  # what is not known of a distance, as a share of it
+MOST_LIFT = 2.5  # how far shoulders move with arms at most, against the average
+OWN_SHARE, OWN_GAP = 0.4, 0.06  # a length differs from the usual by no more: shares of it, or of the stature
 OFF_UNKNOWN, OFF_KNOWN = math.radians(6), math.radians(3.5)  # and of a direction [rad]
 
 
@@ -41,6 +43,7 @@ class BodyFit:
         body: Its lengths.
         height: The stature that was told [m].
         forward: How far the shoulders are in front of the line from hips to neck [m].
+        aside: How far their middle is to the left of it [m]; of one sitting, so it is not kept.
         lift: How far shoulders move as arms are raised, against the average.
         of_reach: Standard deviation of a distance from shoulder to wrist, as a share of it.
         of_direction: Of where a straight arm points [rad].
@@ -50,10 +53,43 @@ class BodyFit:
     body: UpperBody
     height: float
     forward: float = 0.0
+    aside: float = 0.0
     lift: float = 1.0
     of_reach: float = SLACK_UNKNOWN
     of_direction: float = OFF_UNKNOWN
     is_measured: bool = False
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the numbers of a measured body, to keep for the person's next session."""
+        own = {name: getattr(self, name) for name in ("height", "forward", "lift")}
+        return {name: round(float(value), 4) for name, value in (own | vars(self.body)).items()}
+
+    @classmethod
+    def from_dict(cls, numbers: Mapping[str, float]) -> BodyFit:
+        """Return the measured body of the numbers of `to_dict`.
+
+        Raises:
+            ConfigError: If they are others, or do not fit the stature that is among them.
+        """
+        names = {"height", "forward", "lift", *(each.name for each in fields(UpperBody))}
+        if set(numbers) != names:
+            raise ConfigError(f"a body has the numbers {', '.join(sorted(names))}")
+        left = dict(numbers)
+        height, forward, lift = (left.pop(name) for name in ("height", "forward", "lift"))
+        usual, body = UpperBody.of_height(height), UpperBody(**left)
+        for name, value in vars(usual).items():
+            gap = max(OWN_SHARE * value, OWN_GAP * height)
+            if abs(left[name] - value) > gap:
+                raise ConfigError(
+                    f"{name} of {left[name]:g} m does not fit a stature of {height:g} m: it is "
+                    f"{max(value - gap, 0.0):.3f} to {value + gap:.3f} m"
+                )
+        if not (abs(forward) <= 0.2 * height and 0.0 <= lift <= MOST_LIFT):
+            raise ConfigError(
+                f"shoulders lie within {0.2 * height:.2f} m of the trunk's line and move 0 to {MOST_LIFT:g} "
+                f"times the average, got {forward:g} m and {lift:g}"
+            )
+        return cls(body, height, forward, 0.0, lift, SLACK_KNOWN, OFF_KNOWN, True)
 
     @classmethod
     def of(cls, body: UpperBody, height: float) -> BodyFit:
@@ -83,20 +119,20 @@ class BodyFit:
         unit, body = self.height, self.body
         signs = np.array([SIGN[side] for side, _, _ in seen])
         palms, fingers = (np.array([each[k] for each in seen]) for k in (1, 2))
-        prior = np.array((body.shoulder, 0.0, self.forward, body.reach, self.lift * unit)) / unit
+        place = (body.shoulder, 0.0, self.forward, self.aside)
+        prior = np.array((*place, body.reach, self.lift * unit)) / unit
         value = prior.copy()
         precision = np.diag(1 / BETWEEN**2)
         for _ in range(ROUNDS):
-            width, down, forward, reach = value[:4] * unit
+            width, down, forward, aside, reach = value[:5] * unit
             lift = np.zeros((len(seen), 3))
-            at = np.column_stack(
-                (np.full(len(seen), forward), signs * width, np.full(len(seen), -down))
-            )
+            ones = np.ones(len(seen))
+            at = np.column_stack((forward * ones, aside + signs * width, -down * ones))
             for side, sign in SIGN.items():
                 own = signs == sign
                 elevation, plane = arm_angles(side, palms[own] - at[own])
                 lift[own] = girdle(side, elevation, plane) * (width / SHOULDER_HALF_WIDTH)
-            gap = palms - at - value[4] * lift
+            gap = palms - at - value[5] * lift
             far = np.linalg.norm(gap, axis=1)
             along = gap / np.maximum(far, 1e-6)[:, None]
             is_straight = (along * fingers).sum(axis=1) > math.cos(STRAIGHT)
@@ -106,19 +142,19 @@ class BodyFit:
             # Frames are not independent: each second of them counts as a few.
             weight *= min(1.0, 120.0 / max(float(is_straight.sum()), 1.0))
             by_lift = (along * lift).sum(axis=1) / unit
-            by_place = (signs * along[:, 1], -along[:, 2], along[:, 0])
-            rows = np.column_stack((*by_place, np.ones(len(seen)), by_lift))
+            by_place = (signs * along[:, 1], -along[:, 2], along[:, 0], along[:, 1])
+            rows = np.column_stack((*by_place, ones, by_lift))
             left = np.diag(1 / BETWEEN**2) + (rows * weight[:, None]).T @ rows
             right = (rows * weight[:, None]).T @ error + (value - prior) / BETWEEN**2
             value = value - np.linalg.solve(left, right)
             precision = left
         left_over = np.diag(np.linalg.inv(precision)) / BETWEEN**2
-        share = value[3] * unit / body.reach
+        share = value[4] * unit / body.reach
         if not 0.75 <= share <= 1.25:
             raise ConfigError(
-                f"arms that reach {value[3] * unit:.2f} m do not fit a stature of {unit:.2f} m"
+                f"arms that reach {value[4] * unit:.2f} m do not fit a stature of {unit:.2f} m"
             )
-        measured = bool(left_over[3] < TELLING)
+        measured = bool(left_over[4] < TELLING)
         lengths = {n: getattr(body, n) * share for n in ("upper_arm", "forearm", "palm")}
         fitted = replace(
             body,
@@ -131,7 +167,8 @@ class BodyFit:
             self,
             body=fitted,
             forward=float(value[2] * unit),
-            lift=float(np.clip(value[4], 0.0, 2.5)),
+            aside=float(value[3] * unit),
+            lift=float(np.clip(value[5], 0.0, MOST_LIFT)),
             of_reach=SLACK_KNOWN if measured else SLACK_UNKNOWN,
             of_direction=OFF_KNOWN if measured else OFF_UNKNOWN,
             is_measured=measured,

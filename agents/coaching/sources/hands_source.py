@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d  # type: ignore[import-untyped]
@@ -81,7 +81,8 @@ class HandsSource:
             fit: What an earlier session found out of the same person.
         """
         self.is_swapped = False
-        self.fit = fit or BodyFit.of(UpperBody.of_height(height, sex=sex), height)
+        usual = BodyFit.of(UpperBody.of_height(height, sex=sex), height)
+        self.fit = usual if fit is None else replace(fit, aside=0.0)  # that is of one sitting
         self._filter = OneEuro(cutoff=2.5, beta=np.repeat((6.0, 3.0), (9, 12)))
         self._base: tuple[Array, Array, Array] | None = None
         self._settling: list[HandsReading] = []
@@ -242,7 +243,8 @@ class HandsSource:
         x, y, z = (neck / math.sqrt(float(neck @ neck))).tolist()
         flexion, lateral = math.atan2(x, z), math.asin(y)
         leaned = trunk_axes(flexion, lateral, 0.0)
-        return leaned @ np.array((self.fit.forward, 0.0, body.trunk)), leaned, flexion, lateral
+        at = np.array((self.fit.forward, self.fit.aside, body.trunk))
+        return leaned @ at, leaned, flexion, lateral
 
     def _settle(self, raw: HandsReading, time: float) -> bool:
         """Take the first second for sitting upright; return whether it is over."""

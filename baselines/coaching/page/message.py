@@ -12,7 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
+from rcare_marl.agents.coaching.sources.body_fit import BodyFit
 from rcare_marl.agents.coaching.sources.landmark_source import COUNT
+from rcare_marl.errors import ConfigError
 
 from ...pages.strict import LARGEST as LARGEST
 from ...pages.strict import MessageError as MessageError
@@ -134,6 +136,22 @@ def _place(value: Any, name: str) -> Place:
     return Place((x, y, z), (qx, qy, qz, qw))
 
 
+def _body(value: Any, name: str) -> BodyFit:
+    """Take what an earlier calibration found."""
+    read = number(-1.0, STATURE[1] + 1.0)
+    found = {key: read(each, f"{name}.{key}") for key, each in _mapping(value, name).items()}
+    try:
+        return BodyFit.from_dict(found)
+    except ConfigError as error:
+        raise MessageError(str(error)) from error
+
+
+def _mapping(value: Any, name: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise MessageError(f"{name} is an object")
+    return value
+
+
 @dataclass(frozen=True, kw_only=True)
 class Range:
     """How far somebody gets, as they say.
@@ -160,6 +178,8 @@ class Begin(Range):
         repetitions: Right repetitions asked of each; as each exercise says if None.
         tempo: How fast the coach goes, against what the exercises say.
         mistake: What a simulated person does wrong.
+        measure: Whether a calibration comes first; of hands, that is.
+        body: What an earlier calibration of the same person found.
     """
 
     source: Source = field_of(one_of(SOURCES))
@@ -168,6 +188,8 @@ class Begin(Range):
     repetitions: int | None = field_of(or_null(whole(*REPETITIONS)), None)
     tempo: float = field_of(number(*TEMPO), 1.0)
     mistake: Mistake = field_of(one_of(MISTAKES), "none")
+    measure: bool = field_of(flag, False)
+    body: BodyFit | None = field_of(or_null(_body), None)
 
 
 @dataclass(frozen=True)
@@ -226,12 +248,6 @@ class Consent:
 def _file_name(value: Any, name: str) -> str:
     if not isinstance(value, str) or not FILE_NAME.fullmatch(value):
         raise MessageError(f"{name} is of a to z, 0 to 9 and _, at most 40 of them, a letter first")
-    return value
-
-
-def _mapping(value: Any, name: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise MessageError(f"{name} is an object")
     return value
 
 

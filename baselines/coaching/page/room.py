@@ -13,6 +13,7 @@ from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.agents.coaching.recognition.recogniser import ERRORS, Frame, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import PRAISED_FOR, RuleRecogniser
 from rcare_marl.agents.coaching.session import Session, programme
+from rcare_marl.agents.coaching.sources.calibration import PARTS
 from rcare_marl.agents.coaching.tree import Coach
 from rcare_marl.agents.coaching.upper_body import MOTIONS
 from rcare_marl.errors import ConfigError, RcareError, check_name
@@ -23,7 +24,7 @@ from .message import Begin, Command, Consent, Hands, Landmarks, MessageError, Si
 from .recording import Recorder, Step
 from .sight import Sight
 
-Phase = Literal["waiting", "settling", "explaining", "exercising", "paused", "resting", "over"]
+Phase = Literal["waiting", "measuring", "settling", "explaining", "exercising", "paused", "resting", "over"]
 
 STEP = 1 / 30  # of a session [s]
 LONGEST_STEP = 0.2  # where the computer was busy [s]
@@ -114,9 +115,9 @@ class Room:
                 check_name("exercise", name, self._offered)
             chosen = [self._offered[name] for name in begin.exercises]
             exercises = programme(chosen, reach_of(begin), speed=math.inf)
+            sight = Sight(begin)
         except RcareError as error:
             raise MessageError(str(error)) from error
-        sight = Sight(begin)
         exercises = tuple(exercise.faster(begin.tempo) for exercise in exercises)
         recogniser = RuleRecogniser(known=self._known)
         session = Session(exercises, recogniser, repetitions=begin.repetitions)
@@ -126,7 +127,7 @@ class Room:
         self._number += 1
         self._body = PageBody(exercises[0].angles(0.0))
         self._coach = Coach(session, self._body)
-        self._began, self._stepped = now, now - STEP
+        self._began, self._led_since, self._stepped = now, now, now - STEP
         self._watches, self._settled, self._user, self._trouble = False, False, None, ""
         self._unwatched = 0.0  # taken out of the clock of frames [s]
         self._frame_at: float | None = None  # time of the last one [s]
@@ -143,6 +144,8 @@ class Room:
             session.must_rest = True
         elif wish == "resume":
             session.must_pause = session.must_rest = False
+        elif wish == "skip" and self._sight.is_measuring and self._sight.calibration is not None:
+            self._sight.calibration.give_up()
         elif wish == "skip":
             session.must_skip = True
             session.must_pause = session.must_rest = False
@@ -163,6 +166,10 @@ class Room:
         return self._state(session, now)
 
     def _go_on(self, session: Session, now: float, duration: float) -> None:
+        if self._sight.is_measuring:
+            self._led_since = now
+            self._measure(now, is_paused=session.must_pause)
+            return
         self._body.rest = session.exercise.angles(0.0)
         try:
             frame = self._sight.frame(self._body.angles, self._body.rest, now)
@@ -175,12 +182,13 @@ class Room:
         elif not self._sight.sees(now):
             self._user = None
         if not self._settled:  # the coach waits until it knows how the person sits
+            self._led_since = now
             return
         watched = self._watched(frame)
         before, count = session.index, len(session.repetitions)
         if watched is not None:
             exercise = session.exercise
-        order = self._coach.step(watched, now - self._began, duration)
+        order = self._coach.step(watched, now - self._led_since, duration)
         self._watches = order.act == "show"
         # The judgement itself is gone where the coach has gone on to the next exercise.
         found = session.repetitions[-1] if len(session.repetitions) > count else None
@@ -195,6 +203,26 @@ class Room:
             self.recorder.add(
                 Step(now - self._began, exercise.name, watched.angles, green, progress, found)
             )
+
+    def _measure(self, now: float, *, is_paused: bool) -> None:
+        """Lead the person through the calibration, or let it wait."""
+        calibration = self._sight.calibration
+        assert calibration is not None
+        before = (calibration.index, calibration.trouble)
+        if not self._body.count:
+            self._body.say(calibration.say)
+        if is_paused:
+            calibration.begin_anew()
+            return
+        self._body.show(calibration.angles)
+        self._sight.frame(self._body.angles, self._body.rest, now)
+        seen = calibration.angles_seen
+        self._user = points_of(seen) if np.isfinite(seen).any() else None
+        if calibration.is_over:
+            self._body.stand_still()
+            self._body.say(calibration.words)
+        elif (calibration.index, calibration.trouble) != before:
+            self._body.say(f"{calibration.trouble} {calibration.say}".strip())
 
     def _watched(self, frame: Frame | None) -> Frame | None:
         """Return the frame as the recogniser gets it: none of the time in which nothing is asked.
@@ -216,6 +244,8 @@ class Room:
             return "over"
         if session.must_pause:
             return "paused"
+        if self._sight.is_measuring:
+            return "measuring"
         if self._coach.demonstration.is_resting:
             return "resting"
         if not self._settled:
@@ -247,6 +277,8 @@ class Room:
             "count": self._body.count,
             "hint": self._hint(session, sees=sees),
             "seen": sees,
+            "note": self._sight.note,
+            "calibration": self._calibration(),
             "coach": points_of(self._body.angles),
             "user": self._user,
             "over": _summary(session) if session.is_over else None,
@@ -264,9 +296,25 @@ class Room:
         far = judgement.progress >= session.exercise.judged.range_share
         return far or now < self._praised_until
 
+    def _calibration(self) -> dict[str, Any] | None:
+        found = self._sight.calibration
+        if found is None:
+            return None
+        return {
+            "say": found.say,
+            "part": min(found.index + 1, len(PARTS)),
+            "of": len(PARTS),
+            "left_s": round(found.left, 1),
+            "trouble": found.trouble,
+            "words": found.words,
+            "body": None if found.fit is None else found.fit.to_dict(),
+        }
+
     def _hint(self, session: Session, *, sees: bool) -> str:
         if self._trouble:
             return self._trouble
+        if self._sight.is_measuring and self._sight.calibration is not None:
+            return self._sight.calibration.trouble if sees else NOTHING_SEEN
         return session.hint if sees or not self._settled else NOTHING_SEEN
 
     def _recording(self) -> dict[str, Any]:

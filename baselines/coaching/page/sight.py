@@ -9,9 +9,11 @@ import numpy as np
 
 from rcare_marl.agents.coaching.exercise import HEAD
 from rcare_marl.agents.coaching.recognition.recogniser import Frame
+from rcare_marl.agents.coaching.sources.calibration import Calibration
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
 from rcare_marl.agents.coaching.sources.landmark_source import LandmarkReading, LandmarkSource
 from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, SIGN, UpperBody
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, matrix_from_quaternion, multiply, quaternion_from_matrix
 
 from ...pages.door import Limiter as Limiter
@@ -32,6 +34,7 @@ HAND_IN_GRIP: dict[str, Array] = {
 # By how much the page's clock may gain on ours between two readings, and after how long with refused
 # times only it is taken as it is from there on [s]; our own choice.
 SLACK, ANEW = 1.0, 2.0
+SAME_HEIGHT = 0.02  # measures are of somebody whose stature is told within this [m]; our own choice
 UNSEEN = 0.7  # after so long without a frame the person counts as not seen [s]; our own choice
 
 
@@ -221,11 +224,27 @@ class Sight:
 
     Attributes:
         user: The simulated person, where the source is one.
+        calibration: The one that was asked for, over or not; None if none was.
     """
 
     def __init__(self, begin: Begin, *, seed: int = 0) -> None:
-        """Prepare for a session."""
+        """Prepare for a session.
+
+        Raises:
+            ConfigError: If a calibration or its outcome is asked for that cannot be.
+        """
         self._begin = begin
+        self.calibration: Calibration | None = None
+        if begin.source == "landmarks" and (begin.measure or begin.body is not None):
+            raise ConfigError("a webcam sees how you are built: only hands are calibrated")
+        if begin.body is not None and abs(begin.body.height - begin.height_m) > SAME_HEIGHT:
+            raise ConfigError(
+                f"these measures are of somebody of {begin.body.height:.2f} m, not {begin.height_m:.2f} m"
+            )
+        if begin.measure:
+            lift = (begin.lift_left_deg, begin.lift_right_deg)
+            self.calibration = Calibration(begin.height_m, lift=lift)
+        self._fit = begin.body
         self.user: SimulatedUser | None = None
         if begin.source == "simulated":
             self.user = SimulatedUser(begin.height_m, seed=seed, mistake=begin.mistake)
@@ -234,9 +253,27 @@ class Sight:
         self._seen_at: float | None = None
         self.recentre()
 
+    @property
+    def is_measuring(self) -> bool:
+        """Whether a calibration is on."""
+        return self.calibration is not None and not self.calibration.is_over
+
+    @property
+    def note(self) -> str:
+        """What the person should know of how they are seen; empty if there is nothing."""
+        if self._begin.source == "landmarks" or self.is_measuring:
+            return ""
+        said = "" if self.calibration is None else self.calibration.words
+        if not said and not self._hands.fit.is_measured:
+            said = "You are not measured, so I judge more leniently."
+        swapped = "Left and right hand are swapped: I take them the other way round."
+        return f"{said} {swapped if self._hands.is_swapped else ''}".strip()
+
     def recentre(self) -> None:
-        """Learn anew how the person sits."""
-        self._hands = HandsSource(self._begin.height_m)
+        """Learn anew how the person sits; how they are built is kept."""
+        if self.calibration is not None:
+            self.calibration.begin_anew(whole=True)
+        self._hands = HandsSource(self._begin.height_m, fit=self._fit)
         self._landmarks = LandmarkSource(monocular=True)
         self._reading: tuple[HandsReading | LandmarkReading, float] | None = None
 
@@ -270,6 +307,9 @@ class Sight:
             return None
         raw, time = self._reading
         self._reading = None
+        if self.is_measuring and isinstance(raw, HandsReading):
+            self._measure(raw, time, now)
+            return None
         if isinstance(raw, HandsReading):
             frame = self._hands.update(raw, time)
         else:
@@ -277,6 +317,14 @@ class Sight:
         if frame is not None:
             self._seen_at = now
         return frame
+
+    def _measure(self, raw: HandsReading, time: float, now: float) -> None:
+        assert self.calibration is not None
+        self.calibration.update(raw, time)
+        if raw.head is not None:
+            self._seen_at = now
+        if self.calibration.fit is not None:
+            self._hands, self._fit = self.calibration.source, self.calibration.fit
 
     def sees(self, now: float) -> bool:
         """Return whether the person has been seen lately."""

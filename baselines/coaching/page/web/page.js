@@ -81,6 +81,7 @@ function take(message) {
 // What a session shows.
 
 function verdict() {
+  if (state.phase === 'measuring') return state.calibration.say;
   if (state.phase in PHASES) return PHASES[state.phase];
   if (state.following) return 'That is it – go on';
   if (!state.seen) return 'I cannot see you';
@@ -97,8 +98,12 @@ function tell() {
   $('window').dataset.state = state.following ? 'green' : 'neutral';
   set('sign', state.following ? '✓' : '○');
   set('verdict-words', words);
-  set('number', `Exercise ${state.exercise.number} of ${state.exercise.of}`);
-  set('title', state.exercise.title);
+  const measuring = state.phase === 'measuring' && state.calibration;
+  const number = measuring ? `Part ${measuring.part} of ${measuring.of}, ${Math.ceil(measuring.left_s)} s left`
+    : `Exercise ${state.exercise.number} of ${state.exercise.of}`;
+  set('number', number);
+  const title = measuring ? 'I measure you' : state.exercise.title;
+  set('title', title);
   set('right', String(state.right));
   set('wanted', String(state.wanted));
   const score = $('score');
@@ -106,6 +111,7 @@ function tell() {
   else if (score.firstElementChild === null) score.innerHTML = '<small>none yet</small>';
   $('progress').value = state.progress;
   set('hint', state.hint);
+  set('note', state.note);
   if (state.count !== heard.count) {
     heard.count = state.count;
     set('said', state.said);
@@ -124,7 +130,7 @@ function tell() {
   set('rest-word', state.phase === 'resting' ? 'Go on' : 'Rest');
   view?.show(state, {
     green: state.following, verdict: `${state.following ? '✓ ' : '○ '}${words}`,
-    title: `${state.exercise.number}/${state.exercise.of}  ${state.exercise.title}`,
+    title: measuring ? number : `${state.exercise.number}/${state.exercise.of}  ${title}`,
     count: `${state.right} of ${state.wanted}`, score: last ? `score ${last.score}` : '', hint: state.hint,
   });
 }
@@ -177,12 +183,13 @@ async function begin(event) {
     }
   }
   heard = { count: 0, number: 0, told: '' };
-  for (const id of ['said', 'told', 'hint', 'deleted']) set(id, '');
+  for (const id of ['said', 'told', 'hint', 'note', 'deleted', 'keeping']) set(id, '');
   send({
     type: 'begin', source, exercises, height_m: $('height').valueAsNumber / 100,
     repetitions: $('repetitions').valueAsNumber, tempo: Number($('tempo').value),
     lift_left_deg: $('lift-left').valueAsNumber, lift_right_deg: $('lift-right').valueAsNumber,
     turn_deg: $('turn').valueAsNumber, mistake: $('mistake').value,
+    measure: source !== 'landmarks' && $('measure').checked, body: source === 'hands' ? body() : null,
   });
   if (state.recording) send({ type: 'consent', given: $('consent').checked }); // for this session alone
   begun = (state.session ?? 0) + 1;
@@ -217,9 +224,62 @@ function end() {
     }));
     return row;
   }));
+  $('measured').hidden = !state.calibration?.body;
+  set('measured-words', state.calibration?.words ?? '');
   show('over');
   window.scrollTo(0, 0);
   $('over').focus({ preventScroll: true });
+}
+
+// What is known of how people are built, kept in this browser by name.
+
+const BODIES = 'rcare-marl-coach-bodies';
+
+function bodies() {
+  return JSON.parse(localStorage.getItem(BODIES) ?? '{}');
+}
+
+function body() {
+  return $('measure').checked ? null : bodies()[$('person').value] ?? null;
+}
+
+// Offer those that are kept; choose one, or nobody's.
+function offerBodies(chosen = '') {
+  const names = Object.keys(bodies()).sort();
+  $('person').replaceChildren(new Option('nobody’s: a usual body', ''), ...names.map((name) => new Option(name, name)));
+  $('person').value = chosen;
+  $('known').hidden = !names.length;
+}
+
+function keepBody() {
+  const name = $('name').value.trim();
+  if (!name) {
+    set('keeping', 'Please say whose they are.');
+    return;
+  }
+  localStorage.setItem(BODIES, JSON.stringify({ ...bodies(), [name]: state.calibration.body }));
+  offerBodies(name);
+  $('measure').checked = false;
+  set('keeping', `Kept as those of ${name}. Choose them before the next session.`);
+}
+
+function forgetBody() {
+  const { [$('person').value]: _, ...others } = bodies();
+  localStorage.setItem(BODIES, JSON.stringify(others));
+  offerBodies();
+}
+
+// A webcam sees how somebody is built; who wears a headset is measured unless somebody's measures are chosen.
+function chooseSource() {
+  const isHands = $('source-hands').checked;
+  $('measures').hidden = $('source-webcam').checked;
+  $('measure').checked = isHands && !$('person').value;
+}
+
+function choosePerson() {
+  const found = bodies()[$('person').value];
+  $('measure').checked = !found;
+  if (found) $('height').value = Math.round(100 * found.height);
 }
 
 // Hand out a file of the recording: the report in a tab, which holds no address with a token, others to save.
@@ -281,6 +341,7 @@ function webcamIs(isOnNow, why = '') {
   $('source-webcam').disabled = !isOnNow;
   $(isOnNow ? 'source-webcam' : 'source-simulated').checked = true;
   $('mistake-field').hidden = isOnNow;
+  chooseSource();
   set('webcam-note', why || (isOnNow ? 'it gets ready' : 'pictures are looked at in this browser, and neither kept nor sent'));
 }
 
@@ -316,9 +377,13 @@ document.querySelectorAll('[data-wish]').forEach((button) => {
   button.addEventListener('click', () => wish(button.dataset.wish));
 });
 $('setup').addEventListener('submit', begin);
-$('setup').addEventListener('change', () => {
+$('setup').addEventListener('change', (event) => {
   $('mistake-field').hidden = !$('source-simulated').checked;
+  if (event.target.name === 'source') chooseSource();
 });
+$('person').addEventListener('change', choosePerson);
+$('forget').addEventListener('click', forgetBody);
+$('keep').addEventListener('click', keepBody);
 $('mistake-now').addEventListener('change', (event) => send({ type: 'simulate', mistake: event.target.value }));
 $('webcam').addEventListener('click', turnWebcam);
 $('withdraw').addEventListener('click', withdraw);
@@ -334,6 +399,7 @@ $('again').addEventListener('click', () => {
 const setting = await ask(alarm);
 if (setting) {
   offer(setting);
+  offerBodies();
   view = await drawn($('scene'), (time, frame) => {
     if (frame && headset && isOn) headset.stream(time, frame);
   });
