@@ -20,6 +20,8 @@ from ..robot_config import BASE_JOINTS
 from .impedance import Compliance, ToolImpedance, stretched
 from .tool_delta import DAMPING, FEW_JOINTS_TURN, HEADROOM
 
+LEASH = 0.02  # share of its greatest speed by which a joint may lag behind what its motor was told; own choice
+
 
 class ToolAdmittance(ToolImpedance):
     """`ToolImpedance` for arms whose motors are stiff: these move the tool as mass, spring and damper would.
@@ -48,6 +50,7 @@ class ToolAdmittance(ToolImpedance):
     def reset(self) -> None:
         super().reset()
         self._motion.reset()
+        self._told, self._leash = np.zeros(len(self._arm)), LEASH * self._arm.velocity
         self._begun = self._arm.world.step_count
         self._load = 0.0, np.zeros(3)
         self.outside = np.zeros(6)
@@ -91,6 +94,7 @@ class ToolAdmittance(ToolImpedance):
         arm, chain = self._arm, self._arm.chain
         arm.align()
         positions, velocities = arm.states()
+        velocities = np.clip(self._told, velocities - self._leash, velocities + self._leash)
         self.outside = self._feel(chain.tip_frame(positions))
         step, self.wrench, weight, forces = _move(
             (chain.arrays, chain.tip, (arm.lower, arm.upper, arm.velocity, arm.effort)),
@@ -104,7 +108,8 @@ class ToolAdmittance(ToolImpedance):
             self.compliance.axes == "tool",
         )
         forces = np.minimum(forces, arm.room(weight))
-        arm.drive_velocities(step / arm.physics_dt, forces)
+        self._told = step / arm.physics_dt
+        arm.drive_velocities(self._told, forces)
         arm.drive_torques(arm.carry(weight, forces).tolist())
 
 
