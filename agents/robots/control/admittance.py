@@ -20,7 +20,7 @@ from ..robot_config import BASE_JOINTS
 from .impedance import Compliance, ToolImpedance, stretched
 from .tool_delta import DAMPING, FEW_JOINTS_TURN, HEADROOM
 
-LEASH = 0.02  # share of its greatest speed by which a joint may lag behind what its motor was told; own choice
+LEASH = np.array((0.02,) * 3 + (0.1,) * 3)  # [m/s], [rad/s] by which motors may lag behind; own choice
 
 
 class ToolAdmittance(ToolImpedance):
@@ -50,7 +50,7 @@ class ToolAdmittance(ToolImpedance):
     def reset(self) -> None:
         super().reset()
         self._motion.reset()
-        self._told, self._leash = np.zeros(len(self._arm)), LEASH * self._arm.velocity
+        self._told = np.zeros(6)
         self._begun = self._arm.world.step_count
         self._load = 0.0, np.zeros(3)
         self.outside = np.zeros(6)
@@ -94,13 +94,13 @@ class ToolAdmittance(ToolImpedance):
         arm, chain = self._arm, self._arm.chain
         arm.align()
         positions, velocities = arm.states()
-        velocities = np.clip(self._told, velocities - self._leash, velocities + self._leash)
         self.outside = self._feel(chain.tip_frame(positions))
         step, self.wrench, weight, forces = _move(
             (chain.arrays, chain.tip, (arm.lower, arm.upper, arm.velocity, arm.effort)),
             self._goal,
             positions,
             velocities,
+            self._told,
             self._twist,
             (*self._gains, self._limit, self._mass),
             self.outside,
@@ -108,14 +108,13 @@ class ToolAdmittance(ToolImpedance):
             self.compliance.axes == "tool",
         )
         forces = np.minimum(forces, arm.room(weight))
-        self._told = step / arm.physics_dt
-        arm.drive_velocities(self._told, forces)
+        arm.drive_velocities(step / arm.physics_dt, forces)
         arm.drive_torques(arm.carry(weight, forces).tolist())
 
 
 @numba.njit(cache=True)
-def _move(chain, goal, positions, velocities, twist, gains, outside, rules, is_of_tool):  # type: ignore[no-untyped-def]
-    """Move `goal` [3, 4]; return steps of the joints [n], wrench along the axes [6], weight, motor torques [n].
+def _move(chain, goal, positions, velocities, told, twist, gains, outside, rules, is_of_tool):  # type: ignore[no-untyped-def]
+    """Move `goal` [3, 4], `told` [6]; return steps of the joints [n], wrench along the axes [6], weight, motor torques [n].
 
     Args:
         chain: The fields of the arm's `Tree`, the frame of the tool in its last part, and lower limits, upper
@@ -123,6 +122,7 @@ def _move(chain, goal, positions, velocities, twist, gains, outside, rules, is_o
         goal: Rest of the spring.
         positions: Of the joints, shape [n].
         velocities: Of the joints, shape [n].
+        told: Velocity that the tool was told along its axes [m/s] and [rad/s], shape [6]; told anew.
         twist: How fast the rest moves, shape [6].
         gains: Stiffness, damping, greatest wrench and inertia, each of shape [6].
         outside: What is done to the tool, in the world, shape [6].
@@ -135,13 +135,15 @@ def _move(chain, goal, positions, velocities, twist, gains, outside, rules, is_o
     weight, matrix, kept, turn = stretched(
         arrays, tip, goal, positions, dt * twist, limit / np.maximum(stiffness, 1e-9), is_of_tool
     )
-    back, push, speed = turn.T.copy(), np.empty(6), matrix @ velocities
+    back, push, real = turn.T.copy(), np.empty(6), matrix @ velocities
+    speed = np.minimum(np.maximum(told, real - LEASH), real + LEASH)
     push[:3], push[3:] = back @ outside[:3], back @ outside[3:]
     brake = damping + dt * stiffness
     wrench = stiffness * kept - brake * (speed + dt * push / inertia)
     wrench /= 1.0 + dt * brake / inertia
     wrench = np.minimum(np.maximum(wrench, -limit), limit)
-    wanted = dt * speed + dt * dt * (wrench + push) / inertia
+    told[:] = speed + dt * (wrench + push) / inertia
+    wanted = dt * told
     forces = np.empty_like(positions)
     for j in range(len(positions)):
         forces[j] = min(HEADROOM * np.abs(matrix[:, j]) @ limit + 0.1 * effort[j], effort[j])
