@@ -4,13 +4,14 @@ Run: python experiments/contact_press.py tuned|judged [ROBOT ...]
      python experiments/contact_press.py plot
 
 An arm goes onto a pad at 6 cm/s until its wrench limit of 5 N holds it, and presses for 4 s; the greatest
-error of the last second counts. Robots, pads and places that are judged are not those that were tuned on.
-Places 1 and 2 and pads of 0.5, 3, 10 and 60 kN/m were judged first; what a Fetch did there led to a greater
-inertia, so others took their place.
+error of the last second counts. Pads and places that are judged are not those that were tuned on. Places 1 to 4
+and pads of 0.5, 0.6, 3, 4, 10, 15, 50 and 60 kN/m were judged before: what Fetch, HSR and Gen2 did there led to
+mends of the admittance, so others took their place.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -30,7 +31,7 @@ from rcare_marl.pose import Array, Pose, quaternion_from_matrix
 from rcare_marl.world import World
 
 FORCE, SPEED, SECONDS, DT = 5.0, 0.06, 4.0, 0.1  # [N], [m/s], [s], [s]
-WAYS = {"down": (0.0, 0.0, -1.0), "forward": (1.0, 0.0, 0.0), "left": (0.0, 1.0, 0.0)}
+WAYS = {"down": (0.0, 0.0, -1.0), "forward": (1.0, 0.0, 0.0), "outward": (0.0, 1.0, 0.0)}
 PAD_DAMPING = 50.0  # [N·s/m]
 
 
@@ -58,9 +59,9 @@ SPLITS = {
     ),
     "judged": Split(
         {"impedance": (*OTHERS, "ur5"), "admittance": (*OTHERS, "kinova_gen3")},
-        (600.0, 4e3, 15e3, 50e3),
+        (800.0, 5e3, 20e3, 40e3),
         tuple(WAYS),
-        (3, 4),
+        (5, 6),
     ),
 }
 
@@ -114,6 +115,8 @@ def press(
     limit = np.where(along != 0, FORCE, 20.0)
     compliance = Compliance(wrench_limit=(*limit.tolist(), 4.0, 4.0, 4.0))
     robot = spawned(world, model, control, compliance, place)
+    if way == "outward":
+        along *= math.copysign(1.0, robot.tool_pose().position[1])
     pad = put_pad(world, robot, along, stiffness)
     start, forces, ways = np.array(robot.tool_pose().position), [], []
     for _ in act(world, robot, robot.tool_action(SPEED * along, np.zeros(3)), seconds):

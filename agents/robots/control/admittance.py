@@ -20,15 +20,17 @@ from ..robot_config import BASE_JOINTS
 from .impedance import Compliance, ToolImpedance, stretched
 from .tool_delta import DAMPING, FEW_JOINTS_TURN, HEADROOM
 
-LEASH = np.array((0.02,) * 3 + (0.1,) * 3)  # [m/s], [rad/s] by which motors may lag behind; own choice
+# [m/s], [rad/s] by which motors may lag behind what they are told: Bullet's slip a little. Own choice.
+LEASH = np.array((0.1,) * 3 + (0.5,) * 3)
 
 
 class ToolAdmittance(ToolImpedance):
     """`ToolImpedance` for arms whose motors are stiff: these move the tool as mass, spring and damper would.
 
     A six-axis sensor in the last joint of the arm feels what is done to the hand and to what it holds; weight
-    and inertia of the hand, and the weight of what it holds, are taken off. What touches the arm before that joint is not
-    felt.
+    and inertia of the hand, and the weight of what it holds, are taken off. What touches the arm before that
+    joint is not felt. The spring keeps to the limit, and the damper to as much again: it takes the speed from
+    a tool that something has thrown back.
 
     Attributes:
         outside: What was done to the tool in the last physics step, in the world, about the tool's origin
@@ -43,8 +45,8 @@ class ToolAdmittance(ToolImpedance):
         arm.body.feedback.enable([self._wrist])
         self._weight, self._motion = OwnWeight(arm.body, [self._wrist]), OwnMotion(arm.body, hand)
         self._hand = frozenset(hand)
-        own = [name for name in arm.names if name not in BASE_JOINTS]
-        self._turn_weight = 1.0 if len(own) >= 6 else FEW_JOINTS_TURN
+        self._is_base = np.array([name in BASE_JOINTS for name in arm.names])
+        self._turn_weight = 1.0 if np.sum(~self._is_base) >= 6 else FEW_JOINTS_TURN
         self.outside = np.zeros(6)
 
     def reset(self) -> None:
@@ -95,7 +97,7 @@ class ToolAdmittance(ToolImpedance):
         arm.align()
         positions, velocities = arm.states()
         self.outside = self._feel(chain.tip_frame(positions))
-        step, self.wrench, weight, forces = _move(
+        step, self.wrench, load, forces = _move(
             (chain.arrays, chain.tip, (arm.lower, arm.upper, arm.velocity, arm.effort)),
             self._goal,
             positions,
@@ -107,14 +109,17 @@ class ToolAdmittance(ToolImpedance):
             (arm.physics_dt, self._turn_weight),
             self.compliance.axes == "tool",
         )
-        forces = np.minimum(forces, arm.room(weight))
+        forces = np.minimum(forces, arm.room(load))
+        forces = np.where(self._is_base, arm.effort, forces)  # it has the whole robot to speed up
         arm.drive_velocities(step / arm.physics_dt, forces)
-        arm.drive_torques(arm.carry(weight, forces).tolist())
+        arm.drive_torques(arm.carry(load, forces).tolist())
 
 
 @numba.njit(cache=True)
 def _move(chain, goal, positions, velocities, told, twist, gains, outside, rules, is_of_tool):  # type: ignore[no-untyped-def]
-    """Move `goal` [3, 4], `told` [6]; return steps of the joints [n], wrench along the axes [6], weight, motor torques [n].
+    """Move `goal` [3, 4], `told` [6]; return joint steps [n], wrench along the axes [6] and two torques [n].
+
+    These are what carries the weight of the arm and bears what pushes the tool, and the most that motors have beside.
 
     Args:
         chain: The fields of the arm's `Tree`, the frame of the tool in its last part, and lower limits, upper
@@ -139,14 +144,17 @@ def _move(chain, goal, positions, velocities, told, twist, gains, outside, rules
     speed = np.minimum(np.maximum(told, real - LEASH), real + LEASH)
     push[:3], push[3:] = back @ outside[:3], back @ outside[3:]
     brake = damping + dt * stiffness
-    wrench = stiffness * kept - brake * (speed + dt * push / inertia)
-    wrench /= 1.0 + dt * brake / inertia
-    wrench = np.minimum(np.maximum(wrench, -limit), limit)
+    # The spring keeps to the limit by how far it may be stretched; the damper has as much again.
+    gain = 1.0 + dt * brake / inertia
+    slowing = brake * (real + dt * (stiffness * kept + push) / inertia) / gain
+    wrench = stiffness * kept - np.minimum(np.maximum(slowing, -limit), limit)
     told[:] = speed + dt * (wrench + push) / inertia
     wanted = dt * told
     forces = np.empty_like(positions)
     for j in range(len(positions)):
         forces[j] = min(HEADROOM * np.abs(matrix[:, j]) @ limit + 0.1 * effort[j], effort[j])
+    # Motors that bear nothing do not slip.
+    weight -= matrix.T @ np.minimum(np.maximum(push, -limit), limit)
     wanted[3:] *= turn_weight
     matrix[3:] *= turn_weight
     most = fastest * dt
