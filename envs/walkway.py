@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
 from rcare_marl.agents.agent import Agent
+from rcare_marl.agents.people.motion.skill import LOOKING
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import BASE_JOINTS
 from rcare_marl.body import Body
@@ -23,14 +24,15 @@ from .rectangle import Rectangle
 Point = tuple[float, float]
 
 # All our own choices.
-WALKER = 0.5  # [m] that somebody who walks is wide, arms hanging
+WALKER = 0.8  # [m] that our caregiver is wide, arms hanging
 LOW, HIGH = 0.03, 1.9  # [m] over the floor between which things are in the way
 CELL = 0.05  # [m] of the map
 ROUND = 1.5  # [m] about everything that the map covers as well
-MOVED = 0.05  # [m] that something has moved if it counts
 NEAR = 0.6  # [m] from a goal, such as a place beside a bed, to where a way may end that goes straight from there
-LINED_UP, ARRIVED = 0.1, 0.03  # [rad] off its way that a base drives on; [m], and half of it in [rad], from its goal
-APPROACH = 2.0  # [1/s] with which a base comes to its goal
+ROOM = 0.1  # [m] that a base needs beside its width, both sides together
+LINED_UP, PASSED = 0.1, 0.05  # [rad] off its way that a base drives on; [m] from a corner that it has passed
+ARRIVED = 0.02  # [m], [rad] from its goal
+APPROACH = 2.0  # [1/s] with which a base comes to it
 
 
 def standing(world: World, besides: Collection[Body]) -> list[Obstacle]:
@@ -99,51 +101,86 @@ def way_round(
     if found is None:
         x, y = goal
         raise PlanningError(f"there is no way for {width:g} m to ({x:.2f}, {y:.2f}) on the floor")
-    return [(x, y) for x, y in found.tolist()] + [goal]
+    corners = [(x, y) for x, y in found.tolist()]
+    return [c for c in corners if math.dist(c, start) > CELL < math.dist(c, goal)] + [goal]
 
 
-class Walkway:
-    """A way of somebody to a place, found when it is asked for, and anew once something has moved."""
+def way_of(
+    agent: Agent, goal: Point, here: Point | None = None, *, width: float = WALKER
+) -> list[Point]:
+    """Return the corners of a way of somebody round all that stands on the floor now; see `way_round`.
 
-    def __init__(
-        self,
-        world: World,
-        agent: Agent,
-        here: Callable[[], Point],
-        goal: Point,
-        *,
-        width: float = WALKER,
-        besides: Collection[Body] = (),
-    ) -> None:
-        """Say who goes where.
+    Args:
+        agent: Who goes; what it holds goes along.
+        goal: Where it goes [m].
+        here: Where it is [m]; where its base is if None.
+        width: Of who goes [m].
 
-        Args:
-            world: The world.
-            agent: Who goes; what it holds goes along.
-            here: Returns where it is [m].
-            goal: Where it goes [m].
-            width: Of who goes [m].
-            besides: What is not in the way.
-        """
-        self._world, self._agent, self._here, self._goal = world, agent, here, goal
-        self._width, self._besides = width, besides
-        self._seen = np.zeros((0, 4))
-        self._way: list[Point] | None = None
+    Raises:
+        PlanningError: If there is no way.
+    """
+    x, y, _ = agent.body.base_pose().position
+    besides = {agent.body, *agent.world.held_by(agent.body)}
+    return way_round(standing(agent.world, besides), here or (x, y), goal, width=width)
 
-    def __call__(self) -> list[Point]:
-        """Return the corners of the way, the goal last: the same list while nothing has moved.
 
-        Raises:
-            PlanningError: If there is no way.
-        """
-        body = self._agent.body
-        seen = standing(self._world, {body, *self._world.held_by(body), *self._besides})
-        rows = np.array([obstacle.area.row for obstacle in seen]).reshape(-1, 4)
-        if (
-            self._way is None
-            or rows.shape != self._seen.shape
-            or (np.abs(rows - self._seen) > MOVED).any()
-        ):
-            self._seen = rows
-            self._way = way_round(seen, self._here(), self._goal, width=self._width)
-        return self._way
+def driving(
+    robot: Robot,
+    goal: tuple[float, float, float],
+    duration: float,
+    *,
+    width: float | None = None,
+) -> Iterator[Array]:
+    """Yield actions that drive a robot round what stands on the floor; it looks once a second.
+
+    It goes from corner to corner forwards, turns on the spot, and moves nothing else.
+
+    Args:
+        robot: A robot whose `moves` name its base.
+        goal: Where it goes: x, y [m] and heading [rad].
+        duration: Of a control step [s].
+        width: Of the floor that it needs [m]; to turn with all that it is now, and `ROOM`, if None.
+
+    Raises:
+        ConfigError: If its base does not move.
+        PlanningError: If there is no way; asked for an action.
+    """
+    if robot.base is None:
+        raise ConfigError(f"{robot.name!r} does not drive: name the base in its moves")
+    turning, first = robot.body.joint(BASE_JOINTS[-1]).index, 0
+    for part in robot.parts.values():
+        own = slice(first, first + part.control.size)
+        first = own.stop
+        if part.base is robot.base:
+            break
+
+    def station() -> tuple[float, float, float]:
+        frame = robot.body.link_pose(turning).matrix()
+        return float(frame[0, 3]), float(frame[1, 3]), math.atan2(frame[1, 0], frame[0, 0])
+
+    if width is None:
+        middle, areas = station()[:2], standing(robot.world, set(robot.world.bodies) - {robot.body})
+        width = ROOM + 2 * max(math.dist(middle, c) for o in areas for c in _corners(o.area))
+    corners, asked = list[Point](), -math.inf
+    while True:
+        x, y, heading = station()
+        if robot.world.time > asked + LOOKING and math.dist((x, y), goal[:2]) > ARRIVED:
+            corners, asked = way_of(robot, goal[:2], (x, y), width=width), robot.world.time
+        far = math.dist((x, y), corners[0]) if corners else 0.0
+        if corners and far < (PASSED if corners[1:] else ARRIVED):
+            del corners[0]
+            continue
+        bearing = math.atan2(corners[0][1] - y, corners[0][0] - x) if corners else goal[2]
+        turn = math.remainder(bearing - heading, 2 * math.pi)
+        if not corners and abs(turn) < ARRIVED:
+            return
+        forward = APPROACH * far if abs(turn) < LINED_UP else 0.0
+        action = np.zeros(robot.action_size)
+        speeds = np.zeros(own.stop - own.start)
+        speeds[0], speeds[-1] = forward, APPROACH * turn
+        action[own] = np.clip(speeds / part.control.max, -1.0, 1.0)
+        yield action
+
+
+def _corners(area: Rectangle) -> Sequence[Point]:
+    return [(x, y) for x in (area.x0, area.x1) for y in (area.y0, area.y1)]

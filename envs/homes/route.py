@@ -99,13 +99,14 @@ class Way:
         Args:
             start: Where it begins [m].
             goal: Where it ends [m].
-            within: How far from the goal it may end [m].
+            within: How far from these it may begin and end [m].
         """
         if not self._mask.any():
             return None
         rows, columns = first = self._nearest(start, self._mask)
         last = self._nearest(goal, self._labels == self._labels[rows, columns])
-        if math.dist(self._map.point(*last), goal) > within:
+        ends = zip((start, goal), (first, last), strict=True)
+        if any(math.dist(point, self._map.point(*cell)) > within for point, cell in ends):
             return None
         cells = self._search(self._labels == self._labels[rows, columns], first, last)
         kept, far = [cells[0]], 0
@@ -138,7 +139,7 @@ class Way:
             x, y = (a + share * (b - a) for a, b in zip(start, goal, strict=True))
             ways = (share * length, (1 - share) * length)
             close = [end for end, way in zip(ends, ways, strict=True) if way <= near]
-            if self._map.clearance(x, y) < min(0.5 * self.width, *close) - 1e-9:
+            if self._map.clearance(x, y) < min((0.5 * self.width, *close)) - 1e-9:
                 return False
         return True
 

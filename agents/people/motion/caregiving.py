@@ -219,8 +219,8 @@ class Caregiving:
         """Ask for a walk from corner to corner, facing `heading` [rad] from the x axis at the end.
 
         Args:
-            way: The corners [m], or what returns them: it is asked once a second, and another sequence than
-                before is another way from here. `envs.walkway.Walkway` goes round what stands on the floor.
+            way: The corners [m], or what returns those from here and is asked once a second, such as
+                `envs.walkway.way_of`.
             heading: Where it looks at the end [rad].
 
         Raises:

@@ -24,7 +24,7 @@ from .trajectory import PEAK, Trajectory, minimum_jerk
 if TYPE_CHECKING:
     from .caregiving import Caregiving
 
-# Corners on the floor [m], the goal last, or what returns them: the same sequence while the way stays the same.
+# Corners on the floor [m], the goal last, or what returns those from here.
 Way: TypeAlias = Sequence[tuple[float, float]] | Callable[[], Sequence[tuple[float, float]]]
 
 # Our own choices.
@@ -38,7 +38,7 @@ NEARER = 0.005  # [m] that is headway
 CORRECTION, LARGEST_CORRECTION = 1.5, 0.3  # [1/s] of what is left, to aim beside; [m] in all
 STEER = 0.15  # weight of a wished direction of palm or fingers, a radian against a metre
 STEERED = math.radians(30)  # that counts as well enough directed; only the place decides
-LOOKING = 1.0  # [s] after which somebody who walks looks again whether the way is still free
+LOOKING = 1.0  # [s] after which somebody on the way looks again where it goes
 ARM_SWING = math.radians(14)  # of a shoulder at a full step, each way; the elbow bends half as much
 
 
@@ -76,13 +76,12 @@ class WalkTo(Skill):
                 f"a walk needs points [m] and a heading [rad], all finite; got {list(points)}, {heading}"
             )
         self._owner, self._legs, self._way, self._heading = owner, legs, way, heading
-        self._points: Sequence[tuple[float, float]] = ()
 
     def begin(self) -> None:
         self._look()
 
     def _look(self) -> None:
-        """See where the way goes, from here if it is another one."""
+        """See where the way goes."""
         owner, begin = self._owner, time.thread_time()
         self._asked = owner.world.time
         try:
@@ -91,8 +90,7 @@ class WalkTo(Skill):
             owner.trouble = str(error)
             return
         owner.planning_s += time.thread_time() - begin
-        if points is not self._points:
-            self._points, self._corners = points, [Station(x, y, 0.0) for x, y in points]
+        self._corners = [Station(x, y, 0.0) for x, y in points]
 
     def wish(self) -> dict[str, float]:
         if callable(self._way) and self._owner.world.time > self._asked + LOOKING:
