@@ -167,11 +167,11 @@ class Body:
         for a, b in pairs:
             self._world.filter.set((self.uid, self.links[a]), (self.uid, self.links[b]), False)
 
-    def bounds(self) -> tuple[Array, Array]:
-        """Return the corners of the box round all collision shapes in the world [m], each [3]."""
+    def bounds(self, links: Iterable[int] | None = None) -> tuple[Array, Array]:
+        """Return the corners of the box round the collision shapes of links in the world [m], each [3]."""
         boxes = [
             bullet.getAABB(self.uid, link, physicsClientId=self._client)
-            for link in self.solid_links()
+            for link in (self.solid_links() if links is None else links)
         ]
         if not boxes:
             raise ValueError(f"{self.name!r} has no collision shape")

@@ -7,7 +7,7 @@ quaternions as (x, y, z, w), joints and links addressed by their URDF name.
 from __future__ import annotations
 
 import weakref
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Collection, Container, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -374,13 +374,19 @@ class World:
                 found.append(Touch(c.link_a, -1, c.position, c.normal, c.force, (0.0, 0.0, 0.0)))
         return found
 
-    def held_by(self, body: Body) -> list[Body]:
-        """Return the bodies that bonds of `body` hold at present, and what those hold in turn."""
+    def held_by(self, body: Body, links: Collection[int] | None = None) -> list[Body]:
+        """Return the bodies that bonds of `body` hold at present, and what those hold in turn.
+
+        Args:
+            body: Who holds.
+            links: With which links; any if None.
+        """
         found = [body]
         for holder in found:  # grows as it goes
             for bond in self.bonds:
                 if bond.is_active and bond.parent is holder and bond.child not in found:
-                    found.append(bond.child)
+                    if holder is not body or links is None or bond.link in links:
+                        found.append(bond.child)
         return found[1:]
 
     def contact_force(self, a: Body, b: Body | None = None) -> float:

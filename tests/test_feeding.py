@@ -13,6 +13,7 @@ from variants import every
 import rcare_marl
 from rcare_marl import assets
 from rcare_marl.agents.people.eating import COUGHING, Eating, Mouthful
+from rcare_marl.baselines.scripted.feeding import ScriptedFeeding
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.tasks import feeding
 from rcare_marl.envs.tasks.feeding import Feeding
@@ -251,4 +252,28 @@ def test_the_script_leads_a_level_spoon_round_a_bag_that_hangs_in_the_way() -> N
         assert env.world.contact_force(robot.body, bag) == 0
         assert env.world.contact_force(robot.body, hose) == 0
     assert task.succeeded()
+    env.close()
+
+
+def test_the_script_plans_anew_when_the_bag_is_moved_into_its_way() -> None:
+    for extra in ("ompl", "pinocchio", "toppra"):
+        pytest.importorskip(extra, reason="the extra `plan` is not installed")
+    env = rcare_marl.make("feeding", options={"obstacle": "bag"}, policies=BOTH)
+    env.reset(seed=1000)
+    assert isinstance(task := env.task, Feeding)
+    script = env.policies["robot"]
+    assert isinstance(script, ScriptedFeeding)
+    robot, (bag, hose) = env.cast["robot"], task.bag.bodies
+    found: list[object] = []
+    while not env.is_over:
+        env.step({})
+        if script._detour is not None and script._detour not in found:
+            found.append(script._detour)
+        if len(found) == 1 and script._detour is not None:
+            there, _ = script._detour._way[-20]
+            for body, up in ((bag, 0.0), (hose, 0.48)):
+                body.set_base(Pose(tuple((there + (0.0, 0.0, up)).tolist())))
+        assert env.world.contact_force(robot.body, bag) == 0
+        assert env.world.contact_force(robot.body, hose) == 0
+    assert len(found) > 1 and task.succeeded()
     env.close()

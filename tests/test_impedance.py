@@ -10,7 +10,7 @@ import pytest
 
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
-from rcare_marl.agents.robots.control import Compliance, ToolImpedance, ToolPose
+from rcare_marl.agents.robots.control import Compliance, ToolAdmittance, ToolImpedance, ToolPose
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.body import Body
@@ -21,8 +21,14 @@ from rcare_marl.world import World
 DT = 0.1
 
 
-def gen3(world: World, control: str, compliance: Compliance = Compliance()) -> Robot:
-    robot = Robot("robot", load_robot("kinova_gen3"), control=control, compliance=compliance)
+# Which arm is tried under which mode; motors of a UR5 are stiff.
+ARMS = {"impedance": "kinova_gen3", "admittance": "ur5"}
+both = pytest.mark.parametrize("mode", ARMS)
+
+
+def arm(world: World, control: str, compliance: Compliance = Compliance()) -> Robot:
+    model = load_robot(ARMS.get(control, "kinova_gen3"))
+    robot = Robot("robot", model, control=control, compliance=compliance)
     robot.spawn(world, robot.mount("floor"))
     return robot
 
@@ -44,10 +50,13 @@ def press(world: World, robot: Robot, body: Body, seconds: float) -> Array:
     return np.array(forces[-240:])
 
 
+@both
 @pytest.mark.parametrize("stiffness", [30000.0, 1000.0])
-def test_five_newtons_are_pressed_on_what_is_stiff_and_what_is_soft(stiffness: float) -> None:
+def test_five_newtons_are_pressed_on_what_is_stiff_and_what_is_soft(
+    mode: str, stiffness: float
+) -> None:
     world = World()
-    robot = gen3(world, "impedance", Compliance(wrench_limit=(20, 20, 5, 4, 4, 4)))
+    robot = arm(world, mode, Compliance(wrench_limit=(20, 20, 5, 4, 4, 4)))
     x, y, z = robot.tool_pose().position
     pad = world.add_box((0.4, 0.4, 0.05), Pose((x, y, z - 0.1)), name="pad")
     pad.set_softness(stiffness=stiffness, damping=50.0)
@@ -56,7 +65,8 @@ def test_five_newtons_are_pressed_on_what_is_stiff_and_what_is_soft(stiffness: f
     world.close()
 
 
-def test_five_newtons_are_pressed_on_flesh_that_yields() -> None:
+@both
+def test_five_newtons_are_pressed_on_flesh_that_yields(mode: str) -> None:
     world = World()
     person = Human(
         "person",
@@ -66,7 +76,7 @@ def test_five_newtons_are_pressed_on_flesh_that_yields() -> None:
         tissue=["right_hip"],
     )
     person.spawn(world, Pose((0.0, 0.0, 0.0)))
-    robot = gen3(world, "impedance", Compliance(wrench_limit=(20, 20, 5, 4, 4, 4)))
+    robot = arm(world, mode, Compliance(wrench_limit=(20, 20, 5, 4, 4, 4)))
     thigh = person.joint_pose("right_hip").position
     knee = person.joint_pose("right_knee").position
     middle = 0.5 * (np.array(thigh) + knee)
@@ -80,19 +90,23 @@ def test_five_newtons_are_pressed_on_flesh_that_yields() -> None:
 
 
 def energy(robot: Robot, control: ToolImpedance) -> float:
-    """Return the energy of the arm's motion and of the spring [J]; gravity is carried."""
+    """Return the energy of the motion, of the arm or of the mass that it plays, and of the spring [J]."""
     arm = robot.arm
     positions, velocities = arm.states()
     error, _ = control.stretch(positions)
-    moving = 0.5 * velocities @ arm.mass_matrix(positions) @ velocities
-    return float(moving + 0.5 * np.sum(control.stiffness * error**2))
+    mass = arm.mass_matrix(positions)
+    if isinstance(control, ToolAdmittance):
+        here = arm.chain.jacobian(positions)
+        mass = here.T @ np.diag(control.compliance.inertia) @ here
+    return float(0.5 * velocities @ mass @ velocities + 0.5 * np.sum(control.stiffness * error**2))
 
 
+@both
 @pytest.mark.parametrize("axes", ["world", "tool"])
-def test_a_spring_that_is_let_go_only_loses_energy(axes: str) -> None:
+def test_a_spring_that_is_let_go_only_loses_energy(mode: str, axes: str) -> None:
     world = World()
     limit = (200.0, 200.0, 200.0, 20.0, 20.0, 20.0)
-    robot = gen3(world, "impedance", Compliance(wrench_limit=limit, axes=axes))  # type: ignore[arg-type]
+    robot = arm(world, mode, Compliance(wrench_limit=limit, axes=axes))  # type: ignore[arg-type]
     control = robot.control
     assert isinstance(control, ToolImpedance)
     posture = robot.arm.positions()
@@ -106,10 +120,33 @@ def test_a_spring_that_is_let_go_only_loses_energy(axes: str) -> None:
     world.close()
 
 
+@both
+def test_a_spring_gives_a_thing_that_it_pushes_no_more_energy_than_it_had(mode: str) -> None:
+    world = World()
+    robot = arm(world, mode, Compliance(damping=(5.0, 5.0, 5.0, 0.5, 0.5, 0.5)))
+    control = robot.control
+    assert isinstance(control, ToolImpedance)
+    x, y, z = robot.tool_pose().position
+    world.add_box((0.6, 2.0, 0.02), Pose((x, y, z - 0.11)), name="table")
+    puck = world.add_box((0.2, 0.1, 0.2), Pose((x, y + 0.3, z)), mass=0.5, name="puck")
+    puck.set_friction([-1], lateral=0.0)
+    puck.set_softness(stiffness=10000.0, damping=0.0)
+    puck.set_base(Pose((x, y + 0.34 - world.separation(robot.body, puck, within=1.0), z)))
+    wind = robot.tool_action(np.array((0.0, 0.25, 0.0)), np.zeros(3))
+    assert not any(world.contact_force(puck, robot.body) for _ in act(world, robot, wind, 0.2))
+    given, seen = [], []
+    for _ in act(world, robot, np.zeros(robot.action_size), 2.0):
+        given.append(0.5 * 0.5 * float(np.sum(puck.state()[7:10] ** 2)))
+        seen.append(energy(robot, control) + given[-1])
+    assert max(given) > 0.01 * seen[0]  # it was hit
+    assert max(seen) <= 1.02 * seen[0]
+    world.close()
+
+
 def test_a_spring_that_an_action_makes_stiffer_gets_no_energy_by_it() -> None:
     world = World()
     limit = (200.0, 200.0, 200.0, 20.0, 20.0, 20.0)
-    robot = gen3(world, "impedance", Compliance(wrench_limit=limit, varies=True))
+    robot = arm(world, "impedance", Compliance(wrench_limit=limit, varies=True))
     control = robot.control
     assert isinstance(control, ToolImpedance) and robot.action_size == 18
     posture = robot.arm.positions()
@@ -128,7 +165,7 @@ def test_a_spring_that_an_action_makes_stiffer_gets_no_energy_by_it() -> None:
 
 def test_a_push_moves_the_tool_by_what_its_stiffness_allows() -> None:
     world = World()
-    robot = gen3(world, "impedance", Compliance(stiffness=(400.0, 1600.0, 400.0, 30.0, 30.0, 30.0)))
+    robot = arm(world, "impedance", Compliance(stiffness=(400.0, 1600.0, 400.0, 30.0, 30.0, 30.0)))
     start = np.array(robot.tool_pose().position)
     for axis, stiffness in ((0, 400.0), (1, 1600.0)):
         push = np.zeros(3)
@@ -143,7 +180,7 @@ def test_a_push_moves_the_tool_by_what_its_stiffness_allows() -> None:
 
 def test_the_tool_goes_to_an_absolute_pose_and_stays_there() -> None:
     world = World()
-    robot = gen3(world, "tool_pose")
+    robot = arm(world, "tool_pose")
     control = robot.control
     assert isinstance(control, ToolPose)
     place = robot.tool_pose()
@@ -163,3 +200,5 @@ def test_impossible_compliance_is_refused() -> None:
         Compliance(wrench_limit=(0.0, 1.0, 1.0, 1.0, 1.0, 1.0))
     with pytest.raises(ConfigError, match="stiffness"):
         Compliance(stiffness=(-1.0, 1.0, 1.0, 1.0, 1.0, 1.0))
+    with pytest.raises(ConfigError, match="inertia"):
+        Compliance(inertia=(0.0, 1.0, 1.0, 1.0, 1.0, 1.0))

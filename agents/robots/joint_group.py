@@ -32,6 +32,7 @@ class JointGroup:
     and so have 400 N on the way of the first. Other followers have motors of their own.
 
     Attributes:
+        world: Where they are.
         names: Joint names, base to tip.
         lower: Lower limits [rad or m], shape [n]; -inf for continuous joints.
         upper: Upper limits [rad or m], shape [n]; inf for continuous joints.
@@ -67,7 +68,7 @@ class JointGroup:
             telescope: Those of them that lie on the way to the tip.
         """
         self.body, self.names = body, tuple(names)
-        self._world = world
+        self.world = world
         self.physics_dt = world.physics_dt
         joints = [body.joint(name) for name in self.names]
         self.indices = [joint.index for joint in joints]
@@ -131,7 +132,7 @@ class JointGroup:
 
         What was read since the world last moved is returned again: do not write into it.
         """
-        now = (self._world.step_count, self._world.teleports)
+        now = (self.world.step_count, self.world.teleports)
         if now != self._read_at:
             self._read_at = now
             states = self.body.joint_readings(self._asked)

@@ -8,19 +8,15 @@ from typing import Literal
 
 import numpy as np
 
-from rcare_marl.body import Body
-from rcare_marl.body_part import State
 from rcare_marl.errors import ConfigError, check_name
-from rcare_marl.pose import Array, Pose, conjugate, matrix_from_quaternion, rotate
-from rcare_marl.world import GRAVITY, World
+from rcare_marl.own_load import OwnMotion, OwnWeight
+from rcare_marl.pose import Array, matrix_from_quaternion
+from rcare_marl.world import World
 
 from ..agent import Agent
 from ..robots.robot import Robot
 from ..robots.robot_config import ArmConfig, frame
 from .sensor import Channel, Sensor, SensorConfig, wrist_link
-
-States = Sequence[State]
-
 
 @dataclass(frozen=True)
 class JointWrenchConfig(SensorConfig):
@@ -35,32 +31,6 @@ class JointWrenchConfig(SensorConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.check_once("joints", self.joints)
-
-
-class OwnWeight:
-    """The weight of what links carry of their own body, as those joints would feel it at rest."""
-
-    def __init__(self, body: Body, links: Sequence[int]) -> None:
-        """Read the masses of all that `links` carry."""
-        self._body, self._links = body, tuple(links)
-        self._carried = [body.carried_by(link) for link in links]
-        self._all = sorted({index for carried in self._carried for index in carried})
-        self._masses = {index: body.mass(index) for index in self._all}
-
-    def wrenches(self) -> Array:
-        """Return force [N] and torque [N·m] on each link in its frame, at its origin, shape [n, 6]."""
-        centres = dict(zip(self._all, self._body.link_centres(self._all), strict=True))
-        out = np.empty((len(self._links), 6))
-        for row, link, carried in zip(out, self._links, self._carried, strict=True):
-            pose = self._body.link_pose(link)
-            mass = sum(self._masses[index] for index in carried)
-            moment = sum((self._masses[i] * centres[i] for i in carried), np.zeros(3))
-            weight = np.array((0.0, 0.0, -GRAVITY))
-            arm = moment - mass * np.asarray(pose.position)
-            back = conjugate(pose.quaternion)
-            row[:3] = rotate(back, mass * weight)
-            row[3:] = rotate(back, np.cross(arm, weight))
-        return out
 
 
 class JointWrench(Sensor):
@@ -151,51 +121,6 @@ class WristWrenchConfig(SensorConfig):
         super().__post_init__()
         if self.tare_inertia and not self.tare:
             raise ConfigError("tare_inertia without tare: the weight would stay")
-
-
-class OwnMotion:
-    """What the motion of links needs: the change of their momentum over the last physics step."""
-
-    def __init__(self, body: Body, links: Sequence[int]) -> None:
-        """Read masses and inertias of `links`."""
-        self._body, self._links = body, list(links)
-        read = [body.mass_and_inertia(link) for link in links]
-        self._masses = np.array([mass for mass, _ in read])
-        self._inertias = np.array([inertia for _, inertia in read])
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin at rest."""
-        self._before: States | None = None
-        self._now: States | None = None
-
-    def after_substep(self) -> None:
-        """Remember how the links move after a physics step."""
-        self._before, self._now = self._now, self._body.centre_states(self._links)
-
-    def wrench(self, at: Pose, dt: float) -> Array:
-        """Return the force [N] and torque [N·m] that it needs, in the frame `at`, shape [6].
-
-        Args:
-            at: The frame; the torque is about its origin.
-            dt: Length of a physics step [s].
-        """
-        change = (self._momentum(self._now) - self._momentum(self._before)) / dt
-        force, torque = change[:3], change[3:] - np.cross(at.position, change[:3])
-        back = conjugate(at.quaternion)
-        return np.concatenate((rotate(back, force), rotate(back, torque)))
-
-    def _momentum(self, states: States | None) -> Array:
-        """Return momentum [kg·m/s] and angular momentum about the world's origin, shape [6]."""
-        if states is None:
-            return np.zeros(6)
-        rows = np.array(states)
-        places, linear, angular = rows[:, :3], rows[:, 7:10], rows[:, 10:]
-        turns = np.array([matrix_from_quaternion(s[3:7]) for s in states])
-        momenta = self._masses[:, None] * linear
-        spins = np.einsum("lba,lb->la", turns, angular) * self._inertias
-        spin = np.cross(places, momenta) + np.einsum("lab,lb->la", turns, spins)
-        return np.concatenate((momenta.sum(axis=0), spin.sum(axis=0)))
 
 
 class WristWrench(Sensor):

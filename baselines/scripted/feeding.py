@@ -33,6 +33,7 @@ FROM_PERSON, FROM_BAG = 0.02, 0.02  # [m] that it keeps on the way round
 ROUND = 0.12, 0.16  # [m] from mouth to bowl, to where a way round an obstacle may lead
 TURNED = 0.0, 0.3, -0.3, 0.6, -0.6  # [rad] from ahead of the face, likewise
 TILT = 0.15  # [rad] that the spoon may lean on it
+LOOKING = 0.5  # [s] after which it looks again whether that is still free
 
 
 @register_policy("feeding", "robot", "scripted")
@@ -45,7 +46,7 @@ class ScriptedFeeding(ToolScript[Feeding]):
         self._velocity, self._offering = np.zeros(3), Offering()
         self._mouth: Array | None = None
         self._detour: Detour | None = None
-        self._again, self._plans, self._left = 0.0, 0, 0
+        self._again, self._look, self._plans, self._left = 0.0, 0.0, 0, 0
         self._face = np.array((1.0, 0.0, 0.0))
 
     def act(self) -> Array:
@@ -81,7 +82,8 @@ class ScriptedFeeding(ToolScript[Feeding]):
     def _round(self, mouth: Array, level: Array) -> tuple[Array, tuple[float, ...]] | None:
         """Return the next place of the bowl on a planned way before the face, and how the tool is turned.
 
-        None from its end on. Where it gets no further, or there is none, it waits and plans again.
+        None from its end on. Where it gets no further, or there is none, it waits and plans again; where
+        somebody has come into it, it plans at once.
         """
         task, seen = self._task, self._task.state
         stay = seen.bowl, self._robot.tool_pose().quaternion
@@ -101,7 +103,12 @@ class ScriptedFeeding(ToolScript[Feeding]):
                 detour = Detour(self._robot, ends, seen.bowl, self._kept(), TILT, seed)
             except PlanningError:
                 return stay
-            self._detour, self._left = detour, detour.left
+            self._detour, self._left, self._look = detour, detour.left, seen.time + LOOKING
+        if seen.time > self._look:
+            self._look = seen.time + LOOKING
+            if not self._detour.is_clear():
+                self._detour, self._again = None, seen.time
+                return stay
         step = self._detour.next(seen.bowl)
         if self._detour.left < self._left:
             self._left, self._again = self._detour.left, seen.time + PAUSE

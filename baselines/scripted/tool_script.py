@@ -99,7 +99,7 @@ def turning(wanted: Vector, now: Vector, gain: float = 2.0) -> Array:
 
 
 class Detour:
-    """A planned way of a point of the tool, to be followed with `tool_delta` or `impedance`.
+    """A planned way of a point of the tool, to be followed with `tool_delta` or a compliant mode.
 
     The tool is led a little ahead along the way. A redundant arm may then hold its elbow otherwise than it
     was planned; what it holds goes where it was.
@@ -140,7 +140,11 @@ class Detour:
                 break
         on_tool = robot.tool_pose().inverse() @ Pose(tuple(point.tolist()))
         self._way = [(np.array((tool @ on_tool).position), tool.quaternion) for tool in tools]
-        self._next = 0
+        self._path, self._next = path, 0
+
+    def is_clear(self) -> bool:
+        """Return whether what is left of it is clear of everything as it stands now."""
+        return self._path.is_clear(after=self._path.times[min(self._next, len(self._way) - 1)])
 
     def _is_followed(self, robot: Robot, tools: Sequence[Pose]) -> bool:
         """Return whether the arm, led by its tool alone, comes along all the way."""

@@ -89,6 +89,60 @@ class Way:
         x, y = points[narrow].tolist()
         return Route(points, float(steps.sum()), 2 * float(clear[narrow]), (x, y))
 
+    def between(
+        self, start: tuple[float, float], goal: tuple[float, float], *, within: float
+    ) -> Array | None:
+        """Return corners of a short way, shape [n, 2] [m]; None if there is none.
+
+        It begins and ends at the free places nearest to two points.
+
+        Args:
+            start: Where it begins [m].
+            goal: Where it ends [m].
+            within: How far from these it may begin and end [m].
+        """
+        if not self._mask.any():
+            return None
+        rows, columns = first = self._nearest(start, self._mask)
+        last = self._nearest(goal, self._labels == self._labels[rows, columns])
+        ends = zip((start, goal), (first, last), strict=True)
+        if any(math.dist(point, self._map.point(*cell)) > within for point, cell in ends):
+            return None
+        cells = self._search(self._labels == self._labels[rows, columns], first, last)
+        kept, far = [cells[0]], 0
+        for k in range(1, len(cells)):
+            if not self._sees(kept[-1], cells[k]):
+                kept.append(cells[far])
+            far = k
+        return np.array([self._map.point(*cell) for cell in (*kept, cells[-1])])
+
+    def _nearest(self, point: tuple[float, float], mask: Mask) -> tuple[int, int]:
+        cells = np.argwhere(mask)
+        at = np.array(self._map.origin)[::-1] + (cells + 0.5) * self._map.cell
+        row, column = cells[((at - point[::-1]) ** 2).sum(axis=1).argmin()].tolist()
+        return row, column
+
+    def _sees(self, a: tuple[int, int], b: tuple[int, int]) -> bool:
+        """Return whether all cells on the straight line between two are free."""
+        count = 2 * max(abs(a[0] - b[0]), abs(a[1] - b[1]), 1)
+        rows, columns = (np.rint(np.linspace(a[i], b[i], count + 1)).astype(int) for i in (0, 1))
+        return bool(self._mask[rows, columns].all())
+
+    def is_free(
+        self, start: tuple[float, float], goal: tuple[float, float], *, near: float
+    ) -> bool:
+        """Return whether one can go straight; `near` [m] an end one may be as close to things as there."""
+        length = math.dist(start, goal)
+        shares = np.linspace(0.0, 1.0, max(math.ceil(2 * length / self._map.cell), 1) + 1)
+        ends = [self._map.clearance(*point) for point in (start, goal)]
+        for share in shares.tolist():
+            x, y = (a + share * (b - a) for a, b in zip(start, goal, strict=True))
+            ways = (share * length, (1 - share) * length)
+            close = [end for end, way in zip(ends, ways, strict=True) if way <= near]
+            if self._map.clearance(x, y) < min((0.5 * self.width, *close)) - 1e-9:
+                return False
+        return True
+
     def _freest(self, area: Rectangle, labels: set[int]) -> tuple[int, int]:
         rows, columns = self._map.window(area)
         far = np.where(

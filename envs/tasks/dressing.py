@@ -313,6 +313,8 @@ def cooperative(env: CareEnv, role: str) -> GoAlong:
 @register_policy("dressing", "caregiver", "lifts")
 def lifts(env: CareEnv, role: str) -> LegLifting:
     """Return a caregiver who lifts the leg until the hem is past the target, and lowers it again."""
+    from ..walkway import way_of  # homes take long to import
+
     assert isinstance(task := env.task, Dressing)
     side, out = ("left" if task.side == "right" else "right"), task.outward
     caregiving = Caregiving(task.caregiver, env.world, task.control_dt, side=side)
@@ -320,6 +322,7 @@ def lifts(env: CareEnv, role: str) -> LegLifting:
         person=task.recipient,
         part=f"{task.side}_ankle",
         stand=task.stand,
+        corners=lambda: way_of(task.caregiver, task.stand[:2]),
         knee=side,
         before=lambda: task.leg.foot_hold() + (0.12, 3 * BESIDE * out, 0.05),
         grip=lambda: task.leg.foot_hold() + (0.0, BESIDE * out, 0.0),

@@ -33,6 +33,7 @@ class LegLift:
         person: Whose leg it is.
         part: SMPL-X joint of the segment that is grasped, such as `right_knee` for the shank.
         stand: Where the caregiver goes: x, y on the floor [m] and heading [rad].
+        corners: Returns the corners of the way from where the caregiver is to there [m].
         knee: The caregiver's knee that goes to the floor.
         before: Returns where the hand goes first, clear of the leg [m], shape [3].
         grip: Returns where the hand grasps [m], shape [3].
@@ -45,6 +46,7 @@ class LegLift:
     person: Human
     part: str
     stand: tuple[float, float, float]
+    corners: Callable[[], Sequence[tuple[float, float]]]
     knee: str
     before: Callable[[], Array]
     grip: Callable[[], Array]
@@ -122,7 +124,7 @@ class LegLifting(BehaviourTree):
             "lift the leg",
             memory=True,
             children=[
-                leaf("walk up", lambda do: do.walk_to(*lift.stand)),
+                leaf("walk up", lambda do: do.walk_along(lift.corners, lift.stand[2])),
                 leaf("kneel", lambda do: do.kneel(lift.knee)),
                 leaf("grasp the ankle", grasp),
                 leaf("raise the leg", raise_leg),

@@ -36,6 +36,7 @@ from .skill import (
     Release,
     Skill,
     WalkTo,
+    Way,
 )
 
 # Our own choices.
@@ -78,6 +79,7 @@ class Caregiving:
             dropped then.
         strives: Whether joints that a load in the hand makes sag try harder, one by one: for heavy limbs.
             Else the hand as a whole aims beside its way.
+        planning_s: Processor time that it took to find ways since the episode began [s].
         greatest_grip: Greatest force that the hand's grasp has borne at the end of a control step
             since the episode began [N].
     """
@@ -123,7 +125,7 @@ class Caregiving:
         self.aside = np.zeros(3)  # how far beside its way the hand aims, against a load [m]
         self.strives = False
         self._striving = Striving(person)
-        self.trouble, self.greatest_grip = "", 0.0
+        self.trouble, self.greatest_grip, self.planning_s = "", 0.0, 0.0
         self.walk, self.knee, self.closing = (0.0, 0.0, 0.0), "", -1.0
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -134,7 +136,7 @@ class Caregiving:
         self.angles = present_angles(self.person)
         self.aside = np.zeros(3)
         self._striving.forget()
-        self.trouble, self.greatest_grip = "", 0.0
+        self.trouble, self.greatest_grip, self.planning_s = "", 0.0, 0.0
         if self._script is not None:
             self._script(self)
 
@@ -211,7 +213,20 @@ class Caregiving:
         Raises:
             ConfigError: If the person cannot walk, or numbers are not finite.
         """
-        self._skills.append(WalkTo(self, self._legs("walk"), [*via, (x, y)], heading))
+        self.walk_along([*via, (x, y)], heading)
+
+    def walk_along(self, way: Way, heading: float) -> None:
+        """Ask for a walk from corner to corner, facing `heading` [rad] from the x axis at the end.
+
+        Args:
+            way: The corners [m], or what returns those from here and is asked once a second, such as
+                `envs.walkway.way_of`.
+            heading: Where it looks at the end [rad].
+
+        Raises:
+            ConfigError: If the person cannot walk, or numbers are not finite.
+        """
+        self._skills.append(WalkTo(self, self._legs("walk"), way, heading))
 
     def kneel(self, knee: str = "left") -> None:
         """Ask for going down on one knee, of the side `knee`.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from rcare_marl.body import Body
-from rcare_marl.errors import ConfigError
+from rcare_marl.errors import ConfigError, PlanningError
 
 from ..body.goal import Direction, Goal, Point, Position
 from ..body.ik import present_angles
@@ -23,6 +24,9 @@ from .trajectory import PEAK, Trajectory, minimum_jerk
 if TYPE_CHECKING:
     from .caregiving import Caregiving
 
+# Corners on the floor [m], the goal last, or what returns those from here.
+Way: TypeAlias = Sequence[tuple[float, float]] | Callable[[], Sequence[tuple[float, float]]]
+
 # Our own choices.
 HAND_SPEED = 0.35  # [m/s] of a hand at its quickest
 GRIP_FORCE = 80.0  # [N] that a hand holds a limb with, along each axis: careful, not firm
@@ -34,6 +38,7 @@ NEARER = 0.005  # [m] that is headway
 CORRECTION, LARGEST_CORRECTION = 1.5, 0.3  # [1/s] of what is left, to aim beside; [m] in all
 STEER = 0.15  # weight of a wished direction of palm or fingers, a radian against a metre
 STEERED = math.radians(30)  # that counts as well enough directed; only the place decides
+LOOKING = 1.0  # [s] after which somebody on the way looks again where it goes
 ARM_SWING = math.radians(14)  # of a shoulder at a full step, each way; the elbow bends half as much
 
 
@@ -56,21 +61,40 @@ class Skill:
 
 
 class WalkTo(Skill):
-    """A walk over the floor: turning on the spot, walking, turning."""
+    """A walk over the floor, from corner to corner: turning on the spot, walking, turning."""
 
     def __init__(
-        self, owner: Caregiving, legs: Legs, points: Sequence[tuple[float, float]], heading: float
+        self,
+        owner: Caregiving,
+        legs: Legs,
+        way: Way,
+        heading: float,
     ) -> None:
+        points = () if callable(way) else way
         if not np.isfinite([heading, *(value for point in points for value in point)]).all():
             raise ConfigError(
                 f"a walk needs points [m] and a heading [rad], all finite; got {list(points)}, {heading}"
             )
-        self._owner, self._legs, self._points, self._heading = owner, legs, points, heading
+        self._owner, self._legs, self._way, self._heading = owner, legs, way, heading
 
     def begin(self) -> None:
-        self._corners = [Station(x, y, 0.0) for x, y in self._points]
+        self._look()
+
+    def _look(self) -> None:
+        """See where the way goes."""
+        owner, begin = self._owner, time.thread_time()
+        self._asked = owner.world.time
+        try:
+            points = self._way() if callable(self._way) else self._way
+        except PlanningError as error:
+            owner.trouble = str(error)
+            return
+        owner.planning_s += time.thread_time() - begin
+        self._corners = [Station(x, y, 0.0) for x, y in points]
 
     def wish(self) -> dict[str, float]:
+        if callable(self._way) and self._owner.world.time > self._asked + LOOKING:
+            self._look()
         self._owner.walk = self._shares()
         return {} if self._owner.is_holding else self._arms()
 
@@ -116,9 +140,10 @@ class WalkTo(Skill):
         return rest
 
     def is_over(self) -> bool:
-        if max(map(abs, self._shares())) >= LEAST or not self._legs.stands:
-            return False
         owner = self._owner
+        is_there = not owner.trouble and max(map(abs, self._shares())) < LEAST
+        if not (is_there or owner.trouble) or not self._legs.stands:
+            return False
         owner.walk = (0.0, 0.0, 0.0)
         owner.angles, owner.aside = present_angles(owner.person), np.zeros(3)
         return True

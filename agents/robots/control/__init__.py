@@ -8,6 +8,7 @@ from rcare_marl.errors import ConfigError
 
 from ..arm import Arm
 from ..joint_group import JointGroup
+from .admittance import ToolAdmittance
 from .control import BaseVelocity, Control, GripperClosing, ToolMotion
 from .impedance import Compliance, ToolImpedance
 from .joint_control import JointDelta, JointPosition, JointTorque, JointVelocity
@@ -22,9 +23,14 @@ CONTROLS: dict[str, Callable[[Arm], Control]] = {
     "tool_servo": ToolServo,
     "tool_pose": ToolPose,
     "impedance": lambda arm: ToolImpedance(arm, Compliance()),
+    "admittance": lambda arm: ToolAdmittance(arm, Compliance()),
+}
+COMPLIANT: dict[str, type[ToolImpedance]] = {
+    "impedance": ToolImpedance,
+    "admittance": ToolAdmittance,
 }
 # Modes that carry the arm's weight by themselves.
-WEIGHT_CARRYING = ("joint_torque", "tool_delta", "tool_servo", "tool_pose", "impedance")
+WEIGHT_CARRYING = ("joint_torque", "tool_delta", "tool_servo", "tool_pose", *COMPLIANT)
 # Of a head or torso beside arms; modes that need an arm's kinematics leave such groups to `joint_delta`.
 GROUP_CONTROLS: dict[str, Callable[[JointGroup], Control]] = {
     "joint_position": JointPosition,
@@ -41,8 +47,8 @@ def make_control(name: str, arm: Arm, contact_force: float, compliance: Complian
         contact_force: Force at the tool from which `tool_delta` and `tool_pose` give way [N].
         compliance: How the tool yields under `impedance`.
     """
-    if name == "impedance":
-        return ToolImpedance(arm, compliance)
+    if name in COMPLIANT:
+        return COMPLIANT[name](arm, compliance)
     control = CONTROLS[name](arm)
     if isinstance(control, ToolDelta):
         control.contact_force = contact_force

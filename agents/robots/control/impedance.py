@@ -42,6 +42,9 @@ class Compliance:
         stiffness: Of the spring [N/m] and [N·m/rad].
         damping: Of the motion of the tool [N·s/m] and [N·m·s/rad].
         wrench_limit: Greatest forces [N] and torques [N·m] of both together.
+        inertia: Of the tool under `admittance` [kg] and [kg·m²]; `impedance` leaves the arm its own. A contact's
+            damping is felt a physics step late, so less than half a step times that is thrown back by it: our
+            robots damp by up to 2,800 N·s/m, face to face.
         axes: Whose axes are meant: those of the `world`, or of the `tool`.
         varies: Whether actions set stiffness and damping as well, by twelve more values: each from a
             quarter (-1) over what is given here (0) to four times that (1).
@@ -50,12 +53,13 @@ class Compliance:
     stiffness: Six = (500.0, 500.0, 500.0, 30.0, 30.0, 30.0)
     damping: Six = (60.0, 60.0, 60.0, 3.0, 3.0, 3.0)
     wrench_limit: Six = (20.0, 20.0, 20.0, 4.0, 4.0, 4.0)
+    inertia: Six = (10.0, 10.0, 10.0, 0.2, 0.2, 0.2)
     axes: Literal["world", "tool"] = "world"
     varies: bool = False
 
     def __post_init__(self) -> None:
-        for name, low in (("stiffness", 0.0), ("damping", 0.0), ("wrench_limit", 1e-9)):
-            values = getattr(self, name)
+        for name in ("stiffness", "damping", "wrench_limit", "inertia"):
+            values, low = getattr(self, name), 1e-9 if name in ("wrench_limit", "inertia") else 0.0
             if not all(low <= value < np.inf for value in values):
                 least = "above 0" if low else "0 or more"
                 raise ConfigError(f"{name} must be six finite numbers, each {least}, got {values}")
@@ -160,6 +164,42 @@ class ToolImpedance(ToolMotion):
 
 
 @numba.njit(cache=True)
+def stretched(arrays, tip, goal, positions, way, most, is_of_tool):  # type: ignore[no-untyped-def]
+    """Move the rest of a spring, `goal` [3, 4], on by `way` [6], and after the tool where it is stretched too far.
+
+    Args:
+        arrays: The fields of the arm's `Tree`.
+        tip: Frame of the tool in its last part, shape [3, 4].
+        goal: Rest of the spring.
+        positions: Of the joints, shape [n].
+        way: Along and about the world's axes [m] and [rad], shape [6].
+        most: How far it may be stretched along its axes, shape [6].
+        is_of_tool: Whether these are those of the tool.
+
+    Returns:
+        Torques that carry the arm, shape [n]; Jacobian along the axes, shape [6, n]; stretch, shape [6]; the
+        axes, shape [3, 3].
+    """
+    tree, frames, real = Tree(*arrays), new_frames(len(positions)), np.empty((3, 4))
+    place_chain(tree, tip, positions, frames, real)
+    weight = gravity_torques(tree, positions, frames, GRAVITY)
+    matrix = jacobian(tree, frames, len(positions) - 1, real[:, 3])
+    turn = real[:, :3].copy() if is_of_tool else np.eye(3)
+    goal[:, 3] += way[:3]
+    turn_frame(goal, way[3:])
+    back, error = turn.T.copy(), np.empty(6)
+    error[:3] = back @ (goal[:, 3] - real[:, 3])
+    error[3:] = back @ rotation_vector(goal, real)
+    kept = np.minimum(np.maximum(error, -most), most)
+    if (kept != error).any():
+        goal[:, 3] += turn @ (kept[:3] - error[:3])
+        turn_frame(goal, turn @ (kept[3:] - error[3:]))
+    own = np.empty_like(matrix)
+    own[:3], own[3:] = back @ matrix[:3], back @ matrix[3:]
+    return weight, own, kept, turn
+
+
+@numba.njit(cache=True)
 def _pull(chain, goal, last, positions, velocities, twist, gains, dt, is_of_tool):  # type: ignore[no-untyped-def]
     """Move `goal` [3, 4], `last` [2, 6]; return torques [n], wrench along the axes [6], weight [n].
 
@@ -177,26 +217,9 @@ def _pull(chain, goal, last, positions, velocities, twist, gains, dt, is_of_tool
     """
     arrays, tip, mass, (lower, upper, fastest) = chain
     stiffness, damping, limit = gains
-    tree, frames, real = Tree(*arrays), new_frames(len(positions)), np.empty((3, 4))
-    place_chain(tree, tip, positions, frames, real)
-    weight = gravity_torques(tree, positions, frames, GRAVITY)
-    matrix = jacobian(tree, frames, len(positions) - 1, real[:, 3])
-    turn = real[:, :3].copy() if is_of_tool else np.eye(3)
-    goal[:, 3] += dt * twist[:3]
-    turn_frame(goal, dt * twist[3:])
-    back = turn.T.copy()
-    error = np.empty(6)
-    error[:3] = back @ (goal[:, 3] - real[:, 3])
-    error[3:] = back @ rotation_vector(goal, real)
-    kept = error.copy()
-    for i in range(6):
-        most = limit[i] / max(stiffness[i], 1e-9)
-        kept[i] = min(max(error[i], -most), most)
-    if (kept != error).any():
-        goal[:, 3] += turn @ (kept[:3] - error[:3])
-        turn_frame(goal, turn @ (kept[3:] - error[3:]))
-    own = np.empty_like(matrix)
-    own[:3], own[3:] = back @ matrix[:3], back @ matrix[3:]
+    weight, own, kept, _ = stretched(
+        arrays, tip, goal, positions, dt * twist, limit / np.maximum(stiffness, 1e-9), is_of_tool
+    )
     inverse = np.linalg.inv(mass)
     ease = own @ inverse @ own.T  # what the tool gains by each wrench
     speed = own @ velocities
