@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib import font_manager
 from PIL import Image, ImageDraw, ImageFont
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation  # type: ignore[import-untyped]
 
 from rcare_marl.rendering import Camera, make_renderer
 from rcare_marl.world import World
