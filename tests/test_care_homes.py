@@ -7,6 +7,7 @@ from collections import Counter
 
 import pytest
 from house_levels import ALL, EACH, built
+from test_home_plans import COUNTS
 
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
@@ -19,15 +20,6 @@ from rcare_marl.pose import Pose
 from rcare_marl.world import World
 
 PUSHED_UNDER = {("chair", "dining_table"), ("chair", "round_table"), ("office_chair", "desk")}
-PAPER = {  # the RCareWorld paper, section on CareHomes
-    "kitchen": 17,
-    "bedroom": 59,
-    "bathroom": 70,
-    "living": 17,
-    "dining": 16,
-    "lounge": 18,
-    "other": 41,
-}
 
 SHOULDERS = 0.5  # [m] wide, with arms; from memory
 STRIDE = 0.6  # [m] before and behind a door
@@ -38,7 +30,7 @@ STRIDE = 0.6  # [m] before and behind a door
 def test_the_houses_have_the_rooms_of_the_paper(level: int) -> None:
     assert len(home_names()) == 16
     kinds = Counter(room.kind for name in home_names() for room in built(name, level).rooms())
-    assert kinds == PAPER
+    assert kinds == COUNTS
 
 
 @pytest.mark.parametrize(("name", "level"), ALL)

@@ -397,6 +397,18 @@ def test_a_grasp_slips_where_more_is_asked_than_it_can_hold() -> None:
     assert caregiving.is_idle
 
 
+def tick(leaf: Do, world: World, person: Human, intent: dict[str, float], most: int) -> None:
+    """Let a person do what a leaf of their tree wishes, until it has ended."""
+    for _ in range(most):
+        leaf.tick_once()
+        if leaf.status != Status.RUNNING:
+            break
+        person.command(person.action_towards(intent, CONTROL_DT), CONTROL_DT)
+        for _ in range(CONTROL_STEPS):
+            person.actuate()
+            world.step()
+
+
 def test_what_cannot_be_done_is_said_and_the_rest_is_dropped() -> None:
     world, person = helper_alone()
     far = world.add_box((0.05, 0.05, 0.05), Pose((2, 0, 1)), name="cup")
@@ -409,14 +421,7 @@ def test_what_cannot_be_done_is_said_and_the_rest_is_dropped() -> None:
     caregiving.reset(np.random.default_rng(0))
     intent: dict[str, float] = {}
     leaf = Do("reach", caregiving, intent, lambda do: do.reach((3.0, 0.0, 1.0)))
-    for _ in range(150):
-        leaf.tick_once()
-        if leaf.status != Status.RUNNING:
-            break
-        person.command(person.action_towards(intent, CONTROL_DT), CONTROL_DT)
-        for _ in range(CONTROL_STEPS):
-            person.actuate()
-            world.step()
+    tick(leaf, world, person, intent, 150)
     assert leaf.status == Status.FAILURE and "does not reach" in leaf.feedback_message
 
 
@@ -426,14 +431,7 @@ def test_the_leaf_succeeds_when_the_skills_are_done() -> None:
     caregiving.reset(np.random.default_rng(0))
     intent: dict[str, float] = {}
     leaf = Do("reach", caregiving, intent, lambda do: do.reach((0.45, -0.2, 1.1)))
-    for _ in range(80):
-        leaf.tick_once()
-        if leaf.status != Status.RUNNING:
-            break
-        person.command(person.action_towards(intent, CONTROL_DT), CONTROL_DT)
-        for _ in range(CONTROL_STEPS):
-            person.actuate()
-            world.step()
+    tick(leaf, world, person, intent, 80)
     assert leaf.status == Status.SUCCESS
     assert caregiving.hand() == pytest.approx((0.45, -0.2, 1.1), abs=0.02)
 

@@ -1,8 +1,12 @@
 """Pictures show what is there, and taking them changes nothing."""
 
 import logging
+import os
+import subprocess
+import sys
 import urllib.request
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -335,3 +339,20 @@ def test_collada_is_read_with_transforms_and_colours(tmp_path: Any) -> None:
     file.write_text("<urdf/>")
     with pytest.raises(ValueError, match="not COLLADA"):
         read_collada(file)
+
+
+@pytest.mark.needs_gl
+def test_triton_is_loaded_before_opengl_where_it_is_installed(tmp_path: Path) -> None:
+    seen = "from rcare_marl.rendering.gl_target import _OPENED_BY\nopened = list(_OPENED_BY)\n"
+    (tmp_path / "triton.py").write_text(seen)
+    code = "from rcare_marl.rendering.gl_target import create_context as make; make().release(); "
+    code += "import sys; print(sys.modules['triton'].opened)"
+    path = os.pathsep.join((str(tmp_path), *filter(None, sys.path)))
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[]"

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib import font_manager
 from PIL import Image, ImageDraw, ImageFont
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation  # type: ignore[import-untyped]
 
 from rcare_marl.rendering import Camera, make_renderer
 from rcare_marl.world import World
@@ -29,7 +29,7 @@ COARSE = 4  # of the film's pixels are one of the picture that tells what moved
 TALL = 700  # [pixel] of what is drawn anew, at least: less would shade nooks less
 AROUND = 3  # of those to each side are drawn anew with what moved
 UNLIKE = 2  # of 255, by which what moved differs
-INSET, FINER = (480, 360), 1.5  # [pixel] of a close-up, and how many times finer it is drawn
+INSET, FINER = (4, 3), 1.5  # the film is so many times a close-up; that is drawn so much finer
 INSET_EVERY = 3  # pictures there is a new close-up
 GAP, EDGE = 16, 4  # [pixel] around it, and of its frame
 
@@ -87,12 +87,13 @@ class Film:
         self._writer.send(self._last)
 
     def _put_close_up(self, camera: Camera, picture: Picture) -> None:
+        width, height = SIZE[0] // INSET[0], SIZE[1] // INSET[1]
         if self._count % INSET_EVERY == 0:
-            width, height = (round(FINER * each) for each in INSET)
-            seen = self._quick.render(dataclasses.replace(camera, width=width, height=height))
-            self._inset = np.asarray(Image.fromarray(seen).resize(INSET, Image.Resampling.BOX))
+            fine = round(FINER * width), round(FINER * height)
+            seen = self._quick.render(dataclasses.replace(camera, width=fine[0], height=fine[1]))
+            small = Image.fromarray(seen).resize((width, height), Image.Resampling.BOX)
+            self._inset = np.asarray(small)
         self._count += 1
-        width, height = INSET
         right, end = SIZE[0] - GAP, SIZE[1] - BAR - GAP
         picture[end - height - 2 * EDGE : end, right - width - 2 * EDGE : right] = 255
         picture[end - height - EDGE : end - EDGE, right - width - EDGE : right - EDGE] = self._inset

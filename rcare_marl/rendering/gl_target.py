@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Collection
+from contextlib import suppress
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -44,6 +46,9 @@ def create_context() -> Any:
         import moderngl  # type: ignore[import-untyped, unused-ignore]
     except ImportError as error:
         raise MissingPackageError("drawing with OpenGL", package="moderngl") from error
+    # PyTorch's CUDA wheels bring Triton, and its LLVM crashes if it is loaded after Mesa's.
+    with suppress(ImportError):
+        import_module("triton")
     settings: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         context = moderngl.create_context(require=330, standalone=True, **settings)

@@ -15,6 +15,7 @@ from rcare_marl.pose import conjugate, rotate
 from ...agent import Array
 from ..actuation.muscular import MuscleDrive
 from ..body.ik import reach
+from ..body.skeleton import DOF_INDEX, JOINT_INDEX, forward_kinematics
 from ..human import Human
 from .leaves import Actor, Condition, Deed, Intent, Pursue, Threshold, first_of, together, when
 
@@ -159,7 +160,7 @@ def look_at(
     """Return the angles of neck and head that turn the mouth towards a point in the world [m].
 
     Within `beyond` [m] of the mouth the direction means nothing any more: then the head keeps still. Who
-    leans or is bent makes up for it, by how the face stands as this is made.
+    leans or is bent in the posture that they begin in makes up for it.
     """
     halves = [
         (f"{joint}_{motion}", motion)
@@ -169,22 +170,22 @@ def look_at(
     ]
     limits = {dof: person.active[person.movable.index(dof)] for dof, _ in halves}
 
-    def turn_to(way: Array) -> dict[str, float]:
-        local = rotate(conjugate(person.body.base_pose().quaternion), way)
+    def turn_to(local: Array) -> dict[str, float]:  # a way in the frame of the pelvis
         return {
             "rotation_left": float(np.arctan2(local[0], local[2])),
             "flexion": float(np.arctan2(-local[1], np.hypot(local[0], local[2]))),
         }
 
-    lean = turn_to(person.mouth_and_face()[1])
+    rotations, _ = forward_kinematics(person.model.joints, person.angles)
+    lean = turn_to(rotations[JOINT_INDEX["head"]][:, 2])
     for dof, motion in halves:
-        lean[motion] -= person.angle(dof)
+        lean[motion] -= float(person.angles[DOF_INDEX[dof]])
 
     def wish() -> dict[str, float]:
         way = point() - person.mouth_position()
         if way @ way < beyond**2:
             return {}
-        turn = turn_to(way)
+        turn = turn_to(rotate(conjugate(person.body.base_pose().quaternion), way))
         return {
             dof: float(np.clip((turn[motion] - lean[motion]) / 2, *limits[dof]))
             for dof, motion in halves

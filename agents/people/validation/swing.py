@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from ..actuation.drive import ActuationConfig
 from ..avatar import AvatarConfig, load_avatar
 from ..body.skeleton import DOF_INDEX, DOFS
 from ..profile import ASHWORTH, ClinicalProfile, SideProfile
-from .check import Basis, Check
+from .check import Check
 from .single_joint import PHYSICS_DT, Motion, SingleJoint
 
 Kind = Literal["skeletal", "muscle"]
@@ -190,29 +191,19 @@ def checks() -> list[Check]:
             for row in _healthy(person, kind) + _spastic(person, kind):
                 case = f"{name}, {kind}: {row.case}"
                 is_fitted = row.is_fitted and name in TUNED
-                out.append(Check("swing", case, *row[1:-1], is_fitted=is_fitted))
+                out.append(dataclasses.replace(row, case=case, is_fitted=is_fitted))
     return out
 
 
-class _Row(NamedTuple):
-    """A check but for whose it is; `is_fitted` says whether figures were chosen by it on tuned avatars."""
-
-    case: str
-    ours: float
-    low: float
-    high: float
-    unit: str
-    source: str
-    basis: Basis
-    is_fitted: bool
+_row = partial(Check, "swing")  # whose it is comes later; fitted if it was, on tuned avatars
 
 
-def _healthy(person: AvatarConfig, kind: Kind) -> list[_Row]:
+def _healthy(person: AvatarConfig, kind: Kind) -> list[Check]:
     leg, arm = (drop(examined(person), kind, limb) for limb in LIMBS)
     knee, elbow = "healthy knee, ", "healthy elbow, "
     return [
-        _Row(f"{knee}relaxation index", leg.relaxation, 1.5, 2.1, "1", BAJD, "memory", True),
-        _Row(
+        _row(f"{knee}relaxation index", leg.relaxation, 1.5, 2.1, "1", BAJD, "memory", True),
+        _row(
             f"{knee}index of that leg",
             leg.relaxation,
             1.6,
@@ -222,18 +213,18 @@ def _healthy(person: AvatarConfig, kind: Kind) -> list[_Row]:
             "read",
             True,
         ),
-        _Row(f"{knee}swings", leg.swings, 5, 9, "1", f"{FIGURE}: 8", "read", True),
-        _Row(
+        _row(f"{knee}swings", leg.swings, 5, 9, "1", f"{FIGURE}: 8", "read", True),
+        _row(
             f"{knee}second by first", leg.decrement, 0.5, 0.76, "1", f"{FIGURE}: 0.64", "read", True
         ),
-        _Row(f"{knee}period", leg.period, 0.95, 1.25, "s", f"{FIGURE}: 1.10 s", "read", False),
-        _Row(f"{knee}greatest speed", leg.speed, 235, 365, "deg/s", WHITE, "read", False),
-        _Row(f"{elbow}relaxation index", arm.relaxation, 1.4, 2.0, "1", ARM, "memory", False),
-        _Row(f"{elbow}swings", arm.swings, 3, 8, "1", ARM, "memory", False),
+        _row(f"{knee}period", leg.period, 0.95, 1.25, "s", f"{FIGURE}: 1.10 s", "read", False),
+        _row(f"{knee}greatest speed", leg.speed, 235, 365, "deg/s", WHITE, "read", False),
+        _row(f"{elbow}relaxation index", arm.relaxation, 1.4, 2.0, "1", ARM, "memory", False),
+        _row(f"{elbow}swings", arm.swings, 3, 8, "1", ARM, "memory", False),
     ]
 
 
-def _spastic(person: AvatarConfig, kind: Kind) -> list[_Row]:
+def _spastic(person: AvatarConfig, kind: Kind) -> list[Check]:
     """Return where spasticity begins, and how far the grades are apart at the least."""
     inf = math.inf
     drops = [
@@ -242,7 +233,7 @@ def _spastic(person: AvatarConfig, kind: Kind) -> list[_Row]:
     index = float((-np.diff([each.relaxation for each in drops])).min())
     first = float((-np.diff([each.first for each in drops])).min())
     out = [
-        _Row(
+        _row(
             "knee of grade 1, relaxation index",
             drops[1].relaxation,
             1.0,
@@ -252,8 +243,8 @@ def _spastic(person: AvatarConfig, kind: Kind) -> list[_Row]:
             "memory",
             True,
         ),
-        _Row("knee, least fall of the index by grade", index, 0.0, inf, "1", ORDER, "read", True),
-        _Row(
+        _row("knee, least fall of the index by grade", index, 0.0, inf, "1", ORDER, "read", True),
+        _row(
             "knee, least fall of the first swing by grade",
             first,
             0.0,
@@ -271,9 +262,9 @@ def _spastic(person: AvatarConfig, kind: Kind) -> list[_Row]:
             float((-np.diff(places)).min()),
         )
         is_tuned = limb == "knee"
-        out.append(_Row(case, least, 0.0, inf, "of the range", TARDIEU, "read", is_tuned))
+        out.append(_row(case, least, 0.0, inf, "of the range", TARDIEU, "read", is_tuned))
     for grade in ASHWORTH:
         low, high = (3.0, inf) if grade in ("3", "4") else (0.0, 2.0)
         case, count = f"ankle of grade {grade}, beats of clonus", beats(person, kind, grade)[0]
-        out.append(_Row(case, count, low, high, "1", CLONUS, "memory", True))
+        out.append(_row(case, count, low, high, "1", CLONUS, "memory", True))
     return out
