@@ -20,6 +20,7 @@ pytest.importorskip("aiohttp", reason="the coach's page needs the extra 'coach'"
 
 from browser import need, serving, watched
 from self_signed import OPENSSL, self_signed
+from webxr_pose import grip_place, head_place
 
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
 from rcare_marl.agents.coaching.sources.body_fit import BodyFit
@@ -27,7 +28,7 @@ from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, UpperBody
 from rcare_marl.baselines.coaching.page.message import Hands, Landmarks, Message, parse
 from rcare_marl.baselines.coaching.page.packages import WEB
 from rcare_marl.baselines.coaching.page.server import Server, Service, secured
-from rcare_marl.baselines.coaching.page.sight import FROM_WEBXR, grip_place, head_place
+from rcare_marl.baselines.coaching.page.sight import FROM_WEBXR
 from rcare_marl.pose import matrix_from_quaternion, quaternion_from_matrix
 
 Array = npt.NDArray[np.float64]

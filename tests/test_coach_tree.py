@@ -104,6 +104,14 @@ def test_exercises_come_one_after_the_other_each_as_often_as_asked() -> None:
     assert lesson.go(1.0).act == "stand" and lesson.body.is_still
 
 
+def test_what_was_wrong_is_said_at_once() -> None:
+    lesson = Lesson("front_raise")
+    lesson.go(7.0)
+    lesson.told.finds("range", hint="Please go a little further.")
+    lesson.go(0.3)
+    assert lesson.body.said[-1] == "Please go a little further."
+
+
 def test_each_exercise_is_explained_once_before_it_is_shown() -> None:
     lesson = Lesson()
     lesson.go()

@@ -6,8 +6,24 @@ from typing import Any
 
 from rcare_marl.agents.coaching.upper_body import UpperBody
 from rcare_marl.baselines.coaching.page.message import HandJoints, Place
-from rcare_marl.baselines.coaching.page.sight import FROM_WEBXR, grip_place, head_place
-from rcare_marl.pose import matrix_from_quaternion
+from rcare_marl.baselines.coaching.page.sight import FROM_WEBXR, HAND_IN_GRIP
+from rcare_marl.pose import Array, matrix_from_quaternion, quaternion_from_matrix
+
+
+def head_place(position: Array, quaternion: Array) -> tuple[float, ...]:
+    """Return a head's pose, of our frame, as WebXR has it: position [m] and quaternion, seven numbers."""
+    turn = FROM_WEBXR.T @ matrix_from_quaternion(quaternion) @ FROM_WEBXR
+    return _seven(position, turn)
+
+
+def grip_place(side: str, position: Array, quaternion: Array) -> tuple[float, ...]:
+    """Return a hand's pose, of our frame, as a grip of WebXR: seven numbers."""
+    turn = FROM_WEBXR.T @ matrix_from_quaternion(quaternion) @ HAND_IN_GRIP[side].T
+    return _seven(position, turn)
+
+
+def _seven(position: Array, turn: Array) -> tuple[float, ...]:
+    return (*(FROM_WEBXR.T @ position).tolist(), *quaternion_from_matrix(turn).tolist())
 
 
 def webxr_pose(side: str, angles: Any) -> tuple[HandJoints, Place, Place, Any]:

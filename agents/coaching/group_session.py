@@ -152,7 +152,6 @@ class GroupSession(Lesson):
         sessions = [self.members[name] for name in busy]
         self.right_at = min((session.right_at for session in sessions), default=self.time)
         self.hint = self.members[self.neediest].hint if self.neediest else ""
-        self.ahead_at = self.members[self.neediest].ahead_at if self.neediest else self.time
         self.judgement = Judgement(
             following=bool(busy) and all(session.judgement.following for session in sessions),
             progress=min((session.judgement.progress for session in sessions), default=0.0),

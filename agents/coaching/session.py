@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import abc
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -15,7 +14,7 @@ from rcare_marl.errors import ConfigError
 from .body import CoachBody
 from .exercise import Exercise, Reach
 from .recognition.recogniser import Frame, Judgement, Recogniser, Repetition
-from .upper_body import MOTION_INDEX, directions
+from .upper_body import directions
 
 Act = Literal["stand", "show", "next", "rest"]
 Word = Literal["nothing", "explain", "encourage", "praise", "hint"]
@@ -33,7 +32,6 @@ LEAVING = (
 SPENT = 0.12
 SHORT = frozenset(("range", "asymmetric", "one_side", "part_missing", "bent_elbows"))
 SAME_TEMPO = 1.2  # factor up to which another tempo is judged as the same; our own choice
-ASIDE = math.radians(18)  # whose head is turned by more looks aside; our own choice
 CHEERS = ("Well done.", "Very good.", "That was right.")
 CALLS = ("Come on, together with me.", "You can do it. Watch me.", "Let us try once more, slowly.")
 
@@ -101,7 +99,6 @@ class Lesson(abc.ABC):
         right_at: When the last right repetition was done, or the exercise began [s].
         hint: What there is to correct; empty if nothing is.
         is_explained: Whether the present exercise has been explained.
-        ahead_at: When the person last looked ahead, or the exercise began [s].
         must_stop: Set it to end the lesson at once.
         must_pause: Set it to pause as long as it is set.
         must_skip: Set it to leave the present exercise; cleared then.
@@ -130,7 +127,7 @@ class Lesson(abc.ABC):
     def begin_exercise(self) -> None:
         """Expect the present exercise from now on."""
         self.hint = ""
-        self.begun_at = self.right_at = self.ahead_at = self.time
+        self.begun_at = self.right_at = self.time
         self.judgement, self.is_explained = Judgement(), False
 
     @property
@@ -255,9 +252,6 @@ class Session(Lesson):
             return
         if frame is None or self.index >= len(self.exercises):
             return
-        turned = frame.angles[MOTION_INDEX["neck_rotation_left"]]
-        if not abs(turned) > ASIDE or "head" in self.exercise.parts:  # who is not seen is not called
-            self.ahead_at = time
         if self._rests:  # what was begun before the rest is not gone on with
             self._begin(self._tempo)
         self.judgement = judgement = self._recogniser.update(frame)

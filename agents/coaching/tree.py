@@ -15,7 +15,7 @@ person has followed often enough.
                 ├── explain       says once what comes
                 └── ⇉ coach it
                     ├── demonstrate   shows it, over and over
-                    ├── observe       until enough repetitions were right; praises each
+                    ├── observe       until enough were right; praises each, says what was wrong with others
                     └── ? encourage   if none has been right for long: slower, with a hint
 
 What the leaves find is written into one `Order`, which a `Demonstration` carries out. What has been done
@@ -44,9 +44,6 @@ RECOVERS = 0.6  # who falls short for being tired rests until so much of their f
 LONGEST_REST = 30.0  # [s]: who is still tired then does not recover by resting, and is led on
 MORE_TIRED = 0.1  # and rests again when they are so much more tired
 AGAIN = 8.0  # [s] between two encouragements
-CALLS_AFTER = 1.5  # who has looked aside for so long is called [s]
-import os
-CALLING, HINTING, AGAIN_ASIDE = "c" in os.environ.get("V",""), "h" in os.environ.get("V",""), 4.0
 SLOWER = 0.75  # tempo while it encourages
 
 
@@ -105,11 +102,6 @@ class Encourage(Behaviour):
     def update(self) -> Status:
         session, intent = self._session, self._intent
         patience = PATIENCE * session.exercise.duration
-        if CALLING and session.time - session.ahead_at >= CALLS_AFTER:
-            if session.time - intent.called_at >= AGAIN_ASIDE:
-                intent.called_at = session.time
-                intent.say("encourage")
-            return Status.RUNNING
         if session.since_right < patience:
             if intent.slow_for == session.index and session.right_at > session.begun_at:
                 intent.slow_for = -1
@@ -253,8 +245,7 @@ def _demonstrate(intent: Intent) -> Status:
 def _observe(session: Lesson, intent: Intent) -> Status:
     found = session.judgement.finished
     if found is not None:
-        if found.right or HINTING:
-            intent.say("praise" if found.right else "hint")
+        intent.say("praise" if found.right else "hint")
     if session.is_done:  # the present one: go on to the next in the coming step
         intent.order = replace(intent.order, act="next")
         return Status.SUCCESS

@@ -57,8 +57,12 @@ class RuleRecogniser:
         assert self._template is not None
         self._phase = dict.fromkeys(self._template.ways, 0)
         self._share = dict.fromkeys(self._template.ways, 0.0)
-        self._now = dict.fromkeys(self._template.ways, 0.0)  # share of the present phase at this moment
-        self._tried = dict.fromkeys(self._template.ways, 0)  # key poses of which some of the way was gone
+        self._now = dict.fromkeys(
+            self._template.ways, 0.0
+        )  # share of the present phase at this moment
+        self._tried = dict.fromkeys(
+            self._template.ways, 0
+        )  # key poses of which some of the way was gone
         self._wrong_since: float | None = None
         self._is_wrong, self._fault, self._fault_at = False, "", -math.inf
 
@@ -73,7 +77,9 @@ class RuleRecogniser:
         time = float(frame.time)
         moved_at = self._segmenter.moved_at
         complete, holds = self._has_reached(self._share), self._has_reached(self._now)
-        segment = self._segmenter.update(frame, complete=complete, tried=self._is_tried(), holds=holds)
+        segment = self._segmenter.update(
+            frame, complete=complete, tried=self._is_tried(), holds=holds
+        )
         if segment is not None:
             repetition = self._judged(self._template, segment)
             self._restart()
@@ -132,7 +138,9 @@ class RuleRecogniser:
     def _is_tried(self) -> bool:
         """Return whether some of the way to each key pose has been gone."""
         assert self._template is not None
-        return all(self._tried[part] == len(way.phases) for part, way in self._template.ways.items())
+        return all(
+            self._tried[part] == len(way.phases) for part, way in self._template.ways.items()
+        )
 
     def _progress(self) -> float:
         """Return how far the present repetition is on its way out, by the part that lags most."""

@@ -140,7 +140,7 @@ class Segmenter:
         Args:
             frame: The next frame.
             complete: Whether the last key pose has been reached.
-            tried: Whether some of the way to each key pose has been gone, so that rest is no longer on the way.
+            tried: Whether some of the way to each key pose has been gone: rest is no longer on the way.
             holds: Whether the last key pose is held now, which is no place to lay an arm down.
         """
         row, time = feature(frame.angles, self._bent), float(frame.time)

@@ -31,7 +31,10 @@ ROUNDS = 4
 TELLING = 0.35  # share of its first variance from which the reach counts as measured
 SLACK_UNKNOWN, SLACK_KNOWN = 0.06, 0.025  # what is not known of a distance, as a share of it
 MOST_LIFT = 2.5  # how far shoulders move with arms at most, against the average
-OWN_SHARE, OWN_GAP = 0.4, 0.06  # a length differs from the usual by no more: shares of it, or of the stature
+OWN_SHARE, OWN_GAP = (
+    0.4,
+    0.06,
+)  # a length differs from the usual by no more: shares of it, or of the stature
 OFF_UNKNOWN, OFF_KNOWN = math.radians(6), math.radians(3.5)  # and of a direction [rad]
 
 

@@ -221,7 +221,9 @@ class Calibration:
                 return f"I could not see your {side} hand."
             elevation, plane = own[:, arm], own[:, arm + 1]
             # One hand that is elsewhere than the other looks like a trunk that turns: taken out again.
-            way = arm_direction(side, elevation, plane)[:, None] @ np.swapaxes(turn_z(own[:, 2]), 1, 2)
+            way = arm_direction(side, elevation, plane)[:, None] @ np.swapaxes(
+                turn_z(own[:, 2]), 1, 2
+            )
             way = way[:, 0]
             if self.index == 0:
                 if (elevation < math.radians(HANGING)).mean() < SEEN:

@@ -24,7 +24,9 @@ from .message import Begin, Command, Consent, Hands, Landmarks, MessageError, Si
 from .recording import Recorder, Step
 from .sight import Sight
 
-Phase = Literal["waiting", "measuring", "settling", "explaining", "exercising", "paused", "resting", "over"]
+Phase = Literal[
+    "waiting", "measuring", "settling", "explaining", "exercising", "paused", "resting", "over"
+]
 
 STEP = 1 / 30  # of a session [s]
 LONGEST_STEP = 0.2  # where the computer was busy [s]

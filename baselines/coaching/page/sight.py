@@ -158,22 +158,6 @@ def _hand(side: str, hand: HandJoints | Place | None, body: UpperBody) -> Pose |
     return _pose(wrist + body.palm * fingers, turn)
 
 
-def head_place(position: Array, quaternion: Array) -> tuple[float, ...]:
-    """Return a head's pose, of our frame, as WebXR has it: position [m] and quaternion, seven numbers."""
-    turn = FROM_WEBXR.T @ matrix_from_quaternion(quaternion) @ FROM_WEBXR
-    return _seven(position, turn)
-
-
-def grip_place(side: str, position: Array, quaternion: Array) -> tuple[float, ...]:
-    """Return a hand's pose, of our frame, as a grip of WebXR: seven numbers."""
-    turn = FROM_WEBXR.T @ matrix_from_quaternion(quaternion) @ HAND_IN_GRIP[side].T
-    return _seven(position, turn)
-
-
-def _seven(position: Array, turn: Array) -> tuple[float, ...]:
-    return (*(FROM_WEBXR.T @ position).tolist(), *quaternion_from_matrix(turn).tolist())
-
-
 def _pose(position: Array, turn: Array) -> Pose:
     return Pose(tuple(position.tolist()), tuple(quaternion_from_matrix(turn).tolist()))
 
