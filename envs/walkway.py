@@ -30,7 +30,10 @@ CELL = 0.05  # [m] of the map
 ROUND = 1.5  # [m] about everything that the map covers as well
 NEAR = 0.6  # [m] from a goal, such as a place beside a bed, to where a way may end that goes straight from there
 ROOM = 0.1  # [m] that a base needs beside its width, both sides together
-LINED_UP, PASSED = 0.1, 0.05  # [rad] off its way that a base drives on; [m] from a corner that it has passed
+LINED_UP, PASSED = (
+    0.1,
+    0.05,
+)  # [rad] off its way that a base drives on; [m] from a corner that it has passed
 ARRIVED = 0.02  # [m], [rad] from its goal
 APPROACH = 2.0  # [1/s] with which a base comes to it
 
@@ -52,9 +55,7 @@ def standing(world: World, besides: Collection[Body]) -> list[Obstacle]:
     return out
 
 
-def _box(
-    body: Body, place: int, shape: VisualShape, turn: Array, at: Array
-) -> tuple[Array, Array]:
+def _box(body: Body, place: int, shape: VisualShape, turn: Array, at: Array) -> tuple[Array, Array]:
     """Return the corners of the box round a shape in the world [m], each of shape [3]."""
     size = np.array(shape.size)
     if shape.kind == "mesh":

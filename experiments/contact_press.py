@@ -16,12 +16,9 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 
-from rcare_marl.agents.people.avatar import load_avatar, load_posture
-from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.control import Compliance
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import load_robot
@@ -139,7 +136,9 @@ def show(split: Split, only: list[str]) -> None:
                 errors[pad, way, place] = float(np.abs(forces[-240:] - FORCE).max())
                 console().print(control, model, pad, way, place, f"{errors[pad, way, place]:.2f}")
             good = sum(error < 0.5 for error in errors.values())
-            cells = [f"{max(e for k, e in errors.items() if k[0] == pad):.2f}" for pad in split.pads]
+            cells = [
+                f"{max(e for k, e in errors.items() if k[0] == pad):.2f}" for pad in split.pads
+            ]
             rows.append((control, model, f"{good} of {len(errors)}", *cells))
     columns = ("control", "robot", "within 0.5 N", *(f"{p / 1e3:g} kN/m" for p in split.pads))
     console().print(table("greatest error [N]", columns, rows))

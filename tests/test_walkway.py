@@ -1,4 +1,4 @@
-"""Ways on the floor: people who walk and bases that drive go round what stands there, and anew when it moves."""
+"""Ways on the floor: who walks and who drives goes round what stands there, also when it moves."""
 
 from __future__ import annotations
 

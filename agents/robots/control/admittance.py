@@ -41,10 +41,11 @@ class ToolAdmittance(ToolImpedance):
         super().__init__(arm, compliance)
         self._mass = np.array(compliance.inertia, np.float64)
         self._wrist = arm.indices[-1]
-        hand = arm.body.carried_by(self._wrist)
         arm.body.feedback.enable([self._wrist])
-        self._weight, self._motion = OwnWeight(arm.body, [self._wrist]), OwnMotion(arm.body, hand)
-        self._hand = frozenset(hand)
+        self._weight, self._motion = (
+            OwnWeight(arm.body, [self._wrist]),
+            OwnMotion(arm.body, arm.hand),
+        )
         self._is_base = np.array([name in BASE_JOINTS for name in arm.names])
         self._turn_weight = 1.0 if np.sum(~self._is_base) >= 6 else FEW_JOINTS_TURN
         self.outside = np.zeros(6)
@@ -59,17 +60,7 @@ class ToolAdmittance(ToolImpedance):
 
     def command(self, action: Array, duration: float) -> None:
         super().command(action, duration)
-        self._load = self._held()
-
-    def _held(self) -> tuple[float, Array]:
-        """Return mass [kg] of what the hand holds, and mass times place in the tool's frame [kg·m]."""
-        arm, mass, moment = self._arm, 0.0, np.zeros(3)
-        for body in arm.world.held_by(arm.body, self._hand):
-            for link in range(-1, body.link_count):
-                own = body.mass(link)
-                mass, moment = mass + own, moment + own * np.array(body.centre_state(link)[:3])
-        real = arm.chain.tip_frame(arm.positions())
-        return mass, real[:, :3].T @ (moment - mass * real[:, 3])
+        self._load = self._arm.payload()
 
     def _feel(self, real: Array) -> Array:
         """Return `outside`.
@@ -88,7 +79,9 @@ class ToolAdmittance(ToolImpedance):
         force, torque = turn @ felt[:3], turn @ felt[3:]
         mass, moment = self._load
         down = np.array((0.0, 0.0, -GRAVITY))
-        torque += np.cross(place.position - real[:, 3], force) - np.cross(real[:, :3] @ moment, down)
+        torque += np.cross(place.position - real[:, 3], force) - np.cross(
+            real[:, :3] @ moment, down
+        )
         return np.concatenate((force - mass * down, torque))
 
     def actuate(self) -> None:
