@@ -28,7 +28,7 @@ WALKER = 0.8  # [m] that our caregiver is wide, arms hanging
 LOW, HIGH = 0.03, 1.9  # [m] over the floor between which things are in the way
 CELL = 0.05  # [m] of the map
 ROUND = 1.5  # [m] about everything that the map covers as well
-NEAR = 0.6  # [m] from a goal, such as a place beside a bed, to where a way may end that goes straight from there
+NEAR = 0.6  # [m] from a narrow place, such as beside a bed, to where there is room for a way
 ROOM = 0.1  # [m] that a base needs beside its width, both sides together
 LINED_UP, PASSED = (
     0.1,
@@ -39,7 +39,7 @@ APPROACH = 2.0  # [1/s] with which a base comes to it
 
 
 def standing(world: World, besides: Collection[Body]) -> list[Obstacle]:
-    """Return what stands on the floor of a world now, but for some bodies: a rectangle round each solid shape."""
+    """Return what stands on the floor of a world now, but for some bodies: rectangles round shapes."""
     out = []
     for body in world.bodies:
         if body in besides:
@@ -80,8 +80,8 @@ def way_round(
 ) -> list[Point]:
     """Return the corners of a way for somebody of a width, the goal last; straight where that is free.
 
-    Who starts or ends nearer to something than half the width may be as near as that about there, and else goes
-    straight from there to where there is room.
+    Who starts or ends nearer to something than half the width may be as near as that about there, and else
+    goes straight from there to where there is room.
 
     Args:
         obstacles: What stands there.

@@ -4,9 +4,9 @@ Run: python experiments/contact_press.py tuned|judged [ROBOT ...]
      python experiments/contact_press.py plot
 
 An arm goes onto a pad at 6 cm/s until its wrench limit of 5 N holds it, and presses for 4 s; the greatest
-error of the last second counts. Pads and places that are judged are not those that were tuned on. Places 1 to 4
-and pads of 0.5, 0.6, 3, 4, 10, 15, 50 and 60 kN/m were judged before: what Fetch, HSR and Gen2 did there led to
-mends of the admittance, so others took their place.
+error of the last second counts. Pads and places that are judged are not those that were tuned on. Places
+1 to 4 and pads of 0.5, 0.6, 3, 4, 10, 15, 50 and 60 kN/m were judged before: what Fetch, HSR and Gen2 did
+there led to mends of the admittance, so others took their place.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Cartesian admittance: the tool moves as a mass on a damped spring would under the wrench that is felt.
 
 After W. S. Newman, Stability and Performance Limits of Interaction Controllers, J. of Dynamic Systems,
-Measurement, and Control 114 (1992), and C. Ott, R. Mukherjee and Y. Nakamura, Unified Impedance and Admittance
-Control, ICRA 2010.
+Measurement, and Control 114 (1992), and C. Ott, R. Mukherjee and Y. Nakamura, Unified Impedance and
+Admittance Control, ICRA 2010.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class ToolAdmittance(ToolImpedance):
 def _move(chain, goal, positions, velocities, told, twist, gains, outside, rules, is_of_tool):  # type: ignore[no-untyped-def]
     """Move `goal` [3, 4], `told` [6]; return joint steps [n], wrench along the axes [6] and two torques [n].
 
-    These are what carries the weight of the arm and bears what pushes the tool, and the most that motors have beside.
+    These are what carries the arm's weight and bears what pushes the tool, and the most of motors beside.
 
     Args:
         chain: The fields of the arm's `Tree`, the frame of the tool in its last part, and lower limits, upper

@@ -42,9 +42,9 @@ class Compliance:
         stiffness: Of the spring [N/m] and [N·m/rad].
         damping: Of the motion of the tool [N·s/m] and [N·m·s/rad].
         wrench_limit: Greatest forces [N] and torques [N·m] of both together.
-        inertia: Of the tool under `admittance` [kg] and [kg·m²]; `impedance` leaves the arm its own. A contact's
-            damping is felt a physics step late, so less than half a step times that is thrown back by it: our
-            robots damp by up to 2,800 N·s/m, face to face.
+        inertia: Of the tool under `admittance` [kg] and [kg·m²]; `impedance` leaves the arm its own. The
+            damping of a contact is felt a physics step late, and throws back what is lighter than half a step
+            times that: 6 kg at 2,800 N·s/m, as hands of our robots have face to face.
         axes: Whose axes are meant: those of the `world`, or of the `tool`.
         varies: Whether actions set stiffness and damping as well, by twelve more values: each from a
             quarter (-1) over what is given here (0) to four times that (1).
@@ -165,7 +165,7 @@ class ToolImpedance(ToolMotion):
 
 @numba.njit(cache=True)
 def stretched(arrays, tip, goal, positions, way, most, is_of_tool):  # type: ignore[no-untyped-def]
-    """Move the rest of a spring, `goal` [3, 4], on by `way` [6], and after the tool where it is stretched too far.
+    """Move the rest of a spring, `goal` [3, 4], on by `way` [6], and back where it is stretched too far.
 
     Args:
         arrays: The fields of the arm's `Tree`.
