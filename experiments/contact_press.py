@@ -167,6 +167,8 @@ def show(split: Split, only: list[str]) -> None:
 def press_flesh(model: str, control: str, name: str, joint: str) -> Array:
     """Return the force of a robot from above on the middle of a limb [N], each physics step.
 
+    It is no number where the robot would stand in the person.
+
     Args:
         model: The robot.
         control: Its mode.
@@ -188,9 +190,16 @@ def press_flesh(model: str, control: str, name: str, joint: str) -> Array:
     at = 0.5 * np.sum(ends, axis=0) + (y, -x, ABOVE - z)
     robot.place(Pose(tuple(at.tolist()), about_z(0.5 * math.pi)))
     down = robot.tool_action(np.array((0.0, 0.0, -SPEED)), np.zeros(3))
-    forces = [world.contact_force(person.body, robot.body) for _ in act(world, robot, down, 5.0)]
+    gap = world.separation(robot.body, person.body, within=0.05)
+    forces = [_lift(world, robot) for _ in act(world, robot, down, 5.0)]
     world.close()
-    return np.array(forces)
+    return np.array(forces) if gap > 0.02 else np.full(240, np.nan)
+
+
+def _lift(world: World, robot: Robot) -> float:
+    """Return the upward force of all that touches a robot [N]: round limbs push to the sides as well."""
+    touches = world.touches(robot.body)
+    return float(sum(touch.normal[2] * touch.force + touch.friction[2] for touch in touches))
 
 
 def show_flesh() -> None:
