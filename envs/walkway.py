@@ -25,6 +25,7 @@ Point = tuple[float, float]
 
 # All our own choices.
 WALKER = 0.8  # [m] that our caregiver is wide, arms hanging
+SHOULDERS = 0.55  # [m] of who goes through where there is no other way, such as a door
 LOW, HIGH = 0.03, 1.9  # [m] over the floor between which things are in the way
 CELL = 0.05  # [m] of the map
 ROUND = 1.5  # [m] about everything that the map covers as well
@@ -76,7 +77,12 @@ def _box(body: Body, place: int, shape: VisualShape, turn: Array, at: Array) -> 
 
 
 def way_round(
-    obstacles: Sequence[Obstacle], start: Point, goal: Point, *, width: float = WALKER
+    obstacles: Sequence[Obstacle],
+    start: Point,
+    goal: Point,
+    *,
+    width: float = WALKER,
+    least: float = SHOULDERS,
 ) -> list[Point]:
     """Return the corners of a way for somebody of a width, the goal last; straight where that is free.
 
@@ -88,6 +94,7 @@ def way_round(
         start: Where it begins [m].
         goal: Where it ends [m].
         width: Of who goes there [m].
+        least: What does where there is no room for that [m].
 
     Raises:
         PlanningError: If there is no way.
@@ -95,19 +102,26 @@ def way_round(
     """
     ends = [Rectangle(*point, *point) for point in (start, goal)]
     bounds = Rectangle.around([*ends, *(o.area for o in obstacles)]).grown(ROUND)
-    way = Way(Occupancy(bounds, obstacles, cell=CELL), width)
-    if way.is_free(start, goal, near=NEAR):
+    way = Way(Occupancy(bounds, obstacles, cell=CELL), min(least, width))
+    if way.is_free(start, goal, near=NEAR, wide=width):
         return [goal]
-    found = way.between(start, goal, within=NEAR)
+    found = way.between(start, goal, within=NEAR, wide=width)
     if found is None:
         x, y = goal
-        raise PlanningError(f"there is no way for {width:g} m to ({x:.2f}, {y:.2f}) on the floor")
+        raise PlanningError(
+            f"there is no way {way.width:g} m wide to ({x:.2f}, {y:.2f}) on the floor"
+        )
     corners = [(x, y) for x, y in found.tolist()]
     return [c for c in corners if math.dist(c, start) > CELL < math.dist(c, goal)] + [goal]
 
 
 def way_of(
-    agent: Agent, goal: Point, here: Point | None = None, *, width: float = WALKER
+    agent: Agent,
+    goal: Point,
+    here: Point | None = None,
+    *,
+    width: float = WALKER,
+    least: float = SHOULDERS,
 ) -> list[Point]:
     """Return the corners of a way of somebody round all that stands on the floor now; see `way_round`.
 
@@ -116,13 +130,14 @@ def way_of(
         goal: Where it goes [m].
         here: Where it is [m]; where its base is if None.
         width: Of who goes [m].
+        least: What does where there is no room for that [m].
 
     Raises:
         PlanningError: If there is no way.
     """
     x, y, _ = agent.body.base_pose().position
     besides = {agent.body, *agent.world.held_by(agent.body)}
-    return way_round(standing(agent.world, besides), here or (x, y), goal, width=width)
+    return way_round(standing(agent.world, besides), here or (x, y), goal, width=width, least=least)
 
 
 def driving(
@@ -166,7 +181,10 @@ def driving(
     while True:
         x, y, heading = station()
         if robot.world.time > asked + LOOKING and math.dist((x, y), goal[:2]) > ARRIVED:
-            corners, asked = way_of(robot, goal[:2], (x, y), width=width), robot.world.time
+            corners, asked = (
+                way_of(robot, goal[:2], (x, y), width=width, least=width),
+                robot.world.time,
+            )
         far = math.dist((x, y), corners[0]) if corners else 0.0
         if corners and far < (PASSED if corners[1:] else ARRIVED):
             del corners[0]
