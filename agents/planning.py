@@ -17,6 +17,7 @@ from rcare_marl.planning.clearance import Clearance, Keep, check_installed
 from rcare_marl.planning.path import Path, timed
 from rcare_marl.planning.search import PLANNERS, Level, Planner, Problem, clock, ways
 from rcare_marl.pose import Array, Pose, conjugate, multiply, rotation_vector
+from rcare_marl.world import GRAVITY
 
 from .agent import Agent
 from .people.body.goal import Goal
@@ -44,6 +45,7 @@ FOUND, ENDS = (
     4,
 )  # postures that reach it: looked for, and the nearest, among which a search may choose
 DEEPEST = 0.01  # [m] that a start may be in something
+LOOKS = 5  # every which point of a path torques are looked at
 HALF_TURN = math.pi  # [rad] of a joint that turns on and on, each way
 
 
@@ -101,6 +103,46 @@ class _Mover:
     own: frozenset[frozenset[int]]
     followers: Mapping[str, Follow]
     link: str | None = None
+    load: _Load | None = None
+
+
+class _Load:
+    """What the motors of an arm bear, with what its hand holds."""
+
+    def __init__(self, arm: Arm) -> None:
+        self._arm, (self._mass, self._moment) = arm, arm.payload()
+        self._most = np.maximum(arm.effort, np.abs(self._weight(arm.positions())))
+
+    def _weight(self, posture: Array) -> Array:
+        """Return the torques of the motors that hold a posture [N·m or N], shape [n]."""
+        chain = self._arm.chain
+        own = (
+            np.zeros(len(posture)) if self._arm.counterbalanced else chain.gravity_torques(posture)
+        )
+        if not self._mass:
+            return own
+        here, turn = chain.jacobian(posture), chain.tip_frame(posture)[:, :3]
+        up = np.array((0.0, 0.0, GRAVITY))
+        return np.asarray(
+            own + here[:3].T @ (self._mass * up) + here[3:].T @ np.cross(turn @ self._moment, up)
+        )
+
+    def is_borne(self, posture: Array) -> bool:
+        """Return whether the motors can hold a posture, or bear no more than at the start."""
+        return bool((np.abs(self._weight(posture)) <= self._most + 1e-9).all())
+
+    def share(self, positions: Array, accelerations: Array) -> float:
+        """Return what accelerations need of what is left beside the weight, at most; speed terms left out.
+
+        A tenth of the effort always counts as left, see `Arm.room`.
+        """
+        arm, worst = self._arm, 0.0
+        for posture, acceleration in zip(positions[::LOOKS], accelerations[::LOOKS], strict=True):
+            here = arm.chain.jacobian(posture)[:3]
+            need = arm.inertial_torques(posture, acceleration)
+            need = need + self._mass * here.T @ (here @ acceleration)
+            worst = max(worst, float((np.abs(need) / arm.room(self._weight(posture))).max()))
+        return worst
 
 
 def plan(agent: Agent, goal: Wish, request: Request) -> Path:
@@ -118,7 +160,7 @@ def plan(agent: Agent, goal: Wish, request: Request) -> Path:
     problem = replace(problem, goals=_ends(agent, goal, request, problem))
     rates = request.speed * mover.velocity, request.speed * mover.acceleration
     for way in ways(problem, request.planner, begin + request.within_s, request.seed):
-        times, positions = timed(way, *rates)
+        times, positions = timed(way, *rates, mover.load.share if mover.load else None)
         if problem.holds_along(positions):
             return Path(
                 mover.joints,
@@ -205,7 +247,8 @@ def _problem(agent: Agent, goal: Wish, request: Request) -> tuple[_Mover, Proble
             )
         up = clear.link_turn(mover.link, mover.start).T @ (0.0, 0.0, 1.0)
         level = Level(mover.link, up, request.tilt)
-    return mover, Problem(clear, mover.start, (), mover.lower, mover.upper, level)
+    bears = mover.load.is_borne if mover.load else None
+    return mover, Problem(clear, mover.start, (), mover.lower, mover.upper, level, bears)
 
 
 def _of_robot(agent: Agent, request: Request) -> _Mover:
@@ -233,6 +276,7 @@ def _of_robot(agent: Agent, request: Request) -> _Mover:
         apart,
         agent.assembly.followers,
         agent.assembly.tools[name],
+        _Load(arm),
     )
 
 
@@ -286,6 +330,10 @@ def _ends(agent: Agent, goal: Wish, request: Request, problem: Problem) -> list[
     best = tried[0]
     if problem.level is not None and not problem.level.holds(problem.clear, best):
         raise PlanningError(f"what {agent.name!r} holds would lean too far at the goal")
+    if problem.bears is not None and not problem.bears(best):
+        raise PlanningError(
+            f"the motors of {agent.name!r} cannot hold the goal: it is too heavy there"
+        )
     if offenders := problem.clear.offenders(best):
         raise PlanningError(f"{agent.name!r} cannot be at the goal: there {_told(offenders)}")
     raise PlanningError(f"the goal of {agent.name!r} is outside the limits of its joints")

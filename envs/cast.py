@@ -58,7 +58,8 @@ class RobotCast:
         model: A robot's name, a YAML file, or a `RobotConfig`; the role's default if None.
         control: Control mode; the role's default if None.
         moves: Parts that actions move, such as `(right_arm, base)`; the main arm if None.
-        compliance: How the tool yields under `impedance`: the fields of a `Compliance`, see docs/control.md.
+        compliance: How the tool yields under `impedance` and `admittance`: the fields of a `Compliance`,
+            see docs/control.md.
         posture: Name of the start posture, or joint positions [rad or m] by joint.
         posture_noise: Standard deviation of the start posture [rad or m].
         mount: A mount of the model by name, or a place of its own in the same frame.

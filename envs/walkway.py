@@ -25,18 +25,22 @@ Point = tuple[float, float]
 
 # All our own choices.
 WALKER = 0.8  # [m] that our caregiver is wide, arms hanging
+SHOULDERS = 0.55  # [m] of who goes through where there is no other way, such as a door
 LOW, HIGH = 0.03, 1.9  # [m] over the floor between which things are in the way
 CELL = 0.05  # [m] of the map
 ROUND = 1.5  # [m] about everything that the map covers as well
-NEAR = 0.6  # [m] from a goal, such as a place beside a bed, to where a way may end that goes straight from there
+NEAR = 0.6  # [m] from a narrow place, such as beside a bed, to where there is room for a way
 ROOM = 0.1  # [m] that a base needs beside its width, both sides together
-LINED_UP, PASSED = 0.1, 0.05  # [rad] off its way that a base drives on; [m] from a corner that it has passed
+LINED_UP, PASSED = (
+    0.1,
+    0.05,
+)  # [rad] off its way that a base drives on; [m] from a corner that it has passed
 ARRIVED = 0.02  # [m], [rad] from its goal
 APPROACH = 2.0  # [1/s] with which a base comes to it
 
 
 def standing(world: World, besides: Collection[Body]) -> list[Obstacle]:
-    """Return what stands on the floor of a world now, but for some bodies: a rectangle round each solid shape."""
+    """Return what stands on the floor of a world now, but for some bodies: rectangles round shapes."""
     out = []
     for body in world.bodies:
         if body in besides:
@@ -52,9 +56,7 @@ def standing(world: World, besides: Collection[Body]) -> list[Obstacle]:
     return out
 
 
-def _box(
-    body: Body, place: int, shape: VisualShape, turn: Array, at: Array
-) -> tuple[Array, Array]:
+def _box(body: Body, place: int, shape: VisualShape, turn: Array, at: Array) -> tuple[Array, Array]:
     """Return the corners of the box round a shape in the world [m], each of shape [3]."""
     size = np.array(shape.size)
     if shape.kind == "mesh":
@@ -75,18 +77,24 @@ def _box(
 
 
 def way_round(
-    obstacles: Sequence[Obstacle], start: Point, goal: Point, *, width: float = WALKER
+    obstacles: Sequence[Obstacle],
+    start: Point,
+    goal: Point,
+    *,
+    width: float = WALKER,
+    least: float = SHOULDERS,
 ) -> list[Point]:
     """Return the corners of a way for somebody of a width, the goal last; straight where that is free.
 
-    Who starts or ends nearer to something than half the width may be as near as that about there, and else goes
-    straight from there to where there is room.
+    Who starts or ends nearer to something than half the width may be as near as that about there, and else
+    goes straight from there to where there is room.
 
     Args:
         obstacles: What stands there.
         start: Where it begins [m].
         goal: Where it ends [m].
         width: Of who goes there [m].
+        least: What does where there is no room for that [m].
 
     Raises:
         PlanningError: If there is no way.
@@ -94,19 +102,26 @@ def way_round(
     """
     ends = [Rectangle(*point, *point) for point in (start, goal)]
     bounds = Rectangle.around([*ends, *(o.area for o in obstacles)]).grown(ROUND)
-    way = Way(Occupancy(bounds, obstacles, cell=CELL), width)
-    if way.is_free(start, goal, near=NEAR):
+    way = Way(Occupancy(bounds, obstacles, cell=CELL), min(least, width))
+    if way.is_free(start, goal, near=NEAR, wide=width):
         return [goal]
-    found = way.between(start, goal, within=NEAR)
+    found = way.between(start, goal, within=NEAR, wide=width)
     if found is None:
         x, y = goal
-        raise PlanningError(f"there is no way for {width:g} m to ({x:.2f}, {y:.2f}) on the floor")
+        raise PlanningError(
+            f"there is no way {way.width:g} m wide to ({x:.2f}, {y:.2f}) on the floor"
+        )
     corners = [(x, y) for x, y in found.tolist()]
     return [c for c in corners if math.dist(c, start) > CELL < math.dist(c, goal)] + [goal]
 
 
 def way_of(
-    agent: Agent, goal: Point, here: Point | None = None, *, width: float = WALKER
+    agent: Agent,
+    goal: Point,
+    here: Point | None = None,
+    *,
+    width: float = WALKER,
+    least: float = SHOULDERS,
 ) -> list[Point]:
     """Return the corners of a way of somebody round all that stands on the floor now; see `way_round`.
 
@@ -115,13 +130,14 @@ def way_of(
         goal: Where it goes [m].
         here: Where it is [m]; where its base is if None.
         width: Of who goes [m].
+        least: What does where there is no room for that [m].
 
     Raises:
         PlanningError: If there is no way.
     """
     x, y, _ = agent.body.base_pose().position
     besides = {agent.body, *agent.world.held_by(agent.body)}
-    return way_round(standing(agent.world, besides), here or (x, y), goal, width=width)
+    return way_round(standing(agent.world, besides), here or (x, y), goal, width=width, least=least)
 
 
 def driving(
@@ -165,7 +181,10 @@ def driving(
     while True:
         x, y, heading = station()
         if robot.world.time > asked + LOOKING and math.dist((x, y), goal[:2]) > ARRIVED:
-            corners, asked = way_of(robot, goal[:2], (x, y), width=width), robot.world.time
+            corners, asked = (
+                way_of(robot, goal[:2], (x, y), width=width, least=width),
+                robot.world.time,
+            )
         far = math.dist((x, y), corners[0]) if corners else 0.0
         if corners and far < (PASSED if corners[1:] else ARRIVED):
             del corners[0]

@@ -8,10 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from rcare_marl import assets
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.control import Compliance, ToolAdmittance, ToolImpedance, ToolPose
 from rcare_marl.agents.robots.robot import Robot
+from rcare_marl.agents.robots.robot_check import spawned
 from rcare_marl.agents.robots.robot_config import load_robot
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError
@@ -19,6 +21,7 @@ from rcare_marl.pose import Array, Pose, about_z
 from rcare_marl.world import World
 
 DT = 0.1
+OTHERS = [name for name in assets.names("robots") if name != "kinova_gen2"]
 
 
 # Which arm is tried under which mode; motors of a UR5 are stiff.
@@ -160,6 +163,23 @@ def test_a_spring_that_an_action_makes_stiffer_gets_no_energy_by_it() -> None:
         assert energy(robot, control) <= before * (1 + 1e-6)
         seen += [energy(robot, control) for _ in act(world, robot, action, DT)]
     assert max(seen) <= seen[0] * (1 + 2e-3)
+    world.close()
+
+
+# Gen2 has the lightest wrist against its arm: commands threw it to four times its speed.
+@both
+@pytest.mark.parametrize(
+    "model", ["kinova_gen2", *(pytest.param(name, marks=pytest.mark.slow) for name in OTHERS)]
+)
+def test_commands_that_jump_throw_no_joint_of_an_arm(mode: str, model: str) -> None:
+    world, robot = spawned(load_robot(model), control=mode)
+    rng, fastest = np.random.default_rng(3), 0.0
+    for _ in range(6):
+        for _ in act(world, robot, rng.choice((-1.0, 1.0), robot.action_size), 0.5):
+            fastest = max(
+                fastest, float((np.abs(robot.arm.velocities()) / robot.arm.velocity).max())
+            )
+    assert fastest < (1.1 if mode == "impedance" else 1.15)
     world.close()
 
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.planning import same_but_for_turns
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.agents.robots.robot_config import load_robot
+from rcare_marl.baselines.benchmark.planning import _stands_clear
 from rcare_marl.body import Body
 from rcare_marl.errors import ConfigError, PlanningError, UnknownNameError
 from rcare_marl.pose import Array, Pose
@@ -179,4 +182,65 @@ def test_a_person_plans_within_the_active_range_and_is_led_within_the_passive_on
         person.plan(bent)  # paralysed
     led = person.plan(bent, kind="passive")
     assert led.positions[-1, 0] == pytest.approx(bent["right_elbow_flexion"])
+    world.close()
+
+
+def test_what_is_too_heavy_for_the_motors_is_no_goal(scene: Scene) -> None:
+    robot, arm = scene.robot, scene.robot.arm
+    stretched = np.array([0.0, math.pi / 2, 0.0, 0.0, 0.0, 0.0, 0.0])
+    weight = float(np.abs(arm.chain.gravity_torques(stretched))[1])
+    lever = math.dist(arm.chain.tip_frame(stretched)[:, 3], (0.0, 0.0, 0.3))
+    arm.effort[1] = weight + 0.5 * 0.2 * 9.81 * lever  # half of the cup is too much
+    with pytest.raises(PlanningError, match="too heavy"):
+        robot.plan(stretched)
+    arm.effort[1] = weight + 2.0 * 0.2 * 9.81 * lever
+    robot.plan(stretched)
+
+
+def test_a_weak_motor_takes_longer(scene: Scene) -> None:
+    robot, arm = scene.robot, scene.robot.arm
+    usual = robot.plan(scene.goal)
+    arm.effort[0] = 3.0
+    path = robot.plan(scene.goal)
+    assert path.duration > 1.2 * usual.duration
+    dt = np.diff(path.times)[:, None]
+    speeds = np.diff(path.positions, axis=0) / dt
+    torques = [
+        arm.inertial_torques(row, change)
+        for row, change in zip(path.positions[1:-1], np.diff(speeds, axis=0) / dt[1:], strict=True)
+    ]
+    assert np.abs(torques)[:, 0].max() < 1.05 * 3.0
+
+
+def test_of_several_goals_and_full_turns_the_nearest_that_works_is_taken(scene: Scene) -> None:
+    near, far = scene.start.copy(), scene.start.copy()
+    near[0] += 0.4
+    far[0] -= 1.5
+    path = scene.robot.plan([far, near])
+    np.testing.assert_allclose(path.positions[-1], near, atol=1e-6)
+    scene.wall.set_base(Pose((*scene.robot.arm.chain.tip_frame(near)[:2, 3].tolist(), 0.4)))
+    path = scene.robot.plan([far, near], within_s=10.0)
+    np.testing.assert_allclose(path.positions[-1], far, atol=1e-6)
+    scene.wall.set_base(Pose((9.0, 0.0, 0.4)))
+    turned = same_but_for_turns(near + 2 * np.pi, near - 3.5, near + 9.5)
+    assert len(turned) == 2 ** len(near)  # as it is, and a turn on, of each joint
+    path = scene.robot.plan(np.array(turned))
+    np.testing.assert_allclose(path.positions[-1], near, atol=1e-6)
+
+
+@pytest.mark.parametrize("is_inside", [False, True])
+def test_a_benchmark_takes_no_robot_that_starts_inside_furniture(is_inside: bool) -> None:
+    world = World()
+    robot = Robot("robot", load_robot("ur5"))
+    robot.spawn(world, robot.mount("floor"))
+    far = Pose((0.0, 0.0, 0.1) if is_inside else (5.0, 0.0, 0.1))
+    wardrobe = world.add_box((0.3, 0.3, 0.4), far, name="wardrobe")
+    place = SimpleNamespace(obstacles=[("wardrobe", wardrobe)])
+    env = SimpleNamespace(
+        world=world,
+        cast={"robot": robot},
+        task=SimpleNamespace(place=place),
+        reset=lambda seed: None,
+    )
+    assert _stands_clear(env) is not is_inside  # type: ignore[arg-type]
     world.close()

@@ -168,8 +168,7 @@ def test_no_action_leaves_the_limits(mode: str) -> None:
             positions, speeds, _ = robot.arm.read()
             assert np.all(positions <= robot.arm.upper + 0.01)
             assert np.all(positions >= robot.arm.lower - 0.01)
-            most = 3.0 if mode == "impedance" else 1.3  # a spring throws light wrists
-            assert np.all(np.abs(speeds) <= most * robot.arm.velocity)
+            assert np.all(np.abs(speeds) <= 1.3 * robot.arm.velocity)
 
 
 @pytest.mark.parametrize("mode", CONTROLS)

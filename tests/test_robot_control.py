@@ -31,7 +31,7 @@ FASTEST = {
     "tool_delta": 2.1,
     "tool_servo": 2.1,
     "tool_pose": 2.1,
-    "impedance": 4.5,
+    "impedance": 2.0,
     "admittance": 1.7,
 }
 BEYOND = 0.06  # [rad or m] that light wrists and necks are thrown beyond a limit

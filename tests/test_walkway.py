@@ -1,4 +1,4 @@
-"""Ways on the floor: people who walk and bases that drive go round what stands there, and anew when it moves."""
+"""Ways on the floor: who walks and who drives goes round what stands there, also when it moves."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_a_free_way_is_straight_and_one_that_is_shut_is_told() -> None:
     assert {obstacle.name for obstacle in obstacles} == {"table"}  # one walks on the floor
     assert way_round(obstacles, (-1.0, 0.0), GOAL) == [GOAL]
     with pytest.raises(PlanningError, match="no way"):
-        way_round(obstacles, (-1.0, 0.0), (0.3, 1.2), width=2.0)
+        way_round(obstacles, (-1.0, 0.0), (0.3, 1.2), width=2.0, least=2.0)
     world.close()
 
 

@@ -27,6 +27,7 @@ class Arm(JointGroup):
         chain: Kinematics from the root to the tool.
         rest: Posture preferred where a tool pose leaves a choice, shape [n].
         is_carried: Whether a torso or base moves the arm, or what the robot rides on.
+        hand: Indices of all links beyond its last joint.
         counterbalanced: Whether springs carry its weight, so that its motors need not.
     """
 
@@ -55,11 +56,24 @@ class Arm(JointGroup):
         self.chain = chain
         self._root = -1 if root is None else body.link_index(root)
         self.is_carried = self._root >= 0 or body.is_movable
+        self.hand = body.carried_by(self.indices[-1])
         self.track()
 
     def track(self) -> None:
         """Take note of where the body carries the arm now."""
         self.chain.place(self.body.link_pose(self._root))
+
+    def payload(self) -> tuple[float, Array]:
+        """Return mass [kg] of what the hand holds, and mass times place in the tool's frame [kg·m], [3]."""
+        mass, moment = 0.0, np.zeros(3)
+        for body in self.world.held_by(self.body, self.hand):
+            for link in range(-1, body.link_count):
+                own = body.mass(link)
+                mass, moment = mass + own, moment + own * np.array(body.centre_state(link)[:3])
+        if not mass:
+            return 0.0, moment
+        real = self.chain.tip_frame(self.positions())
+        return mass, real[:, :3].T @ (moment - mass * real[:, 3])
 
     def room(self, weight: Array) -> Array:
         """Return what the motors have left beside carrying `weight` [N·m or N], shape [n].

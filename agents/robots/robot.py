@@ -110,7 +110,7 @@ class Robot(Agent):
             mount: Where it is mounted in place of where the task says: a mount of the model by name,
                 or a place of its own in the same frame.
             contact_force: Force at the tool from which `tool_delta` gives way [N].
-            compliance: How the tool yields under `impedance`.
+            compliance: How the tool yields under `impedance` and `admittance`.
             meshes: Whether to draw the real meshes of an optional package; the physics is the same.
             self_collision: Whether links of the robot collide with each other.
 

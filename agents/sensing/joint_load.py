@@ -18,6 +18,7 @@ from ..robots.robot import Robot
 from ..robots.robot_config import ArmConfig, frame
 from .sensor import Channel, Sensor, SensorConfig, wrist_link
 
+
 @dataclass(frozen=True)
 class JointWrenchConfig(SensorConfig):
     """Options of `joint_wrench` and `joint_torque`.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -90,7 +91,12 @@ class Way:
         return Route(points, float(steps.sum()), 2 * float(clear[narrow]), (x, y))
 
     def between(
-        self, start: tuple[float, float], goal: tuple[float, float], *, within: float
+        self,
+        start: tuple[float, float],
+        goal: tuple[float, float],
+        *,
+        within: float,
+        wide: float,
     ) -> Array | None:
         """Return corners of a short way, shape [n, 2] [m]; None if there is none.
 
@@ -100,6 +106,7 @@ class Way:
             start: Where it begins [m].
             goal: Where it ends [m].
             within: How far from these it may begin and end [m].
+            wide: Width that is kept free where there is room for it [m].
         """
         if not self._mask.any():
             return None
@@ -109,11 +116,13 @@ class Way:
         if any(math.dist(point, self._map.point(*cell)) > within for point, cell in ends):
             return None
         cells = self._search(self._labels == self._labels[rows, columns], first, last)
-        kept, far = [cells[0]], 0
-        for k in range(1, len(cells)):
-            if not self._sees(kept[-1], cells[k]):
-                kept.append(cells[far])
-            far = k
+        kept, room = [cells[0]], np.inf
+        for before, cell in itertools.pairwise(cells):
+            # A corner is cut only where that comes no nearer to things than the way round it does.
+            room = min(room, 0.5 * wide, self._map.distances[cell])
+            if not self._sees(kept[-1], cell, room):
+                kept.append(before)
+                room = self._map.distances[before]
         return np.array([self._map.point(*cell) for cell in (*kept, cells[-1])])
 
     def _nearest(self, point: tuple[float, float], mask: Mask) -> tuple[int, int]:
@@ -122,16 +131,19 @@ class Way:
         row, column = cells[((at - point[::-1]) ** 2).sum(axis=1).argmin()].tolist()
         return row, column
 
-    def _sees(self, a: tuple[int, int], b: tuple[int, int]) -> bool:
-        """Return whether all cells on the straight line between two are free."""
+    def _sees(self, a: tuple[int, int], b: tuple[int, int], room: float) -> bool:
+        """Return whether all cells on the straight line between two are `room` [m] from things."""
         count = 2 * max(abs(a[0] - b[0]), abs(a[1] - b[1]), 1)
         rows, columns = (np.rint(np.linspace(a[i], b[i], count + 1)).astype(int) for i in (0, 1))
-        return bool(self._mask[rows, columns].all())
+        return bool((self._map.distances[rows, columns] >= room).all())
 
     def is_free(
-        self, start: tuple[float, float], goal: tuple[float, float], *, near: float
+        self, start: tuple[float, float], goal: tuple[float, float], *, near: float, wide: float
     ) -> bool:
-        """Return whether one can go straight; `near` [m] an end one may be as close to things as there."""
+        """Return whether one can go straight, `wide` [m].
+
+        Less than `near` [m] from an end one may be as close to things as there.
+        """
         length = math.dist(start, goal)
         shares = np.linspace(0.0, 1.0, max(math.ceil(2 * length / self._map.cell), 1) + 1)
         ends = [self._map.clearance(*point) for point in (start, goal)]
@@ -139,7 +151,7 @@ class Way:
             x, y = (a + share * (b - a) for a, b in zip(start, goal, strict=True))
             ways = (share * length, (1 - share) * length)
             close = [end for end, way in zip(ends, ways, strict=True) if way <= near]
-            if self._map.clearance(x, y) < min((0.5 * self.width, *close)) - 1e-9:
+            if self._map.clearance(x, y) < min((0.5 * wide, *close)) - 1e-9:
                 return False
         return True
 

@@ -69,7 +69,12 @@ class Path:
         return self if self.is_clear(after) else self._again()
 
 
-def timed(way: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:
+def timed(
+    way: Array,
+    velocity: Array,
+    acceleration: Array,
+    effort: Callable[[Array, Array], float] | None = None,
+) -> tuple[Array, Array]:
     """Return times [s], shape [k], and places [rad or m], shape [k, n], from rest to rest.
 
     By time-optimal path parameterisation: H. Pham and Q.-C. Pham, A New Approach to Time-Optimal Path
@@ -79,6 +84,8 @@ def timed(way: Array, velocity: Array, acceleration: Array) -> tuple[Array, Arra
         way: Corners, shape [m, n].
         velocity: Greatest speeds [rad/s or m/s], shape [n].
         acceleration: Greatest accelerations [rad/s² or m/s²], shape [n].
+        effort: Returns what accelerations at places need of what motors have left, as a share; each of shape
+            [k, n]. All of the way is slowed until it is 1 at most.
 
     Raises:
         ConfigError: If the way cannot be timed.
@@ -106,5 +113,7 @@ def timed(way: Array, velocity: Array, acceleration: Array) -> tuple[Array, Arra
     times = np.linspace(0.0, trajectory.duration, max(int(trajectory.duration / SAMPLING), 2) + 1)
     fast = (np.abs(trajectory(times, 1)) / velocity).max()
     hard = (np.abs(trajectory(times, 2)) / acceleration).max()
-    slower = max(float(fast), float(hard) ** 0.5, 1.0)
-    return times * slower, np.asarray(trajectory(times))
+    positions = np.asarray(trajectory(times))
+    share = 0.0 if effort is None else effort(positions, np.asarray(trajectory(times, 2)))
+    slower = max(float(fast), float(max(hard, share)) ** 0.5, 1.0)
+    return times * slower, positions

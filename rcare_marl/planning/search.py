@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -61,6 +61,7 @@ class Problem:
         lower: Lower limits [rad or m], shape [n]; finite.
         upper: Upper limits, shape [n]; finite.
         level: What stays upright.
+        bears: Whether motors can hold a posture; they can any if None.
     """
 
     clear: Clearance
@@ -69,10 +70,13 @@ class Problem:
     lower: Array
     upper: Array
     level: Level | None = None
+    bears: Callable[[Array], bool] | None = None
 
     def holds(self, posture: Array) -> bool:
-        """Return whether a posture is within limits, upright and clear."""
+        """Return whether a posture is within limits, upright, not too heavy, and clear."""
         if (posture < self.lower - 1e-9).any() or (posture > self.upper + 1e-9).any():
+            return False
+        if self.bears is not None and not self.bears(posture):
             return False
         level = self.level
         return (level is None or level.holds(self.clear, posture)) and self.clear.is_clear(posture)

@@ -45,7 +45,7 @@ def make_control(name: str, arm: Arm, contact_force: float, compliance: Complian
         name: One of `CONTROLS`.
         arm: The arm.
         contact_force: Force at the tool from which `tool_delta` and `tool_pose` give way [N].
-        compliance: How the tool yields under `impedance`.
+        compliance: How the tool yields under `impedance` and `admittance`.
     """
     if name in COMPLIANT:
         return COMPLIANT[name](arm, compliance)
@@ -59,7 +59,7 @@ def moving_tool(control: Control) -> ToolMotion:
     """Return a control whose actions move a tool; ConfigError if it is another mode."""
     if not isinstance(control, ToolMotion) or isinstance(control, ToolPose):
         raise ConfigError(
-            "motions of the tool need the control mode 'tool_delta' or 'impedance', got "
+            "motions of the tool need the control mode 'tool_delta', 'impedance' or 'admittance', got "
             f"{type(control).__name__}: make(..., robot={{'control': 'tool_delta'}})"
         )
     return control

@@ -1,8 +1,8 @@
 """Cartesian admittance: the tool moves as a mass on a damped spring would under the wrench that is felt.
 
 After W. S. Newman, Stability and Performance Limits of Interaction Controllers, J. of Dynamic Systems,
-Measurement, and Control 114 (1992), and C. Ott, R. Mukherjee and Y. Nakamura, Unified Impedance and Admittance
-Control, ICRA 2010.
+Measurement, and Control 114 (1992), and C. Ott, R. Mukherjee and Y. Nakamura, Unified Impedance and
+Admittance Control, ICRA 2010.
 """
 
 from __future__ import annotations
@@ -41,10 +41,11 @@ class ToolAdmittance(ToolImpedance):
         super().__init__(arm, compliance)
         self._mass = np.array(compliance.inertia, np.float64)
         self._wrist = arm.indices[-1]
-        hand = arm.body.carried_by(self._wrist)
         arm.body.feedback.enable([self._wrist])
-        self._weight, self._motion = OwnWeight(arm.body, [self._wrist]), OwnMotion(arm.body, hand)
-        self._hand = frozenset(hand)
+        self._weight, self._motion = (
+            OwnWeight(arm.body, [self._wrist]),
+            OwnMotion(arm.body, arm.hand),
+        )
         self._is_base = np.array([name in BASE_JOINTS for name in arm.names])
         self._turn_weight = 1.0 if np.sum(~self._is_base) >= 6 else FEW_JOINTS_TURN
         self.outside = np.zeros(6)
@@ -59,17 +60,7 @@ class ToolAdmittance(ToolImpedance):
 
     def command(self, action: Array, duration: float) -> None:
         super().command(action, duration)
-        self._load = self._held()
-
-    def _held(self) -> tuple[float, Array]:
-        """Return mass [kg] of what the hand holds, and mass times place in the tool's frame [kg·m]."""
-        arm, mass, moment = self._arm, 0.0, np.zeros(3)
-        for body in arm.world.held_by(arm.body, self._hand):
-            for link in range(-1, body.link_count):
-                own = body.mass(link)
-                mass, moment = mass + own, moment + own * np.array(body.centre_state(link)[:3])
-        real = arm.chain.tip_frame(arm.positions())
-        return mass, real[:, :3].T @ (moment - mass * real[:, 3])
+        self._load = self._arm.payload()
 
     def _feel(self, real: Array) -> Array:
         """Return `outside`.
@@ -88,7 +79,9 @@ class ToolAdmittance(ToolImpedance):
         force, torque = turn @ felt[:3], turn @ felt[3:]
         mass, moment = self._load
         down = np.array((0.0, 0.0, -GRAVITY))
-        torque += np.cross(place.position - real[:, 3], force) - np.cross(real[:, :3] @ moment, down)
+        torque += np.cross(place.position - real[:, 3], force) - np.cross(
+            real[:, :3] @ moment, down
+        )
         return np.concatenate((force - mass * down, torque))
 
     def actuate(self) -> None:
@@ -119,7 +112,7 @@ class ToolAdmittance(ToolImpedance):
 def _move(chain, goal, positions, velocities, told, twist, gains, outside, rules, is_of_tool):  # type: ignore[no-untyped-def]
     """Move `goal` [3, 4], `told` [6]; return joint steps [n], wrench along the axes [6] and two torques [n].
 
-    These are what carries the weight of the arm and bears what pushes the tool, and the most that motors have beside.
+    These are what carries the arm's weight and bears what pushes the tool, and the most of motors beside.
 
     Args:
         chain: The fields of the arm's `Tree`, the frame of the tool in its last part, and lower limits, upper

@@ -28,8 +28,7 @@ from .control import ToolMotion
 Six = tuple[float, float, float, float, float, float]
 AXES = ("x", "y", "z", "about x", "about y", "about z")
 RANGE = 4.0  # times as stiff, or as little, at the ends of an action that varies it; own choice
-# Share of a joint's greatest speed from which it is braked, and of what is beyond that and taken a step.
-BRAKED, BRAKING = 0.9, 0.5  # own choice
+SWEEPS = 10  # over all joints, to find what brakes them; own choice
 STOPPING = 0.05  # [s] in which a joint may at most come to its limit; own choice
 STILL = 2.0  # [1/s] by which joints lose speed that the tool leaves free; own choice
 
@@ -42,9 +41,9 @@ class Compliance:
         stiffness: Of the spring [N/m] and [N·m/rad].
         damping: Of the motion of the tool [N·s/m] and [N·m·s/rad].
         wrench_limit: Greatest forces [N] and torques [N·m] of both together.
-        inertia: Of the tool under `admittance` [kg] and [kg·m²]; `impedance` leaves the arm its own. A contact's
-            damping is felt a physics step late, so less than half a step times that is thrown back by it: our
-            robots damp by up to 2,800 N·s/m, face to face.
+        inertia: Of the tool under `admittance` [kg] and [kg·m²]; `impedance` leaves the arm its own. The
+            damping of a contact is felt a physics step late, and throws back what is lighter than half a step
+            times that: 6 kg at 2,800 N·s/m, as hands of our robots have face to face.
         axes: Whose axes are meant: those of the `world`, or of the `tool`.
         varies: Whether actions set stiffness and damping as well, by twelve more values: each from a
             quarter (-1) over what is given here (0) to four times that (1).
@@ -165,7 +164,7 @@ class ToolImpedance(ToolMotion):
 
 @numba.njit(cache=True)
 def stretched(arrays, tip, goal, positions, way, most, is_of_tool):  # type: ignore[no-untyped-def]
-    """Move the rest of a spring, `goal` [3, 4], on by `way` [6], and after the tool where it is stretched too far.
+    """Move the rest of a spring, `goal` [3, 4], on by `way` [6], and back where it is stretched too far.
 
     Args:
         arrays: The fields of the arm's `Tree`.
@@ -235,11 +234,31 @@ def _pull(chain, goal, last, positions, velocities, twist, gains, dt, is_of_tool
         wrench[i] = min(max(wrench[i], -limit[i]), limit[i])
     last[0], last[1] = speed, ease @ wrench
     torques = own.T @ wrench - STILL * (mass @ velocities)
-    # What is too fast is braked by its own motor: to cut its speed could speed up others.
-    for j in range(len(velocities)):
-        most, q = BRAKED * fastest[j], positions[j]
-        up = min(most, max(upper[j] - q, 0.0) / STOPPING)
-        down = min(most, max(q - lower[j], 0.0) / STOPPING)
-        excess = velocities[j] - min(max(velocities[j], -down), up)
-        torques[j] -= BRAKING * excess / (dt * inverse[j, j])
-    return torques, wrench, weight
+    up = np.minimum(fastest, np.maximum(upper - positions, 0.0) / STOPPING)
+    down = np.minimum(fastest, np.maximum(positions - lower, 0.0) / STOPPING)
+    return torques + _brakes(velocities, torques, inverse, -down, up, dt), wrench, weight
+
+
+@numba.njit(cache=True)
+def _brakes(velocities, torques, inverse, slowest, fastest, dt):  # type: ignore[no-untyped-def]
+    """Return torques that keep speeds within bounds at the end of a physics step, shape [n].
+
+    Each joint is braked by its own motor, and by no more than that takes: a brake never speeds a joint up, so
+    it only takes energy. Found by projected Gauss-Seidel iterations, as physics engines find contact forces.
+
+    Args:
+        velocities: Of the joints, shape [n].
+        torques: What else acts on them, shape [n].
+        inverse: Of the mass matrix, shape [n, n].
+        slowest: Lower bounds, not above 0, shape [n].
+        fastest: Upper bounds, not below 0, shape [n].
+        dt: Physics step [s].
+    """
+    then, brakes = velocities + dt * (inverse @ torques), np.zeros(len(velocities))
+    for _ in range(SWEEPS):
+        for j in range(len(then)):
+            free = then[j] - dt * inverse[j, j] * brakes[j]  # without a brake of its own
+            wanted = (min(max(free, slowest[j]), fastest[j]) - free) / (dt * inverse[j, j])
+            then += dt * (wanted - brakes[j]) * inverse[:, j]
+            brakes[j] = wanted
+    return brakes
