@@ -17,8 +17,7 @@ from rcare_marl.errors import ConfigError, PlanningError
 from rcare_marl.pose import Array
 from rcare_marl.world import World
 
-from .homes.occupancy import Obstacle, Occupancy
-from .homes.route import Way
+from .homes import Obstacle, Occupancy, Way
 from .rectangle import Rectangle
 
 Point = tuple[float, float]
