@@ -17,7 +17,6 @@ from rcare_marl.planning.clearance import Clearance, Keep, check_installed
 from rcare_marl.planning.path import Path, timed
 from rcare_marl.planning.search import PLANNERS, Level, Planner, Problem, clock, ways
 from rcare_marl.pose import Array, Pose, conjugate, multiply, rotation_vector
-from rcare_marl.world import GRAVITY
 
 from .agent import Agent
 from .people.body.goal import Goal
@@ -111,21 +110,16 @@ class _Load:
 
     def __init__(self, arm: Arm) -> None:
         self._arm, (self._mass, self._moment) = arm, arm.payload()
+        self._none = np.zeros(len(arm))
         self._most = np.maximum(arm.effort, np.abs(self._weight(arm.positions())))
 
     def _weight(self, posture: Array) -> Array:
         """Return the torques of the motors that hold a posture [N·m or N], shape [n]."""
         chain = self._arm.chain
-        own = (
-            np.zeros(len(posture)) if self._arm.counterbalanced else chain.gravity_torques(posture)
-        )
+        own = self._none if self._arm.counterbalanced else chain.gravity_torques(posture)
         if not self._mass:
             return own
-        here, turn = chain.jacobian(posture), chain.tip_frame(posture)[:, :3]
-        up = np.array((0.0, 0.0, GRAVITY))
-        return np.asarray(
-            own + here[:3].T @ (self._mass * up) + here[3:].T @ np.cross(turn @ self._moment, up)
-        )
+        return own + chain.load_torques(posture, self._mass, self._moment)
 
     def is_borne(self, posture: Array) -> bool:
         """Return whether the motors can hold a posture, or bear no more than at the start."""

@@ -17,8 +17,7 @@ from rcare_marl.errors import ConfigError, PlanningError
 from rcare_marl.pose import Array
 from rcare_marl.world import World
 
-from .homes.occupancy import Obstacle, Occupancy
-from .homes.route import Way
+from .homes import Obstacle, Occupancy, Way
 from .rectangle import Rectangle
 
 Point = tuple[float, float]
@@ -31,10 +30,8 @@ CELL = 0.05  # [m] of the map
 ROUND = 1.5  # [m] about everything that the map covers as well
 NEAR = 0.6  # [m] from a narrow place, such as beside a bed, to where there is room for a way
 ROOM = 0.1  # [m] that a base needs beside its width, both sides together
-LINED_UP, PASSED = (
-    0.1,
-    0.05,
-)  # [rad] off its way that a base drives on; [m] from a corner that it has passed
+LINED_UP = 0.1  # [rad] off its way that a base drives on
+PASSED = 0.05  # [m] from a corner that it has passed
 ARRIVED = 0.02  # [m], [rad] from its goal
 APPROACH = 2.0  # [1/s] with which a base comes to it
 
@@ -141,11 +138,7 @@ def way_of(
 
 
 def driving(
-    robot: Robot,
-    goal: tuple[float, float, float],
-    duration: float,
-    *,
-    width: float | None = None,
+    robot: Robot, goal: tuple[float, float, float], *, width: float | None = None
 ) -> Iterator[Array]:
     """Yield actions that drive a robot round what stands on the floor; it looks once a second.
 
@@ -154,12 +147,11 @@ def driving(
     Args:
         robot: A robot whose `moves` name its base.
         goal: Where it goes: x, y [m] and heading [rad].
-        duration: Of a control step [s].
         width: Of the floor that it needs [m]; to turn with all that it is now, and `ROOM`, if None.
 
     Raises:
         ConfigError: If its base does not move.
-        PlanningError: If there is no way; asked for an action.
+        PlanningError: If there is no way, whenever it looks.
     """
     if robot.base is None:
         raise ConfigError(f"{robot.name!r} does not drive: name the base in its moves")
@@ -181,10 +173,8 @@ def driving(
     while True:
         x, y, heading = station()
         if robot.world.time > asked + LOOKING and math.dist((x, y), goal[:2]) > ARRIVED:
-            corners, asked = (
-                way_of(robot, goal[:2], (x, y), width=width, least=width),
-                robot.world.time,
-            )
+            asked = robot.world.time
+            corners = way_of(robot, goal[:2], (x, y), width=width, least=width)
         far = math.dist((x, y), corners[0]) if corners else 0.0
         if corners and far < (PASSED if corners[1:] else ARRIVED):
             del corners[0]

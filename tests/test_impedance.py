@@ -166,6 +166,25 @@ def test_a_spring_that_an_action_makes_stiffer_gets_no_energy_by_it() -> None:
     world.close()
 
 
+def test_an_admittance_feels_what_is_done_to_its_hand_and_not_what_that_weighs() -> None:
+    world = World()
+    robot = arm(world, "admittance")
+    control = robot.control
+    assert isinstance(control, ToolAdmittance)
+    cup = world.add_box((0.06, 0.06, 0.1), Pose((9.0, 9.0, 9.0)), mass=0.5, name="cup")
+    robot.grasp(cup, Pose((0.05, 0.0, 0.1)))
+    start = np.array(robot.tool_pose().position)
+    for _ in act(world, robot, np.zeros(6), 2.0):
+        pass
+    np.testing.assert_allclose(robot.tool_pose().position, start, atol=5e-4)
+    np.testing.assert_allclose(control.outside[:3], 0.0, atol=0.05)
+    push = np.array((3.0, -2.0, 4.0))
+    for _ in act(world, robot, np.zeros(6), 3.0):
+        robot.body.apply_force(robot.tool_index, push, robot.tool_pose().position)
+    np.testing.assert_allclose(control.outside[:3], push, atol=0.1)
+    world.close()
+
+
 # Gen2 has the lightest wrist against its arm: commands threw it to four times its speed.
 @both
 @pytest.mark.parametrize(

@@ -125,7 +125,7 @@ def test_a_base_drives_round_a_table_and_another_way_when_it_is_moved(model: str
     robot = Robot("robot", load_robot(model), moves=("base",))
     robot.spawn(world, robot.mount("floor", Pose((-1.2, 0.0, 0.0))))
     nearest, moved = math.inf, False
-    for k, action in enumerate(driving(robot, (2.6, 0.0, math.pi / 2), CONTROL_DT)):
+    for k, action in enumerate(driving(robot, (2.6, 0.0, math.pi / 2))):
         step(world, robot, action)
         nearest = min(nearest, world.separation(robot.body, table, within=1.0))
         if k == 30:
@@ -142,5 +142,5 @@ def test_who_does_not_drive_is_told() -> None:
     robot = Robot("robot", load_robot("fetch"))
     robot.spawn(world, robot.mount("floor"))
     with pytest.raises(ConfigError, match="base"):
-        next(driving(robot, (1.0, 0.0, 0.0), CONTROL_DT))
+        next(driving(robot, (1.0, 0.0, 0.0)))
     world.close()

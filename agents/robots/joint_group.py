@@ -237,7 +237,8 @@ class JointGroup:
     def drive_torques(self, torques: Sequence[float]) -> None:
         """Apply `torques` [N·m or N], shape [n], for one physics step.
 
-        A list is faster than an array, and a tuple that is given step after step than both.
+        A list is faster than an array, and a tuple that is given step after step than both. Of a list, all
+        segments of a telescope bear the same share, so that its gears bear none.
         """
         if torques is self._told:
             self._push()
@@ -245,6 +246,10 @@ class JointGroup:
             self._told = torques
             self._push = self.body.pushing(self.indices, torques)
             self._push()
+        elif self._segments:
+            own = np.asarray(torques) / (self._along**2).sum(axis=0)
+            everything = (self._along @ own).tolist()
+            self.body.drive_torques([*self.indices, *self._segments], everything)
         else:
             self.body.drive_torques(self.indices, torques)
 

@@ -189,6 +189,16 @@ class Chain:
         """Return the torques that hold the chain still [N·m or N], shape [n]."""
         return _gravity_torques(self.arrays, positions)
 
+    def load_torques(self, positions: Array, mass: float, moment: Array) -> Array:
+        """Return the torques that hold a load at the tip still [N·m or N], shape [n].
+
+        Args:
+            positions: Of the joints [rad or m], shape [n].
+            mass: Of the load [kg].
+            moment: That times its place in the frame of the tip [kg·m], shape [3].
+        """
+        return _load_torques(self.arrays, self.tip, positions, mass, moment)
+
     def solve(
         self,
         goal: Pose,
@@ -245,6 +255,14 @@ def _gravity_torques(arrays, q):  # type: ignore[no-untyped-def]
     tree, frames = Tree(*arrays), new_frames(len(q))
     place(tree, range(len(q)), q, frames)
     return gravity_torques(tree, q, frames, GRAVITY)
+
+
+@numba.njit(cache=True)
+def _load_torques(arrays, tip, q, mass, moment):  # type: ignore[no-untyped-def]
+    tree, frames, here = Tree(*arrays), new_frames(len(q)), np.empty((3, 4))
+    place_chain(tree, tip, q, frames, here)
+    at = here[:, 3] + here[:, :3].copy() @ moment / mass
+    return mass * GRAVITY * jacobian(tree, frames, len(q) - 1, at)[2]
 
 
 @numba.njit(cache=True)

@@ -11,7 +11,8 @@ from .care_home import CareHome, home_names
 from .door import HINGE_DAMPING, Door
 from .home_place import HomePlace, build_door, build_fixture, find_place
 from .layout import load_house
-from .route import Route
+from .occupancy import Obstacle, Occupancy
+from .route import Route, Way
 from .rule import LEVELS, Rules
 
 if TYPE_CHECKING:
@@ -23,8 +24,11 @@ __all__ = [
     "CareHome",
     "Door",
     "HomePlace",
+    "Obstacle",
+    "Occupancy",
     "Route",
     "Rules",
+    "Way",
     "audit_home",
     "build_door",
     "build_fixture",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -158,9 +158,9 @@ class MujocoBody(Body):
         self.mirror()
         return super().own_gap(a, b)
 
-    def bounds(self) -> tuple[Array, Array]:
+    def bounds(self, links: Iterable[int] | None = None) -> tuple[Array, Array]:
         self.mirror()
-        return super().bounds()
+        return super().bounds(links)
 
     def base_pose(self) -> Pose:
         if self.sim is None:

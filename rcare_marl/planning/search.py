@@ -76,10 +76,10 @@ class Problem:
         """Return whether a posture is within limits, upright, not too heavy, and clear."""
         if (posture < self.lower - 1e-9).any() or (posture > self.upper + 1e-9).any():
             return False
-        if self.bears is not None and not self.bears(posture):
+        level, bears = self.level, self.bears
+        if not (level is None or level.holds(self.clear, posture)):
             return False
-        level = self.level
-        return (level is None or level.holds(self.clear, posture)) and self.clear.is_clear(posture)
+        return self.clear.is_clear(posture) and (bears is None or bears(posture))
 
     def holds_along(self, way: Array, step: float = FINE) -> bool:
         """Return whether all of a way holds, shape [k, n], tested every `step` [rad or m]."""

@@ -77,6 +77,7 @@ __all__ = [
     "JointPosition",
     "JointTorque",
     "JointVelocity",
+    "ToolAdmittance",
     "ToolDelta",
     "ToolImpedance",
     "ToolMotion",

@@ -42,10 +42,8 @@ class ToolAdmittance(ToolImpedance):
         self._mass = np.array(compliance.inertia, np.float64)
         self._wrist = arm.indices[-1]
         arm.body.feedback.enable([self._wrist])
-        self._weight, self._motion = (
-            OwnWeight(arm.body, [self._wrist]),
-            OwnMotion(arm.body, arm.hand),
-        )
+        self._weight = OwnWeight(arm.body, [self._wrist])
+        self._motion = OwnMotion(arm.body, arm.hand)
         self._is_base = np.array([name in BASE_JOINTS for name in arm.names])
         self._turn_weight = 1.0 if np.sum(~self._is_base) >= 6 else FEW_JOINTS_TURN
         self.outside = np.zeros(6)
