@@ -211,8 +211,8 @@ class Segmenter:
     def _near(self, gap: Array) -> Array:
         """Return how far each vector is from rest of gaps to it [rad]: of an arm what it or its wrist says.
 
-        Whether an elbow looks straight or bent turns an arm, and not its wrist; of who cannot straighten it the
-        wrist hangs as it may.
+        Whether an elbow looks straight or bent turns an arm, and not its wrist; of who cannot straighten it
+        the wrist hangs as it may.
         """
         out = gap.copy()
         known = np.isfinite(self.now[WRIST_COLUMNS]) & ~np.array(self._bent)
