@@ -23,7 +23,9 @@ BEHIND = 0.015
 # far shoulders move with arms against the average. To the left: how a headset sits, and who holds it.
 BETWEEN = np.array((0.007, 0.012, 0.02, 0.012, 0.016, 0.4))
 ASIDE, FIXED = np.arange(6) == 3, 1e-6
-RAISED = math.cos(math.radians(45))  # a palm less below the shoulders than this share of how far it is
+RAISED = math.cos(
+    math.radians(45)
+)  # a palm less below the shoulders than this share of how far it is
 STRAIGHT = math.radians(40)  # who bends wrist or elbow by less has an arm that counts
 CLOSE, SHORT = (
     0.010,
