@@ -211,10 +211,11 @@ class Segmenter:
     def _near(self, gap: Array) -> Array:
         """Return how far each vector is from rest of gaps to it [rad]: of an arm what it or its wrist says.
 
-        Whether an elbow looks straight or bent turns an arm, and not its wrist.
+        Whether an elbow looks straight or bent turns an arm, and not its wrist; of who cannot straighten it
+        the wrist hangs as it may.
         """
         out = gap.copy()
-        known = self.now[WRIST_COLUMNS] == self.now[WRIST_COLUMNS]
+        known = np.isfinite(self.now[WRIST_COLUMNS]) & ~np.array(self._bent)
         out[:2] = np.where(known, np.minimum(gap[:2], gap[5:]), gap[:2])
         return out
 

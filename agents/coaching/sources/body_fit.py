@@ -22,6 +22,10 @@ BEHIND = 0.015
 # shoulders, shoulders against head along the trunk, forward and to the left, reach of a straight arm; and how
 # far shoulders move with arms against the average. To the left: how a headset sits, and who holds it.
 BETWEEN = np.array((0.007, 0.012, 0.02, 0.012, 0.016, 0.4))
+ASIDE, FIXED = np.arange(6) == 3, 1e-6
+RAISED = math.cos(
+    math.radians(45)
+)  # a palm less below the shoulders than this share of how far it is
 STRAIGHT = math.radians(40)  # who bends wrist or elbow by less has an arm that counts
 CLOSE, SHORT = (
     0.010,
@@ -125,7 +129,10 @@ class BodyFit:
         place = (body.shoulder, 0.0, self.forward, self.aside)
         prior = np.array((*place, body.reach, self.lift * unit)) / unit
         value = prior.copy()
-        precision = np.diag(1 / BETWEEN**2)
+        # One raised arm alone does not tell a place aside from wide shoulders.
+        raised = signs[palms[:, 2] > -RAISED * np.linalg.norm(palms, axis=1)]
+        between = np.where(ASIDE & (len(set(raised)) < 2), FIXED, BETWEEN)
+        precision = np.diag(1 / between**2)
         for _ in range(ROUNDS):
             width, down, forward, aside, reach = value[:5] * unit
             lift = np.zeros((len(seen), 3))
@@ -147,11 +154,11 @@ class BodyFit:
             by_lift = (along * lift).sum(axis=1) / unit
             by_place = (signs * along[:, 1], -along[:, 2], along[:, 0], along[:, 1])
             rows = np.column_stack((*by_place, ones, by_lift))
-            left = np.diag(1 / BETWEEN**2) + (rows * weight[:, None]).T @ rows
-            right = (rows * weight[:, None]).T @ error + (value - prior) / BETWEEN**2
+            left = np.diag(1 / between**2) + (rows * weight[:, None]).T @ rows
+            right = (rows * weight[:, None]).T @ error + (value - prior) / between**2
             value = value - np.linalg.solve(left, right)
             precision = left
-        left_over = np.diag(np.linalg.inv(precision)) / BETWEEN**2
+        left_over = np.diag(np.linalg.inv(precision)) / between**2
         share = value[4] * unit / body.reach
         if not 0.75 <= share <= 1.25:
             raise ConfigError(
