@@ -163,8 +163,10 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         raise ConfigError(f"{where}: expected a number of at most {LARGEST_NUMBER:.3g}")
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
-    if isinstance(hint, type) and (
-        not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool)
+    if (
+        origin is None
+        and isinstance(hint, type)
+        and (not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool))
     ):
         raise ConfigError(f"{where}: expected {hint.__name__}, got {_shown(value)}")
     if hint is float and not math.isfinite(value):

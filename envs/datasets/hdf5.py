@@ -5,6 +5,7 @@ robomimic: https://robomimic.github.io/docs/datasets/overview.html; Minari: http
 
 from __future__ import annotations
 
+import inspect
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -84,6 +85,13 @@ def read_robomimic(path: Path, only: int | None) -> Iterator[RecordedEpisode]:
         yield check_rewards(assembled(header, actions, digests, numbers, seen), rewards)
 
 
+def keeps_pictures() -> bool:
+    """Return whether the Minari that is installed can keep pictures as they are: from 0.5.4 on."""
+    from minari.dataset.minari_storage import MinariStorage
+
+    return "jpeg_encoding" in inspect.signature(MinariStorage.new).parameters
+
+
 class MinariWriter:
     """Writes by Minari's library; spaces are dictionaries by role, rewards of who is to learn."""
 
@@ -101,11 +109,18 @@ class MinariWriter:
         roles = lead_first(episode.header)
         nested = {role: _nested(episode, role) for role in roles}
         if self._storage is None:
+            pictures = [n for n, seen in episode.observations.items() if seen.dtype == np.uint8]
+            if pictures and not keeps_pictures():
+                raise ConfigError(
+                    f"Minari before 0.5.4 (which needs Python 3.11) keeps {pictures[0]} as JPEG alone: "
+                    "record without pictures, or to FILE.hdf5, FILE.mcap or a folder for LeRobot"
+                )
+            exact: Any = {"jpeg_encoding": False} if keeps_pictures() else {}
             self._storage = MinariStorage.new(
                 self._path / "data",
                 spaces.Dict({role: _space(nested[role]) for role in roles}),
                 spaces.Dict({role: _space(episode.actions[role], -1.0, 1.0) for role in roles}),
-                jpeg_encoding=False,  # pictures as they were
+                **exact,
             )
         ended = np.zeros(episode.steps, bool)
         late = ended.copy()
