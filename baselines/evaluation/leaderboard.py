@@ -31,6 +31,7 @@ from .matrix import RECIPIENT, Matrix, MatrixPlan, Outcome, Progress, run_cells
 from .protocol import Plan, file_facts
 
 FORMAT = 1  # of a record
+NONE = "No record stands here yet.\n"
 FOLDER = Path(__file__).resolve().parents[1] / "leaderboard"
 
 
@@ -284,4 +285,4 @@ def board(folder: Path = FOLDER) -> str:
         heads, rows = rows_of(entry for entry in entries if entry["task"] == task)
         lines = [heads, ["---"] * len(heads), *rows]
         out += [f"## {task}", "", *(f"| {' | '.join(line)} |" for line in lines), ""]
-    return "\n".join(out)
+    return "\n".join(out) or NONE
