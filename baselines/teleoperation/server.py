@@ -56,6 +56,7 @@ class Player:
         draws: Whether it wants what there is to be drawn.
         hand: What their hand did last.
         at: When [s].
+        is_told: Whether their page knows the scene.
         latency: From the scene that a hand saw to what it did, as it came here [s].
     """
 
@@ -64,6 +65,7 @@ class Player:
     draws: bool
     hand: Hand | Tracked | None = None
     at: float = 0.0
+    is_told: bool = False
     latency: float = 0.0
     sent: dict[int, float] = field(default_factory=dict)
     drawn: tuple[int, int] = (-1, -1)  # shapes and scene that its page draws
@@ -150,7 +152,7 @@ class Server(Door):
         self.check_token(request, takes_ticket=True)
         roles = {role: role not in self.players for role in self._stage.roles or (AUDIENCE,)}
         data = {"task": self._scenario.task, "roles": roles, "token": self.token}
-        if not self._stage.roles:
+        if not self._stage.roles and not self._stage.is_replay:
             data["choices"] = await asyncio.to_thread(choices)
         return web.json_response(data)
 
@@ -169,8 +171,13 @@ class Server(Door):
         self.players[key] = player
         try:
             await socket.prepare(request)
+            if self._stage.is_replay:  # a page has all of it, whenever it comes
+                self._running = False
+                await self._on_stage(self._stage.again)
             await self._send(player, {"type": "facts", **self._stage.facts(role)})
             await self._tell(player)
+            player.is_told = True
+            self._moved.set()
             await self._listen(player)
         finally:
             del self.players[key]
@@ -213,7 +220,7 @@ class Server(Door):
 
     async def _change(self, choice: Choice) -> None:
         """Show another scene in place of this one; where it cannot be, this one goes on."""
-        if self._stage.roles or self._scenario.record is not None:
+        if self._stage.roles or self._stage.is_replay or self._scenario.record is not None:
             raise MessageError("the scene is chosen where all watch and nothing is recorded")
         new = await self._on_stage(lambda: Stage(choice.of()))
         old, self._stage, self._running = self._stage, new, False
@@ -225,7 +232,9 @@ class Server(Door):
         await self._tell_all()
 
     def _status(self) -> str:
-        if len(self.players) < max(len(self._stage.roles), 1):
+        told = sum(player.is_told for player in self.players.values())
+        late = self._stage.is_replay and told < len(self.players)
+        if late or told < max(len(self._stage.roles), 1):
             return "waiting"
         if self._stage.is_over:
             return "over"
@@ -258,7 +267,8 @@ class Server(Door):
                     self._end()
                 await self._tell_all()
                 due = max(due + self._stage.control_dt / self._speed, time.monotonic() - IDLE)
-                await asyncio.sleep(0 if self._waits else max(due - time.monotonic(), 0))
+                hurries = self._waits or self._stage.is_replay  # the page has its own pace then
+                await asyncio.sleep(0 if hurries else max(due - time.monotonic(), 0))
         except Exception:
             logger.exception("the scene broke off")
             for player in tuple(self.players.values()):
@@ -275,7 +285,8 @@ class Server(Door):
 
     async def _go_on(self) -> None:
         """Begin the next episode where all watch, when they have seen how the last one ended."""
-        if self._status() == "over" and not self._stage.roles and not self._paused:
+        watched = not self._stage.roles and not self._stage.is_replay
+        if self._status() == "over" and watched and not self._paused:
             if time.monotonic() - self._over > LINGER and not self.done.is_set():
                 await self._on_stage(self._stage.begin)
 
@@ -301,7 +312,8 @@ class Server(Door):
 
     async def _tell_all(self) -> None:
         for player in tuple(self.players.values()):
-            await self._tell(player)
+            if player.is_told:
+                await self._tell(player)
 
     async def _tell(self, player: Player) -> None:
         facts = await self._on_stage(self._stage.seen, player.role)
