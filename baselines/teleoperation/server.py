@@ -257,7 +257,7 @@ class Server(Door):
                     await self._go_on()
                     due = time.monotonic()
                     continue
-                if self._waits:
+                if self._waits and self._stage.roles:
                     await self._answered()
                 now = time.monotonic()
                 hands = {role: player.live(now) for role, player in self.players.items()}
