@@ -246,6 +246,8 @@ async function watch() {
     return document.querySelector('#picture').toDataURL();
   });
   await page.waitForFunction(() => window.emulated.scene?.number > 15);
+  await page.click('#pause');
+  await page.waitForTimeout(400);
   const before = await picture();
   out.terms = await page.$$eval('#terms th', (cells) => cells.map((cell) => cell.textContent));
   await page.evaluate(() => { const at = document.querySelector('#moment'); at.value = 0; at.dispatchEvent(new Event('input')); });
@@ -260,6 +262,7 @@ async function watch() {
   out.overlays = await page.$$eval('#vitals th, #muscles th', (cells) => cells.map((cell) => cell.textContent));
   out.violations = await audit(page);
   if (job.pictures) await page.screenshot({ path: `${job.pictures}/${job.name}_phone.png`, fullPage: true });
+  await page.click('#pause');
   const ask = (recipient) => page.evaluate((name) => window.emulated.socket.send(JSON.stringify(
     { type: 'choice', task: 'feeding', robot: '', recipient: name, home: '', policy: '', seed: 2 })), recipient);
   await ask('nobody_9');

@@ -319,8 +319,8 @@ def test_vital_signs_of_everybody_and_muscles_of_who_has_some_are_told() -> None
     stage = Stage(Scenario("feeding", ["robot"], {"recipient": muscular}))
     stage.step({})
     told = stage.seen("robot")
-    assert set(told["vitals"]["Daniel"]) == set(stage.facts("robot")["vital_units"])
-    shares = [share for _, share in told["muscles"]["Daniel"]]
+    assert set(told["vitals"]["recipient"]) == set(stage.facts("robot")["vital_units"])
+    shares = [share for _, share in told["muscles"]["recipient"]]
     assert len(shares) == 8 and shares == sorted(shares, reverse=True) and 0 <= shares[0] <= 1
     stage.close()
 

@@ -149,7 +149,7 @@ def test_who_watches_goes_back_in_time_and_chooses_another_scene(tmp_path: Path)
     assert "recipient is Kim" in seen["chosen"]
     assert seen["overflow"] <= 0
     assert (
-        any("heart rate" in name for name in seen["overlays"]) and "Daniel" in seen["overlays"][-1]
+        any("heart rate" in name for name in seen["overlays"]) and "recipient" in seen["overlays"][-1]
     )
     assert seen["violations"] == []
 
@@ -157,7 +157,7 @@ def test_who_watches_goes_back_in_time_and_chooses_another_scene(tmp_path: Path)
 def test_a_record_is_seen_again_at_any_moment_painted_and_saved(tmp_path: Path) -> None:
     path = tmp_path / "bathing.hdf5"
     touched = 0.0
-    with make("bathing", policies={"robot": "scripted", "recipient": "cooperative"}) as env:
+    with make("bathing", policies={"robot": "scripted", "recipient": "behaviour"}) as env:
         with record(env, path):
             env.reset(seed=1)
             while not env.is_over:

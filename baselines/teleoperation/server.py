@@ -116,6 +116,7 @@ class Server(Door):
         self._told, self._left = told, episodes or math.inf
         self.done = asyncio.Event()
         self._moved = asyncio.Event()
+        self._telling = asyncio.Lock()  # nobody is told of two scenes at once
         self.app.router.add_get("/", self._index)
         self.app.router.add_get("/web/{name}", self._file)
         self.app.router.add_get("/three/{name}", self._file)
@@ -223,12 +224,13 @@ class Server(Door):
         if self._stage.roles or self._stage.is_replay or self._scenario.record is not None:
             raise MessageError("the scene is chosen where all watch and nothing is recorded")
         new = await self._on_stage(lambda: Stage(choice.of()))
-        old, self._stage, self._running = self._stage, new, False
-        await self._on_stage(old.close)
-        for player in tuple(self.players.values()):
-            player.drawn = (-1, -1)
-            facts = await self._on_stage(new.facts, player.role)
-            await self._send(player, {"type": "facts", **facts})
+        async with self._telling:
+            old, self._stage, self._running = self._stage, new, False
+            await self._on_stage(old.close)
+            for player in tuple(self.players.values()):
+                player.drawn = (-1, -1)
+                facts = await self._on_stage(new.facts, player.role)
+                await self._send(player, {"type": "facts", **facts})
         await self._tell_all()
 
     def _status(self) -> str:
@@ -316,18 +318,23 @@ class Server(Door):
                 await self._tell(player)
 
     async def _tell(self, player: Player) -> None:
-        facts = await self._on_stage(self._stage.seen, player.role)
-        player.sent = {k: v for k, v in player.sent.items() if k > facts["number"] - 20}
-        player.sent.setdefault(facts["number"], time.monotonic())
-        missing = [role for role in self._stage.roles if role not in self.players]
-        state = {"status": self._status(), "missing": missing, "latency_ms": 1e3 * player.latency}
-        await self._send(player, {"type": "scene", **facts, **state})
-        if player.draws and player.drawn != (self._stage.scenes, facts["number"]):
-            known, _ = player.drawn
-            for data in await self._on_stage(self._stage.drawn, known):
-                if not player.socket.closed:
-                    await self._deliver(player.socket.send_bytes(data))
-            player.drawn = self._stage.scenes, facts["number"]
+        async with self._telling:
+            facts = await self._on_stage(self._stage.seen, player.role)
+            player.sent = {k: v for k, v in player.sent.items() if k > facts["number"] - 20}
+            player.sent.setdefault(facts["number"], time.monotonic())
+            missing = [role for role in self._stage.roles if role not in self.players]
+            state = {
+                "status": self._status(),
+                "missing": missing,
+                "latency_ms": 1e3 * player.latency,
+            }
+            await self._send(player, {"type": "scene", **facts, **state})
+            if player.draws and player.drawn != (self._stage.scenes, facts["number"]):
+                known, _ = player.drawn
+                for data in await self._on_stage(self._stage.drawn, known):
+                    if not player.socket.closed:
+                        await self._deliver(player.socket.send_bytes(data))
+                player.drawn = self._stage.scenes, facts["number"]
 
     async def _send(self, player: Player, data: dict[str, Any]) -> None:
         if not player.socket.closed:

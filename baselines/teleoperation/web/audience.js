@@ -107,15 +107,24 @@ export class Audience {
     button.setAttribute("aria-pressed", "true");
   }
 
-  // A frame that came; return whether it is to be shown now.
-  keep(buffer) {
-    this.frames.push(buffer);
+  // What came: shapes, which all frames after them are of, or a frame.
+  keep(buffer, isFrame) {
+    if (!isFrame) {
+      this.shapes = buffer;
+      this.size += buffer.byteLength;
+      return;
+    }
+    this.frames.push({ frame: buffer, shapes: this.shapes });
     this.size += buffer.byteLength;
-    while (this.size > KEPT) { this.size -= this.frames.shift().byteLength; this.told.shift(); }
+    while (this.size > KEPT) {
+      const { frame, shapes } = this.frames.shift();
+      this.size -= frame.byteLength + (shapes === this.frames[0].shapes ? 0 : shapes.byteLength);
+      this.told.shift();
+    }
     find("moment").max = this.replays ? this.told.at(-1).steps : this.frames.length - 1;
-    if (this.replays) return this.frames.length === 1;
-    if (this.isLive) find("moment").value = this.frames.length - 1;
-    return this.isLive;
+    if (!this.isLive && !(this.replays && this.frames.length === 1)) return;
+    find("moment").value = this.frames.length - 1;
+    this.show(this.frames.length - 1);
   }
 
   // What is told comes before its frame.
@@ -124,20 +133,21 @@ export class Audience {
     if (data.time < (this.told.at(-1)?.time ?? 0)) this.clear();
     this.number = data.number;
     this.told.push(data);
-    if (this.isLive || (this.replays && this.told.length === 1)) this.show(this.told.length - 1);
   }
 
   seek(k) {
     k = Math.min(k, this.frames.length - 1);  // of a record, what has come of it
     if (!this.frames[k]) return;
     this.isLive = !this.replays && k === this.frames.length - 1;
-    this.scene.take(this.frames[k]);
     this.show(k);
   }
 
   show(k) {
     const now = this.told[k];
-    if (!now) return;
+    if (!now || !this.frames[k]) return;
+    const { frame, shapes } = this.frames[k];
+    if (shapes !== this.drawn) this.scene.take(this.drawn = shapes);
+    if (frame !== this.shown) this.scene.take(this.shown = frame);
     this.at = k;
     const [forces, pressure, vitals, muscles] = OVERLAYS.map((name) => find(`show-${name}`).checked);
     find("moment-now").textContent = `${now.time.toFixed(1)} s`;

@@ -53,8 +53,8 @@ function join(role) {
 }
 
 function drawn(buffer) {
-  const isFrame = scene && kindOf(buffer) === "frame";
-  if (!audience || !isFrame || audience.keep(buffer)) scene?.take(buffer);
+  if (audience) audience.keep(buffer, kindOf(buffer) === "frame");
+  else scene?.take(buffer);
 }
 
 function told(data) {
