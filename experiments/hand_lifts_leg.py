@@ -1,4 +1,4 @@
-"""A caregiver's hand, as a headset would tell of it, that lifts the leg in dressing; the robot plays its script.
+"""A hand, as a headset would tell of it, that lifts the leg in dressing; the robot plays its script.
 
 The law looks at what the page is told, and goes by the same ways as `lift` in tests/teleoperation_page.mjs,
 which plays it in a browser. Usage:
