@@ -39,26 +39,26 @@ class Lift:
         ankle, walk, kneel = np.array(seen["ankle_position"]), 0.0, 0
         if self._stand is None:
             self._stand = float(ankle[0]) + STAND
+        foot = ankle + (0.07, 0.0, 0.0)
         if self._phase in ("walk", "kneel"):
             self._at = palm
-        else:
-            self._turn = min(self._turn + TURN, TURNED)
-        foot = ankle + (0.07, 0.0, 0.0)
         if self._phase == "walk":
-            is_there = told["body"]["pelvis"][0] - self._stand < STOP
+            is_there = told["body"]["pelvis"][0] - self._stand <= STOP
             walk, self._still = 0.0 if is_there else SHARE, self._still + is_there
             self._phase = "kneel" if self._still > STILL else "walk"
         elif self._phase == "kneel":
             kneel = 1
             self._phase = "before" if seen["kneeling"][0] > 0.999 else "kneel"
-        elif self._phase == "before":
+        if self._phase == "before":
             self._phase = self._go(palm, foot + (0.12, -0.195, 0.05), FAST, 0.12, "grip")
-        elif self._phase == "grip":
+        if self._phase == "grip":
             self._phase = self._go(palm, foot + (0.0, -0.065, 0.0), SLOW, 0.05, "take")
-        elif self._phase == "take" and seen["left_hand_holds"][0]:
+        if self._phase == "take" and seen["left_hand_holds"][0]:
             self._phase, self._at = "lift", palm
         if self._phase == "lift":
             self._raise(palm, np.array(seen["foot_to_lifted"]))
+        if self._phase not in ("walk", "kneel"):
+            self._turn = min(self._turn + TURN, TURNED)
         turn = [0.0, float(np.sin(self._turn / 2)), 0.0, float(np.cos(self._turn / 2))]
         grasp = float(self._phase in ("take", "lift"))
         hand = {"place": [*self._at.tolist(), *turn], "clutch": True, "grasp": grasp}

@@ -30,7 +30,7 @@ from rcare_marl.envs.datasets import read, record
 WEB = Path(__file__).resolve().parents[1] / "baselines" / "coaching" / "page" / "web"
 THREE = WEB / "node_modules" / "three" / "build"
 TOKEN = "of-the-test"
-PATIENCE = 60.0  # for anything on the page to happen on a loaded machine [s]
+PATIENCE = 120.0  # for anything on the page to happen on a loaded machine [s]
 REQUIRED = "RCARE_MARL_REQUIRE_BROWSER"  # set by make test-browser: these tests must not be skipped
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), None)

@@ -238,10 +238,10 @@ class Server(Door):
         late = self._stage.is_replay and told < len(self.players)
         if late or told < max(len(self._stage.roles), 1):
             return "waiting"
-        if self._stage.is_over:
-            return "over"
         if self._paused:
             return "paused"
+        if self._stage.is_over:
+            return "over"
         return "running" if self._running else "ready"
 
     async def _loop(self) -> None:
