@@ -1,7 +1,6 @@
 """A hand, as a headset would tell of it, that lifts the leg in dressing; the robot plays its script.
 
-The law looks at what the page is told, and goes by the same ways as `lift` in tests/teleoperation_page.mjs,
-which plays it in a browser. Usage:
+The law looks at what the page is told. Usage:
 
     python experiments/hand_lifts_leg.py 5100 5101
 """

@@ -56,51 +56,6 @@ const LAWS = {
     window.emulated.put('right', memory.at);
     window.emulated.hold('right', 1);
   },
-  // Walk up to the foot, kneel down, take it from the outside, draw it out and raise it until it is where it is to be.
-  lift({ seen, body }, memory) {
-    const { ankle_position: ankle, pelvis_position: [x], kneeling: [down], foot_to_lifted: left } = seen;
-    const hand = body.palms.left;
-    const apart = (a, b) => Math.hypot(...a.map((value, k) => value - b[k]));
-    const { put, hold, close, stick, press, device } = window.emulated;
-    const go = (goal, step) => {
-      const way = goal.map((value, k) => value - memory.at[k]);
-      memory.at = memory.at.map((value, k) => value + way[k] * Math.min(1, step / Math.max(Math.hypot(...way), 1e-9)));
-    };
-    memory.phase ??= 'walk';
-    memory.stand ??= ankle[0] + 0.57;
-    // Fingers down at first, then ahead.
-    if (!['walk', 'kneel'].includes(memory.phase)) memory.turn = Math.min((memory.turn ?? 0) + 0.08, 1.3);
-    const half = (memory.turn ?? 0) / 2;
-    const { room } = window.teleoperation;
-    const turn = room.quaternion.clone().set(0, Math.sin(half), 0, Math.cos(half));
-    device.controllers.left.quaternion.copy(room.quaternion.clone().multiply(turn));
-    hold('left', 1);
-    if (memory.phase === 'walk') {
-      const isThere = x - memory.stand < 0.12;
-      stick('left', 0, isThere ? 0 : -0.35);
-      memory.still = (memory.still ?? 0) + isThere;
-      if (memory.still > 12) memory.phase = 'kneel';
-    }
-    if (memory.phase === 'kneel') {
-      press('left', 'x-button', 1);
-      if (down > 0.999) { press('left', 'x-button', 0); memory.phase = 'before'; }
-    }
-    if (['walk', 'kneel'].includes(memory.phase)) { memory.at = hand; put('left', hand); return; }
-    const foot = [ankle[0] + 0.07, ankle[1], ankle[2]];
-    const [before, beside] = [[foot[0] + 0.12, foot[1] - 0.195, foot[2] + 0.05], [foot[0], foot[1] - 0.065, foot[2]]];
-    if (memory.phase === 'before') { go(before, 0.035); if (apart(hand, before) < 0.12) memory.phase = 'grip'; }
-    if (memory.phase === 'grip') { go(beside, 0.02); if (apart(hand, beside) < 0.05) memory.phase = 'lift'; }
-    if (memory.phase === 'lift') {
-      close('left', 1);
-      if (!memory.held) { memory.held = seen.left_hand_holds[0] > 0.5; memory.at = hand; }
-      const far = Math.hypot(...left);
-      const way = Math.hypot(left[0], left[1]) > 0.04 ? [left[0], left[1], 0.4 * left[2]] : left;
-      const next = memory.at.map((value, k) => value + way[k] / Math.hypot(...way) * Math.min(0.015, 0.1 * far));
-      if (memory.held && far > 0.03 && apart(next, hand) < 0.2) memory.at = next;
-      memory.least = Math.min(memory.least ?? 9, far);
-    }
-    put('left', memory.at);
-  },
   // Hold the clutch, and open the mouth.
   eat() {
     window.emulated.hold('right', 1);

@@ -120,18 +120,6 @@ def test_who_is_fed_opens_the_mouth_by_the_trigger(tmp_path: Path) -> None:
     assert person["last"]["success"], person["last"]
 
 
-@pytest.mark.slow
-def test_a_caregiver_in_a_headset_lifts_the_leg_and_the_robot_dresses_it(tmp_path: Path) -> None:
-    with served(Scenario("dressing", ["caregiver"], seed=0)) as url:
-        helper = {"law": "lift"}
-        seen = drive(tmp_path, url, "lift", roles=["caregiver"], players={"caregiver": helper})
-    caregiver = seen["players"]["caregiver"]
-    assert caregiver["last"]["success"], (caregiver["last"], caregiver["memory"])
-    assert caregiver["memory"]["least"] < 0.06  # [m] from where the robot begins to pull
-    assert caregiver["last"]["seen"]["left_hand_holds"] == [1.0]
-    assert not caregiver["refused"]
-
-
 def test_two_people_in_two_browsers_feed_and_are_fed(tmp_path: Path) -> None:
     players = {"robot": {"law": "feed"}, "recipient": {"law": "eat"}}
     with served(Scenario("feeding", list(players), seed=1)) as url:
