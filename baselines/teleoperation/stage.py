@@ -336,7 +336,7 @@ class Stage:
             actions = {role: self._action(role, hands.get(role)) for role in self.roles}
             watched = self._env.agents if not self.roles else ()
             actions |= {role: self._players[role].act() for role in watched}
-        self._env.step(actions)  # type: ignore[arg-type]  # float64 will do
+        self._env.step(actions)
         self.number += 1
         self._at += 1
         self._check_replay()

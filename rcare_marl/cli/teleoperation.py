@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -114,7 +115,7 @@ def serve_scene(
     from rcare_marl.baselines.teleoperation.server import Server
     from rcare_marl.baselines.teleoperation.stage import Scenario
 
-    scenario = Scenario(*scene, replays=replays)
+    scenario = replace(Scenario(*scene), replays=replays)
     three = packages_folder() / "three" / "build"
 
     async def serve() -> None:
