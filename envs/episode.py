@@ -393,7 +393,7 @@ def replay(
             if on_step is not None:
                 on_step(own)
             if not difference:
-                difference = _difference(episode, step, own)
+                difference = compare(episode, step, own)
                 equal = step if not difference else equal
             if own.is_over or (difference and on_step is None):
                 break
@@ -404,7 +404,7 @@ def replay(
     return Replay(equal, episode.steps, difference, elsewhere)
 
 
-def _difference(episode: RecordedEpisode, step: int, env: CareEnv) -> str:
+def compare(episode: RecordedEpisode, step: int, env: CareEnv) -> str:
     """Return what is otherwise after a step than it was, empty if nothing is."""
     digests, numbers = _digests(env), _numbers(env)
     header = episode.header

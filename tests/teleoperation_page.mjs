@@ -69,6 +69,7 @@ const browser = await chromium.launch({ executablePath: job.chromium, headless: 
 try {
   if (job.kind === 'strangers') await strangers();
   else if (job.kind === 'watch') await watch();
+  else if (job.kind === 'replay') await replay();
   else {
     for (const role of job.roles) await enter(role);
     await Promise.all(job.roles.map(play));
@@ -148,6 +149,49 @@ async function strangers() {
   }, [job.url]);
 }
 
+async function audit(page) {
+  await page.evaluate(fs.readFileSync(require.resolve('axe-core/axe.min.js'), 'utf8'));
+  const { violations } = await page.evaluate(() => window.axe.run());
+  return violations.map(({ id, nodes }) => `${id} at ${nodes.map(({ target }) => target).join(', ')}`);
+}
+
+// What a button of the page saves: its name and first bytes.
+async function saved(page, press) {
+  const [download] = await Promise.all([page.waitForEvent('download'), press()]);
+  const path = await download.path();
+  const bytes = fs.readFileSync(path);
+  if (job.pictures) fs.copyFileSync(path, `${job.pictures}/${job.name}_${download.suggestedFilename()}`);
+  return { name: download.suggestedFilename(), size: bytes.length, begins: bytes.subarray(0, 8).toString('hex') };
+}
+
+// Look at a recorded episode to its end, then at its middle; with pressure and without; save a picture and a film.
+async function replay() {
+  const page = await open();
+  await page.waitForFunction(() => document.querySelector('#moment-now').textContent);
+  await page.click('#take-film');
+  const at = () => page.$eval('#moment', ({ value, max }) => [Number(value), Number(max)]);
+  await page.waitForFunction(() => { const { value, max } = document.querySelector('#moment'); return Number(max) > 0 && value === max; });
+  out.film = await saved(page, () => page.click('#take-film'));
+  out.end = { at: await at(), says: await page.textContent('#outcome'), status: await page.textContent('#status') };
+  const seek = async (k) => {
+    await page.$eval('#moment', (slider, k) => { slider.value = k; slider.dispatchEvent(new Event('input')); }, k);
+    await page.waitForTimeout(500);
+  };
+  const painted = () => page.evaluate(() => window.teleoperation.surfaces.map(({ userData: { base }, attributes: { color } }) =>
+    base.some((value, i) => Math.abs(value - color.array[i]) > 1e-3)));
+  await page.click('#pause');  // from the end it begins again
+  await page.click('#pause');
+  await seek(job.touched);
+  out.middle = { at: await at(), moment: await page.textContent('#moment-now'), painted: await painted() };
+  if (job.pictures) await page.screenshot({ path: `${job.pictures}/${job.name}.png`, fullPage: true });
+  out.picture = await saved(page, () => page.click('#take-picture'));
+  await page.uncheck('#show-pressure');
+  out.middle.bare = await painted();
+  await page.waitForTimeout(300);
+  out.middle.stays = await at();
+  out.violations = await audit(page);
+}
+
 // Watch, go back to the beginning, ask for what there is not, then for another task; and look at it on a phone.
 async function watch() {
   const page = await open();
@@ -157,6 +201,8 @@ async function watch() {
     return document.querySelector('#picture').toDataURL();
   });
   await page.waitForFunction(() => window.emulated.scene?.number > 15);
+  await page.click('#pause');
+  await page.waitForTimeout(400);
   const before = await picture();
   out.terms = await page.$$eval('#terms th', (cells) => cells.map((cell) => cell.textContent));
   await page.evaluate(() => { const at = document.querySelector('#moment'); at.value = 0; at.dispatchEvent(new Event('input')); });
@@ -166,7 +212,12 @@ async function watch() {
   await page.setViewportSize({ width: 390, height: 844 });
   await page.waitForTimeout(400);
   out.overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+  await page.check('#show-vitals');
+  await page.check('#show-muscles');
+  out.overlays = await page.$$eval('#vitals th, #muscles th', (cells) => cells.map((cell) => cell.textContent));
+  out.violations = await audit(page);
   if (job.pictures) await page.screenshot({ path: `${job.pictures}/${job.name}_phone.png`, fullPage: true });
+  await page.click('#pause');
   const ask = (recipient) => page.evaluate((name) => window.emulated.socket.send(JSON.stringify(
     { type: 'choice', task: 'feeding', robot: '', recipient: name, home: '', policy: '', seed: 2 })), recipient);
   await ask('nobody_9');

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -21,8 +22,9 @@ from rcare_marl.baselines.teleoperation.hand import feed, play
 from rcare_marl.baselines.teleoperation.server import Server
 from rcare_marl.baselines.teleoperation.stage import Hand, Scenario, Stage, parse
 from rcare_marl.baselines.teleoperation.tracked import Tracked
-from rcare_marl.envs.datasets import read
-from rcare_marl.envs.episode import replay
+from rcare_marl.envs import make
+from rcare_marl.envs.datasets import read, record
+from rcare_marl.envs.episode import RecordedEpisode, replay
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 TOKEN = "of-the-test"
@@ -267,10 +269,68 @@ def test_marked_episodes_are_recorded_as_successes(tmp_path: Path) -> None:
     assert only.is_success and only.steps == 1 and only.header.seed == 0
 
 
-def test_a_scenario_names_what_is_wrong() -> None:
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedEpisode:
+    path = tmp_path_factory.mktemp("recorded") / "two.hdf5"
+    policies = {"robot": "scripted", "recipient": "cooperative"}
+    with make("feeding", policies=policies) as env, record(env, path):
+        env.reset(seed=4)
+        while not env.is_over:
+            env.step({})
+    (episode,) = read(path)
+    return episode
+
+
+def test_a_record_is_shown_from_its_beginning_to_whoever_comes(recorded: RecordedEpisode) -> None:
+    async def steps(address: str, server: Server) -> None:
+        query = {"role": "audience", "token": TOKEN, "draws": "0"}
+        for _ in range(2):  # the second comes when all was played
+            async with (
+                ClientSession() as session,
+                session.ws_connect(f"{address}/session", params=query, origin=address) as socket,
+            ):
+                assert (await socket.receive_json())["replays"] == 1
+                told = [await socket.receive_json()]
+                while not told[-1]["is_over"]:
+                    told.append(await socket.receive_json())
+                times = sorted({round(each["time"], 3) for each in told})
+                assert times[0] == 0.0 and len(times) == recorded.steps + 1
+                assert told[-1]["success"] and not told[-1]["differs"]
+                wanted = recorded.observations["robot"][-1]
+                found = [value for values in told[-1]["seen"].values() for value in values]
+                assert found == pytest.approx(wanted.tolist())
+
+    serve(Scenario("feeding", (), replays=[recorded]), steps)
+
+
+def test_a_record_that_comes_out_otherwise_says_where(recorded: RecordedEpisode) -> None:
+    actions = {role: rows.copy() for role, rows in recorded.actions.items()}
+    actions["robot"][2] = 0.0
+    stage = Stage(Scenario("feeding", (), replays=[replace(recorded, actions=actions)]))
+    for _ in range(3):
+        assert not stage.seen("audience")["differs"]
+        stage.step({})
+    assert stage.seen("audience")["differs"].startswith("step 3:")
+    stage.close()
+
+
+def test_vital_signs_of_everybody_and_muscles_of_who_has_some_are_told() -> None:
+    muscular = {"model": "daniel", "actuation": "muscle"}
+    stage = Stage(Scenario("feeding", ["robot"], {"recipient": muscular}))
+    stage.step({})
+    told = stage.seen("robot")
+    assert set(told["vitals"]["recipient"]) == set(stage.facts("robot")["vital_units"])
+    shares = [share for _, share in told["muscles"]["recipient"]]
+    assert len(shares) == 8 and shares == sorted(shares, reverse=True) and 0 <= shares[0] <= 1
+    stage.close()
+
+
+def test_a_scenario_names_what_is_wrong(recorded: RecordedEpisode) -> None:
     with pytest.raises(UnknownNameError, match="doctor"):
         Scenario("feeding", ["doctor"])
     with pytest.raises(ConfigError, match="each once"):
         Scenario("feeding", ["robot", "robot"])
+    with pytest.raises(ConfigError, match="recorded episodes of 'bathing' are wanted"):
+        Scenario("bathing", (), replays=[recorded])
     with pytest.raises(ConfigError, match="either a person plays or a policy"):
         Scenario("feeding", ["robot"], policies={"robot": "scripted"})

@@ -18,6 +18,8 @@ from test_teleoperation import BAD
 
 from rcare_marl.baselines.teleoperation.server import Server
 from rcare_marl.baselines.teleoperation.stage import Scenario
+from rcare_marl.envs import make
+from rcare_marl.envs.datasets import read, record
 
 THREE = WEB / "node_modules" / "three" / "build"
 TOKEN = "of-the-test"
@@ -25,7 +27,7 @@ TOKEN = "of-the-test"
 
 @pytest.fixture(scope="module", autouse=True)
 def _browser() -> None:
-    need("iwer", "playwright-core")
+    need("axe-core", "iwer", "playwright-core")
 
 
 @contextmanager
@@ -83,6 +85,40 @@ def test_who_watches_goes_back_in_time_and_chooses_another_scene(tmp_path: Path)
     assert "nobody_9" in seen["refused"]
     assert "recipient is Kim" in seen["chosen"]
     assert seen["overflow"] <= 0
+    assert (
+        any("heart rate" in name for name in seen["overlays"])
+        and "recipient" in seen["overlays"][-1]
+    )
+    assert seen["violations"] == []
+
+
+def test_a_record_is_seen_again_at_any_moment_painted_and_saved(tmp_path: Path) -> None:
+    path = tmp_path / "scratching.hdf5"
+    touched = 0.0
+    with make("scratching", policies={"robot": "scripted", "recipient": "still"}) as env:
+        with record(env, path):
+            env.reset(seed=1)
+            while not env.is_over:
+                env.step({})
+                touched = touched or env.world.time * (env.task.report()["force_n"] > 1)
+        dt = env.task.control_dt
+    (episode,) = read(path)
+    k = round(touched / dt)
+    assert 0 < k < episode.steps
+    with served(Scenario("scratching", (), replays=[episode])) as url:
+        size = {"width": 1280, "height": 800}
+        seen = drive(tmp_path, url, "replay", kind="replay", viewport=size, touched=k)
+    assert seen["end"]["at"] == [episode.steps, episode.steps]
+    assert ("success" in seen["end"]["says"]) and "as recorded" in seen["end"]["says"]
+    assert seen["middle"]["at"] == seen["middle"]["stays"] == [k, episode.steps]
+    assert seen["middle"]["moment"] == f"{touched:.1f} s"
+    assert sum(seen["middle"]["painted"]) == 1 and not any(seen["middle"]["bare"])
+    assert (
+        seen["picture"]["name"] == "scene.png" and seen["picture"]["begins"] == "89504e470d0a1a0a"
+    )
+    assert seen["film"]["name"] == "scene.webm" and seen["film"]["begins"].startswith("1a45dfa3")
+    assert seen["film"]["size"] > 20_000
+    assert seen["violations"] == []
 
 
 def test_bad_messages_of_a_page_change_nothing_and_pages_of_others_get_nowhere(

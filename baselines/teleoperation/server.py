@@ -56,6 +56,7 @@ class Player:
         draws: Whether it wants what there is to be drawn.
         hand: What their hand did last.
         at: When [s].
+        is_told: Whether their page knows the scene.
         latency: From the scene that a hand saw to what it did, as it came here [s].
     """
 
@@ -64,6 +65,7 @@ class Player:
     draws: bool
     hand: Hand | Tracked | None = None
     at: float = 0.0
+    is_told: bool = False
     latency: float = 0.0
     sent: dict[int, float] = field(default_factory=dict)
     drawn: tuple[int, int] = (-1, -1)  # shapes and scene that its page draws
@@ -114,6 +116,7 @@ class Server(Door):
         self._told, self._left = told, episodes or math.inf
         self.done = asyncio.Event()
         self._moved = asyncio.Event()
+        self._telling = asyncio.Lock()  # nobody is told of two scenes at once
         self.app.router.add_get("/", self._index)
         self.app.router.add_get("/web/{name}", self._file)
         self.app.router.add_get("/three/{name}", self._file)
@@ -150,7 +153,7 @@ class Server(Door):
         self.check_token(request, takes_ticket=True)
         roles = {role: role not in self.players for role in self._stage.roles or (AUDIENCE,)}
         data = {"task": self._scenario.task, "roles": roles, "token": self.token}
-        if not self._stage.roles:
+        if not self._stage.roles and not self._stage.is_replay:
             data["choices"] = await asyncio.to_thread(choices)
         return web.json_response(data)
 
@@ -169,8 +172,13 @@ class Server(Door):
         self.players[key] = player
         try:
             await socket.prepare(request)
+            if self._stage.is_replay:  # a page has all of it, whenever it comes
+                self._running = False
+                await self._on_stage(self._stage.again)
             await self._send(player, {"type": "facts", **self._stage.facts(role)})
             await self._tell(player)
+            player.is_told = True
+            self._moved.set()
             await self._listen(player)
         finally:
             del self.players[key]
@@ -213,24 +221,27 @@ class Server(Door):
 
     async def _change(self, choice: Choice) -> None:
         """Show another scene in place of this one; where it cannot be, this one goes on."""
-        if self._stage.roles or self._scenario.record is not None:
+        if self._stage.roles or self._stage.is_replay or self._scenario.record is not None:
             raise MessageError("the scene is chosen where all watch and nothing is recorded")
         new = await self._on_stage(lambda: Stage(choice.of()))
-        old, self._stage, self._running = self._stage, new, False
-        await self._on_stage(old.close)
-        for player in tuple(self.players.values()):
-            player.drawn = (-1, -1)
-            facts = await self._on_stage(new.facts, player.role)
-            await self._send(player, {"type": "facts", **facts})
+        async with self._telling:
+            old, self._stage, self._running = self._stage, new, False
+            await self._on_stage(old.close)
+            for player in tuple(self.players.values()):
+                player.drawn = (-1, -1)
+                facts = await self._on_stage(new.facts, player.role)
+                await self._send(player, {"type": "facts", **facts})
         await self._tell_all()
 
     def _status(self) -> str:
-        if len(self.players) < max(len(self._stage.roles), 1):
+        told = sum(player.is_told for player in self.players.values())
+        late = self._stage.is_replay and told < len(self.players)
+        if late or told < max(len(self._stage.roles), 1):
             return "waiting"
-        if self._stage.is_over:
-            return "over"
         if self._paused:
             return "paused"
+        if self._stage.is_over:
+            return "over"
         return "running" if self._running else "ready"
 
     async def _loop(self) -> None:
@@ -248,7 +259,7 @@ class Server(Door):
                     await self._go_on()
                     due = time.monotonic()
                     continue
-                if self._waits:
+                if self._waits and self._stage.roles:
                     await self._answered()
                 now = time.monotonic()
                 hands = {role: player.live(now) for role, player in self.players.items()}
@@ -258,7 +269,8 @@ class Server(Door):
                     self._end()
                 await self._tell_all()
                 due = max(due + self._stage.control_dt / self._speed, time.monotonic() - IDLE)
-                await asyncio.sleep(0 if self._waits else max(due - time.monotonic(), 0))
+                hurries = self._waits or self._stage.is_replay  # the page has its own pace then
+                await asyncio.sleep(0 if hurries else max(due - time.monotonic(), 0))
         except Exception:
             logger.exception("the scene broke off")
             for player in tuple(self.players.values()):
@@ -275,7 +287,8 @@ class Server(Door):
 
     async def _go_on(self) -> None:
         """Begin the next episode where all watch, when they have seen how the last one ended."""
-        if self._status() == "over" and not self._stage.roles and not self._paused:
+        watched = not self._stage.roles and not self._stage.is_replay
+        if self._status() == "over" and watched and not self._paused:
             if time.monotonic() - self._over > LINGER and not self.done.is_set():
                 await self._on_stage(self._stage.begin)
 
@@ -301,21 +314,27 @@ class Server(Door):
 
     async def _tell_all(self) -> None:
         for player in tuple(self.players.values()):
-            await self._tell(player)
+            if player.is_told:
+                await self._tell(player)
 
     async def _tell(self, player: Player) -> None:
-        facts = await self._on_stage(self._stage.seen, player.role)
-        player.sent = {k: v for k, v in player.sent.items() if k > facts["number"] - 20}
-        player.sent.setdefault(facts["number"], time.monotonic())
-        missing = [role for role in self._stage.roles if role not in self.players]
-        state = {"status": self._status(), "missing": missing, "latency_ms": 1e3 * player.latency}
-        await self._send(player, {"type": "scene", **facts, **state})
-        if player.draws and player.drawn != (self._stage.scenes, facts["number"]):
-            known, _ = player.drawn
-            for data in await self._on_stage(self._stage.drawn, known):
-                if not player.socket.closed:
-                    await self._deliver(player.socket.send_bytes(data))
-            player.drawn = self._stage.scenes, facts["number"]
+        async with self._telling:
+            facts = await self._on_stage(self._stage.seen, player.role)
+            player.sent = {k: v for k, v in player.sent.items() if k > facts["number"] - 20}
+            player.sent.setdefault(facts["number"], time.monotonic())
+            missing = [role for role in self._stage.roles if role not in self.players]
+            state = {
+                "status": self._status(),
+                "missing": missing,
+                "latency_ms": 1e3 * player.latency,
+            }
+            await self._send(player, {"type": "scene", **facts, **state})
+            if player.draws and player.drawn != (self._stage.scenes, facts["number"]):
+                known, _ = player.drawn
+                for data in await self._on_stage(self._stage.drawn, known):
+                    if not player.socket.closed:
+                        await self._deliver(player.socket.send_bytes(data))
+                player.drawn = self._stage.scenes, facts["number"]
 
     async def _send(self, player: Player, data: dict[str, Any]) -> None:
         if not player.socket.closed:

@@ -15,9 +15,14 @@ import numpy as np
 
 from rcare_marl import assets
 from rcare_marl.agents.agent import Array
+from rcare_marl.agents.people.actuation import muscle_kernel
+from rcare_marl.agents.people.actuation.muscular import MuscleDrive
+from rcare_marl.agents.people.human import Human
+from rcare_marl.agents.people.physiology import QUANTITIES
 from rcare_marl.agents.policy import Policy
 from rcare_marl.envs import make
 from rcare_marl.envs.datasets import Recording
+from rcare_marl.envs.episode import RecordedEpisode, compare
 from rcare_marl.envs.homes import home_names
 from rcare_marl.envs.registry import lead_roles, task_class, task_names
 from rcare_marl.errors import ConfigError, check_name
@@ -30,6 +35,7 @@ from .tracked import Embodied, LedTool, Tracked, led
 
 AUDIENCE = "audience"  # whoever watches, and plays no role
 MOST_VALUES = 512  # of an action
+MOST_MUSCLES = 8  # that are told, the most active of each person; our own choice
 QUIET = 0.5  # after which a hand that says nothing moves nothing [s]; our own choice
 Wish = Literal["pause", "go", "reset", "success"]
 WISHES: tuple[Wish, ...] = get_args(Wish)
@@ -122,6 +128,7 @@ class Scenario:
         policies: Of roles that nobody plays; robots have their script, people their default partner.
         seed: Of the first episode; each further one has the next.
         record: A dataset for all episodes, see `rcare_marl.envs.datasets`.
+        replays: Recorded episodes of the task to be shown again, in place of all but the task.
     """
 
     task: str
@@ -131,6 +138,7 @@ class Scenario:
     policies: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
     record: Path | None = None
+    replays: Sequence[RecordedEpisode] = ()
 
     def __post_init__(self) -> None:
         known = task_class(self.task).roles()
@@ -140,6 +148,10 @@ class Scenario:
             raise ConfigError(f"name the roles that people play, each once, got {list(self.roles)}")
         if both := sorted(set(self.roles) & set(self.policies)):
             raise ConfigError(f"{', '.join(both)}: either a person plays or a policy")
+        if others := {each.header.setup["task"] for each in self.replays} - {self.task}:
+            raise ConfigError(
+                f"recorded episodes of {self.task!r} are wanted, got {sorted(others)}"
+            )
 
 
 def choices() -> dict[str, list[str]]:
@@ -151,6 +163,15 @@ def choices() -> dict[str, list[str]]:
         "home": ["", *home_names()],
         "policy": ["", "scripted", "learned", "random", "still"],
     }
+
+
+def _activations(person: Human) -> list[tuple[str, float]]:
+    """Return the most active muscles of a person, 0 to 1; none of who acts by joint torques."""
+    if not isinstance(person.drive, MuscleDrive):
+        return []
+    now = person.drive.state[muscle_kernel.ACTIVATION]
+    most = np.argsort(-now, kind="stable")[:MOST_MUSCLES]
+    return [(person.drive.model.names[k], round(float(now[k]), 3)) for k in most]
 
 
 class Stage:
@@ -167,7 +188,12 @@ class Stage:
         """Build it and begin the first episode; errors as of `make` and of `Recording`."""
         self.roles = tuple(scenario.roles)
         self._lead, self._players = lead_roles(scenario.task)[0], dict[str, Policy]()
-        names = self._cast(scenario) if self.roles else self._watch(scenario)
+        self._replays, self._replayed, self._differs = tuple(scenario.replays), -1, ""
+        if self._replays:
+            self._env, self.played = self._replays[0].make(), self._replays[0].header.policies
+            names = self.played
+        else:
+            names = self._cast(scenario) if self.roles else self._watch(scenario)
         self._scenery: Scenery | None = None
         self.scenes = 0
         self._recording: Recording | None = None
@@ -216,7 +242,16 @@ class Stage:
     @property
     def is_over(self) -> bool:
         """Whether the episode has ended."""
-        return self._env.is_over
+        return self._env.is_over or (self.is_replay and self._at == self._episode.steps)
+
+    @property
+    def is_replay(self) -> bool:
+        """Whether recorded episodes are shown again."""
+        return bool(self._replays)
+
+    @property
+    def _episode(self) -> RecordedEpisode:
+        return self._replays[self._replayed % len(self._replays)]
 
     @property
     def recorded(self) -> int:
@@ -226,8 +261,21 @@ class Stage:
     def begin(self) -> None:
         """Begin the next episode."""
         self._seed += 1
+        if self.is_replay:
+            before, self._replayed = self._episode.header, self._replayed + 1
+            now = self._episode.header
+            if (now.setup, now.eased) != (before.setup, before.eased):
+                self._env.close()
+                self._env = self._episode.make()
+            self._seed = now.seed
+        self.again()
+
+    def again(self) -> None:
+        """Begin the same episode anew."""
         self.number += 1
+        self._at, self._differs = 0, ""
         self._env.reset(seed=self._seed)
+        self._check_replay()
         order = list(self._env.task.roles())
         for role, player in self._players.items():  # as in an evaluation
             player.reset(np.random.default_rng([self._seed, order.index(role)]))
@@ -239,6 +287,11 @@ class Stage:
             except ConfigError as error:  # they have other ways to play it
                 self._unled[role] = str(error)
 
+    def _check_replay(self) -> None:
+        """Note what is otherwise than it was recorded, first of all."""
+        if self.is_replay and not self._differs:
+            self._differs = compare(self._episode, self._at, self._env)
+
     def mark(self) -> None:
         """Take the running episode for a success, record it so, and begin the next one."""
         if self._recording is not None and not self.is_over:
@@ -248,7 +301,10 @@ class Stage:
     def outcome(self) -> str:
         """Return what came of the episode, as a line for people."""
         ended = "success" if self._env.task.succeeded() else "no success"
-        return f"episode of seed {self._seed}: {ended} after {self._env.world.time:.1f} s"
+        told = f"episode of seed {self._seed}: {ended} after {self._env.world.time:.1f} s"
+        if self.is_replay:
+            told += f"; differs at {self._differs}" if self._differs else "; equal to the record"
+        return told
 
     def facts(self, role: str) -> dict[str, Any]:
         """Return what does not change: what a role's action is, and what it observes, as data for JSON."""
@@ -267,14 +323,23 @@ class Stage:
             "records": self._recording is not None,
             "camera": {"eye": camera.eye, "target": camera.target, "fov_deg": camera.fov_deg},
             "no_headset": self._unled.get(role, ""),
+            "cared": [person.body.name for person in self._cared()],
+            "vital_units": {name: quantity.unit for name, quantity in QUANTITIES.items()},
+            "replays": len(self._replays),
         }
 
     def step(self, hands: Mapping[str, Hand | Tracked | None]) -> None:
         """Let everybody act for one control step; a role without a hand, or its clutch, does nothing."""
-        actions = {role: self._action(role, hands.get(role)) for role in self.roles}
-        actions |= {role: self._players[role].act() for role in self._env.agents if not self.roles}
-        self._env.step(actions)  # type: ignore[arg-type]  # float64 will do
+        if self.is_replay:
+            actions = {role: rows[self._at] for role, rows in self._episode.actions.items()}
+        else:
+            actions = {role: self._action(role, hands.get(role)) for role in self.roles}
+            watched = self._env.agents if not self.roles else ()
+            actions |= {role: self._players[role].act() for role in watched}
+        self._env.step(actions)
         self.number += 1
+        self._at += 1
+        self._check_replay()
 
     def check(self, role: str, hand: Hand | Tracked) -> None:
         """Refuse a hand whose action is not as long as that of its role, or that its role cannot follow."""
@@ -310,7 +375,11 @@ class Stage:
             "rewards": {n: float(v) for n, v in task.paid(shown, task.state).items()},
             "touches": self._touches(),
             "force_n": float(task.report().get("force_n", 0.0)),
-            "is_over": env.is_over,
+            "vitals": {person.name: person.physiology.values() for person in self._cared()},
+            "muscles": {person.name: _activations(person) for person in self._cared()},
+            "steps": self._episode.steps if self.is_replay else None,
+            "differs": self._differs,
+            "is_over": self.is_over,
             "success": bool(task.succeeded()),
             "recorded": self.recorded,
             "body": self._led[role].told() if role in self._led else None,
@@ -320,12 +389,14 @@ class Stage:
         """Return whose observations and rewards somebody is shown: their own, or those of the lead role."""
         return role if role in self.roles else self._lead
 
-    def _touches(self) -> list[list[float]]:
-        """Return where who is cared for is touched [m], and the force there [N]: six numbers each."""
+    def _cared(self) -> list[Human]:
         task = self._env.task
-        cared = [person for person in task.people if person.name not in task.bystanders]
-        found = [touch for person in cared for touch in self._env.world.touches(person.body)]
-        rows = [[*t.position, *(np.array(t.normal) * t.force + t.friction)] for t in found]
+        return [person for person in task.people if person.name not in task.bystanders]
+
+    def _touches(self) -> list[list[float]]:
+        """Return where who is cared for is touched [m], the force, and its normal part [N]: 7 numbers."""
+        found = [t for person in self._cared() for t in self._env.world.touches(person.body)]
+        rows = [[*t.position, *(np.array(t.normal) * t.force + t.friction), t.force] for t in found]
         return [[round(float(x), 4) for x in row] for row in rows]
 
     def drawn(self, known: int) -> list[bytes]:

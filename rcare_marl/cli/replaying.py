@@ -29,7 +29,6 @@ def run(
     which: int | None,
     film: Path | None,
     picture: Path | None,
-    live: bool,
     processes: int,
     as_json: bool,
 ) -> bool:
@@ -37,8 +36,8 @@ def run(
 
     Of datasets all episodes are played, or the one of number `which`.
     """
-    if (film or picture or live) and (len(files) > 1 or files[0].suffix == RECORD):
-        raise typer.BadParameter("film, picture and live page show one recorded episode")
+    if (film or picture) and (len(files) > 1 or files[0].suffix == RECORD):
+        raise typer.BadParameter("film and picture show one recorded episode")
     told, is_equal = [], True
     for file in files:
         if file.suffix == RECORD:
@@ -47,18 +46,31 @@ def run(
             is_equal = is_equal and same
             continue
         episodes = read(file, only=which)
-        if (film or picture or live) and len(episodes) > 1:
+        if (film or picture) and len(episodes) > 1:
             raise typer.BadParameter(f"{file} has {len(episodes)} episodes: say --episode N")
         for number, episode in enumerate(episodes, which or 0):
             name = str(file) if file.suffix == ".npz" else f"{file}, episode {number}"
-            facts, same = _episode(
-                name, episode, film=film, picture=picture, live=live, quiet=as_json
-            )
+            facts, same = _episode(name, episode, film=film, picture=picture, quiet=as_json)
             told.append({"file": str(file), "episode": number, "equal": same, **facts})
             is_equal = is_equal and same
     if as_json:
         print_json(told)
     return is_equal
+
+
+def show(file: Path, *, which: int | None, port: int | None, opens: bool) -> None:
+    """Serve the page of a recorded episode, or of all of a file one after the other, until Ctrl-C.
+
+    Raises:
+        ConfigError: If there are no recorded episodes in it.
+    """
+    from .teleoperation import serve_scene
+
+    if file.suffix == RECORD:
+        raise typer.BadParameter(f"{file} has no actions to show: --live takes recorded episodes")
+    episodes = read(file, only=which)
+    scene = (str(episodes[0].header.setup["task"]), ())
+    serve_scene(scene, port=port, opens=opens, replays=episodes)
 
 
 def _again(file: Path, processes: int, *, quiet: bool) -> tuple[dict[str, Any], bool]:
@@ -76,13 +88,12 @@ def _episode(
     *,
     film: Path | None,
     picture: Path | None,
-    live: bool,
     quiet: bool,
 ) -> tuple[dict[str, Any], bool]:
-    with closing(episode.make("human" if live else None)) as env:
+    with closing(episode.make()) as env:
         with tempfile.TemporaryDirectory() as scratch:
-            shown = _Shown(env, Path(scratch) / "film.mp4" if film else None, live)
-            watch: Callable[[CareEnv], None] | None = shown if film or picture or live else None
+            shown = _Shown(env, Path(scratch) / "film.mp4" if film else None)
+            watch: Callable[[CareEnv], None] | None = shown if film or picture else None
             try:
                 result = replay(episode, env=env, on_step=watch)
                 pixels = shown.png() if picture else b""
@@ -111,19 +122,16 @@ def _episode(
 
 
 class _Shown:
-    """What is seen of a replay: a film, a picture of its end, a live page."""
+    """What is seen of a replay: a film, a picture of its end."""
 
-    def __init__(self, env: CareEnv, film: Path | None, live: bool) -> None:
-        self._env, self._film, self._told = env, None, not live
+    def __init__(self, env: CareEnv, film: Path | None) -> None:
+        self._env, self._film = env, None
         if film is not None:
             from rcare_marl.rendering.film import Film
 
             self._film = Film(film, env.world, fps=1 / env.task.control_dt)
 
     def __call__(self, env: CareEnv) -> None:
-        if not self._told and env.viewer_url is not None:
-            self._told = True
-            print_line(f"watch at {env.viewer_url}  (Ctrl-C ends)")
         if self._film is not None:
             over = "success" if env.task.succeeded() else f"{env.world.time:.1f} s"
             good = env.task.succeeded() if env.is_over else None

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated, Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -30,6 +32,9 @@ from .parameter import (
     settings,
 )
 from .serving import LOOPBACK, bound, serve_page
+
+if TYPE_CHECKING:
+    from rcare_marl.envs.episode import RecordedEpisode
 
 
 def teleoperate(
@@ -92,6 +97,7 @@ def serve_scene(
     speed: float = 1.0,
     waits: bool = False,
     episodes: int = 0,
+    replays: Sequence[RecordedEpisode] = (),
 ) -> None:
     """Serve the page of a scene until Ctrl-C, or until so many episodes were played.
 
@@ -102,13 +108,14 @@ def serve_scene(
         speed: Simulated over real time.
         waits: Whether each step waits for all hands.
         episodes: How many; 0 goes on.
+        replays: Recorded episodes of its task, to be shown again.
     """
     check_package("aiohttp", "the page of the scene", "coach")
     from rcare_marl.baselines.coaching.page.packages import packages_folder
     from rcare_marl.baselines.teleoperation.server import Server
     from rcare_marl.baselines.teleoperation.stage import Scenario
 
-    scenario = Scenario(*scene)
+    scenario = replace(Scenario(*scene), replays=replays)
     three = packages_folder() / "three" / "build"
 
     async def serve() -> None:

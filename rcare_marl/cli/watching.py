@@ -48,10 +48,15 @@ def replay(
         Path | None, typer.Option(metavar="FILE", help="Draw how the episode ends, as a PNG.")
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Show the episode in your browser, in real time.")
+        bool,
+        typer.Option(
+            "--live", help="Show it on the page of play: any moment, slow motion, overlays."
+        ),
     ] = False,
     processes: Processes = 1,
     as_json: Json = False,
+    port: Port = None,
+    open_: Opens = True,
 ) -> None:
     """Run it again and say whether it is the same: the exit status is 1 if anything differs.
 
@@ -64,16 +69,22 @@ def replay(
 
     Example: rcare-marl replay runs/episodes/seed-0.npz --film again.mp4
 
+    Example: rcare-marl replay runs/feeding.hdf5 --live
+
     Example: rcare-marl replay record.json
     """
     from . import replaying
 
+    if live:
+        if film or picture or len(files) > 1:
+            raise typer.BadParameter("--live shows one file, and its page saves pictures and films")
+        replaying.show(files[0], which=episode, port=port, opens=open_)
+        return
     is_equal = replaying.run(
         files,
         which=episode,
         film=film,
         picture=picture,
-        live=live,
         processes=processes,
         as_json=as_json,
     )

@@ -48,6 +48,7 @@ class Surface:
         rgba: sRGB colours, shape [n, 4].
         alpha: How opaque it is.
         closed: Whether its inside is never seen, so that who is in a head looks out of it.
+        name: Of the body whose skin it is; empty of lines.
         lines: Of lines, what they are.
     """
 
@@ -57,6 +58,7 @@ class Surface:
     rgba: Bytes
     alpha: float
     closed: bool = True
+    name: str = ""
     lines: Lines | None = None
 
     def __post_init__(self) -> None:
@@ -118,7 +120,8 @@ class Scenery:
         for k, surface in enumerate(self._surfaces):
             arrays[f"faces{k}"] = surface.faces.astype(np.uint32)
             arrays[f"rgba{k}"] = surface.rgba
-        facts = {"runs": runs, "surfaces": [(round(s.alpha, 3), s.closed) for s in self._surfaces]}
+        surfaces = [(round(s.alpha, 3), s.closed, s.name) for s in self._surfaces]
+        facts = {"runs": runs, "surfaces": surfaces}
         return packed("shapes", facts, arrays)
 
     def frame(self, number: int) -> bytes:
@@ -154,7 +157,9 @@ def _skin(skin: Skin) -> Surface:
     pieces = skin.rest_pieces()
     rest = np.asarray(pieces[0][1] if pieces else vertices)
     closed = is_closed(skin.faces, rest, skin.faces, tolerance=OPEN_EDGES)
-    return Surface(skin, inverse, source.astype(np.intp), rgba, skin_opacity(skin), closed)
+    return Surface(
+        skin, inverse, source.astype(np.intp), rgba, skin_opacity(skin), closed, skin.body.name
+    )
 
 
 def _tubes(lines: Lines) -> Surface:

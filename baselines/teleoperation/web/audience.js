@@ -2,20 +2,46 @@
 
 const find = (id) => document.getElementById(id);
 const KEPT = 256e6;  // bytes of frames that are kept; the oldest go first
+const OVERLAYS = ["forces", "pressure", "vitals", "muscles"];
+const BITS = 8e6;  // of a film [1/s]
 const COLOURS = ["#0b5cad", "#a01818", "#17602b", "#8a5a00", "#6b2f8a", "#00717a"];
 
+function save(blob, name) {
+  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+// Rows of a table: what, how much, and a bar for a share; without any the table is hidden.
+function fill(id, rows) {
+  find(id).parentElement.hidden = !rows.length;
+  find(id).replaceChildren(...rows.map(([name, text, share]) => {
+    const row = document.createElement("tr");
+    const cell = Object.assign(document.createElement("td"), { textContent: text });
+    if (share !== undefined) cell.append(" ", Object.assign(document.createElement("progress"), { value: share, ariaLabel: name }));
+    row.append(Object.assign(document.createElement("th"), { scope: "row", textContent: name }), cell);
+    return row;
+  }));
+}
+
 export class Audience {
-  constructor(scene, send) {
-    Object.assign(this, { scene, send, frames: [], told: [], size: 0, isLive: true });
+  constructor(scene, send, observe) {
+    Object.assign(this, { scene, send, observe, frames: [], told: [], size: 0, isLive: true });
     find("watching").hidden = false;
+    for (const name of OVERLAYS) find(`show-${name}`).addEventListener("change", () => this.show(this.at));
+    find("take-picture").addEventListener("click", async () => save(await scene.picture(), "scene.png"));
+    find("take-film").addEventListener("click", () => this.film());
     for (const id of ["clutch", "actions", "how"]) find(id).hidden = true;
     find("speed").addEventListener("input", () => {
       const speed = 2 ** Number(find("speed").value);
       find("speed-now").textContent = `${speed.toFixed(2)} times`;
-      send({ type: "pace", speed });
+      this.speed = speed;
+      if (!this.replays) send({ type: "pace", speed });
     });
     find("moment").addEventListener("input", () => this.seek(Number(find("moment").value)));
     find("live").addEventListener("click", () => { this.seek(this.frames.length - 1); this.isLive = true; });
+    this.speed = 1;
+    requestAnimationFrame((time) => this.play(time));
     find("choice-form").addEventListener("submit", (event) => {
       event.preventDefault();
       const chosen = Object.fromEntries(new FormData(find("choice-form")));
@@ -33,23 +59,72 @@ export class Audience {
   }
 
   begin(facts) {
+    Object.assign(this, { replays: facts.replays, cared: facts.cared, units: facts.vital_units, step: facts.control_dt, isPlaying: true });
     this.clear();
+    for (const id of ["live", "choice-form"]) find(id).hidden = Boolean(this.replays);
+    find("reset").hidden = this.replays === 1;
     const who = Object.entries(facts.cast).map(([role, name]) => `${role} is ${name}${facts.played[role] ? `, ${facts.played[role]}` : ""}`);
     find("chosen").textContent = who.join("; ");
   }
 
   clear() {
-    Object.assign(this, { frames: [], told: [], size: 0, isLive: true, number: null });
+    Object.assign(this, { frames: [], told: [], size: 0, isLive: !this.replays, number: null, at: 0, due: 0 });
   }
 
-  // A frame that came; return whether it is to be shown now.
-  keep(buffer) {
-    this.frames.push(buffer);
+  // A recorded episode comes as fast as it can be played, and is shown at the speed of the page.
+  play(time) {
+    requestAnimationFrame((next) => this.play(next));
+    if (!this.replays || !this.isPlaying || time < this.due || this.at + 1 >= this.frames.length) return;
+    this.due = Math.max(this.due, time - 100) + 1000 * this.step / this.speed;
+    this.seek(this.at + 1);
+    find("moment").value = this.at;
+  }
+
+  // Go on, or stop; from the end it begins again.
+  toggle() {
+    this.isPlaying = !this.isPlaying || this.at === this.told[0]?.steps;
+    if (this.isPlaying && this.at === this.told[0]?.steps) this.seek(0);
+    find("pause").setAttribute("aria-pressed", String(!this.isPlaying));
+  }
+
+  // Film the picture until it is asked again, then save the film.
+  film() {
+    const button = find("take-film");
+    if (this.recorder) { this.recorder.stop(); return; }
+    const recorder = this.recorder = new MediaRecorder(this.scene.canvas.captureStream(30), { mimeType: "video/webm", videoBitsPerSecond: BITS });
+    const parts = [];
+    recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));
+    recorder.addEventListener("stop", () => {
+      for (const track of recorder.stream.getTracks()) track.stop();
+      this.recorder = null;
+      button.textContent = "Film";
+      button.setAttribute("aria-pressed", "false");
+      save(new Blob(parts, { type: "video/webm" }), "scene.webm");
+    });
+    recorder.start();
+    this.scene.isDrawn = false;  // else a scene that rests gives no picture
+    button.textContent = "Save the film";
+    button.setAttribute("aria-pressed", "true");
+  }
+
+  // What came: shapes, which all frames after them are of, or a frame.
+  keep(buffer, isFrame) {
+    if (!isFrame) {
+      this.shapes = buffer;
+      this.size += buffer.byteLength;
+      return;
+    }
+    this.frames.push({ frame: buffer, shapes: this.shapes });
     this.size += buffer.byteLength;
-    while (this.size > KEPT) { this.size -= this.frames.shift().byteLength; this.told.shift(); }
-    find("moment").max = this.frames.length - 1;
-    if (this.isLive) find("moment").value = this.frames.length - 1;
-    return this.isLive;
+    while (this.size > KEPT) {
+      const { frame, shapes } = this.frames.shift();
+      this.size -= frame.byteLength + (shapes === this.frames[0].shapes ? 0 : shapes.byteLength);
+      this.told.shift();
+    }
+    find("moment").max = this.replays ? this.told.at(-1).steps : this.frames.length - 1;
+    if (!this.isLive && !(this.replays && this.frames.length === 1)) return;
+    find("moment").value = this.frames.length - 1;
+    this.show(this.frames.length - 1);
   }
 
   // What is told comes before its frame.
@@ -58,21 +133,37 @@ export class Audience {
     if (data.time < (this.told.at(-1)?.time ?? 0)) this.clear();
     this.number = data.number;
     this.told.push(data);
-    if (this.isLive) this.show(this.told.length - 1);
   }
 
   seek(k) {
+    k = Math.min(k, this.frames.length - 1);  // of a record, what has come of it
     if (!this.frames[k]) return;
-    this.isLive = k === this.frames.length - 1;
-    this.scene.take(this.frames[k]);
+    this.isLive = !this.replays && k === this.frames.length - 1;
     this.show(k);
   }
 
   show(k) {
     const now = this.told[k];
-    if (!now) return;
+    if (!now || !this.frames[k]) return;
+    const { frame, shapes } = this.frames[k];
+    if (shapes !== this.drawn) this.scene.take(this.drawn = shapes);
+    if (frame !== this.shown) this.scene.take(this.shown = frame);
+    this.at = k;
+    const [forces, pressure, vitals, muscles] = OVERLAYS.map((name) => find(`show-${name}`).checked);
     find("moment-now").textContent = `${now.time.toFixed(1)} s`;
-    this.scene.touch(now.touches);
+    this.scene.touch(forces ? now.touches : []);
+    const most = this.scene.press(pressure ? now.touches : [], this.cared);
+    this.observe(now.seen);
+    if (this.replays) find("status").textContent = `${now.time.toFixed(1)} of ${(now.steps * this.step).toFixed(1)} s · seed ${now.seed} · force ${now.force_n.toFixed(1)} N`;
+    find("outcome").textContent = (now.success ? "success" : now.is_over ? "over, no success" : "no success yet")
+      + (pressure ? ` · skin pressed by at most ${(most / 1000).toFixed(1)} kPa` : "")
+      + (this.replays ? ` · ${now.differs ? `differs from the record at ${now.differs}` : "as recorded"}` : "");
+    const unit = (name) => (this.units[name] === "1" ? "" : ` ${this.units[name]}`);
+    fill("vitals", vitals ? Object.entries(now.vitals).flatMap(([who, values]) => Object.entries(values)
+      .map(([name, value]) => [`${who}: ${name.replaceAll("_", " ")}`, `${value.toFixed(1)}${unit(name)}`])) : []);
+    fill("muscles", muscles ? Object.entries(now.muscles).flatMap(([who, values]) => (values.length
+      ? values.map(([name, value]) => [`${who}: ${name.replaceAll("_", " ")}`, value.toFixed(2), value])
+      : [[`${who}`, "moves by joint torques, without muscles"]])) : []);
     const rows = Object.entries({ ...now.rewards, "force [N]": now.force_n });
     find("terms").replaceChildren(...rows.map(([name, value], i) => {
       const row = document.createElement("tr");

@@ -53,8 +53,8 @@ function join(role) {
 }
 
 function drawn(buffer) {
-  const isFrame = scene && kindOf(buffer) === "frame";
-  if (!audience || !isFrame || audience.keep(buffer)) scene?.take(buffer);
+  if (audience) audience.keep(buffer, kindOf(buffer) === "frame");
+  else scene?.take(buffer);
 }
 
 function told(data) {
@@ -69,13 +69,17 @@ function told(data) {
     `${words[data.status]} · ${data.time.toFixed(1)} s · delay ${data.latency_ms.toFixed(0)} ms`,
     `force ${data.force_n.toFixed(1)} N` + (records ? ` · ${data.recorded} recorded` : ""),
   ];
-  find("status").textContent = lines.join(" · ");
+  if (!audience?.replays) find("status").textContent = lines.join(" · ");
   headset?.tell(number, data.body, lines);
   audience?.tell(data);
   pauses = data.status === "paused";
-  find("pause").setAttribute("aria-pressed", String(pauses));
+  if (!audience?.replays) find("pause").setAttribute("aria-pressed", String(pauses));
+  if (!audience) observe(data.seen);
+}
+
+function observe(seen) {
   const rows = find("seen").rows;
-  Object.entries(data.seen).forEach(([, values], i) => {
+  Object.entries(seen).forEach(([, values], i) => {
     if (rows[i]) rows[i].cells[1].textContent = values.map((value) => value.toFixed(2)).join("  ");
   });
 }
@@ -86,7 +90,7 @@ function furnish(facts) {
     if (scene) scene.look(facts.camera);
     else {
       scene = window.teleoperation = new Scene(find("picture"), facts.camera);
-      if (watches) audience = new Audience(scene, send);
+      if (watches) audience = new Audience(scene, send, observe);
       embody(facts);
     }
   } catch (error) {
@@ -100,7 +104,7 @@ function furnish(facts) {
   records = facts.records;
   find("success").hidden = !records;
   isTool = acts.length >= 6 && acts[0].startsWith("tool x");
-  find("title").textContent = `${watches ? "Watching" : "Teleoperation"}: ${facts.task.replaceAll("_", " ")}`
+  find("title").textContent = `${facts.replays ? "Replay" : watches ? "Watching" : "Teleoperation"}: ${facts.task.replaceAll("_", " ")}`
     + (watches ? "" : `, ${facts.role}`);
   trouble("");
   sliders = acts.map((name, i) => {
@@ -196,7 +200,7 @@ document.addEventListener("visibilitychange", () => { if (document.hidden) { dow
 
 find("clutch").addEventListener("pointerdown", () => { held = true; });
 for (const name of ["pointerup", "pointercancel", "pointerleave"]) find("clutch").addEventListener(name, () => { held = false; });
-find("pause").addEventListener("click", () => command(pauses ? "go" : "pause"));
+find("pause").addEventListener("click", () => { if (audience?.replays) audience.toggle(); else command(pauses ? "go" : "pause"); });
 find("reset").addEventListener("click", () => command("reset"));
 find("success").addEventListener("click", () => command("success"));
 

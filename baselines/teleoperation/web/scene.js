@@ -6,6 +6,9 @@ const TYPES = { f4: Float32Array, u4: Uint32Array, i1: Int8Array, u1: Uint8Array
 const LINEAR = Float32Array.from({ length: 256 }, (_, k) => (k <= 10 ? k / 3294.6 : ((k / 255 + 0.055) / 1.055) ** 2.4));
 const [LOWEST, HIGHEST] = [-10, 85].map(THREE.MathUtils.degToRad);  // from where one may look
 const FORCE = 10;  // that is drawn 10 cm long [N]
+// A force on the skin is spread as a bell, this wide [m]; [Pa] that is painted full; from the skin at most [m]: own choices.
+const [SPREAD, FULL, OFF] = [0.02, 10000, 0.06];
+const PRESSED = [0.75, 0.0, 0.02];  // linear RGB
 const [SLOW, PATIENT, COARSEST] = [36, 20, 0.5];  // [ms] of a picture; pictures; pixels of the picture for one of the page
 const SKY = 0xe6ebf0;
 
@@ -114,10 +117,49 @@ export class Scene {
   // Forces on a person, each as a line from where it presses, 10 cm for FORCE.
   touch(found) {
     const points = found.flatMap(([x, y, z, ...force]) => [
-      new THREE.Vector3(x, y, z), new THREE.Vector3(x, y, z).addScaledVector(new THREE.Vector3(...force), -0.1 / FORCE)]);
+      new THREE.Vector3(x, y, z), new THREE.Vector3(x, y, z).addScaledVector(new THREE.Vector3(...force.slice(0, 3)), -0.1 / FORCE)]);
     this.touches.geometry.dispose();
     this.touches.geometry = new THREE.BufferGeometry().setFromPoints(points);
     this.isDrawn = false;
+  }
+
+  // Paint what presses on the skin of people of these names, and return the greatest pressure [Pa]: the normal part of
+  // each force, on the skin that is nearest, as a bell of SPREAD.
+  press(found, names) {
+    let most = 0;
+    this.surfaces?.forEach(({ attributes: { color }, userData: { base, name } }, k) => {
+      if (!names.includes(name) || !this.now) return;
+      const at = this.now[k + 1];
+      const pressure = new Float32Array(at.length / 3);
+      const square = (i, point) => (at[3 * i] - point[0]) ** 2 + (at[3 * i + 1] - point[1]) ** 2 + (at[3 * i + 2] - point[2]) ** 2;
+      for (const [x, y, z, , , , force] of found) {
+        let [nearest, least] = [-1, OFF * OFF];
+        for (let i = 0; i < pressure.length; i += 1) {
+          const gap = square(i, [x, y, z]);
+          if (gap < least) [nearest, least] = [i, gap];
+        }
+        if (nearest < 0) continue;
+        const middle = at.slice(3 * nearest, 3 * nearest + 3);
+        for (let i = 0; i < pressure.length; i += 1) {
+          const gap = square(i, middle);
+          if (gap < 9 * SPREAD * SPREAD) pressure[i] += force / (2 * Math.PI * SPREAD * SPREAD) * Math.exp(-gap / (2 * SPREAD * SPREAD));
+        }
+      }
+      pressure.forEach((value, i) => {
+        most = Math.max(most, value);
+        const share = Math.min(value / FULL, 1);
+        for (let c = 0; c < 3; c += 1) color.array[3 * i + c] = (1 - share) * base[3 * i + c] + share * PRESSED[c];
+      });
+      color.needsUpdate = true;
+    });
+    this.isDrawn = false;
+    return most;
+  }
+
+  // The picture as it is now, drawn for it: what a canvas showed is gone after.
+  picture() {
+    this.renderer.render(this.scene, this.camera);
+    return new Promise((done) => this.canvas.toBlob(done, 'image/png'));
   }
 
   take(buffer) {
@@ -143,10 +185,11 @@ export class Scene {
       mesh.frustumCulled = false;
       this.shapes.add(mesh);
     }
-    this.surfaces = data.surfaces.map(([alpha, closed], k) => {
+    this.surfaces = data.surfaces.map(([alpha, closed, name], k) => {
       const geometry = new THREE.BufferGeometry();
       geometry.setIndex(new THREE.BufferAttribute(data[`faces${k}`], 1));
       geometry.setAttribute('color', colours(data[`rgba${k}`]));
+      geometry.userData = { name, base: geometry.attributes.color.array.slice() };
       const mesh = new THREE.Mesh(geometry, look(alpha, closed));
       mesh.frustumCulled = false;
       this.shapes.add(mesh);
