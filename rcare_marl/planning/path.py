@@ -109,11 +109,14 @@ def timed(
     trajectory = made.compute_trajectory()
     if trajectory is None:
         raise ConfigError("no times can be given to a way within its limits of acceleration")
-    # Limits hold at the points of the grid; between them a little may be missing.
+    # Limits hold at the points of the grid. Between them, and from point to point of the path, a little may
+    # be missing.
     times = np.linspace(0.0, trajectory.duration, max(int(trajectory.duration / SAMPLING), 2) + 1)
-    fast = (np.abs(trajectory(times, 1)) / velocity).max()
-    hard = (np.abs(trajectory(times, 2)) / acceleration).max()
-    positions = np.asarray(trajectory(times))
-    share = 0.0 if effort is None else effort(positions, np.asarray(trajectory(times, 2)))
+    positions, asked = np.asarray(trajectory(times)), np.asarray(trajectory(times, 2))
+    speeds = np.diff(positions, axis=0) / times[1]
+    fast = (np.abs(np.concatenate((trajectory(times, 1), speeds))) / velocity).max()
+    changes = np.diff(speeds, axis=0) / times[1]
+    hard = (np.abs(np.concatenate((asked, changes))) / acceleration).max()
+    share = 0.0 if effort is None else effort(positions, asked)
     slower = max(float(fast), float(max(hard, share)) ** 0.5, 1.0)
     return times * slower, positions
