@@ -23,8 +23,14 @@ try {
     await page.goto(`${job.url}/index.html`, { waitUntil: 'networkidle' }); // nothing is left of the word before
     await page.click('input[name="query"]');
     await page.keyboard.type(word);
-    await page.waitForSelector('.md-search-result__list > li', { state: 'attached' });
-    out.found[word] = await page.$$eval('.md-search-result__list > li > a', (links) => links.map((each) => new URL(each.href).pathname.slice(1)));
+    const look = () => page.$$eval('.md-search-result__list > li > a', (links) => links.map((each) => new URL(each.href).pathname.slice(1)));
+    let before = null;
+    const until = Date.now() + job.patience;
+    do { // each key asks anew, and answers come late
+      before = out.found[word];
+      await page.waitForTimeout(400);
+      out.found[word] = await look();
+    } while (Date.now() < until && !(out.found[word].length && String(before) === String(out.found[word])));
   }
   const source = fs.readFileSync(`${job.web}/node_modules/axe-core/axe.min.js`, 'utf8');
   for (const name of job.pages) {
