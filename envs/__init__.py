@@ -159,7 +159,10 @@ def _scene(
 
         house = CareHome.load(home, level=1 if level is None else level)
         floor = scene.floor_before if scene.site == "door" else scene.free_floor()
-        scene.place = find_place(house, scene.room_kinds, floor, room=room, site=scene.site)
+        slack = scene.slack if isinstance(options, TaskOptions) and options.crowded else None
+        scene.place = find_place(
+            house, scene.room_kinds, floor, room=room, site=scene.site, slack=slack
+        )
     elif level is not None and room is None and scene.site:
         scene.place = BareFloor(level)
     elif level is not None or room is not None:

@@ -28,6 +28,7 @@ from .copying import ByRecipe
 from .randomise import Randomisation
 from .randomiser import Randomiser
 from .registry import PolicyFactory
+from .room_meter import RoomMeter
 from .stride import make_stride, substeps
 from .task import Task, part_name
 
@@ -182,12 +183,14 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
         self.task.build(self.world)
         self.task.measure()
         self._fasten_markers()
-        self._check_apart()
+        if fault := self._overlap() or self._in_house(self.cast):
+            raise ConfigError(fault)
         self._order = tuple(self.cast.values())
-        self._suites = tuple(a.sensors for a in self._order if a.sensors is not None)
-        for agent in self._order:
-            if agent.sensors is not None:
-                agent.sensors.bind(self.world, agent)
+        sensing = [(agent, agent.sensors) for agent in self._order if agent.sensors is not None]
+        for agent, suite in sensing:
+            suite.bind(self.world, agent)
+        self._suites = tuple(suite for _, suite in sensing)
+        self._room = RoomMeter(self.task)
         self.world.mark_start()
         self.randomiser.bind(self.world, self.cast)
         watched = [suite.after_substep for suite in self._suites if suite.watches]
@@ -222,12 +225,6 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
                     )
                 seen[key] = role
                 fasten(self.world, agent, marker)
-
-    def _check_apart(self) -> None:
-        """Refuse robots that stand in each other or in people, and all who stand in the house."""
-        fault = self._overlap() or self._in_house(self.cast)
-        if fault is not None:
-            raise ConfigError(fault)
 
     def _in_house(self, roles: Iterable[str]) -> str | None:
         """Return who of some roles stands in walls or furniture, as an error says it; None if nobody."""
@@ -287,9 +284,12 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
         self._check_begun()
         return self._vectors[self._known(role)].read()
 
-    def _check_begun(self) -> None:
+    def _check_open(self) -> None:
         if self.world.client < 0:
             raise EpisodeError("the environment is closed: make a new one")
+
+    def _check_begun(self) -> None:
+        self._check_open()
         if not self.has_begun:
             raise EpisodeError("there is nothing to see yet: call reset() first")
 
@@ -313,8 +313,7 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
         Without a `seed` it is drawn: by chance at first, and by the last seed that was given since.
         `options` has no meaning yet and is there for PettingZoo.
         """
-        if self.world.client < 0:
-            raise EpisodeError("the environment is closed: make a new one")
+        self._check_open()
         check_type("options", options, (Mapping, type(None)), "a mapping or None")
         company = self.company
         if seed is None:
@@ -340,6 +339,7 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
         for suite in self._suites:
             suite.reset(rng)
         self._sense()
+        self._room.begin()
         # Policies and the scene may draw while the episode runs. Each has chance of its own, so that the
         # scene meets the same whoever decides.
         chance = np.random.default_rng(0)
@@ -383,6 +383,7 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             self.cast[role].command(action, task.control_dt)
         self._stride(self._substeps)
         self._sense()
+        self._room.look()
         roles = self.agents
         terms = {role: task.paid(role, task.state) for role in roles}
         done = bool(task.is_success(task.state) | task.failed())
@@ -414,14 +415,15 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
     def _infos(self, terms: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Any]]:
         task = self.task
         shared = {"success": task.succeeded(), "feasible": task.feasible.holds, **task.report()}
-        shared |= self.randomiser.numbers()
-        if self.company is not None:
-            shared |= self.company.numbers()
-        found = ({**shared, **own} for own in terms.values())
+        shared |= self.told() | (self.company.numbers() if self.company is not None else {})
         return {
-            role: {name: float(value) for name, value in info.items()}
-            for role, info in zip(terms, found, strict=True)
+            role: {name: float(value) for name, value in {**shared, **own}.items()}
+            for role, own in terms.items()
         }
+
+    def told(self) -> dict[str, float]:
+        """Return what is reported beside the task's report: of perturbations, and of the room."""
+        return {**self.randomiser.numbers(), **self._room.numbers()}
 
     def _checked(self, actions: Mapping[str, Action]) -> dict[str, Array]:
         if self.is_over:

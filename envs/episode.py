@@ -444,7 +444,7 @@ def _numbers(env: CareEnv) -> dict[str, float]:
     return {
         "over": float(env.is_over),
         "success": float(task.succeeded()),
-        **env.randomiser.numbers(),
+        **env.told(),
         **{name: float(value) for name, value in task.report().items()},
         **{
             f"reward of {role}": float(sum(task.paid(role, task.state).values()))

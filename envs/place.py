@@ -91,9 +91,11 @@ class Place(Protocol):
 
     Attributes:
         level: Level of accessibility of what stands there, 1 to 3.
+        at_fixture: The piece of furniture or the door of a house at which the origin is, by name; else empty.
     """
 
     level: int
+    at_fixture: str
 
     @property
     def name(self) -> str:
@@ -140,6 +142,7 @@ class BareFloor:
 
     name = "a bare floor"
     room = None
+    at_fixture = ""
     floor: Body
 
     def __init__(self, level: int = 1) -> None:

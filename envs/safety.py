@@ -103,7 +103,7 @@ class SafetyMeter:
             movers: Robots and tools whose speed near the person counts.
         """
         self._person, self._world = person, world
-        self._movers = [(body, link) for body in movers for link in _moving_links(body)]
+        self._movers = [(body, link) for body in movers for link in moving_links(body)]
         self._spared = {body.uid for body in person.supports} | {person.body.uid}
         if not person.rides:  # who rides can be driven against what stands still
             self._spared |= {b.uid for b in world.bodies if not (b.joints or b.is_movable)}
@@ -187,7 +187,7 @@ def patch_area(points: Sequence[Sequence[float]]) -> float:
     return max(middle * longest, LEAST_PATCH)
 
 
-def _moving_links(body: Body) -> list[int]:
+def moving_links(body: Body) -> list[int]:
     """Return the links with a collision shape that can move, the base among them if it is free."""
     if body.is_movable:
         return body.solid_links()

@@ -131,6 +131,7 @@ class Task(abc.ABC):
         control_dt, time_limit: Length of a control step, and of an episode [s].
         room_kinds: Kinds of rooms of a home that suit the task, the best first.
         footprint: The free floor that it needs, about the origin [m].
+        slack: How much of that it can do without on each side, where it is crowded [m].
         site: What the origin is at: `door`, or furniture as `toilet`, built on a bare floor; else empty.
         place: Where it takes place; its floor is laid before `furnish`.
         world: Where it takes place; set by the environment before `furnish`.
@@ -145,6 +146,7 @@ class Task(abc.ABC):
     Options: type[Any]
     room_kinds: Sequence[str] = ()
     footprint: Rectangle = Rectangle(-1.1, -1.1, 1.1, 1.1)
+    slack: float = 0.35
     site: str = ""
     reachable_by: Collection[str] | None = None
     least_success: int = 0

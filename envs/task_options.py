@@ -28,6 +28,9 @@ class TaskOptions:
             1, is the task as it is evaluated; less is for the beginning of a curriculum.
         tolerance: Times the tolerance of success, from 1 on; the page of the task says what that is.
             Rewards and observations stay as they are.
+        crowded: In a home, take the place with most furniture and walls close by, push nothing aside, and
+            do with less free floor (`Task.slack`); else the place where most floor is free. A task at a
+            door, a toilet or the like is where that is.
 
     Raises:
         ValueError: If a value is impossible, or the paper's reward is given weights.
@@ -41,6 +44,7 @@ class TaskOptions:
     force_limit: float = FORCE_LIMIT
     spread: float = 1.0
     tolerance: float = 1.0
+    crowded: bool = False
 
     def __post_init__(self) -> None:
         if not 0 < self.force_limit <= LARGEST:

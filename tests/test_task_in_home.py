@@ -107,3 +107,37 @@ def test_solids_are_on_the_side_that_keeps_them_clear_of_the_busy_floor() -> Non
     for shape in sides["near"]:
         lowest, highest = extent(shape)
         assert (lowest < high).all() and (highest > low).all()
+
+
+def test_a_crowded_place_pushes_nothing_aside_and_is_nearer_to_things(env: CareEnv) -> None:
+    options = {"crowded": True}
+    crowded = rcare_marl.make(
+        "feeding", home="house_03", options=options, policies=dict.fromkeys(env.policies, "still")
+    )
+    env.reset(seed=0)
+    crowded.reset(seed=0)
+    assert place_of(crowded).aside == ()
+    assert crowded.told()["room_clearance_m"] < env.told()["room_clearance_m"]
+    crowded.close()
+
+
+def test_what_a_robot_runs_into_in_a_room_is_counted() -> None:
+    robot = {"model": "pr2", "moves": ["right_arm", "base"]}
+    still = {"recipient": "still"}
+    env = rcare_marl.make("feeding", home="house_03", robot=robot, policies=still)
+    env.reset(seed=0)
+    backwards = np.zeros(env.action_space("robot").shape)
+    names = env.cast["robot"].action_names
+    backwards[next(i for i, name in enumerate(names) if "forward" in name)] = -1
+    infos = {"robot": {"room_contacts": 0.0}}
+    while env.agents and not infos["robot"]["room_contacts"]:
+        *_, infos = env.step({"robot": backwards})
+    env.close()
+    assert infos["robot"]["room_contacts"] > 0
+    assert infos["robot"]["room_clearance_m"] < 0.001
+
+
+def test_nothing_is_said_of_a_room_where_there_is_none() -> None:
+    with rcare_marl.make("feeding", policies=dict.fromkeys(("robot", "recipient"), "still")) as env:
+        env.reset(seed=0)
+        assert env.told() == {}

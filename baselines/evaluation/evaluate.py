@@ -337,7 +337,7 @@ def run_episode(
         steps,
         env.world.time,
         returns,
-        numbers(task.report()) | env.randomiser.numbers(),
+        numbers(task.report()) | env.told(),
         costs,
         people,
         task.feasible.reason,

@@ -52,6 +52,11 @@ ALL, REACHABLE, BARE = "all", "reachable", "bare"
 RECIPIENT, CAREGIVER, ROBOT = "recipient", "caregiver", "robot"
 TREMOR, MUSCLE = "tremor", "muscle"  # partners that differ in their body
 USUAL = ("behaviour", "still", "passive", "resisting", "refusing")  # of `all`, where they are known
+ROOM = {
+    "room_contacts": sum,
+    "room_near_misses": sum,
+    "room_clearance_m": min,
+}  # how cells are joined
 
 Progress = Callable[[int], None]
 
@@ -324,9 +329,11 @@ class Outcome:
 def figures(outcomes: Iterable[Outcome]) -> dict[str, Any]:
     """Return the numbers over some cells, for JSON.
 
-    Success is that of feasible episodes; forces [N] are those of all episodes, of each the greatest.
+    Success is that of feasible episodes; forces [N] are those of all episodes, of each the greatest. Where
+    they are in homes, touches and near misses of the room are summed, and the least clearance [m] is told.
     """
     results = [each.result for each in outcomes if each.result is not None]
+    room = {name: [v for r in results for v in r.values(name)] for name in ROOM}
     feasible = [episode for result in results for episode in result.feasible]
     forces = [force for result in results for force in result.values("peak_force_n")]
     done = sum(episode.success for episode in feasible)
@@ -338,6 +345,7 @@ def figures(outcomes: Iterable[Outcome]) -> dict[str, Any]:
         "success_interval_95": list(wilson_interval(done, len(feasible))) if feasible else None,
         "peak_force_n_mean": float(np.mean(forces)) if forces else None,
         "peak_force_n_greatest": max(forces) if forces else None,
+        **{name: total(room[name]) if room[name] else None for name, total in ROOM.items()},
     }
 
 

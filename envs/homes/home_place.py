@@ -39,6 +39,7 @@ STEP = 0.1  # [m] between the places that are tried; own choice
 EYE_GAP = 0.12  # [m] that a camera stays away from walls; own choice
 QUARTERS = (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)
 TURN = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))  # half round
+CLOSE = 0.5  # [m] about what is left of the free floor, where things count as close by; own choice
 WALL, HEIGHT, LENGTH = 0.1, 2.2, 1.7  # [m] of walls where there is no house; own choice
 WALL_RGBA = (0.84, 0.87, 0.86, 1.0)
 
@@ -141,6 +142,7 @@ def find_place(
     *,
     room: str | None = None,
     site: str = "",
+    slack: float | None = None,
 ) -> HomePlace:
     """Return where a task has room in a home: where least furniture is pushed aside for it.
 
@@ -152,6 +154,8 @@ def find_place(
         site: What the origin is at: `door`, one inside the house, or a kind of furniture, whose frame
             it then is; anywhere if empty. That of a door points into its first room, see `Opening`;
             it is turned half round if no door has room on the other side.
+        slack: Take the place with most walls and furniture close by instead, with so much less free floor
+            on each side [m] and nothing pushed aside; where there is no site.
 
     Raises:
         UnknownNameError: If there is no such room.
@@ -166,7 +170,7 @@ def find_place(
         )
     for is_turned in (False, True) if site == "door" else (False,):
         for each in rooms:
-            found = _in_room(home, each, footprint, site, is_turned)
+            found = _in_room(home, each, footprint, site, is_turned, slack)
             if found is not None:
                 return found
     tried = ", ".join(r.name for r in rooms) or "none of these kinds: " + ", ".join(kinds)
@@ -187,6 +191,7 @@ def _in_room(
     footprint: Rectangle | FloorBefore,
     site: str,
     is_turned: bool = False,
+    slack: float | None = None,
 ) -> HomePlace | None:
     if not isinstance(footprint, Rectangle):
         return _at_door(home, room, footprint, is_turned)
@@ -194,6 +199,9 @@ def _in_room(
         return _at_fixture(home, room, footprint, site)
     inside = room.inside.grown(-0.02)
     standing, cost = _standing(home, room)
+    if slack is not None:
+        footprint = footprint.grown(-slack)
+        cost = np.full(len(standing), 1e6)
     rows = np.array([p.footprint.row for p in standing]).reshape(-1, 4)
     best: tuple[float, Pose, list[Placed]] | None = None
     for yaw in QUARTERS:
@@ -210,6 +218,8 @@ def _in_room(
         hit = ((high - low) > 1e-6).all(axis=2)
         middle = np.abs(areas[:, :2] + areas[:, 2:] - np.array(inside.centre) * 2).sum(axis=1)
         total = hit @ cost + 0.01 * middle  # of equal places the one in the middle of the room
+        if slack is not None:
+            total -= _close_by(areas, rows, inside)
         i = int(total.argmin())
         if total[i] < 1e5 and (best is None or total[i] < best[0]):
             pose = Pose((float(at[i, 0]), float(at[i, 1]), 0.0), turn.quaternion)
@@ -221,6 +231,22 @@ def _in_room(
     if best is None:
         return None
     return _place(home, room, best[1], footprint, best[2])
+
+
+def _close_by(areas: Array, things: Array, inside: Rectangle) -> Array:
+    """Return how much of the floor within `CLOSE` of areas is taken by things or beyond the walls [m²], [n].
+
+    Args:
+        areas: Lower and upper corners [m], shape [n, 4].
+        things: The same of what stands there, shape [k, 4].
+        inside: The room.
+    """
+    about = areas + np.array((-CLOSE, -CLOSE, CLOSE, CLOSE))
+    low = np.maximum(about[:, None, :2], things[None, :, :2])
+    high = np.minimum(about[:, None, 2:], things[None, :, 2:])
+    taken = np.clip(high - low, 0, None).prod(axis=2).sum(axis=1)
+    kept = np.minimum(about[:, 2:], inside.row[2:]) - np.maximum(about[:, :2], inside.row[:2])
+    return taken + (about[:, 2:] - about[:, :2]).prod(axis=1) - kept.prod(axis=1)
 
 
 def _standing(home: CareHome, room: Room) -> tuple[list[Placed], Array]:

@@ -130,6 +130,7 @@ class Challenge(Task):
 
     caregiver = STANDING_CAREGIVER
     room_kinds = ("bedroom", "living", "lounge", "dining")
+    slack = 0.05
     options: ChallengeOptions
     state: Any
     items: Sequence[str]

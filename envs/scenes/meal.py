@@ -32,6 +32,7 @@ MOVABLE = ("spine1_flexion", "spine1_lateral_flexion_left", "neck", "head", "jaw
 OFFERED, TAKEN_AWAY = 0.22, 0.26  # [m] from the mouth: within offered, beyond no more; own choice
 # [m] that an arm had better keep from the recipient; [rad] what it costs to touch them; own choices
 ROOM, CROWDED = 0.08, 1.0
+ROBOT_ROOM = 0.6  # [m] about the base of a robot, its elbows too; own choice
 HELPER_AT = (0.15, 0.85)  # [m] beside the chair, where a caregiver stands; our own choice
 
 
@@ -102,6 +103,10 @@ class Meal(Task):
     footprint = Rectangle(-0.8, -1.0, 1.2, 1.1)  # [m] the chair, a robot or helper at its side
     options: MealOptions
     chair: Wheelchair
+
+    def free_floor(self) -> Rectangle:
+        x, y, _ = self.robot.mount_named(f"wheelchair_{self.options.mount}").pose.position
+        return Rectangle.around([self.footprint, Rectangle(x, y, x, y).grown(ROBOT_ROOM)])
 
     def furnish(self, world: World) -> dict[str, Pose]:
         posture = self.recipient.posture

@@ -121,6 +121,7 @@ class Bathing(Task):
     least_success = 95
     Options = BathingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining")
+    slack = 0.05
     footprint = Rectangle(-1.15, -1.1, 1.15, 0.55)  # [m] the bed, and a robot at its side
     options: BathingOptions
     state: BathingState

@@ -123,6 +123,7 @@ class Dressing(Task):
     engines = ("bullet",)  # on MuJoCo its script gives way where the hem catches: docs/engines.md
     Options = DressingOptions
     room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
+    slack = 0.1
     paper_terms = ("distance",)
     footprint = Rectangle(-0.8, -1.1, 2.0, 1.1)  # [m] the chair, and a caregiver before it
     time_limit = TIME_LIMIT

@@ -117,6 +117,7 @@ class LimbRepositioning(Task):
     least_success = 85
     Options = LimbRepositioningOptions
     room_kinds = ("bedroom", "living", "lounge", "dining", "kitchen")
+    slack = 0.2
     paper_terms = ("distance",)
     footprint = Rectangle(-0.8, -1.1, 1.2, 1.4)  # [m] the chair, a robot or helper at its side
     time_limit = TIME_LIMIT

@@ -43,6 +43,7 @@ class SocialCoaching(CoachingTask):
     caregiver = STANDING_CAREGIVER
 
     footprint = Rectangle(-0.8, -0.9, 1.7, 0.9)
+    slack = 0.1
     session: Session
 
     @property

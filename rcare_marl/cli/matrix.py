@@ -26,6 +26,7 @@ from .parameter import print_json
 __all__ = ["MatrixPlan", "parse_over", "run", "show"]
 ONE = {"people": "person", "robots": "robot", "partners": "partner", "homes": "home"}
 NUMBERS = ("success", "95 % interval", "mean peak", "greatest force")
+IN_ROOM = "room: touched, near, clear"
 FAULTS = ("refused", "infeasible", "crashed")
 
 
@@ -81,20 +82,24 @@ def show(matrix: Matrix) -> None:
     beside = ", ".join(f"{name} {value}" for name, value in fixed.items())
     title = f"{plan.task}: {beside}; seeds {plan.seed} to {last} of each"
     axes = [ONE[axis] for axis in plan.over]
-    right = dict.fromkeys(NUMBERS, True)
-    notes: list[str] = []
-    rows = [_row(each, notes) for each in matrix.outcomes]
-    screen.print(table(title, (*axes, *NUMBERS, "note"), rows, **right))
     total, sums = matrix.total(), list[tuple[str, ...]]()
+    shown = NUMBERS if total["room_clearance_m"] is None else (*NUMBERS, IN_ROOM)
+    right = dict.fromkeys(shown, True)
+    notes: list[str] = []
+    rows = [_row(each, shown, notes) for each in matrix.outcomes]
+    screen.print(table(title, (*axes, *shown, "note"), rows, **right))
     counts = ["cells", *(name for name in FAULTS if total[name])]
     several = matrix.sums() if len(plan.over) > 1 else {}  # else they are the rows above
     for axis, values in several.items():
         sums += [
-            *((ONE[axis], name, *_summed(numbers, counts)) for name, numbers in values.items()),
+            *(
+                (ONE[axis], name, *_summed(numbers, shown, counts))
+                for name, numbers in values.items()
+            ),
             (),
         ]
-    sums += [("all", "", *_summed(total, counts))]
-    columns = ("over", "", *NUMBERS, *counts)
+    sums += [("all", "", *_summed(total, shown, counts))]
+    columns = ("over", "", *shown, *counts)
     right |= dict.fromkeys(counts, True)
     screen.print(table("sums: of the feasible", columns, sums, **right))
     for number, note in enumerate(notes, 1):
@@ -104,29 +109,36 @@ def show(matrix: Matrix) -> None:
         screen.print(Text(f"{left} cells were not finished", style="yellow"))
 
 
-def _row(outcome: Outcome, notes: list[str]) -> tuple[str, ...]:
+def _row(outcome: Outcome, shown: Sequence[str], notes: list[str]) -> tuple[str, ...]:
     """Return the row of a cell; what is to be said of it is added to the notes, each once."""
     numbers = outcome.to_dict()
     reason, short = outcome.reason, str(outcome.state)
     if outcome.result is not None:
         reason, short = outcome.result.infeasible, "cannot be done"
     if not reason:
-        return (*outcome.cell.values().values(), *_numbers(numbers), "")
+        return (*outcome.cell.values().values(), *_numbers(numbers, shown), "")
     if reason not in notes:
         notes.append(reason)
     mark = f"{short} [{notes.index(reason) + 1}]"
-    return (*outcome.cell.values().values(), *_numbers(numbers), mark)
+    return (*outcome.cell.values().values(), *_numbers(numbers, shown), mark)
 
 
-def _summed(numbers: Mapping[str, Any], counts: Sequence[str]) -> tuple[str, ...]:
-    return (*_numbers(numbers), *(str(numbers[name] or "") for name in counts))
+def _summed(
+    numbers: Mapping[str, Any], shown: Sequence[str], counts: Sequence[str]
+) -> tuple[str, ...]:
+    return (*_numbers(numbers, shown), *(str(numbers[name] or "") for name in counts))
 
 
-def _numbers(numbers: Mapping[str, Any]) -> tuple[str, ...]:
+def _numbers(numbers: Mapping[str, Any], shown: Sequence[str]) -> tuple[str, ...]:
+    room: tuple[str, ...] = ()
+    if IN_ROOM in shown:
+        clear = numbers["room_clearance_m"]
+        met = (numbers["room_contacts"], numbers["room_near_misses"])
+        room = ("",) if clear is None else (f"{met[0]:.0f}, {met[1]:.0f}, {100 * clear:.0f} cm",)
     mean, most = numbers["peak_force_n_mean"], numbers["peak_force_n_greatest"]
     forces = ("", "") if mean is None else (f"{figure(mean)} N", f"{figure(most)} N")
     if not numbers["feasible_episodes"]:
-        return ("", "", *forces)
+        return ("", "", *forces, *room)
     done, count = numbers["successes"], numbers["feasible_episodes"]
     low, high = numbers["success_interval_95"]
-    return (f"{done} of {count}", f"{100 * low:.0f} to {100 * high:.0f} %", *forces)
+    return (f"{done} of {count}", f"{100 * low:.0f} to {100 * high:.0f} %", *forces, *room)
