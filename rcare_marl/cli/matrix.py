@@ -26,7 +26,7 @@ from .parameter import print_json
 __all__ = ["MatrixPlan", "parse_over", "run", "show"]
 ONE = {"people": "person", "robots": "robot", "partners": "partner", "homes": "home"}
 NUMBERS = ("success", "95 % interval", "mean peak", "greatest force")
-IN_ROOM = "room: touched, near, clear"
+IN_ROOM = "room"  # how often touched, how often nearly, least clearance
 FAULTS = ("refused", "infeasible", "crashed")
 
 
@@ -81,7 +81,7 @@ def show(matrix: Matrix) -> None:
     fixed |= {"perturbed": "+".join(plan.randomise)} if plan.randomise else {}
     beside = ", ".join(f"{name} {value}" for name, value in fixed.items())
     title = f"{plan.task}: {beside}; seeds {plan.seed} to {last} of each"
-    axes = [ONE[axis] for axis in plan.over]
+    axes = [ONE[axis] for axis in plan.cells()[0].values()]
     total, sums = matrix.total(), list[tuple[str, ...]]()
     shown = NUMBERS if total["room_clearance_m"] is None else (*NUMBERS, IN_ROOM)
     right = dict.fromkeys(shown, True)
