@@ -116,6 +116,7 @@ def test_cells_are_evaluations_and_refusals_are_rows(
         "successes": 1,
         "success_rate_of_feasible": 1.0,
         "success_interval_95": list(alone.success_interval),
+        **dict.fromkeys(("room_contacts", "room_near_misses", "room_clearance_m")),
         "peak_force_n_mean": 0,
         "peak_force_n_greatest": 0,
     }

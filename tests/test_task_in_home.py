@@ -126,7 +126,7 @@ def test_what_a_robot_runs_into_in_a_room_is_counted() -> None:
     still = {"recipient": "still"}
     env = rcare_marl.make("feeding", home="house_03", robot=robot, policies=still)
     env.reset(seed=0)
-    backwards = np.zeros(env.action_space("robot").shape)
+    backwards = np.zeros(env.action_space("robot").shape, np.float32)
     names = env.cast["robot"].action_names
     backwards[next(i for i, name in enumerate(names) if "forward" in name)] = -1
     infos = {"robot": {"room_contacts": 0.0}}
