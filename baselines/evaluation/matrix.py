@@ -52,7 +52,7 @@ ALL, REACHABLE, BARE = "all", "reachable", "bare"
 RECIPIENT, CAREGIVER, ROBOT = "recipient", "caregiver", "robot"
 TREMOR, MUSCLE = "tremor", "muscle"  # partners that differ in their body
 USUAL = ("behaviour", "still", "passive", "resisting", "refusing")  # of `all`, where they are known
-ROOM = {
+ROOM: Mapping[str, Callable[[list[float]], float]] = {
     "room_contacts": sum,
     "room_near_misses": sum,
     "room_clearance_m": min,
