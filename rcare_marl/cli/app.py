@@ -19,6 +19,7 @@ from .export import export
 from .parameter import (
     BenchAvatar,
     BenchDevice,
+    BenchEpisodes,
     BenchQueries,
     BenchRooms,
     BenchSeconds,
@@ -410,6 +411,7 @@ def bench(
     processes: WorkerCounts = None,
     queries: BenchQueries = None,
     rooms: BenchRooms = None,
+    episodes: BenchEpisodes = None,
     as_json: Json = False,
 ) -> None:
     """Measure speed: of a task or all of them, of people with and without muscles, of houses, of learning.
@@ -433,6 +435,8 @@ def bench(
 
     Example: rcare-marl bench parity feeding --json
 
+    Example: rcare-marl bench parity feeding --episodes 500 --seed 10000 --processes 8
+
     Example: rcare-marl bench all
 
     Example: rcare-marl bench homes --home house_07
@@ -443,7 +447,7 @@ def bench(
     if of is not None and what not in ("batch", "parity"):
         raise typer.BadParameter(f"bench {what} takes no task", param_hint="TASK")
     options |= {"task": of or task, "device": device, "processes": processes}
-    options |= {"queries": queries, "rooms": rooms}
+    options |= {"queries": queries, "rooms": rooms, "episodes": episodes}
     options |= {**place_of(home, level, room), **cast_of(robot, recipient, caregiver)}
     given = {name: value for name, value in options.items() if value is not None}
     for name in speed.unwanted(what, given):
