@@ -19,7 +19,7 @@ import rcare_marl
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.baselines.benchmark import parity
+from rcare_marl.baselines.benchmark import engine_episodes, parity
 from rcare_marl.cli import app
 from rcare_marl.engines import make_world
 from rcare_marl.engines.mujoco_world import MujocoWorld
@@ -462,3 +462,16 @@ def test_bench_batch_tells_both_speeds_and_the_ratio() -> None:
     assert found["ratio"] == pytest.approx(both)
     assert CliRunner().invoke(app, ["bench", "batch", "--device", "tpu"]).exit_code != 0
     assert CliRunner().invoke(app, ["bench", "homes", "feeding"]).exit_code == 2
+
+
+def test_episodes_of_a_policy_are_compared_with_bounds() -> None:
+    told, figures = engine_episodes.compare("toileting", 2, 900, 1, "scripted")
+    assert {engine: each["episodes"] for engine, each in told["scripted"].items()} == {
+        "bullet": 2,
+        "mujoco": 2,
+    }
+    assert figures.keys() == {"success_scripted", "force_scripted"}
+    assert figures["success_scripted"]["met"]
+    assert engine_episodes.critical(500, 500) == pytest.approx(1.358 * math.sqrt(2 / 500), rel=1e-3)
+    with pytest.raises(UnknownNameError, match="learned"):
+        engine_episodes.compare("toileting", 2, 900, 1, "learnt")

@@ -90,7 +90,9 @@ def _spread(task: str, processes: int, rounds: int, seed: int) -> dict[str, Any]
     counts = (1, processes)
     with ExitStack() as stack:
         envs = [
-            stack.enter_context(closing(make_vector(task, num_envs=n * ENVS, processes=n, seed=seed)))
+            stack.enter_context(
+                closing(make_vector(task, num_envs=n * ENVS, processes=n, seed=seed))
+            )
             for n in counts
         ]
         blocks = {str(env.num_envs): partial(_batch_time, env) for env in envs}
@@ -151,5 +153,7 @@ def show(result: Mapping[str, Any]) -> None:
     ]
     if "efficiency" in result:
         of = f"of {result['processes']} processes"
-        rows.append((of, f"{result['steps_per_s']:.0f} per s, efficiency {result['efficiency']:.2f}"))
+        rows.append(
+            (of, f"{result['steps_per_s']:.0f} per s, efficiency {result['efficiency']:.2f}")
+        )
     console().print(table(f"{result['task']}, {result['device']}", ("what", "median"), rows))

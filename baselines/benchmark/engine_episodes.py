@@ -17,18 +17,19 @@ from scipy.stats import ks_2samp, kstwobign
 
 from rcare_marl.engines import ENGINES
 from rcare_marl.envs.registry import lead_roles, policy_names
+from rcare_marl.errors import check_name
 
 from ..evaluation.evaluate import Episode, Job, run_jobs, wilson_interval
 
 SHIPPED = ("scripted", "learned", "specialist")
-FORCE = "peak_force"  # the metric [N]
+FORCE = "peak_force_n"  # the metric [N]
 ALIKE = 0.05  # share of equal engines that the bound of the force tells apart
 QUANTILES = (0.25, 0.5, 0.75, 0.95)
 BLOCK = 25  # episodes that a process plays in one scene
 
 
 def compare(
-    task: str, episodes: int, seed: int, processes: int
+    task: str, episodes: int, seed: int, processes: int, policy: str | None = None
 ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
     """Return what each policy came to on either engine, and figures with their bounds.
 
@@ -37,9 +38,16 @@ def compare(
         episodes: Of each policy on each engine, with the same seeds.
         seed: The first of them.
         processes: How many work side by side.
+        policy: The policy; all that ship if None.
+
+    Raises:
+        UnknownNameError: If there is no such policy.
     """
     lead = lead_roles(task)[0]
-    policies = [name for name in policy_names(task, lead) if name in SHIPPED]
+    known = policy_names(task, lead)
+    if policy is not None:
+        check_name(f"policy for {lead!r} of task {task!r}", policy, known)
+    policies = [policy] if policy is not None else [name for name in known if name in SHIPPED]
     blocks = [(first, min(BLOCK, episodes - first)) for first in range(0, episodes, BLOCK)]
     played = [(policy, engine) for policy in policies for engine in ENGINES]
     jobs = [

@@ -75,6 +75,7 @@ def bench(
     postures: int = POSTURES,
     episodes: int = 0,
     processes: str = "1",
+    policy: str | None = None,
 ) -> dict[str, Any]:
     """Return all figures, as plain values for JSON.
 
@@ -84,9 +85,11 @@ def bench(
         postures: How many are pressed in.
         episodes: Of each shipped policy on each engine.
         processes: How many play these side by side.
+        policy: Which of them; all if None.
 
     Raises:
         ConfigError: If the count of processes is none.
+        UnknownNameError: If there is no such policy.
     """
     side_by_side = one_count("parity", processes)
     with ExitStack() as stack:
@@ -121,7 +124,7 @@ def bench(
         if key in values
     }
     if episodes:
-        told, figures = engine_episodes.compare(task, episodes, seed, side_by_side)
+        told, figures = engine_episodes.compare(task, episodes, seed, side_by_side, policy)
         result |= {"policies": told, "processes": side_by_side}
         result["figures"] |= figures
     return result | {"met": all(figure["met"] for figure in result["figures"].values())}

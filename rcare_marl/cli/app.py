@@ -20,6 +20,7 @@ from .parameter import (
     BenchAvatar,
     BenchDevice,
     BenchEpisodes,
+    BenchPolicy,
     BenchQueries,
     BenchRooms,
     BenchSeconds,
@@ -412,6 +413,7 @@ def bench(
     queries: BenchQueries = None,
     rooms: BenchRooms = None,
     episodes: BenchEpisodes = None,
+    policy: BenchPolicy = None,
     as_json: Json = False,
 ) -> None:
     """Measure speed: of a task or all of them, of people with and without muscles, of houses, of learning.
@@ -435,7 +437,7 @@ def bench(
 
     Example: rcare-marl bench parity feeding --json
 
-    Example: rcare-marl bench parity feeding --episodes 500 --seed 10000 --processes 8
+    Example: rcare-marl bench parity feeding --policy learned --episodes 500 --seed 10000
 
     Example: rcare-marl bench all
 
@@ -447,7 +449,7 @@ def bench(
     if of is not None and what not in ("batch", "parity"):
         raise typer.BadParameter(f"bench {what} takes no task", param_hint="TASK")
     options |= {"task": of or task, "device": device, "processes": processes}
-    options |= {"queries": queries, "rooms": rooms, "episodes": episodes}
+    options |= {"queries": queries, "rooms": rooms, "episodes": episodes, "policy": policy}
     options |= {**place_of(home, level, room), **cast_of(robot, recipient, caregiver)}
     given = {name: value for name, value in options.items() if value is not None}
     for name in speed.unwanted(what, given):

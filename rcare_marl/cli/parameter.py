@@ -142,6 +142,12 @@ BenchEpisodes = Annotated[
         min=1, help="Of each shipped policy on each engine, for `parity`; none if left out."
     ),
 ]
+BenchPolicy = Annotated[
+    str | None,
+    typer.Option(
+        "--policy", metavar="NAME", help="Of the episodes of `parity`; all that ship if left out."
+    ),
+]
 BenchRooms = Annotated[
     int | None, typer.Option(min=1, max=16, help="Rooms of `planning`, each in another house.")
 ]
