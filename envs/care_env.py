@@ -417,10 +417,10 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
         shared |= self.randomiser.numbers()
         if self.company is not None:
             shared |= self.company.numbers()
-        found = ({**shared, **own} for own in terms.values())
+        told = {name: float(value) for name, value in shared.items()}
         return {
-            role: {name: float(value) for name, value in info.items()}
-            for role, info in zip(terms, found, strict=True)
+            role: told | {name: float(value) for name, value in own.items()}
+            for role, own in terms.items()
         }
 
     def _checked(self, actions: Mapping[str, Action]) -> dict[str, Array]:

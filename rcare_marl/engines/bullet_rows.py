@@ -326,8 +326,8 @@ def _coupling(rows, island, answers, spans, soft, wished, acceleration):  # type
     """Return by how much force each row of an island is changed by a unit force of another.
 
     Returns:
-        The change in every row by a force in one, shape [n, n], the rows' own being 1; what each row has
-            too much at no force; and its acceleration by a unit force of its own, shape [n].
+        The change in every other row by a force in one, shape [n, n]; the force that each row wants while
+            the others have none; and its acceleration by a unit force of its own, shape [n].
     """
     sizes, starts, columns, jacobian = rows
     count, width = len(island), answers.shape[1]
@@ -337,7 +337,7 @@ def _coupling(rows, island, answers, spans, soft, wished, acceleration):  # type
         for at in range(0, 4, 2):
             for i in range(spans[row, at], spans[row, at + 1]):
                 across[i, place] = answers[row, i]
-    coupling, left, scales = np.zeros((count, count)), np.empty(count), np.empty(count)
+    coupling, wanted, scales = np.zeros((count, count)), np.empty(count), np.empty(count)
     for place in range(count):
         row = island[place]
         mine, miss = coupling[place], -wished[row]
@@ -348,13 +348,14 @@ def _coupling(rows, island, answers, spans, soft, wished, acceleration):  # type
                 mine[other] += share * column[other]
         mine[place] += soft[row]
         scales[place] = mine[place]
-        left[place] = miss / scales[place]
+        wanted[place] = -miss / scales[place]
     inverse = 1.0 / scales
     for place in range(count):  # what row does to others is what others do to it
         mine = coupling[place]
         for other in range(count):
             mine[other] *= inverse[other]
-    return coupling, left, scales
+        mine[place] = 0.0
+    return coupling, wanted, scales
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -401,7 +402,7 @@ def _solve(  # type: ignore[no-untyped-def]
     written here once and in no function: numba would count its arrays at each call, which takes ten times
     as long.
     """
-    coupling, left, scales = own
+    coupling, wanted, scales = own
     count = len(island)
     solved, least, greatest = np.zeros(count), np.zeros(count), np.empty(count)
     for place in range(count):
@@ -413,7 +414,7 @@ def _solve(  # type: ignore[no-untyped-def]
         for k in range(count):
             step = k if sweep % 2 or k >= others else others - 1 - k
             place, kind = steps[step, 0], steps[step, 1]
-            force = solved[place] - left[place]
+            force = wanted[place]
             if kind == PLAIN:
                 force = min(max(force, least[place]), greatest[place])
             elif kind == SECOND:
@@ -428,7 +429,7 @@ def _solve(  # type: ignore[no-untyped-def]
                 elif normal <= 0.0:  # what it rubbed with in the sweep before is gone
                     force = second = 0.0
                 else:
-                    second = solved[place + 1] - left[place + 1]
+                    second = wanted[place + 1]
                     reach, length = frictions[contact, 0] * normal, np.sqrt(force**2 + second**2)
                     if length > reach:
                         force *= reach / length
@@ -437,7 +438,7 @@ def _solve(  # type: ignore[no-untyped-def]
             if moved != 0.0:
                 solved[place] = force
                 for other in range(count):
-                    left[other] += coupling[place, other] * moved
+                    wanted[other] -= coupling[place, other] * moved
             moved *= scales[place]
             if kind == FIRST:
                 before = moved
