@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 Action = npt.NDArray[np.float32]
 Obs = Any  # a vector, or a dictionary of it and of arrays such as pictures
+Flags, Infos = dict[str, bool], dict[str, dict[str, Any]]
+Outcome = tuple[dict[str, Obs], dict[str, float], Flags, Flags, Infos]
 RENDER_MODES = ("rgb_array", "human")
 OVERLAP = 0.001  # [m] that robots may overlap at the start
 CLEAR = 0.001  # [m] that they keep from people then; nearer, they press in the first physics step
@@ -359,15 +361,7 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             self._infos({role: self.task.paid(role, self.task.state) for role in self.agents}),
         )
 
-    def step(
-        self, actions: dict[str, Action]
-    ) -> tuple[
-        dict[str, Obs],
-        dict[str, float],
-        dict[str, bool],
-        dict[str, bool],
-        dict[str, dict[str, Any]],
-    ]:
+    def step(self, actions: dict[str, Action]) -> Outcome:
         """Let everybody act for one control step.
 
         Raises:
@@ -375,15 +369,27 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             ActionError: If an action is missing, for nobody, misshapen or not finite; nothing has
                 moved then, and `step` may be called again.
         """
+        self.command(actions)
+        self.advance()
+        return self.outcome()
+
+    def command(self, actions: Mapping[str, Action]) -> None:
+        """Tell everybody what to do in the coming control step: the first part of `step`."""
         commands = self._checked(actions)
         for role, policy in self.policies.items():
             commands[role] = self._valid(role, policy.act())
         task, self.commands = self.task, commands
         for role, action in self.randomiser.passed_on(commands, task.control_dt).items():
             self.cast[role].command(action, task.control_dt)
+
+    def advance(self) -> None:
+        """Make the physics steps of a control step: the second part of `step`."""
         self._stride(self._substeps)
+
+    def outcome(self) -> Outcome:
+        """Sense what came of a control step and return it: the last part of `step`."""
         self._sense()
-        roles = self.agents
+        task, roles = self.task, self.agents
         terms = {role: task.paid(role, task.state) for role in roles}
         done = bool(task.is_success(task.state) | task.failed())
         late = self.world.time >= task.time_limit - 1e-9
@@ -395,13 +401,9 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             self.render()
         for watcher in self.watchers:
             watcher(self)
-        return (
-            observations,
-            {role: float(sum(terms[role].values())) for role in roles},
-            dict.fromkeys(roles, done),
-            dict.fromkeys(roles, late and not done),
-            infos,
-        )
+        rewards = {role: float(sum(terms[role].values())) for role in roles}
+        ended, cut = dict.fromkeys(roles, done), dict.fromkeys(roles, late and not done)
+        return observations, rewards, ended, cut, infos
 
     def _sense(self) -> None:
         for agent in self._order:

@@ -69,7 +69,7 @@ def bench(
         found = in_turns(blocks, max(steps // BLOCK, 1))
     speed = {name: 1.0 / statistics.median(times) for name, times in found.items()}
     ratio = speed["mujoco"] / speed["bullet"]
-    result = {
+    result: dict[str, Any] = {
         "task": task,
         "device": device,
         "steps": steps,

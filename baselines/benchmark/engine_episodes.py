@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import ks_2samp, kstwobign
+from scipy.stats import ks_2samp, kstwobign  # type: ignore[import-untyped]
 
 from rcare_marl.engines import ENGINES
 from rcare_marl.envs.registry import lead_roles, policy_names

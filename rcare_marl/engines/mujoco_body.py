@@ -228,10 +228,8 @@ class MujocoBody(Body):
         if self.sim is None:
             self._told.append(partial(self._drive, list(indices), rows, list(forces)))
             return
-        for index, row, force in zip(indices, rows, forces, strict=True):
-            dof = self._places.dofs[index]
-            self.sim.motors[dof] = row
-            self.sim.model.dof_frictionloss[dof] = force
+        dofs = self._lookup(tuple(indices))[1]
+        self.sim.motors[dofs], self.sim.motor_limits[dofs] = rows, forces
 
     def drive_positions(
         self,

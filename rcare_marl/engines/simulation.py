@@ -63,7 +63,8 @@ class Simulation:
         model: MuJoCo's model.
         data: Its data.
         places: Where the bodies are in its arrays, in the order of the world.
-        motors: See `bullet_rows.motor_table`; their greatest forces are `model.dof_frictionloss`.
+        motors: See `bullet_rows.motor_table`.
+        motor_limits: Their greatest forces [N·m or N], shape [nv]; MuJoCo's dry friction.
         qpos: Positions, as MuJoCo has them.
         qvel: Velocities.
         strengths: Greatest force of each equality [N], shape [neq].
@@ -108,7 +109,7 @@ class Simulation:
         self.places = [BodyPlaces(model, body, self._roots[body.name]) for body in bodies]
         self._bodies, self._dt = list(bodies), scene.physics_dt
         self._find_geoms(scene)
-        self.motors = motor_table(model.nv)
+        self.motors, self.motor_limits = motor_table(model.nv), model.dof_frictionloss
         self._begin_motors()
         self.torque, self._pushed = data.qfrc_applied, False
         self.qpos, self.qvel = data.qpos, data.qvel
@@ -165,7 +166,7 @@ class Simulation:
 
     def _begin_motors(self) -> None:
         """Take dry friction of the joints that have any; others have the motor of Bullet's default."""
-        force = self.model.dof_frictionloss
+        force = self.motor_limits
         force[:] = 0.0
         for body, places in zip(self._bodies, self.places, strict=True):
             followers = {gear.follower for gear in body.gears}
@@ -180,7 +181,7 @@ class Simulation:
         state = (data.qpos, data.qvel, data.qfrc_applied, data.qacc_smooth, data.qacc)
         factors = data.qLD, data.qLDiagInv, model.M_rownnz, model.M_rowadr, model.M_colind
         trees = model.dof_treeid, model.tree_dofadr, model.tree_dofnum
-        limits = model.dof_frictionloss, self.strengths
+        limits = self.motor_limits, self.strengths
         rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
         bearers = model.body_treeid[model.geom_bodyid].astype(np.int64)
         surfaces = self.surfaces, self._geom_body, bearers, data.cdof, self.caps
@@ -209,7 +210,7 @@ class Simulation:
         return [
             *(data.qpos, data.qvel, data.eq_active, model.body_pos, model.body_quat, self.motors),
             *(
-                model.dof_frictionloss,
+                self.motor_limits,
                 model.jnt_limited,
                 model.jnt_range,
                 self.strengths,
