@@ -1,4 +1,4 @@
-"""Several environments that are stepped one after the other, and the arrays that learners see of them."""
+"""Several environments that are stepped in one process, and the arrays that learners see of them."""
 
 from __future__ import annotations
 
