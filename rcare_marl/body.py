@@ -107,11 +107,10 @@ class Body:
         """Return what the motors of joints applied in the last physics step [N·m or N]."""
         return [s[3] for s in bullet.getJointStates(self.uid, indices, self._client)]
 
-    def joint_readings(self, indices: Sequence[int]) -> tuple[Array, Array, Array]:
+    def joint_readings(self, indices: Sequence[int]) -> tuple[Array, ...]:
         """Return positions [rad or m], velocities and motor torques of joints, each of shape [n]."""
         found = bullet.getJointStates(self.uid, indices, self._client)
-        positions, velocities, _, torques = zip(*found, strict=True)
-        return np.array(positions), np.array(velocities), np.array(torques)
+        return tuple(np.array([state[k] for state in found]) for k in (0, 1, 3))
 
     @cached_property
     def feedback(self) -> JointFeedback:

@@ -135,12 +135,12 @@ class JointGroup:
         now = (self.world.step_count, self.world.teleports)
         if now != self._read_at:
             self._read_at = now
-            found = positions, velocities, torques = self.body.joint_readings(self._asked)
+            positions, velocities, torques = self.body.joint_readings(self._asked)
             self._everything = positions.tolist()
             if self._asked is not self.indices:  # more than its own
                 own = self._places
-                found = positions[own], velocities[own], torques[own]
-            self._read = found
+                positions, velocities, torques = positions[own], velocities[own], torques[own]
+            self._read = positions, velocities, torques
         return self._read
 
     def positions(self) -> Array:

@@ -435,9 +435,7 @@ def bench(
 
     Example: rcare-marl bench feeding --json
 
-    Example: rcare-marl bench parity feeding --json
-
-    Example: rcare-marl bench parity feeding --policy learned --episodes 500 --seed 10000
+    Example: rcare-marl bench parity feeding --policy learned --episodes 500 --json
 
     Example: rcare-marl bench all
 

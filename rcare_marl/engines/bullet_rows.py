@@ -122,17 +122,11 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
             dt, places, (kinds, speeds, gives), surfaces, owners, wished, soft, touched
         )
         answers, spans = _answers(inertia, rows)
+        wants = soft, wished, most, smooth
         order, ends = _islands(spans, inertia[5])
-        begin, own = 0, np.zeros(count, np.int64)
-        for end in ends:
-            island = order[begin:end]
-            for place in range(end - begin):
-                own[island[place]] = place
-            solver = _coupling(rows, island, answers, spans, soft, wished, smooth)
-            steps, others = _steps(island, own, kinds, contacts[0])
-            told = kinds, most, solver, contacts[1]
-            _solve(sweeps[0], dt, island, steps, others, *told, forces)
-            begin = end
+        _solve_islands(
+            sweeps[0], dt, (order, ends), kinds, rows, answers, spans, wants, contacts, forces
+        )
         _push(rows, (kinds, ids), forces, answers, spans, acceleration, pushes, acted)
     cut_speeds(qvel, acceleration, caps, dt)
     feels, present, kept = felt
@@ -319,6 +313,24 @@ def _islands(spans, trees):  # type: ignore[no-untyped-def]
             ends[islands] = found
             islands += 1
     return order, ends[:islands]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _solve_islands(  # type: ignore[no-untyped-def]
+    sweeps, dt, islands, kinds, rows, answers, spans, wants, contacts, forces
+) -> None:
+    """Solve all rows, island by island, and write their forces."""
+    soft, wished, most, smooth = wants
+    order, ends = islands
+    begin, own = 0, np.zeros(len(order), np.int64)
+    for end in ends:
+        island = order[begin:end]
+        for place in range(end - begin):
+            own[island[place]] = place
+        solver = _coupling(rows, island, answers, spans, soft, wished, smooth)
+        steps, others = _steps(island, own, kinds, contacts[0])
+        _solve(sweeps, dt, island, steps, others, kinds, most, solver, contacts[1], forces)
+        begin = end
 
 
 @numba.njit(cache=True, error_model="numpy")

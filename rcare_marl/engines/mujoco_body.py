@@ -118,7 +118,7 @@ class MujocoBody(Body):
         torques: list[float] = self._torques_at(indices, self.sim).tolist()
         return torques
 
-    def joint_readings(self, indices: Sequence[int]) -> tuple[Array, Array, Array]:
+    def joint_readings(self, indices: Sequence[int]) -> tuple[Array, ...]:
         if self.sim is None:
             return super().joint_readings(indices)
         return *self._states_at(indices, self.sim), self._torques_at(indices, self.sim)
