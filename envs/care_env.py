@@ -36,8 +36,9 @@ if TYPE_CHECKING:
 
 Action = npt.NDArray[np.float32]
 Obs = Any  # a vector, or a dictionary of it and of arrays such as pictures
-Flags, Infos = dict[str, bool], dict[str, dict[str, Any]]
-Outcome = tuple[dict[str, Obs], dict[str, float], Flags, Flags, Infos]
+Outcome = tuple[
+    dict[str, Obs], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+]
 RENDER_MODES = ("rgb_array", "human")
 OVERLAP = 0.001  # [m] that robots may overlap at the start
 CLEAR = 0.001  # [m] that they keep from people then; nearer, they press in the first physics step
