@@ -68,6 +68,13 @@ def run_all(
         return [job.result() for job in running]
 
 
+def one_count(what: str, given: str) -> int:
+    """Return the number of processes of a benchmark that takes one; ConfigError if it is none."""
+    if not given.isdecimal() or not int(given):
+        raise ConfigError(f"processes of {what} must be one count, got {given!r}")
+    return int(given)
+
+
 def run_each(
     calls: Sequence[Callable[[], T]],
     processes: int,

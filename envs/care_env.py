@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 
 Action = npt.NDArray[np.float32]
 Obs = Any  # a vector, or a dictionary of it and of arrays such as pictures
+Outcome = tuple[
+    dict[str, Obs], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+]
 RENDER_MODES = ("rgb_array", "human")
 OVERLAP = 0.001  # [m] that robots may overlap at the start
 CLEAR = 0.001  # [m] that they keep from people then; nearer, they press in the first physics step
@@ -233,24 +236,23 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             for name, thing in place.obstacles:
                 gap = self.world.separation(self.cast[role].body, thing, within=0.01)
                 if gap < -OVERLAP:
+                    what = "choose another room, mount or posture"
                     return (
-                        f"{role!r} stands in {name} of {place.name} by {-1e3 * gap:.0f} mm: "
-                        "choose another room, mount or posture"
+                        f"{role!r} stands in {name} of {place.name} by {-1e3 * gap:.0f} mm: {what}"
                     )
         return None
 
     def _overlap(self) -> str | None:
         """Return which robot stands in another one or in somebody, as an error says it; None if none."""
-        robots = [(role, agent) for role, agent in self.cast.items() if isinstance(agent, Robot)]
+        robots = [pair for pair in self.cast.items() if isinstance(pair[1], Robot)]
+        people = [pair for pair in self.cast.items() if not isinstance(pair[1], Robot)]
         for i, (first, robot) in enumerate(robots):
-            people = [(r, a) for r, a in self.cast.items() if not isinstance(a, Robot)]
             for second, other in [*robots[i + 1 :], *people]:
                 gap = self.world.separation(robot.body, other.body, within=0.01)
                 if gap < (-OVERLAP if isinstance(other, Robot) else CLEAR):
                     how = f"stand in each other by {-1e3 * gap:.0f} mm" if gap < 0 else "touch"
-                    return (
-                        f"{first!r} and {second!r} {how}: give the robot another mount or posture"
-                    )
+                    what = "give the robot another mount or posture"
+                    return f"{first!r} and {second!r} {how}: {what}"
         return None
 
     def _observation(self, role: str) -> Observation:
@@ -284,14 +286,14 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
         self._check_begun()
         return self._vectors[self._known(role)].read()
 
-    def _check_open(self) -> None:
-        if self.world.client < 0:
-            raise EpisodeError("the environment is closed: make a new one")
-
     def _check_begun(self) -> None:
         self._check_open()
         if not self.has_begun:
             raise EpisodeError("there is nothing to see yet: call reset() first")
+
+    def _check_open(self) -> None:
+        if self.world.client < 0:
+            raise EpisodeError("the environment is closed: make a new one")
 
     def describe(self, role: str) -> list[tuple[slice, str, str]]:
         """Return (slice, name, unit) of each part of a role's observed vector."""
@@ -359,15 +361,7 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             self._infos({role: self.task.paid(role, self.task.state) for role in self.agents}),
         )
 
-    def step(
-        self, actions: dict[str, Action]
-    ) -> tuple[
-        dict[str, Obs],
-        dict[str, float],
-        dict[str, bool],
-        dict[str, bool],
-        dict[str, dict[str, Any]],
-    ]:
+    def step(self, actions: dict[str, Action]) -> Outcome:
         """Let everybody act for one control step.
 
         Raises:
@@ -375,16 +369,28 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             ActionError: If an action is missing, for nobody, misshapen or not finite; nothing has
                 moved then, and `step` may be called again.
         """
+        self.command(actions)
+        self.advance()
+        return self.outcome()
+
+    def command(self, actions: Mapping[str, Action]) -> None:
+        """Tell everybody what to do in the coming control step: the first part of `step`."""
         commands = self._checked(actions)
         for role, policy in self.policies.items():
             commands[role] = self._valid(role, policy.act())
         task, self.commands = self.task, commands
         for role, action in self.randomiser.passed_on(commands, task.control_dt).items():
             self.cast[role].command(action, task.control_dt)
+
+    def advance(self) -> None:
+        """Make the physics steps of a control step: the second part of `step`."""
         self._stride(self._substeps)
+
+    def outcome(self) -> Outcome:
+        """Sense what came of a control step and return it: the last part of `step`."""
         self._sense()
         self._room.look()
-        roles = self.agents
+        task, roles = self.task, self.agents
         terms = {role: task.paid(role, task.state) for role in roles}
         done = bool(task.is_success(task.state) | task.failed())
         late = self.world.time >= task.time_limit - 1e-9
@@ -396,13 +402,9 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             self.render()
         for watcher in self.watchers:
             watcher(self)
-        return (
-            observations,
-            {role: float(sum(terms[role].values())) for role in roles},
-            dict.fromkeys(roles, done),
-            dict.fromkeys(roles, late and not done),
-            infos,
-        )
+        rewards = {role: float(sum(terms[role].values())) for role in roles}
+        ended, cut = dict.fromkeys(roles, done), dict.fromkeys(roles, late and not done)
+        return observations, rewards, ended, cut, infos
 
     def _sense(self) -> None:
         for agent in self._order:
@@ -416,8 +418,9 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
         task = self.task
         shared = {"success": task.succeeded(), "feasible": task.feasible.holds, **task.report()}
         shared |= self.told() | (self.company.numbers() if self.company is not None else {})
+        same = {name: float(value) for name, value in shared.items()}
         return {
-            role: {name: float(value) for name, value in {**shared, **own}.items()}
+            role: same | {name: float(value) for name, value in own.items()}
             for role, own in terms.items()
         }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -107,10 +107,10 @@ class Body:
         """Return what the motors of joints applied in the last physics step [N·m or N]."""
         return [s[3] for s in bullet.getJointStates(self.uid, indices, self._client)]
 
-    def joint_readings(self, indices: Sequence[int]) -> Sequence[tuple[Any, ...]]:
-        """Return of joints position [rad or m], velocity, feedback and motor torque, as Bullet has them."""
-        found: Sequence[tuple[Any, ...]] = bullet.getJointStates(self.uid, indices, self._client)
-        return found
+    def joint_readings(self, indices: Sequence[int]) -> tuple[Array, ...]:
+        """Return positions [rad or m], velocities and motor torques of joints, each of shape [n]."""
+        found = bullet.getJointStates(self.uid, indices, self._client)
+        return tuple(np.array([state[k] for state in found]) for k in (0, 1, 3))
 
     @cached_property
     def feedback(self) -> JointFeedback:

@@ -19,7 +19,7 @@ import rcare_marl
 from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.robot import Robot
-from rcare_marl.baselines.benchmark import parity
+from rcare_marl.baselines.benchmark import engine_episodes, parity
 from rcare_marl.cli import app
 from rcare_marl.engines import make_world
 from rcare_marl.engines.mujoco_world import MujocoWorld
@@ -27,7 +27,7 @@ from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.devices import FloorLift, HospitalBed
 from rcare_marl.envs.registry import task_class
 from rcare_marl.errors import ConfigError, MissingPackageError, UnknownNameError, WorldError
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Pose, quaternion_from_axis_angle
 from rcare_marl.world import GRAVITY
 
 PENDULUM = """<robot name="pendulum">
@@ -120,6 +120,23 @@ def test_a_box_presses_with_its_weight_and_slides_by_friction(world: MujocoWorld
         world.step()
     assert box.link_motion(-1)[1][0] > 0.1
     assert world.separation(box, floor, within=0.1) == pytest.approx(0.0, abs=0.003)
+
+
+def test_how_a_box_comes_to_rest_is_the_same_whatever_falls_elsewhere() -> None:
+    """What does not touch is solved by itself, as in Bullet, also when its sweeps end."""
+    ways = []
+    for others in (0, 3):
+        with closing(make_world("mujoco", 1 / 240)) as world:
+            world.add_box((4, 4, 0.2), Pose((0, 0, -0.1)), name="floor")
+            tilted = quaternion_from_axis_angle((0, 1, 0), 0.3)
+            box = world.add_box((0.2, 0.1, 0.1), Pose((0, 0, 0.2), tuple(tilted)), mass=1.0)
+            for k in range(others):
+                world.add_box((0.1, 0.1, 0.1), Pose((1.0, 0.5 * k, 0.1 + 0.1 * k)), mass=2.0)
+            world.mark_start()
+            for _ in range(120):
+                world.step()
+            ways.append(box.state())
+    assert np.array_equal(*ways)
 
 
 def test_a_bond_holds_until_it_is_broken_and_comes_back(world: MujocoWorld) -> None:
@@ -462,3 +479,16 @@ def test_bench_batch_tells_both_speeds_and_the_ratio() -> None:
     assert found["ratio"] == pytest.approx(both)
     assert CliRunner().invoke(app, ["bench", "batch", "--device", "tpu"]).exit_code != 0
     assert CliRunner().invoke(app, ["bench", "homes", "feeding"]).exit_code == 2
+
+
+def test_episodes_of_a_policy_are_compared_with_bounds() -> None:
+    told, figures = engine_episodes.compare("toileting", 2, 900, 1, "scripted")
+    assert {engine: each["episodes"] for engine, each in told["scripted"].items()} == {
+        "bullet": 2,
+        "mujoco": 2,
+    }
+    assert figures.keys() == {"success_scripted", "force_scripted"}
+    assert figures["success_scripted"]["met"]
+    assert engine_episodes.critical(500, 500) == pytest.approx(1.358 * math.sqrt(2 / 500), rel=1e-3)
+    with pytest.raises(UnknownNameError, match="learned"):
+        engine_episodes.compare("toileting", 2, 900, 1, "learnt")

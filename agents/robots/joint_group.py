@@ -135,11 +135,12 @@ class JointGroup:
         now = (self.world.step_count, self.world.teleports)
         if now != self._read_at:
             self._read_at = now
-            states = self.body.joint_readings(self._asked)
-            self._everything = [state[0] for state in states]
-            own = [states[place] for place in self._places]
-            positions, velocities, _, torques = zip(*own, strict=True)
-            self._read = np.array(positions), np.array(velocities), np.array(torques)
+            positions, velocities, torques = self.body.joint_readings(self._asked)
+            self._everything = positions.tolist()
+            if self._asked is not self.indices:  # more than its own
+                own = self._places
+                positions, velocities, torques = positions[own], velocities[own], torques[own]
+            self._read = positions, velocities, torques
         return self._read
 
     def positions(self) -> Array:

@@ -9,7 +9,8 @@ seeds: what there was to choose was chosen on others.
 - `arm_rad`, `person_rad`: greatest difference of any joint in 1 s of the same small random actions;
 - `press_mean`, `press_peak`: of feeding, the spoon is led to the mouth and pressed on it for 6 s in twenty
   postures. Force is the sum of all normal forces in a physics step; the mean is over steps in touch.
-  Both are means over the postures, and the figure is by what share MuJoCo's differs from Bullet's.
+  Both are means over the postures, and the figure is by what share MuJoCo's differs from Bullet's;
+- `success_X`, `force_X`, where episodes are asked for: see `engine_episodes`.
 """
 
 from __future__ import annotations
@@ -31,6 +32,9 @@ from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.tasks.feeding import Feeding
 from rcare_marl.pose import Array
 from rcare_marl.world import GRAVITY
+
+from ..workers import one_count
+from . import engine_episodes
 
 BOUNDS = {
     "link_pose_m": 1e-6,
@@ -65,14 +69,29 @@ class Press(NamedTuple):
     touch: float
 
 
-def bench(task: str = "feeding", seed: int = 0, postures: int = POSTURES) -> dict[str, Any]:
+def bench(
+    task: str = "feeding",
+    seed: int = 0,
+    postures: int = POSTURES,
+    episodes: int = 0,
+    processes: str = "1",
+    policy: str | None = None,
+) -> dict[str, Any]:
     """Return all figures, as plain values for JSON.
 
     Args:
         task: The task; one that runs on both engines.
         seed: First seed of all but the presses.
         postures: How many are pressed in.
+        episodes: Of each shipped policy on each engine.
+        processes: How many play these side by side.
+        policy: Which of them; all if None.
+
+    Raises:
+        ConfigError: If the count of processes is none.
+        UnknownNameError: If there is no such policy.
     """
+    side_by_side = one_count("parity", processes)
     with ExitStack() as stack:
         bullet, mujoco = pair = tuple(
             stack.enter_context(closing(make(task, engine=name))) for name in ENGINES
@@ -104,6 +123,10 @@ def bench(task: str = "feeding", seed: int = 0, postures: int = POSTURES) -> dic
         for key, bound in BOUNDS.items()
         if key in values
     }
+    if episodes:
+        told, figures = engine_episodes.compare(task, episodes, seed, side_by_side, policy)
+        result |= {"policies": told, "processes": side_by_side}
+        result["figures"] |= figures
     return result | {"met": all(figure["met"] for figure in result["figures"].values())}
 
 

@@ -36,7 +36,7 @@ from rcare_marl.planning.path import Path
 from rcare_marl.planning.search import dense
 from rcare_marl.pose import Array
 
-from ..workers import run_each
+from ..workers import one_count, run_each
 from .environment import surroundings
 
 TASK = "feeding"
@@ -78,13 +78,12 @@ def bench(
         MissingPackageError: If the extra `plan` is not installed.
     """
     check_installed()
-    if not processes.isdecimal() or not int(processes):
-        raise ConfigError(f"processes of planning must be one count, got {processes!r}")
+    side_by_side = one_count("planning", processes)
     models = robot.split(",") if robot else list(ROBOTS)
     begin = seed % len(HOUSES)
     left = {model: list(HOUSES[begin:] + HOUSES[:begin]) for model in models}
     found: dict[str, list[dict[str, Any]]] = {model: [] for model in models}
-    rounds = -(-rooms * len(models) // int(processes))
+    rounds = -(-rooms * len(models) // side_by_side)
     share = None if seconds is None else seconds / rounds
     is_stopped = False
     try:
@@ -95,7 +94,7 @@ def bench(
             if k < rooms - len(found[model]) and left[model]
         ]:
             calls = [partial(_in_room, *each, queries, seed, share) for each in asked]
-            run_each(calls, int(processes), partial(_take, found, asked))
+            run_each(calls, side_by_side, partial(_take, found, asked))
     except (KeyboardInterrupt, SystemExit):  # the latter after SIGTERM
         is_stopped = True
     results = {model: _summary(each) for model, each in found.items() if each}
@@ -105,7 +104,7 @@ def bench(
         "queries_per_room": queries,
         "seed": seed,
         "within_s": WITHIN,
-        "processes": int(processes),
+        "processes": side_by_side,
         "robots": results,
         "wanted": WANTED,
         "met": {

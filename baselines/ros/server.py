@@ -112,8 +112,7 @@ class RobotNode(Node):
         """Publish where the joints are; return the stamp."""
         stamp, body = self.get_clock().now().to_msg(), self.served.robot.body
         names = list(body.joints)
-        readings = body.joint_readings([body.joints[name].index for name in names])
-        states = [np.array([float(each[k]) for each in readings]) for k in (0, 1, 3)]
+        states = list(body.joint_readings([body.joints[name].index for name in names]))
         self._joints.publish(messages.joint_state(stamp, names, states))
         return stamp
 

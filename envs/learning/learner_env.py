@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -208,19 +208,17 @@ class LearnerEnv:
         Args:
             actions: For each group, shape [roles, action size].
         """
-        for values in (*self.reward.values(), *self.cost.values()):
-            values[:] = 0.0
-        for _ in range(self.recipe.hold):
-            self._step_once(actions)
-            if self.terminated or self.truncated:
-                break
+        step_together([self], [actions])
 
-    def _step_once(self, actions: Mapping[str, Floats]) -> None:
+    def _command(self, actions: Mapping[str, Floats]) -> None:
         commands: dict[str, npt.NDArray[Any]] = {}
         for group, roles in self.groups.items():
             for role, action in zip(roles, actions[group], strict=True):
                 commands[role] = self._applied(role, action, self.layout.action_lows[group])
-        observations, rewards, ended, late, infos = self.care_env.step(commands)
+        self.care_env.command(commands)
+
+    def _see(self) -> None:
+        observations, rewards, ended, late, infos = self.care_env.outcome()
         for group, roles in self.groups.items():
             self.reward[group] += [rewards[role] for role in roles]
             self.cost[group] += [infos[role].get("cost", 0.0) for role in roles]
@@ -293,6 +291,30 @@ class LearnerEnv:
     def close(self) -> None:
         """Free the scene; safe to call twice."""
         self.care_env.close()
+
+
+def step_together(envs: Sequence[LearnerEnv], actions: Sequence[Mapping[str, Floats]]) -> None:
+    """Step environments of one recipe, each as `LearnerEnv.step` does.
+
+    First all are told what to do, then all move, then all look: what Python goes through is still in the
+    caches then, which the physics of each empties.
+
+    Args:
+        envs: The environments.
+        actions: Of each, by group, shape [roles, action size].
+    """
+    for env in envs:
+        for values in (*env.reward.values(), *env.cost.values()):
+            values[:] = 0.0
+    running = list(zip(envs, actions, strict=True))
+    for _ in range(envs[0].recipe.hold if envs else 0):
+        for env, told in running:
+            env._command(told)
+        for env, _ in running:
+            env.care_env.advance()
+        for env, _ in running:
+            env._see()
+        running = [pair for pair in running if not (pair[0].terminated or pair[0].truncated)]
 
 
 def kept_by(script: Policy | None) -> npt.NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Several environments that are stepped one after the other, and the arrays that learners see of them."""
+"""Several environments that are stepped in one process, and the arrays that learners see of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .learner_env import Floats, Layout, LearnerEnv
+from .learner_env import Floats, Layout, LearnerEnv, step_together
 from .recipe import EnvRecipe
 
 FIRST_SEED = 2**31  # evaluation has the seeds below
@@ -279,12 +279,15 @@ class Station:
         """
         board = self._board
         assert board is not None
-        for k, (place, env) in enumerate(zip(self._places, self._envs, strict=True)):
-            if chosen is not None and not chosen[place]:
-                continue
-            actions = {group: values[place] for group, values in board.action.items()}
+        told: list[dict[str, Floats]] = []
+        stepped = [k for k, at in enumerate(self._places) if chosen is None or chosen[at]]
+        for k in stepped:
+            actions = {group: values[self._places[k]] for group, values in board.action.items()}
             self._records[k].actions.append(np.concatenate([a.ravel() for a in actions.values()]))
-            env.step(actions)
+            told.append(actions)
+        step_together([self._envs[k] for k in stepped], told)
+        for k in stepped:
+            place, env = self._places[k], self._envs[k]
             self._is_fresh[k] = False
             board.after.show(place, env)
             for group, reward in env.reward.items():

@@ -19,6 +19,8 @@ from .export import export
 from .parameter import (
     BenchAvatar,
     BenchDevice,
+    BenchEpisodes,
+    BenchPolicy,
     BenchQueries,
     BenchRooms,
     BenchSeconds,
@@ -410,6 +412,8 @@ def bench(
     processes: WorkerCounts = None,
     queries: BenchQueries = None,
     rooms: BenchRooms = None,
+    episodes: BenchEpisodes = None,
+    policy: BenchPolicy = None,
     as_json: Json = False,
 ) -> None:
     """Measure speed: of a task or all of them, of people with and without muscles, of houses, of learning.
@@ -431,7 +435,7 @@ def bench(
 
     Example: rcare-marl bench feeding --json
 
-    Example: rcare-marl bench parity feeding --json
+    Example: rcare-marl bench parity feeding --policy learned --episodes 500 --json
 
     Example: rcare-marl bench all
 
@@ -443,7 +447,7 @@ def bench(
     if of is not None and what not in ("batch", "parity"):
         raise typer.BadParameter(f"bench {what} takes no task", param_hint="TASK")
     options |= {"task": of or task, "device": device, "processes": processes}
-    options |= {"queries": queries, "rooms": rooms}
+    options |= {"queries": queries, "rooms": rooms, "episodes": episodes, "policy": policy}
     options |= {**place_of(home, level, room), **cast_of(robot, recipient, caregiver)}
     given = {name: value for name, value in options.items() if value is not None}
     for name in speed.unwanted(what, given):

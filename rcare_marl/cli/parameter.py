@@ -136,6 +136,18 @@ BenchAvatar = Annotated[
 BenchQueries = Annotated[
     int | None, typer.Option(min=1, help="Paths that `planning` looks for in each room.")
 ]
+BenchEpisodes = Annotated[
+    int | None,
+    typer.Option(
+        min=1, help="Of each shipped policy on each engine, for `parity`; none if left out."
+    ),
+]
+BenchPolicy = Annotated[
+    str | None,
+    typer.Option(
+        "--policy", metavar="NAME", help="Of the episodes of `parity`; all that ship if left out."
+    ),
+]
 BenchRooms = Annotated[
     int | None, typer.Option(min=1, max=16, help="Rooms of `planning`, each in another house.")
 ]
@@ -151,7 +163,8 @@ BenchDevice = Annotated[str | None, typer.Option(help="Where `batch` lets MuJoCo
 WorkerCounts = Annotated[
     str | None,
     typer.Option(
-        metavar="COUNTS", help="Of workers, for `learning` (1,2 if left out) and `planning` (1)."
+        metavar="COUNTS",
+        help="Of workers, for `learning` (1,2 if left out), `planning`, `parity` and `batch` (1).",
     ),
 ]
 Processes = Annotated[

@@ -13,8 +13,10 @@ that moves at its wished speed, and with `a = (v' - v) / dt`
 - rigid contact: aref = (0.08 overlap / dt - v) / dt, R about 0, with Bullet's share of 0.08.
 
 The rows are solved as Bullet solves them, by projected Gauss-Seidel over accelerations with the same number
-of iterations, from nothing in each step. That is no detail: in thirty iterations Bullet's forces on a pressed
+of sweeps, from nothing in each step. That is no detail: in thirty sweeps Bullet's forces on a pressed
 mouth stay a fifth below what they converge to, since the bond between hand and spoon is slow to solve.
+What can reach each other by touches and bonds is an island, and as in Bullet each is solved by itself, until
+a sweep changes no row's speed by more than `SETTLED`.
 
 The force of a motor is then what really acted in the step, as Bullet tells it.
 """
@@ -38,7 +40,9 @@ SLOP = 1e-5  # [m] of overlap that Bullet leaves
 FAR_PAST = -0.04
 MOTOR_GIVE = 1e-4  # R of a motor or bond as a share of what its joint alone gives way by
 CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
+SETTLED = 1e-7**0.5  # [m/s or rad/s] PyBullet's threshold of a residual, which Bullet squares
 EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
+PLAIN, FIRST, SECOND, TURNING = range(4)  # what limits the force of a row: numbers, or a cone
 
 
 def motor_table(count: int) -> Array:
@@ -118,8 +122,11 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
             dt, places, (kinds, speeds, gives), surfaces, owners, wished, soft, touched
         )
         answers, spans = _answers(inertia, rows)
-        coupling, left = _coupling(rows, answers, spans, soft, wished, smooth)
-        _solve(sweeps[0], kinds, most, coupling, left, contacts, forces)
+        wants = soft, wished, most, smooth
+        order, ends = _islands(spans, inertia[5])
+        _solve_islands(
+            sweeps[0], dt, (order, ends), kinds, rows, answers, spans, wants, contacts, forces
+        )
         _push(rows, (kinds, ids), forces, answers, spans, acceleration, pushes, acted)
     cut_speeds(qvel, acceleration, caps, dt)
     feels, present, kept = felt
@@ -278,97 +285,181 @@ def _answers(inertia, rows):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _coupling(rows, answers, spans, soft, wished, acceleration):  # type: ignore[no-untyped-def]
-    """Return by how much force each row is changed by a unit force of another, and misses what it wants.
+def _islands(spans, trees):  # type: ignore[no-untyped-def]
+    """Sort rows by what they can reach through each other.
 
     Returns:
-        The change in every row by a force in one, shape [nefc, nefc], the rows' own being 1; and what each
-            row has too much at no force, shape [nefc].
+        The rows, those of an island one after the other and as they were within it, shape [nefc]; and the
+            end of each island among them.
+    """
+    count = len(spans)
+    joined = np.arange(trees.max() + 1)
+    for row in range(count):
+        if spans[row, 3] > 0:
+            one, other = joined[trees[spans[row, 0]]], joined[trees[spans[row, 2]]]
+            if one != other:
+                for k in range(len(joined)):
+                    if joined[k] == other:
+                        joined[k] = one
+    order, ends = np.empty(count, np.int64), np.empty(count, np.int64)
+    found = islands = 0
+    for tree in range(len(joined)):
+        before = found
+        for row in range(count):
+            if joined[trees[spans[row, 0]]] == tree:
+                order[found] = row
+                found += 1
+        if found > before:
+            ends[islands] = found
+            islands += 1
+    return order, ends[:islands]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _solve_islands(  # type: ignore[no-untyped-def]
+    sweeps, dt, islands, kinds, rows, answers, spans, wants, contacts, forces
+) -> None:
+    """Solve all rows, island by island, and write their forces."""
+    soft, wished, most, smooth = wants
+    order, ends = islands
+    begin, own = 0, np.zeros(len(order), np.int64)
+    for end in ends:
+        island = order[begin:end]
+        for place in range(end - begin):
+            own[island[place]] = place
+        solver = _coupling(rows, island, answers, spans, soft, wished, smooth)
+        steps, others = _steps(island, own, kinds, contacts[0])
+        _solve(sweeps, dt, island, steps, others, kinds, most, solver, contacts[1], forces)
+        begin = end
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _coupling(rows, island, answers, spans, soft, wished, acceleration):  # type: ignore[no-untyped-def]
+    """Return by how much force each row of an island is changed by a unit force of another.
+
+    Returns:
+        The change in every other row by a force in one, shape [n, n]; the force that each row wants while
+            the others have none; and its acceleration by a unit force of its own, shape [n].
     """
     sizes, starts, columns, jacobian = rows
-    count, width = answers.shape
+    count, width = len(island), answers.shape[1]
     across = np.zeros((width, count))
-    for row in range(count):
-        for i in range(spans[row, 0], spans[row, 1]):
-            across[i, row] = answers[row, i]
-        for i in range(spans[row, 2], spans[row, 3]):
-            across[i, row] = answers[row, i]
-    coupling, left, inverse = np.zeros((count, count)), np.empty(count), np.empty(count)
-    for row in range(count):
-        mine, miss = coupling[row], -wished[row]
+    for place in range(count):
+        row = island[place]
+        for at in range(0, 4, 2):
+            for i in range(spans[row, at], spans[row, at + 1]):
+                across[i, place] = answers[row, i]
+    coupling, wanted, scales = np.zeros((count, count)), np.empty(count), np.empty(count)
+    for place in range(count):
+        row = island[place]
+        mine, miss = coupling[place], -wished[row]
         for k in range(starts[row], starts[row] + sizes[row]):
             share, column = jacobian[k], across[columns[k]]
             miss += share * acceleration[columns[k]]
             for other in range(count):
                 mine[other] += share * column[other]
-        inverse[row] = 1.0 / (mine[row] + soft[row])
-        mine[row] += soft[row]
-        left[row] = miss * inverse[row]
-    for row in range(count):  # what row does to others is what others do to it
+        mine[place] += soft[row]
+        scales[place] = mine[place]
+        wanted[place] = -miss / scales[place]
+    inverse = 1.0 / scales
+    for place in range(count):  # what row does to others is what others do to it
+        mine = coupling[place]
         for other in range(count):
-            coupling[row, other] *= inverse[other]
-    return coupling, left
+            mine[other] *= inverse[other]
+        mine[place] = 0.0
+    return coupling, wanted, scales
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _solve(sweeps, kinds, most, coupling, left, contacts, forces) -> None:  # type: ignore[no-untyped-def]
-    """Solve the rows in Bullet's order, from nothing.
+def _steps(island, places, kinds, contacts):  # type: ignore[no-untyped-def]
+    """Write a sweep of an island: motors and limits, bonds, the normals of contacts, then their friction.
 
-    In each sweep motors and limits come first and bonds after them, the other way round in every other
-    sweep; then the normals of all contacts, then their friction, within the cone of the normal forces.
+    Returns:
+        Of each step the place of its row, which of the constants below it is, the place of the contact's
+            normal and the contact, shape [n, 4]; and how many come before the contacts.
     """
-    count = len(kinds)
-    held, frictions = contacts
-    order = np.empty(count, np.int64)
-    others = 0
-    for row in range(count):
-        forces[row] = 0.0
-        if kinds[row] < CONTACT_ROW and kinds[row] != EQUALITY_ROW:
-            order[others] = row
-            others += 1
-    for row in range(count):
-        if kinds[row] == EQUALITY_ROW:
-            order[others] = row
-            others += 1
+    count, found = len(island), 0
+    steps = np.zeros((count, 4), np.int64)
+    for equalities in (False, True):
+        for place in range(count):
+            kind = kinds[island[place]]
+            if kind < CONTACT_ROW and (kind == EQUALITY_ROW) == equalities:
+                steps[found, 0] = place
+                found += 1
+    others, normals = found, np.full(len(contacts), -1)
+    for i in range(len(contacts)):
+        row = contacts[i, 0]
+        if row >= 0 and places[row] < count and island[places[row]] == row:
+            steps[found, 0] = normals[i] = places[row]
+            found += 1
+    for i in range(len(contacts)):
+        size = contacts[i, 1]
+        if normals[i] < 0 or size < 3:
+            continue
+        for k in range(3, size + 2):  # turning before sliding
+            steps[found, 0] = normals[i] + (k if k < size else k - size + 1)
+            steps[found, 1] = TURNING if k < size else FIRST + k - size
+            steps[found, 2], steps[found, 3] = normals[i], i
+            found += 1
+    return steps, others
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _solve(  # type: ignore[no-untyped-def]
+    sweeps, dt, island, steps, others, kinds, most, own, frictions, forces
+) -> None:
+    """Solve an island's rows in Bullet's order, from nothing.
+
+    Motors, limits and bonds go the other way round in every other sweep. What a row changes in the others is
+    written here once and in no function: numba would count its arrays at each call, which takes ten times
+    as long.
+    """
+    coupling, wanted, scales = own
+    count = len(island)
+    solved, least, greatest = np.zeros(count), np.zeros(count), np.empty(count)
+    for place in range(count):
+        greatest[place] = most[island[place]]
+        if kinds[island[place]] <= FRICTION_ROW:
+            least[place] = -greatest[place]
     for sweep in range(sweeps):
-        for k in range(others):
-            row = order[k] if sweep % 2 else order[others - 1 - k]
-            least = 0.0 if kinds[row] > FRICTION_ROW else -most[row]
-            force = min(max(forces[row] - left[row], least), most[row])
-            _set_force(row, force, coupling, left, forces)
-        for i in range(len(held)):
-            row = held[i, 0]
-            if row >= 0:
-                _set_force(row, max(forces[row] - left[row], 0.0), coupling, left, forces)
-        for i in range(len(held)):
-            row = held[i, 0]
-            if row < 0:
+        change = before = second = 0.0
+        for k in range(count):
+            step = k if sweep % 2 or k >= others else others - 1 - k
+            place, kind = steps[step, 0], steps[step, 1]
+            force = wanted[place]
+            if kind == PLAIN:
+                force = min(max(force, least[place]), greatest[place])
+            elif kind == SECOND:
+                force = second
+            else:
+                normal, contact = solved[steps[step, 2]], steps[step, 3]
+                if kind == TURNING:
+                    if normal <= 0.0:
+                        continue
+                    reach = frictions[contact, min(place - steps[step, 2] - 2, 2)] * normal
+                    force = min(max(force, -reach), reach)
+                elif normal <= 0.0:  # what it rubbed with in the sweep before is gone
+                    force = second = 0.0
+                else:
+                    second = wanted[place + 1]
+                    reach, length = frictions[contact, 0] * normal, np.sqrt(force**2 + second**2)
+                    if length > reach:
+                        force *= reach / length
+                        second *= reach / length
+            moved = force - solved[place]
+            if moved != 0.0:
+                solved[place] = force
+                for other in range(count):
+                    wanted[other] -= coupling[place, other] * moved
+            moved *= scales[place]
+            if kind == FIRST:
+                before = moved
                 continue
-            if forces[row] <= 0.0:  # what it rubbed with in the sweep before is gone
-                for k in range(1, min(held[i, 1], 3)):
-                    _set_force(row + k, 0.0, coupling, left, forces)
-                continue
-            for k in range(3, held[i, 1]):
-                reach = frictions[i, min(k - 2, 2)] * forces[row]
-                force = min(max(forces[row + k] - left[row + k], -reach), reach)
-                _set_force(row + k, force, coupling, left, forces)
-            if held[i, 1] < 3:
-                continue
-            first, second = forces[row + 1] - left[row + 1], forces[row + 2] - left[row + 2]
-            reach, size = frictions[i, 0] * forces[row], np.sqrt(first * first + second * second)
-            share = reach / size if size > reach else 1.0
-            _set_force(row + 1, share * first, coupling, left, forces)
-            _set_force(row + 2, share * second, coupling, left, forces)
-
-
-@numba.njit(cache=True, inline="always")  # a call costs more than the row
-def _set_force(row, force, coupling, left, forces) -> None:  # type: ignore[no-untyped-def]
-    change = force - forces[row]
-    if change != 0.0:
-        forces[row] = force
-        mine = coupling[row]
-        for k in range(len(left)):
-            left[k] += mine[k] * change
+            change = max(change, abs(moved + before if kind == SECOND else moved))
+        if dt * change <= SETTLED:
+            break
+    for place in range(count):
+        forces[island[place]] = solved[place]
 
 
 @numba.njit(cache=True, error_model="numpy")

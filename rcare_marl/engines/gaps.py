@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -40,12 +39,18 @@ class Gaps:
         addresses = (function("mj_geomDistance"), model._address, data._address)
         self._scene = np.array(addresses, np.int64), data.geom_xpos, model.geom_rbound, rounding
 
-    def between(self, groups: Sequence[Ints], others: Ints, within: float) -> list[float]:
-        """Return the distance of each group from the others [m], `within` at most, as if there are none."""
+    def between(self, geoms: Ints, starts: Ints, others: Ints, within: float) -> list[float]:
+        """Return the distance of each group from the others [m], `within` at most, as if there are none.
+
+        Args:
+            geoms: Those of all groups, one after the other.
+            starts: Where each group begins in them, and the last one ends, shape [groups + 1].
+            others: The other geoms.
+            within: How far to look [m].
+        """
         if not len(others):  # compiled code does not look
-            return [within] * len(groups)
-        starts = np.cumsum([0, *(len(group) for group in groups)])
-        found: Array = _gaps(self._scene, np.concatenate(groups), starts, others, within)
+            return [within] * (len(starts) - 1)
+        found: Array = _gaps(self._scene, geoms, starts, others, within)
         return found.tolist()
 
 

@@ -82,11 +82,22 @@ class MujocoBody(Body):
     def joint_states(self, indices: Sequence[int]) -> tuple[list[float], list[float]]:
         if self.sim is None:
             return super().joint_states(indices)
+        positions, rates = self._states_at(indices, self.sim)
+        return positions.tolist(), rates.tolist()
+
+    def _states_at(self, indices: Sequence[int], sim: Simulation) -> tuple[Array, Array]:
         places, dofs, fixed = self._lookup(tuple(indices))
-        positions, rates = self.sim.qpos[places], self.sim.qvel[dofs]
+        positions, rates = sim.qpos[places].copy(), sim.qvel[dofs].copy()
         if fixed is not None:
             positions[fixed] = rates[fixed] = 0.0
-        return positions.tolist(), rates.tolist()
+        return positions, rates
+
+    def _torques_at(self, indices: Sequence[int], sim: Simulation) -> Array:
+        _, dofs, fixed = self._lookup(tuple(indices))
+        torques = sim.motor_forces[dofs].copy()
+        if fixed is not None:
+            torques[fixed] = 0.0
+        return torques
 
     def _lookup(self, indices: tuple[int, ...]) -> tuple[Chosen, Chosen, Ints | None]:
         """Return where joints are in `qpos` and `qvel`, as slices where they follow each other.
@@ -104,15 +115,13 @@ class MujocoBody(Body):
     def joint_torques(self, indices: Sequence[int]) -> list[float]:
         if self.sim is None:
             return super().joint_torques(indices)
-        forces: list[float] = self.sim.motor_force(self._places.dofs[list(indices)]).tolist()
-        return forces
+        torques: list[float] = self._torques_at(indices, self.sim).tolist()
+        return torques
 
-    def joint_readings(self, indices: Sequence[int]) -> Sequence[tuple[Any, ...]]:
+    def joint_readings(self, indices: Sequence[int]) -> tuple[Array, ...]:
         if self.sim is None:
             return super().joint_readings(indices)
-        positions, rates = self.joint_states(indices)
-        torques = self.joint_torques(indices)
-        return [(p, v, (), t) for p, v, t in zip(positions, rates, torques, strict=True)]
+        return *self._states_at(indices, self.sim), self._torques_at(indices, self.sim)
 
     @cached_property
     def feedback(self) -> JointLoads:
@@ -219,10 +228,8 @@ class MujocoBody(Body):
         if self.sim is None:
             self._told.append(partial(self._drive, list(indices), rows, list(forces)))
             return
-        for index, row, force in zip(indices, rows, forces, strict=True):
-            dof = self._places.dofs[index]
-            self.sim.motors[dof] = row
-            self.sim.model.dof_frictionloss[dof] = force
+        dofs = self._lookup(tuple(indices))[1]
+        self.sim.motors[dofs], self.sim.motor_limits[dofs] = rows, forces
 
     def drive_positions(
         self,

@@ -63,13 +63,15 @@ class Simulation:
         model: MuJoCo's model.
         data: Its data.
         places: Where the bodies are in its arrays, in the order of the world.
-        motors: See `bullet_rows.motor_table`; their greatest forces are `model.dof_frictionloss`.
+        motors: See `bullet_rows.motor_table`.
+        motor_limits: Their greatest forces [N·m or N], shape [nv]; MuJoCo's dry friction.
         qpos: Positions, as MuJoCo has them.
         qvel: Velocities.
         strengths: Greatest force of each equality [N], shape [neq].
         caps: Greatest speed of each degree of freedom, shape [nv].
         feels: Whether it works out what joints transmit in each step, shape [1].
         torque: What joints are pushed with in the coming step, shape [nv].
+        motor_forces: What the motor of each degree of freedom did in the last step [N·m or N], shape [nv].
         touched: Of each body, whether it touched something in the last step.
         surfaces: Friction, stiffness, damping and rounding of each geom, shape [ngeom, 4].
         compiled: What `physics_step` takes.
@@ -107,16 +109,17 @@ class Simulation:
         self.places = [BodyPlaces(model, body, self._roots[body.name]) for body in bodies]
         self._bodies, self._dt = list(bodies), scene.physics_dt
         self._find_geoms(scene)
-        self.motors = motor_table(model.nv)
+        self.motors, self.motor_limits = motor_table(model.nv), model.dof_frictionloss
         self._begin_motors()
         self.torque, self._pushed = data.qfrc_applied, False
         self.qpos, self.qvel = data.qpos, data.qvel
         self._spots, self._turns = data.xpos, data.xquat
         self._joint_of = model.jnt_qposadr[model.dof_jntid].astype(np.int64)  # of free bases unused
         self.touched = np.zeros(len(bodies), np.bool_)
-        self._acted = np.zeros(model.nv)
+        self.motor_forces = np.zeros(model.nv)
         self.compiled = self._compiled()
         self._gaps = Gaps(model, data, self.surfaces[:, 3].copy())
+        self._compared: dict[Any, tuple[Ints, Ints, Ints]] = {}
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
         self.moved()
         self.mark()
@@ -163,7 +166,7 @@ class Simulation:
 
     def _begin_motors(self) -> None:
         """Take dry friction of the joints that have any; others have the motor of Bullet's default."""
-        force = self.model.dof_frictionloss
+        force = self.motor_limits
         force[:] = 0.0
         for body, places in zip(self._bodies, self.places, strict=True):
             followers = {gear.follower for gear in body.gears}
@@ -178,12 +181,12 @@ class Simulation:
         state = (data.qpos, data.qvel, data.qfrc_applied, data.qacc_smooth, data.qacc)
         factors = data.qLD, data.qLDiagInv, model.M_rownnz, model.M_rowadr, model.M_colind
         trees = model.dof_treeid, model.tree_dofadr, model.tree_dofnum
-        limits = model.dof_frictionloss, self.strengths
+        limits = self.motor_limits, self.strengths
         rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
         bearers = model.body_treeid[model.geom_bodyid].astype(np.int64)
         surfaces = self.surfaces, self._geom_body, bearers, data.cdof, self.caps
         places = addresses(model, data)
-        written = data.qfrc_constraint, self._acted
+        written = data.qfrc_constraint, self.motor_forces
         return (
             places,
             (*state, *written),
@@ -207,7 +210,7 @@ class Simulation:
         return [
             *(data.qpos, data.qvel, data.eq_active, model.body_pos, model.body_quat, self.motors),
             *(
-                model.dof_frictionloss,
+                self.motor_limits,
                 model.jnt_limited,
                 model.jnt_range,
                 self.strengths,
@@ -221,7 +224,7 @@ class Simulation:
         for array, marked in zip(self._state(), self._marked, strict=True):
             array[:] = marked
         self.touched[:] = self._pushed = False
-        self._acted[:] = 0.0
+        self.motor_forces[:] = 0.0
         self.moved()
 
     def moved(self) -> None:
@@ -284,10 +287,6 @@ class Simulation:
         mujoco.mj_objectVelocity(self.model, self.data, kind, link, out, 0)
         return out[3:], out[:3]
 
-    def motor_force(self, dofs: Ints) -> Array:
-        """Return what the motors of degrees of freedom did in the last step [N·m or N]."""
-        return np.where(dofs >= 0, self._acted[dofs], 0.0)
-
     def gaps(self, links: Sequence[tuple[int, int]], other: int, within: float) -> list[float]:
         """Return how far links of bodies are from a body [m], `within` at most.
 
@@ -297,8 +296,13 @@ class Simulation:
             within: How far to look [m].
         """
         self.place()
-        groups = [self._geoms_of.get(link, NOTHING) for link in links]
-        return self._gaps.between(groups, self._geoms_of[other, None], within)
+        asked = tuple(links), other
+        if asked not in self._compared:
+            groups = [self._geoms_of.get(link, NOTHING) for link in links]
+            starts = np.cumsum([0, *(len(group) for group in groups)])
+            geoms = np.concatenate(groups) if groups else NOTHING
+            self._compared[asked] = geoms, starts, self._geoms_of[other, None]
+        return self._gaps.between(*self._compared[asked], within)
 
     def push(self, link: int, force: Vector, point: Vector) -> None:
         """Push one of MuJoCo's bodies with `force` [N] at `point` [m] in the coming step."""
