@@ -476,12 +476,10 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
         from rcare_marl.rendering import Viewer, make_renderer
 
         if self.render_mode == "human":
-            if self._viewer is None:
-                self._viewer = Viewer(self.world, self.task.view())
+            self._viewer = self._viewer or Viewer(self.world, self.task.view())
             self._viewer.update()
             return None
-        if self._renderer is None:
-            self._renderer = make_renderer(self.world)
+        self._renderer = self._renderer or make_renderer(self.world)
         return self._renderer.render(self.task.view())
 
     @property
