@@ -26,7 +26,8 @@ from rcare_marl.agents.people.avatar import load_avatar, load_posture
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
-from rcare_marl.envs.devices import Wheelchair, hang_ventilator, spawn_fitted
+from rcare_marl.envs.devices import Ventilator, Wheelchair, hang_ventilator, spawn_fitted
+from rcare_marl.envs.devices.ventilator import throat
 from rcare_marl.pose import Pose, quaternion_from_rpy
 from rcare_marl.rendering import Camera
 from rcare_marl.rendering.portrait import INK, Picture, contact_sheet, snapshot
@@ -44,7 +45,8 @@ LONGEST = 120  # control steps of an episode that is looked for
 BED = (2.0, 0.9, 0.16)  # [m]
 BED_HEIGHT = 0.55
 BACK = ("spine1", "spine2", "spine3", "neck", "head")
-LINEN = (0.86, 0.89, 0.93, 1.0)
+LINEN, WOOD = (0.86, 0.89, 0.93, 1.0), (0.62, 0.52, 0.42, 1.0)
+STAND = (0.35, 0.35, 0.45)  # [m] beside the bed, for a ventilator
 
 
 def scene(avatar: str, posture: str, *, muscles: bool) -> tuple[World, Human]:
@@ -68,6 +70,8 @@ def scene(avatar: str, posture: str, *, muscles: bool) -> tuple[World, Human]:
         hang_ventilator(world, chair, person)
     if posture.startswith("bed"):
         make_bed(world, person)
+        if person.avatar.profile.ventilator_rate is not None:
+            stand_ventilator(world, person)
     for body in furniture:
         world.set_collision(person.body, body, False)
     world.mark_start()
@@ -93,6 +97,26 @@ def make_bed(world: World, person: Human) -> None:
     for size, middle, turned in ((legs, flat, (0.0, 0.0, 0.0, 1.0)), (back, tilted, turn)):
         at = Pose(tuple(middle.tolist()), turned)
         world.add_box((size, wide, thick), at, rgba=LINEN, collides=False)
+    head = world.skins[0].vertices()[person.model.owner == JOINT_INDEX["head"]]
+    gap = float((head @ out).min()) - float(hinge @ out)
+    pillow = hinge + float((head.mean(axis=0) - hinge) @ along) * along + 0.5 * gap * out
+    world.add_box((0.32, 0.5, gap), Pose(tuple(pillow.tolist()), turn), rgba=LINEN, collides=False)
+    for x in (flat[0] + 0.5 * legs - 0.1, flat[0] - 0.5 * legs - 0.65):
+        tall = BED_HEIGHT - thick
+        leg = Pose((float(x), 0.0, 0.5 * tall))
+        world.add_box((0.08, 0.9 * wide, tall), leg, rgba=WOOD, collides=False)
+
+
+def stand_ventilator(world: World, person: Human) -> None:
+    """Put a ventilator on a stand beside the bed, its tube to the throat of who lies there."""
+    device, end = Ventilator(), throat(person)
+    at = Pose((float(end[0]), float(end[1]) + 0.5 * BED[1] + 0.3, STAND[2]))
+    middle = Pose((at.position[0], at.position[1], 0.5 * STAND[2]))
+    world.add_box(STAND, middle, rgba=WOOD, collides=False)
+    way = [end + (0.0, aside, up) for aside, up in ((0.62, 0.1), (0.3, 0.16), (0.05, 0.1), (0, 0))]
+    device.lead_tube([point - at.position for point in way])
+    device.spawn(world, at)
+    person.ignore(device.body)
 
 
 def camera(person: Human, side: str, *, width: int, height: int, fov: float = 38.0) -> Camera:
