@@ -19,6 +19,7 @@ from rcare_marl.errors import ConfigError, check_name
 from ..evaluation.evaluate import wilson_interval
 from ..workers import run_all
 from .camera_sensor import CameraSensor
+from .landmark_sensor import LandmarksSensor
 from .noise import HandsSensor, JointsSensor, NoiseModel, Sensor
 from .performance import GRADED, USED, WRONG, Performance, idle, perform, perform_at
 from .synthetic_user import SPLITS, SyntheticUser, draw_person
@@ -32,6 +33,7 @@ UNSEEN = "nothing"
 SENSORS: Mapping[str, Callable[[NoiseModel], Sensor]] = {
     "hands": HandsSensor,
     "joints": JointsSensor,
+    "landmarks": LandmarksSensor,
     "camera": CameraSensor,
 }
 # [1/s] A NAO's camera gives thirty pictures of this size at best, over a network about half; our own choice.

@@ -99,7 +99,7 @@ def serve(
 @coach.command("evaluate")
 def evaluate(
     source: Annotated[
-        str, typer.Option(help="Where poses come from: hands, joints or camera.")
+        str, typer.Option(help="Where poses come from: hands, joints, landmarks or camera.")
     ] = "hands",
     recogniser: Annotated[str, typer.Option(help="Who judges: rules or learned.")] = "rules",
     users: Annotated[int, typer.Option(min=1, help="How many synthetic people.")] = 40,
