@@ -18,6 +18,7 @@ from rcare_marl.agents.coaching.imitation import reach_of
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Judgement, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.session import Demonstration, Order, Session, programme, top_speed
+from rcare_marl.agents.coaching.style import Style
 from rcare_marl.agents.coaching.tree import AGAIN, LONGEST_REST, MORE_TIRED, PATIENCE, Coach
 from rcare_marl.agents.coaching.upper_body import MOTIONS
 from rcare_marl.agents.people.avatar import load_avatar
@@ -296,10 +297,11 @@ def test_impossible_sessions_are_refused() -> None:
 
 def test_orders_are_actions_and_back() -> None:
     for order in (Order(), Order("show", "hint", 0.5), Order("next", "praise", 2.0), Order("rest")):
-        action = encode(order)
+        style = Style(fast=0.5, call=-1.0)
+        action = encode(order, style)
         assert action.shape == (SIZE,) and np.abs(action).max() <= 1
-        assert decode(action) == order
-    assert decode(np.zeros(SIZE)) == Order("stand", "nothing", 1.0)
+        assert decode(action) == (order, style)
+    assert decode(np.zeros(SIZE)) == (Order("stand", "nothing", 1.0), Style())
 
 
 def test_the_same_tree_coaches_somebody_who_mirrors_any_body() -> None:

@@ -295,18 +295,23 @@ def score_trial(
 
 
 def performances(
-    user: SyntheticUser, exercises: Sequence[Exercise], rng: np.random.Generator
+    user: SyntheticUser, number: int, exercises: Sequence[Exercise], rng: np.random.Generator
 ) -> Iterator[Performance]:
-    """Yield all that one person does: each exercise right, wrong in every way, at limits, and not at all."""
+    """Yield all that one person does: each exercise right, wrong in every way, at limits, and not at all.
+
+    How much of a limit is used goes round by the person's `number`, so that over nine people all shares of
+    all limits come alike often.
+    """
     names = exercise_names()
-    for exercise in exercises:
+    for i, exercise in enumerate(exercises):
         for kind in ("right", *WRONG):
             often = RIGHT_REPETITIONS if kind == "right" else 1
             done = perform(user, exercise, kind, rng, others=names, repetitions=often)
             if done is not None:
                 yield done
-        for kind in GRADED:
-            graded = perform_at(user, exercise, kind, float(rng.choice(USED)), rng)
+        for k, kind in enumerate(GRADED):
+            used = USED[(number + 2 * i + 3 * k) % len(USED)]
+            graded = perform_at(user, exercise, kind, used, rng)
             if graded is not None:
                 yield graded
         yield idle(user, exercise, rng, seconds=IDLE_TIME)
@@ -330,7 +335,7 @@ class _Lesson:
         rng = np.random.default_rng((SPLITS.index(self.split), self.seed, self.number, 1))
         sensor, judge = make_sensor(self.source, self.noise), self.recogniser()
         trials, frame_times = [], list[float]()
-        for performance in performances(user, self.exercises, rng):
+        for performance in performances(user, self.number, self.exercises, rng):
             verdicts = judge_performance(
                 performance, user, sensor, judge, rng, frame_times=frame_times
             )

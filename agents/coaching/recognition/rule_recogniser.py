@@ -78,7 +78,7 @@ class RuleRecogniser:
         moved_at = self._segmenter.moved_at
         complete, holds = self._has_reached(self._share), self._has_reached(self._now)
         segment = self._segmenter.update(
-            frame, complete=complete, tried=self._is_tried(), holds=holds
+            frame, complete=complete, amid=self._is_amid(), holds=holds
         )
         if segment is not None:
             repetition = self._judged(self._template, segment)
@@ -135,11 +135,12 @@ class RuleRecogniser:
             if way.phases
         )
 
-    def _is_tried(self) -> bool:
-        """Return whether some of the way to each key pose has been gone."""
+    def _is_amid(self) -> bool:
+        """Return whether some of the way to one key pose has been gone, and not to each."""
         assert self._template is not None
-        return all(
-            self._tried[part] == len(way.phases) for part, way in self._template.ways.items()
+        ways = self._template.ways.items()
+        return any(self._tried.values()) and any(
+            self._tried[part] < len(way.phases) for part, way in ways
         )
 
     def _progress(self) -> float:
