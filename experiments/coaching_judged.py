@@ -1,0 +1,132 @@
+"""Coached sessions on the same seeds: by the tree alone, led by a learned style, and by a constant one.
+
+    python experiments/coaching_judged.py play POLICY.npz out.jsonl --part 0 --of 4 --seconds 170
+    python experiments/coaching_judged.py table out*.jsonl
+
+Each session is written as it ends, so that a run may be cut off anywhere; part I of N plays its own sessions.
+Who is coached was kept for judging: Jose, Kim, Morgan, Natalia, people of `population:test`, and learners of
+the kinds `forgetful` and `frail`. Intervals resample pairs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import rcare_marl
+from rcare_marl.agents.coaching.style import Style
+from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
+from rcare_marl.baselines.scripted.social_coaching import ScriptedCoaching
+from rcare_marl.envs.care_env import CareEnv
+
+PEOPLE = (
+    "population:test",
+    "kim",
+    "population:test",
+    "natalia",
+    "population:test",
+    "jose",
+    "morgan",
+)
+KINDS = ("forgetful", "frail")
+SEED = 9600
+# The constant style, found by hand with Daniel, seeds 4001 and 4002, `anybody`, `distracted` and `slow`.
+CONSTANT = Style(long=-0.9, call=0.8, anew=0.5, remind=0.7)
+MEASURES = ("right_per_minute", "wrong_repetitions", "mean_pain", "fatigue", "right", "success")
+
+
+def coach(env: CareEnv, name: str, path: str) -> Any:
+    """Return one of the three coaches."""
+    if name == "learned":
+        return LearnedPolicy(env, "robot", PolicyFile.read(Path(path)))
+    return ScriptedCoaching(env, "robot", CONSTANT if name == "constant" else Style())
+
+
+def session(env: CareEnv, player: Any, seed: int) -> dict[str, Any]:
+    """Return what came of one session."""
+    env.reset(seed=seed)
+    player.reset(np.random.default_rng(seed))
+    ended = late = False
+    while not (ended or late):
+        *_, ends, lates, infos = env.step({"robot": player.act().astype(np.float32)})
+        ended, late = any(ends.values()), any(lates.values())
+    metrics = next(iter(infos.values()))
+    out = {name: float(metrics[name]) for name in MEASURES if name in metrics}
+    share = metrics["right_repetitions"] / metrics["wanted_repetitions"]
+    return {**out, "right": float(share)}
+
+
+def play(path: str, out: Path, part: int, of: int, seconds: float, seed: int) -> None:
+    """Play sessions until the time is over."""
+    until, envs = time.monotonic() + seconds, dict[str, CareEnv]()
+    for k in range(part, 10_000, of):
+        person = PEOPLE[k % len(PEOPLE)]
+        if person not in envs:
+            envs[person] = rcare_marl.make(
+                "social_coaching",
+                recipient=person,
+                policies={"recipient": "learner"},
+                options={"learners": list(KINDS)},
+                physics_dt=1 / 30,
+            )
+        found = {}
+        for name in ("scripted", "learned", "constant"):
+            if time.monotonic() > until:
+                return
+            found[name] = session(envs[person], coach(envs[person], name, path), seed + k)
+            line = {"person": person, "seed": seed + k, "coach": name, **found[name]}
+            with out.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+
+
+def table(files: Sequence[Path]) -> None:
+    """Print means, and differences to the tree over pairs with their 95 % intervals."""
+    rows = [json.loads(line) for file in files for line in file.read_text().splitlines()]
+    by_seed: dict[tuple[str, int], dict[str, Any]] = {}
+    for row in rows:
+        by_seed.setdefault((row["person"], row["seed"]), {})[row["coach"]] = row
+    rng = np.random.default_rng(0)
+    groups = {"all": lambda _: True} | {p: (lambda k, p=p: k[0] == p) for p in sorted(set(PEOPLE))}
+    for group, holds in groups.items():
+        for name in ("learned", "constant"):
+            pairs = [v for k, v in by_seed.items() if holds(k) and {"scripted", name} <= set(v)]
+            if not pairs:
+                continue
+            print(f"{group}: {name} against the tree, {len(pairs)} pairs")
+            for measure in MEASURES:
+                a, b = (np.array([p[who][measure] for p in pairs]) for who in ("scripted", name))
+                draws = rng.integers(len(pairs), size=(10_000, len(pairs)))
+                low, high = np.percentile((b - a)[draws].mean(axis=1), (2.5, 97.5))
+                print(
+                    f"  {measure}: {a.mean():.3f} -> {b.mean():.3f}, "
+                    f"difference {np.mean(b - a):.3f} ({low:.3f} to {high:.3f})"
+                )
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    one = commands.add_parser("play")
+    one.add_argument("policy")
+    one.add_argument("out", type=Path)
+    one.add_argument("--part", type=int, default=0)
+    one.add_argument("--of", type=int, default=1)
+    one.add_argument("--seconds", type=float, default=600.0)
+    one.add_argument("--seed", type=int, default=SEED)
+    commands.add_parser("table").add_argument("files", type=Path, nargs="+")
+    given = parser.parse_args()
+    if given.command == "play":
+        play(given.policy, given.out, given.part, given.of, given.seconds, given.seed)
+    else:
+        table(given.files)
+
+
+if __name__ == "__main__":
+    main()
