@@ -12,7 +12,7 @@ from rcare_marl.pose import Array
 from ..exercise import Exercise, load_exercises
 from .assessment import ATTEMPTED
 from .recogniser import ERRORS, Frame, Judgement, Repetition
-from .segmenter import Segment, Segmenter
+from .segmenter import Segmenter
 from .template import COLUMN, Template, off_path
 from .verdict import judge
 
@@ -81,7 +81,7 @@ class RuleRecogniser:
             frame, complete=complete, amid=self._is_amid(), holds=holds
         )
         if segment is not None:
-            repetition = self._judged(self._template, segment)
+            repetition = judge(self._template, self._others, segment)
             self._restart()
             if repetition is None:  # the time without a movement goes on
                 self._segmenter.moved_at = moved_at
@@ -94,10 +94,6 @@ class RuleRecogniser:
         progress = self._progress()
         follows = not self._is_wrong and (progress > BEGUN or time < self._praised_until)
         return Judgement(follows, progress, None, ERRORS[self._fault] if self._is_wrong else "")
-
-    def _judged(self, template: Template, segment: Segment) -> Repetition | None:
-        """Return what is made of a repetition; None if hardly anything moved."""
-        return judge(template, self._others, segment)
 
     def _watch(self, time: float) -> None:
         """Close the window on what is wrong for a while, open it on what is right for longer."""
