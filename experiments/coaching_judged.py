@@ -1,6 +1,6 @@
 """Coached sessions on the same seeds: by the tree alone, led by a learned style, and by a constant one.
 
-    python experiments/coaching_judged.py play POLICY.npz out.jsonl --part 0 --of 4 --seconds 170
+    python experiments/coaching_judged.py play out.jsonl --policy POLICY.npz --part 0 --of 4 --seconds 170
     python experiments/coaching_judged.py table out*.jsonl
 
 Each session is written as it ends, so that a run may be cut off anywhere; part I of N plays its own sessions.
@@ -41,10 +41,11 @@ CONSTANT = Style(long=-0.9, call=0.8, anew=0.5, remind=0.7)
 MEASURES = ("right_per_minute", "wrong_repetitions", "mean_pain", "fatigue", "right", "success")
 
 
-def coach(env: CareEnv, name: str, path: str) -> Any:
+def coach(env: CareEnv, name: str, path: Path | None) -> Any:
     """Return one of the three coaches."""
     if name == "learned":
-        return LearnedPolicy(env, "robot", PolicyFile.read(Path(path)))
+        assert path is not None  # else it does not play
+        return LearnedPolicy(env, "robot", PolicyFile.read(path))
     return ScriptedCoaching(env, "robot", CONSTANT if name == "constant" else Style())
 
 
@@ -62,7 +63,7 @@ def session(env: CareEnv, player: Any, seed: int) -> dict[str, Any]:
     return {**out, "right": float(share)}
 
 
-def play(path: str, out: Path, part: int, of: int, seconds: float, seed: int) -> None:
+def play(path: Path | None, out: Path, part: int, of: int, seconds: float, seed: int) -> None:
     """Play sessions until the time is over."""
     until, envs = time.monotonic() + seconds, dict[str, CareEnv]()
     for k in range(part, 10_000, of):
@@ -75,12 +76,11 @@ def play(path: str, out: Path, part: int, of: int, seconds: float, seed: int) ->
                 options={"learners": list(KINDS)},
                 physics_dt=1 / 30,
             )
-        found = {}
-        for name in ("scripted", "learned", "constant"):
+        for name in ("scripted", "constant", *(("learned",) if path else ())):
             if time.monotonic() > until:
                 return
-            found[name] = session(envs[person], coach(envs[person], name, path), seed + k)
-            line = {"person": person, "seed": seed + k, "coach": name, **found[name]}
+            found = session(envs[person], coach(envs[person], name, path), seed + k)
+            line = {"person": person, "seed": seed + k, "coach": name, **found}
             with out.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(line) + "\n")
 
@@ -114,8 +114,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     one = commands.add_parser("play")
-    one.add_argument("policy")
     one.add_argument("out", type=Path)
+    one.add_argument("--policy", type=Path)
     one.add_argument("--part", type=int, default=0)
     one.add_argument("--of", type=int, default=1)
     one.add_argument("--seconds", type=float, default=600.0)
