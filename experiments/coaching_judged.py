@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import rcare_marl
-from rcare_marl.agents.coaching.style import Style
+from rcare_marl.agents.coaching.style import BRISK, Style
 from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
 from rcare_marl.baselines.scripted.social_coaching import ScriptedCoaching
 from rcare_marl.envs.care_env import CareEnv
@@ -36,8 +36,6 @@ PEOPLE = (
 )
 KINDS = ("forgetful", "frail")
 SEED = 9600
-# The constant style, found by hand with Daniel, seeds 4001 and 4002, `anybody`, `distracted` and `slow`.
-CONSTANT = Style(long=-0.9, call=0.8, anew=0.5, remind=0.7)
 MEASURES = ("right_per_minute", "wrong_repetitions", "mean_pain", "fatigue", "right", "success")
 
 
@@ -46,7 +44,7 @@ def coach(env: CareEnv, name: str, path: Path | None) -> Any:
     if name == "learned":
         assert path is not None  # else it does not play
         return LearnedPolicy(env, "robot", PolicyFile.read(path))
-    return ScriptedCoaching(env, "robot", CONSTANT if name == "constant" else Style())
+    return ScriptedCoaching(env, "robot", BRISK if name == "brisk" else Style())
 
 
 def session(env: CareEnv, player: Any, seed: int) -> dict[str, Any]:
@@ -76,7 +74,7 @@ def play(path: Path | None, out: Path, part: int, of: int, seconds: float, seed:
                 options={"learners": list(KINDS)},
                 physics_dt=1 / 30,
             )
-        for name in ("scripted", "constant", *(("learned",) if path else ())):
+        for name in ("scripted", "brisk", *(("learned",) if path else ())):
             if time.monotonic() > until:
                 return
             found = session(envs[person], coach(envs[person], name, path), seed + k)
@@ -94,7 +92,7 @@ def table(files: Sequence[Path]) -> None:
     rng = np.random.default_rng(0)
     groups = {"all": lambda _: True} | {p: (lambda k, p=p: k[0] == p) for p in sorted(set(PEOPLE))}
     for group, holds in groups.items():
-        for name in ("learned", "constant"):
+        for name in ("learned", "brisk"):
             pairs = [v for k, v in by_seed.items() if holds(k) and {"scripted", name} <= set(v)]
             if not pairs:
                 continue
