@@ -61,24 +61,40 @@ def session(env: CareEnv, player: Any, seed: int) -> dict[str, Any]:
     return {**out, "right": float(share)}
 
 
-def play(path: Path | None, out: Path, part: int, of: int, seconds: float, seed: int) -> None:
+def play(
+    path: Path | None,
+    out: Path,
+    *,
+    people: Sequence[str],
+    kinds: Sequence[str],
+    part: int,
+    of: int,
+    seconds: float,
+    seed: int,
+) -> None:
     """Play sessions until the time is over."""
     until, envs = time.monotonic() + seconds, dict[str, CareEnv]()
     for k in range(part, 10_000, of):
-        person = PEOPLE[k % len(PEOPLE)]
+        person = people[k % len(people)]
         if person not in envs:
             envs[person] = rcare_marl.make(
                 "social_coaching",
                 recipient=person,
                 policies={"recipient": "learner"},
-                options={"learners": list(KINDS)},
+                options={"learners": list(kinds)},
                 physics_dt=1 / 30,
             )
         for name in ("scripted", "brisk", *(("learned",) if path else ())):
             if time.monotonic() > until:
                 return
             found = session(envs[person], coach(envs[person], name, path), seed + k)
-            line = {"person": person, "seed": seed + k, "coach": name, **found}
+            line = {
+                "person": person,
+                "kinds": "+".join(kinds),
+                "seed": seed + k,
+                "coach": name,
+                **found,
+            }
             with out.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(line) + "\n")
 
@@ -90,7 +106,9 @@ def table(files: Sequence[Path]) -> None:
     for row in rows:
         by_seed.setdefault((row["person"], row["seed"]), {})[row["coach"]] = row
     rng = np.random.default_rng(0)
-    groups = {"all": lambda _: True} | {p: (lambda k, p=p: k[0] == p) for p in sorted(set(PEOPLE))}
+    groups = {"all": lambda _: True} | {
+        p: (lambda k, p=p: k[0] == p) for p in sorted({person for person, _ in by_seed})
+    }
     for group, holds in groups.items():
         for name in ("learned", "brisk"):
             pairs = [v for k, v in by_seed.items() if holds(k) and {"scripted", name} <= set(v)]
@@ -118,10 +136,21 @@ def main() -> None:
     one.add_argument("--of", type=int, default=1)
     one.add_argument("--seconds", type=float, default=600.0)
     one.add_argument("--seed", type=int, default=SEED)
+    one.add_argument("--people", nargs="+", default=PEOPLE)
+    one.add_argument("--kinds", nargs="+", default=KINDS)
     commands.add_parser("table").add_argument("files", type=Path, nargs="+")
     given = parser.parse_args()
     if given.command == "play":
-        play(given.policy, given.out, given.part, given.of, given.seconds, given.seed)
+        play(
+            given.policy,
+            given.out,
+            people=given.people,
+            kinds=given.kinds,
+            part=given.part,
+            of=given.of,
+            seconds=given.seconds,
+            seed=given.seed,
+        )
     else:
         table(given.files)
 
