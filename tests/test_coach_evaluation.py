@@ -1,48 +1,23 @@
-"""`rcare-marl coach evaluate`, and the network that judges repetitions."""
+"""`rcare-marl coach evaluate`, and the sensors of synthetic people."""
 
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-import torch
 from typer.testing import CliRunner
 
-from rcare_marl.agents.coaching.exercise import Exercise, load_exercise
-from rcare_marl.agents.coaching.recognition.recogniser import Frame, Repetition
-from rcare_marl.agents.coaching.recognition.segmenter import Segment
-from rcare_marl.agents.coaching.recognition.template import Template, features
+from rcare_marl.agents.coaching.exercise import load_exercise
 from rcare_marl.agents.coaching.sources.hands_source import HandsReading, HandsSource
-from rcare_marl.agents.coaching.upper_body import ARM, MOTION_INDEX, MOTIONS
+from rcare_marl.agents.coaching.upper_body import ARM
 from rcare_marl.baselines.coaching.camera_sensor import CameraSensor
 from rcare_marl.baselines.coaching.evaluation import evaluate_coach, noise_levels
-from rcare_marl.baselines.coaching.learned_recogniser import (
-    CLASSES,
-    SHIPPED,
-    Floats,
-    LearnedRecogniser,
-    RepetitionNetwork,
-    encode,
-    load_network,
-    mirrored,
-    save_network,
-)
 from rcare_marl.baselines.coaching.noise import TROUBLES, HandsSensor, NoiseModel
 from rcare_marl.baselines.coaching.performance import perform
 from rcare_marl.baselines.coaching.synthetic_user import draw_person
-from rcare_marl.baselines.coaching.train_recogniser import (
-    WRONG_SOMEHOW,
-    Examples,
-    examples_of,
-    loss_of,
-    train,
-)
 from rcare_marl.cli.app import app
 from rcare_marl.errors import ConfigError
 
@@ -101,7 +76,6 @@ def test_tables_say_it_to_people_and_levels_of_noise_are_drawn(tmp_path: Path) -
     ("wrong", "words"),
     [
         (("--source", "hand"), "hands"),
-        (("--recogniser", "rule"), "rules"),
         (("--exercise", "lateral_rise"), "lateral_raise"),
         (("--split", "training"), "development"),
         (("--level", "-1"), "positive"),
@@ -181,152 +155,9 @@ def test_a_camera_tells_the_arms_of_a_synthetic_person() -> None:
     assert np.nanmedian(np.abs(np.degrees(off))) < 8
 
 
-# --- The network. ---
-
-
-def segment_of(exercise: Exercise, path: Array) -> Segment:
-    rows = features(path)
-    times = np.arange(len(rows)) / 30.0
-    return Segment(times, rows, features(path[:1])[0], 0.0, float(times[-1]), returned=True)
-
-
-def encoded(exercise: Exercise, path: Array) -> tuple[Floats, Floats]:
-    template, segment = Template(exercise), segment_of(exercise, path)
-    return encode(segment, template)
-
-
-def mirror_image(
-    path: Array,
-) -> Array:
-    out = path.copy()
-    out[:, ARM["left"]], out[:, ARM["right"]] = path[:, ARM["right"]], path[:, ARM["left"]]
-    for i, motion in enumerate(MOTIONS):
-        if motion.endswith("_left"):
-            out[:, i] = -path[:, i]
-    return out
-
-
-def test_a_mirrored_repetition_is_that_of_the_other_side() -> None:
-    exercise = load_exercise("front_raise").one_sided("left")
-    path = exercise.path()
-    path[:, MOTION_INDEX["trunk_rotation_left"]] = np.linspace(0, 0.3, len(path))
-    sequence, facts = encoded(exercise, path)
-    turned = mirrored(sequence[None], facts[None])
-    other = encoded(load_exercise("front_raise").one_sided("right"), mirror_image(path))
-    assert np.allclose(turned[0][0], other[0], atol=1e-5) and np.allclose(turned[1][0], other[1])
-    back = mirrored(*turned)
-    assert np.array_equal(back[0][0], sequence) and np.array_equal(back[1][0], facts)
-
-
-def judged(exercise: Exercise, done: Exercise) -> list[Repetition]:
-    recogniser = LearnedRecogniser()
-    recogniser.begin(exercise)
-    rest = np.tile(done.path()[:1], (30, 1))
-    frames = np.concatenate((rest, done.path(), rest))
-    found = [recogniser.update(Frame(k / 30, angles)).finished for k, angles in enumerate(frames)]
-    return [repetition for repetition in found if repetition is not None]
-
-
-@pytest.mark.parametrize("name", ["lateral_raise", "upper_lift", "front_raise", "chest_expansion"])
-def test_the_shipped_network_knows_the_exercise_from_half_of_it_and_from_another(name: str) -> None:
-    exercise = load_exercise(name)
-    (right,) = judged(exercise, exercise)
-    assert right.right and right.measures["right"] > 0.9
-    (one,) = judged(exercise, exercise.one_sided("left"))
-    assert not one.right and one.errors == ("one_side",)
-    other = load_exercise("head_rotation")
-    assert not any(repetition.right for repetition in judged(exercise, other))
-
-
-def test_the_shipped_network_says_what_it_was_trained_on_and_is_small() -> None:
-    about = load_network(SHIPPED)[1]
-    assert about["classes"] == list(CLASSES) and about["people"]["hands"] >= 100
-    assert about["measured"]["right_recognised"] > 0.9
-    assert SHIPPED.stat().st_size < 2_000_000
-
-
-def made_up(seed: int) -> Examples:
-    """Right repetitions, and some that go half the way, each with a range and noise of its own."""
-    rng = np.random.default_rng(seed)
-    exercise = load_exercise("front_raise")
-    sequences, facts, labels = [], [], []
-    for k in range(60):
-        share = rng.uniform(0.9, 1.05) if k % 2 == 0 else rng.uniform(0.4, 0.55)
-        path = exercise.path()
-        path = path[0] + share * (path - path[0]) + np.radians(rng.normal(0, 1, path.shape))
-        sequence, fact = encoded(exercise, path)
-        sequences.append(sequence)
-        facts.append(fact)
-        labels.append(CLASSES.index("right" if k % 2 == 0 else "range"))
-    return Examples(np.stack(sequences), np.stack(facts), np.array(labels), np.arange(60) // 6)
-
-
-@pytest.fixture
-def one_thread() -> Iterator[None]:
-    """As other tests run beside this one, more threads would only wait for each other."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
-@pytest.mark.usefixtures("one_thread")
-def test_a_network_learns_to_tell_half_the_range_and_the_same_seed_gives_the_same() -> None:
-    examples = made_up(0)
-    network, measured = train(examples, seed=3, epochs=80)
-    assert measured["right_recognised"] == 1.0 and measured["wrong_detected"] == 1.0
-    again, _ = train(examples, seed=3, epochs=80)
-    for a, b in zip(network.parameters(), again.parameters(), strict=True):
-        assert torch.equal(a, b)
-    scrambled = replace(examples, labels=np.random.default_rng(1).permutation(examples.labels))
-    _, guessed = train(scrambled, seed=3, epochs=40)
-    assert min(guessed["right_recognised"], guessed["wrong_detected"]) < 0.95
-
-
-def test_what_was_wrong_somehow_teaches_only_that_it_was_not_right() -> None:
-    labels = torch.tensor([WRONG_SOMEHOW])
-    sure_right, sure_wrong = torch.zeros(1, len(CLASSES)), torch.zeros(1, len(CLASSES))
-    sure_right[0, 0], sure_wrong[0, 0] = 9.0, -9.0
-    assert loss_of(sure_right, labels) > 5 and loss_of(sure_wrong, labels) < 0.01
-    elsewhere = sure_wrong.clone()
-    elsewhere[0, 5] = 3.0
-    assert loss_of(elsewhere, labels) < 0.01
-
-
-def test_a_file_that_holds_no_such_network_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=re.escape("nowhere.npz")):
-        load_network(tmp_path / "nowhere.npz")
-    broken = tmp_path / "broken.npz"
-    broken.write_bytes(b"PK\x03\x04 no archive")
-    with pytest.raises(ConfigError, match="network that judges repetitions"):
-        load_network(broken)
-    np.savez(tmp_path / "other.npz", weights=np.zeros(3))
-    with pytest.raises(ConfigError, match="network that judges repetitions"):
-        load_network(tmp_path / "other.npz")
-
-
-def test_a_network_comes_back_as_it_was_saved(tmp_path: Path) -> None:
-    network = RepetitionNetwork()
-    save_network(network, {"seed": 1}, tmp_path / "net.npz")
-    found, about = load_network(tmp_path / "net.npz")
-    assert about == {"seed": 1} and not found.training
-    for name, value in network.state_dict().items():
-        assert torch.equal(found.state_dict()[name], value)
-
-
 @pytest.mark.slow
-def test_examples_hold_right_repetitions_and_every_kind_of_error() -> None:
-    examples, again = examples_of(0, "joints", 1), examples_of(0, "joints", 1)
-    assert np.array_equal(examples.sequences, again.sequences)
-    assert set(examples.labels.tolist()) == {WRONG_SOMEHOW, *range(len(CLASSES))}
-    assert (examples.labels == CLASSES.index("right")).sum() >= 30
-    assert np.isfinite(examples.sequences).all() and np.isfinite(examples.facts).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("recogniser", ["rules", "learned"])
-def test_headset_and_hands_of_people_never_seen_are_recognised(recogniser: str) -> None:
-    found = evaluate_coach(source="hands", users=6, seed=77, recogniser=recogniser, processes=2)
+def test_headset_and_hands_of_people_never_seen_are_recognised() -> None:
+    found = evaluate_coach(source="hands", users=6, seed=77, processes=2)
     assert found.right_recognised > 0.97 and found.wrong_detected > 0.98
     assert found.latency()["p95_s"] < 0.5
 

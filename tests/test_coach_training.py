@@ -15,7 +15,7 @@ from rcare_marl.baselines.training.trainer import train
 from rcare_marl.envs.coaching.coaching_task import SIZE
 from rcare_marl.errors import ConfigError
 
-BRIEF = {"envs": 2, "workers": 0, "steps": 16, "interval": 16, "evaluation_episodes": 1}
+BRIEF = {"envs": 2, "workers": 0, "steps": 8, "interval": 8, "evaluation_episodes": 1}
 PEOPLE: dict[str, dict[str, Any]] = {  # who turn their heads only, so that a session is short
     "social_coaching": {"variants": [{"recipient": "jose"}]},
     "group_coaching": {"cast": {"recipient": "jose", "second_recipient": "morgan"}},
@@ -23,12 +23,12 @@ PEOPLE: dict[str, dict[str, Any]] = {  # who turn their heads only, so that a se
 
 
 @pytest.mark.parametrize("task", PEOPLE)
-def test_the_config_that_ships_trains_a_coach_who_decides_once_a_second(
+def test_the_config_that_ships_trains_how_the_coach_leads_its_orders_stay_those_of_the_tree(
     task: str, tmp_path: Path
 ) -> None:
     config = default_config(task)
     short = {"repetitions": 1, "exercises": ["head_rotation"]}
-    small = {**config["algorithm"], "hidden": [16], "warm_up": 8}
+    small = {**config["algorithm"], "hidden": [16], "rollout": 4}
     train(
         {
             **config,
@@ -40,7 +40,7 @@ def test_the_config_that_ships_trains_a_coach_who_decides_once_a_second(
         tmp_path,
     )
     file = PolicyFile.read(tmp_path / "policy_last.npz")
-    assert file.hold == 10 and isinstance(file.residual, tuple)
+    assert file.hold == 80 and isinstance(file.residual, tuple) and not any(file.residual[:10])
     cast: dict[str, Any] = {
         "recipient": "jose",
         **({"second_recipient": "morgan"} if "group" in task else {}),
@@ -48,10 +48,11 @@ def test_the_config_that_ships_trains_a_coach_who_decides_once_a_second(
     players = {"robot": str(tmp_path / "policy_last.npz"), **dict.fromkeys(cast, "learner")}
     env = rcare_marl.make(task, **cast, policies=players, options=short, physics_dt=1 / 30)
     env.reset(seed=1)
-    for _ in range(2 * file.hold):
+    for _ in range(file.hold // 2):
         env.step({})
     action = env.policies["robot"].act()
     assert action.shape == (SIZE,) and np.abs(action).max() <= 1
+    assert set(np.abs(action[:9])) == {1.0} and np.abs(action[10:]).max() > 0
     env.close()
 
 

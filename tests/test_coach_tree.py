@@ -18,8 +18,9 @@ from rcare_marl.agents.coaching.imitation import reach_of
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Judgement, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
 from rcare_marl.agents.coaching.session import Demonstration, Order, Session, programme, top_speed
+from rcare_marl.agents.coaching.style import Style
 from rcare_marl.agents.coaching.tree import AGAIN, LONGEST_REST, MORE_TIRED, PATIENCE, Coach
-from rcare_marl.agents.coaching.upper_body import MOTIONS
+from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, MOTIONS
 from rcare_marl.agents.people.avatar import load_avatar
 from rcare_marl.agents.people.behaviour.tree_picture import TreePicture
 from rcare_marl.envs.coaching.coaching_task import SIZE, decode, encode
@@ -74,10 +75,12 @@ class Lesson:
         self.session = Session(exercises, self.told, repetitions=repetitions)
         self.coach = Coach(self.session, self.body)
 
-    def go(self, seconds: float = STEP) -> Order:
+    def go(self, seconds: float = STEP, *, looks: float = 0.0) -> Order:
         order = Order()
+        angles = np.zeros(len(MOTIONS))
+        angles[MOTION_INDEX["neck_rotation_left"]] = looks
         for _ in range(round(seconds / STEP)):
-            frame = Frame(self.time, np.zeros(len(MOTIONS)))
+            frame = Frame(self.time, angles)
             order = self.coach.step(frame, self.time, STEP)
             self.time += STEP
         return order
@@ -110,6 +113,46 @@ def test_what_was_wrong_is_said_at_once() -> None:
     lesson.told.finds("range", hint="Please go a little further.")
     lesson.go(0.3)
     assert lesson.body.said[-1] == "Please go a little further."
+
+
+def test_who_looks_away_is_called_only_where_the_style_says_so() -> None:
+    for call, called in ((0.0, 0), (1.0, 1)):
+        lesson = Lesson("front_raise")
+        lesson.go(7.5)
+        before = len(lesson.body.said)
+        lesson.session.style = Style(call=call)
+        lesson.go(1.0, looks=0.5)
+        assert len(lesson.body.said) == before + called
+
+
+def test_a_hint_is_said_again_where_the_style_says_so() -> None:
+    said = []
+    for remind in (0.0, 1.0):
+        lesson = Lesson("front_raise")
+        lesson.session.style = Style(remind=remind)
+        lesson.go(7.0)
+        lesson.told.finds("range", hint="Please go a little further.")
+        lesson.go(9.0)
+        said.append(lesson.body.said.count("Please go a little further."))
+    assert said[1] > said[0] >= 1
+
+
+def test_a_repetition_that_nobody_joins_is_begun_anew_once_where_the_style_says_so() -> None:
+    lesson = Lesson("front_raise")
+    lesson.session.style = Style(anew=1.0)
+    lesson.go(1.0)
+    seen = [lesson.go().act for _ in range(round(lesson.session.exercise.duration / STEP))]
+    assert seen.count("stand") == 1 and lesson.coach.demonstration.count == 0
+
+
+def test_a_style_shortens_the_pause_and_sets_the_tempo_of_the_next_repetition() -> None:
+    shown = {}
+    for name, style in (("tree", Style()), ("short", Style(long=-1.0)), ("fast", Style(fast=1.0))):
+        lesson = Lesson("front_raise")
+        lesson.session.style = style
+        lesson.go(30.0)
+        shown[name] = lesson.coach.demonstration.count
+    assert shown["short"] > shown["tree"] and shown["fast"] > shown["tree"]
 
 
 def test_each_exercise_is_explained_once_before_it_is_shown() -> None:
@@ -296,10 +339,11 @@ def test_impossible_sessions_are_refused() -> None:
 
 def test_orders_are_actions_and_back() -> None:
     for order in (Order(), Order("show", "hint", 0.5), Order("next", "praise", 2.0), Order("rest")):
-        action = encode(order)
+        style = Style(fast=0.5, call=-1.0)
+        action = encode(order, style)
         assert action.shape == (SIZE,) and np.abs(action).max() <= 1
-        assert decode(action) == order
-    assert decode(np.zeros(SIZE)) == Order("stand", "nothing", 1.0)
+        assert decode(action) == (order, style)
+    assert decode(np.zeros(SIZE)) == (Order("stand", "nothing", 1.0), Style())
 
 
 def test_the_same_tree_coaches_somebody_who_mirrors_any_body() -> None:

@@ -243,7 +243,7 @@ def test_a_word_to_one_is_not_heard_by_the_others(four: CareEnv) -> None:
         for role in RECIPIENTS
     }
     assert not any(hears.values())
-    task.demonstration.spoken_to, task.demonstration._silent_at = "Kim", 1e9
+    task.demonstration.spoken_to, task.session.silent_at = "Kim", 1e9
     task.look()
     for role in RECIPIENTS:
         learner = four.policies[role]

@@ -25,8 +25,8 @@ from rcare_marl.agents.coaching.upper_body import (
     UpperBody,
     directions,
 )
+from rcare_marl.baselines.coaching.landmark_sensor import landmarks_of
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import matrix_from_quaternion
 
 Array = npt.NDArray[np.float64]
 BODY = UpperBody.of_height(1.7)
@@ -34,24 +34,9 @@ BODY = UpperBody.of_height(1.7)
 
 def landmarks(angles: Array, *, facing: float = 0.0, tilt: float = 0.0) -> LandmarkReading:
     """Return what a camera with a tilt [rad] before somebody would give, who looks past it by `facing`."""
-    points, poses = BODY.points(angles), BODY.poses(angles)
-    out = np.zeros((33, 3))
-    eyes, turn = points["eyes"], matrix_from_quaternion(poses["head"][1])
-    out[:11] = eyes
-    out[0] = eyes + turn @ (0.02, 0.0, -0.04)
-    for i, side in enumerate(SIDES):
-        sign = 1 - 2 * i
-        hand = matrix_from_quaternion(poses[f"{side}_hand"][1])
-        out[7 + i] = eyes + turn @ (-0.09, sign * 0.07, -0.02)
-        out[11 + i], out[13 + i] = points[f"{side}_shoulder"], points[f"{side}_elbow"]
-        out[15 + i] = points[f"{side}_wrist"]
-        out[17 + i] = out[15 + i] + hand @ (0.08, sign * 0.04, 0.0)
-        out[19 + i] = out[15 + i] + hand @ (0.09, -sign * 0.03, 0.0)
-        out[23 + i] = (0.0, sign * 0.09, 0.0)
     cosine, sine = math.cos(facing), math.sin(facing)
-    out = out @ np.array(((cosine, -sine, 0), (sine, cosine, 0), (0, 0, 1))).T
-    # x right in the picture is the person's left, y down, z away from the camera.
-    seen = out @ np.array(((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0))).T
+    seen = landmarks_of(BODY, angles[None])[0]
+    seen = seen @ np.array(((cosine, 0, sine), (0, 1, 0), (-sine, 0, cosine))).T
     lean = np.array(
         ((1, 0, 0), (0, math.cos(tilt), math.sin(tilt)), (0, -math.sin(tilt), math.cos(tilt)))
     )

@@ -118,7 +118,7 @@ def test_learners_differ_by_seed_and_err_and_are_set_right_by_words() -> None:
         kind = learner.mistake
         mistakes.add(kind)
         if kind != "none":
-            shown.word, shown._silent_at = "hint", 10.0
+            shown.word, task_of(env).session.silent_at = "hint", 10.0
             learner.act()
             mended += learner.mistake == "none"
     assert mistakes == {"none", "half", "one arm", "other plane"}
@@ -141,7 +141,8 @@ def test_a_learner_who_looks_away_keeps_still_until_called() -> None:
         and task.session.judgement.progress == 0
     )
     for _ in range(60):  # a call does not always help
-        shown.word, shown._silent_at, learner._was_speaking = "encourage", 1e9, False
+        task.session.silent_at = 1e9
+        shown.word, learner._was_speaking = "encourage", False
         learner.act()
         if learner.is_attentive:
             break

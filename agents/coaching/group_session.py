@@ -152,6 +152,7 @@ class GroupSession(Lesson):
         sessions = [self.members[name] for name in busy]
         self.right_at = min((session.right_at for session in sessions), default=self.time)
         self.hint = self.members[self.neediest].hint if self.neediest else ""
+        self.away_for = self.members[self.neediest].away_for if self.neediest else 0.0
         self.judgement = Judgement(
             following=bool(busy) and all(session.judgement.following for session in sessions),
             progress=min((session.judgement.progress for session in sessions), default=0.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -14,7 +15,8 @@ from rcare_marl.errors import ConfigError
 from .body import CoachBody
 from .exercise import Exercise, Reach
 from .recognition.recogniser import Frame, Judgement, Recogniser, Repetition
-from .upper_body import directions
+from .style import Style
+from .upper_body import MOTION_INDEX, directions
 
 Act = Literal["stand", "show", "next", "rest"]
 Word = Literal["nothing", "explain", "encourage", "praise", "hint"]
@@ -23,7 +25,6 @@ WORDS: tuple[Word, ...] = get_args(Word)
 
 SPEECH = 0.35  # [s] a word, 170 words a minute: slow, clear speech; our own choice
 SILENCE = 0.6  # [s] after a sentence; our own choice
-PAUSE = 1.2  # [s] at rest after a repetition is shown, for the person to come to rest, too; our own choice
 TEMPO = (0.5, 2.0)  # a demonstration's, against that of the exercise; our own choice
 LEAVING = (
     1.0  # [s] that an order to go on must last where an exercise is not done yet; our own choice
@@ -31,6 +32,10 @@ LEAVING = (
 # Fatigue from which a repetition that falls short is taken for one that was too much; our own choice.
 SPENT = 0.12
 SHORT = frozenset(("range", "asymmetric", "one_side", "part_missing", "bent_elbows"))
+AWAY = math.radians(
+    18
+)  # of the face, from which somebody looks away from the coach; our own choice
+FACING = [MOTION_INDEX[name] for name in ("trunk_rotation_left", "neck_rotation_left")]
 SAME_TEMPO = 1.2  # factor up to which another tempo is judged as the same; our own choice
 CHEERS = ("Well done.", "Very good.", "That was right.")
 CALLS = ("Come on, together with me.", "You can do it. Watch me.", "Let us try once more, slowly.")
@@ -105,6 +110,10 @@ class Lesson(abc.ABC):
         must_rest: Set it to rest as long as it is set.
         is_resting: Whether people are invited to rest: nothing they do then counts.
         fatigue: How tired people say that they are, 0 to 1.
+        away_for: How long the person has looked away for [s]; 0 where the exercise turns the head.
+        shown: How far the repetition is that is being shown, 0 to 1; the body of the coach tells.
+        silent_at: When what is being said is over [s]; likewise.
+        style: How the coach leads, as far as that is left open.
     """
 
     def __init__(self, exercises: Sequence[Exercise]) -> None:
@@ -119,7 +128,8 @@ class Lesson(abc.ABC):
 
     def _restart(self) -> None:
         """Begin anew, with the first exercise."""
-        self.index, self.time, self.fatigue = 0, 0.0, 0.0
+        self.index, self.time, self.fatigue, self.away_for = 0, 0.0, 0.0, 0.0
+        self.shown, self.silent_at, self.style = 0.0, 0.0, Style()
         self.must_stop = self.must_pause = self.must_skip = self.must_rest = False
         self.is_resting = False
         self.begin_exercise()
@@ -139,6 +149,11 @@ class Lesson(abc.ABC):
     def exercise(self) -> Exercise:
         """The exercise that is on; the last one once the lesson is over."""
         return self.exercises[min(self.index, len(self.exercises) - 1)]
+
+    @property
+    def is_speaking(self) -> bool:
+        """Whether something is still being said."""
+        return self.time < self.silent_at
 
     @property
     def since_right(self) -> float:
@@ -245,6 +260,7 @@ class Session(Lesson):
 
     def see(self, frame: Frame | None, time: float) -> None:
         """Take what a source saw of the person at a time [s], None where it saw nothing."""
+        self._look(frame, time - self.time)
         self.time = time
         if self.is_resting:
             self._rests = True
@@ -266,6 +282,13 @@ class Session(Lesson):
                 self.hint, self.right_at = "", time
             else:
                 self.wrong[self.index] += 1
+
+    def _look(self, frame: Frame | None, duration: float) -> None:
+        """Note for how long the face has been turned away, in the `duration` [s] that has passed."""
+        if frame is not None:
+            turned = np.nan_to_num(frame.angles[FACING]).sum()
+            is_away = abs(turned) > AWAY and "head" not in self.exercise.parts
+            self.away_for = self.away_for + duration if is_away else 0.0
 
     def go_on(self) -> None:
         """Go on to the next exercise; the present one counts as skipped if it is not done."""
@@ -310,6 +333,7 @@ class Demonstration:
         phase: How far the repetition is that is being shown, 0 to 1; 0 where none is.
         is_showing: Whether one is being shown.
         is_resting: Whether the coach invites to rest.
+        tempo: Of what is being shown, against that of the exercise.
         shown_for: How far into the repetition, at the tempo of the exercise [s]; 0 where none is shown.
         word: What is being said; `nothing` if nothing is.
         spoken_to: To whom, by name; None for everybody.
@@ -327,16 +351,16 @@ class Demonstration:
         self.spoken_to: str | None = None
         self._of = 0
         self._stop()
-        self.count, self._silent_at, self._leaving = 0, 0.0, 0.0
+        self.count, self._leaving = 0, 0.0
 
     def _stop(self) -> None:
-        self.is_showing, self.shown_for, self.phase = False, 0.0, 0.0
-        self.angles = self._session.exercise.angles(0.0)
+        self.is_showing, self.shown_for, self.phase, self.tempo = False, 0.0, 0.0, 1.0
+        self.angles, self._session.shown = self._session.exercise.angles(0.0), 0.0
 
     @property
     def is_speaking(self) -> bool:
         """Whether something is being said."""
-        return self._session.time < self._silent_at
+        return self._session.is_speaking
 
     def perform(self, order: Order, duration: float) -> None:
         """Carry out an order for the coming step of `duration` [s]."""
@@ -356,16 +380,16 @@ class Demonstration:
             self._stop()
             self._body.stand_still()
             return
-        tempo = min(max(order.tempo, TEMPO[0]), TEMPO[1])
         if not self.is_showing:
-            session.keep_tempo(tempo)
+            self.tempo = min(max(order.tempo, TEMPO[0]), TEMPO[1])
+            session.keep_tempo(self.tempo)
             self.is_showing = True
         exercise = session.exercise
-        self.shown_for += tempo * duration
-        if self.shown_for >= exercise.duration + PAUSE:
+        self.shown_for += self.tempo * duration
+        if self.shown_for >= exercise.duration + session.style.pause:
             self.count += 1
             self._stop()
-        self.phase = min(self.shown_for / exercise.duration, 1.0)
+        self.phase = session.shown = min(self.shown_for / exercise.duration, 1.0)
         self.angles = exercise.angles(self.shown_for)
         self._body.show(self.angles)
 
@@ -379,4 +403,4 @@ class Demonstration:
             self.spoken_to, text = self._session.address(word)
             self._session.is_explained |= word == "explain"
             self._body.say(text)
-            self._silent_at = self._session.time + SPEECH * len(text.split()) + SILENCE
+            self._session.silent_at = self._session.time + SPEECH * len(text.split()) + SILENCE

@@ -39,12 +39,13 @@ from .session import Demonstration, Lesson, Order, Session, Word
 
 # All our own choices.
 PATIENCE = 2.5  # repetitions as shown, without a right one, after which the coach encourages
-TIRED, RESTED = 0.6, 0.4  # fatigue from which the coach rests, and until which
-RECOVERS = 0.6  # who falls short for being tired rests until so much of their fatigue is left
+RECOVERS = 0.9  # who falls short for being tired rests so much longer, as a share of what is left
 LONGEST_REST = 30.0  # [s]: who is still tired then does not recover by resting, and is led on
 MORE_TIRED = 0.1  # and rests again when they are so much more tired
 AGAIN = 8.0  # [s] between two encouragements
 SLOWER = 0.75  # tempo while it encourages
+LET = 1.5  # repetitions as shown that somebody is left to join before one is begun anew again
+UNMOVED = 0.05  # progress up to which nobody has joined a repetition
 
 
 class Intent:
@@ -56,9 +57,11 @@ class Intent:
         called_at: When it last encouraged [s].
         calls: How often it did.
         rests: Whether it lets the person rest.
-        rests_at: Fatigue from which it does.
-        rests_to: And until which.
+        more: Fatigue from which it rests where resting did not help; 0 where the style says.
+        rests_to: Fatigue until which it does.
         rested_from: When it began to [s].
+        reminded_at: When something was wrong last, or the hint to it was said [s].
+        anew_at: When a repetition was begun anew [s].
     """
 
     def __init__(self) -> None:
@@ -68,7 +71,8 @@ class Intent:
         """Begin anew."""
         self.order = Order()
         self.slow_for, self.called_at, self.calls = -1, -np.inf, 0
-        self.rests, self.rests_at, self.rests_to, self.rested_from = False, TIRED, RESTED, 0.0
+        self.rests, self.more, self.rests_to, self.rested_from = False, 0.0, 0.0, 0.0
+        self.reminded_at, self.anew_at = np.inf, -np.inf
 
     def stand(self) -> None:
         """Stand still."""
@@ -136,7 +140,7 @@ class CoachTree:
         """Return what the coach does in the coming step."""
         session, intent = self.session, self._intent
         slow = intent.slow_for == session.index
-        intent.order = Order(tempo=SLOWER if slow else 1.0)
+        intent.order = Order(tempo=(SLOWER if slow else 1.0) * session.style.tempo)
         self.root.tick_once()
         return intent.order
 
@@ -177,13 +181,15 @@ def coach_tree(session: Lesson, intent: Intent) -> Behaviour:
 
     def is_tired() -> bool:
         if not intent.rests:
-            intent.rests = session.is_spent or session.fatigue > intent.rests_at
+            limit = intent.more or session.style.tired
+            intent.rests = session.is_spent or session.fatigue > limit
             intent.rested_from, tired = session.time, session.fatigue
-            intent.rests_to = RESTED if tired > TIRED else RECOVERS * tired
+            tired = session.style.tired if tired > limit else RECOVERS * tired
+            intent.rests_to = session.style.rests_to * tired
         elif session.fatigue <= intent.rests_to:
-            intent.rests, intent.rests_at = False, TIRED
+            intent.rests, intent.more = False, 0.0
         elif session.time - intent.rested_from > LONGEST_REST:
-            intent.rests, intent.rests_at = False, session.fatigue + MORE_TIRED
+            intent.rests, intent.more = False, session.fatigue + MORE_TIRED
         return intent.rests or session.must_rest
 
     def rest() -> Status:
@@ -224,7 +230,7 @@ def _exercise(session: Lesson, intent: Intent, k: int) -> Behaviour:
             Do("explain", explain),
             _beside(
                 "coach it",
-                Do("demonstrate", lambda: _demonstrate(intent)),
+                Do("demonstrate", lambda: _demonstrate(session, intent)),
                 Do("observe", lambda: _observe(session, intent)),
                 first_of(
                     "encourage",
@@ -237,8 +243,14 @@ def _exercise(session: Lesson, intent: Intent, k: int) -> Behaviour:
     )
 
 
-def _demonstrate(intent: Intent) -> Status:
-    intent.order = replace(intent.order, act="show")
+def _demonstrate(session: Lesson, intent: Intent) -> Status:
+    is_alone = session.judgement.progress <= UNMOVED and session.judgement.finished is None
+    begins_anew = is_alone and session.style.anew_from <= session.shown < 1.0
+    if begins_anew and session.time - intent.anew_at > LET * session.exercise.duration:
+        intent.anew_at = session.time
+        intent.stand()
+    else:
+        intent.order = replace(intent.order, act="show")
     return Status.RUNNING
 
 
@@ -246,6 +258,12 @@ def _observe(session: Lesson, intent: Intent) -> Status:
     found = session.judgement.finished
     if found is not None:
         intent.say("praise" if found.right else "hint")
+        intent.reminded_at = np.inf if found.right else session.time
+    elif not session.is_speaking:
+        forgets = session.time - intent.reminded_at > session.style.reminds_after
+        if session.away_for > session.style.calls_after or (forgets and session.hint):
+            intent.say("hint" if session.hint else "encourage")
+            intent.reminded_at = session.time if forgets else intent.reminded_at
     if session.is_done:  # the present one: go on to the next in the coming step
         intent.order = replace(intent.order, act="next")
         return Status.SUCCESS

@@ -19,6 +19,7 @@ from rcare_marl.errors import ConfigError, check_name
 from ..evaluation.evaluate import wilson_interval
 from ..workers import run_all
 from .camera_sensor import CameraSensor
+from .landmark_sensor import LandmarksSensor
 from .noise import HandsSensor, JointsSensor, NoiseModel, Sensor
 from .performance import GRADED, USED, WRONG, Performance, idle, perform, perform_at
 from .synthetic_user import SPLITS, SyntheticUser, draw_person
@@ -32,6 +33,7 @@ UNSEEN = "nothing"
 SENSORS: Mapping[str, Callable[[NoiseModel], Sensor]] = {
     "hands": HandsSensor,
     "joints": JointsSensor,
+    "landmarks": LandmarksSensor,
     "camera": CameraSensor,
 }
 # [1/s] A NAO's camera gives thirty pictures of this size at best, over a network about half; our own choice.
@@ -51,16 +53,6 @@ def make_sensor(source: str, noise: NoiseModel) -> Sensor:
     """
     check_name("source of poses", source, SENSORS)
     return SENSORS[source](noise)
-
-
-def _learned() -> Recogniser:
-    from .learned_recogniser import LearnedRecogniser  # brings torch
-
-    return LearnedRecogniser()
-
-
-RECOGNISERS: Mapping[str, Callable[[], Recogniser]] = {"rules": RuleRecogniser, "learned": _learned}
-DEFAULT = "rules"
 
 
 @dataclass(frozen=True)
@@ -98,7 +90,6 @@ class CoachEvaluation:
 
     Attributes:
         source: Where poses came from.
-        recogniser: Who judged.
         seed: Of the people.
         split: Of the people.
         users: How many.
@@ -108,7 +99,6 @@ class CoachEvaluation:
     """
 
     source: str
-    recogniser: str
     seed: int
     split: str
     users: int
@@ -192,7 +182,7 @@ class CoachEvaluation:
             for name in exercises
         }
         return {
-            **{n: getattr(self, n) for n in ("source", "recogniser", "seed", "split", "users")},
+            **{n: getattr(self, n) for n in ("source", "seed", "split", "users")},
             "noise": dict(vars(self.noise)),
             "right_recognised": self.right_recognised,
             "right": _summary(self._of("right")),
@@ -293,18 +283,23 @@ def score_trial(
 
 
 def performances(
-    user: SyntheticUser, exercises: Sequence[Exercise], rng: np.random.Generator
+    user: SyntheticUser, number: int, exercises: Sequence[Exercise], rng: np.random.Generator
 ) -> Iterator[Performance]:
-    """Yield all that one person does: each exercise right, wrong in every way, at limits, and not at all."""
+    """Yield all that one person does: each exercise right, wrong in every way, at limits, and not at all.
+
+    How much of a limit is used goes round by the person's `number`, so that over nine people all shares of
+    all limits come alike often.
+    """
     names = exercise_names()
-    for exercise in exercises:
+    for i, exercise in enumerate(exercises):
         for kind in ("right", *WRONG):
             often = RIGHT_REPETITIONS if kind == "right" else 1
             done = perform(user, exercise, kind, rng, others=names, repetitions=often)
             if done is not None:
                 yield done
-        for kind in GRADED:
-            graded = perform_at(user, exercise, kind, float(rng.choice(USED)), rng)
+        for k, kind in enumerate(GRADED):
+            used = USED[(number + 2 * i + 3 * k) % len(USED)]
+            graded = perform_at(user, exercise, kind, used, rng)
             if graded is not None:
                 yield graded
         yield idle(user, exercise, rng, seconds=IDLE_TIME)
@@ -312,23 +307,22 @@ def performances(
 
 @dataclass(frozen=True)
 class _Lesson:
-    """All that one synthetic person does before one source and one recogniser."""
+    """All that one synthetic person does before one source."""
 
     source: str
     number: int
     seed: int
     split: str
     noise: NoiseModel
-    recogniser: Callable[[], Recogniser]
     exercises: tuple[Exercise, ...]
 
     def run(self) -> tuple[list[Trial], list[float]]:
         """Return the trials, and what each frame took [s]."""
         user = draw_person(self.number, seed=self.seed, split=self.split)
         rng = np.random.default_rng((SPLITS.index(self.split), self.seed, self.number, 1))
-        sensor, judge = make_sensor(self.source, self.noise), self.recogniser()
+        sensor, judge = make_sensor(self.source, self.noise), RuleRecogniser()
         trials, frame_times = [], list[float]()
-        for performance in performances(user, self.exercises, rng):
+        for performance in performances(user, self.number, self.exercises, rng):
             verdicts = judge_performance(
                 performance, user, sensor, judge, rng, frame_times=frame_times
             )
@@ -343,7 +337,6 @@ def evaluate_coach(
     seed: int = 0,
     split: str = "test",
     noise: NoiseModel | None = None,
-    recogniser: str = DEFAULT,
     exercises: Sequence[Exercise] | None = None,
     processes: int = 1,
     progress: Callable[[int], None] | None = None,
@@ -356,13 +349,12 @@ def evaluate_coach(
         seed: Of the people and all they do.
         split: `development` or `test`: nobody is in both.
         noise: Of the sensors; `usual_noise` if None.
-        recogniser: Who judges, of `RECOGNISERS`.
         exercises: What is done; all there are if None.
         processes: How many people at once; the trials are the same whatever it is.
         progress: Told how many people are done.
 
     Raises:
-        UnknownNameError: If there is no such source or recogniser.
+        UnknownNameError: If there is no such source.
         ConfigError: If nobody is to be evaluated, or there is no such split.
     """
     if users < 1:
@@ -372,16 +364,13 @@ def evaluate_coach(
     make_sensor(source, NoiseModel())  # refuses what is unknown before anything is begun
     noise = usual_noise(source) if noise is None else noise
     chosen = tuple(load_exercises() if exercises is None else exercises)
-    check_name("recogniser", recogniser, RECOGNISERS)
-    maker = RECOGNISERS[recogniser]
-    lessons = [_Lesson(source, i, seed, split, noise, maker, chosen) for i in range(users)]
+    lessons = [_Lesson(source, i, seed, split, noise, chosen) for i in range(users)]
     finished = count(1)
     tell = progress or (lambda _: None)
     done = run_all([each.run for each in lessons], processes, lambda _: tell(next(finished)))
     taken = 1e3 * np.array([value for _, times in done for value in times])
     return CoachEvaluation(
         source=source,
-        recogniser=recogniser,
         seed=seed,
         split=split,
         users=users,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcare_marl.agents.coaching.style import Style
 from rcare_marl.agents.coaching.tree import CoachTree
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.coaching.coaching_task import CoachingTask, encode
@@ -19,8 +20,8 @@ class ScriptedCoaching:
         tree: The tree; its `session` takes requests such as `must_pause`.
     """
 
-    def __init__(self, env: CareEnv, role: str) -> None:
-        """Take the environment and the robot's role.
+    def __init__(self, env: CareEnv, role: str, style: Style = Style()) -> None:
+        """Take the environment, the robot's role, and how the tree leads.
 
         Raises:
             ConfigError: If the task is no coaching, or the robot is not the one that coaches.
@@ -30,13 +31,13 @@ class ScriptedCoaching:
             raise ConfigError(f"the scripted coach cannot play {type(task).__name__}")
         if env.cast[role] is not task.robot:
             raise ConfigError(f"{role!r} only watches: the scripted coach plays the first robot")
-        self.tree = CoachTree(task.session)
+        self.tree, self._style = CoachTree(task.session), style
 
     def reset(self, rng: np.random.Generator) -> None:
         self.tree.reset()
 
     def act(self) -> Array:
-        return encode(self.tree.tick())
+        return encode(self.tree.tick(), self._style)
 
 
 for _task in ("social_coaching", "group_coaching"):

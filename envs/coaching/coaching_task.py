@@ -13,6 +13,7 @@ from rcare_marl.agents.coaching.body import RobotBody
 from rcare_marl.agents.coaching.exercise import Exercise, load_exercises
 from rcare_marl.agents.coaching.retarget import Retarget
 from rcare_marl.agents.coaching.session import ACTS, WORDS, Demonstration, Lesson, Order
+from rcare_marl.agents.coaching.style import STYLES, Style
 from rcare_marl.agents.coaching.upper_body import MOTIONS
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.robots.control import Control
@@ -34,23 +35,30 @@ GENEROUS = 3.0  # time limit over the duration of all right repetitions as shown
 
 
 LIMBS = ("left_arm", "right_arm", "head")
-SIZE = len(ACTS) + len(WORDS) + 1
-NAMES = (*(f"do {act}" for act in ACTS), *(f"say {word}" for word in WORDS), "tempo [octaves]")
+TEMPO = len(ACTS) + len(WORDS)
+SIZE = TEMPO + 1 + len(STYLES)
+NAMES = (
+    *(f"do {act}" for act in ACTS),
+    *(f"say {word}" for word in WORDS),
+    "tempo [octaves]",
+    *(f"style {name}" for name in STYLES),
+)
 
 
-def encode(order: Order) -> Array:
-    """Return the action that gives an order, shape [10]."""
+def encode(order: Order, style: Style = Style()) -> Array:
+    """Return the action that gives an order and sets a style, shape [17]."""
     action = -np.ones(SIZE)
     action[ACTS.index(order.act)] = action[len(ACTS) + WORDS.index(order.word)] = 1.0
-    action[-1] = min(max(math.log2(order.tempo), -1.0), 1.0)
+    action[TEMPO] = min(max(math.log2(order.tempo), -1.0), 1.0)
+    action[TEMPO + 1 :] = style.values()
     return action
 
 
-def decode(action: Array) -> Order:
-    """Return the order that an action, shape [10], gives: of each group the greatest wins."""
+def decode(action: Array) -> tuple[Order, Style]:
+    """Return the order and the style that an action, shape [17], gives: of each group the greatest wins."""
     act = ACTS[int(np.argmax(action[: len(ACTS)]))]
-    word = WORDS[int(np.argmax(action[len(ACTS) : -1]))]
-    return Order(act, word, 2.0 ** float(action[-1]))
+    word = WORDS[int(np.argmax(action[len(ACTS) : TEMPO]))]
+    return Order(act, word, 2.0 ** float(action[TEMPO])), Style.of(action[TEMPO + 1 :])
 
 
 class Led(Control):
@@ -78,7 +86,9 @@ class Orders(Control):
     names = NAMES
     max = np.ones(SIZE)
 
-    def __init__(self, robot: Robot, body: RobotBody, demonstration: Demonstration) -> None:
+    def __init__(
+        self, robot: Robot, body: RobotBody, lesson: Lesson, demonstration: Demonstration
+    ) -> None:
         """Take the reins of a robot that has been spawned.
 
         Raises:
@@ -99,13 +109,14 @@ class Orders(Control):
                 )
             self._limbs[limb] = control
             robot.parts[limb].control = Led(control)
-        self._body, self._demonstration = body, demonstration
+        self._body, self._lesson, self._demonstration = body, lesson, demonstration
 
     def reset(self) -> None:
         """Nothing to do: the task begins the session."""
 
     def command(self, action: Array, duration: float) -> None:
-        self._demonstration.perform(decode(action), duration)
+        order, self._lesson.style = decode(action)
+        self._demonstration.perform(order, duration)
         for limb, control in self._limbs.items():
             wanted = self._body.target(limb, duration)
             control.command(control.action_for(wanted), duration)  # type: ignore[attr-defined]
@@ -195,7 +206,9 @@ class CoachingTask(Task):
         self.session = self.plan()
         self.body = RobotBody(self.robot)
         self.demonstration = Demonstration(self.session, self.body)
-        self.robot.parts["coach"] = CoachPart(Orders(self.robot, self.body, self.demonstration))
+        self.robot.parts["coach"] = CoachPart(
+            Orders(self.robot, self.body, self.session, self.demonstration)
+        )
         shown: Sequence[Exercise] = self.session.exercises
         time = sum(exercise.duration for exercise in shown) * self.options.repetitions
         asked = sum(len(trainee.session.exercises) for trainee in self.trainees.values())

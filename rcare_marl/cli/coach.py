@@ -99,9 +99,8 @@ def serve(
 @coach.command("evaluate")
 def evaluate(
     source: Annotated[
-        str, typer.Option(help="Where poses come from: hands, joints or camera.")
+        str, typer.Option(help="Where poses come from: hands, joints, landmarks or camera.")
     ] = "hands",
-    recogniser: Annotated[str, typer.Option(help="Who judges: rules or learned.")] = "rules",
     users: Annotated[int, typer.Option(min=1, help="How many synthetic people.")] = 40,
     seed: Annotated[int, typer.Option(min=0, help="Of the people and all they do.")] = 0,
     exercise: Annotated[
@@ -155,7 +154,6 @@ def evaluate(
     levels = tuple(level or (LEVELS if plot is not None else ()))
     trial.evaluate(
         source=source,
-        recogniser=recogniser,
         users=users,
         seed=seed,
         split=split,

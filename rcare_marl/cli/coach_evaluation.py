@@ -41,7 +41,7 @@ UNITS = {
 
 def run(*, exercises: Sequence[str], noise: NoiseModel | None, **given: Any) -> CoachEvaluation:
     """Return the evaluation of a recogniser, with a bar; arguments as for `evaluate_coach`."""
-    with progress(f"{given['recogniser']} by {given['source']}") as bar:
+    with progress(f"by {given['source']}") as bar:
         job = bar.add_task("", total=given["users"])
         return evaluate_coach(
             **given,
@@ -109,7 +109,7 @@ def _share(told: Mapping[str, Any]) -> tuple[str, str, str]:
 def show(found: CoachEvaluation, levels: Mapping[float, CoachEvaluation]) -> None:
     """Print an evaluation: shares, what was said of what, and how soon."""
     told, screen = found.to_dict(), console()
-    title = f"{found.recogniser} by {found.source}: {found.users} people of seed {found.seed}, {found.split}"
+    title = f"by {found.source}: {found.users} people of seed {found.seed}, {found.split}"
     columns: tuple[str, ...] = ("", *SHARES)
     rows: list[tuple[str, ...]] = [("all", *_share(told["right"]), *_share(told["wrong"])), ()]
     for name, each in told["exercises"].items():
@@ -216,9 +216,7 @@ def draw(evaluations: Mapping[float, CoachEvaluation]) -> bytes:
     axes.set_ylabel("share [%]")
     axes.set_ylim(max(0.0, lowest - 2), 101)
     style(axes)
-    axes.set_title(
-        f"{first.source}, {first.recogniser}, {first.users} people", loc="left", fontsize=10
-    )
+    axes.set_title(f"{first.source}, {first.users} people", loc="left", fontsize=10)
     axes.legend(loc="lower left", frameon=False)
     stream = io.BytesIO()
     figure.savefig(stream, format="png")

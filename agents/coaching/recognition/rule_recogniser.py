@@ -12,7 +12,7 @@ from rcare_marl.pose import Array
 from ..exercise import Exercise, load_exercises
 from .assessment import ATTEMPTED
 from .recogniser import ERRORS, Frame, Judgement, Repetition
-from .segmenter import Segment, Segmenter
+from .segmenter import Segmenter
 from .template import COLUMN, Template, off_path
 from .verdict import judge
 
@@ -78,10 +78,10 @@ class RuleRecogniser:
         moved_at = self._segmenter.moved_at
         complete, holds = self._has_reached(self._share), self._has_reached(self._now)
         segment = self._segmenter.update(
-            frame, complete=complete, tried=self._is_tried(), holds=holds
+            frame, complete=complete, amid=self._is_amid(), holds=holds
         )
         if segment is not None:
-            repetition = self._judged(self._template, segment)
+            repetition = judge(self._template, self._others, segment)
             self._restart()
             if repetition is None:  # the time without a movement goes on
                 self._segmenter.moved_at = moved_at
@@ -94,10 +94,6 @@ class RuleRecogniser:
         progress = self._progress()
         follows = not self._is_wrong and (progress > BEGUN or time < self._praised_until)
         return Judgement(follows, progress, None, ERRORS[self._fault] if self._is_wrong else "")
-
-    def _judged(self, template: Template, segment: Segment) -> Repetition | None:
-        """Return what is made of a repetition; None if hardly anything moved."""
-        return judge(template, self._others, segment)
 
     def _watch(self, time: float) -> None:
         """Close the window on what is wrong for a while, open it on what is right for longer."""
@@ -135,11 +131,12 @@ class RuleRecogniser:
             if way.phases
         )
 
-    def _is_tried(self) -> bool:
-        """Return whether some of the way to each key pose has been gone."""
+    def _is_amid(self) -> bool:
+        """Return whether some of the way to one key pose has been gone, and not to each."""
         assert self._template is not None
-        return all(
-            self._tried[part] == len(way.phases) for part, way in self._template.ways.items()
+        ways = self._template.ways.items()
+        return any(self._tried.values()) and any(
+            self._tried[part] < len(way.phases) for part, way in ways
         )
 
     def _progress(self) -> float:

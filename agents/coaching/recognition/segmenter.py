@@ -133,14 +133,15 @@ class Segmenter:
         self.moved_at: float | None = None
 
     def update(
-        self, frame: Frame, *, complete: bool, tried: bool = False, holds: bool = False
+        self, frame: Frame, *, complete: bool, amid: bool = True, holds: bool = False
     ) -> Segment | None:
         """Take a frame; return a repetition when it has ended.
 
         Args:
             frame: The next frame.
             complete: Whether the last key pose has been reached.
-            tried: Whether some of the way to each key pose has been gone: rest is no longer on the way.
+            amid: Whether some of the way to one key pose has been gone, and not to all: rest may be on the
+                way.
             holds: Whether the last key pose is held now, which is no place to lay an arm down.
         """
         row, time = feature(frame.angles, self._bent), float(frame.time)
@@ -162,7 +163,7 @@ class Segmenter:
         speed = self._speed()
         self._note_still(speed, time)
         share = float((distance / self._near_now(complete=complete)).max())
-        passes = self._passes_rest and not tried
+        passes = self._passes_rest and amid
         # Whoever is back at rest is so though a sensor trembles.
         is_slow = self._fast_frames < (1 if self._calm_since is None else 3)
         is_slow |= not passes and share < AT_REST and speed < TREMBLES * self._still
