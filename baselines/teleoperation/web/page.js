@@ -2,7 +2,7 @@
 
 import { Audience } from '/web/audience.js';
 import { Headset, isSupported } from '/web/headset.js';
-import { Scene, kindOf } from '/web/scene.js';
+import { Scene, isSoftware } from '/web/scene.js';
 
 const RATE = 50;  // between two messages of a hand [ms]
 const DRAG = 120;  // pixels of a drag that mean full speed
@@ -43,7 +43,7 @@ async function begin() {
 
 function join(role) {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
-  const query = new URLSearchParams({ role, token: secret });
+  const query = new URLSearchParams({ role, token: secret, draws: isSoftware ? "coarse" : "fine" });
   socket = new WebSocket(`${scheme}://${location.host}/session?${query}`);
   socket.binaryType = "arraybuffer";
   socket.addEventListener("message", (event) => typeof event.data === "string" ? told(JSON.parse(event.data)) : drawn(event.data));
@@ -53,7 +53,7 @@ function join(role) {
 }
 
 function drawn(buffer) {
-  if (audience) audience.keep(buffer, kindOf(buffer) === "frame");
+  if (audience) audience.keep(buffer);
   else scene?.take(buffer);
 }
 
