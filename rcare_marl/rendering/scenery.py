@@ -20,6 +20,9 @@ from .mesh import Bytes, Floats, Ints, SmoothNormals, detail_levels, is_closed, 
 from .stroke import TubeMesh, skin_opacity
 
 DETAIL = 0.004  # [m] that vertices are apart where a graphics card draws; our own choice
+CHANGING = (
+    5000  # faces; a skin with fewer, as water, may have others in each step: it stays as it is
+)
 STEPS = 65535  # that a position is told in, from one side of its surface to the other
 _VERSIONS = count()  # so that no two shapes have the same, of whatever scenery
 
@@ -92,7 +95,9 @@ class SkinSurface(Surface):
 
     def _mesh(self, skin: Skin, vertices: Floats) -> None:
         normals = SmoothNormals(skin.faces, len(vertices)).compute(vertices)
-        if self._is_coarse:
+        if self._is_coarse and len(skin.faces) <= CHANGING:
+            faces = skin.faces
+        elif self._is_coarse:
             faces = coarse(vertices, normals, skin.faces, skin.colors, SKIN)
         else:
             levels = detail_levels(vertices, normals, skin.faces, skin.colors)

@@ -66,7 +66,7 @@ function told(data) {
     running: "running", over: data.success ? "success" : "over, no success",
   };
   const lines = [
-    `${words[data.status]} · ${data.time.toFixed(1)} s · delay ${data.latency_ms.toFixed(0)} ms`,
+    `${words[data.status]} · ${data.time.toFixed(1)} s` + (audience ? "" : ` · delay ${data.latency_ms.toFixed(0)} ms`),
     `force ${data.force_n.toFixed(1)} N` + (records ? ` · ${data.recorded} recorded` : ""),
   ];
   if (!audience?.replays) find("status").textContent = lines.join(" · ");
@@ -99,6 +99,7 @@ function furnish(facts) {
   audience?.begin(facts);
   find("actions").replaceChildren();
   find("seen").replaceChildren();
+  find("observes").open = !watches;
   find("seen-by").textContent = watches ? `What ${facts.shows} observes` : "What you observe";
   acts = facts.acts;
   records = facts.records;
