@@ -21,7 +21,7 @@ import numpy as np
 from rcare_marl.baselines.teleoperation.stage import Scenario, Stage, parse
 from rcare_marl.pose import Array, quaternion_from_matrix
 
-# All our own choices, tuned on seeds 0 to 3.
+# All our own choices, tuned on seeds 0 to 3; PULL, MOST_PULLED and PATIENCE tried on seed 0 alone.
 STAND, STOP, SHARE, STILL = 0.57, 0.12, 0.35, 1.2  # [m] from the ankle, [m], of the walk, [s]
 TURN, TURNED = 0.8, 1.3  # of the fingers, from hanging to ahead [rad/s] and in all
 FAST, SLOW, RAISE, LEAD = 0.35, 0.2, 0.15, 0.2  # [m/s], and [m] before the palm
