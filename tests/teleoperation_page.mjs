@@ -1,7 +1,9 @@
 // Plays roles on the page of teleoperation in headless Chromium with an emulated headset: node teleoperation_page.mjs JOB.
 // Prints one JSON object with what happened. What is wanted of it is said in the test, this only tells.
 
+import { spawn } from 'node:child_process';
 import fs from 'node:fs';
+import { createInterface } from 'node:readline';
 import { createRequire } from 'node:module';
 
 const job = JSON.parse(fs.readFileSync(process.argv[2], 'utf8'));
@@ -10,7 +12,7 @@ const { chromium } = require('playwright-core');
 
 const FLAGS = [
   '--no-sandbox', '--no-first-run', '--disable-background-networking', '--disable-component-update',
-  '--disable-sync', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
+  '--disable-sync', '--enable-unsafe-swiftshader',
 ];
 
 // A headset whose hands follow a law of what the page is told, one step for each scene.
@@ -37,6 +39,27 @@ const EMULATOR = `
   // Where a point of the scene is in the room of the headset, and back.
   emulated.outside = ([x, y, z]) => { const { room } = window.teleoperation;
     return room.localToWorld(room.position.clone().set(x, y, z)); };
+  // Let the grip of a controller be at a place of the scene: the device is told where its ray begins.
+  emulated.grip = (side, [x, y, z, ...turn]) => {
+    const { room } = window.teleoperation;
+    const at = room.matrixWorld.clone();
+    const grip = at.clone().makeRotationFromQuaternion(room.quaternion.clone().set(...turn)).setPosition(x, y, z);
+    const ray = at.clone().fromArray(IWER.metaQuest3.controllerConfig.layout[side].gripOffsetMatrix).invert();
+    const [p, q, size] = [room.position.clone(), room.quaternion.clone(), room.scale.clone()];
+    at.multiply(grip).multiply(ray).decompose(p, q, size);
+    device.controllers[side].position.copy(p);
+    device.controllers[side].quaternion.copy(q);
+  };
+  // Do what a message of a headset says, in each picture: who walks in the scene takes the hand along.
+  emulated.follow = () => {
+    const { said } = emulated;
+    if (!said) return;
+    emulated.grip('left', said.left.place);
+    emulated.hold('left', Number(said.left.clutch));
+    emulated.close('left', said.left.grasp);
+    emulated.stick('left', -said.walk[1], -said.walk[0]);
+    emulated.press('left', 'x-button', said.kneel[0]);
+  };
   emulated.put = (side, point) => device.controllers[side].position.copy(emulated.outside(point));
   emulated.hold = (side, value) => device.controllers[side].updateButtonValue('squeeze', value);
   emulated.close = (side, value) => device.controllers[side].updateButtonValue('trigger', value);
@@ -56,6 +79,10 @@ const LAWS = {
     window.emulated.put('right', memory.at);
     window.emulated.hold('right', 1);
   },
+  // What the program that the job names answers.
+  async ask(told) {
+    window.emulated.said = await window.answer(told);
+  },
   // Hold the clutch, and open the mouth.
   eat() {
     window.emulated.hold('right', 1);
@@ -63,6 +90,7 @@ const LAWS = {
   },
 };
 
+const programs = [];
 const out = { errors: [], outside: [], players: {} };
 const origin = new URL(job.url).origin;
 const browser = await chromium.launch({ executablePath: job.chromium, headless: true, args: FLAGS });
@@ -70,11 +98,13 @@ try {
   if (job.kind === 'strangers') await strangers();
   else if (job.kind === 'watch') await watch();
   else if (job.kind === 'replay') await replay();
+  else if (job.kind === 'rate') await rate();
   else {
     for (const role of job.roles) await enter(role);
     await Promise.all(job.roles.map(play));
   }
 } finally {
+  for (const program of programs) program.kill();
   await browser.close();
 }
 console.log(JSON.stringify(out));
@@ -110,17 +140,30 @@ async function enter(role) {
 
 async function play(role) {
   const { page } = out.players[role];
-  const { law, until } = job.players[role];
+  const { law, until, program } = job.players[role];
+  if (program) await page.exposeFunction('answer', answers(program));
   await page.evaluate(([text]) => {
+    const { scene, emulated } = { scene: window.teleoperation, emulated: window.emulated };
+    const stream = scene.onFrame;
+    scene.onFrame = (...given) => { emulated.follow(); stream(...given); };
     window.emulated.law = new Function(`return (${text})`)();
     window.emulated.law(window.emulated.scene, window.emulated.memory);
-  }, [LAWS[law].toString().replace(/^(\w+)\(/, 'function $1(')]);
+  }, [LAWS[law].toString().replace(/^(async )?(\w+)\(/, '$1function $2(')]);
   await page.waitForFunction(until ?? (() => window.emulated.scene.is_over));
   if (job.pictures) {
     await page.screenshot({ path: `${job.pictures}/${job.name}_${role}_in.png` });
   }
   const { scene, memory, refused } = await page.evaluate(() => ({ ...window.emulated, device: null, socket: null, told: null, law: null }));
   out.players[role] = { first: out.players[role].first, last: scene, memory, refused };
+}
+
+// Ask a program, one line of JSON for each.
+function answers([command, ...given]) {
+  const program = spawn(command, given, { stdio: ['pipe', 'pipe', 'inherit'] });
+  const waiting = [];
+  createInterface({ input: program.stdout }).on('line', (line) => waiting.shift()(JSON.parse(line)));
+  programs.push(program);
+  return (told) => new Promise((done) => { waiting.push(done); program.stdin.write(`${JSON.stringify(told)}\n`); });
 }
 
 // Bad messages over the page's own socket change nothing; a page of another origin gets nowhere.
@@ -147,6 +190,37 @@ async function strangers() {
     const read = await fetch(`${address.origin}/setting${address.search}`).then(() => 'read', () => 'refused');
     return { socket, read };
   }, [job.url]);
+}
+
+// How many pictures a second the page draws, how fine they are, and what one costs that is drawn at full size.
+async function rate() {
+  const page = await open();
+  await page.waitForFunction(() => window.teleoperation?.now);
+  await page.evaluate(() => Object.assign(window.teleoperation.canvas.style, { position: 'fixed', inset: 0, width: '100vw', height: '100vh', maxHeight: 'none' }));
+  await page.waitForTimeout(1000 * job.settles);
+  out.rate = await page.evaluate(async (seconds) => {
+    const scene = window.teleoperation;
+    const [before, start] = [scene.drawn, performance.now()];
+    await new Promise((done) => setTimeout(done, 1000 * seconds));
+    return 1000 * (scene.drawn - before) / (performance.now() - start);
+  }, job.seconds);
+  if (job.pictures) await page.screenshot({ path: `${job.pictures}/${job.name}.png` });
+  out.once = await page.evaluate(() => {
+    const { renderer, scene, camera, canvas, ratio } = window.teleoperation;
+    const gl = renderer.getContext();
+    const took = (size) => {
+      renderer.setPixelRatio(size);
+      const times = Array.from({ length: 15 }, () => {
+        const start = performance.now();
+        renderer.render(scene, camera);
+        gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));  // waits until it is drawn
+        return performance.now() - start;
+      });
+      return times.sort((a, b) => a - b)[7];
+    };
+    const size = [canvas.clientWidth, canvas.clientHeight];
+    return { size, ratio, whole_ms: took(1), triangles_ms: took(0.02), triangles: renderer.info.render.triangles };
+  });
 }
 
 async function audit(page) {
@@ -177,7 +251,7 @@ async function replay() {
     await page.$eval('#moment', (slider, k) => { slider.value = k; slider.dispatchEvent(new Event('input')); }, k);
     await page.waitForTimeout(500);
   };
-  const painted = () => page.evaluate(() => window.teleoperation.surfaces.map(({ userData: { base }, attributes: { color } }) =>
+  const painted = () => page.evaluate(() => window.teleoperation.surfaces.map(({ geometry: { userData: { base }, attributes: { color } } }) =>
     base.some((value, i) => Math.abs(value - color.array[i]) > 1e-3)));
   await page.click('#pause');  // from the end it begins again
   await page.click('#pause');

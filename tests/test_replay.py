@@ -273,6 +273,27 @@ def test_the_command_films(file: Path, tmp_path: Path) -> None:
     assert b"ftyp" in film.read_bytes()[:12]
 
 
+def test_the_command_logs_for_rerun(file: Path, episode: RecordedEpisode, tmp_path: Path) -> None:
+    chunk = pytest.importorskip("rerun.chunk", reason="the log needs the extra 'rerun'")
+    log = tmp_path / "a.rrd"
+    assert call(file, "--rerun", log).exit_code == 0
+    rows: dict[str, dict[float, Any]] = {}  # of each entity, by time [s]
+    for each in chunk.RrdReader(log).stream():
+        if "time" in each.timeline_names:
+            batch = each.to_record_batch()
+            times = [round(t / 1e9, 3) for t in batch.column("time").cast("int64").to_pylist()]
+            values = batch.select([name for name in batch.schema.names if ":" in name])
+            for time, row in zip(times, values.to_pylist(), strict=True):
+                rows.setdefault(each.entity_path, {}).setdefault(time, {}).update(row)
+    every = [round(0.1 * step, 3) for step in range(episode.steps + 1)]
+    told = [rows["/metrics/force_n"][time]["Scalars:scalars"] for time in every]
+    assert told == [[value] for value in episode.measure("force_n")]
+    skin = rows["/scene/skin/recipient"]
+    assert all(len(skin[time]["Mesh3D:vertex_positions"]) > 10_000 for time in every)
+    assert [time for time in skin if skin[time].get("Mesh3D:triangle_indices")] == [0.0]
+    assert len(rows["/scene/robot/20"]) == len(every)
+
+
 def test_wrong_uses_of_the_command_are_told(file: Path, tmp_path: Path) -> None:
     result = call(file.with_name("episod.npz"))
     assert result.exit_code == 2 and "has episode.npz" in " ".join(result.output.split())

@@ -16,6 +16,7 @@ pytest.importorskip("aiohttp", reason="the page needs the extra 'coach'")
 pytest.importorskip("h5py", reason="records need the extra 'data'")
 
 from aiohttp import ClientSession, WSServerHandshakeError, web
+from scipy.spatial import KDTree  # type: ignore[import-untyped]
 
 from rcare_marl.baselines.pages.strict import LARGEST, MessageError
 from rcare_marl.baselines.teleoperation.hand import feed, play
@@ -26,6 +27,7 @@ from rcare_marl.envs import make
 from rcare_marl.envs.datasets import read, record
 from rcare_marl.envs.episode import RecordedEpisode, replay
 from rcare_marl.errors import ConfigError, UnknownNameError
+from rcare_marl.rendering.scenery import STEPS
 
 TOKEN = "of-the-test"
 Steps: TypeAlias = Callable[[str, Server], Awaitable[None]]
@@ -160,8 +162,8 @@ def test_nobody_foreign_gets_in_and_bad_messages_change_nothing() -> None:
             ) as socket:
                 assert (await socket.receive_json())["type"] == "facts"
                 first = await socket.receive_json()
-                kinds = [unpacked(await socket.receive_bytes())["kind"] for _ in range(2)]
-                assert kinds == ["shapes", "frame"]
+                kinds = [unpacked(await socket.receive_bytes())["kind"] for _ in range(3)]
+                assert kinds == ["shapes", "surface", "frame"]
                 with pytest.raises(WSServerHandshakeError):  # one person a role
                     await session.ws_connect(f"{address}/session", params=good, headers=host)
                 refused = 0
@@ -242,19 +244,37 @@ def test_an_arm_follows_a_tracked_hand_as_far_as_its_active_range_goes() -> None
     stage.close()
 
 
-def test_where_things_are_is_told_as_meshes_of_which_frames_tell_what_moved() -> None:
+@pytest.mark.parametrize("is_coarse", [False, True], ids=["fine", "coarse"])
+def test_where_things_are_is_told_as_meshes_of_which_frames_tell_what_moved(
+    is_coarse: bool,
+) -> None:
+    if is_coarse:
+        pytest.importorskip("fast_simplification")
     stage = Stage(Scenario("feeding", ["robot"]))
-    shapes, frame = (unpacked(each) for each in stage.drawn(known=-1))
+    person = stage._env.world.skins[0]
+    told, known = stage.drawn((), is_coarse=is_coarse)
+    shapes, *surfaces, frame = (unpacked(each) for each in told)
     assert len(shapes["position"]) == len(shapes["normal"]) // 4 * 3
     assert max(first + count for first, count, *_ in shapes["runs"]) <= len(shapes["index"])
+    assert shapes["index"].max() == len(shapes["position"]) // 3 - 1  # nothing that is not drawn
     assert shapes["slot"].max() == len(frame["places"]) // 12 - 1
-    for k in range(len(shapes["surfaces"])):
-        assert shapes[f"faces{k}"].max() == len(frame[f"position{k}"]) // 3 - 1
+    assert shapes["surfaces"] == len(surfaces) == len(frame["boxes"])
+    for k, surface in enumerate(surfaces):
+        assert surface["faces"].max() == len(frame[f"position{k}"]) // 3 - 1
+    assert (len(surfaces[0]["faces"]) // 3 < 12_000) == is_coarse
+    *low, span = frame["boxes"][0]
+    at = low + span / STEPS * frame["position0"].reshape(-1, 3)
+    off = KDTree(person.vertices()).query(at)[0]
+    assert off.max() < 1e-4  # [m]
     stage.step({"robot": Hand(0, True, (1.0,) * 6)})
-    (later,) = (unpacked(each) for each in stage.drawn(known=stage.scenes))
+    told, known = stage.drawn(known, is_coarse=is_coarse)
+    (later,) = (unpacked(each) for each in told)
     assert later["number"] == frame["number"] + 1
     moved = np.abs(later["places"] - frame["places"]).reshape(-1, 12).max(axis=1) > 1e-3
     assert 0 < moved.sum() < len(moved)
+    person.colors = person.colors.copy()  # it is painted anew: only that is told
+    told, _ = stage.drawn(known, is_coarse=is_coarse)
+    assert [unpacked(each)["kind"] for each in told] == ["surface", "frame"]
     stage.close()
 
 
@@ -283,7 +303,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedEpisode:
 
 def test_a_record_is_shown_from_its_beginning_to_whoever_comes(recorded: RecordedEpisode) -> None:
     async def steps(address: str, server: Server) -> None:
-        query = {"role": "audience", "token": TOKEN, "draws": "0"}
+        query = {"role": "audience", "token": TOKEN, "draws": "nothing"}
         for _ in range(2):  # the second comes when all was played
             async with (
                 ClientSession() as session,

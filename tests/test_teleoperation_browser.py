@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -67,6 +68,27 @@ def test_who_is_fed_opens_the_mouth_by_the_trigger(tmp_path: Path) -> None:
         )
     person = seen["players"]["recipient"]
     assert person["last"]["success"], person["last"]
+
+
+@pytest.mark.slow
+def test_a_caregiver_in_a_headset_lifts_the_leg_and_the_robot_dresses_it(tmp_path: Path) -> None:
+    law = Path(__file__).resolve().parents[1] / "experiments" / "hand_lifts_leg.py"
+    helper = {"law": "ask", "program": [sys.executable, str(law), "--answer"]}
+    with served(Scenario("dressing", ["caregiver"], seed=0)) as url:
+        small = {"width": 320, "height": 200}
+        seen = drive(
+            tmp_path,
+            url,
+            "lift",
+            roles=["caregiver"],
+            players={"caregiver": helper},
+            viewport=small,
+            patience=400_000,
+        )
+    caregiver = seen["players"]["caregiver"]
+    assert caregiver["last"]["success"], caregiver["last"]
+    assert caregiver["last"]["seen"]["left_hand_holds"] == [1.0]
+    assert not caregiver["refused"]
 
 
 def test_two_people_in_two_browsers_feed_and_are_fed(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ async def play(
         ConnectionError: If the server ends it before all were played.
     """
     rng, done = np.random.default_rng(seed), list[bool]()
-    query = {"token": token, "role": role, "draws": "0"}
+    query = {"token": token, "role": role, "draws": "nothing"}
     async with (
         ClientSession() as session,
         session.ws_connect(f"{address}/session", params=query, origin=address) as socket,

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -37,6 +38,7 @@ from .tracked import Tracked
 WEB = Path(__file__).parent / "web"
 THREE = ("three.module.js", "three.core.js")  # the first imports the second
 PAGE = ("style.css", "page.js", "scene.js", "headset.js", "audience.js")
+DRAWS = ("fine", "coarse", "nothing")  # shapes that a page may ask for
 IDLE = 0.25  # between two scenes that are told while nothing moves [s]
 SILENT = 20.0  # between two signs of life that are asked of the page [s]
 LINGER = 1.5  # at the end of an episode that is watched [s]
@@ -53,7 +55,7 @@ class Player:
     Attributes:
         role: What they play.
         socket: Their page.
-        draws: Whether it wants what there is to be drawn.
+        draws: What their page draws: `fine` shapes, `coarse` ones without a graphics card, or `nothing`.
         hand: What their hand did last.
         at: When [s].
         is_told: Whether their page knows the scene.
@@ -62,13 +64,14 @@ class Player:
 
     role: str
     socket: web.WebSocketResponse
-    draws: bool
+    draws: str
     hand: Hand | Tracked | None = None
     at: float = 0.0
     is_told: bool = False
     latency: float = 0.0
     sent: dict[int, float] = field(default_factory=dict)
-    drawn: tuple[int, int] = (-1, -1)  # shapes and scene that its page draws
+    drawn: int = -1  # the scene that its page draws
+    known: tuple[int, ...] = ()  # versions of the shapes that it has
 
     def live(self, now: float) -> Hand | Tracked | None:
         """Return what the hand does; nothing where it fell silent."""
@@ -161,13 +164,15 @@ class Server(Door):
         self.check_origin(request)
         self.check_token(request)
         role = request.query.get("role", "")
+        if (draws := request.query.get("draws", "fine")) not in DRAWS:
+            raise web.HTTPBadRequest(text=f"a page draws {', '.join(DRAWS)}")
         watches = role == AUDIENCE and not self._stage.roles
         if not watches and (role not in self._stage.roles or role in self.players):
             raise web.HTTPConflict(text="no person can play that role, or somebody does")
         socket = web.WebSocketResponse(
             max_msg_size=4 * LARGEST, compress=False, heartbeat=SILENT, timeout=2.0
         )
-        player = Player(role, socket, draws=request.query.get("draws") != "0")
+        player = Player(role, socket, draws=draws)
         key = f"{AUDIENCE} {secrets.token_hex(4)}" if watches else role
         self.players[key] = player
         try:
@@ -228,7 +233,7 @@ class Server(Door):
             old, self._stage, self._running = self._stage, new, False
             await self._on_stage(old.close)
             for player in tuple(self.players.values()):
-                player.drawn = (-1, -1)
+                player.drawn = -1
                 facts = await self._on_stage(new.facts, player.role)
                 await self._send(player, {"type": "facts", **facts})
         await self._tell_all()
@@ -329,12 +334,13 @@ class Server(Door):
                 "latency_ms": 1e3 * player.latency,
             }
             await self._send(player, {"type": "scene", **facts, **state})
-            if player.draws and player.drawn != (self._stage.scenes, facts["number"]):
-                known, _ = player.drawn
-                for data in await self._on_stage(self._stage.drawn, known):
+            if player.draws != "nothing" and player.drawn != facts["number"]:
+                draw = partial(self._stage.drawn, is_coarse=player.draws == "coarse")
+                messages, known = await self._on_stage(draw, player.known)
+                for data in messages:
                     if not player.socket.closed:
                         await self._deliver(player.socket.send_bytes(data))
-                player.drawn = self._stage.scenes, facts["number"]
+                player.drawn, player.known = facts["number"], known
 
     async def _send(self, player: Player, data: dict[str, Any]) -> None:
         if not player.socket.closed:

@@ -181,7 +181,6 @@ class Stage:
         roles: Those that people play.
         control_dt: Time of a control step [s].
         number: Of the present scene: it grows with each step and each reset.
-        scenes: How many times the shapes that a page draws were made: pages that know fewer know old ones.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -194,8 +193,7 @@ class Stage:
             names = self.played
         else:
             names = self._cast(scenario) if self.roles else self._watch(scenario)
-        self._scenery: Scenery | None = None
-        self.scenes = 0
+        self._scenery: dict[bool, Scenery] = {}
         self._recording: Recording | None = None
         try:
             if scenario.record is not None:
@@ -399,17 +397,17 @@ class Stage:
         rows = [[*t.position, *(np.array(t.normal) * t.force + t.friction), t.force] for t in found]
         return [[round(float(x), 4) for x in row] for row in rows]
 
-    def drawn(self, known: int) -> list[bytes]:
-        """Return what a page draws: shapes, where it knows only those of fewer `scenes`; where they are now.
+    def drawn(
+        self, known: tuple[int, ...], *, is_coarse: bool
+    ) -> tuple[list[bytes], tuple[int, ...]]:
+        """Return what a page draws, and the versions that it knows then: see `Scenery.messages`.
 
-        What the bytes are, `rcare_marl.rendering.scenery` says.
+        `is_coarse` says that it has no graphics card.
         """
-        world = self._env.world
-        if self._scenery is None or self._scenery.world is not world or self._scenery.is_stale:
-            self._scenery = Scenery(world)
-            self.scenes += 1
-        frame = self._scenery.frame(self.number)
-        return [frame] if known == self.scenes else [self._scenery.shapes(), frame]
+        world, scenery = self._env.world, self._scenery.get(is_coarse)
+        if scenery is None or scenery.world is not world:
+            scenery = self._scenery[is_coarse] = Scenery(world, is_coarse)
+        return scenery.messages(known, self.number)
 
     def close(self) -> None:
         """Finish the record and free the scene."""

@@ -29,6 +29,7 @@ def run(
     which: int | None,
     film: Path | None,
     picture: Path | None,
+    log: Path | None,
     processes: int,
     as_json: bool,
 ) -> bool:
@@ -36,8 +37,8 @@ def run(
 
     Of datasets all episodes are played, or the one of number `which`.
     """
-    if (film or picture) and (len(files) > 1 or files[0].suffix == RECORD):
-        raise typer.BadParameter("film and picture show one recorded episode")
+    if (film or picture or log) and (len(files) > 1 or files[0].suffix == RECORD):
+        raise typer.BadParameter("film, picture and log show one recorded episode")
     told, is_equal = [], True
     for file in files:
         if file.suffix == RECORD:
@@ -46,11 +47,13 @@ def run(
             is_equal = is_equal and same
             continue
         episodes = read(file, only=which)
-        if (film or picture) and len(episodes) > 1:
+        if (film or picture or log) and len(episodes) > 1:
             raise typer.BadParameter(f"{file} has {len(episodes)} episodes: say --episode N")
         for number, episode in enumerate(episodes, which or 0):
             name = str(file) if file.suffix == ".npz" else f"{file}, episode {number}"
-            facts, same = _episode(name, episode, film=film, picture=picture, quiet=as_json)
+            facts, same = _episode(
+                name, episode, film=film, picture=picture, log=log, quiet=as_json
+            )
             told.append({"file": str(file), "episode": number, "equal": same, **facts})
             is_equal = is_equal and same
     if as_json:
@@ -88,19 +91,23 @@ def _episode(
     *,
     film: Path | None,
     picture: Path | None,
+    log: Path | None,
     quiet: bool,
 ) -> tuple[dict[str, Any], bool]:
     with closing(episode.make()) as env:
         with tempfile.TemporaryDirectory() as scratch:
-            shown = _Shown(env, Path(scratch) / "film.mp4" if film else None)
-            watch: Callable[[CareEnv], None] | None = shown if film or picture else None
+            made = {"film.mp4": film, "log.rrd": log}
+            wanted = {name: Path(scratch) / name for name, path in made.items() if path}
+            shown = _Shown(env, wanted.get("film.mp4"), wanted.get("log.rrd"))
+            watch: Callable[[CareEnv], None] | None = shown if wanted or picture else None
             try:
                 result = replay(episode, env=env, on_step=watch)
                 pixels = shown.png() if picture else b""
             finally:
                 shown.close()
-            if film:
-                write_whole(film, (Path(scratch) / "film.mp4").read_bytes())
+            for name, path in made.items():
+                if path:
+                    write_whole(path, wanted[name].read_bytes())
             if picture:
                 write_whole(picture, pixels)
     if not quiet:
@@ -115,23 +122,29 @@ def _episode(
             screen.print(
                 Text(f"{what}equal for {result.steps} steps", style="green"), soft_wrap=True
             )
-        for out in (film, picture):
+        for out in (film, picture, log):
             if out is not None:
                 print_line(f"wrote {out}")
     return asdict(result), not result.difference
 
 
 class _Shown:
-    """What is seen of a replay: a film, a picture of its end."""
+    """What is seen of a replay: a film, a picture of its end, a log of rerun."""
 
-    def __init__(self, env: CareEnv, film: Path | None) -> None:
-        self._env, self._film = env, None
+    def __init__(self, env: CareEnv, film: Path | None, log: Path | None) -> None:
+        self._env, self._film, self._log = env, None, None
+        if log is not None:
+            from rcare_marl.rendering.rerun_log import RerunLog
+
+            self._log = RerunLog(log)
         if film is not None:
             from rcare_marl.rendering.film import Film
 
             self._film = Film(film, env.world, fps=1 / env.task.control_dt)
 
     def __call__(self, env: CareEnv) -> None:
+        if self._log is not None:
+            self._log(env)
         if self._film is not None:
             over = "success" if env.task.succeeded() else f"{env.world.time:.1f} s"
             good = env.task.succeeded() if env.is_over else None
@@ -144,7 +157,9 @@ class _Shown:
         return encoded(snapshot(self._env.world, self._env.task.view()))
 
     def close(self) -> None:
-        """Finish the film."""
+        """Finish the files."""
+        if self._log is not None:
+            self._log.close()
         if self._film is not None:
             self._film.hold()
             self._film.close()

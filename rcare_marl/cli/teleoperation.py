@@ -110,7 +110,8 @@ def serve_scene(
         episodes: How many; 0 goes on.
         replays: Recorded episodes of its task, to be shown again.
     """
-    check_package("aiohttp", "the page of the scene", "coach")
+    for package in ("aiohttp", "fast_simplification"):
+        check_package(package, "the page of the scene", "coach")
     from rcare_marl.baselines.coaching.page.packages import packages_folder
     from rcare_marl.baselines.teleoperation.server import Server
     from rcare_marl.baselines.teleoperation.stage import Scenario

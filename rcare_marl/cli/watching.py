@@ -47,6 +47,12 @@ def replay(
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw how the episode ends, as a PNG.")
     ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            "--rerun", metavar="FILE", help="Log the episode for rerun's viewer, as an .rrd."
+        ),
+    ] = None,
     live: Annotated[
         bool,
         typer.Option(
@@ -71,12 +77,14 @@ def replay(
 
     Example: rcare-marl replay runs/feeding.hdf5 --live
 
+    Example: rcare-marl replay runs/feeding.hdf5 --episode 3 --rerun runs/feeding.rrd
+
     Example: rcare-marl replay record.json
     """
     from . import replaying
 
     if live:
-        if film or picture or len(files) > 1:
+        if film or picture or log or len(files) > 1:
             raise typer.BadParameter("--live shows one file, and its page saves pictures and films")
         replaying.show(files[0], which=episode, port=port, opens=open_)
         return
@@ -85,6 +93,7 @@ def replay(
         which=episode,
         film=film,
         picture=picture,
+        log=log,
         processes=processes,
         as_json=as_json,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
@@ -176,20 +176,26 @@ class Geometry:
     """The rigid shapes of a world in one vertex and one index buffer.
 
     Attributes:
+        parts: The shapes, in the order of their slots, of which the first is 1.
         vertices: Array of `VERTEX`, in the frames of the shapes.
         indices: Shape [n].
         runs: What to draw at once.
         transforms: From shape to world, without the last row, shape [slots, 3, 4]; 0 is identity.
         still: Slots of what does not move by itself.
+
+    `levels` says which faces a part has at each level of detail; those of `mesh_levels` if None.
     """
 
-    def __init__(self, parts: Sequence[Part]) -> None:
-        self._parts = sorted(parts, key=_order)
+    def __init__(
+        self, parts: Sequence[Part], levels: Callable[[Part], tuple[Ints, ...]] | None = None
+    ) -> None:
+        self._levels = levels or (lambda part: mesh_levels(part.mesh))
+        self.parts = sorted(parts, key=_order)
         self.transforms = np.zeros((len(parts) + 1, 3, 4), np.float32)
         self.transforms[0, :, :3] = np.eye(3)
-        self.still = np.array([1 + i for i, p in enumerate(self._parts) if p.is_still], np.intp)
+        self.still = np.array([1 + i for i, p in enumerate(self.parts) if p.is_still], np.intp)
         blocks: list[npt.NDArray[Any]] = [np.empty(0, VERTEX)]
-        for slot, part in enumerate(self._parts, 1):
+        for slot, part in enumerate(self.parts, 1):
             block = np.empty(len(part.mesh.vertices), VERTEX)
             block["position"], block["normal"] = part.mesh.vertices, part.mesh.normals
             block["rgba"], block["slot"], block["label"] = part.rgba, slot, part.label
@@ -202,22 +208,22 @@ class Geometry:
         self.indices = np.concatenate([np.empty(0, np.int32), *self._index_blocks])
         self._bodies: list[tuple[Body, list[int], npt.NDArray[np.intp], Floats]] = []
         by_body: dict[int, list[int]] = {}
-        for i, part in enumerate(self._parts):
+        for i, part in enumerate(self.parts):
             by_body.setdefault(id(part.body), []).append(i)
         for indices in by_body.values():
-            body = self._parts[indices[0]].body
-            links = [self._parts[i].shape.link + 1 for i in indices]
-            local = np.stack([self._parts[i].shape.pose.matrix() for i in indices])
+            body = self.parts[indices[0]].body
+            links = [self.parts[i].shape.link + 1 for i in indices]
+            local = np.stack([self.parts[i].shape.pose.matrix() for i in indices])
             self._bodies.append(
                 (body, links, np.array(indices, np.intp) + 1, local.astype(np.float32))
             )
 
     def _find_runs(self) -> list[Run]:
         out: list[Run] = []
-        for key, group in groupby(range(len(self._parts)), lambda i: _order(self._parts[i])):
+        for key, group in groupby(range(len(self.parts)), lambda i: _order(self.parts[i])):
             members = list(group)
             # What is transparent or dense is drawn shape by shape.
-            alone = [i for i in members if key[0] or len(mesh_levels(self._parts[i].mesh)) > 1]
+            alone = [i for i in members if key[0] or len(self._levels(self.parts[i])) > 1]
             together = [i for i in members if i not in alone]
             out.extend(self._run([i]) for i in alone)
             if together:
@@ -225,8 +231,8 @@ class Geometry:
         return out
 
     def _run(self, members: list[int]) -> Run:
-        lead = self._parts[members[0]]
-        per_part = [mesh_levels(self._parts[i].mesh) for i in members]
+        lead = self.parts[members[0]]
+        per_part = [self._levels(self.parts[i]) for i in members]
         levels: list[tuple[int, int]] = []
         for level in range(len(per_part[0])):
             count = 0

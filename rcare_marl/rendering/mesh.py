@@ -160,8 +160,7 @@ def smoothed(
         colors: sRGB colours, shape [n, 3], or None.
         closed: Whether the mesh is watertight; found out if None.
     """
-    weld = _weld(vertices)
-    joined = weld[faces]
+    joined = weld(vertices)[faces]
     corners = vertices[faces]
     area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(area, axis=1)
@@ -190,7 +189,7 @@ def smoothed(
     )
 
 
-def _weld(vertices: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+def weld(vertices: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
     """Return for each vertex the number of its place; coincident vertices share one."""
     size = max(float(np.ptp(vertices, axis=0).max()), 1e-9)
     grid = np.round((vertices - vertices.min(axis=0)) / (size * 2e-6)).astype(np.int64)

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from itertools import count
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ..model.mesh import Mesh
 from ..world import Lines, Skin, World
-from .geometry import Geometry, world_parts
+from .coarse import RIGID, SKIN, coarse
+from .geometry import Geometry, Part, mesh_levels, world_parts
 from .gl_scene import OPEN_EDGES
 from .mesh import Bytes, Floats, Ints, SmoothNormals, detail_levels, is_closed, level_for
 from .stroke import TubeMesh, skin_opacity
 
-DETAIL = (
-    0.008  # [m] that vertices are apart: software OpenGL pays for each triangle; our own choice
+DETAIL = 0.004  # [m] that vertices are apart where a graphics card draws; our own choice
+CHANGING = (
+    5000  # faces; a skin with fewer, as water, may have others in each step: it stays as it is
 )
+STEPS = 65535  # that a position is told in, from one side of its surface to the other
+_VERSIONS = count()  # so that no two shapes have the same, of whatever scenery
 
 
 def packed(kind: str, facts: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]]) -> bytes:
@@ -37,40 +43,89 @@ def packed(kind: str, facts: Mapping[str, Any], arrays: Mapping[str, npt.NDArray
     return b"".join((len(header).to_bytes(4, "little"), header, *blocks))
 
 
-@dataclass
 class Surface:
-    """A skin or lines, as a mesh whose vertices move.
+    """A mesh whose vertices move, and whose faces and colours may change.
 
     Attributes:
-        of: What it is the surface of.
+        version: Of its faces and colours.
         faces: Vertex indices, shape [m, 3].
-        source: Which vertices of a skin these are of, shape [n].
         rgba: sRGB colours, shape [n, 4].
-        alpha: How opaque it is.
         closed: Whether its inside is never seen, so that who is in a head looks out of it.
-        name: Of the body whose skin it is; empty of lines.
-        lines: Of lines, what they are.
+        alpha: How opaque it is.
+        name: Of the body whose skin it is; else empty.
     """
 
-    of: Skin | TubeMesh
+    version: int
     faces: Ints
-    source: npt.NDArray[np.intp]
     rgba: Bytes
-    alpha: float
-    closed: bool = True
-    name: str = ""
-    lines: Lines | None = None
-
-    def __post_init__(self) -> None:
-        self._normals = SmoothNormals(self.faces, len(self.source))
+    closed = True
+    alpha = 1.0
+    name = ""
 
     def now(self) -> tuple[Floats, Floats]:
-        """Return the present vertices [m] and normals, shape [n, 3]."""
-        if isinstance(self.of, TubeMesh):
-            assert self.lines is not None
-            return self.of.surface(self.lines.points(), self.lines.radii)
-        vertices = self.of.vertices()[self.source]
+        """Return the present vertices [m] and normals, shape [n, 3]; the attributes fit them."""
+        raise NotImplementedError
+
+    def shape(self, number: int) -> bytes:
+        """Return what a page is told of its faces and colours: kind `surface`."""
+        facts = {"number": number, "alpha": self.alpha, "closed": self.closed, "name": self.name}
+        faces = self.faces.astype(np.uint16 if len(self.rgba) <= STEPS else np.uint32)
+        return packed("surface", facts, {"faces": faces, "rgba": self.rgba})
+
+
+class SkinSurface(Surface):
+    """A skin; `is_coarse` says that few triangles are wanted."""
+
+    def __init__(self, skin: Skin, is_coarse: bool) -> None:
+        self._skin, self._is_coarse, self.name = skin, is_coarse, skin.body.name
+        self._known: tuple[object, object] = (None, None)
+
+    def now(self) -> tuple[Floats, Floats]:
+        skin = self._skin
+        vertices = skin.vertices()  # of water and cloth this changes the faces, too
+        if skin.faces is not self._known[0]:
+            self._mesh(skin, vertices)
+        if skin.faces is not self._known[0] or skin.colors is not self._known[1]:
+            self._known, self.version = (skin.faces, skin.colors), next(_VERSIONS)
+            self.rgba = np.full((len(self._source), 4), 255, np.uint8)
+            self.rgba[:, :3] = skin.colors[self._source, :3]
+            self.alpha = round(skin_opacity(skin), 3)
+        vertices = vertices[self._source]
         return vertices, self._normals.compute(vertices)
+
+    def _mesh(self, skin: Skin, vertices: Floats) -> None:
+        normals = SmoothNormals(skin.faces, len(vertices)).compute(vertices)
+        if self._is_coarse and len(skin.faces) <= CHANGING:
+            faces = skin.faces
+        elif self._is_coarse:
+            faces = coarse(vertices, normals, skin.faces, skin.colors, SKIN)
+        else:
+            levels = detail_levels(vertices, normals, skin.faces, skin.colors)
+            faces = levels[min(level_for(DETAIL), len(levels) - 1)]
+        self._source, self.faces = _used(faces)
+        self._normals = SmoothNormals(self.faces, len(self._source))
+        pieces = skin.rest_pieces()
+        rest = np.asarray(pieces[0][1] if pieces else vertices)
+        self.closed = is_closed(skin.faces, rest, skin.faces, tolerance=OPEN_EDGES)
+
+
+class TubeSurface(Surface):
+    """Lines, as thin tubes."""
+
+    def __init__(self, lines: Lines) -> None:
+        self._lines = lines
+        self._known: tuple[object, Bytes] = (None, np.empty(0, np.uint8))
+
+    def now(self) -> tuple[Floats, Floats]:
+        lines, colors = self._lines, self._lines.colors()
+        if lines.starts is not self._known[0]:
+            self._tubes = TubeMesh(lines.starts)
+            self.faces = self._tubes.faces
+        if lines.starts is not self._known[0] or not np.array_equal(colors, self._known[1]):
+            self._known, self.version = (lines.starts, colors.copy()), next(_VERSIONS)
+            self.rgba = np.full((self._tubes.vertex_count, 4), 255, np.uint8)
+            self.rgba[:, :3] = self._tubes.spread(colors)
+        return self._tubes.surface(lines.points(), lines.radii)
 
 
 class Scenery:
@@ -78,64 +133,108 @@ class Scenery:
 
     Attributes:
         world: The world.
+        geometry: Its rigid shapes.
+        surfaces: Its skins and lines.
+        version: Of which shapes there are.
     """
 
-    def __init__(self, world: World) -> None:
-        """Read them as they are now; `is_stale` says when that no longer fits."""
-        self.world = world
-        self._known = self._look()
-        self._geometry = Geometry(world_parts(world))
-        self._surfaces = [_skin(skin) for skin in world.skins if skin_opacity(skin) > 0]
-        self._surfaces += [_tubes(lines) for lines in world.lines]
+    def __init__(self, world: World, is_coarse: bool = False) -> None:
+        """Read them as they are now.
 
-    def _look(self) -> tuple[object, ...]:
-        world = self.world
-        skins = tuple(id(part) for skin in world.skins for part in (skin, skin.faces, skin.colors))
-        lines = tuple(id(part) for lines in world.lines for part in (lines, lines.starts))
-        return tuple(body.uid for body in world.bodies), skins, lines
-
-    @property
-    def is_stale(self) -> bool:
-        """Whether things came, went or changed colour since."""
-        return self._look() != self._known
-
-    def shapes(self) -> bytes:
-        """Return what does not change, as `packed` does: kind `shapes`.
-
-        Rigid shapes are runs of triangles of one vertex buffer; each vertex has a slot, the row of its
-        transform in frames. Surfaces have their faces and colours.
+        Args:
+            world: What is drawn.
+            is_coarse: Whether few triangles are wanted, as by software OpenGL, see `coarse`.
         """
-        vertices, indices = self._geometry.vertices, self._geometry.indices
-        wanted = level_for(DETAIL)
+        self.world, self._is_coarse = world, is_coarse
+        self._known: tuple[tuple[int, ...], list[object]] = (), []
+        self.surfaces: list[Surface] = []
+        self.version = -1
+        self.read()
+
+    def messages(self, known: tuple[int, ...], number: int) -> tuple[list[bytes], tuple[int, ...]]:
+        """Return what a page draws next: shapes that it does not know, then the frame, a few of `packed`.
+
+        - `shapes`: rigid runs of triangles of one vertex buffer; each vertex has a slot, the row of its
+          transform in frames. All surfaces follow.
+        - `surface`: faces and colours of a skin or of lines, by its number.
+        - `frame`: `places`, the transforms of the slots without their last row, shape [slots, 3, 4]; of each
+          surface `normal` and `position`, in STEPS of the box that `low` and `span` tell [m].
+
+        Args:
+            known: Versions that the page knows, as returned before; empty at first.
+            number: Of the scene.
+        """
+        self.read()
+        arrays: dict[str, npt.NDArray[Any]] = {}
+        boxes = []
+        for k, surface in enumerate(self.surfaces):
+            vertices, normals = surface.now()
+            low = vertices.min(axis=0, initial=np.inf)
+            span = max(float((vertices.max(axis=0, initial=-np.inf) - low).max(initial=0)), 1e-6)
+            arrays[f"position{k}"] = np.round((vertices - low) * (STEPS / span)).astype(np.uint16)
+            arrays[f"normal{k}"] = _small(normals)
+            boxes.append((*low.tolist(), span))
+        self.geometry.update()
+        arrays["places"] = self.geometry.transforms
+        versions = (self.version, *(surface.version for surface in self.surfaces))
+        out = list(self._unknown(known, versions))
+        out.append(packed("frame", {"number": number, "boxes": boxes}, arrays))
+        return out, versions
+
+    def _unknown(self, known: tuple[int, ...], versions: tuple[int, ...]) -> Iterator[bytes]:
+        is_new = known[:1] != versions[:1]
+        if is_new:
+            yield self._shapes()
+        for k, surface in enumerate(self.surfaces):
+            if is_new or known[k + 1] != versions[k + 1]:
+                yield surface.shape(k)
+
+    def read(self) -> None:
+        """Read anew what came or went, if something did; `version` is another one then."""
+        world = self.world
+        skins = [skin for skin in world.skins if skin_opacity(skin) > 0]
+        known = tuple(body.uid for body in world.bodies), [*skins, *world.lines]
+        if self._known[0] == known[0] and len(self._known[1]) == len(known[1]):
+            if all(a is b for a, b in zip(self._known[1], known[1], strict=True)):
+                return
+        self._known, self.version = known, next(_VERSIONS)
+        self.geometry = Geometry(world_parts(world), self._levels)
+        self.surfaces = [SkinSurface(skin, self._is_coarse) for skin in skins]
+        self.surfaces += [TubeSurface(lines) for lines in world.lines]
+
+    def _levels(self, part: Part) -> tuple[Ints, ...]:
+        if self._is_coarse:
+            return (_coarse_part(part.mesh, part.rgba.tobytes()),)
+        levels = mesh_levels(part.mesh)
+        return (levels[min(level_for(DETAIL), len(levels) - 1)],)
+
+    def _shapes(self) -> bytes:
+        used, indices = _used(self.geometry.indices)
+        vertices = self.geometry.vertices[used]
         runs = [
-            (*run.level(wanted), round(run.alpha, 3), run.closed) for run in self._geometry.runs
+            (*run.level(0), round(run.alpha, 3), run.closed, run.is_floor)
+            for run in self.geometry.runs
         ]
         arrays: dict[str, npt.NDArray[Any]] = {
             "position": vertices["position"],
             "normal": _small(vertices["normal"]),
             "rgba": vertices["rgba"],
-            "slot": vertices["slot"].astype(np.float32),
+            "slot": vertices["slot"].astype(np.uint16),
             "index": indices.astype(np.uint32),
         }
-        for k, surface in enumerate(self._surfaces):
-            arrays[f"faces{k}"] = surface.faces.astype(np.uint32)
-            arrays[f"rgba{k}"] = surface.rgba
-        surfaces = [(round(s.alpha, 3), s.closed, s.name) for s in self._surfaces]
-        facts = {"runs": runs, "surfaces": surfaces}
-        return packed("shapes", facts, arrays)
+        return packed("shapes", {"runs": runs, "surfaces": len(self.surfaces)}, arrays)
 
-    def frame(self, number: int) -> bytes:
-        """Return where everything is now, as `packed` does: kind `frame`.
 
-        `places` are the transforms of the slots without their last row, shape [slots, 3, 4].
-        """
-        self._geometry.update()
-        arrays: dict[str, npt.NDArray[Any]] = {"places": self._geometry.transforms}
-        for k, surface in enumerate(self._surfaces):
-            vertices, normals = surface.now()
-            arrays[f"position{k}"] = vertices.astype(np.float32)
-            arrays[f"normal{k}"] = _small(normals)
-        return packed("frame", {"number": number}, arrays)
+@lru_cache(maxsize=512)
+def _coarse_part(mesh: Mesh, rgba: bytes) -> Ints:
+    colors = np.frombuffer(rgba, np.uint8).reshape(-1, 4)
+    return coarse(mesh.vertices, mesh.normals, mesh.faces, colors, RIGID)
+
+
+def _used(faces: Ints) -> tuple[npt.NDArray[np.intp], Ints]:
+    """Return the vertices that faces use, and the faces between these."""
+    used, joined = np.unique(faces, return_inverse=True)
+    return used.astype(np.intp), np.asarray(joined.reshape(faces.shape), np.int32)
 
 
 def _small(normals: Floats) -> npt.NDArray[np.int8]:
@@ -143,28 +242,3 @@ def _small(normals: Floats) -> npt.NDArray[np.int8]:
     out = np.zeros((len(normals), 4), np.int8)
     out[:, :3] = np.round(127 * normals)
     return out
-
-
-def _skin(skin: Skin) -> Surface:
-    vertices = skin.vertices()
-    normals = SmoothNormals(skin.faces, len(vertices)).compute(vertices)
-    levels = detail_levels(vertices, normals, skin.faces, skin.colors)
-    faces = levels[min(level_for(DETAIL), len(levels) - 1)]
-    source, joined = np.unique(faces, return_inverse=True)
-    rgba = np.full((len(source), 4), 255, np.uint8)
-    rgba[:, :3] = skin.colors[source, :3]
-    inverse = np.asarray(joined.reshape(-1, 3), np.int32)
-    pieces = skin.rest_pieces()
-    rest = np.asarray(pieces[0][1] if pieces else vertices)
-    closed = is_closed(skin.faces, rest, skin.faces, tolerance=OPEN_EDGES)
-    return Surface(
-        skin, inverse, source.astype(np.intp), rgba, skin_opacity(skin), closed, skin.body.name
-    )
-
-
-def _tubes(lines: Lines) -> Surface:
-    tubes = TubeMesh(lines.starts)
-    rgba = np.full((tubes.vertex_count, 4), 255, np.uint8)
-    rgba[:, :3] = tubes.spread(lines.colors())
-    every = np.arange(tubes.vertex_count, dtype=np.intp)
-    return Surface(tubes, tubes.faces, every, rgba, 1.0, lines=lines)

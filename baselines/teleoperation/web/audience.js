@@ -1,5 +1,7 @@
 // For who watches: what to see, how fast, any moment of the episode again, and what it is worth.
 
+import { headerOf } from "/web/scene.js";
+
 const find = (id) => document.getElementById(id);
 const KEPT = 256e6;  // bytes of frames that are kept; the oldest go first
 const OVERLAYS = ["forces", "pressure", "vitals", "muscles"];
@@ -68,7 +70,8 @@ export class Audience {
   }
 
   clear() {
-    Object.assign(this, { frames: [], told: [], size: 0, isLive: !this.replays, number: null, at: 0, due: 0 });
+    const size = (this.base ?? []).reduce((sum, part) => sum + part.byteLength, 0);
+    Object.assign(this, { frames: [], told: [], size, isLive: !this.replays, number: null, at: 0, due: 0 });
   }
 
   // A recorded episode comes as fast as it can be played, and is shown at the speed of the page.
@@ -107,18 +110,17 @@ export class Audience {
     button.setAttribute("aria-pressed", "true");
   }
 
-  // What came: shapes, which all frames after them are of, or a frame.
-  keep(buffer, isFrame) {
-    if (!isFrame) {
-      this.shapes = buffer;
-      this.size += buffer.byteLength;
-      return;
-    }
-    this.frames.push({ frame: buffer, shapes: this.shapes });
+  // What came: shapes and surfaces, which all frames after them are of, or a frame.
+  keep(buffer) {
+    const { kind, number } = headerOf(buffer);
     this.size += buffer.byteLength;
-    while (this.size > KEPT) {
-      const { frame, shapes } = this.frames.shift();
-      this.size -= frame.byteLength + (shapes === this.frames[0].shapes ? 0 : shapes.byteLength);
+    if (kind === "shapes") this.base = [buffer];
+    else if (kind === "surface") this.base = Object.assign([...this.base], { [number + 1]: buffer });
+    if (kind !== "frame") return;
+    this.frames.push({ frame: buffer, base: this.base });
+    while (this.size > KEPT && this.frames.length > 1) {
+      const { frame, base } = this.frames.shift();
+      for (const each of [frame, ...base.filter((part) => !this.frames[0].base.includes(part))]) this.size -= each.byteLength;
       this.told.shift();
     }
     find("moment").max = this.replays ? this.told.at(-1).steps : this.frames.length - 1;
@@ -145,8 +147,10 @@ export class Audience {
   show(k) {
     const now = this.told[k];
     if (!now || !this.frames[k]) return;
-    const { frame, shapes } = this.frames[k];
-    if (shapes !== this.drawn) this.scene.take(this.drawn = shapes);
+    const { frame, base } = this.frames[k];
+    const known = this.drawn?.[0] === base[0] ? this.drawn : [];
+    base.forEach((part, i) => { if (part !== known[i]) this.scene.take(part); });
+    this.drawn = base;
     if (frame !== this.shown) this.scene.take(this.shown = frame);
     this.at = k;
     const [forces, pressure, vitals, muscles] = OVERLAYS.map((name) => find(`show-${name}`).checked);

@@ -2,7 +2,7 @@
 
 import { Audience } from '/web/audience.js';
 import { Headset, isSupported } from '/web/headset.js';
-import { Scene, kindOf } from '/web/scene.js';
+import { Scene, isSoftware } from '/web/scene.js';
 
 const RATE = 50;  // between two messages of a hand [ms]
 const DRAG = 120;  // pixels of a drag that mean full speed
@@ -43,7 +43,7 @@ async function begin() {
 
 function join(role) {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
-  const query = new URLSearchParams({ role, token: secret });
+  const query = new URLSearchParams({ role, token: secret, draws: isSoftware ? "coarse" : "fine" });
   socket = new WebSocket(`${scheme}://${location.host}/session?${query}`);
   socket.binaryType = "arraybuffer";
   socket.addEventListener("message", (event) => typeof event.data === "string" ? told(JSON.parse(event.data)) : drawn(event.data));
@@ -53,7 +53,7 @@ function join(role) {
 }
 
 function drawn(buffer) {
-  if (audience) audience.keep(buffer, kindOf(buffer) === "frame");
+  if (audience) audience.keep(buffer);
   else scene?.take(buffer);
 }
 
@@ -66,7 +66,7 @@ function told(data) {
     running: "running", over: data.success ? "success" : "over, no success",
   };
   const lines = [
-    `${words[data.status]} · ${data.time.toFixed(1)} s · delay ${data.latency_ms.toFixed(0)} ms`,
+    `${words[data.status]} · ${data.time.toFixed(1)} s` + (audience ? "" : ` · delay ${data.latency_ms.toFixed(0)} ms`),
     `force ${data.force_n.toFixed(1)} N` + (records ? ` · ${data.recorded} recorded` : ""),
   ];
   if (!audience?.replays) find("status").textContent = lines.join(" · ");
@@ -99,6 +99,7 @@ function furnish(facts) {
   audience?.begin(facts);
   find("actions").replaceChildren();
   find("seen").replaceChildren();
+  find("observes").open = !watches;
   find("seen-by").textContent = watches ? `What ${facts.shows} observes` : "What you observe";
   acts = facts.acts;
   records = facts.records;

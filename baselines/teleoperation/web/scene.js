@@ -2,31 +2,32 @@
 
 import * as THREE from '/three/three.module.js';
 
-const TYPES = { f4: Float32Array, u4: Uint32Array, i1: Int8Array, u1: Uint8Array };
+const TYPES = { f4: Float32Array, u4: Uint32Array, u2: Uint16Array, i1: Int8Array, u1: Uint8Array };
+const STEPS = 65535;  // that a position is told in, from one side of its box to the other
 const LINEAR = Float32Array.from({ length: 256 }, (_, k) => (k <= 10 ? k / 3294.6 : ((k / 255 + 0.055) / 1.055) ** 2.4));
 const [LOWEST, HIGHEST] = [-10, 85].map(THREE.MathUtils.degToRad);  // from where one may look
 const FORCE = 10;  // that is drawn 10 cm long [N]
 // A force on the skin is spread as a bell, this wide [m]; [Pa] that is painted full; from the skin at most [m]: own choices.
 const [SPREAD, FULL, OFF] = [0.02, 10000, 0.06];
 const PRESSED = [0.75, 0.0, 0.02];  // linear RGB
-const [SLOW, PATIENT, COARSEST] = [36, 20, 0.5];  // [ms] of a picture; pictures; pixels of the picture for one of the page
+const [SLOW, QUICK, PATIENT, COARSEST] = [34, 20, 15, 0.5];  // [ms] of a picture, twice; pictures; pixels of the picture for one of the page
 const SKY = 0xe6ebf0;
 
 // Without a graphics card each pixel costs: then the picture has no more of them than the page, and rough edges.
-const isSoftware = (() => {
+export const isSoftware = (() => {
   const gl = new OffscreenCanvas(1, 1).getContext('webgl2');
   const info = gl?.getExtension('WEBGL_debug_renderer_info');
   return !info || /SwiftShader|llvmpipe|Software/i.test(gl.getParameter(info.UNMASKED_RENDERER_WEBGL));
 })();
 
-export function kindOf(buffer) {
+export function headerOf(buffer) {
   const size = new DataView(buffer).getUint32(0, true);
-  return JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size))).kind;
+  return JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
 }
 
-export function unpack(buffer) {
+function unpack(buffer) {
   const size = new DataView(buffer).getUint32(0, true);
-  const { arrays, ...facts } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
+  const { arrays, ...facts } = headerOf(buffer);
   for (const [name, [type, at, count]] of Object.entries(arrays)) facts[name] = new TYPES[type](buffer, 4 + size + at, count);
   return facts;
 }
@@ -44,18 +45,16 @@ function look(alpha, closed, places = null) {
       attribute float slot;
       attribute vec3 color;
       varying vec3 shade;
-      vec3 put(vec4 at) {
+      void main() {
+        vec3 at = position;
+        vec3 up = normal;
         #ifdef PLACED
           int row = int(slot + 0.5);
-          return vec3(dot(texelFetch(places, ivec2(0, row), 0), at), dot(texelFetch(places, ivec2(1, row), 0), at),
-            dot(texelFetch(places, ivec2(2, row), 0), at));
-        #else
-          return at.xyz;
+          vec4 x = texelFetch(places, ivec2(0, row), 0), y = texelFetch(places, ivec2(1, row), 0), z = texelFetch(places, ivec2(2, row), 0);
+          at = vec3(dot(x, vec4(at, 1.0)), dot(y, vec4(at, 1.0)), dot(z, vec4(at, 1.0)));
+          up = vec3(dot(x.xyz, up), dot(y.xyz, up), dot(z.xyz, up));
         #endif
-      }
-      void main() {
-        vec4 seen = modelViewMatrix * vec4(put(vec4(position, 1.0)), 1.0);
-        vec3 up = put(vec4(normal, 0.0));
+        vec4 seen = modelViewMatrix * vec4(at, 1.0);
         #ifdef OPEN  // the side that is seen
           if (dot(normalMatrix * up, seen.xyz) > 0.0) up = -up;
         #endif
@@ -127,7 +126,7 @@ export class Scene {
   // each force, on the skin that is nearest, as a bell of SPREAD.
   press(found, names) {
     let most = 0;
-    this.surfaces?.forEach(({ attributes: { color }, userData: { base, name } }, k) => {
+    this.surfaces?.forEach(({ geometry: { attributes: { color }, userData: { base, name } } }, k) => {
       if (!names.includes(name) || !this.now) return;
       const at = this.now[k + 1];
       const pressure = new Float32Array(at.length / 3);
@@ -165,6 +164,7 @@ export class Scene {
   take(buffer) {
     const data = unpack(buffer);
     if (data.kind === 'shapes') this.furnish(data);
+    else if (data.kind === 'surface') this.covers.push(data);  // its vertices come with the frame
     else this.move(data);
   }
 
@@ -172,85 +172,110 @@ export class Scene {
     for (const mesh of this.shapes.children) { mesh.geometry.dispose(); mesh.material.dispose(); }
     this.shapes.clear();
     this.before = this.now = null;
+    this.covers = [];
     const shared = {
       position: new THREE.BufferAttribute(data.position, 3), normal: new THREE.BufferAttribute(data.normal, 4, true),
       color: colours(data.rgba), slot: new THREE.BufferAttribute(data.slot, 1),
     };
     this.places = { value: null };
-    for (const [first, count, alpha, closed] of data.runs) {
+    for (const [first, count, alpha, closed, isFloor] of data.runs) {
       const geometry = new THREE.BufferGeometry();
       for (const [name, attribute] of Object.entries(shared)) geometry.setAttribute(name, attribute);
       geometry.setIndex(new THREE.BufferAttribute(data.index.subarray(first, first + count), 1));
       const mesh = new THREE.Mesh(geometry, look(alpha, closed, this.places));
+      mesh.renderOrder = Number(isFloor);  // drawn last, where nothing stands before it
       mesh.frustumCulled = false;
       this.shapes.add(mesh);
     }
-    this.surfaces = data.surfaces.map(([alpha, closed, name], k) => {
-      const geometry = new THREE.BufferGeometry();
-      geometry.setIndex(new THREE.BufferAttribute(data[`faces${k}`], 1));
-      geometry.setAttribute('color', colours(data[`rgba${k}`]));
-      geometry.userData = { name, base: geometry.attributes.color.array.slice() };
-      const mesh = new THREE.Mesh(geometry, look(alpha, closed));
+    this.surfaces = Array.from({ length: data.surfaces }, () => {
+      const mesh = new THREE.Mesh(new THREE.BufferGeometry(), new THREE.Material());
       mesh.frustumCulled = false;
       this.shapes.add(mesh);
-      return geometry;
+      return mesh;
     });
+  }
+
+  // Faces and colours of a skin or of lines. With other faces it does not move from where it was.
+  cover({ number, alpha, closed, name, faces, rgba }) {
+    const mesh = this.surfaces[number];
+    const [color, old] = [colours(rgba), mesh.geometry];
+    const stays = old.index?.count === faces.length && faces.every((vertex, i) => vertex === old.index.array[i]);
+    if (this.now && !stays) this.now[number + 1] = null;
+    const at = stays ? old.attributes.position.array : new Float32Array(3 * color.count);
+    mesh.geometry = new THREE.BufferGeometry();
+    mesh.geometry.setIndex(new THREE.BufferAttribute(faces, 1));
+    mesh.geometry.setAttribute('position', new THREE.BufferAttribute(at, 3));
+    mesh.geometry.setAttribute('normal', new THREE.BufferAttribute(new Int8Array(4 * color.count), 4, true));
+    mesh.geometry.setAttribute('color', color);
+    mesh.geometry.userData = { name, base: color.array.slice() };
+    old.dispose();
+    mesh.material.dispose();
+    mesh.material = look(alpha, closed);
   }
 
   move(data) {
     const now = performance.now();
     if (this.now) this.step = Math.min(Math.max((now - this.arrivedAt) / 1000, 0.02), 0.25);
     this.arrivedAt = now;
-    const shown = [];  // what is seen now is where the way to the next frame begins
-    if (this.now) this.blend((array) => shown.push(Float32Array.from(array)));
-    this.now = [data.places, ...this.surfaces.map((_, k) => data[`position${k}`])];
-    this.before = shown.length ? shown : this.now;
+    if (this.now) this.blend();
+    for (const each of this.covers.splice(0)) this.cover(each);
+    const held = this.now && this.held().map((array) => array.slice());  // where the way to the next frame begins
+    const next = [data.places, ...data.boxes.map(([x, y, z, span], k) => {
+      const steps = data[`position${k}`];
+      const at = new Float32Array(steps.length);
+      for (let i = 0; i < at.length; i += 3) {
+        at[i] = x + span / STEPS * steps[i];
+        at[i + 1] = y + span / STEPS * steps[i + 1];
+        at[i + 2] = z + span / STEPS * steps[i + 2];
+      }
+      return at;
+    })];
+    this.before = next.map((to, k) => (this.now?.[k] ? held[k] : to));
+    this.now = next;
     if (!this.places.value) {
-      const texture = new THREE.DataTexture(Float32Array.from(data.places), 3, data.places.length / 12, THREE.RGBAFormat, THREE.FloatType);
-      this.places.value = texture;
-      this.surfaces.forEach((geometry, k) => {
-        geometry.setAttribute('position', new THREE.BufferAttribute(data[`position${k}`].slice(), 3));
-        geometry.setAttribute('normal', new THREE.BufferAttribute(data[`normal${k}`].slice(), 4, true));
-      });
+      this.places.value = new THREE.DataTexture(Float32Array.from(data.places), 3, data.places.length / 12, THREE.RGBAFormat, THREE.FloatType);
     }
-    this.surfaces.forEach(({ attributes: { normal } }, k) => { normal.array.set(data[`normal${k}`]); normal.needsUpdate = true; });
+    this.surfaces.forEach(({ geometry: { attributes: { normal } } }, k) => { normal.array.set(data[`normal${k}`]); normal.needsUpdate = true; });
     this.shownAt = now;
     this.isSettled = false;
   }
 
-  // Where things are between the last frame and this one, so that they move in every picture.
-  blend(each) {
+  // What is drawn: transforms, and the vertices of each surface.
+  held() {
+    return [this.places.value.image.data, ...this.surfaces.map(({ geometry }) => geometry.attributes.position.array)];
+  }
+
+  // Put things where they are between the last frame and this one, so that they move in every picture.
+  blend() {
     const share = Math.min((performance.now() - this.shownAt) / 1000 / this.step, 1);
-    const held = [this.places.value.image.data, ...this.surfaces.map((geometry) => geometry.attributes.position.array)];
-    held.forEach((array, k) => {
+    this.held().forEach((array, k) => {
       const [from, to] = [this.before[k], this.now[k]];
-      if (share < 1) for (let i = 0; i < array.length; i += 1) array[i] = from[i] + share * (to[i] - from[i]);
+      if (share < 1 && from !== to) for (let i = 0; i < array.length; i += 1) array[i] = from[i] + share * (to[i] - from[i]);
       else array.set(to);
-      each(array);
     });
     return share;
   }
 
-  // Without a graphics card the picture gets coarser until it comes often enough.
+  // Without a graphics card the picture gets coarser until it comes often enough, and finer again where it may.
   ease(time) {
     const took = time - this.easedAt;
     this.easedAt = time;
     if (!isSoftware || !(took < 500)) return;
     this.took += 0.1 * (took - this.took);
     this.since += 1;
-    if (this.took < SLOW || this.since < PATIENT || this.ratio <= COARSEST) return;
-    this.ratio = Math.max(0.8 * this.ratio, COARSEST);
-    this.since = 0;
-    this.key = null;
+    const change = this.took > SLOW ? 0.8 : this.took < QUICK ? 1.25 : 1;
+    const ratio = Math.min(Math.max(change * this.ratio, COARSEST), 1);
+    if (this.since < (change > 1 ? 5 : 1) * PATIENT || ratio === this.ratio) return;
+    [this.ratio, this.since, this.key] = [ratio, 0, null];
   }
 
   draw(time, frame) {
     this.onFrame(time, frame);
     if (!this.renderer.xr.isPresenting) this.ease(time);
     if (this.now && !this.isSettled) {
-      this.isSettled = this.blend(() => {}) === 1;
+      this.isSettled = this.blend() === 1;
       this.places.value.needsUpdate = true;
-      for (const geometry of this.surfaces) geometry.attributes.position.needsUpdate = true;
+      for (const { geometry } of this.surfaces) geometry.attributes.position.needsUpdate = true;
       this.isDrawn = false;
     }
     if (!this.renderer.xr.isPresenting) {
