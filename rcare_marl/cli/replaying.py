@@ -97,7 +97,7 @@ def _episode(
     with closing(episode.make()) as env:
         with tempfile.TemporaryDirectory() as scratch:
             made = {"film.mp4": film, "log.rrd": log}
-            wanted = {name: Path(scratch) / name for name, path in made.items() if path}
+            wanted = {file: Path(scratch) / file for file, out in made.items() if out}
             shown = _Shown(env, wanted.get("film.mp4"), wanted.get("log.rrd"))
             watch: Callable[[CareEnv], None] | None = shown if wanted or picture else None
             try:
@@ -105,9 +105,9 @@ def _episode(
                 pixels = shown.png() if picture else b""
             finally:
                 shown.close()
-            for name, path in made.items():
-                if path:
-                    write_whole(path, wanted[name].read_bytes())
+            for file, out in made.items():
+                if out:
+                    write_whole(out, wanted[file].read_bytes())
             if picture:
                 write_whole(picture, pixels)
     if not quiet:
@@ -122,9 +122,9 @@ def _episode(
             screen.print(
                 Text(f"{what}equal for {result.steps} steps", style="green"), soft_wrap=True
             )
-        for out in (film, picture, log):
-            if out is not None:
-                print_line(f"wrote {out}")
+        for written in (film, picture, log):
+            if written is not None:
+                print_line(f"wrote {written}")
     return asdict(result), not result.difference
 
 
