@@ -136,7 +136,8 @@ def test_how_a_box_comes_to_rest_is_the_same_whatever_falls_elsewhere() -> None:
             for _ in range(120):
                 world.step()
             ways.append(box.state())
-    assert np.array_equal(*ways)
+    alone, beside = ways
+    assert np.array_equal(alone, beside)
 
 
 def test_a_bond_holds_until_it_is_broken_and_comes_back(world: MujocoWorld) -> None:
