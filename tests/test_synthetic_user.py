@@ -244,7 +244,7 @@ def test_an_evaluation_is_one_json_object_and_the_same_every_time() -> None:
 
 
 def test_nothing_evaluated_is_no_share() -> None:
-    empty = CoachEvaluation("hands", "rules", 0, "test", 1, QUIET, ())
+    empty = CoachEvaluation("hands", 0, "test", 1, QUIET, ())
     assert empty.right_recognised == 0.0 and empty.latency() == {}
 
 
