@@ -47,9 +47,10 @@ def coach(env: CareEnv, name: str, path: Path | None) -> Any:
     return ScriptedCoaching(env, "robot", BRISK if name == "brisk" else Style())
 
 
-def session(env: CareEnv, player: Any, seed: int) -> dict[str, Any]:
-    """Return what came of one session."""
+def session(env: CareEnv, name: str, path: Path | None, seed: int) -> dict[str, Any]:
+    """Return what came of one session with a coach."""
     env.reset(seed=seed)
+    player = coach(env, name, path)  # only now: with people who take turns the task is another
     player.reset(np.random.default_rng(seed))
     ended = late = False
     while not (ended or late):
@@ -87,7 +88,7 @@ def play(
         for name in ("scripted", "brisk", *(("learned",) if path else ())):
             if time.monotonic() > until:
                 return
-            found = session(envs[person], coach(envs[person], name, path), seed + k)
+            found = session(envs[person], name, path, seed + k)
             line = {
                 "person": person,
                 "kinds": "+".join(kinds),

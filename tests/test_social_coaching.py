@@ -14,6 +14,7 @@ from variants import every, few
 import rcare_marl
 from rcare_marl.agents.coaching.recognition.recogniser import Judgement, Repetition
 from rcare_marl.agents.coaching.session import Order
+from rcare_marl.agents.coaching.style import BRISK, Style
 from rcare_marl.agents.coaching.upper_body import ARM
 from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
@@ -365,3 +366,12 @@ def test_pepper_coaches_from_the_floor() -> None:
 def test_what_cannot_be_is_refused_in_plain_words(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         make(**{"policies": {}, **settings})
+
+
+@pytest.mark.parametrize(("name", "style"), [("scripted", Style()), ("brisk", BRISK)])
+def test_the_tree_leads_in_the_style_that_its_name_promises(name: str, style: Style) -> None:
+    env = make(policies={"robot": name, "recipient": "learner"})
+    env.reset(seed=0)
+    env.step({})
+    assert task_of(env).session.style == style
+    env.close()

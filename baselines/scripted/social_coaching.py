@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rcare_marl.agents.coaching.style import Style
+from rcare_marl.agents.coaching.style import BRISK, Style
 from rcare_marl.agents.coaching.tree import CoachTree
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.coaching.coaching_task import CoachingTask, encode
@@ -42,3 +42,9 @@ class ScriptedCoaching:
 
 for _task in ("social_coaching", "group_coaching"):
     register_policy(_task, "robot", "scripted")(ScriptedCoaching)
+
+
+@register_policy("social_coaching", "robot", "brisk")
+def brisk(env: CareEnv, role: str) -> ScriptedCoaching:
+    """Return the tree that leads in the style `BRISK`: short pauses, soon calls."""
+    return ScriptedCoaching(env, role, BRISK)
