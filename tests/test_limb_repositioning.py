@@ -10,6 +10,7 @@ import pytest
 from episode import play
 
 import rcare_marl
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.devices import ArmCradle
 from rcare_marl.envs.tasks import limb_repositioning as module
@@ -91,6 +92,19 @@ def test_nothing_touches_the_person_at_the_start(still: CareEnv) -> None:
     for seed in range(10):
         still.reset(seed=seed)
         assert min(task_of(still)._gaps()) >= module.LET_GO
+
+
+@pytest.mark.parametrize("person", ["jose", "kim"])  # elbows of both began inside the armrest
+def test_the_arm_swings_out_of_the_chair_and_not_into_it(person: str) -> None:
+    policies = {"robot": "still", "recipient": "still"}
+    with rcare_marl.make("limb_repositioning", recipient=person, policies=policies) as env:
+        task = task_of(env)
+        arm, chair = task.recipient.body, task.chair.body
+        links = arm.carried_by(task.recipient.frames[JOINT_INDEX["left_shoulder"]].link)
+        gap = env.world.separation
+        for seed in range(12):
+            env.reset(seed=seed)
+            assert min(gap(arm, chair, within=0.1, links=(k, -1)) for k in links) > -0.001
 
 
 def test_random_actions_stay_finite() -> None:

@@ -52,6 +52,10 @@ SWING = {  # of the arm out of where it hangs, forward and outward
     "left_shoulder_flexion": math.radians(15),
     "left_elbow_flexion": math.radians(25),
 }
+OUTWARDS, ASIDE = (
+    "left_shoulder_abduction",
+    math.radians(1),
+)  # where an arm goes that meets the chair
 BESIDE = "wheelchair_beside"  # where robots stand that do not reach the arm from the chair
 # [m] along and across from the pad's middle, where it is tried to lie; a hand at the thigh pushes outward.
 LAID = tuple(itertools.product((0.0, -0.03, -0.06, -0.09, -0.12), (0.0, -0.015)))
@@ -148,7 +152,7 @@ class LimbRepositioning(Task):
         arm = person.body.carried_by(person.frames[JOINT_INDEX["left_shoulder"]].link)
         world.set_collision(person.body, self.chair.body, True, links_a=arm)
         self._forearm = person.frames[JOINT_INDEX["left_elbow"]].link
-        self._lower_arm = person.body.carried_by(self._forearm)
+        self._arm, self._lower_arm = arm, person.body.carried_by(self._forearm)
         self.radius = person.segments["left_elbow"].shapes[0].size[1]
         self._let_hang()
         self.cradle = ArmCradle()
@@ -220,12 +224,28 @@ class LimbRepositioning(Task):
             self._see_arm()
             tool = self._start_pose(part * offset)
             found = self.robot.solve_ik(tool, seed=self.robot.arm.rest) if part else self._unshifted
-            self.recipient.set_angles({d: self._hanging[d] + part * a for d, a in swing.items()})
+            self._swing({dof: part * angle for dof, angle in swing.items()})
             self.robot.set_posture(found.posture)
             self._cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
-            if found.is_within(0.01, 0.1) and min(self._gaps()) >= LET_GO:
+            is_clear = self._gap_to_chair() >= 0.0 and min(self._gaps()) >= LET_GO
+            if is_clear and found.is_within(0.01, 0.1):
                 break
         self._see_arm()
+
+    def _swing(self, swing: Mapping[str, float]) -> None:
+        """Swing the arm out of where it hangs [rad], and farther outwards until it is out of the chair."""
+        person = self.recipient
+        angles = {dof: self._hanging[dof] + angle for dof, angle in swing.items()}
+        most = person.passive[person.movable.index(OUTWARDS), 1]
+        person.set_angles(angles)
+        while any(swing.values()) and self._gap_to_chair() < 0.0 and angles[OUTWARDS] < most:
+            angles[OUTWARDS] += ASIDE
+            person.set_angles(angles)
+
+    def _gap_to_chair(self) -> float:
+        """Return how far the arm is from the chair [m], no farther than it matters."""
+        person, chair, gap = self.recipient.body, self.chair.body, self.world.separation
+        return min(gap(person, chair, within=LET_GO, links=(link, -1)) for link in self._arm)
 
     def read(self, now: State, before: LimbRepositioningState | None) -> LimbRepositioningState:
         person = self.recipient
