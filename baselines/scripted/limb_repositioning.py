@@ -36,17 +36,22 @@ TIPPED = (
 LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
 ACCELERATION = 0.8  # [m/s²]
 NEAR = 0.02  # [m] from a place that counts as reached
+SLOWLY = 0.005  # [m/s] likewise of one that does not sink any more
 STILL = 0.03  # [m/s] of the wrist of an arm that hangs still
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
 LIFT = 0.16  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
+FAR, NEAREST, DRAG, HIGHER_UP = 0.95, 0.7, 0.03, 0.08
+PITCH = 0.5
+SWINGS, CARRIED, LOW, LANDS, LONG = 0.5, 0.025, 0.02, 0.01, 8.0  # [rad] of the wrist above the elbow, when the arm is let go: the elbow swings back first
+DROP = 0.05  # [m] that the plate goes down then
 PLACED = 0.015  # [m] ahead of where it belongs, where the elbow is waited for no longer
 WAIT, WAIT_OVER = 6.0, 1.0  # [s] that it is, beside the armrest and over it
 RISING = 0.015  # [m/s] of the forearm, if it hangs too low then
 FREE = 0.03  # [m] of the elbow before the armrest's rear end, when the forearm is free of it
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
 HOLDING = ("free", "slide", "lift", "carry")
-PHASES = ("approach", "reach", *HOLDING, "lower", "settle", "leave", "back")
-PRESSING = (*HOLDING, "lower", "settle", "back")
+PHASES = ("approach", "reach", *HOLDING, "lower", "drop", "leave", "above", "press", "back")
+PRESSING = (*HOLDING, "lower", "press", "back")
 LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
 # Where the forearm points when it is up: while the elbow is behind the armrest, and beside it.
 OUTWARD = np.array((0.58, 0.8, 0.1))
@@ -63,6 +68,10 @@ STOUT = (0.036, 0.042)
 TIP_UP, ROOM_UNDER, LESS = 0.2, 0.005, 0.55
 PRESSED, HASTE = 0.6, 0.5  # of the force limit, and [s], from which it is let go as it is
 AWAY = 0.2  # [m] that the plate is drawn out
+# [m] of the plate over the forearm, and of its tip beyond the upper arm, as it pushes the arm back; how far it
+# aims into it; and how far aside an arm may lie that is pushed.
+OVER_IT, BEYOND, PRESSED_IN, TO_SIDE = 0.04, 0.02, 0.08, 0.06
+HOOKED = 0.4  # [rad]
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 YIELDING = (0.6, 0.85)  # of the force limit: where it gets slower, and where it goes back
 SPIN = 0.8  # [rad/s] of the plate at the arm
@@ -87,7 +96,7 @@ CAUGHT = (
     2.0  # [s] on its way over, after which a hand may be caught at the armrest: it is lifted more
 )
 # [s].
-PATIENCE = dict(free=8.0, slide=4.0, lift=16.0, carry=6.0, lower=5.0, settle=2.0)
+PATIENCE = dict(free=8.0, slide=4.0, lift=16.0, carry=6.0, lower=2.5, press=3.0)
 FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
 HIGHER = 0.015  # [m] that a new try raises the elbow more
 LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
@@ -151,8 +160,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             return
         if self.phase == "carry" and abs(float(self._task.state.gap[1])) < OVER:
             self.phase = "lower"
-        elif self.phase in ("lower", "settle"):
+        elif self.phase == "lower":
+            self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
+        elif self.phase == "press":
             self._let_go(seat)
+            self._out[0] += 2 * NEAR
         else:
             self.phase, self._tries = "back", self._tries + 1
             self._turn = np.array(self._task.seat_pose().quaternion)
@@ -233,31 +245,38 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _slide(self, seat: Array) -> tuple[Array, Array, float]:
         """Slide the plate towards the wrist."""
-        place, turn = self._task.hook(HOOK_SHARE)
+        place, turn = self._task.hook(FAR)
         goal = place + PRESS * rotate(turn, (1.0, 0.0, 0.0))
         if abs(float((goal - seat) @ self._direction())) < NEAR:
-            self.phase, self._forearm = "lift", self._direction()
+            self.phase, self._forearm, self._share = "lift", self._direction(), FAR
             self._waited, self._rise = 0.0, self._high * RISE + HIGHER * self._tries
         return goal, turn, SLOW
 
-    def _lift(self, seat: Array) -> tuple[Array, Array, float]:
-        """Swing the forearm up, in an arc about where the elbow is to be, and wait low until it is there."""
+    def _raised(self, way: Array, pitch: float, drag: float) -> tuple[Array, Array]:
+        """Return where the plate holds a forearm that points a way and is raised, and its turn.
+
+        The plate slides towards the elbow, `drag` of the forearm a second: friction takes the arm back.
+        """
         task = self._task
-        self._turn_to(np.array((0.93, 0.35, math.tan(self._high * RAISED))))
-        if self._forearm[2] > math.sin(self._high * RAISED) - 0.02:
-            self._waited += task.control_dt
-            if self._ahead_by() < PLACED or self._waited > WAIT:
-                if task.state.wrist[2] > task.state.target[2] + self._high * CLEAR:
-                    self.phase, self._pitch, self._shift = "carry", self._high * RAISED, np.zeros(3)
-                self._rise += RISING * task.control_dt
-        forearm = task.state.wrist - task.state.elbow
-        length = math.sqrt(float(forearm @ forearm))
-        elbow = task.state.elbow.copy()
-        elbow[2] = task.state.target[2] + self._rise
-        goal, turn = task.cradle.under(
-            elbow, elbow + length * self._forearm, task.radius, HOOK_SHARE
-        )
-        goal[1] = min(float(goal[1]), float(task.hook(HOOK_SHARE)[0][1]))
+        self._turn_to(np.array((*way, math.tan(pitch))))
+        length = math.dist(task.state.wrist, task.state.elbow)
+        elbow, low = task.state.elbow.copy(), task.state.target[2] + self._rise
+        elbow[2] = min(max(float(elbow[2]), low), low + HIGHER_UP)
+        self._share = max(self._share - drag * task.control_dt, NEAREST)
+        return task.cradle.under(elbow, elbow + length * self._forearm, task.radius, self._share)
+
+    def _lift(self, seat: Array) -> tuple[Array, Array, float]:
+        """Swing the forearm up, in an arc about where the elbow is to be, until it stands a little."""
+        task = self._task
+        goal, turn = self._raised((0.93, 0.35), PITCH, DRAG)
+        goal[1] = min(float(goal[1]), float(task.hook(self._share)[0][1]))
+        pitch = math.asin(self._direction()[2])
+        is_up = task.state.wrist[2] > task.state.target[2] + CLEAR
+        is_high = pitch > PITCH - 0.1 or self._since > LONG
+        if is_up and (self._lands() < LANDS - CARRIED or is_high):
+            self.phase, self._pitch = "carry", pitch
+        if self._forearm[2] > math.sin(PITCH) - 0.02:
+            self._rise += RISING * task.control_dt
         return goal, turn, SLOW
 
     def _is_lost(self, seat: Array) -> bool:
@@ -267,68 +286,38 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         share = float((seat - task.state.elbow) @ forearm / (forearm @ forearm))
         return math.dist(task.hook(share)[0], seat) > LOST
 
-    def _over(self, pitch: float) -> tuple[Array, Array]:
-        """Return where the plate holds a forearm over the pad whose wrist is raised by `pitch` [rad]."""
-        task = self._task
-        length = float(np.linalg.norm(task.state.wrist - task.state.elbow))
-        along = np.array((math.cos(pitch), 0.0, math.sin(pitch)))
-        up = np.array((-along[2], 0.0, along[0]))
-        elbow = task.state.target + SETTLING + (-0.5 * length, 0.0, RISE * pitch / RAISED)
-        under = UNDER + self._stout * ROOM_UNDER
-        place = elbow + HOOK_SHARE * length * along - (task.radius - under) * up + self._shift
-        # Nearer to the elbow the whole arm weighs on it.
-        place[0] = max(float(place[0]), float(self._task.hook(HELD)[0][0]))
-        return place, _turned(-self._stout * TIP_UP)
-
-    def _aim(self, seat: Array) -> float:
-        """Move the plate by what the forearm lacks, and return how far that is to the left [m]."""
-        state, chair = self._task.state, self._task.chair
-        missed = state.gap - (0.0, self._inward, 0.0)
-        # The wrist goes no farther than half way to the pad's edge: the elbow follows as it sinks.
-        edge = state.target[1] - 0.25 * chair.armrest_size[1]
-        missed[1] = max(float(missed[1]), float(edge - state.wrist[1]))
-        is_there = np.abs(self._over(self._pitch)[0] - seat)[:2] < NEAR
-        is_there[0] &= self.phase != "carry"
-        self._shift[:2] += AIM * self._task.control_dt * missed[:2] * is_there
-        self._shift[:2] = np.clip(self._shift[:2], np.negative(FARTHEST), FARTHEST)
-        return float(missed[1])
-
     def _carry(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring the raised forearm over the armrest."""
-        task = self._task
-        goal, _ = self._over(self._high * RAISED)
-        goal[2] += min(RISING * max(self._since - CAUGHT, 0.0), CLEAR)
-        high = float(task.state.wrist[2] - task.state.target[2]) - HIGH
-        if high > 0.0:  # a forearm that stands up falls into the lap
-            goal[2] = min(float(goal[2]), float(seat[2]) - high)
-        if task.state.force > YIELDING[0] * task.force_limit and self._is_over_pad():
-            goal[2] = min(float(goal[2]), float(seat[2]))
-        missed = self._aim(seat)
-        if missed > -NEAR:
+        goal, turn = self._raised((1.0, 0.0), self._pitch, 0.0)
+        missed = float(self._task.state.gap[1])
+        goal[1] = seat[1] + missed
+        if missed > -CENTRED:
             self.phase = "lower"
-        return goal, task.hook()[1], SLOW if missed < -BRAKING else 0.5 * SLOW
-
-    def _is_over_pad(self) -> bool:
-        """Return whether elbow and wrist are high enough to go over the armrest."""
-        state = self._task.state
-        return bool(min(state.elbow[2], state.wrist[2]) > state.target[2] + 0.5 * CLEAR)
+        return goal, turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
-        """Lower it, and level the plate, once the elbow has come back to where it belongs."""
-        if self._ahead_by() < PLACED or self._since > WAIT_OVER:
-            self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
-        aside = self._aim(seat)
-        goal, turn = self._over(self._pitch)
-        if self._pitch == 0.0 and self._presses(aside):
-            self._let_go(seat)
-        elif self._pitch == 0.0 and math.dist(goal, seat) < NEAR:
-            self.phase = "settle"
-        return goal, turn, self._high * SLOW
+        """Lower it, until the elbow will swing back to its place when the plate is gone."""
+        state = self._task.state
+        self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
+        self._rise = -RISE  # the elbow may sink as it does
+        goal, _ = self._raised((1.0, 0.0), self._pitch, 0.0)
+        goal[1] = seat[1] + state.gap[1] - self._inward
+        if self._lands() > LANDS or state.wrist[2] - state.target[2] < LOW:
+            self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
+        return goal, _turned(0.0), SLOW
 
-    def _presses(self, aside: float) -> bool:
-        """Return whether it presses too much to go on, over a place that will do."""
-        pressed = self._task.state.force > PRESSED * self._task.force_limit
-        return pressed and self._since > HASTE and abs(aside) < 2 * CENTRED
+    def _drop(self, seat: Array) -> tuple[Array, Array, float]:
+        """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
+        floor = self._task.state.target[2] - self._task.radius + UNDER
+        self._out[2] = max(float(self._out[2]), float(floor))
+        if math.dist(seat, self._out) < NEAR:
+            self._let_go(seat)
+        return self._out, _turned(0.0), FAST
+
+    def _lands(self) -> float:
+        """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
+        state = self._task.state
+        return self._ahead_by() - SWINGS * float(state.wrist[2] - state.target[2])
 
     def _ahead_by(self) -> float:
         """Return how far ahead of its place a level forearm with this elbow would lie [m]."""
@@ -336,30 +325,55 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         length = math.dist(state.wrist, state.elbow)
         return float(state.elbow[0] + 0.5 * length - state.target[0])
 
-    def _settle(self, seat: Array) -> tuple[Array, Array, float]:
-        """Bring the forearm over its place, and sink until the pad carries it."""
-        task = self._task
-        aside, is_carried = self._aim(seat), task.state.pad_force >= LEAN
-        if not is_carried:
-            self._shift[2] = max(self._shift[2] - SINKING * task.control_dt, -SUNK)
-        lies = is_carried and abs(aside) < CENTRED and abs(task.state.gap[0]) < AHEAD
-        if lies or self._presses(aside):
-            self._let_go(seat)
-        goal, turn = self._over(0.0)
-        return goal, turn, SLOW
-
     def _leave(self, seat: Array) -> tuple[Array, Array, float]:
         """Draw the plate out, stay away, and begin anew if the arm does not stay."""
         wrist = self._task.state.wrist
-        is_still = math.dist(wrist, self._wrist) < STILL * self._task.control_dt
+        is_still = math.dist(wrist, self._wrist) < SLOWLY * self._task.control_dt
         self._wrist = wrist
         state = self._task.state
-        if self._since < FREED:  # how far the plate took the forearm along
-            self._dragged = max(self._drawn - float(state.gap[1]), 0.0)
-        elif is_still and state.rested == 0.0 and not self._is_out_of_reach():
+        if self._since > FREED and is_still and state.rested == 0.0 and self._is_ahead():
+            self.phase = "above"
+        elif self._since > FREED and is_still and state.rested == 0.0 and not self._is_out_of_reach():
             self.phase, self._tries = "approach", self._tries + 1
-            self._inward = min(max(self._inward, self._dragged), INWARD[1])
         return self._out, self._flat, LEAVING
+
+    def _is_ahead(self) -> bool:
+        """Return whether an arm that lies on the pad, or over it, lies too far ahead."""
+        state = self._task.state
+        lies = state.wrist[2] - state.target[2] < HIGH and abs(float(state.gap[1])) < TO_SIDE
+        return bool(lies and -state.gap[0] > NEAR)
+
+    def _crook(self) -> tuple[Array, Array]:
+        """Return where the plate, level over the forearm, hooks the upper arm from ahead, and its turn."""
+        task, cradle = self._task, self._task.cradle.model
+        shoulder = np.array(task.recipient.joint_pose("left_shoulder").position)
+        up = shoulder - task.state.elbow
+        radius = task.recipient.segments["left_shoulder"].shapes[0].size[1]
+        place = task.state.elbow + (task.radius + OVER_IT) / up[2] * up
+        out = radius + 0.5 * cradle.figure("plate_width")
+        aside = 0.5 * cradle.figure("plate_length") - BEYOND
+        cos, sin = math.cos(HOOKED), math.sin(HOOKED)
+        place += (cos * out + sin * aside, cos * aside - sin * out, 0.0)
+        return place, np.array(multiply(quaternion_from_rpy(0.0, 0.0, -HOOKED), _turned(0.0)))
+
+    def _above(self, seat: Array) -> tuple[Array, Array, float]:
+        """Bring the plate over the forearm, round it, ahead of the upper arm."""
+        place, turn = self._crook()
+        goal = place + (NEAR, 0.0, 0.0)
+        if math.dist(seat, goal) < NEAR:
+            self.phase = "press"
+        if math.hypot(seat[0] - goal[0], seat[2] - goal[2]) > NEAR:
+            goal[1] = max(float(seat[1]), self._task.state.target[1] + ASIDE)
+        return goal, turn, FAST
+
+    def _press(self, seat: Array) -> tuple[Array, Array, float]:
+        """Draw the upper arm, and the forearm with it, back to where it belongs."""
+        place, turn = self._crook()
+        if self._task.state.gap[0] > -CENTRED:
+            self._let_go(seat)
+            self._out[0] += 2 * NEAR
+        into = PRESSED_IN * np.array((math.cos(HOOKED), -math.sin(HOOKED), 0.0))
+        return place - into + (0.0, 0.0, 2.0 * (place[2] - seat[2])), turn, FAST
 
     def _is_out_of_reach(self) -> bool:
         """Return whether the cradle cannot fetch the arm: it lies inside of the armrest, or on the pad."""
