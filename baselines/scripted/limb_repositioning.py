@@ -40,10 +40,12 @@ SLOWLY = 0.005  # [m/s] likewise of one that does not sink any more
 STILL = 0.03  # [m/s] of the wrist of an arm that hangs still
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
 LIFT = 0.16  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
-FAR, NEAREST, DRAG, HIGHER_UP = 0.95, 0.7, 0.03, 0.08
+FAR, NEAREST, DRAG, HIGHER_UP = 0.95, 0.7, 0.03, 0.05
+FLATTER = 0.6
+SOFT, EASY, HOVER, FULL, FIRST = 0.0015, 0.5, 0.04, 0.04, 0.85
 PITCH = 0.5
-SWINGS, CARRIED, LOW, LANDS, LONG = 0.5, 0.025, 0.02, 0.01, 8.0  # [rad] of the wrist above the elbow, when the arm is let go: the elbow swings back first
-DROP = 0.05  # [m] that the plate goes down then
+SWINGS, CARRIED, LOW, LANDS, LATE = 0.5, 0.015, 0.02, 0.01, 11.0  # [rad] of the wrist above the elbow, when the arm is let go: the elbow swings back first
+DROP = 0.08  # [m] that the plate goes down then
 PLACED = 0.015  # [m] ahead of where it belongs, where the elbow is waited for no longer
 WAIT, WAIT_OVER = 6.0, 1.0  # [s] that it is, beside the armrest and over it
 RISING = 0.015  # [m/s] of the forearm, if it hangs too low then
@@ -73,7 +75,7 @@ AWAY = 0.2  # [m] that the plate is drawn out
 OVER_IT, BEYOND, PRESSED_IN, TO_SIDE = 0.04, 0.02, 0.08, 0.06
 HOOKED = 0.4  # [rad]
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
-YIELDING = (0.6, 0.85)  # of the force limit: where it gets slower, and where it goes back
+YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
 SPIN = 0.8  # [rad/s] of the plate at the arm
 ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
 ROOM = 0.01  # [m] between plate and armrest
@@ -245,10 +247,10 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _slide(self, seat: Array) -> tuple[Array, Array, float]:
         """Slide the plate towards the wrist."""
-        place, turn = self._task.hook(FAR)
+        place, turn = self._task.hook(FIRST)
         goal = place + PRESS * rotate(turn, (1.0, 0.0, 0.0))
         if abs(float((goal - seat) @ self._direction())) < NEAR:
-            self.phase, self._forearm, self._share = "lift", self._direction(), FAR
+            self.phase, self._forearm, self._share = "lift", self._direction(), FIRST
             self._waited, self._rise = 0.0, self._high * RISE + HIGHER * self._tries
         return goal, turn, SLOW
 
@@ -262,20 +264,32 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         length = math.dist(task.state.wrist, task.state.elbow)
         elbow, low = task.state.elbow.copy(), task.state.target[2] + self._rise
         elbow[2] = min(max(float(elbow[2]), low), low + HIGHER_UP)
-        self._share = max(self._share - drag * task.control_dt, NEAREST)
-        return task.cradle.under(elbow, elbow + length * self._forearm, task.radius, self._share)
+        back = min(max(self._ahead_by() / FULL, -1.0), 1.0)
+        share = self._share - back * drag * task.control_dt
+        self._share = min(max(share, NEAREST), FAR)
+        place, turn = task.cradle.under(
+            elbow, elbow + length * self._forearm, task.radius, self._share
+        )
+        hovering = min(float(place[2]), self._floor() + HOVER)
+        place[2] -= SOFT * max(task.state.force - EASY * task.force_limit, 0.0)
+        place[2] = max(float(place[2]), hovering)
+        return place, turn
+
+    def _floor(self) -> float:
+        """Return how low the plate goes over the pad [m]."""
+        return float(self._task.state.target[2]) - self._task.radius + UNDER
 
     def _lift(self, seat: Array) -> tuple[Array, Array, float]:
         """Swing the forearm up, in an arc about where the elbow is to be, until it stands a little."""
         task = self._task
-        goal, turn = self._raised((0.93, 0.35), PITCH, DRAG)
+        goal, turn = self._raised((0.93, 0.35), PITCH - self._stout * FLATTER, DRAG)
         goal[1] = min(float(goal[1]), float(task.hook(self._share)[0][1]))
         pitch = math.asin(self._direction()[2])
-        is_up = task.state.wrist[2] > task.state.target[2] + CLEAR
-        is_high = pitch > PITCH - 0.1 or self._since > LONG
-        if is_up and (self._lands() < LANDS - CARRIED or is_high):
+        is_up = task.state.wrist[2] > task.state.target[2] + self._high * CLEAR
+        is_late = task.time_limit - task.state.time < LATE
+        if is_up and (self._lands() < LANDS - CARRIED or is_late):
             self.phase, self._pitch = "carry", pitch
-        if self._forearm[2] > math.sin(PITCH) - 0.02:
+        if self._forearm[2] > -0.12 and not is_up:
             self._rise += RISING * task.control_dt
         return goal, turn, SLOW
 
@@ -300,19 +314,18 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         state = self._task.state
         self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
         self._rise = -RISE  # the elbow may sink as it does
-        goal, _ = self._raised((1.0, 0.0), self._pitch, 0.0)
+        goal, turn = self._raised((1.0, 0.0), self._pitch, 0.0)
         goal[1] = seat[1] + state.gap[1] - self._inward
         if self._lands() > LANDS or state.wrist[2] - state.target[2] < LOW:
             self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
-        return goal, _turned(0.0), SLOW
+        return goal, turn, SLOW
 
     def _drop(self, seat: Array) -> tuple[Array, Array, float]:
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
-        floor = self._task.state.target[2] - self._task.radius + UNDER
-        self._out[2] = max(float(self._out[2]), float(floor))
-        if math.dist(seat, self._out) < NEAR:
+        self._out[2] = min(max(float(self._out[2]), self._floor()), float(seat[2]))
+        if seat[2] < self._out[2] + 0.5 * NEAR or self._since > 1.0:
             self._let_go(seat)
-        return self._out, _turned(0.0), FAST
+        return self._out, np.array(self._task.seat_pose().quaternion), LEAVING
 
     def _lands(self) -> float:
         """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
@@ -383,7 +396,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
         wished = limited(GAIN * (goal - seat.position), limit) * self._eagerness()
-        most = ACCELERATION * self._task.control_dt * (5.0 if self.phase == "leave" else 1.0)
+        most = ACCELERATION * self._task.control_dt * (5.0 if self.phase in ("drop", "leave") else 1.0)
         self._velocity = self._velocity + limited(wished - self._velocity, most)
         middle = np.array(seat.position)  # of the plate, about which it turns
         spin = turning(turn, seat.quaternion, TURN_GAIN)

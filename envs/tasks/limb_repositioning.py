@@ -40,7 +40,7 @@ STILL = 0.05  # [m/s] of the forearm that rests; our own choice
 HOLD_TIME = 0.5  # [s] that it rests before it counts; our own choice
 PROM_MARGIN = math.radians(5)  # beyond the passive range, joint stops being soft; our own choice
 TIME_LIMIT = 30.0  # [s]; our own choice
-CARRYING_FORCE = 60.0  # [N] from which `tool_delta` gives way, with an arm to lift; our own choice
+CARRYING_FORCE = 100.0  # [N] from which `tool_delta` gives way, with an arm to lift; our own choice
 PAD_FRICTION = 0.7  # times that of clothes, 0.6; our own choice
 
 # Where an episode starts, uniform; our own choices.
