@@ -41,10 +41,10 @@ STILL = 0.03  # [m/s] of the wrist of an arm that hangs still
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
 LIFT = 0.16  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
 FAR, NEAREST, DRAG, HIGHER_UP = 0.95, 0.7, 0.03, 0.05
-FLATTER = 0.6
+FLATTER, SLOWEST = 0.6, 1.2
 SOFT, EASY, HOVER, FULL, FIRST = 0.0015, 0.5, 0.04, 0.04, 0.85
 PITCH = 0.5
-SWINGS, CARRIED, LOW, LANDS, LATE = 0.5, 0.015, 0.02, 0.01, 11.0  # [rad] of the wrist above the elbow, when the arm is let go: the elbow swings back first
+SWINGS, CARRIED, LANDS, LATE = 0.5, 0.015, 0.01, 11.0  # [rad] of the wrist above the elbow, when the arm is let go: the elbow swings back first
 DROP = 0.08  # [m] that the plate goes down then
 PLACED = 0.015  # [m] ahead of where it belongs, where the elbow is waited for no longer
 WAIT, WAIT_OVER = 6.0, 1.0  # [s] that it is, beside the armrest and over it
@@ -316,16 +316,22 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._rise = -RISE  # the elbow may sink as it does
         goal, turn = self._raised((1.0, 0.0), self._pitch, 0.0)
         goal[1] = seat[1] + state.gap[1] - self._inward
-        if self._lands() > LANDS or state.wrist[2] - state.target[2] < LOW:
+        if self._lands() > LANDS or seat[2] < self._floor() + 0.5 * NEAR:
             self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
         return goal, turn, SLOW
 
     def _drop(self, seat: Array) -> tuple[Array, Array, float]:
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
-        self._out[2] = min(max(float(self._out[2]), self._floor()), float(seat[2]))
-        if seat[2] < self._out[2] + 0.5 * NEAR or self._since > 1.0:
+        low = max(float(self._out[2]), self._floor())
+        self._out[2] = min(low, float(seat[2]))
+        now = self._task.seat_pose()
+        is_down = seat[2] < self._out[2] + 0.5 * NEAR
+        tip = rotate(now.quaternion, (0.0, 0.0, 1.0))[2]
+        is_heavy = self._stout > 0.5  # to level the plate under a heavy arm presses it
+        if (is_down and (tip < 0.0 or is_heavy)) or self._since > SLOWEST:
             self._let_go(seat)
-        return self._out, np.array(self._task.seat_pose().quaternion), LEAVING
+        is_levelled = is_down and not is_heavy
+        return self._out, _turned(TIPPED) if is_levelled else np.array(now.quaternion), LEAVING
 
     def _lands(self) -> float:
         """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
