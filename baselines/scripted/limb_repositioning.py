@@ -31,7 +31,7 @@ from .tool_script import ToolScript, limited, turning
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
 FAST, SLOW = 0.2, 0.1  # [m/s] freely, and near or under the arm
 TIPPED = (
-    0.15  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
+    0.22  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
 )
 LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
 ACCELERATION = 0.8  # [m/s²]
@@ -41,7 +41,9 @@ STILL = 0.03  # [m/s] of the wrist of an arm that hangs still
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
 LIFT = 0.16  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
 FAR, NEAREST, DRAG, HIGHER_UP = 0.95, 0.7, 0.03, 0.05
-FLATTER, SLOWEST = 0.6, 1.2
+FINGERS = ("index", "middle", "ring", "pinky", "thumb")
+HAND = ("left_wrist", *(f"left_{name}{k}" for name in FINGERS for k in (1, 2, 3)))
+FLATTER, SLOWEST, AHEAD_FIRST = 0.6, 1.2, 0.03
 SOFT, EASY, HOVER, FULL, FIRST = 0.0015, 0.5, 0.04, 0.04, 0.85
 PITCH = 0.5
 SWINGS, CARRIED, LANDS, LATE = 0.5, 0.015, 0.01, 11.0  # [rad] of the wrist above the elbow, when the arm is let go: the elbow swings back first
@@ -52,8 +54,8 @@ RISING = 0.015  # [m/s] of the forearm, if it hangs too low then
 FREE = 0.03  # [m] of the elbow before the armrest's rear end, when the forearm is free of it
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
 HOLDING = ("free", "slide", "lift", "carry")
-PHASES = ("approach", "reach", *HOLDING, "lower", "drop", "leave", "above", "press", "back")
-PRESSING = (*HOLDING, "lower", "press", "back")
+PHASES = ("approach", "reach", *HOLDING, "lower", "drop", "leave", "back")
+PRESSING = (*HOLDING, "lower", "back")
 LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
 # Where the forearm points when it is up: while the elbow is behind the armrest, and beside it.
 OUTWARD = np.array((0.58, 0.8, 0.1))
@@ -70,10 +72,6 @@ STOUT = (0.036, 0.042)
 TIP_UP, ROOM_UNDER, LESS = 0.2, 0.005, 0.55
 PRESSED, HASTE = 0.6, 0.5  # of the force limit, and [s], from which it is let go as it is
 AWAY = 0.2  # [m] that the plate is drawn out
-# [m] of the plate over the forearm, and of its tip beyond the upper arm, as it pushes the arm back; how far it
-# aims into it; and how far aside an arm may lie that is pushed.
-OVER_IT, BEYOND, PRESSED_IN, TO_SIDE = 0.04, 0.02, 0.08, 0.06
-HOOKED = 0.4  # [rad]
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
 SPIN = 0.8  # [rad/s] of the plate at the arm
@@ -98,7 +96,7 @@ CAUGHT = (
     2.0  # [s] on its way over, after which a hand may be caught at the armrest: it is lifted more
 )
 # [s].
-PATIENCE = dict(free=8.0, slide=4.0, lift=16.0, carry=6.0, lower=2.5, press=3.0)
+PATIENCE = dict(reach=4.0, free=8.0, slide=4.0, lift=16.0, carry=6.0, lower=2.5)
 FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
 HIGHER = 0.015  # [m] that a new try raises the elbow more
 LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
@@ -164,9 +162,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             self.phase = "lower"
         elif self.phase == "lower":
             self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
-        elif self.phase == "press":
+        elif self.phase == "reach":
             self._let_go(seat)
-            self._out[0] += 2 * NEAR
         else:
             self.phase, self._tries = "back", self._tries + 1
             self._turn = np.array(self._task.seat_pose().quaternion)
@@ -263,8 +260,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._turn_to(np.array((*way, math.tan(pitch))))
         length = math.dist(task.state.wrist, task.state.elbow)
         elbow, low = task.state.elbow.copy(), task.state.target[2] + self._rise
-        elbow[2] = min(max(float(elbow[2]), low), low + HIGHER_UP)
-        back = min(max(self._ahead_by() / FULL, -1.0), 1.0)
+        if self.phase == "lift":
+            elbow[2] = min(max(float(elbow[2]), low), low + HIGHER_UP)
+        back = min(max((self._ahead_by() - AHEAD_FIRST) / FULL, -1.0), 1.0)
         share = self._share - back * drag * task.control_dt
         self._share = min(max(share, NEAREST), FAR)
         place, turn = task.cradle.under(
@@ -274,6 +272,22 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         place[2] -= SOFT * max(task.state.force - EASY * task.force_limit, 0.0)
         place[2] = max(float(place[2]), hovering)
         return place, turn
+
+    def _hand_over_pad(self) -> float:
+        """Return how high the hand is over the armrest that it would be caught at [m]."""
+        task, person = self._task, self._task.recipient
+        pad = task.chair.frame_in_world("armrest_left").position
+        least = math.inf
+        for joint in HAND:
+            frame = person.joint_pose(joint).matrix()
+            for shape in person.segments[joint].shapes:
+                turn = np.abs(frame[:3, :3] @ shape.rotation)
+                is_box = shape.kind == "box"
+                half = 0.5 * turn @ shape.size if is_box else 0.5 * shape.size[0] * turn[:, 2]
+                x, _, z = frame[:3, :3] @ shape.centre + frame[:3, 3] - half
+                if x < pad[0] + 0.5 * task.chair.armrest_size[0]:
+                    least = min(least, float(z) - pad[2] - (0.0 if is_box else shape.size[-1]))
+        return least
 
     def _floor(self) -> float:
         """Return how low the plate goes over the pad [m]."""
@@ -287,6 +301,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         pitch = math.asin(self._direction()[2])
         is_up = task.state.wrist[2] > task.state.target[2] + self._high * CLEAR
         is_late = task.time_limit - task.state.time < LATE
+        is_up &= self._hand_over_pad() > ROOM
         if is_up and (self._lands() < LANDS - CARRIED or is_late):
             self.phase, self._pitch = "carry", pitch
         if self._forearm[2] > -0.12 and not is_up:
@@ -313,7 +328,6 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Lower it, until the elbow will swing back to its place when the plate is gone."""
         state = self._task.state
         self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
-        self._rise = -RISE  # the elbow may sink as it does
         goal, turn = self._raised((1.0, 0.0), self._pitch, 0.0)
         goal[1] = seat[1] + state.gap[1] - self._inward
         if self._lands() > LANDS or seat[2] < self._floor() + 0.5 * NEAR:
@@ -328,7 +342,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         is_down = seat[2] < self._out[2] + 0.5 * NEAR
         tip = rotate(now.quaternion, (0.0, 0.0, 1.0))[2]
         is_heavy = self._stout > 0.5  # to level the plate under a heavy arm presses it
-        if (is_down and (tip < 0.0 or is_heavy)) or self._since > SLOWEST:
+        if (is_down and (tip < -0.05 or is_heavy)) or self._since > SLOWEST:
             self._let_go(seat)
         is_levelled = is_down and not is_heavy
         return self._out, _turned(TIPPED) if is_levelled else np.array(now.quaternion), LEAVING
@@ -350,49 +364,10 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         is_still = math.dist(wrist, self._wrist) < SLOWLY * self._task.control_dt
         self._wrist = wrist
         state = self._task.state
-        if self._since > FREED and is_still and state.rested == 0.0 and self._is_ahead():
-            self.phase = "above"
-        elif self._since > FREED and is_still and state.rested == 0.0 and not self._is_out_of_reach():
+        is_over = self._since > FREED and is_still and state.rested == 0.0
+        if is_over and not self._is_out_of_reach():
             self.phase, self._tries = "approach", self._tries + 1
         return self._out, self._flat, LEAVING
-
-    def _is_ahead(self) -> bool:
-        """Return whether an arm that lies on the pad, or over it, lies too far ahead."""
-        state = self._task.state
-        lies = state.wrist[2] - state.target[2] < HIGH and abs(float(state.gap[1])) < TO_SIDE
-        return bool(lies and -state.gap[0] > NEAR)
-
-    def _crook(self) -> tuple[Array, Array]:
-        """Return where the plate, level over the forearm, hooks the upper arm from ahead, and its turn."""
-        task, cradle = self._task, self._task.cradle.model
-        shoulder = np.array(task.recipient.joint_pose("left_shoulder").position)
-        up = shoulder - task.state.elbow
-        radius = task.recipient.segments["left_shoulder"].shapes[0].size[1]
-        place = task.state.elbow + (task.radius + OVER_IT) / up[2] * up
-        out = radius + 0.5 * cradle.figure("plate_width")
-        aside = 0.5 * cradle.figure("plate_length") - BEYOND
-        cos, sin = math.cos(HOOKED), math.sin(HOOKED)
-        place += (cos * out + sin * aside, cos * aside - sin * out, 0.0)
-        return place, np.array(multiply(quaternion_from_rpy(0.0, 0.0, -HOOKED), _turned(0.0)))
-
-    def _above(self, seat: Array) -> tuple[Array, Array, float]:
-        """Bring the plate over the forearm, round it, ahead of the upper arm."""
-        place, turn = self._crook()
-        goal = place + (NEAR, 0.0, 0.0)
-        if math.dist(seat, goal) < NEAR:
-            self.phase = "press"
-        if math.hypot(seat[0] - goal[0], seat[2] - goal[2]) > NEAR:
-            goal[1] = max(float(seat[1]), self._task.state.target[1] + ASIDE)
-        return goal, turn, FAST
-
-    def _press(self, seat: Array) -> tuple[Array, Array, float]:
-        """Draw the upper arm, and the forearm with it, back to where it belongs."""
-        place, turn = self._crook()
-        if self._task.state.gap[0] > -CENTRED:
-            self._let_go(seat)
-            self._out[0] += 2 * NEAR
-        into = PRESSED_IN * np.array((math.cos(HOOKED), -math.sin(HOOKED), 0.0))
-        return place - into + (0.0, 0.0, 2.0 * (place[2] - seat[2])), turn, FAST
 
     def _is_out_of_reach(self) -> bool:
         """Return whether the cradle cannot fetch the arm: it lies inside of the armrest, or on the pad."""
