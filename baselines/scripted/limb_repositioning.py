@@ -1,9 +1,10 @@
 """A hand-written robot that lays an arm on the armrest with a cradle.
 
-It goes behind the forearm from outside, lifts it in an arc about the elbow, waits until the elbow, which
-gives way slowly, is back where it belongs, carries the forearm over the armrest, lowers it and draws the
-plate out from under it. It yields where it presses, brings the forearm to its place by where it sees it, and
-begins anew, otherwise, if the arm is stuck or does not stay.
+It goes behind the forearm from outside and lifts it in an arc about the elbow, which gives way slowly and is
+pushed ahead by it. The plate slides along the forearm, so that friction brings the elbow back, until the arm,
+let go, would swing to its place; then it carries the forearm over the armrest, goes down faster than the arm
+sinks, and is drawn out from under it. It yields where it presses, and begins anew, otherwise, if the arm is
+stuck or does not stay.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rcare_marl.envs.devices import HOOK_SHARE, HOOK_SHARE_HANGING
+from rcare_marl.envs.devices import HOOK_SHARE_HANGING
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
 from rcare_marl.pose import (
@@ -30,76 +31,70 @@ from .tool_script import ToolScript, limited, turning
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
 FAST, SLOW = 0.2, 0.1  # [m/s] freely, and near or under the arm
+LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
+ACCELERATION = 0.8  # [m/s²]
 TIPPED = (
     0.22  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
 )
-LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
-ACCELERATION = 0.8  # [m/s²]
+LEVEL = 0.05  # of the tip below the root, as a sine, from where it leaves
 NEAR = 0.02  # [m] from a place that counts as reached
-SLOWLY = 0.005  # [m/s] likewise of one that does not sink any more
-STILL = 0.03  # [m/s] of the wrist of an arm that hangs still
+STILL, SLOWLY = 0.03, 0.005  # [m/s] of the wrist of an arm that hangs still, and that sinks no more
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
 LIFT = 0.16  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
-FAR, NEAREST, DRAG, HIGHER_UP = 0.95, 0.7, 0.03, 0.05
-FINGERS = ("index", "middle", "ring", "pinky", "thumb")
-HAND = ("left_wrist", *(f"left_{name}{k}" for name in FINGERS for k in (1, 2, 3)))
-FLATTER, SLOWEST, AHEAD_FIRST = 0.6, 1.2, 0.03
-SOFT, EASY, HOVER, FULL, FIRST = 0.0015, 0.5, 0.04, 0.04, 0.85
-PITCH = 0.5
-SWINGS, CARRIED, LANDS, LATE = 0.5, 0.015, 0.01, 11.0  # [rad] of the wrist above the elbow, when the arm is let go: the elbow swings back first
-DROP = 0.08  # [m] that the plate goes down then
-PLACED = 0.015  # [m] ahead of where it belongs, where the elbow is waited for no longer
-WAIT, WAIT_OVER = 6.0, 1.0  # [s] that it is, beside the armrest and over it
-RISING = 0.015  # [m/s] of the forearm, if it hangs too low then
 FREE = 0.03  # [m] of the elbow before the armrest's rear end, when the forearm is free of it
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
 HOLDING = ("free", "slide", "lift", "carry")
 PHASES = ("approach", "reach", *HOLDING, "lower", "drop", "leave", "back")
 PRESSING = (*HOLDING, "lower", "back")
 LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
-# Where the forearm points when it is up: while the elbow is behind the armrest, and beside it.
-OUTWARD = np.array((0.58, 0.8, 0.1))
-RAISED = 0.2  # [rad] of the wrist above the elbow, so that a drooping hand clears the armrest
-SETTLING = np.array((0.01, 0.0, 0.0))  # [m] that the forearm goes back when it is let go
+# Where the forearm points: while the elbow is behind the armrest, beside it, and over it.
+OUTWARD, BESIDE, ALONG = (0.58, 0.8, 0.1), (0.93, 0.35), (1.0, 0.0)
+# Where along the forearm the plate holds it, from elbow to wrist: nearest and farthest, and first. It slides
+# towards the elbow by DRAG a second, or less: all of it where the elbow is FULL [m] farther ahead than KEPT
+# [m], and as much towards the wrist where it is as much farther back. Friction takes the arm along.
+NEAREST, FARTHEST, FIRST = 0.7, 0.95, 0.85
+DRAG, KEPT, FULL = 0.03, 0.03, 0.04
+PITCH = 0.5  # [rad] of the wrist above the elbow, to which it is lifted at most
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
+RISING = 0.015  # [m/s] more, while a level forearm is too low
+HIGHER_UP = 0.05  # [m] that the plate follows an elbow that comes up by itself
 CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest
+ROOM = 0.01  # [m] between plate, or hand, and armrest
+# What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
+# It is let go where it so comes to lie up to LANDS ahead of its place, and carried from CARRIED before [m];
+# or LATE [s] before the end.
+SWINGS, LANDS, CARRIED, LATE = 0.5, 0.01, 0.015, 11.0
 SINK = 0.4  # [rad/s] of the forearm on its way down
-UNDER = 0.012  # [m] of plate and room between pad and forearm, when it is let go
+DROP, DROPPING = (
+    0.08,
+    1.2,
+)  # [m] that the plate goes down to let go, faster than an arm sinks; [s] at most
+UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
+EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
+YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
 # [m] of the radius of a forearm, from where its owner is ever stouter, and where most. Their belly is beside
-# the pad and their arm is heavy: the plate's tip is higher until it leaves, by TIP_UP [rad], the plate is
-# higher by ROOM_UNDER [m], the arm is lifted less high, by the share LESS, and not aimed inward.
+# the pad and their arm is heavy: it is lifted less high, by the share LESS, and less steeply, by FLATTER
+# [rad], as a forearm that lies flat on the plate presses it most; the plate is not levelled under it.
 STOUT = (0.036, 0.042)
-TIP_UP, ROOM_UNDER, LESS = 0.2, 0.005, 0.55
-PRESSED, HASTE = 0.6, 0.5  # of the force limit, and [s], from which it is let go as it is
+LESS, FLATTER = 0.55, 0.6
+INWARD = (
+    0.012  # [m] that the forearm is laid nearer to the chair's middle: the plate takes it along
+)
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
-YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
 SPIN = 0.8  # [rad/s] of the plate at the arm
 ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
-ROOM = 0.01  # [m] between plate and armrest
-AIM = 2.0  # [1/s] with which the plate goes where the forearm's middle is lacking
-FARTHEST = (0.1, 0.05)  # [m] that it does so along and across the pad
-# [m] that the forearm lies more to the middle of the chair, at first and at most, because the
-# plate takes it along as it is drawn out.
-INWARD = (0.012, 0.04)
-HELD = 0.7  # of the forearm, nearer to the elbow than which the plate does not slide
-HIGH = 0.05  # [m] of the wrist over its place at most, on its way
-AHEAD = 0.04  # [m] that the forearm may lie too far ahead or back
 LYING = 0.08  # [m] from its place, from where an arm on the pad creeps there by itself, or stays
-CENTRED = 0.01  # [m] from there, where it may be
-# [m] from its place, from where it is carried more slowly: it swings inwards by itself.
-BRAKING = 0.04
+LEAN = 4.0  # [N] on the pad, of an arm that lies there
+CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
-SINKING, SUNK = 0.02, 0.008  # [m/s] on the pad until it carries the forearm, [m] at most
-LEAN = 4.0  # [N] on the pad, with which it does
-CAUGHT = (
-    2.0  # [s] on its way over, after which a hand may be caught at the armrest: it is lifted more
-)
-# [s].
+# [s]. An arm over the pad is not reached: it is left alone, as a push may have laid it.
 PATIENCE = dict(reach=4.0, free=8.0, slide=4.0, lift=16.0, carry=6.0, lower=2.5)
 FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
 HIGHER = 0.015  # [m] that a new try raises the elbow more
 LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
+FINGERS = ("index", "middle", "ring", "pinky", "thumb")
+HAND = ("left_wrist", *(f"left_{name}{k}" for name in FINGERS for k in (1, 2, 3)))
 
 
 @register_policy("limb_repositioning", "robot", "scripted")
@@ -115,9 +110,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         lean, fat = STOUT
         self._stout = min(max((self._task.radius - lean) / (fat - lean), 0.0), 1.0)
         self._high = 1.0 - LESS * self._stout  # how high it lifts
-        self._tries, self._shift, self._inward = 0, np.zeros(3), (1.0 - self._stout) * INWARD[0]
+        self._tries, self._rise, self._share = 0, 0.0, FIRST
         self._since, self._was = 0.0, self.phase  # [s] in which phase
-        self._waited, self._rise = 0.0, 0.0
         self._forearm, self._pitch, self._out = np.zeros(3), 0.0, np.zeros(3)
 
     def act(self) -> Array:
@@ -132,12 +126,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return self._towards(seat, goal, turn, limit)
 
     def memory(self) -> tuple[Sequence[object], Array]:
-        leaves = self.phase in ("leave", "back")
+        leaves = self.phase in ("drop", "leave", "back")
         out = self._out - self._task.state.plate if leaves else np.zeros(3)
-        rest = (*self._velocity / FAST, *self._shift / FARTHEST[0], *self._forearm, *out / LOWERED)
-        since, inward = self._since / PATIENCE["free"], self._inward / INWARD[1]
-        waited, rise = self._waited / WAIT, self._rise / (2 * CLEAR)
-        values = (*rest, self._pitch / RAISED, inward, since, self._tries / 5, waited, rise)
+        rest = (*self._velocity / FAST, *self._forearm, *out / LOWERED)
+        since, rise = self._since / PATIENCE["free"], self._rise / (2 * CLEAR)
+        values = (*rest, self._pitch / PITCH, since, self._tries / 5, rise, self._share)
         return [self.phase == name for name in PHASES], np.clip(values, -1.0, 1.0)
 
     def _outside(self, seat: Pose, goal: Array, turn: Array) -> Array:
@@ -172,7 +165,6 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _let_go(self, seat: Array) -> None:
         half = 0.5 * self._task.cradle.model.figure("plate_length")
         self.phase, self._flat = "leave", _turned(TIPPED)
-        self._drawn = float(self._task.state.gap[1])
         self._out = seat + (0.0, AWAY, half * math.sin(TIPPED))
 
     def _back(self, seat: Array) -> tuple[Array, Array, float]:
@@ -240,7 +232,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         pad = task.chair.frame_in_world("armrest_left").position[0]
         if task.state.elbow[0] > pad - 0.5 * task.chair.armrest_size[0] + FREE:
             self.phase = "slide"
-        return self._ahead(HOOK_SHARE_HANGING, OUTWARD)
+        return self._ahead(HOOK_SHARE_HANGING, np.array(OUTWARD))
 
     def _slide(self, seat: Array) -> tuple[Array, Array, float]:
         """Slide the plate towards the wrist."""
@@ -248,13 +240,14 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal = place + PRESS * rotate(turn, (1.0, 0.0, 0.0))
         if abs(float((goal - seat) @ self._direction())) < NEAR:
             self.phase, self._forearm, self._share = "lift", self._direction(), FIRST
-            self._waited, self._rise = 0.0, self._high * RISE + HIGHER * self._tries
+            self._rise = self._high * RISE + HIGHER * self._tries
         return goal, turn, SLOW
 
-    def _raised(self, way: Array, pitch: float, drag: float) -> tuple[Array, Array]:
-        """Return where the plate holds a forearm that points a way and is raised, and its turn.
+    def _raised(self, way: Sequence[float], pitch: float, drag: float) -> tuple[Array, Array]:
+        """Return where the plate holds a forearm that points a way, raised by `pitch` [rad], and its turn.
 
-        The plate slides towards the elbow, `drag` of the forearm a second: friction takes the arm back.
+        The plate slides along it, by `drag` of its length a second at most, so that friction takes the elbow
+        to where it is wished; and it gives way to what weighs on it.
         """
         task = self._task
         self._turn_to(np.array((*way, math.tan(pitch))))
@@ -262,9 +255,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         elbow, low = task.state.elbow.copy(), task.state.target[2] + self._rise
         if self.phase == "lift":
             elbow[2] = min(max(float(elbow[2]), low), low + HIGHER_UP)
-        back = min(max((self._ahead_by() - AHEAD_FIRST) / FULL, -1.0), 1.0)
+        back = min(max((self._ahead_by() - KEPT) / FULL, -1.0), 1.0)
         share = self._share - back * drag * task.control_dt
-        self._share = min(max(share, NEAREST), FAR)
+        self._share = min(max(share, NEAREST), FARTHEST)
         place, turn = task.cradle.under(
             elbow, elbow + length * self._forearm, task.radius, self._share
         )
@@ -294,16 +287,15 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return float(self._task.state.target[2]) - self._task.radius + UNDER
 
     def _lift(self, seat: Array) -> tuple[Array, Array, float]:
-        """Swing the forearm up, in an arc about where the elbow is to be, until it stands a little."""
+        """Swing the forearm up, and steeper, until the elbow is where it swings back from to its place."""
         task = self._task
-        goal, turn = self._raised((0.93, 0.35), PITCH - self._stout * FLATTER, DRAG)
+        goal, turn = self._raised(BESIDE, PITCH - self._stout * FLATTER, DRAG)
         goal[1] = min(float(goal[1]), float(task.hook(self._share)[0][1]))
-        pitch = math.asin(self._direction()[2])
         is_up = task.state.wrist[2] > task.state.target[2] + self._high * CLEAR
+        is_up = is_up and self._hand_over_pad() > ROOM
         is_late = task.time_limit - task.state.time < LATE
-        is_up &= self._hand_over_pad() > ROOM
         if is_up and (self._lands() < LANDS - CARRIED or is_late):
-            self.phase, self._pitch = "carry", pitch
+            self.phase, self._pitch = "carry", math.asin(self._direction()[2])
         if self._forearm[2] > -0.12 and not is_up:
             self._rise += RISING * task.control_dt
         return goal, turn, SLOW
@@ -317,7 +309,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _carry(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring the raised forearm over the armrest."""
-        goal, turn = self._raised((1.0, 0.0), self._pitch, 0.0)
+        goal, turn = self._raised(ALONG, self._pitch, 0.0)
         missed = float(self._task.state.gap[1])
         goal[1] = seat[1] + missed
         if missed > -CENTRED:
@@ -328,8 +320,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Lower it, until the elbow will swing back to its place when the plate is gone."""
         state = self._task.state
         self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
-        goal, turn = self._raised((1.0, 0.0), self._pitch, 0.0)
-        goal[1] = seat[1] + state.gap[1] - self._inward
+        goal, turn = self._raised(ALONG, self._pitch, 0.0)
+        goal[1] = seat[1] + state.gap[1] - (1.0 - self._stout) * INWARD
         if self._lands() > LANDS or seat[2] < self._floor() + 0.5 * NEAR:
             self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
         return goal, turn, SLOW
@@ -342,7 +334,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         is_down = seat[2] < self._out[2] + 0.5 * NEAR
         tip = rotate(now.quaternion, (0.0, 0.0, 1.0))[2]
         is_heavy = self._stout > 0.5  # to level the plate under a heavy arm presses it
-        if (is_down and (tip < -0.05 or is_heavy)) or self._since > SLOWEST:
+        if (is_down and (tip < -LEVEL or is_heavy)) or self._since > DROPPING:
             self._let_go(seat)
         is_levelled = is_down and not is_heavy
         return self._out, _turned(TIPPED) if is_levelled else np.array(now.quaternion), LEAVING
@@ -377,7 +369,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
         wished = limited(GAIN * (goal - seat.position), limit) * self._eagerness()
-        most = ACCELERATION * self._task.control_dt * (5.0 if self.phase in ("drop", "leave") else 1.0)
+        most = (
+            ACCELERATION * self._task.control_dt * (5.0 if self.phase in ("drop", "leave") else 1.0)
+        )
         self._velocity = self._velocity + limited(wished - self._velocity, most)
         middle = np.array(seat.position)  # of the plate, about which it turns
         spin = turning(turn, seat.quaternion, TURN_GAIN)
