@@ -10,6 +10,7 @@ import pytest
 from episode import play
 
 import rcare_marl
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.devices import ArmCradle
 from rcare_marl.envs.tasks import limb_repositioning as module
@@ -93,6 +94,20 @@ def test_nothing_touches_the_person_at_the_start(still: CareEnv) -> None:
         assert min(task_of(still)._gaps()) >= module.LET_GO
 
 
+@pytest.mark.parametrize("person", ["jose", "kim"])  # elbows of both began inside the armrest
+def test_the_arm_swings_out_of_the_chair_and_neither_into_nor_over_it(person: str) -> None:
+    policies = {"robot": "still", "recipient": "still"}
+    with rcare_marl.make("limb_repositioning", recipient=person, policies=policies) as env:
+        task = task_of(env)
+        arm, chair = task.recipient.body, task.chair.body
+        links = arm.carried_by(task.recipient.frames[JOINT_INDEX["left_shoulder"]].link)
+        gap = env.world.separation
+        for seed in (*range(12), 9800):
+            env.reset(seed=seed)
+            assert min(gap(arm, chair, within=0.1, links=(k, -1)) for k in links) > -0.001
+            assert task.state.wrist[2] < task.chair.frame_in_world("armrest_left").position[2]
+
+
 def test_random_actions_stay_finite() -> None:
     env = rcare_marl.make("limb_repositioning", options={"force_limit": 1e6})
     env.reset(seed=0)
@@ -113,6 +128,16 @@ def test_pressing_too_hard_fails_and_is_charged_to_the_end() -> None:
     terms = task.rewards("robot", task.state)
     assert terms["failed"] < 10 * terms["distance"] < 0
     env.close()
+
+
+def test_an_arm_that_weighs_more_than_may_press_is_infeasible_and_told_with_the_reason() -> None:
+    policies = {"robot": "still", "recipient": "still"}
+    options = {"force_limit": 25.0}  # Jose's arm weighs 31 N
+    with rcare_marl.make("limb_repositioning", options=options, policies=policies) as env:
+        assert not env.task.feasible.holds and "31 N" in env.task.feasible.reason
+    with rcare_marl.make("limb_repositioning", policies={"recipient": "still"}) as env:
+        assert env.task.feasible.holds
+        assert env.reset(seed=0)[1]["robot"]["feasible"] == 1.0
 
 
 def test_an_arm_that_is_held_by_furniture_is_refused() -> None:

@@ -18,10 +18,11 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, Vector, rotate
 from rcare_marl.rendering.camera import Camera
-from rcare_marl.world import World
+from rcare_marl.world import GRAVITY, World
 
 from ..care_env import CareEnv
 from ..devices import ArmCradle, Wheelchair, chair_for
+from ..feasibility import FEASIBLE, Feasibility
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..scenes.start_posture import start_best
@@ -40,7 +41,7 @@ STILL = 0.05  # [m/s] of the forearm that rests; our own choice
 HOLD_TIME = 0.5  # [s] that it rests before it counts; our own choice
 PROM_MARGIN = math.radians(5)  # beyond the passive range, joint stops being soft; our own choice
 TIME_LIMIT = 30.0  # [s]; our own choice
-CARRYING_FORCE = 60.0  # [N] from which `tool_delta` gives way, with an arm to lift; our own choice
+CARRYING_FORCE = 100.0  # [N] from which `tool_delta` gives way, with an arm to lift; our own choice
 PAD_FRICTION = 0.7  # times that of clothes, 0.6; our own choice
 
 # Where an episode starts, uniform; our own choices.
@@ -52,6 +53,10 @@ SWING = {  # of the arm out of where it hangs, forward and outward
     "left_shoulder_flexion": math.radians(15),
     "left_elbow_flexion": math.radians(25),
 }
+OUTWARDS, ASIDE = (
+    "left_shoulder_abduction",
+    math.radians(1),
+)  # where an arm goes that meets the chair
 BESIDE = "wheelchair_beside"  # where robots stand that do not reach the arm from the chair
 # [m] along and across from the pad's middle, where it is tried to lie; a hand at the thigh pushes outward.
 LAID = tuple(itertools.product((0.0, -0.03, -0.06, -0.09, -0.12), (0.0, -0.015)))
@@ -149,8 +154,9 @@ class LimbRepositioning(Task):
         arm = person.body.carried_by(person.frames[JOINT_INDEX["left_shoulder"]].link)
         world.set_collision(person.body, self.chair.body, True, links_a=arm)
         self._forearm = person.frames[JOINT_INDEX["left_elbow"]].link
-        self._lower_arm = person.body.carried_by(self._forearm)
+        self._arm, self._lower_arm = arm, person.body.carried_by(self._forearm)
         self.radius = person.segments["left_elbow"].shapes[0].size[1]
+        self.feasible = self._can_bear()
         self._let_hang()
         self.cradle = ArmCradle()
         self._cradle_body = self.cradle.spawn(world, Pose((0.0, 0.0, -10.0)))
@@ -163,6 +169,18 @@ class LimbRepositioning(Task):
         self._movers = [self._cradle_body, *robots]
         if min(self._gaps()) < LET_GO:
             raise ConfigError("the cradle touches the recipient before the episode begins")
+
+    def _can_bear(self) -> Feasibility:
+        """Return whether the cradle may bear the whole arm, as it does where shoulder and elbow are slack."""
+        parts = (self.recipient.segments[f"left_{name}"] for name in ("shoulder", "elbow", "wrist"))
+        weight, limit = GRAVITY * sum(part.mass for part in parts), self.options.force_limit
+        if weight < limit:
+            return FEASIBLE
+        return Feasibility(
+            False,
+            f"the arm weighs {weight:.0f} N and may rest on the cradle with all of it, which may press "
+            f"with {limit:.0f} N at most",
+        )
 
     def _let_hang(self) -> None:
         """Find once where the arm comes to rest: laid on the armrest by hand, and hanging beside it."""
@@ -216,17 +234,35 @@ class LimbRepositioning(Task):
         swing = {dof: rng.uniform(0.0, most) for dof, most in SWING.items()}
         offset, shift = rng.uniform(-1, 1, 3) * START_SPREAD, rng.uniform(-1, 1, 2) * TARGET_SPREAD
         self._target = self._place + (shift[0], shift[1], 0.0)
-        for part in (1.0, 0.5, 0.0):  # less where the robot cannot reach, or the arm swings into it
+        pad = self.chair.frame_in_world("armrest_left").position[2]
+        # Less where the robot cannot reach, or the arm swings into it, or over the pad and falls there.
+        for part in (1.0, 0.5, 0.0):
             self.recipient.set_angles(self._hanging)
             self._see_arm()
             tool = self._start_pose(part * offset)
             found = self.robot.solve_ik(tool, seed=self.robot.arm.rest) if part else self._unshifted
-            self.recipient.set_angles({d: self._hanging[d] + part * a for d, a in swing.items()})
+            self._swing({dof: part * angle for dof, angle in swing.items()})
             self.robot.set_posture(found.posture)
             self._cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
-            if found.is_within(0.01, 0.1) and min(self._gaps()) >= LET_GO:
+            self._see_arm()
+            is_clear = self._gap_to_chair() >= 0.0 and min(self._gaps()) >= LET_GO
+            if is_clear and self._wrist[2] < pad and found.is_within(0.01, 0.1):
                 break
-        self._see_arm()
+
+    def _swing(self, swing: Mapping[str, float]) -> None:
+        """Swing the arm out of where it hangs [rad], and farther outwards until it is out of the chair."""
+        person = self.recipient
+        angles = {dof: self._hanging[dof] + angle for dof, angle in swing.items()}
+        most = person.passive[person.movable.index(OUTWARDS), 1]
+        person.set_angles(angles)
+        while any(swing.values()) and self._gap_to_chair() < 0.0 and angles[OUTWARDS] < most:
+            angles[OUTWARDS] += ASIDE
+            person.set_angles(angles)
+
+    def _gap_to_chair(self) -> float:
+        """Return how far the arm is from the chair [m], no farther than it matters."""
+        person, chair, gap = self.recipient.body, self.chair.body, self.world.separation
+        return min(gap(person, chair, within=LET_GO, links=(link, -1)) for link in self._arm)
 
     def read(self, now: State, before: LimbRepositioningState | None) -> LimbRepositioningState:
         person = self.recipient
