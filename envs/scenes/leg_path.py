@@ -20,7 +20,7 @@ TOES = 0.09  # [m] that toes reach beyond the ball of the foot
 KNEE = 0.06  # [m] before and behind the knee where the front turns from shank to thigh
 # How it is lifted. Hip flexion beside that at rest, and knee flexion: straight enough
 # that the knee does not buckle, the thigh hardly off the seat.
-LIFT = ((math.radians(-8), math.radians(35)), (math.radians(-10), math.radians(6)))
+LIFT = ((math.radians(-5), math.radians(35)), (math.radians(-7), math.radians(6)))
 LIFT_SPREAD = (math.radians(1), math.radians(3))  # of both, uniform, each way
 FOOT_HOLD = 0.07  # [m] from the ankle to the toes, where it is grasped
 

@@ -18,7 +18,7 @@ from rcare_marl.agents.people.motion.gait import LEGS
 from rcare_marl.agents.robots.gripper import RELEASE
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, about_z
+from rcare_marl.pose import Array, Pose, about_z, rotate
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
@@ -43,6 +43,7 @@ LOWERED = 0.08  # [m] from where the foot stood, where it stands again; own choi
 # foot and to the outside of it, and how far she walks up [m].
 BESIDE, STAND, ASIDE, WALK = 0.065, 0.45, 0.03, 0.46
 PLATE_FRICTION = 2.0  # of ribbed rubber: 1.2 together with a shoe's 0.6
+CALF = 0.02  # [m] from the seat to the calf, of a seat that is cut for somebody short; own choice
 ARMREST = 0.2  # [m], desk length: clothes pass beside
 STAND_STEPS, SETTLE_STEPS = 240, 720  # physics steps in which leg and shorts come to rest, once
 HELPER = 0.08  # [m] before the foot, where the room of the caregiver begins; own choice
@@ -136,7 +137,9 @@ class Dressing(Task):
         mount = self.robot.mount_named(f"wheelchair_{self.side}")
         self.chair = chair_for(mount, self.side)
         self.chair.fit_armrests(ARMREST)
-        soles = self.recipient.soles(self.chair.frame("seat_back"))
+        back, plate = self.chair.frame("seat_back"), self.chair.frame(f"footplate_{self.side}")
+        self.chair.fit_seat(self.recipient.calf_back(back) - CALF)
+        soles = self.recipient.soles(back, rotate(plate.quaternion, (0.0, 0.0, 1.0)))
         self.chair.fit_footplates(soles["left"], soles["right"])
         self.chair.spawn(world).set_friction([-1], lateral=PLATE_FRICTION)
         x, y, _ = soles[self.side].tolist()
