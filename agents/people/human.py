@@ -23,7 +23,7 @@ from .actuation.drive import ActuationConfig, make_drive
 from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf
 from .body.end_stops import EndStops
 from .body.person_tree import person_tree
-from .body.posture import PostureConfig, calf_back, lay_arm, pelvis_pose, soles
+from .body.posture import PostureConfig, calf_back, lay_arm, levelled, pelvis_pose, soles
 from .body.segment import nearest, shape_row
 from .body.self_contact import clear_arms, meeting_links
 from .body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, SIDES
@@ -166,6 +166,10 @@ class Human(Agent):
     def calf_back(self, pose: Pose) -> float:
         """Return how far ahead the backs of the calves are [m], for the posture on the support at `pose`."""
         return calf_back(*self._seated(pose))
+
+    def hold_level(self, pose: Pose, dof: str, limb: tuple[str, str]) -> None:
+        """Turn a DoF of the posture so that a limb is level, see `body.posture.levelled`; before `spawn`."""
+        self.posture = levelled(*self._seated(pose), dof, limb)
 
     def _seated(
         self, pose: Pose

@@ -113,7 +113,9 @@ class PhyrcDressing(Challenge):
         fits = "left_shoulder" not in posture.carried and posture.recline_deg <= 45
         self.need(posture, fits, "sit and hold the left arm out")
         self.chair = Wheelchair(mounts="none")
-        soles = self.recipient.soles(self.chair.frame("seat_back"))
+        back = self.chair.frame("seat_back")
+        self.recipient.hold_level(back, "left_shoulder_flexion", ("left_elbow", "left_wrist"))
+        soles = self.recipient.soles(back)
         self.chair.fit_footplates(soles["left"], soles["right"])
         self.chair.spawn(world)
         self.recipient.use_arm_rests(None, self.chair.frame_in_world("armrest_right"))

@@ -28,6 +28,8 @@ from .skin import BodyModel
 UPRIGHT = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
 
 
+MOST_LEVELLING = 45  # [deg]; our own choice
+
 PostureKind = Literal["sitting", "lying", "standing", "hanging"]
 
 
@@ -207,6 +209,40 @@ def soles(
             deep = float(((surface[foot] - here) @ normal).min())
             out[side] = out[side] + (0.0, 0.0, deep / facing[2])
     return out
+
+
+def levelled(
+    posture: PostureConfig,
+    model: BodyModel,
+    limits: Mapping[str, tuple[float, float]],
+    support: Pose,
+    dof: str,
+    limb: tuple[str, str],
+) -> PostureConfig:
+    """Return a posture in which one DoF holds a limb as level as it can.
+
+    Args:
+        posture: As it is.
+        model: The body.
+        limits: Within which the DoF is turned [rad], by name; by `MOST_LEVELLING` at most.
+        support: Where the body is, as for `pelvis_pose`.
+        dof: The degree of freedom.
+        limb: The joints where the limb begins and ends.
+    """
+    start, end = (JOINT_INDEX[joint] for joint in limb)
+    base = pelvis_pose(posture, model, posture.angles(limits), support).matrix()
+    angles_deg = _by_dof(posture.angles_deg)
+
+    def turned(degrees: float) -> PostureConfig:
+        angle = angles_deg.get(dof, 0.0) + degrees
+        return dataclasses.replace(posture, angles_deg=angles_deg | {dof: angle})
+
+    def slope(degrees: float) -> float:
+        _, positions = forward_kinematics(model.joints, turned(degrees).angles(limits))
+        way = base[:3, :3] @ (positions[end] - positions[start])
+        return abs(float(way[2]))
+
+    return turned(min(range(-MOST_LEVELLING, MOST_LEVELLING + 1), key=slope))
 
 
 def calf_back(
