@@ -32,8 +32,9 @@ SWAY = 1.5  # [s] there and back
 LIFTED = 0.06  # [m] of the ankle from where it is when the leg is up
 SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
 EASED, HEADWAY = 2.0, 0.03  # [s] in which the hem has to make so many [m], or the pull is eased
-EASE, OFF = 0.08, 0.02  # [m] that it goes back then, and farther off the leg with each time
-MOST_OFF = 0.06  # [m]
+EASE = 0.08  # [m] that it goes back then
+OFF = (0.0, 0.02, 0.04, 0.06)  # [m] off the leg, each time another, and from the first again
+MOST_OFF = 0.06  # [m] off the leg for its thigh
 CLOSE, NEARING = 0.006, 3.0  # [m] from trunk and arms, at least; [1/s] as it comes near them
 RETREAT = 0.05  # [m/s] along the leg, from which on it goes away from them
 BENT, UP = 0.03, 0.015  # [m] from the thigh, while the leg is bent and when it is up
@@ -53,7 +54,7 @@ class ScriptedDressing(ToolScript[Dressing]):
         self._others = self._robot.action_size - self._robot.control.size
         self._along, self._left = HOLD_START, False
         self._caught = 0.0  # [s] in all
-        self._hem, self._since, self._off = 0.0, 0.0, 0.0  # [m] as far as the hem was, [s] ago, [m]
+        self._hem, self._since, self._eased = 0.0, 0.0, 0  # [m] as far as the hem was, [s] ago, times
         self._shy = 0.0  # [m] farther off the leg, for its thigh
         self._turn = np.array(self._robot.tool_pose().quaternion)
         self._out = np.zeros(3)
@@ -75,7 +76,7 @@ class ScriptedDressing(ToolScript[Dressing]):
             return self._out
         is_up = float(np.linalg.norm(task.state.to_lifted)) < LIFTED
         self._keep_off(is_up)
-        goal = tip(task.leg, self._along) + (self._off + self._shy) * task.leg.front(self._along)
+        goal = tip(task.leg, self._along) + (OFF[self._eased % len(OFF)] + self._shy) * task.leg.front(self._along)
         lag = float(np.linalg.norm(goal - here))
         if is_up and lag < LAG:
             low, high = (share * task.force_limit for share in YIELDING)
@@ -115,7 +116,7 @@ class ScriptedDressing(ToolScript[Dressing]):
             self._hem, self._since = max(along, self._hem), 0.0
         elif self._since > EASED:
             self._along = max(self._along - EASE, HOLD_START)
-            self._off = min(self._off + OFF, MOST_OFF)
+            self._eased += 1
             self._since, self._hem = 0.0, along - EASE
 
     def _inward(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -43,8 +43,9 @@ LOWERED = 0.08  # [m] from where the foot stood, where it stands again; own choi
 # foot and to the outside of it, and how far she walks up [m].
 BESIDE, STAND, ASIDE, WALK = 0.065, 0.45, 0.03, 0.46
 PLATE_FRICTION = 2.0  # of ribbed rubber: 1.2 together with a shoe's 0.6
-CALF = 0.02  # [m] from the seat to the calf, of a seat that is cut for somebody short; own choice
+CALF = 0.06  # [m] from the seat to the calf of who is short: three fingers, as chairs are fitted (from memory)
 ARMREST = 0.2  # [m], desk length: clothes pass beside
+ASIDE_DEG = 14.0  # [deg] that the other leg is held aside, else the shorts catch on its knee; own choice
 STAND_STEPS, SETTLE_STEPS = 240, 720  # physics steps in which leg and shorts come to rest, once
 HELPER = 0.08  # [m] before the foot, where the room of the caregiver begins; own choice
 REACH = 0.26  # [m] past the knee, as far as a hand has room before the belly
@@ -137,9 +138,13 @@ class Dressing(Task):
         mount = self.robot.mount_named(f"wheelchair_{self.side}")
         self.chair = chair_for(mount, self.side)
         self.chair.fit_armrests(ARMREST)
+        person = self.recipient
+        other = "left" if self.side == "right" else "right"
+        aside = {f"{other}_hip_abduction": ASIDE_DEG}
+        person.posture = replace(person.posture, angles_deg={**person.posture.angles_deg, **aside})
         back, plate = self.chair.frame("seat_back"), self.chair.frame(f"footplate_{self.side}")
-        self.chair.fit_seat(self.recipient.calf_back(back) - CALF)
-        soles = self.recipient.soles(back, rotate(plate.quaternion, (0.0, 0.0, 1.0)))
+        self.chair.fit_seat(person.calf_back(back) - CALF)
+        soles = person.soles(back, rotate(plate.quaternion, (0.0, 0.0, 1.0)))
         self.chair.fit_footplates(soles["left"], soles["right"])
         self.chair.spawn(world).set_friction([-1], lateral=PLATE_FRICTION)
         x, y, _ = soles[self.side].tolist()
