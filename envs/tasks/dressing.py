@@ -26,7 +26,7 @@ from ..care_env import CareEnv
 from ..devices import Wheelchair, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
-from ..scenes.hanging_shorts import HOLD_START, hang, tip
+from ..scenes.hanging_shorts import hang, hold_start, tip
 from ..scenes.leg_path import LIFT_SPREAD, LiftableLeg, let_leg_stand
 from ..scenes.start_posture import pulling_search, pulling_trials
 from ..state import Seen, State, Values, tolerance, where
@@ -176,9 +176,10 @@ class Dressing(Task):
         let_leg_stand(world, person, self.chair, self.side)
         self._rest(STAND_STEPS)
         self.leg = LiftableLeg(person, self.side)
-        start = tip(self.leg, HOLD_START)
+        held = hold_start(self.leg)
+        start = tip(self.leg, held)
         self.leg.lift()
-        alongs = np.linspace(HOLD_START, self.leg.shank + REACH, 5)
+        alongs = np.linspace(held, self.leg.shank + REACH, 5)
         way = [start, *(tip(self.leg, float(along)) for along in alongs)]
         self.leg.stand()
         search, ahead = self.search(world), float(self.leg.stood[0]) + HELPER
