@@ -55,7 +55,8 @@ class ScriptedDressing(ToolScript[Dressing]):
         self._start = hold_start(self._task.leg)
         self._along, self._left = self._start, False
         self._caught = 0.0  # [s] in all
-        self._hem, self._since, self._eased = 0.0, 0.0, 0  # [m] as far as the hem was, [s] ago, times
+        self._hem, self._since = 0.0, 0.0  # [m] as far as the hem was, and [s] ago
+        self._eased = 0  # times
         self._shy = 0.0  # [m] farther off the leg, for its thigh
         self._turn = np.array(self._robot.tool_pose().quaternion)
         self._out = np.zeros(3)
@@ -77,7 +78,8 @@ class ScriptedDressing(ToolScript[Dressing]):
             return self._out
         is_up = float(np.linalg.norm(task.state.to_lifted)) < LIFTED
         self._keep_off(is_up)
-        goal = tip(task.leg, self._along) + (OFF[self._eased % len(OFF)] + self._shy) * task.leg.front(self._along)
+        off = OFF[self._eased % len(OFF)] + self._shy
+        goal = tip(task.leg, self._along) + off * task.leg.front(self._along)
         lag = float(np.linalg.norm(goal - here))
         if is_up and lag < LAG:
             low, high = (share * task.force_limit for share in YIELDING)

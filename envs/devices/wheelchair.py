@@ -163,7 +163,7 @@ class Wheelchair(Device):
         self.model = with_plates(self.model, *plates_under(left, right))
 
     def fit_seat(self, front: float) -> None:
-        """Shorten the seat so that it ends `front` [m] ahead of the origin, if it is longer, before `spawn`."""
+        """Shorten a longer seat so that it ends `front` [m] ahead of the origin; before `spawn`."""
         seat, model = self.model.root, self.model
         x, y, z = model.frames["seat"].position
         depth = model.figure("seat_depth")

@@ -17,7 +17,10 @@ from .leg_path import LegPath
 HEM_START = 0.42  # [m] from the toes, past the heel, under which a hem hooks
 GATHER = 0.8  # length on the leg of a metre of cloth
 INWARD = (0.42, 0.91)  # forward and to the other leg, where the other leg of the shorts hangs
-HOLD_START, HOLD_SHARE = 0.34, 0.85  # [m] from the ankle, where the waistband is held; of a short shank
+HOLD_START, HOLD_SHARE = (
+    0.34,
+    0.85,
+)  # [m] from the ankle, where the waistband is held; of a short shank
 HELD, SPREAD, BEFORE = 3, 0.014, 0.02  # particles in the fingers, [m] apart, [m] before the tips
 OFF_SHANK, OFF_THIGH = 0.05, 0.06  # [m] from shank and thigh to the fingers
 

@@ -43,9 +43,11 @@ LOWERED = 0.08  # [m] from where the foot stood, where it stands again; own choi
 # foot and to the outside of it, and how far she walks up [m].
 BESIDE, STAND, ASIDE, WALK = 0.065, 0.45, 0.03, 0.46
 PLATE_FRICTION = 2.0  # of ribbed rubber: 1.2 together with a shoe's 0.6
-CALF = 0.06  # [m] from the seat to the calf of who is short: three fingers, as chairs are fitted (from memory)
+CALF = 0.06  # [m] from the seat to the calf of who is short: three fingers, from memory
 ARMREST = 0.2  # [m], desk length: clothes pass beside
-ASIDE_DEG = 14.0  # [deg] that the other leg is held aside, else the shorts catch on its knee; own choice
+ASIDE_DEG = (
+    14.0  # [deg] that the other leg is held aside, else the shorts catch on its knee; own choice
+)
 STAND_STEPS, SETTLE_STEPS = 240, 720  # physics steps in which leg and shorts come to rest, once
 HELPER = 0.08  # [m] before the foot, where the room of the caregiver begins; own choice
 REACH = 0.26  # [m] past the knee, as far as a hand has room before the belly
