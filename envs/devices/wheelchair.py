@@ -168,7 +168,7 @@ class Wheelchair(Device):
         x, y, z = model.frames["seat"].position
         depth = model.figure("seat_depth")
         cut = max(x + 0.5 * depth - front, 0.0)
-        shapes = [
+        visual, collision = [
             (
                 dataclasses.replace(
                     first,
@@ -179,7 +179,7 @@ class Wheelchair(Device):
             )
             for first, *others in (model.links[seat].visual, model.links[seat].collision)
         ]
-        model = model.with_shapes(seat, *shapes).with_frames({"seat": (x - 0.5 * cut, y, z)})
+        model = model.with_shapes(seat, visual, collision).with_frames({"seat": (x - 0.5 * cut, y, z)})
         figures = {**model.figures, "seat_depth": depth - cut}
         self.model = dataclasses.replace(model, figures=figures)
 
