@@ -179,7 +179,9 @@ class Wheelchair(Device):
             )
             for first, *others in (model.links[seat].visual, model.links[seat].collision)
         ]
-        model = model.with_shapes(seat, visual, collision).with_frames({"seat": (x - 0.5 * cut, y, z)})
+        model = model.with_shapes(seat, visual, collision).with_frames(
+            {"seat": (x - 0.5 * cut, y, z)}
+        )
         figures = {**model.figures, "seat_depth": depth - cut}
         self.model = dataclasses.replace(model, figures=figures)
 
