@@ -12,7 +12,7 @@ from rcare_marl.body import OWN_GROUPS, Body
 from rcare_marl.cache import cached
 from rcare_marl.errors import ConfigError, UnknownNameError, check_name
 from rcare_marl.observable import Observable
-from rcare_marl.pose import Pose, Vector, conjugate, quaternion_from_matrix, rotate
+from rcare_marl.pose import Pose, conjugate, quaternion_from_matrix, rotate
 from rcare_marl.soft.soft_body import SoftBody
 from rcare_marl.soft.soft_world import SoftWorld
 from rcare_marl.world import GRAVITY, World
@@ -20,14 +20,14 @@ from rcare_marl.world import GRAVITY, World
 from ..agent import Agent, Array
 from .actuation.actuation import Actuation
 from .actuation.drive import ActuationConfig, make_drive
-from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf
+from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf, seated
 from .body.end_stops import EndStops
 from .body.person_tree import person_tree
-from .body.posture import PostureConfig, calf_back, lay_arm, levelled, pelvis_pose, soles
+from .body.posture import PostureConfig, lay_arm, pelvis_pose, soles
 from .body.segment import nearest, shape_row
 from .body.self_contact import clear_arms, meeting_links
 from .body.skeleton import DOF_INDEX, DOFS, JOINT_INDEX, JOINTS, SIDES
-from .body.skin import BodyModel, JointFrame, PersonSkin
+from .body.skin import JointFrame, PersonSkin
 from .body.tissue import Tissue, attach_tissue, expand_tissue
 from .hand import Hand
 from .load import LoadMeter
@@ -156,26 +156,9 @@ class Human(Agent):
         pads = {"left": left, "right": right}
         self._arm_rests = {side: pad for side, pad in pads.items() if pad is not None}
 
-    def soles(self, pose: Pose, facing: Vector | None = None) -> dict[str, Array]:
-        """Return the middle of each sole, by side [m], for the posture on the support at `pose`.
-
-        With `facing`: lowered for a plate that looks there, see `body.posture.soles`.
-        """
-        return soles(*self._seated(pose), facing)
-
-    def calf_back(self, pose: Pose) -> float:
-        """Return how far ahead the backs of the calves are [m], for the posture on the support at `pose`."""
-        return calf_back(*self._seated(pose))
-
-    def hold_level(self, pose: Pose, dof: str, limb: tuple[str, str]) -> None:
-        """Turn a DoF of the posture so that a limb is level, see `body.posture.levelled`; before `spawn`."""
-        self.posture = levelled(*self._seated(pose), dof, limb)
-
-    def _seated(
-        self, pose: Pose
-    ) -> tuple[PostureConfig, BodyModel, Mapping[str, tuple[float, float]], Pose]:
-        model = body_model(self.avatar.body_path(), self.avatar.height_m)
-        return self.posture, model, self.avatar.profile.limits("passive"), pose
+    def soles(self, pose: Pose) -> dict[str, Array]:
+        """Return the middle of each sole, by side [m], for the posture on the support at `pose`."""
+        return soles(*seated(self.avatar, self.posture, pose))
 
     def spawn(self, world: World, pose: Pose) -> None:
         """Load the person onto the support at `pose`; see `body.posture.pelvis_pose`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from rcare_marl.agents.people.motion.gait import LEGS
 from rcare_marl.agents.robots.gripper import RELEASE
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
-from rcare_marl.pose import Array, Pose, about_z, rotate
+from rcare_marl.pose import Array, Pose, about_z
 from rcare_marl.rendering.camera import Camera
 from rcare_marl.world import World
 
@@ -27,7 +27,7 @@ from ..devices import Wheelchair, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..scenes.hanging_shorts import hang, hold_start, tip
-from ..scenes.leg_path import LIFT_SPREAD, LiftableLeg, let_leg_stand
+from ..scenes.leg_path import LIFT_SPREAD, LiftableLeg, fit_chair, let_leg_stand
 from ..scenes.start_posture import pulling_search, pulling_trials
 from ..state import Seen, State, Values, tolerance, where
 from ..task import CHAIR_ROBOTS, Role, Task
@@ -43,11 +43,7 @@ LOWERED = 0.08  # [m] from where the foot stood, where it stands again; own choi
 # foot and to the outside of it, and how far she walks up [m].
 BESIDE, STAND, ASIDE, WALK = 0.065, 0.45, 0.03, 0.46
 PLATE_FRICTION = 2.0  # of ribbed rubber: 1.2 together with a shoe's 0.6
-CALF = 0.06  # [m] from the seat to the calf of who is short: three fingers, from memory
 ARMREST = 0.2  # [m], desk length: clothes pass beside
-ASIDE_DEG = (
-    14.0  # [deg] that the other leg is held aside, else the shorts catch on its knee; own choice
-)
 STAND_STEPS, SETTLE_STEPS = 240, 720  # physics steps in which leg and shorts come to rest, once
 HELPER = 0.08  # [m] before the foot, where the room of the caregiver begins; own choice
 REACH = 0.26  # [m] past the knee, as far as a hand has room before the belly
@@ -140,14 +136,7 @@ class Dressing(Task):
         mount = self.robot.mount_named(f"wheelchair_{self.side}")
         self.chair = chair_for(mount, self.side)
         self.chair.fit_armrests(ARMREST)
-        person = self.recipient
-        other = "left" if self.side == "right" else "right"
-        aside = {f"{other}_hip_abduction": ASIDE_DEG}
-        person.posture = replace(person.posture, angles_deg={**person.posture.angles_deg, **aside})
-        back, plate = self.chair.frame("seat_back"), self.chair.frame(f"footplate_{self.side}")
-        self.chair.fit_seat(person.calf_back(back) - CALF)
-        soles = person.soles(back, rotate(plate.quaternion, (0.0, 0.0, 1.0)))
-        self.chair.fit_footplates(soles["left"], soles["right"])
+        soles = fit_chair(self.chair, self.recipient, self.side)
         self.chair.spawn(world).set_friction([-1], lateral=PLATE_FRICTION)
         x, y, _ = soles[self.side].tolist()
         self.stand = (x + STAND, y + ASIDE * self.outward, math.pi)

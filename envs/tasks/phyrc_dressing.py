@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcare_marl.agents.people.avatar import seated
+from rcare_marl.agents.people.body.posture import levelled
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX, JOINTS, SIDES
 from rcare_marl.agents.people.body.skin import PersonSkin
 from rcare_marl.agents.people.human import Human
@@ -114,7 +116,9 @@ class PhyrcDressing(Challenge):
         self.need(posture, fits, "sit and hold the left arm out")
         self.chair = Wheelchair(mounts="none")
         back = self.chair.frame("seat_back")
-        self.recipient.hold_level(back, "left_shoulder_flexion", ("left_elbow", "left_wrist"))
+        sitting = seated(self.recipient.avatar, posture, back)
+        limb = "left_elbow", "left_wrist"
+        self.recipient.posture = levelled(*sitting, "left_shoulder_flexion", limb)
         soles = self.recipient.soles(back)
         self.chair.fit_footplates(soles["left"], soles["right"])
         self.chair.spawn(world)

@@ -33,6 +33,10 @@ MOST_LEVELLING = 45  # [deg]; our own choice
 PostureKind = Literal["sitting", "lying", "standing", "hanging"]
 
 
+# A posture, a body, its limits by DoF [rad], and the support that it is on.
+Seated = tuple["PostureConfig", BodyModel, Mapping[str, tuple[float, float]], Pose]
+
+
 @dataclass(frozen=True)
 class Bearing:
     """How somebody holds a part of the body, in whatever posture of some kinds.
