@@ -24,6 +24,7 @@ KNEE = 0.06  # [m] before and behind the knee where the front turns from shank t
 # How it is lifted. Hip flexion beside that at rest, and knee flexion: straight enough
 # that the knee does not buckle, the thigh hardly off the seat.
 LIFT = ((math.radians(-5), math.radians(35)), (math.radians(-7), math.radians(6)))
+ON_SEAT = math.radians(86)  # hip flexion from which on down the thigh lies on the seat
 LIFT_SPREAD = (math.radians(1), math.radians(3))  # of both, uniform, each way
 CALF = 0.06  # [m] from the seat to the calf of who is short: three fingers, from memory
 ASIDE_DEG = 14.0  # [deg] that the other leg is held aside, else the shorts catch on its knee
@@ -152,9 +153,9 @@ class LiftableLeg(LegPath):
             The pose of the foot.
         """
         flexed = f"{self.side}_hip_flexion"
-        self._person.set_angles(
-            {flexed: self.rest[flexed] + hip, f"{self.side}_knee_flexion": knee}
-        )
+        lowest = min(self.rest[flexed], ON_SEAT)
+        turned = {flexed: max(self.rest[flexed] + hip, lowest), f"{self.side}_knee_flexion": knee}
+        self._person.set_angles(turned)
         self.look()
         return self._person.joint_pose(f"{self.side}_ankle")
 
