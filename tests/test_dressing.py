@@ -123,7 +123,7 @@ def test_the_caregiver_lifts_the_leg_and_the_robot_pulls_the_shorts_over_the_kne
     assert played.has_succeeded and helper.trouble == ""
     assert played.was_held and max(played.heights) > played.heights[0] + 0.25  # by the foot
     assert 20 < helper.greatest_grip < 200  # [N]: a leg weighs
-    assert played.alongs[1] - played.alongs[0] > 0.25
+    assert played.alongs[1] - played.alongs[0] > 0.2
     assert metrics["around_leg"] == 1 and metrics["peak_force_n"] < task.options.force_limit
     assert metrics["peak_cloth_load_n"] > 3 and metrics["peak_force_right_leg_n"] > 1
 

@@ -131,7 +131,7 @@ def test_the_scripted_robot_pulls_the_sleeve_to_the_shoulder(scripted: CareEnv) 
 def test_a_sleeve_that_is_caught_is_eased_back_towards_the_hand(scripted: CareEnv) -> None:
     scripted.reset(seed=6)
     task = task_of(scripted)
-    while task.score.sheet.stage < 1:
+    while not task.state.is_held:
         scripted.step({})
     robot = scripted.policies["robot"]
     robot.act()

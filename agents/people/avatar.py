@@ -13,11 +13,12 @@ import numpy as np
 from rcare_marl import assets
 from rcare_marl.config import load
 from rcare_marl.errors import UnknownNameError
+from rcare_marl.pose import Pose
 
 from ..agent import Array
 from .body.anthropometry import Sex
 from .body.body_spec import OLDEST, YOUNGEST, BodySpec, body_recipe, made_body
-from .body.posture import Bearing, PostureConfig
+from .body.posture import Bearing, PostureConfig, Seated
 from .body.segment import Segment, make_segments
 from .body.skeleton import DOF_INDEX, DOFS, DOFS_OF, JOINT_INDEX, JOINTS
 from .body.skin import BodyModel, load_body_model
@@ -93,6 +94,12 @@ def load_avatar(name: str | Path) -> AvatarConfig:
 def load_posture(name: str | Path) -> PostureConfig:
     """Return the posture of that name, or from that YAML file."""
     return load(PostureConfig, assets.find("postures", name))
+
+
+def seated(avatar: AvatarConfig, posture: PostureConfig, support: Pose) -> Seated:
+    """Return what functions of `body.posture` take of somebody in a posture on a support."""
+    model = body_model(avatar.body_path(), avatar.height_m)
+    return posture, model, avatar.profile.limits("passive"), support
 
 
 @lru_cache(maxsize=32)

@@ -20,7 +20,7 @@ from rcare_marl.world import GRAVITY, World
 from ..agent import Agent, Array
 from .actuation.actuation import Actuation
 from .actuation.drive import ActuationConfig, make_drive
-from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf
+from .avatar import AvatarConfig, body_model, body_segments, expand_movable, person_urdf, seated
 from .body.end_stops import EndStops
 from .body.person_tree import person_tree
 from .body.posture import PostureConfig, lay_arm, pelvis_pose, soles
@@ -158,8 +158,7 @@ class Human(Agent):
 
     def soles(self, pose: Pose) -> dict[str, Array]:
         """Return the middle of each sole, by side [m], for the posture on the support at `pose`."""
-        model = body_model(self.avatar.body_path(), self.avatar.height_m)
-        return soles(self.posture, model, self.avatar.profile.limits("passive"), pose)
+        return soles(*seated(self.avatar, self.posture, pose))
 
     def spawn(self, world: World, pose: Pose) -> None:
         """Load the person onto the support at `pose`; see `body.posture.pelvis_pose`."""

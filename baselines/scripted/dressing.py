@@ -14,7 +14,7 @@ import numpy as np
 
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.registry import register_policy
-from rcare_marl.envs.scenes.hanging_shorts import HOLD_START, tip
+from rcare_marl.envs.scenes.hanging_shorts import hold_start, tip
 from rcare_marl.envs.scenes.start_posture import room_beside
 from rcare_marl.envs.tasks.dressing import REACH, Dressing
 from rcare_marl.pose import Array
@@ -29,11 +29,12 @@ LAG = 0.07  # [m] that the tool may be behind before the pull goes on
 CAUGHT = 0.05  # [m] that the tool is behind when the hem has caught
 INWARD = (0.0, 0.04)  # [m] to the other leg, from the knee on: it sways between the two
 SWAY = 1.5  # [s] there and back
-LIFTED = 0.06  # [m] of the ankle from where it is when the leg is up
+LIFTED = 0.1  # [m] of the ankle from where it is when the leg is up: a heavy one hangs a little
 SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
 EASED, HEADWAY = 2.0, 0.03  # [s] in which the hem has to make so many [m], or the pull is eased
-EASE, OFF = 0.08, 0.02  # [m] that it goes back then, and farther off the leg with each time
-MOST_OFF = 0.06  # [m]
+EASE = 0.08  # [m] that it goes back then
+OFF = (0.0, 0.02, 0.04, 0.06)  # [m] off the leg, each time another, and from the first again
+MOST_OFF = 0.06  # [m] off the leg for its thigh
 CLOSE, NEARING = 0.006, 3.0  # [m] from trunk and arms, at least; [1/s] as it comes near them
 RETREAT = 0.05  # [m/s] along the leg, from which on it goes away from them
 BENT, UP = 0.03, 0.015  # [m] from the thigh, while the leg is bent and when it is up
@@ -51,9 +52,11 @@ class ScriptedDressing(ToolScript[Dressing]):
     def _begin(self) -> None:
         # The gripper, if it is commanded.
         self._others = self._robot.action_size - self._robot.control.size
-        self._along, self._left = HOLD_START, False
+        self._start = hold_start(self._task.leg)
+        self._along, self._left = self._start, False
         self._caught = 0.0  # [s] in all
-        self._hem, self._since, self._off = 0.0, 0.0, 0.0  # [m] as far as the hem was, [s] ago, [m]
+        self._hem, self._since = 0.0, 0.0  # [m] as far as the hem was, and [s] ago
+        self._eased = 0  # times
         self._shy = 0.0  # [m] farther off the leg, for its thigh
         self._turn = np.array(self._robot.tool_pose().quaternion)
         self._out = np.zeros(3)
@@ -75,7 +78,8 @@ class ScriptedDressing(ToolScript[Dressing]):
             return self._out
         is_up = float(np.linalg.norm(task.state.to_lifted)) < LIFTED
         self._keep_off(is_up)
-        goal = tip(task.leg, self._along) + (self._off + self._shy) * task.leg.front(self._along)
+        off = OFF[self._eased % len(OFF)] + self._shy
+        goal = tip(task.leg, self._along) + off * task.leg.front(self._along)
         lag = float(np.linalg.norm(goal - here))
         if is_up and lag < LAG:
             low, high = (share * task.force_limit for share in YIELDING)
@@ -111,16 +115,16 @@ class ScriptedDressing(ToolScript[Dressing]):
         """Go back if the hem makes no headway."""
         along = self._task.state.along
         self._since += self._task.control_dt
-        if along > self._hem + HEADWAY or self._along <= HOLD_START:
+        if along > self._hem + HEADWAY or self._along <= self._start:
             self._hem, self._since = max(along, self._hem), 0.0
         elif self._since > EASED:
-            self._along = max(self._along - EASE, HOLD_START)
-            self._off = min(self._off + OFF, MOST_OFF)
+            self._along = max(self._along - EASE, self._start)
+            self._eased += 1
             self._since, self._hem = 0.0, along - EASE
 
     def _inward(self) -> float:
         """Return how far to the other leg it pulls [m]: all the way until the hem catches."""
-        share = (self._along - HOLD_START) / (self._task.leg.shank - HOLD_START)
+        share = (self._along - self._start) / (self._task.leg.shank - self._start)
         near, far = INWARD
         swayed = near + 0.5 * (far - near) * (1.0 + math.cos(2.0 * math.pi * self._caught / SWAY))
         return min(max(share, 0.0), 1.0) * swayed

@@ -81,7 +81,7 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
                 self._phase = "close"
             return _towards(task.state.seam - tool, SLOW)
         if self._phase == "close":
-            if task.state.earned >= 1:
+            if task.state.is_held:
                 self._phase = "pull"
             return np.zeros(3)
         if self._phase == "ease":

@@ -162,6 +162,29 @@ class Wheelchair(Device):
         """
         self.model = with_plates(self.model, *plates_under(left, right))
 
+    def fit_seat(self, front: float) -> None:
+        """Shorten a longer seat so that it ends `front` [m] ahead of the origin; before `spawn`."""
+        seat, model = self.model.root, self.model
+        x, y, z = model.frames["seat"].position
+        depth = model.figure("seat_depth")
+        cut = max(x + 0.5 * depth - front, 0.0)
+        visual, collision = [
+            (
+                dataclasses.replace(
+                    first,
+                    at=(first.at[0] - 0.5 * cut, *first.at[1:]),
+                    size=(first.size[0] - cut, *first.size[1:]),
+                ),
+                *others,
+            )
+            for first, *others in (model.links[seat].visual, model.links[seat].collision)
+        ]
+        model = model.with_shapes(seat, visual, collision).with_frames(
+            {"seat": (x - 0.5 * cut, y, z)}
+        )
+        figures = {**model.figures, "seat_depth": depth - cut}
+        self.model = dataclasses.replace(model, figures=figures)
+
     def fit_armrests(self, length: float) -> None:
         """Give the pads of the armrests another length [m], before `spawn`."""
         for name in self._armrests():

@@ -24,7 +24,8 @@ Indices = npt.NDArray[np.int32]
 
 # All our own choices.
 GARMENT = "bed_jacket"  # a gown that reaches the lap: a longer one hooks on the feet of who sits
-HOLD_FORCE, HOLD_SHORT = 30.0, 0.06  # [N] of the hoop; it lets go so far before its end [m]
+HOLD_FORCE, PAST = 30.0, 0.07  # [N] of the hoop; it lets go so far past the wrist [m]
+END = 0.01  # [m] before the end of the beam, where it lets go at the latest
 LATCH_WAY = 0.03  # [m] that the seam is pulled towards the person when the stand lets its hoop go
 # How it hangs: about the gown in the frame of the body that it is cut for.
 SLEEVE_BEGINS = 0.26  # [m] from the middle, from where cloth is sleeve
@@ -180,6 +181,9 @@ class GownStand:
         for rows, force in self.gown.clips:
             self.cloth.hold(rows, body, -1, force=force)
         self._cuff: Grip = self.cloth.hold(cuff, body, "slide", force=HOLD_FORCE)
+        wrist = person.joint_pose("left_wrist").position
+        way = float((self.cloth.positions[cuff].mean(axis=0) - wrist) @ out) + PAST
+        self._way = min(way, self.stand.travel - END)
         self.reset()
 
     def reset(self) -> None:
@@ -195,7 +199,7 @@ class GownStand:
         if not self._is_open and float((self._hung - self.seam) @ self.out) > LATCH_WAY:
             self.stand.open_latch()
             self._is_open = True
-        if self._cuff.is_active and self.stand.travelled >= self.stand.travel - HOLD_SHORT:
+        if self._cuff.is_active and self.stand.travelled >= self._way:
             self.cloth.release(self._cuff)
 
     def _look(self) -> None:

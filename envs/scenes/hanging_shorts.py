@@ -17,9 +17,17 @@ from .leg_path import LegPath
 HEM_START = 0.42  # [m] from the toes, past the heel, under which a hem hooks
 GATHER = 0.8  # length on the leg of a metre of cloth
 INWARD = (0.42, 0.91)  # forward and to the other leg, where the other leg of the shorts hangs
-HOLD_START = 0.34  # [m] from the ankle, where the waistband is held
+HOLD_START, HOLD_SHARE = (
+    0.34,
+    0.85,
+)  # [m] from the ankle, where the waistband is held; of a short shank
 HELD, SPREAD, BEFORE = 3, 0.014, 0.02  # particles in the fingers, [m] apart, [m] before the tips
 OFF_SHANK, OFF_THIGH = 0.05, 0.06  # [m] from shank and thigh to the fingers
+
+
+def hold_start(leg: LegPath) -> float:
+    """Return how far from the ankle the waistband is held at the start [m]: before the knee."""
+    return min(HOLD_START, HOLD_SHARE * leg.shank)
 
 
 def tip(leg: LegPath, along: float) -> Array:
@@ -29,7 +37,8 @@ def tip(leg: LegPath, along: float) -> Array:
         leg: The leg.
         along: Of the place, from the ankle [m].
     """
-    share = min(max((along - HOLD_START) / (leg.shank - HOLD_START), 0.0), 1.0)
+    start = hold_start(leg)
+    share = min(max((along - start) / (leg.shank - start), 0.0), 1.0)
     shank, thigh = OFF_SHANK + leg.radii[0], OFF_THIGH + leg.radii[1]
     return leg.at(along) + (shank + share * (thigh - shank)) * leg.front(along)
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from rcare_marl.agents.people.avatar import seated
+from rcare_marl.agents.people.body.posture import calf_back, soles
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.pose import Array, Pose, rotate
@@ -20,8 +23,11 @@ TOES = 0.09  # [m] that toes reach beyond the ball of the foot
 KNEE = 0.06  # [m] before and behind the knee where the front turns from shank to thigh
 # How it is lifted. Hip flexion beside that at rest, and knee flexion: straight enough
 # that the knee does not buckle, the thigh hardly off the seat.
-LIFT = ((math.radians(-8), math.radians(35)), (math.radians(-10), math.radians(6)))
+LIFT = ((math.radians(-5), math.radians(35)), (math.radians(-7), math.radians(6)))
+ON_SEAT = math.radians(86)  # hip flexion from which on down the thigh lies on the seat
 LIFT_SPREAD = (math.radians(1), math.radians(3))  # of both, uniform, each way
+CALF = 0.06  # [m] from the seat to the calf of who is short: three fingers, from memory
+ASIDE_DEG = 14.0  # [deg] that the other leg is held aside, else the shorts catch on its knee
 FOOT_HOLD = 0.07  # [m] from the ankle to the toes, where it is grasped
 
 
@@ -147,9 +153,9 @@ class LiftableLeg(LegPath):
             The pose of the foot.
         """
         flexed = f"{self.side}_hip_flexion"
-        self._person.set_angles(
-            {flexed: self.rest[flexed] + hip, f"{self.side}_knee_flexion": knee}
-        )
+        lowest = min(self.rest[flexed], ON_SEAT)
+        turned = {flexed: max(self.rest[flexed] + hip, lowest), f"{self.side}_knee_flexion": knee}
+        self._person.set_angles(turned)
         self.look()
         return self._person.joint_pose(f"{self.side}_ankle")
 
@@ -170,6 +176,28 @@ class LiftableLeg(LegPath):
     def to_lifted(self) -> Array:
         """Return the way from the ankle to where it is when the leg is up [m], shape [3]."""
         return np.subtract(self.way[-1].position, self.points[1])
+
+
+def fit_chair(chair: Wheelchair, person: Human, side: str) -> dict[str, Array]:
+    """Fit seat and footplates to who is going to sit there, and hold the other leg aside.
+
+    Args:
+        chair: The chair, not spawned yet.
+        person: Who will sit there.
+        side: Of the leg that moves.
+
+    Returns:
+        Where the plates are, by side [m].
+    """
+    aside = {f"{'left' if side == 'right' else 'right'}_hip_abduction": ASIDE_DEG}
+    posture = dataclasses.replace(person.posture, angles_deg={**person.posture.angles_deg, **aside})
+    person.posture, back = posture, chair.frame("seat_back")
+    sitting = seated(person.avatar, posture, back)
+    chair.fit_seat(calf_back(*sitting) - CALF)
+    up = rotate(chair.frame(f"footplate_{side}").quaternion, (0.0, 0.0, 1.0))
+    plates = soles(*sitting, up)
+    chair.fit_footplates(plates["left"], plates["right"])
+    return plates
 
 
 def let_leg_stand(world: World, person: Human, chair: Wheelchair, side: str) -> None:

@@ -26,8 +26,8 @@ from ..care_env import CareEnv
 from ..devices import Wheelchair, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
-from ..scenes.hanging_shorts import HOLD_START, hang, tip
-from ..scenes.leg_path import LIFT_SPREAD, LiftableLeg, let_leg_stand
+from ..scenes.hanging_shorts import hang, hold_start, tip
+from ..scenes.leg_path import LIFT_SPREAD, LiftableLeg, fit_chair, let_leg_stand
 from ..scenes.start_posture import pulling_search, pulling_trials
 from ..state import Seen, State, Values, tolerance, where
 from ..task import CHAIR_ROBOTS, Role, Task
@@ -137,8 +137,7 @@ class Dressing(Task):
         mount = self.robot.mount_named(f"wheelchair_{self.side}")
         self.chair = chair_for(mount, self.side)
         self.chair.fit_armrests(ARMREST)
-        soles = self.recipient.soles(self.chair.frame("seat_back"))
-        self.chair.fit_footplates(soles["left"], soles["right"])
+        soles = fit_chair(self.chair, self.recipient, self.side)
         self.chair.spawn(world).set_friction([-1], lateral=PLATE_FRICTION)
         x, y, _ = soles[self.side].tolist()
         self.stand = (x + STAND, y + ASIDE * self.outward, math.pi)
@@ -169,9 +168,10 @@ class Dressing(Task):
         let_leg_stand(world, person, self.chair, self.side)
         self._rest(STAND_STEPS)
         self.leg = LiftableLeg(person, self.side)
-        start = tip(self.leg, HOLD_START)
+        held = hold_start(self.leg)
+        start = tip(self.leg, held)
         self.leg.lift()
-        alongs = np.linspace(HOLD_START, self.leg.shank + REACH, 5)
+        alongs = np.linspace(held, self.leg.shank + REACH, 5)
         way = [start, *(tip(self.leg, float(along)) for along in alongs)]
         self.leg.stand()
         search, ahead = self.search(world), float(self.leg.stood[0]) + HELPER

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcare_marl.agents.people.avatar import seated
+from rcare_marl.agents.people.body.posture import levelled
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX, JOINTS, SIDES
 from rcare_marl.agents.people.body.skin import PersonSkin
 from rcare_marl.agents.people.human import Human
@@ -113,7 +115,11 @@ class PhyrcDressing(Challenge):
         fits = "left_shoulder" not in posture.carried and posture.recline_deg <= 45
         self.need(posture, fits, "sit and hold the left arm out")
         self.chair = Wheelchair(mounts="none")
-        soles = self.recipient.soles(self.chair.frame("seat_back"))
+        back = self.chair.frame("seat_back")
+        sitting = seated(self.recipient.avatar, posture, back)
+        limb = "left_elbow", "left_wrist"
+        self.recipient.posture = levelled(*sitting, "left_shoulder_flexion", limb)
+        soles = self.recipient.soles(back)
         self.chair.fit_footplates(soles["left"], soles["right"])
         self.chair.spawn(world)
         self.recipient.use_arm_rests(None, self.chair.frame_in_world("armrest_right"))

@@ -30,7 +30,7 @@ _KINDS = {
 _UNBOUNDED = 1e3  # [m]
 # Of capsules: half a length per radius from where one is a limb and not a trunk, and how much longer it
 # is for cloth. Our own choices: then a straight leg has a neck of 2 mm at the knee.
-SLENDER, JOINED = 0.8, 0.75
+SLENDER, JOINED = 0.5, 0.75
 
 
 @dataclass(frozen=True, eq=False)

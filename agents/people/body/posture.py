@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from rcare_marl.errors import UnknownNameError, check_name
-from rcare_marl.pose import Array, Pose, axis_rotation, quaternion_from_matrix
+from rcare_marl.pose import Array, Pose, Vector, axis_rotation, quaternion_from_matrix
 
 from .skeleton import (
     DOF_INDEX,
@@ -28,7 +28,13 @@ from .skin import BodyModel
 UPRIGHT = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
 
 
+MOST_LEVELLING = 45  # [deg]; our own choice
+
 PostureKind = Literal["sitting", "lying", "standing", "hanging"]
+
+
+# A posture, a body, its limits by DoF [rad], and the support that it is on.
+Seated = tuple["PostureConfig", BodyModel, Mapping[str, tuple[float, float]], Pose]
 
 
 @dataclass(frozen=True)
@@ -185,12 +191,15 @@ def soles(
     model: BodyModel,
     limits: Mapping[str, tuple[float, float]],
     support: Pose,
+    facing: Vector | None = None,
 ) -> dict[str, Array]:
-    """Return the middle of each sole in the world, by side [m], for a body on a support."""
-    angles = posture.angles(limits)
-    base = pelvis_pose(posture, model, angles, support).matrix()
-    rotations, positions = forward_kinematics(model.joints, angles)
-    surface, out = model.posed(rotations, positions), {}
+    """Return the middle of each sole in the world, by side [m], for a body on a support.
+
+    With `facing`, where a plate looks that is to be under it, a unit vector: lowered so far that the plate
+    touches heel or toes and is nowhere inside the foot.
+    """
+    base, rotations, positions, surface = _placed(posture, model, limits, support)
+    out = {}
     for side in SIDES:
         ankle = JOINT_INDEX[f"{side}_ankle"]
         foot = np.isin(model.owner, (ankle, JOINT_INDEX[f"{side}_foot"]))
@@ -199,7 +208,71 @@ def soles(
         middle = (0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2]))
         here = rotations[ankle] @ middle + positions[ankle]
         out[side] = (base @ np.append(here, 1.0))[:3]
+        if facing is not None:
+            normal = base[:3, :3].T @ facing
+            deep = float(((surface[foot] - here) @ normal).min())
+            out[side] = out[side] + (0.0, 0.0, deep / facing[2])
     return out
+
+
+def levelled(
+    posture: PostureConfig,
+    model: BodyModel,
+    limits: Mapping[str, tuple[float, float]],
+    support: Pose,
+    dof: str,
+    limb: tuple[str, str],
+) -> PostureConfig:
+    """Return a posture in which one DoF holds a limb as level as it can.
+
+    Args:
+        posture: As it is.
+        model: The body.
+        limits: Within which the DoF is turned [rad], by name; by `MOST_LEVELLING` at most.
+        support: Where the body is, as for `pelvis_pose`.
+        dof: The degree of freedom.
+        limb: The joints where the limb begins and ends.
+    """
+    start, end = (JOINT_INDEX[joint] for joint in limb)
+    base = pelvis_pose(posture, model, posture.angles(limits), support).matrix()
+    angles_deg = _by_dof(posture.angles_deg)
+
+    def turned(degrees: float) -> PostureConfig:
+        angle = angles_deg.get(dof, 0.0) + degrees
+        return dataclasses.replace(posture, angles_deg=angles_deg | {dof: angle})
+
+    def slope(degrees: float) -> float:
+        _, positions = forward_kinematics(model.joints, turned(degrees).angles(limits))
+        way = base[:3, :3] @ (positions[end] - positions[start])
+        return abs(float(way[2]))
+
+    return turned(min(range(-MOST_LEVELLING, MOST_LEVELLING + 1), key=slope))
+
+
+def calf_back(
+    posture: PostureConfig,
+    model: BodyModel,
+    limits: Mapping[str, tuple[float, float]],
+    support: Pose,
+) -> float:
+    """Return how far ahead the backs of the calves are at least, x in the world [m], as for `soles`."""
+    base, *_, surface = _placed(posture, model, limits, support)
+    calves = np.isin(model.owner, [JOINT_INDEX[f"{side}_knee"] for side in SIDES])
+    placed = surface[calves] @ base[:3, :3].T + base[:3, 3]
+    return float(placed[placed[:, 2] < support.position[2], 0].min(initial=math.inf))
+
+
+def _placed(
+    posture: PostureConfig,
+    model: BodyModel,
+    limits: Mapping[str, tuple[float, float]],
+    support: Pose,
+) -> tuple[Array, Array, Array, Array]:
+    """Return the pelvis in the world [4, 4], and as `BodyModel.posed`: rotations, joints and skin."""
+    angles = posture.angles(limits)
+    base = pelvis_pose(posture, model, angles, support).matrix()
+    rotations, positions = forward_kinematics(model.joints, angles)
+    return base, rotations, positions, model.posed(rotations, positions)
 
 
 _ARM_DOFS = (
