@@ -98,6 +98,26 @@ def turning(wanted: Vector, now: Vector, gain: float = 2.0) -> Array:
     return gain * turn_to(wanted, now)
 
 
+class Beat:
+    """To and fro by time: three flags, of which one changes in each control step, six to and fro.
+
+    Whoever turns round where a stroke ends must see millimetres; by the beat a network that imitates it, and
+    sees little, strokes all the same.
+
+    Attributes:
+        flags: Where it is; the first says whether it goes forth.
+    """
+
+    def __init__(self) -> None:
+        self.flags = (True, True, True)
+
+    def next(self) -> float:
+        """Go on by a control step, and return 1 if it goes forth then, else -1."""
+        first, second, third = self.flags
+        self.flags = (not third, first, second)
+        return 1.0 if self.flags[0] else -1.0
+
+
 class Detour:
     """A planned way of a point of the tool, to be followed with `tool_delta` or a compliant mode.
 
