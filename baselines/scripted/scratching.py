@@ -63,3 +63,6 @@ class ScriptedScratching(ToolScript[Scratching]):
 
     def memory(self) -> tuple[Sequence[object], Array]:
         return (self._offering.is_on, *self._beat.flags), np.zeros(0)
+
+    def recall(self, holds: Sequence[bool]) -> None:
+        self._beat.flags = (holds[1], holds[2], holds[3])

@@ -68,6 +68,15 @@ class ToolScript(Generic[T]):
         """
         return (), np.zeros(0)
 
+    def recall(self, holds: Sequence[bool]) -> None:
+        """Go on from what a network that imitates it wrote down, where that comes right again by itself.
+
+        Else what it shows would follow from what the network cannot know.
+
+        Args:
+            holds: What holds, as `memory` tells it.
+        """
+
     def _begin(self) -> None:
         """Set what the script remembers to how an episode begins."""
 
@@ -114,6 +123,8 @@ class Beat:
     def next(self) -> float:
         """Go on by a control step, and return 1 if it goes forth then, else -1."""
         first, second, third = self.flags
+        if first == third != second:  # nowhere in the cycle
+            first = second
         self.flags = (not third, first, second)
         return 1.0 if self.flags[0] else -1.0
 

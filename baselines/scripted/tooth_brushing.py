@@ -81,6 +81,10 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
     def memory(self) -> tuple[Sequence[object], Array]:
         return (self._offering.is_on, self._is_in, *self._beat.flags), np.zeros(0)
 
+    def recall(self, holds: Sequence[bool]) -> None:
+        self._is_in = self._is_in and holds[1]  # out, and in again; but in by nobody's word
+        self._beat.flags = (holds[2], holds[3], holds[4])
+
     def _stays_in(self, before: Array, into: Array) -> bool:
         """Return whether it goes in or is in, from the way to where it waits [m]: not beside the lips."""
         seen = self._task.state
