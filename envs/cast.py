@@ -316,11 +316,22 @@ class Anew:
         """Return what the policy goes by beside what it sees, see `memory_of`."""
         return memory_of(self._policy)
 
+    def recall(self, holds: Sequence[bool]) -> None:
+        """Have the policy go on from what holds, see `remind`."""
+        remind(self._policy, holds)
+
 
 def memory_of(script: Policy | None) -> tuple[Sequence[object], Array]:
     """Return what a script keeps in mind: what holds, and values of -1 to 1; nothing if it does not tell."""
     tells = getattr(script, "memory", None)
     return ((), np.zeros(0)) if tells is None else tells()
+
+
+def remind(script: Policy, holds: Sequence[bool]) -> None:
+    """Have a script go on from what somebody who imitates it keeps in mind, if it can."""
+    recall = getattr(script, "recall", None)
+    if recall is not None:
+        recall(holds)
 
 
 def make_policy(env: CareEnv, task: str, role: str, policy: Any) -> Policy:

@@ -167,3 +167,20 @@ def test_a_resumed_pupil_goes_on_bit_for_bit() -> None:
         one.actor_arrays()["robots"].layers, other.actor_arrays()["robots"].layers, strict=True
     ):
         np.testing.assert_array_equal(a[0], b[0])
+
+
+def test_a_script_that_strokes_goes_on_from_the_beat_that_its_pupil_wrote_down() -> None:
+    env = LearnerEnv(EnvRecipe("scratching", taught=True))
+    env.reset(seed=1)
+    size, flags = 6, 4  # of an action; on offer or not, and three of the beat
+
+    def next_beat(first: float, second: float, third: float) -> list[float]:
+        action = np.array([0.0] * size + [1.0, first, second, third], np.float32)
+        env.step({"robots": action[None]})
+        return [float(value) for value in env.observation["robots"][0, -flags + 1 :]]
+
+    assert next_beat(1, 1, 1) == [-1, 1, 1]
+    assert next_beat(1, 1, 1) == [-1, 1, 1]
+    assert next_beat(-1, -1, -1) == [1, -1, -1]
+    assert next_beat(1, -1, 1) == [-1, -1, -1]  # nowhere in the cycle
+    env.close()

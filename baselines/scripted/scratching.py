@@ -14,7 +14,7 @@ from rcare_marl.envs.tasks.scratching import TAKEN_AWAY, Scratching
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, unit
+from .tool_script import Beat, ToolScript, limited, unit
 
 # All our own choices.
 PRESS, TOUCH = 1.5, 0.2  # [N] that it presses with, and that count as contact
@@ -22,7 +22,7 @@ HOVER = 0.03  # [m] over the skin, while it is not over the itch
 REACHED = 0.012  # [m] along the skin that it may be off to press; as far again it hovers
 LEVEL = 0.3  # [rad] that the tool may be turned otherwise to press
 UNDER = 0.01  # [m] under the skin, where it goes until it feels it
-STROKE, STROKING = 0.01, 0.08  # [m] each way, [m/s] of its strokes
+STROKING = 0.06  # [m/s] of its strokes
 GAIN, TURN_GAIN = 2.5, 2.0  # [1/s]
 YIELD = 0.008  # [m/s] into the skin for each newton that is lacking
 FAST, AWAY, SINK, ALONG = 0.15, 0.25, 0.03, 0.1  # [m/s]: in the air, off, onto the skin, along it
@@ -35,12 +35,12 @@ class ScriptedScratching(ToolScript[Scratching]):
     KIND = Scratching
 
     def _begin(self) -> None:
-        self._offering, self._is_forth = Offering(), True
+        self._offering, self._beat = Offering(), Beat()
 
     def act(self) -> Array:
         seen = self._task.state
         out, off = seen.out, seen.tip - seen.said
-        turn = TURN_GAIN * seen.to_turn
+        turn, way = TURN_GAIN * seen.to_turn, self._beat.next()
         if not self._offering.goes_on(seen.refusal, seen.time):
             away = (TAKEN_AWAY + 0.015) * out - off
             return self._about(seen.tip, limited(4 * GAIN * away, AWAY), turn)
@@ -57,17 +57,12 @@ class ScriptedScratching(ToolScript[Scratching]):
             rise = float(np.clip(YIELD * (seen.press - PRESS), -SINK, SINK))
         along = limited(-GAIN * aside, FAST)
         if over > 0 and height < HOVER / 2:
-            along = self._stroke(aside, out)
+            first = unit(np.cross(out, (0.0, 1.0, 0.0)))
+            along = limited(way * STROKING * first - GAIN * aside, ALONG)
         return self._about(seen.tip, limited(along + rise * out, FAST), turn)
 
     def memory(self) -> tuple[Sequence[object], Array]:
-        return (self._offering.is_on, self._is_forth), np.zeros(0)
+        return (self._offering.is_on, *self._beat.flags), np.zeros(0)
 
-    def _stroke(self, aside: Array, out: Array) -> Array:
-        """Return the velocity to and fro over the place [m/s], from where the tip is beside it [m]."""
-        first = unit(np.cross(out, (0.0, 1.0, 0.0)))
-        at = float(aside @ first)
-        if abs(at) > STROKE:
-            self._is_forth = at < 0
-        way = STROKING if self._is_forth else -STROKING
-        return limited(way * first - GAIN * (aside - at * first), ALONG)
+    def recall(self, holds: Sequence[bool]) -> None:
+        self._beat.flags = (holds[1], holds[2], holds[3])

@@ -68,6 +68,15 @@ class ToolScript(Generic[T]):
         """
         return (), np.zeros(0)
 
+    def recall(self, holds: Sequence[bool]) -> None:
+        """Go on from what a network that imitates it wrote down, where that comes right again by itself.
+
+        Else what it shows would follow from what the network cannot know.
+
+        Args:
+            holds: What holds, as `memory` tells it.
+        """
+
     def _begin(self) -> None:
         """Set what the script remembers to how an episode begins."""
 
@@ -96,6 +105,28 @@ def limited(velocity: Array, most: float) -> Array:
 def turning(wanted: Vector, now: Vector, gain: float = 2.0) -> Array:
     """Return the turn from one orientation to a wanted one, quaternions, times a gain [rad/s], [3]."""
     return gain * turn_to(wanted, now)
+
+
+class Beat:
+    """To and fro by time: three flags, of which one changes in each control step, six to and fro.
+
+    Whoever turns round where a stroke ends must see millimetres; by the beat a network that imitates it, and
+    sees little, strokes all the same.
+
+    Attributes:
+        flags: Where it is; the first says whether it goes forth.
+    """
+
+    def __init__(self) -> None:
+        self.flags = (True, True, True)
+
+    def next(self) -> float:
+        """Go on by a control step, and return 1 if it goes forth then, else -1."""
+        first, second, third = self.flags
+        if first == third != second:  # nowhere in the cycle
+            first = second
+        self.flags = (not third, first, second)
+        return 1.0 if self.flags[0] else -1.0
 
 
 class Detour:

@@ -15,13 +15,13 @@ from rcare_marl.envs.tasks.tooth_brushing import BEFORE, CLEAR, ToothBrushing
 from rcare_marl.pose import Array
 
 from .offering import Offering
-from .tool_script import ToolScript, limited, unit
+from .tool_script import Beat, ToolScript, limited, unit
 
 # All our own choices.
 PRESS, TOUCH = 1.3, 0.1  # [N] that it presses with, and that count as contact
 REACHED, LEVEL = 0.012, 0.15  # [m], [rad] from where it waits, before it goes in
-STROKE, STROKING = 0.007, 0.04  # [m] each way, [m/s] of its strokes
-GAIN, TURN_GAIN = 3.0, 2.5  # [1/s]
+STROKE, STROKING = 0.007, 0.04  # [m] each way at most, [m/s] of its strokes
+GAIN, TURN_GAIN, BACK = 3.0, 2.5, 1.5  # [1/s], the last of a stroke to its middle
 YIELD = 0.014  # [m/s] into the teeth for each newton that is lacking
 FAST, AWAY, SLOW = 0.15, 0.25, 0.06  # [m/s] before the face, off, within the mouth
 # [m] from the lips for who just said no; beyond where it counts as taken away
@@ -41,7 +41,7 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
     KIND = ToothBrushing
 
     def _begin(self) -> None:
-        self._offering, self._is_in, self._is_forth = Offering(), False, True
+        self._offering, self._is_in, self._beat = Offering(), False, Beat()
         self._mouth: Array | None = None
         self._place: Array | None = None
         self._quadrant = -1
@@ -50,6 +50,7 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
     def act(self) -> Array:
         task, seen = self._task, self._task.state
         offers = self._offering.goes_on(seen.refusal, seen.time)
+        self._way = self._beat.next()
         left = np.flatnonzero(~np.asarray(task.is_clean(seen.brushed)))
         if self._mouth is None or (offers and not seen.refusal.turned):  # nobody is chased
             self._mouth, self._face = seen.mouth, seen.face
@@ -78,7 +79,11 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         return self._about(seen.bristles, limited(GAIN * before, FAST), turn)
 
     def memory(self) -> tuple[Sequence[object], Array]:
-        return (self._offering.is_on, self._is_in, self._is_forth), np.zeros(0)
+        return (self._offering.is_on, self._is_in, *self._beat.flags), np.zeros(0)
+
+    def recall(self, holds: Sequence[bool]) -> None:
+        self._is_in = self._is_in and holds[1]  # out, and in again; but in by nobody's word
+        self._beat.flags = (holds[2], holds[3], holds[4])
 
     def _stays_in(self, before: Array, into: Array) -> bool:
         """Return whether it goes in or is in, from the way to where it waits [m]: not beside the lips."""
@@ -104,10 +109,8 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         seen = self._task.state
         along = unit(into - (into @ outward) * outward)
         at = float(off @ along)
-        if abs(at) > STROKE:
-            self._is_forth = at < 0
         aside = off - at * along
-        linear = (STROKING if self._is_forth else -STROKING) * along
+        linear = (self._way * STROKING - BACK * at) * along
         linear = linear - GAIN * (aside - (aside @ outward) * outward)
         press = float(seen.cleaning[self._quadrant])
         is_beyond = float(off @ outward) < -DEEP

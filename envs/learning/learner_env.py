@@ -15,7 +15,7 @@ from rcare_marl.agents.policy import Policy
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError, check_name
 
-from ..cast import make_policy, memory_of
+from ..cast import make_policy, memory_of, remind
 from ..registry import group_map
 from .recipe import EnvRecipe, Scale
 from .view import View
@@ -237,6 +237,9 @@ class LearnerEnv:
         self, observations: Mapping[str, Floats], infos: Mapping[str, Mapping[str, float]]
     ) -> None:
         for role, base in self._bases.items():
+            written = self._memories[role][: self._flags[role]]
+            if written.any():  # not before anything was
+                remind(base, [bool(value > 0) for value in written])
             shown = np.array(base.act())  # a copy: scripts may reuse theirs
             if self.recipe.taught:
                 shown = np.concatenate((shown, kept_by(base)))
