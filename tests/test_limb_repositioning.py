@@ -129,6 +129,16 @@ def test_pressing_too_hard_fails_and_is_charged_to_the_end() -> None:
     env.close()
 
 
+def test_an_arm_that_weighs_more_than_may_press_is_infeasible_and_told_with_the_reason() -> None:
+    policies = {"robot": "still", "recipient": "still"}
+    options = {"force_limit": 25.0}  # Jose's arm weighs 31 N
+    with rcare_marl.make("limb_repositioning", options=options, policies=policies) as env:
+        assert not env.task.feasible.holds and "31 N" in env.task.feasible.reason
+    with rcare_marl.make("limb_repositioning", policies={"recipient": "still"}) as env:
+        assert env.task.feasible.holds
+        assert env.reset(seed=0)[1]["robot"]["feasible"] == 1.0
+
+
 def test_an_arm_that_is_held_by_furniture_is_refused() -> None:
     with pytest.raises(ConfigError, match="hangs beside an armrest"):
         rcare_marl.make("limb_repositioning", recipient={"posture": "wheelchair"})

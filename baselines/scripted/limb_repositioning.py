@@ -1,9 +1,10 @@
 """A hand-written robot that lays an arm on the armrest with a cradle.
 
-It goes behind the forearm from outside, lifts it in an arc about the elbow, waits until the elbow, which
-gives way slowly, is back where it belongs, carries the forearm over the armrest, lowers it and draws the
-plate out from under it. It yields where it presses, brings the forearm to its place by where it sees it, and
-begins anew, otherwise, if the arm is stuck or does not stay.
+It goes behind the forearm from outside and lifts it in an arc about the elbow, which gives way slowly and is
+pushed ahead by it. The plate slides along the forearm, so that friction brings the elbow back, until the arm,
+let go, would swing to its place; then it carries the forearm over the armrest, goes down faster than the arm
+sinks, and is drawn out from under it. It yields where it presses, and begins anew, otherwise, if the arm is
+stuck or does not stay.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rcare_marl.envs.devices import HOOK_SHARE, HOOK_SHARE_HANGING
+from rcare_marl.envs.devices import HOOK_SHARE_HANGING
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
 from rcare_marl.pose import (
@@ -30,67 +31,70 @@ from .tool_script import ToolScript, limited, turning
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
 FAST, SLOW = 0.2, 0.1  # [m/s] freely, and near or under the arm
-TIPPED = (
-    0.15  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
-)
 LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
 ACCELERATION = 0.8  # [m/s²]
+TIPPED = (
+    0.22  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
+)
+LEVEL = 0.05  # of the tip below the root, as a sine, from where it leaves
 NEAR = 0.02  # [m] from a place that counts as reached
-STILL = 0.03  # [m/s] of the wrist of an arm that hangs still
+STILL, SLOWLY = 0.03, 0.005  # [m/s] of the wrist of an arm that hangs still, and that sinks no more
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
 LIFT = 0.16  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
-PLACED = 0.015  # [m] ahead of where it belongs, where the elbow is waited for no longer
-WAIT, WAIT_OVER = 6.0, 1.0  # [s] that it is, beside the armrest and over it
-RISING = 0.015  # [m/s] of the forearm, if it hangs too low then
 FREE = 0.03  # [m] of the elbow before the armrest's rear end, when the forearm is free of it
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
 HOLDING = ("free", "slide", "lift", "carry")
-PHASES = ("approach", "reach", *HOLDING, "lower", "settle", "leave", "back")
-PRESSING = (*HOLDING, "lower", "settle", "back")
+PHASES = ("approach", "reach", *HOLDING, "lower", "drop", "leave", "back")
+PRESSING = (*HOLDING, "lower", "back")
 LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
-# Where the forearm points when it is up: while the elbow is behind the armrest, and beside it.
-OUTWARD = np.array((0.58, 0.8, 0.1))
-RAISED = 0.2  # [rad] of the wrist above the elbow, so that a drooping hand clears the armrest
-SETTLING = np.array((0.01, 0.0, 0.0))  # [m] that the forearm goes back when it is let go
+# Where the forearm points: while the elbow is behind the armrest, beside it, and over it.
+OUTWARD, BESIDE, ALONG = (0.58, 0.8, 0.1), (0.93, 0.35), (1.0, 0.0)
+# Where along the forearm the plate holds it, from elbow to wrist: nearest and farthest, and first. It slides
+# towards the elbow by DRAG a second, or less: all of it where the elbow is FULL [m] farther ahead than KEPT
+# [m], and as much towards the wrist where it is as much farther back. Friction takes the arm along.
+NEAREST, FARTHEST, FIRST = 0.7, 0.95, 0.85
+DRAG, KEPT, FULL = 0.03, 0.03, 0.04
+PITCH = 0.5  # [rad] of the wrist above the elbow, to which it is lifted at most
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
+RISING = 0.015  # [m/s] more, while a level forearm is too low
+HIGHER_UP = 0.05  # [m] that the plate follows an elbow that comes up by itself
 CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest
+ROOM = 0.01  # [m] between plate, or hand, and armrest
+# What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
+# It is let go where it so comes to lie up to LANDS ahead of its place, and carried from CARRIED before [m];
+# or LATE [s] before the end.
+SWINGS, LANDS, CARRIED, LATE = 0.5, 0.01, 0.015, 11.0
 SINK = 0.4  # [rad/s] of the forearm on its way down
-UNDER = 0.012  # [m] of plate and room between pad and forearm, when it is let go
+DROP, DROPPING = (
+    0.08,
+    1.2,
+)  # [m] that the plate goes down to let go, faster than an arm sinks; [s] at most
+UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
+EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
+YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
 # [m] of the radius of a forearm, from where its owner is ever stouter, and where most. Their belly is beside
-# the pad and their arm is heavy: the plate's tip is higher until it leaves, by TIP_UP [rad], the plate is
-# higher by ROOM_UNDER [m], the arm is lifted less high, by the share LESS, and not aimed inward.
+# the pad and their arm is heavy: it is lifted less high, by the share LESS, and less steeply, by FLATTER
+# [rad], as a forearm that lies flat on the plate presses it most; the plate is not levelled under it.
 STOUT = (0.036, 0.042)
-TIP_UP, ROOM_UNDER, LESS = 0.2, 0.005, 0.55
-PRESSED, HASTE = 0.6, 0.5  # of the force limit, and [s], from which it is let go as it is
+LESS, FLATTER = 0.55, 0.6
+INWARD = (
+    0.012  # [m] that the forearm is laid nearer to the chair's middle: the plate takes it along
+)
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
-YIELDING = (0.6, 0.85)  # of the force limit: where it gets slower, and where it goes back
 SPIN = 0.8  # [rad/s] of the plate at the arm
 ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
-ROOM = 0.01  # [m] between plate and armrest
-AIM = 2.0  # [1/s] with which the plate goes where the forearm's middle is lacking
-FARTHEST = (0.1, 0.05)  # [m] that it does so along and across the pad
-# [m] that the forearm lies more to the middle of the chair, at first and at most, because the
-# plate takes it along as it is drawn out.
-INWARD = (0.012, 0.04)
-HELD = 0.7  # of the forearm, nearer to the elbow than which the plate does not slide
-HIGH = 0.05  # [m] of the wrist over its place at most, on its way
-AHEAD = 0.04  # [m] that the forearm may lie too far ahead or back
 LYING = 0.08  # [m] from its place, from where an arm on the pad creeps there by itself, or stays
-CENTRED = 0.01  # [m] from there, where it may be
-# [m] from its place, from where it is carried more slowly: it swings inwards by itself.
-BRAKING = 0.04
+LEAN = 4.0  # [N] on the pad, of an arm that lies there
+CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
-SINKING, SUNK = 0.02, 0.008  # [m/s] on the pad until it carries the forearm, [m] at most
-LEAN = 4.0  # [N] on the pad, with which it does
-CAUGHT = (
-    2.0  # [s] on its way over, after which a hand may be caught at the armrest: it is lifted more
-)
-# [s].
-PATIENCE = dict(free=8.0, slide=4.0, lift=16.0, carry=6.0, lower=5.0, settle=2.0)
+# [s]. An arm over the pad is not reached: it is left alone, as a push may have laid it.
+PATIENCE = dict(reach=4.0, free=8.0, slide=4.0, lift=16.0, carry=6.0, lower=2.5)
 FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
 HIGHER = 0.015  # [m] that a new try raises the elbow more
 LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
+FINGERS = ("index", "middle", "ring", "pinky", "thumb")
+HAND = ("left_wrist", *(f"left_{name}{k}" for name in FINGERS for k in (1, 2, 3)))
 
 
 @register_policy("limb_repositioning", "robot", "scripted")
@@ -106,9 +110,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         lean, fat = STOUT
         self._stout = min(max((self._task.radius - lean) / (fat - lean), 0.0), 1.0)
         self._high = 1.0 - LESS * self._stout  # how high it lifts
-        self._tries, self._shift, self._inward = 0, np.zeros(3), (1.0 - self._stout) * INWARD[0]
+        self._tries, self._rise, self._share = 0, 0.0, FIRST
         self._since, self._was = 0.0, self.phase  # [s] in which phase
-        self._waited, self._rise = 0.0, 0.0
         self._forearm, self._pitch, self._out = np.zeros(3), 0.0, np.zeros(3)
 
     def act(self) -> Array:
@@ -123,12 +126,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return self._towards(seat, goal, turn, limit)
 
     def memory(self) -> tuple[Sequence[object], Array]:
-        leaves = self.phase in ("leave", "back")
+        leaves = self.phase in ("drop", "leave", "back")
         out = self._out - self._task.state.plate if leaves else np.zeros(3)
-        rest = (*self._velocity / FAST, *self._shift / FARTHEST[0], *self._forearm, *out / LOWERED)
-        since, inward = self._since / PATIENCE["free"], self._inward / INWARD[1]
-        waited, rise = self._waited / WAIT, self._rise / (2 * CLEAR)
-        values = (*rest, self._pitch / RAISED, inward, since, self._tries / 5, waited, rise)
+        rest = (*self._velocity / FAST, *self._forearm, *out / LOWERED)
+        since, rise = self._since / PATIENCE["free"], self._rise / (2 * CLEAR)
+        values = (*rest, self._pitch / PITCH, since, self._tries / 5, rise, self._share)
         return [self.phase == name for name in PHASES], np.clip(values, -1.0, 1.0)
 
     def _outside(self, seat: Pose, goal: Array, turn: Array) -> Array:
@@ -151,7 +153,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             return
         if self.phase == "carry" and abs(float(self._task.state.gap[1])) < OVER:
             self.phase = "lower"
-        elif self.phase in ("lower", "settle"):
+        elif self.phase == "lower":
+            self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
+        elif self.phase == "reach":
             self._let_go(seat)
         else:
             self.phase, self._tries = "back", self._tries + 1
@@ -161,7 +165,6 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _let_go(self, seat: Array) -> None:
         half = 0.5 * self._task.cradle.model.figure("plate_length")
         self.phase, self._flat = "leave", _turned(TIPPED)
-        self._drawn = float(self._task.state.gap[1])
         self._out = seat + (0.0, AWAY, half * math.sin(TIPPED))
 
     def _back(self, seat: Array) -> tuple[Array, Array, float]:
@@ -229,35 +232,72 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         pad = task.chair.frame_in_world("armrest_left").position[0]
         if task.state.elbow[0] > pad - 0.5 * task.chair.armrest_size[0] + FREE:
             self.phase = "slide"
-        return self._ahead(HOOK_SHARE_HANGING, OUTWARD)
+        return self._ahead(HOOK_SHARE_HANGING, np.array(OUTWARD))
 
     def _slide(self, seat: Array) -> tuple[Array, Array, float]:
         """Slide the plate towards the wrist."""
-        place, turn = self._task.hook(HOOK_SHARE)
+        place, turn = self._task.hook(FIRST)
         goal = place + PRESS * rotate(turn, (1.0, 0.0, 0.0))
         if abs(float((goal - seat) @ self._direction())) < NEAR:
-            self.phase, self._forearm = "lift", self._direction()
-            self._waited, self._rise = 0.0, self._high * RISE + HIGHER * self._tries
+            self.phase, self._forearm, self._share = "lift", self._direction(), FIRST
+            self._rise = self._high * RISE + HIGHER * self._tries
         return goal, turn, SLOW
 
-    def _lift(self, seat: Array) -> tuple[Array, Array, float]:
-        """Swing the forearm up, in an arc about where the elbow is to be, and wait low until it is there."""
+    def _raised(self, way: Sequence[float], pitch: float, drag: float) -> tuple[Array, Array]:
+        """Return where the plate holds a forearm that points a way, raised by `pitch` [rad], and its turn.
+
+        The plate slides along it, by `drag` of its length a second at most, so that friction takes the elbow
+        to where it is wished; and it gives way to what weighs on it.
+        """
         task = self._task
-        self._turn_to(np.array((0.93, 0.35, math.tan(self._high * RAISED))))
-        if self._forearm[2] > math.sin(self._high * RAISED) - 0.02:
-            self._waited += task.control_dt
-            if self._ahead_by() < PLACED or self._waited > WAIT:
-                if task.state.wrist[2] > task.state.target[2] + self._high * CLEAR:
-                    self.phase, self._pitch, self._shift = "carry", self._high * RAISED, np.zeros(3)
-                self._rise += RISING * task.control_dt
-        forearm = task.state.wrist - task.state.elbow
-        length = math.sqrt(float(forearm @ forearm))
-        elbow = task.state.elbow.copy()
-        elbow[2] = task.state.target[2] + self._rise
-        goal, turn = task.cradle.under(
-            elbow, elbow + length * self._forearm, task.radius, HOOK_SHARE
+        self._turn_to(np.array((*way, math.tan(pitch))))
+        length = math.dist(task.state.wrist, task.state.elbow)
+        elbow, low = task.state.elbow.copy(), task.state.target[2] + self._rise
+        if self.phase == "lift":
+            elbow[2] = min(max(float(elbow[2]), low), low + HIGHER_UP)
+        back = min(max((self._ahead_by() - KEPT) / FULL, -1.0), 1.0)
+        share = self._share - back * drag * task.control_dt
+        self._share = min(max(share, NEAREST), FARTHEST)
+        place, turn = task.cradle.under(
+            elbow, elbow + length * self._forearm, task.radius, self._share
         )
-        goal[1] = min(float(goal[1]), float(task.hook(HOOK_SHARE)[0][1]))
+        hovering = min(float(place[2]), self._floor() + HOVER)
+        place[2] -= SOFT * max(task.state.force - EASY * task.force_limit, 0.0)
+        place[2] = max(float(place[2]), hovering)
+        return place, turn
+
+    def _hand_over_pad(self) -> float:
+        """Return how high the hand is over the armrest that it would be caught at [m]."""
+        task, person = self._task, self._task.recipient
+        pad = task.chair.frame_in_world("armrest_left").position
+        least = math.inf
+        for joint in HAND:
+            frame = person.joint_pose(joint).matrix()
+            for shape in person.segments[joint].shapes:
+                turn = np.abs(frame[:3, :3] @ shape.rotation)
+                is_box = shape.kind == "box"
+                half = 0.5 * turn @ shape.size if is_box else 0.5 * shape.size[0] * turn[:, 2]
+                x, _, z = frame[:3, :3] @ shape.centre + frame[:3, 3] - half
+                if x < pad[0] + 0.5 * task.chair.armrest_size[0]:
+                    least = min(least, float(z) - pad[2] - (0.0 if is_box else shape.size[-1]))
+        return least
+
+    def _floor(self) -> float:
+        """Return how low the plate goes over the pad [m]."""
+        return float(self._task.state.target[2]) - self._task.radius + UNDER
+
+    def _lift(self, seat: Array) -> tuple[Array, Array, float]:
+        """Swing the forearm up, and steeper, until the elbow is where it swings back from to its place."""
+        task = self._task
+        goal, turn = self._raised(BESIDE, PITCH - self._stout * FLATTER, DRAG)
+        goal[1] = min(float(goal[1]), float(task.hook(self._share)[0][1]))
+        is_up = task.state.wrist[2] > task.state.target[2] + self._high * CLEAR
+        is_up = is_up and self._hand_over_pad() > ROOM
+        is_late = task.time_limit - task.state.time < LATE
+        if is_up and (self._lands() < LANDS - CARRIED or is_late):
+            self.phase, self._pitch = "carry", math.asin(self._direction()[2])
+        if self._forearm[2] > -0.12 and not is_up:
+            self._rise += RISING * task.control_dt
         return goal, turn, SLOW
 
     def _is_lost(self, seat: Array) -> bool:
@@ -267,68 +307,42 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         share = float((seat - task.state.elbow) @ forearm / (forearm @ forearm))
         return math.dist(task.hook(share)[0], seat) > LOST
 
-    def _over(self, pitch: float) -> tuple[Array, Array]:
-        """Return where the plate holds a forearm over the pad whose wrist is raised by `pitch` [rad]."""
-        task = self._task
-        length = float(np.linalg.norm(task.state.wrist - task.state.elbow))
-        along = np.array((math.cos(pitch), 0.0, math.sin(pitch)))
-        up = np.array((-along[2], 0.0, along[0]))
-        elbow = task.state.target + SETTLING + (-0.5 * length, 0.0, RISE * pitch / RAISED)
-        under = UNDER + self._stout * ROOM_UNDER
-        place = elbow + HOOK_SHARE * length * along - (task.radius - under) * up + self._shift
-        # Nearer to the elbow the whole arm weighs on it.
-        place[0] = max(float(place[0]), float(self._task.hook(HELD)[0][0]))
-        return place, _turned(-self._stout * TIP_UP)
-
-    def _aim(self, seat: Array) -> float:
-        """Move the plate by what the forearm lacks, and return how far that is to the left [m]."""
-        state, chair = self._task.state, self._task.chair
-        missed = state.gap - (0.0, self._inward, 0.0)
-        # The wrist goes no farther than half way to the pad's edge: the elbow follows as it sinks.
-        edge = state.target[1] - 0.25 * chair.armrest_size[1]
-        missed[1] = max(float(missed[1]), float(edge - state.wrist[1]))
-        is_there = np.abs(self._over(self._pitch)[0] - seat)[:2] < NEAR
-        is_there[0] &= self.phase != "carry"
-        self._shift[:2] += AIM * self._task.control_dt * missed[:2] * is_there
-        self._shift[:2] = np.clip(self._shift[:2], np.negative(FARTHEST), FARTHEST)
-        return float(missed[1])
-
     def _carry(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring the raised forearm over the armrest."""
-        task = self._task
-        goal, _ = self._over(self._high * RAISED)
-        goal[2] += min(RISING * max(self._since - CAUGHT, 0.0), CLEAR)
-        high = float(task.state.wrist[2] - task.state.target[2]) - HIGH
-        if high > 0.0:  # a forearm that stands up falls into the lap
-            goal[2] = min(float(goal[2]), float(seat[2]) - high)
-        if task.state.force > YIELDING[0] * task.force_limit and self._is_over_pad():
-            goal[2] = min(float(goal[2]), float(seat[2]))
-        missed = self._aim(seat)
-        if missed > -NEAR:
+        goal, turn = self._raised(ALONG, self._pitch, 0.0)
+        missed = float(self._task.state.gap[1])
+        goal[1] = seat[1] + missed
+        if missed > -CENTRED:
             self.phase = "lower"
-        return goal, task.hook()[1], SLOW if missed < -BRAKING else 0.5 * SLOW
-
-    def _is_over_pad(self) -> bool:
-        """Return whether elbow and wrist are high enough to go over the armrest."""
-        state = self._task.state
-        return bool(min(state.elbow[2], state.wrist[2]) > state.target[2] + 0.5 * CLEAR)
+        return goal, turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
-        """Lower it, and level the plate, once the elbow has come back to where it belongs."""
-        if self._ahead_by() < PLACED or self._since > WAIT_OVER:
-            self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
-        aside = self._aim(seat)
-        goal, turn = self._over(self._pitch)
-        if self._pitch == 0.0 and self._presses(aside):
-            self._let_go(seat)
-        elif self._pitch == 0.0 and math.dist(goal, seat) < NEAR:
-            self.phase = "settle"
-        return goal, turn, self._high * SLOW
+        """Lower it, until the elbow will swing back to its place when the plate is gone."""
+        state = self._task.state
+        self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
+        goal, turn = self._raised(ALONG, self._pitch, 0.0)
+        goal[1] = seat[1] + state.gap[1] - (1.0 - self._stout) * INWARD
+        if self._lands() > LANDS or seat[2] < self._floor() + 0.5 * NEAR:
+            self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
+        return goal, turn, SLOW
 
-    def _presses(self, aside: float) -> bool:
-        """Return whether it presses too much to go on, over a place that will do."""
-        pressed = self._task.state.force > PRESSED * self._task.force_limit
-        return pressed and self._since > HASTE and abs(aside) < 2 * CENTRED
+    def _drop(self, seat: Array) -> tuple[Array, Array, float]:
+        """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
+        low = max(float(self._out[2]), self._floor())
+        self._out[2] = min(low, float(seat[2]))
+        now = self._task.seat_pose()
+        is_down = seat[2] < self._out[2] + 0.5 * NEAR
+        tip = rotate(now.quaternion, (0.0, 0.0, 1.0))[2]
+        is_heavy = self._stout > 0.5  # to level the plate under a heavy arm presses it
+        if (is_down and (tip < -LEVEL or is_heavy)) or self._since > DROPPING:
+            self._let_go(seat)
+        is_levelled = is_down and not is_heavy
+        return self._out, _turned(TIPPED) if is_levelled else np.array(now.quaternion), LEAVING
+
+    def _lands(self) -> float:
+        """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
+        state = self._task.state
+        return self._ahead_by() - SWINGS * float(state.wrist[2] - state.target[2])
 
     def _ahead_by(self) -> float:
         """Return how far ahead of its place a level forearm with this elbow would lie [m]."""
@@ -336,29 +350,15 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         length = math.dist(state.wrist, state.elbow)
         return float(state.elbow[0] + 0.5 * length - state.target[0])
 
-    def _settle(self, seat: Array) -> tuple[Array, Array, float]:
-        """Bring the forearm over its place, and sink until the pad carries it."""
-        task = self._task
-        aside, is_carried = self._aim(seat), task.state.pad_force >= LEAN
-        if not is_carried:
-            self._shift[2] = max(self._shift[2] - SINKING * task.control_dt, -SUNK)
-        lies = is_carried and abs(aside) < CENTRED and abs(task.state.gap[0]) < AHEAD
-        if lies or self._presses(aside):
-            self._let_go(seat)
-        goal, turn = self._over(0.0)
-        return goal, turn, SLOW
-
     def _leave(self, seat: Array) -> tuple[Array, Array, float]:
         """Draw the plate out, stay away, and begin anew if the arm does not stay."""
         wrist = self._task.state.wrist
-        is_still = math.dist(wrist, self._wrist) < STILL * self._task.control_dt
+        is_still = math.dist(wrist, self._wrist) < SLOWLY * self._task.control_dt
         self._wrist = wrist
         state = self._task.state
-        if self._since < FREED:  # how far the plate took the forearm along
-            self._dragged = max(self._drawn - float(state.gap[1]), 0.0)
-        elif is_still and state.rested == 0.0 and not self._is_out_of_reach():
+        is_over = self._since > FREED and is_still and state.rested == 0.0
+        if is_over and not self._is_out_of_reach():
             self.phase, self._tries = "approach", self._tries + 1
-            self._inward = min(max(self._inward, self._dragged), INWARD[1])
         return self._out, self._flat, LEAVING
 
     def _is_out_of_reach(self) -> bool:
@@ -369,7 +369,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
         wished = limited(GAIN * (goal - seat.position), limit) * self._eagerness()
-        most = ACCELERATION * self._task.control_dt * (5.0 if self.phase == "leave" else 1.0)
+        most = (
+            ACCELERATION * self._task.control_dt * (5.0 if self.phase in ("drop", "leave") else 1.0)
+        )
         self._velocity = self._velocity + limited(wished - self._velocity, most)
         middle = np.array(seat.position)  # of the plate, about which it turns
         spin = turning(turn, seat.quaternion, TURN_GAIN)

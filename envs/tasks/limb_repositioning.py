@@ -18,10 +18,11 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, Vector, rotate
 from rcare_marl.rendering.camera import Camera
-from rcare_marl.world import World
+from rcare_marl.world import GRAVITY, World
 
 from ..care_env import CareEnv
 from ..devices import ArmCradle, Wheelchair, chair_for
+from ..feasibility import FEASIBLE, Feasibility
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
 from ..scenes.start_posture import start_best
@@ -40,7 +41,7 @@ STILL = 0.05  # [m/s] of the forearm that rests; our own choice
 HOLD_TIME = 0.5  # [s] that it rests before it counts; our own choice
 PROM_MARGIN = math.radians(5)  # beyond the passive range, joint stops being soft; our own choice
 TIME_LIMIT = 30.0  # [s]; our own choice
-CARRYING_FORCE = 60.0  # [N] from which `tool_delta` gives way, with an arm to lift; our own choice
+CARRYING_FORCE = 100.0  # [N] from which `tool_delta` gives way, with an arm to lift; our own choice
 PAD_FRICTION = 0.7  # times that of clothes, 0.6; our own choice
 
 # Where an episode starts, uniform; our own choices.
@@ -154,6 +155,7 @@ class LimbRepositioning(Task):
         self._forearm = person.frames[JOINT_INDEX["left_elbow"]].link
         self._arm, self._lower_arm = arm, person.body.carried_by(self._forearm)
         self.radius = person.segments["left_elbow"].shapes[0].size[1]
+        self.feasible = self._can_bear()
         self._let_hang()
         self.cradle = ArmCradle()
         self._cradle_body = self.cradle.spawn(world, Pose((0.0, 0.0, -10.0)))
@@ -166,6 +168,18 @@ class LimbRepositioning(Task):
         self._movers = [self._cradle_body, *robots]
         if min(self._gaps()) < LET_GO:
             raise ConfigError("the cradle touches the recipient before the episode begins")
+
+    def _can_bear(self) -> Feasibility:
+        """Return whether the cradle may bear the whole arm, as it does where shoulder and elbow are slack."""
+        parts = (self.recipient.segments[f"left_{name}"] for name in ("shoulder", "elbow", "wrist"))
+        weight, limit = GRAVITY * sum(part.mass for part in parts), self.options.force_limit
+        if weight < limit:
+            return FEASIBLE
+        return Feasibility(
+            False,
+            f"the arm weighs {weight:.0f} N and may rest on the cradle with all of it, which may press "
+            f"with {limit:.0f} N at most",
+        )
 
     def _let_hang(self) -> None:
         """Find once where the arm comes to rest: laid on the armrest by hand, and hanging beside it."""
