@@ -40,7 +40,9 @@ LEVEL = 0.05  # of the tip below the root, as a sine, from where it leaves
 NEAR = 0.02  # [m] from a place that counts as reached
 STILL, SLOWLY = 0.03, 0.005  # [m/s] of the wrist of an arm that hangs still, and that sinks no more
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
-LIFT = 0.16  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
+# [rad/s] likewise as it is lifted, and less for the stout: a relaxed elbow gives way slowly, and else is
+# pushed ahead.
+LIFT, LESS_FAST = 0.2, 0.04
 FREE = 0.03  # [m] of the elbow before the armrest's rear end, when the forearm is free of it
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
 HOLDING = ("free", "slide", "lift", "carry")
@@ -52,7 +54,7 @@ OUTWARD, BESIDE, ALONG = (0.58, 0.8, 0.1), (0.93, 0.35), (1.0, 0.0)
 # Where along the forearm the plate holds it, from elbow to wrist: nearest and farthest, and first. It slides
 # towards the elbow by DRAG a second, or less: all of it where the elbow is FULL [m] farther ahead than KEPT
 # [m], and as much towards the wrist where it is as much farther back. Friction takes the arm along.
-NEAREST, FARTHEST, FIRST = 0.7, 0.95, 0.85
+NEAREST, FARTHEST, FIRST = 0.68, 0.85, 0.8
 DRAG, KEPT, FULL = 0.03, 0.03, 0.04
 PITCH = 0.5  # [rad] of the wrist above the elbow, to which it is lifted at most
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
@@ -69,6 +71,8 @@ DROP, DROPPING = (
     0.08,
     1.2,
 )  # [m] that the plate goes down to let go, faster than an arm sinks; [s] at most
+ROUGHLY = 0.03  # [m] that a heavy arm may lie ahead more, as it cannot be lifted steeply
+SIDEWAYS = 0.05  # [m] that it goes outwards meanwhile under a heavy arm
 UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
 EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
 YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
@@ -211,7 +215,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Turn the wished direction of the forearm a step on."""
         towards = towards / np.linalg.norm(towards)
         left = math.acos(min(max(float(towards @ self._forearm), -1.0), 1.0))
-        speed = LIFT if self.phase == "lift" else SWEEP
+        speed = LIFT - self._stout * LESS_FAST if self.phase == "lift" else SWEEP
         part = min(1.0, speed * self._task.control_dt / max(left, 1e-6))
         wished = (1 - part) * self._forearm + part * towards
         self._forearm = wished / np.linalg.norm(wished)
@@ -294,7 +298,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         is_up = task.state.wrist[2] > task.state.target[2] + self._high * CLEAR
         is_up = is_up and self._hand_over_pad() > ROOM
         is_late = task.time_limit - task.state.time < LATE
-        if is_up and (self._lands() < LANDS - CARRIED or is_late):
+        if is_up and (self._lands() < LANDS - CARRIED + self._stout * ROUGHLY or is_late):
             self.phase, self._pitch = "carry", math.asin(self._direction()[2])
         if self._forearm[2] > -0.12 and not is_up:
             self._rise += RISING * task.control_dt
@@ -312,6 +316,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal, turn = self._raised(ALONG, self._pitch, 0.0)
         missed = float(self._task.state.gap[1])
         goal[1] = seat[1] + missed
+        goal[2] = max(float(goal[2]), self._floor() + self._stout * HOVER)  # over the belly
         if missed > -CENTRED:
             self.phase = "lower"
         return goal, turn, SLOW
@@ -336,8 +341,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         is_heavy = self._stout > 0.5  # to level the plate under a heavy arm presses it
         if (is_down and (tip < -LEVEL or is_heavy)) or self._since > DROPPING:
             self._let_go(seat)
-        is_levelled = is_down and not is_heavy
-        return self._out, _turned(TIPPED) if is_levelled else np.array(now.quaternion), LEAVING
+        if is_heavy:  # and its tip would go down on their belly
+            return self._out + (0.0, SIDEWAYS, 0.0), np.array(now.quaternion), LEAVING
+        return self._out, _turned(TIPPED) if is_down else np.array(now.quaternion), LEAVING
 
     def _lands(self) -> float:
         """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
