@@ -43,11 +43,13 @@ SWEEP = 0.5  # [rad/s] of the forearm on its arc
 # [rad/s] likewise as it is lifted, and less for the stout: a relaxed elbow gives way slowly, and else is
 # pushed ahead.
 LIFT, LESS_FAST = 0.2, 0.04
-FREE = 0.03  # [m] of the elbow before the armrest's rear end, when the forearm is free of it
+# [m] of the elbow before the armrest's rear end, when the forearm is free of it, and how much less a second.
+FREE, RELENTING = 0.03, 0.008
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
 HOLDING = ("free", "slide", "lift", "carry")
 PHASES = ("approach", "reach", *HOLDING, "lower", "drop", "leave", "back")
-PRESSING = (*HOLDING, "lower", "back")
+PRESSING = ("reach", *HOLDING, "lower", "back")
+TURNING = (*PRESSING, "drop")
 LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
 # Where the forearm points: while the elbow is behind the armrest, beside it, and over it.
 OUTWARD, BESIDE, ALONG = (0.58, 0.8, 0.1), (0.93, 0.35), (1.0, 0.0)
@@ -65,7 +67,7 @@ ROOM = 0.01  # [m] between plate, or hand, and armrest
 # What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
 # It is let go where it so comes to lie up to LANDS ahead of its place, and carried from CARRIED before [m];
 # or LATE [s] before the end.
-SWINGS, LANDS, CARRIED, LATE = 0.5, 0.01, 0.015, 11.0
+SWINGS, LANDS, CARRIED, LATE, SOON = 0.45, 0.01, 0.015, 11.0, 7.0
 SINK = 0.4  # [rad/s] of the forearm on its way down
 DROP, DROPPING = (
     0.08,
@@ -78,12 +80,9 @@ EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, a
 YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
 # [m] of the radius of a forearm, from where its owner is ever stouter, and where most. Their belly is beside
 # the pad and their arm is heavy: it is lifted less high, by the share LESS, and less steeply, by FLATTER
-# [rad], as a forearm that lies flat on the plate presses it most; the plate is not levelled under it.
+# [rad] and STEEPER [rad/s] less of it, as a forearm that lies flat on the plate presses it most; the plate is not levelled under it.
 STOUT = (0.036, 0.042)
-LESS, FLATTER = 0.55, 0.6
-INWARD = (
-    0.012  # [m] that the forearm is laid nearer to the chair's middle: the plate takes it along
-)
+LESS, FLATTER, STEEPER = 0.55, 0.6, 0.03
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 SPIN = 0.8  # [rad/s] of the plate at the arm
@@ -93,7 +92,7 @@ LEAN = 4.0  # [N] on the pad, of an arm that lies there
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
 # [s]. An arm over the pad is not reached: it is left alone, as a push may have laid it.
-PATIENCE = dict(reach=4.0, free=8.0, slide=4.0, lift=16.0, carry=6.0, lower=2.5)
+PATIENCE = dict(reach=4.0, free=8.0, slide=4.0, lift=20.0, carry=6.0, lower=2.5)
 FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
 HIGHER = 0.015  # [m] that a new try raises the elbow more
 LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
@@ -234,7 +233,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Push the forearm out from behind the armrest."""
         task = self._task
         pad = task.chair.frame_in_world("armrest_left").position[0]
-        if task.state.elbow[0] > pad - 0.5 * task.chair.armrest_size[0] + FREE:
+        free = FREE - RELENTING * self._since
+        if task.state.elbow[0] > pad - 0.5 * task.chair.armrest_size[0] + free:
             self.phase = "slide"
         return self._ahead(HOOK_SHARE_HANGING, np.array(OUTWARD))
 
@@ -293,11 +293,12 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _lift(self, seat: Array) -> tuple[Array, Array, float]:
         """Swing the forearm up, and steeper, until the elbow is where it swings back from to its place."""
         task = self._task
-        goal, turn = self._raised(BESIDE, PITCH - self._stout * FLATTER, DRAG)
+        flatter = max(self._stout * FLATTER - STEEPER * self._since, 0.0)
+        goal, turn = self._raised(BESIDE, PITCH - flatter, DRAG)
         goal[1] = min(float(goal[1]), float(task.hook(self._share)[0][1]))
         is_up = task.state.wrist[2] > task.state.target[2] + self._high * CLEAR
         is_up = is_up and self._hand_over_pad() > ROOM
-        is_late = task.time_limit - task.state.time < LATE
+        is_late = task.time_limit - task.state.time < (LATE if self._tries == 0 else SOON)
         if is_up and (self._lands() < LANDS - CARRIED + self._stout * ROUGHLY or is_late):
             self.phase, self._pitch = "carry", math.asin(self._direction()[2])
         if self._forearm[2] > -0.12 and not is_up:
@@ -326,7 +327,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         state = self._task.state
         self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
         goal, turn = self._raised(ALONG, self._pitch, 0.0)
-        goal[1] = seat[1] + state.gap[1] - (1.0 - self._stout) * INWARD
+        goal[1] = seat[1] + state.gap[1]
         if self._lands() > LANDS or seat[2] < self._floor() + 0.5 * NEAR:
             self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
         return goal, turn, SLOW
@@ -343,7 +344,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             self._let_go(seat)
         if is_heavy:  # and its tip would go down on their belly
             return self._out + (0.0, SIDEWAYS, 0.0), np.array(now.quaternion), LEAVING
-        return self._out, _turned(TIPPED) if is_down else np.array(now.quaternion), LEAVING
+        is_loaded = self._task.state.force > EASY * self._task.force_limit
+        levels = is_down and not is_loaded
+        return self._out, _turned(TIPPED) if levels else np.array(now.quaternion), LEAVING
 
     def _lands(self) -> float:
         """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
@@ -381,7 +384,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._velocity = self._velocity + limited(wished - self._velocity, most)
         middle = np.array(seat.position)  # of the plate, about which it turns
         spin = turning(turn, seat.quaternion, TURN_GAIN)
-        if self.phase in PRESSING:
+        if self.phase in TURNING:
             spin = limited(spin, SPIN) * max(self._eagerness(), 0.0)
         return self._about(middle, self._velocity, spin)
 
