@@ -80,7 +80,8 @@ EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, a
 YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
 # [m] of the radius of a forearm, from where its owner is ever stouter, and where most. Their belly is beside
 # the pad and their arm is heavy: it is lifted less high, by the share LESS, and less steeply, by FLATTER
-# [rad] and STEEPER [rad/s] less of it, as a forearm that lies flat on the plate presses it most; the plate is not levelled under it.
+# [rad] and STEEPER [rad/s] less of it, as a forearm that lies flat on the plate presses it most; the plate is
+# not levelled under it.
 STOUT = (0.036, 0.042)
 LESS, FLATTER, STEEPER = 0.55, 0.6, 0.03
 AWAY = 0.2  # [m] that the plate is drawn out
@@ -93,7 +94,8 @@ CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
 # [s]. An arm over the pad is not reached: it is left alone, as a push may have laid it.
 PATIENCE = dict(reach=4.0, free=8.0, slide=4.0, lift=20.0, carry=6.0, lower=2.5)
-FREED = 1.0  # [s] that a plate out of the way waits for an arm to rest
+# [s] that a plate out of the way waits for an arm to rest, and one that is so near [m] to its place.
+FREED, SETTLES, NEARLY = 1.0, 6.0, 0.06
 HIGHER = 0.015  # [m] that a new try raises the elbow more
 LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
 FINGERS = ("index", "middle", "ring", "pinky", "thumb")
@@ -365,7 +367,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         is_still = math.dist(wrist, self._wrist) < SLOWLY * self._task.control_dt
         self._wrist = wrist
         state = self._task.state
-        is_over = self._since > FREED and is_still and state.rested == 0.0
+        waits = SETTLES if state.distance < NEARLY else FREED
+        is_over = self._since > waits and is_still and state.rested == 0.0
         if is_over and not self._is_out_of_reach():
             self.phase, self._tries = "approach", self._tries + 1
         return self._out, self._flat, LEAVING
