@@ -67,7 +67,7 @@ ROOM = 0.01  # [m] between plate, or hand, and armrest
 # What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
 # It is let go where it so comes to lie up to LANDS ahead of its place, and carried from CARRIED before [m];
 # or LATE [s] before the end.
-SWINGS, LANDS, CARRIED, LATE, SOON = 0.45, 0.01, 0.015, 11.0, 7.0
+SWINGS, LANDS, CARRIED, LATE, SOON = 0.4, 0.01, 0.025, 8.5, 7.0
 SINK = 0.4  # [rad/s] of the forearm on its way down
 DROP, DROPPING = (
     0.08,
