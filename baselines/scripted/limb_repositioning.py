@@ -42,7 +42,7 @@ STILL, SLOWLY = 0.03, 0.005  # [m/s] of the wrist of an arm that hangs still, an
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
 # [rad/s] likewise as it is lifted, and less for the stout: a relaxed elbow gives way slowly, and else is
 # pushed ahead.
-LIFT, LESS_FAST = 0.2, 0.04
+LIFT, LESS_FAST = 0.17, 0.01
 # [m] of the elbow before the armrest's rear end, when the forearm is free of it, and how much less a second.
 FREE, RELENTING = 0.03, 0.008
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
