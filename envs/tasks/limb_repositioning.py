@@ -233,7 +233,9 @@ class LimbRepositioning(Task):
         swing = {dof: rng.uniform(0.0, most) for dof, most in SWING.items()}
         offset, shift = rng.uniform(-1, 1, 3) * START_SPREAD, rng.uniform(-1, 1, 2) * TARGET_SPREAD
         self._target = self._place + (shift[0], shift[1], 0.0)
-        for part in (1.0, 0.5, 0.0):  # less where the robot cannot reach, or the arm swings into it
+        pad = self.chair.frame_in_world("armrest_left").position[2]
+        # Less where the robot cannot reach, or the arm swings into it, or over the pad and falls there.
+        for part in (1.0, 0.5, 0.0):
             self.recipient.set_angles(self._hanging)
             self._see_arm()
             tool = self._start_pose(part * offset)
@@ -241,10 +243,10 @@ class LimbRepositioning(Task):
             self._swing({dof: part * angle for dof, angle in swing.items()})
             self.robot.set_posture(found.posture)
             self._cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
+            self._see_arm()
             is_clear = self._gap_to_chair() >= 0.0 and min(self._gaps()) >= LET_GO
-            if is_clear and found.is_within(0.01, 0.1):
+            if is_clear and self._wrist[2] < pad and found.is_within(0.01, 0.1):
                 break
-        self._see_arm()
 
     def _swing(self, swing: Mapping[str, float]) -> None:
         """Swing the arm out of where it hangs [rad], and farther outwards until it is out of the chair."""
