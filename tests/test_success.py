@@ -15,7 +15,6 @@ EPISODES = 100
 # Of so many episodes with each of the people, how many must end well: docs/tasks.md.
 PEOPLE, FEW = ("daniel", "jose", "karan", "kim", "morgan", "natalia"), 20
 LEAST_OF_FEW = {"limb_repositioning": 17, "dressing": 17, "phyrc_bathing": 17}
-SHORT = {("limb_repositioning", "daniel")}  # so far
 LEAST = {task: task_class(task).least_success for task in rcare_marl.task_names()}
 
 
@@ -60,10 +59,5 @@ def test_a_random_robot_hardly_ever_succeeds(task: str, place: dict[str, Any]) -
 @pytest.mark.slow
 @pytest.mark.parametrize("person", PEOPLE)
 @pytest.mark.parametrize("task", LEAST_OF_FEW)
-def test_the_scripted_robot_serves_whoever_comes(
-    task: str, person: str, request: pytest.FixtureRequest
-) -> None:
-    if (task, person) in SHORT:
-        request.applymarker(pytest.mark.xfail(reason="docs/limb_repositioning.md", strict=False))
-    done = successes(task, {"recipient": person}, "scripted", FEW)
-    assert done >= LEAST_OF_FEW[task]
+def test_the_scripted_robot_serves_whoever_comes(task: str, person: str) -> None:
+    assert successes(task, {"recipient": person}, "scripted", FEW) >= LEAST_OF_FEW[task]
