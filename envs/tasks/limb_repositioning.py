@@ -18,13 +18,14 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, Vector, rotate
 from rcare_marl.rendering.camera import Camera
-from rcare_marl.world import GRAVITY, World
+from rcare_marl.world import World
 
 from ..care_env import CareEnv
 from ..devices import ArmCradle, Wheelchair, chair_for
-from ..feasibility import FEASIBLE, Feasibility
+from ..feasibility import can_bear
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
+from ..scenes.hanging_arm import gap_to, swing_out_of
 from ..scenes.start_posture import start_best
 from ..state import Seen, State, Values, degrees, tolerance, where
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
@@ -53,10 +54,6 @@ SWING = {  # of the arm out of where it hangs, forward and outward
     "left_shoulder_flexion": math.radians(15),
     "left_elbow_flexion": math.radians(25),
 }
-OUTWARDS, ASIDE = (
-    "left_shoulder_abduction",
-    math.radians(1),
-)  # where an arm goes that meets the chair
 BESIDE = "wheelchair_beside"  # where robots stand that do not reach the arm from the chair
 # [m] along and across from the pad's middle, where it is tried to lie; a hand at the thigh pushes outward.
 LAID = tuple(itertools.product((0.0, -0.03, -0.06, -0.09, -0.12), (0.0, -0.015)))
@@ -156,7 +153,8 @@ class LimbRepositioning(Task):
         self._forearm = person.frames[JOINT_INDEX["left_elbow"]].link
         self._arm, self._lower_arm = arm, person.body.carried_by(self._forearm)
         self.radius = person.segments["left_elbow"].shapes[0].size[1]
-        self.feasible = self._can_bear()
+        parts = (person.segments[f"left_{name}"] for name in ("shoulder", "elbow", "wrist"))
+        self.feasible = can_bear(sum(part.mass for part in parts), self.options.force_limit)
         self._let_hang()
         self.cradle = ArmCradle()
         self._cradle_body = self.cradle.spawn(world, Pose((0.0, 0.0, -10.0)))
@@ -169,18 +167,6 @@ class LimbRepositioning(Task):
         self._movers = [self._cradle_body, *robots]
         if min(self._gaps()) < LET_GO:
             raise ConfigError("the cradle touches the recipient before the episode begins")
-
-    def _can_bear(self) -> Feasibility:
-        """Return whether the cradle may bear the whole arm, as it does where shoulder and elbow are slack."""
-        parts = (self.recipient.segments[f"left_{name}"] for name in ("shoulder", "elbow", "wrist"))
-        weight, limit = GRAVITY * sum(part.mass for part in parts), self.options.force_limit
-        if weight < limit:
-            return FEASIBLE
-        return Feasibility(
-            False,
-            f"the arm weighs {weight:.0f} N and may rest on the cradle with all of it, which may press "
-            f"with {limit:.0f} N at most",
-        )
 
     def _let_hang(self) -> None:
         """Find once where the arm comes to rest: laid on the armrest by hand, and hanging beside it."""
@@ -241,28 +227,16 @@ class LimbRepositioning(Task):
             self._see_arm()
             tool = self._start_pose(part * offset)
             found = self.robot.solve_ik(tool, seed=self.robot.arm.rest) if part else self._unshifted
-            self._swing({dof: part * angle for dof, angle in swing.items()})
+            if part:
+                angles = {d: self._hanging[d] + part * a for d, a in swing.items()}
+                swing_out_of(self.chair, self.recipient, angles, self._arm, LET_GO)
             self.robot.set_posture(found.posture)
             self._cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
             self._see_arm()
-            is_clear = self._gap_to_chair() >= 0.0 and min(self._gaps()) >= LET_GO
+            from_chair = gap_to(self.chair, self.recipient, self._arm, LET_GO)
+            is_clear = from_chair >= 0.0 and min(self._gaps()) >= LET_GO
             if is_clear and self._wrist[2] < pad and found.is_within(0.01, 0.1):
                 break
-
-    def _swing(self, swing: Mapping[str, float]) -> None:
-        """Swing the arm out of where it hangs [rad], and farther outwards until it is out of the chair."""
-        person = self.recipient
-        angles = {dof: self._hanging[dof] + angle for dof, angle in swing.items()}
-        most = person.passive[person.movable.index(OUTWARDS), 1]
-        person.set_angles(angles)
-        while any(swing.values()) and self._gap_to_chair() < 0.0 and angles[OUTWARDS] < most:
-            angles[OUTWARDS] += ASIDE
-            person.set_angles(angles)
-
-    def _gap_to_chair(self) -> float:
-        """Return how far the arm is from the chair [m], no farther than it matters."""
-        person, chair, gap = self.recipient.body, self.chair.body, self.world.separation
-        return min(gap(person, chair, within=LET_GO, links=(link, -1)) for link in self._arm)
 
     def read(self, now: State, before: LimbRepositioningState | None) -> LimbRepositioningState:
         person = self.recipient
