@@ -1,16 +1,54 @@
-"""An arm that hangs beside a wheelchair, clear of it."""
+"""A left arm that hangs beside a wheelchair: where it rests, clear of the chair, and who can bear it."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
 from rcare_marl.agents.people.human import Human
+from rcare_marl.world import GRAVITY
 
 from ..devices import Wheelchair
+from ..feasibility import FEASIBLE, Feasibility
+from ..task import Task
 
 OUTWARDS = "left_shoulder_abduction"
+SWING = {  # of the arm out of where it hangs, forward and outward
+    OUTWARDS: math.radians(10),
+    "left_shoulder_flexion": math.radians(15),
+    "left_elbow_flexion": math.radians(25),
+}
+# [m] along and across from the pad's middle, where it is tried to lie; a hand at the thigh pushes outward.
+LAID = tuple(itertools.product((0.0, -0.03, -0.06, -0.09, -0.12), (0.0, -0.015)))
+SETTLE_STEPS = 1440  # physics steps that the arm gets to come to rest, each time
 ASIDE = math.radians(1)  # a step outwards; our own choice
+
+
+def can_bear(person: Human, limit: float) -> Feasibility:
+    """Return whether a cradle may bear the whole arm, as it does where shoulder and elbow are slack.
+
+    Args:
+        person: Whose arm.
+        limit: Force with which the cradle may press [N].
+    """
+    parts = (person.segments[f"left_{name}"] for name in ("shoulder", "elbow", "wrist"))
+    weight = GRAVITY * sum(part.mass for part in parts)
+    if weight < limit:
+        return FEASIBLE
+    reason = (
+        f"the arm weighs {weight:.0f} N and may rest on the cradle with all of it, which may press "
+        f"with {limit:.0f} N at most"
+    )
+    return Feasibility(False, reason)
+
+
+def come_to_rest(task: Task, person: Human) -> None:
+    """Let the arm of somebody who does nothing come to rest, while all others hold still."""
+    for _ in range(SETTLE_STEPS // 24):
+        person.command(person.slack_action(task.control_dt), task.control_dt)
+        task.settle(24)
+    person.sense()
 
 
 def gap_to(chair: Wheelchair, person: Human, links: Sequence[int], within: float) -> float:
@@ -20,7 +58,11 @@ def gap_to(chair: Wheelchair, person: Human, links: Sequence[int], within: float
 
 
 def swing_out_of(
-    chair: Wheelchair, person: Human, angles: Mapping[str, float], links: Sequence[int], within: float
+    chair: Wheelchair,
+    person: Human,
+    angles: Mapping[str, float],
+    links: Sequence[int],
+    within: float,
 ) -> None:
     """Give an arm angles [rad], and swing it farther outwards until its links are out of the chair.
 

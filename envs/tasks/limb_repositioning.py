@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,10 +21,9 @@ from rcare_marl.world import World
 
 from ..care_env import CareEnv
 from ..devices import ArmCradle, Wheelchair, chair_for
-from ..feasibility import can_bear
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
-from ..scenes.hanging_arm import gap_to, swing_out_of
+from ..scenes.hanging_arm import LAID, SWING, can_bear, come_to_rest, gap_to, swing_out_of
 from ..scenes.start_posture import start_best
 from ..state import Seen, State, Values, degrees, tolerance, where
 from ..task import CHAIR_ROBOTS, STANDING_CAREGIVER, Role, Task
@@ -49,15 +47,7 @@ PAD_FRICTION = 0.7  # times that of clothes, 0.6; our own choice
 TARGET_SPREAD = (0.03, 0.008)  # [m] of the target along and across the pad, each way
 START_SPREAD = (0.03, 0.03, 0.04)  # [m] of the cradle along, across and up, each way
 START_OUT = 0.13  # [m] that it starts outside the forearm
-SWING = {  # of the arm out of where it hangs, forward and outward
-    "left_shoulder_abduction": math.radians(10),
-    "left_shoulder_flexion": math.radians(15),
-    "left_elbow_flexion": math.radians(25),
-}
 BESIDE = "wheelchair_beside"  # where robots stand that do not reach the arm from the chair
-# [m] along and across from the pad's middle, where it is tried to lie; a hand at the thigh pushes outward.
-LAID = tuple(itertools.product((0.0, -0.03, -0.06, -0.09, -0.12), (0.0, -0.015)))
-SETTLE_STEPS = 1440  # physics steps that the arm gets to come to rest, each time
 # The wrist is held straight, as by a resting splint; name it in `movable` to let the hand droop.
 MOVABLE = ("left_shoulder", "left_elbow_flexion", "left_elbow_pronation")
 NEEDED = (*SWING, "left_shoulder_external_rotation")
@@ -153,8 +143,7 @@ class LimbRepositioning(Task):
         self._forearm = person.frames[JOINT_INDEX["left_elbow"]].link
         self._arm, self._lower_arm = arm, person.body.carried_by(self._forearm)
         self.radius = person.segments["left_elbow"].shapes[0].size[1]
-        parts = (person.segments[f"left_{name}"] for name in ("shoulder", "elbow", "wrist"))
-        self.feasible = can_bear(sum(part.mass for part in parts), self.options.force_limit)
+        self.feasible = can_bear(person, self.options.force_limit)
         self._let_hang()
         self.cradle = ArmCradle()
         self._cradle_body = self.cradle.spawn(world, Pose((0.0, 0.0, -10.0)))
@@ -176,7 +165,7 @@ class LimbRepositioning(Task):
         along = min(max(float(self._lay(pad, start)[0] - pad.position[0]), -most), most)
         self._place = np.add(pad.position, (along, 0.0, self.radius))
         person.set_angles(start)
-        self._settle()
+        come_to_rest(self, person)
         self._hanging = dict(zip(person.movable, person.positions, strict=True))
 
     def _lay(self, pad: Pose, start: Mapping[str, float]) -> Array:
@@ -185,7 +174,7 @@ class LimbRepositioning(Task):
         for shift in LAID:
             person.set_angles(start)  # whence the arm's angles are sought
             person.set_angles(person.laid_on("left", pad @ Pose((*shift, 0.0))))
-            self._settle()
+            come_to_rest(self, person)
             aside = abs(float(self._see_arm()[1] - pad.position[1]))
             if aside <= least and self._force_on_pad() >= PAD_FORCE:
                 best, least = self._middle, aside
@@ -194,13 +183,6 @@ class LimbRepositioning(Task):
         if best is None:
             raise ConfigError("the recipient's left arm slips off the armrest wherever it is laid")
         return best
-
-    def _settle(self) -> None:
-        person, dt = self.recipient, self.control_dt
-        for _ in range(SETTLE_STEPS // 24):
-            person.command(person.slack_action(dt), dt)
-            self.settle(24)
-        person.sense()
 
     def _tool_at(self, place: Array, turn: Array) -> Pose:
         """Return the pose of the tool that puts the middle of the plate somewhere."""
@@ -221,20 +203,22 @@ class LimbRepositioning(Task):
         offset, shift = rng.uniform(-1, 1, 3) * START_SPREAD, rng.uniform(-1, 1, 2) * TARGET_SPREAD
         self._target = self._place + (shift[0], shift[1], 0.0)
         pad = self.chair.frame_in_world("armrest_left").position[2]
+        person = self.recipient
         # Less where the robot cannot reach, or the arm swings into it, or over the pad and falls there.
         for part in (1.0, 0.5, 0.0):
-            self.recipient.set_angles(self._hanging)
+            person.set_angles(self._hanging)
             self._see_arm()
             tool = self._start_pose(part * offset)
             found = self.robot.solve_ik(tool, seed=self.robot.arm.rest) if part else self._unshifted
             if part:
                 angles = {d: self._hanging[d] + part * a for d, a in swing.items()}
-                swing_out_of(self.chair, self.recipient, angles, self._arm, LET_GO)
+                swing_out_of(self.chair, person, angles, self._arm, LET_GO)
             self.robot.set_posture(found.posture)
             self._cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
             self._see_arm()
-            from_chair = gap_to(self.chair, self.recipient, self._arm, LET_GO)
-            is_clear = from_chair >= 0.0 and min(self._gaps()) >= LET_GO
+            is_clear = (
+                gap_to(self.chair, person, self._arm, LET_GO) >= 0 <= min(self._gaps()) - LET_GO
+            )
             if is_clear and self._wrist[2] < pad and found.is_within(0.01, 0.1):
                 break
 

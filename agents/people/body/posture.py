@@ -22,7 +22,7 @@ from .skeleton import (
     forward_kinematics,
     joint_rotation,
 )
-from .skin import BodyModel
+from .skin import BodyModel, Floats
 
 # SMPL-X axes (x left, y up, z forward) in the world (x forward, y left, z up).
 UPRIGHT = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
@@ -267,7 +267,7 @@ def _placed(
     model: BodyModel,
     limits: Mapping[str, tuple[float, float]],
     support: Pose,
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Array, Array, Array, Floats]:
     """Return the pelvis in the world [4, 4], and as `BodyModel.posed`: rotations, joints and skin."""
     angles = posture.angles(limits)
     base = pelvis_pose(posture, model, angles, support).matrix()
