@@ -175,8 +175,8 @@ def test_a_residual_that_is_zero_is_the_script_itself() -> None:
 def test_a_residual_is_added_within_the_range_of_actions() -> None:
     env = LearnerEnv(EnvRecipe("feeding", residual={"robot": 0.5}))
     given: list[Any] = []
-    real = env.care_env.step
-    env.care_env.step = lambda actions: given.append(actions["robot"]) or real(actions)  # type: ignore[method-assign, func-returns-value]
+    real = env.care_env.command
+    env.care_env.command = lambda actions: given.append(actions["robot"]) or real(actions)  # type: ignore[method-assign, func-returns-value]
     env.reset(SEED)
     base = env.observation["robots"][0, -6:].copy()
     push = np.full((1, 6), 1.0, np.float32)
@@ -190,8 +190,8 @@ def test_a_residual_has_a_scale_for_each_value_or_is_refused() -> None:
     scales = (0.5, 0.0, 0.0, 0.0, 0.0, 0.5)
     env = LearnerEnv(EnvRecipe("feeding", residual={"robot": scales}))
     given: list[Any] = []
-    real = env.care_env.step
-    env.care_env.step = lambda actions: given.append(actions["robot"]) or real(actions)  # type: ignore[method-assign, func-returns-value]
+    real = env.care_env.command
+    env.care_env.command = lambda actions: given.append(actions["robot"]) or real(actions)  # type: ignore[method-assign, func-returns-value]
     env.reset(SEED)
     base = env.observation["robots"][0, -6:].copy()
     env.step({"robots": np.full((1, 6), -1.0, np.float32)})
