@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import json
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
@@ -43,7 +44,7 @@ def packed(kind: str, facts: Mapping[str, Any], arrays: Mapping[str, npt.NDArray
     return b"".join((len(header).to_bytes(4, "little"), header, *blocks))
 
 
-class Surface:
+class Surface(abc.ABC):
     """A mesh whose vertices move, and whose faces and colours may change.
 
     Attributes:
@@ -62,9 +63,9 @@ class Surface:
     alpha = 1.0
     name = ""
 
+    @abc.abstractmethod
     def now(self) -> tuple[Floats, Floats]:
         """Return the present vertices [m] and normals, shape [n, 3]; the attributes fit them."""
-        raise NotImplementedError
 
     def shape(self, number: int) -> bytes:
         """Return what a page is told of its faces and colours: kind `surface`."""
