@@ -40,6 +40,7 @@ def test_the_config_that_ships_trains_how_the_coach_leads_its_orders_stay_those_
         tmp_path,
     )
     file = PolicyFile.read(tmp_path / "policy_last.npz")
+    assert not any(np.any(weights[:10]) for weights in file.layers[-1])
     assert file.hold == 80 and isinstance(file.residual, tuple) and not any(file.residual[:10])
     cast: dict[str, Any] = {
         "recipient": "jose",

@@ -186,7 +186,7 @@ def test_a_residual_is_added_within_the_range_of_actions() -> None:
     env.close()
 
 
-def test_a_residual_has_a_scale_for_each_value_or_is_refused() -> None:
+def test_a_residual_has_a_scale_for_each_value_and_decides_about_those_above_zero_only() -> None:
     scales = (0.5, 0.0, 0.0, 0.0, 0.0, 0.5)
     env = LearnerEnv(EnvRecipe("feeding", residual={"robot": scales}))
     given: list[Any] = []
@@ -194,7 +194,8 @@ def test_a_residual_has_a_scale_for_each_value_or_is_refused() -> None:
     env.care_env.command = lambda actions: given.append(actions["robot"]) or real(actions)  # type: ignore[method-assign, func-returns-value]
     env.reset(SEED)
     base = env.observation["robots"][0, -6:].copy()
-    env.step({"robots": np.full((1, 6), -1.0, np.float32)})
+    assert env.layout.action_sizes == {"robots": 2}
+    env.step({"robots": np.full((1, 2), -1.0, np.float32)})
     np.testing.assert_allclose(given[0], np.clip(base - scales, -1, 1), atol=1e-6)
     env.close()
     with pytest.raises(ConfigError, match="2 scales, and an action 6 values"):

@@ -23,6 +23,7 @@ from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
 from rcare_marl.config import load
 from rcare_marl.envs.cast import make_policy
 from rcare_marl.envs.learning import BatchedEnv, LearnerEnv
+from rcare_marl.envs.learning.learner_env import moved_by
 from rcare_marl.errors import ConfigError, check_package
 from rcare_marl.provenance import machine, versions
 
@@ -407,19 +408,27 @@ class _Evaluator:
     def policy_file(self, group: str, arrays: ActorArrays, training: dict[str, Any]) -> PolicyFile:
         """Return the policy file of a group."""
         config = self._config
+        residual = config.recipe().residual.get(self._groups[group][0])
+        layers = arrays.layers
+        if isinstance(residual, tuple):  # what is left to the script has no output yet
+            *hidden, (weights, biases) = layers
+            at = moved_by(residual)
+            whole = np.zeros((len(residual), weights.shape[1]), np.float32), np.zeros(len(residual), np.float32)
+            whole[0][at], whole[1][at] = weights, biases
+            layers = (*hidden, whole)
         return PolicyFile(
             task=config.task,
             group=group,
             roles=self._groups[group],
             observed=self._observed[group],
             action_size=len(self._actions[group]),
-            memory=len(arrays.layers[-1][1]) - len(self._actions[group]),
+            memory=len(layers[-1][1]) - len(self._actions[group]),
             flags=self._flags[group],
             action_low=arrays.low,
-            layers=arrays.layers,
+            layers=layers,
             mean=arrays.mean,
             scale=arrays.scale,
-            residual=config.recipe().residual.get(self._groups[group][0]),
+            residual=residual,
             hold=config.hold,
             actions=self._actions[group],
             recipe=config.recipe().to_dict(),

@@ -94,6 +94,7 @@ class LearnerEnv:
                 role: scale_of(scale, env.cast[role].action_size, role)
                 for role, scale in recipe.residual.items()
             }
+            self._moved = {role: moved_by(scale) for role, scale in recipe.residual.items()}
             self._memories = {role: kept_by(teachers.get(role)) for role in env.cast}
             self._flags = {role: len(memory_of(teachers.get(role))[0]) for role in env.cast}
             self.layout = self._lay_out()
@@ -154,10 +155,7 @@ class LearnerEnv:
         return Layout(
             groups,
             observed,
-            {
-                group: env.cast[role].action_size + len(self._memories[role])
-                for group, role in first.items()
-            },
+            {group: self._own_size(role) + len(self._memories[role]) for group, role in first.items()},
             {group: env.cast[role].action_low for group, role in first.items()},
             state_size,
             {group: self._flags[role] for group, role in first.items()},
@@ -231,7 +229,14 @@ class LearnerEnv:
             size = self.care_env.cast[role].action_size
             self._memories[role][:] = kept(action[size:], self._flags[role])
             return action[:size]
-        return np.clip(self._base_actions[role] + scale * action, low, 1.0)
+        whole = np.zeros(self.care_env.cast[role].action_size)
+        whole[self._moved[role]] = action
+        return np.clip(self._base_actions[role] + scale * whole, low, 1.0)
+
+    def _own_size(self, role: str) -> int:
+        """Return how many values of its action a role decides about: all but those left to the script."""
+        size = self.care_env.cast[role].action_size
+        return len(np.arange(size)[self._moved.get(role, slice(None))])
 
     def _take(
         self, observations: Mapping[str, Floats], infos: Mapping[str, Mapping[str, float]]
@@ -281,7 +286,7 @@ class LearnerEnv:
         shown: dict[str, Policy] = {}
         for role in env.possible_agents:
             if role in self.recipe.residual:
-                shown[role] = StayStill(env.cast[role].action_size)
+                shown[role] = StayStill(self._own_size(role))
                 continue
             name = (
                 "scripted"
@@ -329,6 +334,11 @@ def kept_by(script: Policy | None) -> npt.NDArray[np.float64]:
 def kept(written: npt.NDArray[Any], flags: int) -> npt.NDArray[Any]:
     """Return what a network keeps of what it wrote: what holds is 1 or -1, and nothing between."""
     return np.append(np.where(written[:flags] > 0, 1.0, -1.0), written[flags:])
+
+
+def moved_by(scale: Scale) -> Any:
+    """Return the index of the values of an action that a residual of this scale changes."""
+    return np.flatnonzero(scale) if isinstance(scale, tuple) else slice(None)
 
 
 def scale_of(scale: Scale, size: int, role: str) -> float | npt.NDArray[np.float64]:

@@ -66,7 +66,8 @@ class EnvRecipe:
         partners: Policy of a role that does not learn: its name or the path of a policy file. Of
             several one is drawn for each episode. The task's default where none is given.
         residual: For roles that learn, the scale of their action on top of the scripted policy's: one number,
-            or one for each value of the action, 0 for what is left to the script.
+            or one for each value of the action, 0 for what is left to the script: a learner's action holds
+            the others only.
         hold: Control steps that a learner's action lasts: a decision. Rewards and costs of these are
             summed. A script that is corrected acts in each of them.
         physics_dt: Physics step [s]; where nobody is touched coarser ones teach as much in less time.
