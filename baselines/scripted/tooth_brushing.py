@@ -19,7 +19,7 @@ from .tool_script import Beat, ToolScript, limited, unit
 
 # All our own choices.
 PRESS, TOUCH = 1.3, 0.1  # [N] that it presses with, and that count as contact
-REACHED, LEVEL = 0.012, 0.15  # [m], [rad] from where it waits, before it goes in
+REACHED, LEVEL = 0.018, 0.2  # [m], [rad] from where it waits, before it goes in
 STROKE, STROKING = 0.007, 0.04  # [m] each way at most, [m/s] of its strokes
 GAIN, TURN_GAIN, BACK = 3.0, 2.5, 1.5  # [1/s], the last of a stroke to its middle
 YIELD = 0.014  # [m/s] into the teeth for each newton that is lacking
@@ -30,7 +30,7 @@ MISSED = 0.03  # [m] before its place at the teeth, where a brush is in the mout
 NEAR = 0.006  # [m] beyond a stroke from its place at the teeth along the brush, where it presses and strokes
 DEEP, MOST = 0.01, 2.4  # [m] into the teeth, [N]: then it is not they that it feels
 FOLLOW, GIVE = 0.3, 0.02  # [m/s] with the head, and for each newton on its way out
-ASTRAY = 0.01  # [m] beside the line of the brush, where it goes in no further
+STRAIGHT, ASTRAY = 0.01, 0.02  # [m] beside the line of the brush: goes in at its full speed, no further
 SINK, ALONG = 0.02, 0.08  # [m/s] onto the teeth, along them
 
 
@@ -101,7 +101,8 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         way = CLEAR * outward - off
         ahead = float(way @ into)
         aside = way - ahead * into
-        share = max(0.0, 1.0 - float(np.linalg.norm(aside)) / ASTRAY) if ahead > 0 else 1.0
+        astray = (float(np.linalg.norm(aside)) - STRAIGHT) / (ASTRAY - STRAIGHT)
+        share = 1.0 - float(np.clip(astray, 0.0, 1.0)) if ahead > 0 else 1.0
         return limited(GAIN * aside, SLOW) + limited(GAIN * share * ahead * into, SLOW)
 
     def _stroke(self, off: Array, outward: Array, into: Array) -> Array:
