@@ -35,6 +35,7 @@ PEOPLE = (
     "morgan",
 )
 KINDS = ("forgetful", "frail")
+OTHERS = ("learned", "brisk")
 SEED = 9600
 MEASURES = ("right_per_minute", "wrong_repetitions", "mean_pain", "fatigue", "right", "success")
 
@@ -68,6 +69,7 @@ def play(
     *,
     people: Sequence[str],
     kinds: Sequence[str],
+    others: Sequence[str],
     part: int,
     of: int,
     seconds: float,
@@ -85,7 +87,7 @@ def play(
                 options={"learners": list(kinds)},
                 physics_dt=1 / 30,
             )
-        for name in ("scripted", "brisk", *(("learned",) if path else ())):
+        for name in ("scripted", *others):
             if time.monotonic() > until:
                 return
             found = session(envs[person], name, path, seed + k)
@@ -111,7 +113,7 @@ def table(files: Sequence[Path]) -> None:
         p: (lambda k, p=p: k[0] == p) for p in sorted({person for person, _ in by_seed})
     }
     for group, holds in groups.items():
-        for name in ("learned", "brisk"):
+        for name in OTHERS:
             pairs = [v for k, v in by_seed.items() if holds(k) and {"scripted", name} <= set(v)]
             if not pairs:
                 continue
@@ -139,6 +141,7 @@ def main() -> None:
     one.add_argument("--seed", type=int, default=SEED)
     one.add_argument("--people", nargs="+", default=PEOPLE)
     one.add_argument("--kinds", nargs="+", default=KINDS)
+    one.add_argument("--beside", nargs="+", choices=OTHERS, default=OTHERS, help="the tree")
     commands.add_parser("table").add_argument("files", type=Path, nargs="+")
     given = parser.parse_args()
     if given.command == "play":
@@ -147,6 +150,7 @@ def main() -> None:
             given.out,
             people=given.people,
             kinds=given.kinds,
+            others=[name for name in given.beside if name != "learned" or given.policy],
             part=given.part,
             of=given.of,
             seconds=given.seconds,
