@@ -222,12 +222,12 @@ def evaluate(
             task, protocol, names, processes=processes, output=output, as_json=as_json
         )
         raise typer.Exit(0 if fine else 1)
-    if over is not None:
+    if over:
         from . import matrix
 
         left_out = ("policies", "plot", "save_episodes", "record")
         _check_only(context, "over", *(name for name in context.params if name not in left_out))
-        axes = matrix.parse_over(over)
+        axes = matrix.parse_over(",".join(over))
         plan = matrix.MatrixPlan(task, axes, policy, others, episodes or 5, **given)
         fine = matrix.run(plan, processes=processes, output=output, as_json=as_json)
         raise typer.Exit(0 if fine else 1)
