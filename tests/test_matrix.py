@@ -169,4 +169,4 @@ def test_partners_differ_in_policy_or_body() -> None:
 def test_axes_may_be_given_one_by_one_and_none_is_lost() -> None:
     who, how = "people=population:test:400-409", "partners=passive"
     result = CliRunner().invoke(app, ["evaluate", "feeding", "--over", who, "--over", how])
-    assert result.exit_code == 1 and "'400-409' is none of its people" in result.output
+    assert result.exit_code == 2 and "'400-409' is none of its people" in result.output

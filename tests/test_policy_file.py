@@ -20,6 +20,7 @@ from rcare_marl.baselines.evaluation.evaluate import evaluate, make_players, run
 from rcare_marl.baselines.policy_file import LearnedPolicy, PolicyFile
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.learning import EnvRecipe, LearnerEnv
+from rcare_marl.envs.learning.learner_env import moved_by
 from rcare_marl.envs.learning.recipe import Scale
 from rcare_marl.envs.registry import register_policy_file
 from rcare_marl.envs.task import part_name
@@ -152,13 +153,15 @@ def test_a_policy_plays_as_it_did_in_training(
     network(env, residual=residual, hold=hold).save(tmp_path / "a.npz")
     file = PolicyFile.read(tmp_path / "a.npz")
     scales = {} if residual is None else {"robot": residual}
+    moved = slice(None) if residual is None else moved_by(residual)
     learner = LearnerEnv(EnvRecipe("feeding", residual=scales, hold=hold))
     policy = LearnedPolicy(env, "robot", file)
     learner.reset(6)
     env.reset(seed=6)
     policy.reset(np.random.default_rng([6, 0]))
     for _ in range(12 // hold):
-        learner.step({"robots": policy.decide(learner.observation["robots"][0])[None]})
+        own = policy.decide(learner.observation["robots"][0])
+        learner.step({"robots": own[None, moved]})
         paid = np.zeros(1, np.float32)
         for _ in range(hold):
             _, rewards, *_ = env.step({"robot": policy.act()})  # type: ignore[dict-item]  # float64 will do

@@ -30,7 +30,10 @@ MISSED = 0.03  # [m] before its place at the teeth, where a brush is in the mout
 NEAR = 0.006  # [m] beyond a stroke from its place at the teeth along the brush, where it presses and strokes
 DEEP, MOST = 0.01, 2.4  # [m] into the teeth, [N]: then it is not they that it feels
 FOLLOW, GIVE = 0.3, 0.02  # [m/s] with the head, and for each newton on its way out
-STRAIGHT, ASTRAY = 0.01, 0.02  # [m] beside the line of the brush: goes in at its full speed, no further
+STRAIGHT, ASTRAY = (
+    0.01,
+    0.02,
+)  # [m] beside the line of the brush: goes in at its full speed, no further
 SINK, ALONG = 0.02, 0.08  # [m/s] onto the teeth, along them
 
 

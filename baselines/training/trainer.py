@@ -412,10 +412,9 @@ class _Evaluator:
         layers = arrays.layers
         if isinstance(residual, tuple):  # what is left to the script has no output yet
             *hidden, (weights, biases) = layers
-            at = moved_by(residual)
-            whole = np.zeros((len(residual), weights.shape[1]), np.float32), np.zeros(len(residual), np.float32)
-            whole[0][at], whole[1][at] = weights, biases
-            layers = (*hidden, whole)
+            rows = np.zeros((len(residual), weights.shape[1] + 1), np.float32)
+            rows[moved_by(residual)] = np.column_stack((weights, biases))
+            layers = (*hidden, (rows[:, :-1], rows[:, -1]))
         return PolicyFile(
             task=config.task,
             group=group,

@@ -155,7 +155,10 @@ class LearnerEnv:
         return Layout(
             groups,
             observed,
-            {group: self._own_size(role) + len(self._memories[role]) for group, role in first.items()},
+            {
+                group: self._own_size(role) + len(self._memories[role])
+                for group, role in first.items()
+            },
             {group: env.cast[role].action_low for group, role in first.items()},
             state_size,
             {group: self._flags[role] for group, role in first.items()},
@@ -229,7 +232,7 @@ class LearnerEnv:
             size = self.care_env.cast[role].action_size
             self._memories[role][:] = kept(action[size:], self._flags[role])
             return action[:size]
-        whole = np.zeros(self.care_env.cast[role].action_size)
+        whole = np.zeros(self.care_env.cast[role].action_size, np.float32)  # as actions are
         whole[self._moved[role]] = action
         return np.clip(self._base_actions[role] + scale * whole, low, 1.0)
 

@@ -197,7 +197,8 @@ Over = Annotated[
         metavar="AXES",
         help="A matrix in place of one cast: [bold]people[/bold], [bold]robots[/bold], "
         "[bold]partners[/bold] and [bold]homes[/bold] with values joined by +, such as "
-        "people=six,robots=reachable,partners=all,homes=2. May be given several times. See docs/evaluation.md.",
+        "people=six,robots=reachable,partners=all,homes=2. May be given several times. "
+        "See docs/evaluation.md.",
     ),
 ]
 Episodes = Annotated[
