@@ -449,6 +449,6 @@ def test_play_tells_where_to_watch_and_stops_calmly(monkeypatch: pytest.MonkeyPa
     )
     lines = call("play", "feeding", "--port", "0", "--no-open").stderr.splitlines()
     assert lines == ["stopped"] and served[0][0] == "feeding"
-    # Its task, whose exception nobody fetches, ends here and not while another test parses: see
-    # tests/test_structure.py of CPython 3.11.
+    # Its task, whose exception nobody fetches, ends here and not while another test parses: CPython 3.11 does
+    # not bear that, see tests/test_structure.py.
     gc.collect()
