@@ -17,6 +17,7 @@ from torchrl.envs.utils import check_env_specs
 from typer.testing import CliRunner
 
 import rcare_marl
+from rcare_marl.agents.robots.control import ToolDelta
 from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.baselines.training.config import load_config
 from rcare_marl.cli import app
@@ -121,6 +122,27 @@ def test_a_curriculum_narrows_towards_the_usual() -> None:
 def test_what_cannot_be_is_refused_by_name(given: Any, said: str) -> None:
     with pytest.raises((ConfigError, UnknownNameError), match=said):
         Randomisation.of(given)
+
+
+@pytest.mark.parametrize("model", ["kinova_gen3", "pr2", "stretch_re1_dex"])
+@pytest.mark.parametrize("factor", [0.75, 1.0, 1.3])
+def test_an_arm_that_is_not_as_heavy_as_its_model_weighs_itself(model: str, factor: float) -> None:
+    randomise = {"robot_mass": {"factor": factor}}
+    policies = {"recipient": "still"}
+    with closing(
+        rcare_marl.make("drinking", robot=model, policies=policies, randomise=randomise)
+    ) as env:
+        env.reset(seed=4)
+        robot = env.cast["robot"]
+        assert isinstance(robot, Robot) and isinstance(robot.control, ToolDelta)
+        heights = []
+        for _ in range(15):
+            env.step({"robot": np.zeros(env.action_space("robot").shape, np.float32)})
+            heights.append(robot.tool_pose().position[2])
+        # The cup in its hand is no part of the arm.
+        assert robot.control.weight_share == pytest.approx(factor, abs=0.03)
+        assert (robot.control.weight_share == 1.0) == (factor == 1.0)
+        assert abs(heights[-1] - heights[4]) < 0.002
 
 
 def test_motors_that_know_no_position_have_no_gain() -> None:

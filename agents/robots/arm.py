@@ -89,12 +89,19 @@ class Arm(JointGroup):
         """Carry its weight for a physics step, as springs do."""
         self.drive_torques(self.chain.gravity_torques(self.positions()).tolist())
 
-    def carry(self, weight: Array, motors: Array) -> Array:
-        """Return as much of `weight` as the effort allows beside `motors` [N·m or N], shape [n]."""
-        if self.counterbalanced:
+    def carry(self, weight: Array, motors: Array, share: float = 1.0) -> Array:
+        """Return as much of `weight` as the effort allows beside `motors` [N·m or N], shape [n].
+
+        Args:
+            weight: What is to be carried, shape [n].
+            motors: What the motors do besides, shape [n].
+            share: What `weight` is of that which counterbalancing springs carry.
+        """
+        sprung = weight / share if self.counterbalanced else 0.0
+        if self.counterbalanced and share == 1.0:
             return weight
         room = np.maximum(self.effort - motors, 0.0)
-        return np.minimum(np.maximum(weight, -room), room)
+        return np.asarray(sprung + np.minimum(np.maximum(weight - sprung, -room), room))
 
     def solve(self, goal: Pose, seed: Array) -> IkResult:
         """Return the posture that puts the tool at `goal`: the first good one, else the best.
