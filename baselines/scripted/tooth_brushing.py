@@ -27,7 +27,9 @@ FAST, AWAY, SLOW = 0.15, 0.25, 0.06  # [m/s] before the face, off, within the mo
 # [m] from the lips for who just said no; beyond where it counts as taken away
 ASK, FURTHER = 0.20, 0.03
 MISSED = 0.03  # [m] before its place at the teeth, where a brush is in the mouth that has met it
-NEAR = 0.006  # [m] beyond a stroke from its place at the teeth along the brush, where it presses and strokes
+# [m] beyond a stroke from its place at the teeth along the brush, where it begins to press and stroke, and goes on
+NEAR, STAYS = 0.006, 0.012
+LEANT = 3.0  # [N] on its way in, from which it comes out again
 DEEP, MOST = 0.01, 2.4  # [m] into the teeth, [N]: then it is not they that it feels
 FOLLOW, GIVE = 0.3, 0.02  # [m/s] with the head, and for each newton on its way out
 STRAIGHT, ASTRAY = (
@@ -45,6 +47,7 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
 
     def _begin(self) -> None:
         self._offering, self._is_in, self._beat = Offering(), False, Beat()
+        self._strokes = False
         self._mouth: Array | None = None
         self._place: Array | None = None
         self._quadrant = -1
@@ -68,6 +71,7 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         before = place + CLEAR * outward - BEFORE * into - seen.bristles
         turn = TURN_GAIN * seen.to_turn
         self._is_in = goes_in and self._stays_in(before, into)
+        self._strokes = self._strokes and self._is_in
         if self._is_in:
             return self._about(seen.bristles, self._brush(place, outward, into), turn)
         if seen.is_inside:  # straight out, going along with a head that turns, and yielding
@@ -82,11 +86,12 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         return self._about(seen.bristles, limited(GAIN * before, FAST), turn)
 
     def memory(self) -> tuple[Sequence[object], Array]:
-        return (self._offering.is_on, self._is_in, *self._beat.flags), np.zeros(0)
+        return (self._offering.is_on, self._is_in, self._strokes, *self._beat.flags), np.zeros(0)
 
     def recall(self, holds: Sequence[bool]) -> None:
         self._is_in = self._is_in and holds[1]  # out, and in again; but in by nobody's word
-        self._beat.flags = (holds[2], holds[3], holds[4])
+        self._strokes = holds[2]
+        self._beat.flags = (holds[3], holds[4], holds[5])
 
     def _stays_in(self, before: Array, into: Array) -> bool:
         """Return whether it goes in or is in, from the way to where it waits [m]: not beside the lips."""
@@ -94,12 +99,16 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         if not self._is_in:
             is_level = np.linalg.norm(seen.to_turn) < LEVEL
             return bool(not seen.is_inside and is_level and np.linalg.norm(before) < REACHED)
+        if seen.press > LEANT and not self._strokes:
+            return False  # on a lip
         return seen.is_inside or float(before @ into) > MISSED - BEFORE
 
     def _brush(self, place: Array, outward: Array, into: Array) -> Array:
         """Return the velocity of the bristles [m/s]: into the mouth along the brush, then onto the teeth."""
         off = self._task.state.bristles - place
-        if abs(float(off @ into)) < STROKE + NEAR and self._task.state.is_inside:
+        most = STROKE + (STAYS if self._strokes else NEAR)
+        self._strokes = abs(float(off @ into)) < most and self._task.state.is_inside
+        if self._strokes:
             return self._stroke(off, outward, into)
         way = CLEAR * outward - off
         ahead = float(way @ into)

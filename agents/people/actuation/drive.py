@@ -37,6 +37,7 @@ from .stretch_reflex import StretchReflex
 # MMT grade that holds a limb against gravity; below it furniture must, and where the limb is heavier as it
 # lies than in the test of its grade (a straight leg).
 LEAST_GRADE = 3.0
+JAW = "jaw"
 
 # Stature, and so lever arms, to those of our table; mean of women from memory.
 FEMALE_SIZE = 1.62 / 1.75
@@ -142,7 +143,10 @@ def make_drive(
 def _supported(
     avatar: AvatarConfig, chain: JointTree, lying: PostureConfig, posture: Array, strength: Array
 ) -> npt.NDArray[np.bool_]:
-    """Return whether furniture holds each limb: it can, and the person cannot; shape [n]."""
+    """Return whether furniture holds each limb: it can, and the person cannot; shape [n].
+
+    Nothing holds a jaw: a weak one drops.
+    """
     profile, out = avatar.profile, np.zeros(len(chain.names), np.bool_)
     weight = holding_torques(chain.arrays, posture, lying_gravity(lying))
     able = np.where(weight > 0.0, strength[:, 1], strength[:, 0])
@@ -150,7 +154,8 @@ def _supported(
         dof = DOFS[DOF_INDEX[name]]
         least = min(profile.grade(dof, positive=True), profile.grade(dof, positive=False))
         is_weak = least < LEAST_GRADE or abs(weight[i]) > able[i]
-        out[i] = is_weak and (lying.supported == "all" or dof.joint in lying.supported)
+        held = dof.joint != JAW and (lying.supported == "all" or dof.joint in lying.supported)
+        out[i] = is_weak and held
     return out
 
 
