@@ -9,6 +9,7 @@ free it, or it presses too much, it eases back and pulls again, farther off the 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -68,6 +69,12 @@ class ScriptedDressing(ToolScript[Dressing]):
         wished = self._kept_clear(limited(GAIN * (goal - here), FAST))
         action = self._robot.tool_action(wished, turning(self._turn, tool.quaternion))
         return np.concatenate((action, np.full(self._others, -1.0 if self._left else 0.0)))
+
+    def memory(self) -> tuple[Sequence[object], Array]:
+        whole = self._task.leg.shank + REACH + SPARE
+        values = (self._along / whole, self._since / EASED, self._shy / MOST_OFF)
+        off = OFF[self._eased % len(OFF)] / OFF[-1]
+        return (self._left,), np.clip((*values, off), 0.0, 1.0)
 
     def _goal(self, here: Array) -> Array:
         """Return where the tool goes [m], shape [3]."""
