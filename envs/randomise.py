@@ -23,6 +23,7 @@ from rcare_marl.errors import ConfigError, check_name
 FOLDER = "randomisations"  # of the package's assets
 STREAM = 0x72616E64  # that this chance is drawn from, beside the seed of the episode
 ABOUT = ("description", "source")  # keys of a file that are no perturbations
+SPARED = "spared"  # chance that an episode has none of the other perturbations
 SEEN = ("m", "rad", "N", "m/s", "rad/s", "s", "1")  # units of what is observed
 OWN = ("rad", "m", "rad/s", "m/s", "N", "1")
 
@@ -62,6 +63,7 @@ KINDS: Mapping[str, Kind] = {
     "observation_bias": _SD,
     "joint_noise": Kind(OWN, 0.0, 10.0, 0.0, by_unit=True),
     "drop_out": Kind(("share",), 0.0, 0.95, 0.0),
+    SPARED: Kind(("share",), 0.0, 1.0, 0.0),
 }
 
 
@@ -205,10 +207,14 @@ class Randomisation:
             seed: Of the episode.
             spread: Share of each way from the usual value that is left, 0 to 1; for a curriculum.
         """
-        return {
+        drawn = {
             key: found.draw(KINDS[key[0]], spread, stream(seed, "/".join(key)))
             for key, found in self.spreads.items()
         }
+        share = drawn.pop((SPARED, "share"), 0.0)
+        if share > 0.0 and stream(seed, SPARED).random() < share:
+            return {key: KINDS[key[0]].usual for key in drawn}
+        return drawn
 
 
 def stream(seed: int, name: str) -> np.random.Generator:

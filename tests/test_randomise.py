@@ -99,6 +99,17 @@ def test_a_curriculum_narrows_towards_the_usual() -> None:
     assert found.draw(3, 0.0)["robot_mass", "factor"] == 1.0
 
 
+def test_some_episodes_are_spared() -> None:
+    given = {"robot_mass": {"factor": [1.1, 1.4]}, "drop_out": {"share": 0.2}}
+    whole, some = Randomisation.of(given), Randomisation.of({**given, "spared": {"share": 0.3}})
+    usual = {("robot_mass", "factor"): 1.0, ("drop_out", "share"): 0.0}
+    drawn = [some.draw(seed) for seed in range(300)]
+    spared = [values == usual for values in drawn]
+    assert 60 < sum(spared) < 120
+    for seed, (values, is_spared) in enumerate(zip(drawn, spared, strict=True)):
+        assert is_spared or values == whole.draw(seed)
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
