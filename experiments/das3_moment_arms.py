@@ -1,7 +1,7 @@
 """Add DAS3's moment arms to the rows of MyoArm: how far do two published models agree with each other?
 
 DAS3 (Blana, van den Bogert et al.) descends from specimens measured in Delft, not from Holzbaur as MyoArm
-does. Its humerus is placed as ours, its shoulder blade by our regression (de Groot & Brand, as its own), its
+does; attachments of our shoulder are from the same specimen. Its humerus is placed as ours, its shoulder blade by our regression (de Groot & Brand, as its own), its
 clavicle stays as ours does, and the blade is held in the difference. Wrist and hand have no muscles there.
 
 Run: pip install opensim==4.6; python experiments/das3_moment_arms.py das3_original.osim

@@ -5,9 +5,9 @@ looked at.
 MyoLegs descends from Rajagopal 2016, to which our leg paths were once fitted: agreement with it proves
 little, and its rows count as fitted. `experiments/held_out_moment_arms.py` wrote the rows and says how.
 
-DAS3, an arm model of another descent, stands beside MyoArm where it has the muscle
+DAS3, an arm model of another descent than MyoArm's, stands beside it where it has the muscle
 (`experiments/das3_moment_arms.py`): how far two published models agree says what can be asked of a third.
-The biceps was fitted to the form of its curve, so it counts as fitted.
+It is kin of ours: attachments of our shoulder are from its specimen, and the biceps was fitted to it.
 
 About the shoulder there are two ways to compare: with the girdle held where its rhythm puts it, as specimens
 are measured, by which each row is judged; and with the girdle following, of which only the sums are given, as
