@@ -1,8 +1,11 @@
 """Add DAS3's moment arms to the rows of MyoArm: how far do two published models agree with each other?
 
 DAS3 (Blana, van den Bogert et al.) descends from specimens measured in Delft, not from Holzbaur as MyoArm
-does; attachments of our shoulder are from the same specimen. Its humerus is placed as ours, its shoulder blade by our regression (de Groot & Brand, as its own), its
-clavicle stays as ours does, and the blade is held in the difference. Wrist and hand have no muscles there.
+does; attachments of our shoulder are from the same specimen. Its humerus is placed as ours, its shoulder
+blade by our regression (de Groot & Brand, as its own), its clavicle stays as ours does, and the blade is
+held in the difference. Wrist and hand have no muscles there.
+
+The column that ships was made from the model's figures as they were read in its file, not from the file.
 
 Run: pip install opensim==4.6; python experiments/das3_moment_arms.py das3_original.osim
 (the model: github.com/mprib/FMC_projects, FMC_OpenSim/models/DAS3_release2/OpenSim_model)
