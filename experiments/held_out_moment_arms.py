@@ -28,7 +28,10 @@ import typer
 from rcare_marl.config import read_yaml
 
 FILE = Path(__file__).parents[1] / "assets" / "muscles" / "held_out_moment_arms.csv"
-COLUMNS = ("model", "version", "region", "muscle", "dof", "posture_deg", "arm_mm", "coupled_mm")
+COLUMNS = (
+    *("model", "version", "region", "muscle", "dof", "posture_deg", "arm_mm", "coupled_mm"),
+    "das3_mm",  # which das3_moment_arms.py fills
+)
 STEP = 1e-4  # [rad]
 TURNED = 5.0  # [mm] by which a muscle would turn a joint the wrong way
 LEAST = 0.2  # [mm] below which a muscle does not cross a joint
@@ -149,6 +152,7 @@ def rows() -> Iterator[dict[str, str]]:
                             "posture_deg": our_posture(posture),
                             "arm_mm": f"{sign * arms[muscle]:.1f}",
                             "coupled_mm": f"{sign * coupled[muscle]:.1f}",
+                            "das3_mm": "",
                         }
 
 

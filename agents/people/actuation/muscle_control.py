@@ -41,6 +41,7 @@ class Felt(NamedTuple):
     Attributes:
         positions: Angles [rad], shape [n].
         velocities: Rates [rad/s], shape [n].
+        damped: Rates that the controller's damping leaves before what it asks is done [rad/s], shape [n].
         load: Torques that hold the limbs against gravity and passive tension [N·m], shape [n].
         arms: Moment arm of each crossing [m].
         state: State of the muscles, shape [STATE_ROWS, m].
@@ -50,6 +51,7 @@ class Felt(NamedTuple):
 
     positions: Array
     velocities: Array
+    damped: Array
     load: Array
     arms: Array
     state: Array
@@ -58,7 +60,11 @@ class Felt(NamedTuple):
 
 
 class MuscleController:
-    """Finds excitations that pursue joint angles, for the posture and speed of the moment."""
+    """Finds excitations that pursue joint angles, for the posture and speed of the moment.
+
+    Attributes:
+        damping: Of the springs [N·m·s/rad], shape [n].
+    """
 
     def __init__(
         self,
@@ -81,8 +87,8 @@ class MuscleController:
         self._model, self._voluntary = model, voluntary
         stiffness = np.maximum(FREQUENCY**2 * inertia, LEAST_STIFFNESS * normal_strength)
         damping = 2 * DAMPING_RATIO * np.sqrt(stiffness * inertia)
-        self._inertia = inertia
-        self._gains = np.column_stack((stiffness, damping))
+        self.damping = damping
+        self._stiffness = stiffness
         width = limits[:, 1] - limits[:, 0]
         share = np.where(width < NARROW, NARROW_WEIGHT, 1.0)
         self._weights = share / normal_strength**2
@@ -91,24 +97,20 @@ class MuscleController:
         self._now = np.zeros(len(inertia))
         self._left = np.zeros(len(inertia))
 
-    def solve(self, target: Array, felt: Felt, excitation: Array, *, hold: float = 0.0) -> None:
+    def solve(self, target: Array, felt: Felt, excitation: Array) -> None:
         """Improve `excitation` in place, shape [m].
 
         Args:
             target: Wished angles [rad], shape [n].
             felt: The body now.
             excitation: Where to begin and to write.
-            hold: For how long it will be held [s], if not only to the next look of a loop.
         """
-        stiffness, damping = self._gains.T
-        if hold > 0.0:  # more would turn a movement round before the next look
-            damping = np.minimum(damping, self._inertia / hold)
         positions = felt.positions
-        error, rate = target - positions, felt.velocities.copy()
+        error, rate = target - positions, felt.damped.copy()
         for column in self._columns:
             for values in (error, rate):
                 values[column] += TOGETHER * (values[column].mean() - values[column])
-        self._left[:] = stiffness * error - damping * rate
+        self._left[:] = self._stiffness * error - self.damping * rate
         self._left += felt.load
         # To want more than a motion can would only strain others in vain.
         np.clip(self._left, -felt.able[:, 0], felt.able[:, 1], out=self._left)
@@ -125,9 +127,8 @@ class MuscleController:
 
     def slack_target(self, felt: Felt, ahead: float) -> Array:
         """Return the angles [rad] that ask nothing of the muscles over the next `ahead` [s], shape [n]."""
-        stiffness, damping = self._gains.T
         forward = felt.positions + 0.5 * ahead * felt.velocities
-        return np.asarray(forward + (damping * felt.velocities - felt.load) / stiffness)
+        return np.asarray(forward + (self.damping * felt.damped - felt.load) / self._stiffness)
 
 
 def _columns(dofs: Sequence[str]) -> list[list[int]]:

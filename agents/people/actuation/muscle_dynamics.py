@@ -44,6 +44,24 @@ def observe(muscles, measured, excitation, gravity, state, dt, mode) -> None:  #
 
 
 @numba.njit(cache=True, error_model="numpy")
+def damped_rates(muscles, gravity, damping, ahead, rates) -> None:  # type: ignore[no-untyped-def]
+    """Turn `rates` [rad/s] into those that are left when `damping` [N·m·s/rad] has acted for `ahead` [s]."""
+    parents, depths, matrix = muscles.parents, muscles.depths, muscles.matrix
+    place_masses(muscles.parts, muscles.work)
+    mass_matrix(parents, depths, gravity, muscles.work, matrix)
+    before = rates.copy()
+    for i in range(rates.shape[0]):
+        rates[i] = matrix[i, depths[i]] * before[i]
+        j = parents[i]
+        while j >= 0:
+            rates[i] += matrix[i, depths[j]] * before[j]
+            rates[j] += matrix[i, depths[j]] * before[i]
+            j = parents[j]
+        matrix[i, depths[i]] += ahead * damping[i]
+    solve(parents, depths, matrix, rates)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def drive(  # type: ignore[no-untyped-def]
     muscles, measured, told, involuntary, gravity, state, dt, mode, out
 ) -> None:

@@ -55,6 +55,9 @@ FRICTION_SHARE = 0.1  # of normal torque: less than this does not move a limb th
 # Of the model's resting activation: a relaxed muscle is silent (the model's is a habit of solvers).
 RELAXED = 0.1
 CONTROL_INTERVAL = 4  # physics steps between two looks of the controller: 60 Hz at 1/240 s
+# [s] by which muscles follow what they are told. Damping of what was felt is held to what this delay allows:
+# more would throw light parts about, and an arm that hangs against its girdle: both turn about one axis.
+LAG = 0.03
 LIFTED = 1e-3  # [rad] of a pursued angle from where the limb was laid: the person wants to move it
 REST_REACH = 0.05  # [rad] from where a limb was laid down: further away it rests no longer
 # [rad] from where a limb is to where excitations alone should bring it: at this the spring of the
@@ -157,6 +160,7 @@ class MuscleDrive:
         self._is_slack, self._is_pursuing, self._tick = False, True, 0
         self._muscles = kernel.make_muscles(table, chain.arrays.parents, model.layout, model.table)
         self._measured, self._out = np.zeros((2, count)), np.zeros(count)
+        self._gravity, self._look = np.zeros(3), CONTROL_INTERVAL * physics_dt + LAG
 
     def _lie_down(self, resting: npt.NDArray[np.bool_]) -> None:
         """Set up what lies on furniture, and what that bears."""
@@ -212,6 +216,7 @@ class MuscleDrive:
         # Lengths, moment arms and weights in the start posture, without any time passing.
         self._measured[0], self._measured[1] = self._posture, 0.0
         self._muscles.work[:, dynamics.HELD] = 0.0  # nor what the last episode's furniture held
+        self._gravity[:] = gravity
         step = gravity, self.state, 0.0, self.model.mode
         dynamics.observe(self._muscles, self._measured, self._told, *step)
         self._table[:, dynamics.BORNE] = borne = self._muscles.work[:, WEIGHT]
@@ -257,28 +262,30 @@ class MuscleDrive:
     def action_towards(self, angles: Mapping[str, float], duration: float) -> Array:
         if self._is_posture:
             return self._targets.action_towards(angles, duration)
-        felt = self._feel()
+        felt = self._feel(duration)
         target = felt.positions.copy()
         for dof, angle in angles.items():
             i = self.names.index(dof)
             target[i] += min(max(angle - target[i], -LEAD), LEAD)
             felt.resting[self._beyond[i]] = False
         excitation = self.excitation.copy()
-        self._controller.solve(target, felt, excitation, hold=duration)
+        self._controller.solve(target, felt, excitation)
         count = np.bincount(self._source)
         return np.bincount(self._source, weights=excitation) / count
 
     def slack_action(self, duration: float) -> Array:
         if not self._is_posture:
             return np.zeros(len(self.action_names))
-        felt = self._feel()
+        felt = self._feel(self._look)
         give = self._controller.slack_target(felt, duration) - self.target
         action = np.clip(give / (MAX_SPEED * duration), -1.0, 1.0)
         return np.where(felt.resting, 0.0, action)
 
-    def _feel(self) -> Felt:
-        """Return the body after the last physics step."""
+    def _feel(self, ahead: float) -> Felt:
+        """Return the body after the last physics step; what it does takes effect in `ahead` [s]."""
         muscles, (positions, velocities) = self._muscles, self._measured
+        damped = velocities.copy()
+        dynamics.damped_rates(muscles, self._gravity, self._controller.damping, ahead, damped)
         moved = np.abs(positions - self._table[:, dynamics.POSTURE])
         passive = muscles.torques[1] - self._elastic * positions
         load = muscles.work[:, WEIGHT] * (1.0 - muscles.work[:, dynamics.HELD]) - passive
@@ -286,7 +293,7 @@ class MuscleDrive:
         most = self._table[:, dynamics.MOST_AGAINST : dynamics.MOST_ALONG + 1]
         over = self._table[:, dynamics.OVER_AGAINST : dynamics.OVER_ALONG + 1]
         able = np.maximum(most + over * np.column_stack((passive, -passive)), 0.0)
-        return Felt(positions, velocities, load, muscles.arms, self.state, resting, able)
+        return Felt(positions, velocities, damped, load, muscles.arms, self.state, resting, able)
 
     @property
     def strength(self) -> Array:
@@ -327,8 +334,9 @@ class MuscleDrive:
         self, positions: list[float], velocities: list[float], gravity: Array
     ) -> list[float]:
         self._measured[0], self._measured[1] = positions, velocities
+        self._gravity[:] = gravity
         if self._is_pursuing and self._tick % CONTROL_INTERVAL == 0:
-            self._controller.solve(self.target, self._feel(), self.excitation)
+            self._controller.solve(self.target, self._feel(self._look), self.excitation)
         self._tick += 1
         excitation = self.excitation
         if self._shaking is not None:
