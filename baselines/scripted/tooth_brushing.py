@@ -26,9 +26,10 @@ YIELD = 0.014  # [m/s] into the teeth for each newton that is lacking
 FAST, AWAY, SLOW = 0.15, 0.25, 0.06  # [m/s] before the face, off, within the mouth
 # [m] from the lips for who just said no; beyond where it counts as taken away
 ASK, FURTHER = 0.20, 0.03
-MISSED = 0.03  # [m] before its place at the teeth, where a brush is in the mouth that has met it
-# [m] beyond a stroke from its place at the teeth along the brush, where it begins to press and stroke, and goes on
-NEAR, STAYS = 0.006, 0.012
+BESIDE = (
+    0.04  # [m] beside its way to the teeth, farther than which a brush in the mouth is at others
+)
+NEAR = 0.006  # [m] beyond a stroke from its place at the teeth along the brush, where it presses and strokes
 LEANT = 3.0  # [N] on its way in, from which it comes out again
 DEEP, MOST = 0.01, 2.4  # [m] into the teeth, [N]: then it is not they that it feels
 FOLLOW, GIVE = 0.3, 0.02  # [m/s] with the head, and for each newton on its way out
@@ -46,8 +47,7 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
     KIND = ToothBrushing
 
     def _begin(self) -> None:
-        self._offering, self._is_in, self._beat = Offering(), False, Beat()
-        self._strokes = False
+        self._offering, self._beat = Offering(), Beat()
         self._mouth: Array | None = None
         self._place: Array | None = None
         self._quadrant = -1
@@ -64,15 +64,13 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         place, outward, into = task.aim(quadrant)
         moved = place - (place if self._place is None else self._place)
         if quadrant != self._quadrant:  # out, and in again
-            self._quadrant, self._is_in, moved = quadrant, False, np.zeros(3)
+            self._quadrant, moved = quadrant, np.zeros(3)
         self._place = place
         goes_on = offers and not seen.refusal.is_no
         goes_in = goes_on and seen.jaw >= OPEN_MOUTH and len(left) > 0
         before = place + CLEAR * outward - BEFORE * into - seen.bristles
         turn = TURN_GAIN * seen.to_turn
-        self._is_in = goes_in and self._stays_in(before, into)
-        self._strokes = self._strokes and self._is_in
-        if self._is_in:
+        if goes_in and self._may_go_in(before, into):
             return self._about(seen.bristles, self._brush(place, outward, into), turn)
         if seen.is_inside:  # straight out, going along with a head that turns, and yielding
             linear = limited(moved / task.control_dt, FOLLOW) + limited(GIVE * seen.push, AWAY)
@@ -86,29 +84,37 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         return self._about(seen.bristles, limited(GAIN * before, FAST), turn)
 
     def memory(self) -> tuple[Sequence[object], Array]:
-        return (self._offering.is_on, self._is_in, self._strokes, *self._beat.flags), np.zeros(0)
+        return (self._offering.is_on, *self._beat.flags), np.zeros(0)
 
     def recall(self, holds: Sequence[bool]) -> None:
-        self._is_in = self._is_in and holds[1]  # out, and in again; but in by nobody's word
-        self._strokes = holds[2]
-        self._beat.flags = (holds[3], holds[4], holds[5])
+        self._beat.flags = (holds[1], holds[2], holds[3])
 
-    def _stays_in(self, before: Array, into: Array) -> bool:
-        """Return whether it goes in or is in, from the way to where it waits [m]: not beside the lips."""
+    def _may_go_in(self, before: Array, into: Array) -> bool:
+        """Return whether the brush is on its way to these teeth, from the way to where it waits [m].
+
+        It is turned for them, no deeper than they are, and beside its line by no more than what the lips
+        leave. That is seen, and nothing has to be kept in mind: of a memory that is wrong now and then a
+        network that imitates it stays between lips and teeth.
+        """
         seen = self._task.state
-        if not self._is_in:
-            is_level = np.linalg.norm(seen.to_turn) < LEVEL
-            return bool(not seen.is_inside and is_level and np.linalg.norm(before) < REACHED)
-        if seen.press > LEANT and not self._strokes:
-            return False  # on a lip
-        return seen.is_inside or float(before @ into) > MISSED - BEFORE
+        ahead = float(before @ into)  # to where it waits; negative beyond it
+        beside = float(np.linalg.norm(before - ahead * into))
+        if np.linalg.norm(seen.to_turn) > LEVEL or ahead > REACHED:
+            return False
+        if seen.press > LEANT and not self._is_at_teeth():  # on a lip
+            return False
+        return beside < (BESIDE if seen.is_inside else REACHED)
+
+    def _is_at_teeth(self) -> bool:
+        """Return whether it is beside its teeth, in reach of a stroke along the brush."""
+        seen = self._task.state
+        place, _, into = self._task.aim(self._quadrant)
+        return seen.is_inside and abs(float((seen.bristles - place) @ into)) < STROKE + NEAR
 
     def _brush(self, place: Array, outward: Array, into: Array) -> Array:
         """Return the velocity of the bristles [m/s]: into the mouth along the brush, then onto the teeth."""
         off = self._task.state.bristles - place
-        most = STROKE + (STAYS if self._strokes else NEAR)
-        self._strokes = abs(float(off @ into)) < most and self._task.state.is_inside
-        if self._strokes:
+        if self._is_at_teeth():
             return self._stroke(off, outward, into)
         way = CLEAR * outward - off
         ahead = float(way @ into)
