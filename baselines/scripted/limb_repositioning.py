@@ -46,7 +46,7 @@ LIFT, LESS_FAST = 0.17, 0.01
 # [m] of the elbow before the armrest's rear end, when the forearm is free of it, and how much less a second.
 FREE, RELENTING = 0.03, 0.008
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
-HOLDING = ("free", "slide", "lift", "carry")
+HOLDING = ("free", "slide", "lift", "carry", "sway")
 PHASES = ("approach", "reach", *HOLDING, "lower", "drop", "leave", "back")
 PRESSING = ("reach", *HOLDING, "lower", "back")
 TURNING = (*PRESSING, "drop")
@@ -301,7 +301,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         is_up = task.state.wrist[2] > task.state.target[2] + self._high * CLEAR
         is_up = is_up and self._hand_over_pad() > ROOM
         is_late = task.time_limit - task.state.time < (LATE if self._tries == 0 else SOON)
-        if is_up and (self._lands() < LANDS - CARRIED + self._stout * ROUGHLY or is_late):
+        if is_up:
             self.phase, self._pitch = "carry", math.asin(self._direction()[2])
         if self._forearm[2] > -0.12 and not is_up:
             self._rise += RISING * task.control_dt
@@ -321,7 +321,18 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal[1] = seat[1] + missed
         goal[2] = max(float(goal[2]), self._floor() + self._stout * HOVER)  # over the belly
         if missed > -CENTRED:
-            self.phase = "lower"
+            self.phase = "sway"
+        return goal, turn, SLOW
+
+    def _sway(self, seat: Array) -> tuple[Array, Array, float]:
+        """Hold the forearm steeply over the pad, until the elbow will swing back to its place."""
+        task = self._task
+        self._pitch = PITCH
+        goal, turn = self._raised(ALONG, self._pitch, DRAG)
+        goal[1] = seat[1] + task.state.gap[1]
+        goal[2] = max(float(goal[2]), self._floor() + self._stout * HOVER)
+        if self._lands() < LANDS or task.time_limit - task.state.time < 6.0:
+            self.phase, self._pitch = "lower", math.asin(self._direction()[2])
         return goal, turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
