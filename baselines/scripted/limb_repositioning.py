@@ -75,6 +75,7 @@ DROP, DROPPING = (
 )  # [m] that the plate goes down to let go, faster than an arm sinks; [s] at most
 ROUGHLY = 0.03  # [m] that a heavy arm may lie ahead more, as it cannot be lifted steeply
 SIDEWAYS = 0.05  # [m] that it goes outwards meanwhile under a heavy arm
+ABOVE = 0.015  # [m] between plate and belly or thighs
 UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
 EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
 YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
@@ -269,8 +270,16 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         )
         hovering = min(float(place[2]), self._floor() + HOVER)
         place[2] -= SOFT * max(task.state.force - EASY * task.force_limit, 0.0)
-        place[2] = max(float(place[2]), hovering)
+        place[2] = max(float(place[2]), hovering, self._over_lap())
         return place, turn
+
+    def _over_lap(self) -> float:
+        """Return how low the plate goes over belly and thighs [m]."""
+        task, lap = self._task, (-1, -1)
+        gap = task.world.separation(
+            task.cradle_body, task.recipient.body, within=2 * ABOVE, links=lap
+        )
+        return float(task.seat_pose().position[2]) + ABOVE - gap
 
     def _hand_over_pad(self) -> float:
         """Return how high the hand is over the armrest that it would be caught at [m]."""
@@ -300,7 +309,6 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal[1] = min(float(goal[1]), float(task.hook(self._share)[0][1]))
         is_up = task.state.wrist[2] > task.state.target[2] + self._high * CLEAR
         is_up = is_up and self._hand_over_pad() > ROOM
-        is_late = task.time_limit - task.state.time < (LATE if self._tries == 0 else SOON)
         if is_up:
             self.phase, self._pitch = "carry", math.asin(self._direction()[2])
         if self._forearm[2] > -0.12 and not is_up:
@@ -319,7 +327,6 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal, turn = self._raised(ALONG, self._pitch, 0.0)
         missed = float(self._task.state.gap[1])
         goal[1] = seat[1] + missed
-        goal[2] = max(float(goal[2]), self._floor() + self._stout * HOVER)  # over the belly
         if missed > -CENTRED:
             self.phase = "sway"
         return goal, turn, SLOW
@@ -330,7 +337,6 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._pitch = PITCH
         goal, turn = self._raised(ALONG, self._pitch, DRAG)
         goal[1] = seat[1] + task.state.gap[1]
-        goal[2] = max(float(goal[2]), self._floor() + self._stout * HOVER)
         if self._lands() < LANDS or task.time_limit - task.state.time < 6.0:
             self.phase, self._pitch = "lower", math.asin(self._direction()[2])
         return goal, turn, SLOW
@@ -347,7 +353,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _drop(self, seat: Array) -> tuple[Array, Array, float]:
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
-        low = max(float(self._out[2]), self._floor())
+        low = max(float(self._out[2]), self._floor(), self._over_lap())
         self._out[2] = min(low, float(seat[2]))
         now = self._task.seat_pose()
         is_down = seat[2] < self._out[2] + 0.5 * NEAR
