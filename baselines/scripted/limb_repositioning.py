@@ -40,9 +40,7 @@ LEVEL = 0.05  # of the tip below the root, as a sine, from where it leaves
 NEAR = 0.02  # [m] from a place that counts as reached
 STILL, SLOWLY = 0.03, 0.005  # [m/s] of the wrist of an arm that hangs still, and that sinks no more
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
-# [rad/s] likewise as it is lifted, and less for the stout: a relaxed elbow gives way slowly, and else is
-# pushed ahead.
-LIFT, LESS_FAST = 0.17, 0.01
+LIFT = 0.17  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
 # [m] of the elbow before the armrest's rear end, when the forearm is free of it, and how much less a second.
 FREE, RELENTING = 0.03, 0.008
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
@@ -56,7 +54,7 @@ OUTWARD, BESIDE, ALONG = (0.58, 0.8, 0.1), (0.93, 0.35), (1.0, 0.0)
 # Where along the forearm the plate holds it, from elbow to wrist: nearest and farthest, and first. It slides
 # towards the elbow by DRAG a second, or less: all of it where the elbow is FULL [m] farther ahead than KEPT
 # [m], and as much towards the wrist where it is as much farther back. Friction takes the arm along.
-NEAREST, FARTHEST, FIRST = 0.68, 0.85, 0.8
+NEAREST, FARTHEST, FIRST = 0.8, 0.85, 0.8
 DRAG, KEPT, FULL = 0.03, 0.03, 0.04
 PITCH = 0.5  # [rad] of the wrist above the elbow, to which it is lifted at most
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
@@ -67,24 +65,16 @@ ROOM = 0.01  # [m] between plate, or hand, and armrest
 # What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
 # It is let go where it so comes to lie up to LANDS ahead of its place, and carried from CARRIED before [m];
 # or LATE [s] before the end.
-SWINGS, LANDS, CARRIED, LATE, SOON = 0.4, 0.01, 0.025, 8.5, 7.0
+SWINGS, LANDS, LATE = 0.4, 0.01, 6.0
 SINK = 0.4  # [rad/s] of the forearm on its way down
 DROP, DROPPING = (
     0.08,
     1.2,
 )  # [m] that the plate goes down to let go, faster than an arm sinks; [s] at most
-ROUGHLY = 0.03  # [m] that a heavy arm may lie ahead more, as it cannot be lifted steeply
-SIDEWAYS = 0.05  # [m] that it goes outwards meanwhile under a heavy arm
 ABOVE = 0.015  # [m] between plate and belly or thighs
 UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
 EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
 YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
-# [m] of the radius of a forearm, from where its owner is ever stouter, and where most. Their belly is beside
-# the pad and their arm is heavy: it is lifted less high, by the share LESS, and less steeply, by FLATTER
-# [rad] and STEEPER [rad/s] less of it, as a forearm that lies flat on the plate presses it most; the plate is
-# not levelled under it.
-STOUT = (0.036, 0.042)
-LESS, FLATTER, STEEPER = 0.55, 0.6, 0.03
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 SPIN = 0.8  # [rad/s] of the plate at the arm
@@ -113,9 +103,6 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._velocity = np.zeros(3)
         self.phase = "approach"
         self._wrist = np.zeros(3)
-        lean, fat = STOUT
-        self._stout = min(max((self._task.radius - lean) / (fat - lean), 0.0), 1.0)
-        self._high = 1.0 - LESS * self._stout  # how high it lifts
         self._tries, self._rise, self._share = 0, 0.0, FIRST
         self._since, self._was = 0.0, self.phase  # [s] in which phase
         self._forearm, self._pitch, self._out = np.zeros(3), 0.0, np.zeros(3)
@@ -217,7 +204,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Turn the wished direction of the forearm a step on."""
         towards = towards / np.linalg.norm(towards)
         left = math.acos(min(max(float(towards @ self._forearm), -1.0), 1.0))
-        speed = LIFT - self._stout * LESS_FAST if self.phase == "lift" else SWEEP
+        speed = LIFT if self.phase == "lift" else SWEEP
         part = min(1.0, speed * self._task.control_dt / max(left, 1e-6))
         wished = (1 - part) * self._forearm + part * towards
         self._forearm = wished / np.linalg.norm(wished)
@@ -247,7 +234,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal = place + PRESS * rotate(turn, (1.0, 0.0, 0.0))
         if abs(float((goal - seat) @ self._direction())) < NEAR:
             self.phase, self._forearm, self._share = "lift", self._direction(), FIRST
-            self._rise = self._high * RISE + HIGHER * self._tries
+            self._rise = RISE + HIGHER * self._tries
         return goal, turn, SLOW
 
     def _raised(self, way: Sequence[float], pitch: float, drag: float) -> tuple[Array, Array]:
@@ -304,10 +291,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _lift(self, seat: Array) -> tuple[Array, Array, float]:
         """Swing the forearm up, and steeper, until the elbow is where it swings back from to its place."""
         task = self._task
-        flatter = max(self._stout * FLATTER - STEEPER * self._since, 0.0)
-        goal, turn = self._raised(BESIDE, PITCH - flatter, DRAG)
+        goal, turn = self._raised(BESIDE, PITCH, DRAG)
         goal[1] = min(float(goal[1]), float(task.hook(self._share)[0][1]))
-        is_up = task.state.wrist[2] > task.state.target[2] + self._high * CLEAR
+        is_up = task.state.wrist[2] > task.state.target[2] + CLEAR
         is_up = is_up and self._hand_over_pad() > ROOM
         if is_up:
             self.phase, self._pitch = "carry", math.asin(self._direction()[2])
@@ -334,10 +320,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _sway(self, seat: Array) -> tuple[Array, Array, float]:
         """Hold the forearm steeply over the pad, until the elbow will swing back to its place."""
         task = self._task
-        self._pitch = PITCH
-        goal, turn = self._raised(ALONG, self._pitch, DRAG)
+        goal, turn = self._raised(ALONG, PITCH, DRAG)
         goal[1] = seat[1] + task.state.gap[1]
-        if self._lands() < LANDS or task.time_limit - task.state.time < 6.0:
+        if self._lands() < LANDS or task.time_limit - task.state.time < LATE:
             self.phase, self._pitch = "lower", math.asin(self._direction()[2])
         return goal, turn, SLOW
 
@@ -358,11 +343,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         now = self._task.seat_pose()
         is_down = seat[2] < self._out[2] + 0.5 * NEAR
         tip = rotate(now.quaternion, (0.0, 0.0, 1.0))[2]
-        is_heavy = self._stout > 0.5  # to level the plate under a heavy arm presses it
-        if (is_down and (tip < -LEVEL or is_heavy)) or self._since > DROPPING:
+        if (is_down and tip < -LEVEL) or self._since > DROPPING:
             self._let_go(seat)
-        if is_heavy:  # and its tip would go down on their belly
-            return self._out + (0.0, SIDEWAYS, 0.0), np.array(now.quaternion), LEAVING
         is_loaded = self._task.state.force > EASY * self._task.force_limit
         levels = is_down and not is_loaded
         return self._out, _turned(TIPPED) if levels else np.array(now.quaternion), LEAVING
