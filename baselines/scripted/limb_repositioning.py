@@ -108,6 +108,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._forearm, self._pitch, self._out = np.zeros(3), 0.0, np.zeros(3)
 
     def act(self) -> Array:
+        if not self._task.feasible.holds:  # nobody lifts what may not be borne
+            return self._robot.tool_action(np.zeros(3), np.zeros(3))
         seat = self._task.seat_pose()
         place = np.array(seat.position)
         if self.phase in HOLDING and self._is_lost(place):
@@ -147,7 +149,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if self.phase == "carry" and abs(float(self._task.state.gap[1])) < OVER:
             self.phase = "lower"
         elif self.phase == "lower":
-            self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
+            self.phase, self._out, self._since = "drop", seat - (0.0, 0.0, DROP), 0.0
         elif self.phase == "reach":
             self._let_go(seat)
         else:
@@ -262,10 +264,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _over_lap(self) -> float:
         """Return how low the plate goes over belly and thighs [m]."""
-        task, lap = self._task, (-1, -1)
-        gap = task.world.separation(
-            task.cradle_body, task.recipient.body, within=2 * ABOVE, links=lap
-        )
+        task, apart = self._task, self._task.world.separation
+        gap = apart(task.cradle_body, task.recipient.body, within=2 * ABOVE, links=(-1, -1))
         return float(task.seat_pose().position[2]) + ABOVE - gap
 
     def _hand_over_pad(self) -> float:
@@ -332,7 +332,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
         goal, turn = self._raised(ALONG, self._pitch, 0.0)
         goal[1] = seat[1] + state.gap[1]
-        if self._lands() > LANDS or seat[2] < self._floor() + 0.5 * NEAR:
+        if self._lands() > LANDS or seat[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR:
             self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
         return goal, turn, SLOW
 
@@ -345,9 +345,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         tip = rotate(now.quaternion, (0.0, 0.0, 1.0))[2]
         if (is_down and tip < -LEVEL) or self._since > DROPPING:
             self._let_go(seat)
-        is_loaded = self._task.state.force > EASY * self._task.force_limit
-        levels = is_down and not is_loaded
-        return self._out, _turned(TIPPED) if levels else np.array(now.quaternion), LEAVING
+        return self._out, _turned(TIPPED) if is_down else np.array(now.quaternion), LEAVING
 
     def _lands(self) -> float:
         """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
