@@ -65,16 +65,16 @@ ROOM = 0.01  # [m] between plate, or hand, and armrest
 # What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
 # It is let go where it so comes to lie up to LANDS ahead of its place, and carried from CARRIED before [m];
 # or LATE [s] before the end.
-SWINGS, LANDS, LATE = 0.4, 0.01, 6.0
+SWINGS, LANDS, SWAYED, LATE = 0.4, 0.01, -0.01, 6.0
 SINK = 0.4  # [rad/s] of the forearm on its way down
 DROP, DROPPING = (
     0.08,
     1.2,
 )  # [m] that the plate goes down to let go, faster than an arm sinks; [s] at most
-ABOVE = 0.015  # [m] between plate and belly or thighs
+ABOVE, NEARBY = 0.015, 0.03  # [m] between plate and belly or thighs, and from where it matters
 UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
 EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
-YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
+YIELDING = (0.4, 0.9)  # of the force limit: where it gets slower, and where it goes back
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 SPIN = 0.8  # [rad/s] of the plate at the arm
@@ -118,6 +118,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal, turn, limit = getattr(self, "_" + self.phase)(place)
         if self.phase in ("slide", "lift"):
             goal = self._outside(seat, goal, turn)
+        if self.phase in ("lift", "carry", "sway", "lower", "drop"):
+            goal[2] = max(float(goal[2]), self._over_lap())
         return self._towards(seat, goal, turn, limit)
 
     def memory(self) -> tuple[Sequence[object], Array]:
@@ -259,14 +261,14 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         )
         hovering = min(float(place[2]), self._floor() + HOVER)
         place[2] -= SOFT * max(task.state.force - EASY * task.force_limit, 0.0)
-        place[2] = max(float(place[2]), hovering, self._over_lap())
+        place[2] = max(float(place[2]), hovering)
         return place, turn
 
     def _over_lap(self) -> float:
         """Return how low the plate goes over belly and thighs [m]."""
         task, apart = self._task, self._task.world.separation
-        gap = apart(task.cradle_body, task.recipient.body, within=2 * ABOVE, links=(-1, -1))
-        return float(task.seat_pose().position[2]) + ABOVE - gap
+        gap = apart(task.cradle_body, task.recipient.body, within=NEARBY, links=(-1, -1))
+        return float(task.seat_pose().position[2]) + ABOVE - gap if gap < NEARBY else -math.inf
 
     def _hand_over_pad(self) -> float:
         """Return how high the hand is over the armrest that it would be caught at [m]."""
@@ -322,7 +324,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         task = self._task
         goal, turn = self._raised(ALONG, PITCH, DRAG)
         goal[1] = seat[1] + task.state.gap[1]
-        if self._lands() < LANDS or task.time_limit - task.state.time < LATE:
+        if self._lands() < SWAYED or task.time_limit - task.state.time < LATE:
             self.phase, self._pitch = "lower", math.asin(self._direction()[2])
         return goal, turn, SLOW
 
@@ -338,14 +340,13 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _drop(self, seat: Array) -> tuple[Array, Array, float]:
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
-        low = max(float(self._out[2]), self._floor(), self._over_lap())
-        self._out[2] = min(low, float(seat[2]))
+        self._out[2] = max(float(self._out[2]), self._floor())
         now = self._task.seat_pose()
-        is_down = seat[2] < self._out[2] + 0.5 * NEAR
+        is_down = seat[2] < max(float(self._out[2]), self._over_lap()) + 0.5 * NEAR
         tip = rotate(now.quaternion, (0.0, 0.0, 1.0))[2]
         if (is_down and tip < -LEVEL) or self._since > DROPPING:
             self._let_go(seat)
-        return self._out, _turned(TIPPED) if is_down else np.array(now.quaternion), LEAVING
+        return self._out.copy(), _turned(TIPPED) if is_down else np.array(now.quaternion), LEAVING
 
     def _lands(self) -> float:
         """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
