@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.devices import HOOK_SHARE_HANGING
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
@@ -74,6 +75,8 @@ DROP, DROPPING = (
 ABOVE, NEARBY = 0.015, 0.03  # [m] between plate and belly or thighs, and from where it matters
 UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
 EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
+# [m] from hand to robot, from where it lifts more slowly, and how much more.
+CLOSE, SLOWER = 0.02, 0.5
 YIELDING = (0.4, 0.9)  # of the force limit: where it gets slower, and where it goes back
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
@@ -395,7 +398,15 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             return 1.0
         task = self._task
         low, high = np.multiply(YIELDING, task.force_limit)
-        return float(np.clip((high - task.state.force) / (high - low), -1.0, 1.0))
+        eager = float(np.clip((high - task.state.force) / (high - low), -1.0, 1.0))
+        if self.phase != "lift":
+            return eager
+        forearm = task.recipient.frames[JOINT_INDEX["left_elbow"]].link
+        apart, links = task.world.separation, (forearm, None)
+        gap = apart(task.recipient.body, task.robot.body, within=CLOSE, links=links)
+        return eager * (
+            1.0 if gap >= CLOSE else SLOWER
+        )  # else the hand is knocked against the robot
 
 
 def _turned(tip: float) -> Array:
