@@ -1,10 +1,11 @@
 """A hand-written robot that lays an arm on the armrest with a cradle.
 
-It goes behind the forearm from outside and lifts it in an arc about the elbow, which gives way slowly and is
-pushed ahead by it. The plate slides along the forearm, so that friction brings the elbow back, until the arm,
-let go, would swing to its place; then it carries the forearm over the armrest, goes down faster than the arm
-sinks, and is drawn out from under it. It yields where it presses, and begins anew, otherwise, if the arm is
-stuck or does not stay.
+It goes behind the forearm from outside and lifts it in an arc about the elbow, which gives way slowly and
+is pushed ahead by it. Once the hand is clear of the armrest it carries the forearm over it, and holds the
+wrist high there: under a steep forearm the elbow swings back, until the arm, let go, would come to its place.
+Then it goes down faster than the arm sinks, levels the plate, and is drawn out from under it. It yields where
+it presses, keeps over lap and belly, does not begin with an arm that may not be borne, and begins anew if the
+arm is stuck or does not stay.
 """
 
 from __future__ import annotations
@@ -64,8 +65,8 @@ HIGHER_UP = 0.05  # [m] that the plate follows an elbow that comes up by itself
 CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest
 ROOM = 0.01  # [m] between plate, or hand, and armrest
 # What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
-# It is let go where it so comes to lie up to LANDS ahead of its place, and carried from CARRIED before [m];
-# or LATE [s] before the end.
+# It is lowered from where it so comes to lie SWAYED ahead of its place, or LATE [s] before the end, and let
+# go where it comes to lie LANDS ahead [m].
 SWINGS, LANDS, SWAYED, LATE = 0.4, 0.01, -0.01, 6.0
 SINK = 0.4  # [rad/s] of the forearm on its way down
 DROP, DROPPING = (
