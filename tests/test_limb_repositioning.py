@@ -13,6 +13,7 @@ import rcare_marl
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.devices import ArmCradle
+from rcare_marl.envs.feasibility import FEASIBLE
 from rcare_marl.envs.tasks import limb_repositioning as module
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
 from rcare_marl.errors import ConfigError
@@ -126,6 +127,7 @@ def test_random_actions_stay_finite() -> None:
 
 def test_pressing_too_hard_fails_and_is_charged_to_the_end() -> None:
     env = rcare_marl.make("limb_repositioning", options={"force_limit": 1.0}, policies=BOTH)
+    env.task.feasible = FEASIBLE  # else the script does not begin
     task = run(env, 0)
     assert task.failed() and not task.succeeded()
     terms = task.rewards("robot", task.state)
@@ -138,6 +140,9 @@ def test_an_arm_that_weighs_more_than_may_press_is_infeasible_and_told_with_the_
     options = {"force_limit": 25.0}  # Jose's arm weighs 31 N
     with rcare_marl.make("limb_repositioning", options=options, policies=policies) as env:
         assert not env.task.feasible.holds and "31 N" in env.task.feasible.reason
+    with rcare_marl.make("limb_repositioning", options=options, policies=BOTH) as env:
+        assert not run(env, 0).succeeded()
+        assert env.task.report()["peak_force_n"] == 0.0  # nobody begins with it
     with rcare_marl.make("limb_repositioning", policies={"recipient": "still"}) as env:
         assert env.task.feasible.holds
         assert env.reset(seed=0)[1]["robot"]["feasible"] == 1.0

@@ -1,10 +1,11 @@
 """A hand-written robot that lays an arm on the armrest with a cradle.
 
-It goes behind the forearm from outside and lifts it in an arc about the elbow, which gives way slowly and is
-pushed ahead by it. The plate slides along the forearm, so that friction brings the elbow back, until the arm,
-let go, would swing to its place; then it carries the forearm over the armrest, goes down faster than the arm
-sinks, and is drawn out from under it. It yields where it presses, and begins anew, otherwise, if the arm is
-stuck or does not stay.
+It goes behind the forearm from outside and lifts it in an arc about the elbow, which gives way slowly and
+is pushed ahead by it. Once the hand is clear of the armrest it carries the forearm over it, and holds the
+wrist high there: under a steep forearm the elbow swings back, until the arm, let go, would come to its place.
+Then it goes down faster than the arm sinks, levels the plate, and is drawn out from under it. It yields where
+it presses, keeps over lap and belly, does not begin with an arm that may not be borne, and begins anew if the
+arm is stuck or does not stay.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.devices import HOOK_SHARE_HANGING
 from rcare_marl.envs.registry import register_policy
 from rcare_marl.envs.tasks.limb_repositioning import LimbRepositioning
@@ -40,13 +42,11 @@ LEVEL = 0.05  # of the tip below the root, as a sine, from where it leaves
 NEAR = 0.02  # [m] from a place that counts as reached
 STILL, SLOWLY = 0.03, 0.005  # [m/s] of the wrist of an arm that hangs still, and that sinks no more
 SWEEP = 0.5  # [rad/s] of the forearm on its arc
-# [rad/s] likewise as it is lifted, and less for the stout: a relaxed elbow gives way slowly, and else is
-# pushed ahead.
-LIFT, LESS_FAST = 0.17, 0.01
+LIFT = 0.17  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
 # [m] of the elbow before the armrest's rear end, when the forearm is free of it, and how much less a second.
 FREE, RELENTING = 0.03, 0.008
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
-HOLDING = ("free", "slide", "lift", "carry")
+HOLDING = ("free", "slide", "lift", "carry", "sway")
 PHASES = ("approach", "reach", *HOLDING, "lower", "drop", "leave", "back")
 PRESSING = ("reach", *HOLDING, "lower", "back")
 TURNING = (*PRESSING, "drop")
@@ -56,7 +56,7 @@ OUTWARD, BESIDE, ALONG = (0.58, 0.8, 0.1), (0.93, 0.35), (1.0, 0.0)
 # Where along the forearm the plate holds it, from elbow to wrist: nearest and farthest, and first. It slides
 # towards the elbow by DRAG a second, or less: all of it where the elbow is FULL [m] farther ahead than KEPT
 # [m], and as much towards the wrist where it is as much farther back. Friction takes the arm along.
-NEAREST, FARTHEST, FIRST = 0.68, 0.85, 0.8
+NEAREST, FARTHEST, FIRST = 0.8, 0.85, 0.8
 DRAG, KEPT, FULL = 0.03, 0.03, 0.04
 PITCH = 0.5  # [rad] of the wrist above the elbow, to which it is lifted at most
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
@@ -65,25 +65,20 @@ HIGHER_UP = 0.05  # [m] that the plate follows an elbow that comes up by itself
 CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest
 ROOM = 0.01  # [m] between plate, or hand, and armrest
 # What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
-# It is let go where it so comes to lie up to LANDS ahead of its place, and carried from CARRIED before [m];
-# or LATE [s] before the end.
-SWINGS, LANDS, CARRIED, LATE, SOON = 0.4, 0.01, 0.025, 8.5, 7.0
+# It is lowered from where it so comes to lie SWAYED ahead of its place, or LATE [s] before the end, and let
+# go where it comes to lie LANDS ahead [m].
+SWINGS, LANDS, SWAYED, LATE = 0.4, 0.01, -0.01, 6.0
 SINK = 0.4  # [rad/s] of the forearm on its way down
 DROP, DROPPING = (
     0.08,
     1.2,
 )  # [m] that the plate goes down to let go, faster than an arm sinks; [s] at most
-ROUGHLY = 0.03  # [m] that a heavy arm may lie ahead more, as it cannot be lifted steeply
-SIDEWAYS = 0.05  # [m] that it goes outwards meanwhile under a heavy arm
+ABOVE, NEARBY = 0.015, 0.03  # [m] between plate and belly or thighs, and from where it matters
 UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
 EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
-YIELDING = (0.5, 0.95)  # of the force limit: where it gets slower, and where it goes back
-# [m] of the radius of a forearm, from where its owner is ever stouter, and where most. Their belly is beside
-# the pad and their arm is heavy: it is lifted less high, by the share LESS, and less steeply, by FLATTER
-# [rad] and STEEPER [rad/s] less of it, as a forearm that lies flat on the plate presses it most; the plate is
-# not levelled under it.
-STOUT = (0.036, 0.042)
-LESS, FLATTER, STEEPER = 0.55, 0.6, 0.03
+# [m] from hand to robot, from where it lifts more slowly, and how much more.
+CLOSE, SLOWER = 0.02, 0.5
+YIELDING = (0.4, 0.9)  # of the force limit: where it gets slower, and where it goes back
 AWAY = 0.2  # [m] that the plate is drawn out
 LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 SPIN = 0.8  # [rad/s] of the plate at the arm
@@ -112,14 +107,13 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._velocity = np.zeros(3)
         self.phase = "approach"
         self._wrist = np.zeros(3)
-        lean, fat = STOUT
-        self._stout = min(max((self._task.radius - lean) / (fat - lean), 0.0), 1.0)
-        self._high = 1.0 - LESS * self._stout  # how high it lifts
         self._tries, self._rise, self._share = 0, 0.0, FIRST
         self._since, self._was = 0.0, self.phase  # [s] in which phase
         self._forearm, self._pitch, self._out = np.zeros(3), 0.0, np.zeros(3)
 
     def act(self) -> Array:
+        if not self._task.feasible.holds:  # nobody lifts what may not be borne
+            return self._robot.tool_action(np.zeros(3), np.zeros(3))
         seat = self._task.seat_pose()
         place = np.array(seat.position)
         if self.phase in HOLDING and self._is_lost(place):
@@ -128,6 +122,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal, turn, limit = getattr(self, "_" + self.phase)(place)
         if self.phase in ("slide", "lift"):
             goal = self._outside(seat, goal, turn)
+        if self.phase in ("lift", "carry", "sway", "lower", "drop"):
+            goal[2] = max(float(goal[2]), self._over_lap())
         return self._towards(seat, goal, turn, limit)
 
     def memory(self) -> tuple[Sequence[object], Array]:
@@ -159,7 +155,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if self.phase == "carry" and abs(float(self._task.state.gap[1])) < OVER:
             self.phase = "lower"
         elif self.phase == "lower":
-            self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
+            self.phase, self._out, self._since = "drop", seat - (0.0, 0.0, DROP), 0.0
         elif self.phase == "reach":
             self._let_go(seat)
         else:
@@ -216,7 +212,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Turn the wished direction of the forearm a step on."""
         towards = towards / np.linalg.norm(towards)
         left = math.acos(min(max(float(towards @ self._forearm), -1.0), 1.0))
-        speed = LIFT - self._stout * LESS_FAST if self.phase == "lift" else SWEEP
+        speed = LIFT if self.phase == "lift" else SWEEP
         part = min(1.0, speed * self._task.control_dt / max(left, 1e-6))
         wished = (1 - part) * self._forearm + part * towards
         self._forearm = wished / np.linalg.norm(wished)
@@ -246,7 +242,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal = place + PRESS * rotate(turn, (1.0, 0.0, 0.0))
         if abs(float((goal - seat) @ self._direction())) < NEAR:
             self.phase, self._forearm, self._share = "lift", self._direction(), FIRST
-            self._rise = self._high * RISE + HIGHER * self._tries
+            self._rise = RISE + HIGHER * self._tries
         return goal, turn, SLOW
 
     def _raised(self, way: Sequence[float], pitch: float, drag: float) -> tuple[Array, Array]:
@@ -272,6 +268,12 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         place[2] = max(float(place[2]), hovering)
         return place, turn
 
+    def _over_lap(self) -> float:
+        """Return how low the plate goes over belly and thighs [m]."""
+        task, apart = self._task, self._task.world.separation
+        gap = apart(task.cradle_body, task.recipient.body, within=NEARBY, links=(-1, -1))
+        return float(task.seat_pose().position[2]) + ABOVE - gap if gap < NEARBY else -math.inf
+
     def _hand_over_pad(self) -> float:
         """Return how high the hand is over the armrest that it would be caught at [m]."""
         task, person = self._task, self._task.recipient
@@ -295,13 +297,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _lift(self, seat: Array) -> tuple[Array, Array, float]:
         """Swing the forearm up, and steeper, until the elbow is where it swings back from to its place."""
         task = self._task
-        flatter = max(self._stout * FLATTER - STEEPER * self._since, 0.0)
-        goal, turn = self._raised(BESIDE, PITCH - flatter, DRAG)
+        goal, turn = self._raised(BESIDE, PITCH, DRAG)
         goal[1] = min(float(goal[1]), float(task.hook(self._share)[0][1]))
-        is_up = task.state.wrist[2] > task.state.target[2] + self._high * CLEAR
+        is_up = task.state.wrist[2] > task.state.target[2] + CLEAR
         is_up = is_up and self._hand_over_pad() > ROOM
-        is_late = task.time_limit - task.state.time < (LATE if self._tries == 0 else SOON)
-        if is_up and (self._lands() < LANDS - CARRIED + self._stout * ROUGHLY or is_late):
+        if is_up:
             self.phase, self._pitch = "carry", math.asin(self._direction()[2])
         if self._forearm[2] > -0.12 and not is_up:
             self._rise += RISING * task.control_dt
@@ -319,9 +319,17 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         goal, turn = self._raised(ALONG, self._pitch, 0.0)
         missed = float(self._task.state.gap[1])
         goal[1] = seat[1] + missed
-        goal[2] = max(float(goal[2]), self._floor() + self._stout * HOVER)  # over the belly
         if missed > -CENTRED:
-            self.phase = "lower"
+            self.phase = "sway"
+        return goal, turn, SLOW
+
+    def _sway(self, seat: Array) -> tuple[Array, Array, float]:
+        """Hold the forearm steeply over the pad, until the elbow will swing back to its place."""
+        task = self._task
+        goal, turn = self._raised(ALONG, PITCH, DRAG)
+        goal[1] = seat[1] + task.state.gap[1]
+        if self._lands() < SWAYED or task.time_limit - task.state.time < LATE:
+            self.phase, self._pitch = "lower", math.asin(self._direction()[2])
         return goal, turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
@@ -330,25 +338,19 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
         goal, turn = self._raised(ALONG, self._pitch, 0.0)
         goal[1] = seat[1] + state.gap[1]
-        if self._lands() > LANDS or seat[2] < self._floor() + 0.5 * NEAR:
+        if self._lands() > LANDS or seat[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR:
             self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
         return goal, turn, SLOW
 
     def _drop(self, seat: Array) -> tuple[Array, Array, float]:
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
-        low = max(float(self._out[2]), self._floor())
-        self._out[2] = min(low, float(seat[2]))
+        self._out[2] = max(float(self._out[2]), self._floor())
         now = self._task.seat_pose()
-        is_down = seat[2] < self._out[2] + 0.5 * NEAR
+        is_down = seat[2] < max(float(self._out[2]), self._over_lap()) + 0.5 * NEAR
         tip = rotate(now.quaternion, (0.0, 0.0, 1.0))[2]
-        is_heavy = self._stout > 0.5  # to level the plate under a heavy arm presses it
-        if (is_down and (tip < -LEVEL or is_heavy)) or self._since > DROPPING:
+        if (is_down and tip < -LEVEL) or self._since > DROPPING:
             self._let_go(seat)
-        if is_heavy:  # and its tip would go down on their belly
-            return self._out + (0.0, SIDEWAYS, 0.0), np.array(now.quaternion), LEAVING
-        is_loaded = self._task.state.force > EASY * self._task.force_limit
-        levels = is_down and not is_loaded
-        return self._out, _turned(TIPPED) if levels else np.array(now.quaternion), LEAVING
+        return self._out.copy(), _turned(TIPPED) if is_down else np.array(now.quaternion), LEAVING
 
     def _lands(self) -> float:
         """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
@@ -397,7 +399,15 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             return 1.0
         task = self._task
         low, high = np.multiply(YIELDING, task.force_limit)
-        return float(np.clip((high - task.state.force) / (high - low), -1.0, 1.0))
+        eager = float(np.clip((high - task.state.force) / (high - low), -1.0, 1.0))
+        if self.phase != "lift":
+            return eager
+        forearm = task.recipient.frames[JOINT_INDEX["left_elbow"]].link
+        apart, links = task.world.separation, (forearm, None)
+        gap = apart(task.recipient.body, task.robot.body, within=CLOSE, links=links)
+        return eager * (
+            1.0 if gap >= CLOSE else SLOWER
+        )  # else the hand is knocked against the robot
 
 
 def _turned(tip: float) -> Array:

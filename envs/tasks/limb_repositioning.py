@@ -146,14 +146,14 @@ class LimbRepositioning(Task):
         self.feasible = can_bear(person, self.options.force_limit)
         self._let_hang()
         self.cradle = ArmCradle()
-        self._cradle_body = self.cradle.spawn(world, Pose((0.0, 0.0, -10.0)))
+        self.cradle_body = self.cradle.spawn(world, Pose((0.0, 0.0, -10.0)))
         self._see_arm()
         lift = self.cradle.lift_way(self._elbow, self._wrist, self._place, self.radius)
         way = [self._start_pose(np.zeros(3)), *(self._tool_at(*each) for each in lift)]
         start_best(self.search(world, clear_of=[(person.body, 2 * LET_GO)]), way)
-        self.take_tool(self.robot, self._cradle_body, self.cradle.in_tool)
+        self.take_tool(self.robot, self.cradle_body, self.cradle.in_tool)
         robots = (a.body for a in self.cast.values() if isinstance(a, Robot))
-        self._movers = [self._cradle_body, *robots]
+        self._movers = [self.cradle_body, *robots]
         if min(self._gaps()) < LET_GO:
             raise ConfigError("the cradle touches the recipient before the episode begins")
 
@@ -214,7 +214,7 @@ class LimbRepositioning(Task):
                 angles = {d: self._hanging[d] + part * a for d, a in swing.items()}
                 swing_out_of(self.chair, person, angles, self._arm, LET_GO)
             self.robot.set_posture(found.posture)
-            self._cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
+            self.cradle_body.set_base(self.robot.tool_pose() @ self.cradle.in_tool)
             self._see_arm()
             is_clear = (
                 gap_to(self.chair, person, self._arm, LET_GO) >= 0 <= min(self._gaps()) - LET_GO
@@ -321,7 +321,7 @@ class LimbRepositioning(Task):
 
     def seat_pose(self) -> Pose:
         """Return the pose of the cradle's plate: middle of its top, x out of it, z to its tip."""
-        return self._cradle_body.base_pose() @ self.cradle.frame("seat")
+        return self.cradle_body.base_pose() @ self.cradle.frame("seat")
 
     def camera(self) -> Camera:
         far = 1.0 if self.chair.carries_robot else 1.25  # others stand beside, and are larger
