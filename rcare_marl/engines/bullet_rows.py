@@ -32,6 +32,7 @@ from rcare_marl.tree.least_squares import put
 from . import native
 from .caps import cut_speeds
 from .native import call, real, whole, word
+from .neighbours import keep_list
 
 ERP = 0.2  # share of the error of bonds and joint limits that Bullet removes in a physics step
 CONTACT_ERP = 0.08  # the same of the overlap of rigid bodies
@@ -57,7 +58,7 @@ def motor_table(count: int) -> Array:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type: ignore[no-untyped-def]
+def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  # type: ignore[no-untyped-def]
     """Advance a scene by one physics step.
 
     Args:
@@ -72,6 +73,7 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
             friction, stiffness (0 if rigid), damping and rounding [m] of each geom, shape [ngeom, 4]; the
             number of its body, and of its tree of degrees of freedom, -1 if it cannot move; how each
             degree of freedom turns and moves, `cdof`; greatest speed of each degree of freedom.
+        near: See `Neighbours.compiled`.
         felt: Whether to work out what joints transmit, shape [1]; `subtree_com`, `xpos` and `xmat`, and
             where to keep what they are in this step.
         touched: Of each body, whether it touches something, written.
@@ -92,8 +94,10 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
         ways,
         caps,
     ) = rules
-    call(places[native.STEP_1], model, data)
-    call(places[native.ACCELERATION], model, data)
+    call(places[native.KINEMATICS], model, data)
+    keep_list(near)
+    for stage in range(native.COM, native.ACCELERATION + 1):
+        call(places[stage], model, data)
     cut_speeds(qvel, smooth, caps, dt)
     put(smooth, acceleration)
     pushes[:] = acted[:] = 0.0

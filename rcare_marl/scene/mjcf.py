@@ -44,7 +44,7 @@ def mjcf(
     *,
     drives: bool = True,
     parts: bool = True,
-    spare: tuple[int, int] = (0, 0),
+    spare: int = 0,
     sides: int = 0,
 ) -> dict[str, str]:
     """Return the files of a scene by name: `scene.xml` and the meshes that it needs.
@@ -54,13 +54,13 @@ def mjcf(
         drawings: What to draw of each link; only what collides if None.
         drives: Whether joints have actuators.
         parts: Whether what is held rigidly is a part of who holds it; a weld if not.
-        spare: Welds that hold nothing, and pairs kept apart that do not matter, for who changes them later.
+        spare: How many welds that hold nothing, for who makes bonds later.
         sides: Of the prisms that stand for cylinders; 0 leaves cylinders.
 
     Raises:
         ConfigError: If more bodies of their own rules of contact are in it than MuJoCo can tell apart.
     """
-    return _Writer(scene, drawings or {}, drives=drives, parts=parts, sides=sides).files(*spare)
+    return _Writer(scene, drawings or {}, drives=drives, parts=parts, sides=sides).files(spare)
 
 
 class _Writer:
@@ -109,7 +109,7 @@ class _Writer:
         self._geoms: dict[Place, list[str]] = {}
         self._start: list[float] = []
 
-    def files(self, bonds: int = 0, pairs: int = 0) -> dict[str, str]:
+    def files(self, spare: int) -> dict[str, str]:
         masks = self._masks()
         for body in self._scene.bodies.values():
             if body.name not in self._held:
@@ -125,10 +125,8 @@ class _Writer:
         first = next(iter(self._links.values()), None)
         if first is not None:
             name = first.get("name", "")
-            for i in range(bonds):
+            for i in range(spare):
                 _add(self._equalities, "weld", name=f"spare:{i}", body1=name, active="false")
-            for _ in range(pairs):
-                _add(self._contacts, "exclude", body1="world", body2=name)
         key = _add(_add(self._root, "keyframe"), "key", name=START)
         # Depth first, as MuJoCo counts joints.
         key.set("qpos", _text(self._positions(self._world)))
