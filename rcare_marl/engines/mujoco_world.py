@@ -176,10 +176,11 @@ class MujocoWorld(World):
         first, second = (self.body_places(body) for body in (a, b))
         chosen = range(-1, a.link_count) if links_a is None else links_a
         others = range(-1, b.link_count) if links_b is None else links_b
-        links = (
-            p.links[[i + 1 for i in which]] for p, which in ((first, chosen), (second, others))
+        one, other = (
+            places.links[[link + 1 for link in which]]
+            for places, which in ((first, chosen), (second, others))
         )
-        self.sim.neighbours.switch(*links, enabled)
+        self.sim.neighbours.switch(one, other, enabled)
 
     def _points(self, a: Body, b: Body | None) -> Sequence[Any]:
         if self.sim is None:
