@@ -43,6 +43,7 @@ MOTOR_GIVE = 1e-4  # R of a motor or bond as a share of what its joint alone giv
 CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
 SETTLED = 1e-7**0.5  # [m/s or rad/s] PyBullet's threshold of a residual, which Bullet squares
 EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
+LANES = 8  # how many numbers compiled code takes at once, our own choice
 PLAIN, FIRST, SECOND, TURNING = range(4)  # what limits the force of a row: numbers, or a cone
 
 
@@ -125,13 +126,9 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
         contacts = _write_contacts(
             dt, places, (kinds, speeds, gives), surfaces, owners, wished, soft, touched
         )
-        answers, spans = _answers(inertia, rows)
         wants = soft, wished, most, smooth
-        order, ends = _islands(spans, inertia[5])
-        _solve_islands(
-            sweeps[0], dt, (order, ends), kinds, rows, answers, spans, wants, contacts, forces
-        )
-        _push(rows, (kinds, ids), forces, answers, spans, acceleration, pushes, acted)
+        _solve_islands(sweeps[0], dt, inertia, kinds, rows, wants, contacts, forces, acceleration)
+        _push(rows, (kinds, ids), forces, pushes, acted)
     cut_speeds(qvel, acceleration, caps, dt)
     feels, present, kept = felt
     if feels[0]:
@@ -253,114 +250,122 @@ def _write_contacts(dt, places, rows, surfaces, owners, wished, soft, touched): 
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _answers(inertia, rows):  # type: ignore[no-untyped-def]
-    """Return how joints answer a unit force of each row.
-
-    Returns:
-        Accelerations, shape [nefc, nv], written within the spans only; and first and end of up to two spans
-            of degrees of freedom, shape [nefc, 4].
-    """
-    factors, inverse, lengths, begins, others, trees, firsts, numbers = inertia
-    sizes, starts, columns, jacobian = rows
-    count = len(sizes)
-    answers, spans = np.empty((count, len(trees))), np.zeros((count, 4), np.int64)
-    for row in range(count):
-        answer, span = answers[row], spans[row]
-        for k in range(starts[row], starts[row] + sizes[row]):
-            dof = columns[k]
-            if not (span[0] <= dof < span[1] or span[2] <= dof < span[3]):
-                at = 0 if span[1] == 0 else 2
-                span[at] = firsts[trees[dof]]
-                span[at + 1] = span[at] + numbers[trees[dof]]
-                answer[span[at] : span[at + 1]] = 0.0
-            answer[dof] = jacobian[k]
-        for at in range(0, 4, 2):
-            low, high = span[at], span[at + 1]
-            for i in range(high - 1, low - 1, -1):  # of L^T D L
-                if answer[i] != 0.0:
-                    for k in range(begins[i], begins[i] + lengths[i] - 1):
-                        answer[others[k]] -= factors[k] * answer[i]
-            for i in range(low, high):
-                total = answer[i] * inverse[i]
-                for k in range(begins[i], begins[i] + lengths[i] - 1):
-                    total -= factors[k] * answer[others[k]]
-                answer[i] = total
-    return answers, spans
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _islands(spans, trees):  # type: ignore[no-untyped-def]
+def _islands(rows, trees):  # type: ignore[no-untyped-def]
     """Sort rows by what they can reach through each other.
 
     Returns:
-        The rows, those of an island one after the other and as they were within it, shape [nefc]; and the
-            end of each island among them.
+        The rows, those of an island one after the other and as they were within it, shape [nefc]; the end of
+            each island among them, and the number that it goes by; and that number of each tree.
     """
-    count = len(spans)
-    joined = np.arange(trees.max() + 1)
+    sizes, starts, columns, _ = rows
+    count = len(sizes)
+    joined, homes = np.arange(trees.max() + 1), np.zeros(count, np.int64)
     for row in range(count):
-        if spans[row, 3] > 0:
-            one, other = joined[trees[spans[row, 0]]], joined[trees[spans[row, 2]]]
+        for k in range(starts[row], starts[row] + sizes[row]):
+            tree = trees[columns[k]]
+            if k == starts[row]:
+                homes[row] = tree
+            one, other = joined[homes[row]], joined[tree]
             if one != other:
-                for k in range(len(joined)):
-                    if joined[k] == other:
-                        joined[k] = one
-    order, ends = np.empty(count, np.int64), np.empty(count, np.int64)
+                for each in range(len(joined)):
+                    if joined[each] == other:
+                        joined[each] = one
+    order, ends, numbers = (
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+        np.empty_like(homes),
+    )
     found = islands = 0
-    for tree in range(len(joined)):
+    for number in range(len(joined)):
         before = found
         for row in range(count):
-            if joined[trees[spans[row, 0]]] == tree:
+            if joined[homes[row]] == number:
                 order[found] = row
                 found += 1
         if found > before:
-            ends[islands] = found
+            ends[islands], numbers[islands] = found, number
             islands += 1
-    return order, ends[:islands]
+    return order, ends[:islands], numbers, joined
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _solve_islands(  # type: ignore[no-untyped-def]
-    sweeps, dt, islands, kinds, rows, answers, spans, wants, contacts, forces
+    sweeps, dt, inertia, kinds, rows, wants, contacts, forces, acceleration
 ) -> None:
-    """Solve all rows, island by island, and write their forces."""
+    """Solve all rows, island by island; write their forces, and add what these do to accelerations."""
     soft, wished, most, smooth = wants
-    order, ends = islands
+    order, ends, numbers, joined = _islands(rows, inertia[5])
     begin, own = 0, np.zeros(len(order), np.int64)
-    for end in ends:
+    for at, end in enumerate(ends):
         island = order[begin:end]
         for place in range(end - begin):
             own[island[place]] = place
-        solver = _coupling(rows, island, answers, spans, soft, wished, smooth)
-        steps, others = _steps(island, own, kinds, contacts[0])
-        _solve(sweeps, dt, island, steps, others, kinds, most, solver, contacts[1], forces)
+        answers = _answers(inertia, rows, island, joined == numbers[at])
+        solver = _coupling(rows, island, answers, soft, wished, smooth)
+        steps = _steps(island, own, kinds, contacts[0])
+        _solve(sweeps, dt, island, steps, kinds, most, solver, contacts[1], forces)
+        for tree in range(len(joined)):
+            if joined[tree] == numbers[at]:
+                for i in range(inertia[6][tree], inertia[6][tree] + inertia[7][tree]):
+                    for place in range(end - begin):
+                        acceleration[i] += answers[i, place] * forces[island[place]]
         begin = end
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _coupling(rows, island, answers, spans, soft, wished, acceleration):  # type: ignore[no-untyped-def]
+def _answers(inertia, rows, island, chosen):  # type: ignore[no-untyped-def]
+    """Return how joints answer a unit force of each row of an island of `chosen` trees.
+
+    Returns:
+        Accelerations, shape [nv, n or a little more], zero beyond: compiled code takes `LANES` at once.
+    """
+    factors, inverse, lengths, begins, others, _, firsts, numbers = inertia
+    sizes, starts, columns, jacobian = rows
+    wide = -(-len(island) // LANES) * LANES
+    answers = np.zeros((len(inverse), wide))
+    for place in range(len(island)):
+        row = island[place]
+        for k in range(starts[row], starts[row] + sizes[row]):
+            answers[columns[k], place] = jacobian[k]
+    for tree in range(len(chosen)):
+        if not chosen[tree]:
+            continue
+        low, high = firsts[tree], firsts[tree] + numbers[tree]
+        for i in range(high - 1, low - 1, -1):  # of L^T D L
+            for k in range(begins[i], begins[i] + lengths[i] - 1):
+                factor, mine, theirs = factors[k], answers[i], answers[others[k]]
+                for place in range(wide):
+                    theirs[place] -= factor * mine[place]
+        for i in range(low, high):
+            mine = answers[i]
+            for place in range(wide):
+                mine[place] *= inverse[i]
+            for k in range(begins[i], begins[i] + lengths[i] - 1):
+                factor, theirs = factors[k], answers[others[k]]
+                for place in range(wide):
+                    mine[place] -= factor * theirs[place]
+    return answers
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _coupling(rows, island, answers, soft, wished, acceleration):  # type: ignore[no-untyped-def]
     """Return by how much force each row of an island is changed by a unit force of another.
 
     Returns:
         The change in every other row by a force in one, shape [n, n]; the force that each row wants while
-            the others have none; and its acceleration by a unit force of its own, shape [n].
+            the others have none; and its acceleration by a unit force of its own, shape [n]. The last axis
+            is as wide as that of `answers`.
     """
     sizes, starts, columns, jacobian = rows
-    count, width = len(island), answers.shape[1]
-    across = np.zeros((width, count))
-    for place in range(count):
-        row = island[place]
-        for at in range(0, 4, 2):
-            for i in range(spans[row, at], spans[row, at + 1]):
-                across[i, place] = answers[row, i]
-    coupling, wanted, scales = np.zeros((count, count)), np.empty(count), np.empty(count)
+    count, wide = len(island), answers.shape[1]
+    coupling, wanted, scales = np.zeros((count, wide)), np.zeros(wide), np.ones(wide)
     for place in range(count):
         row = island[place]
         mine, miss = coupling[place], -wished[row]
         for k in range(starts[row], starts[row] + sizes[row]):
-            share, column = jacobian[k], across[columns[k]]
+            share, column = jacobian[k], answers[columns[k]]
             miss += share * acceleration[columns[k]]
-            for other in range(count):
+            for other in range(wide):
                 mine[other] += share * column[other]
         mine[place] += soft[row]
         scales[place] = mine[place]
@@ -368,7 +373,7 @@ def _coupling(rows, island, answers, spans, soft, wished, acceleration):  # type
     inverse = 1.0 / scales
     for place in range(count):  # what row does to others is what others do to it
         mine = coupling[place]
-        for other in range(count):
+        for other in range(wide):
             mine[other] *= inverse[other]
         mine[place] = 0.0
     return coupling, wanted, scales
@@ -376,20 +381,24 @@ def _coupling(rows, island, answers, spans, soft, wished, acceleration):  # type
 
 @numba.njit(cache=True, error_model="numpy")
 def _steps(island, places, kinds, contacts):  # type: ignore[no-untyped-def]
-    """Write a sweep of an island: motors and limits, bonds, the normals of contacts, then their friction.
+    """Write two sweeps of an island: motors and limits, bonds, the normals of contacts, then their friction.
 
     Returns:
         Of each step the place of its row, which of the constants below it is, the place of the contact's
-            normal and the contact, shape [n, 4]; and how many come before the contacts.
+            normal and the contact, shape [2, n + 1, 4]. In the first sweep motors, limits and bonds go the
+            other way round. The last steps only stand there.
     """
     count, found = len(island), 0
-    steps = np.zeros((count, 4), np.int64)
+    both = np.zeros((2, count + 1, 4), np.int64)
+    steps = both[1]
     for equalities in (False, True):
         for place in range(count):
             kind = kinds[island[place]]
             if kind < CONTACT_ROW and (kind == EQUALITY_ROW) == equalities:
                 steps[found, 0] = place
                 found += 1
+    for step in range(found):
+        both[0, step, 0] = steps[found - 1 - step, 0]
     others, normals = found, np.full(len(contacts), -1)
     for i in range(len(contacts)):
         row = contacts[i, 0]
@@ -405,32 +414,36 @@ def _steps(island, places, kinds, contacts):  # type: ignore[no-untyped-def]
             steps[found, 1] = TURNING if k < size else FIRST + k - size
             steps[found, 2], steps[found, 3] = normals[i], i
             found += 1
-    return steps, others
+    for step in range(others, found):
+        for k in range(4):
+            both[0, step, k] = steps[step, k]
+    return both
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _solve(  # type: ignore[no-untyped-def]
-    sweeps, dt, island, steps, others, kinds, most, own, frictions, forces
+    sweeps, dt, island, both, kinds, most, own, frictions, forces
 ) -> None:
     """Solve an island's rows in Bullet's order, from nothing.
 
-    Motors, limits and bonds go the other way round in every other sweep. What a row changes in the others is
-    written here once and in no function: numba would count its arrays at each call, which takes ten times
-    as long.
+    What a row changes in the others is written here once and in no function: numba would count its arrays
+    at each call, which takes ten times as long. What the next row wants is worked out beside it, since to
+    read what was just written takes as long as the rest of a row.
     """
     coupling, wanted, scales = own
-    count = len(island)
+    count, wide = len(island), len(wanted)
     solved, least, greatest = np.zeros(count), np.zeros(count), np.empty(count)
     for place in range(count):
         greatest[place] = most[island[place]]
         if kinds[island[place]] <= FRICTION_ROW:
             least[place] = -greatest[place]
     for sweep in range(sweeps):
+        steps = both[sweep % 2]
         change = before = second = 0.0
-        for k in range(count):
-            step = k if sweep % 2 or k >= others else others - 1 - k
-            place, kind = steps[step, 0], steps[step, 1]
-            force = wanted[place]
+        ahead = wanted[steps[0, 0]]
+        for step in range(count):
+            place, kind, following = steps[step, 0], steps[step, 1], steps[step + 1, 0]
+            force, ahead = ahead, wanted[following]
             if kind == PLAIN:
                 force = min(max(force, least[place]), greatest[place])
             elif kind == SECOND:
@@ -453,7 +466,8 @@ def _solve(  # type: ignore[no-untyped-def]
             moved = force - solved[place]
             if moved != 0.0:
                 solved[place] = force
-                for other in range(count):
+                ahead -= coupling[place, following] * moved
+                for other in range(wide):
                     wanted[other] -= coupling[place, other] * moved
             moved *= scales[place]
             if kind == FIRST:
@@ -467,8 +481,8 @@ def _solve(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _push(rows, told, forces, answers, spans, acceleration, pushes, acted) -> None:  # type: ignore[no-untyped-def]
-    """Add what the forces of the rows do to accelerations and forces of joints; tell what motors did."""
+def _push(rows, told, forces, pushes, acted) -> None:  # type: ignore[no-untyped-def]
+    """Add what the forces of the rows do to forces of joints; tell what motors did."""
     sizes, starts, columns, jacobian = rows
     kinds, ids = told
     for row in range(len(kinds)):
@@ -478,7 +492,3 @@ def _push(rows, told, forces, answers, spans, acceleration, pushes, acted) -> No
         if force != 0.0:
             for k in range(starts[row], starts[row] + sizes[row]):
                 pushes[columns[k]] += jacobian[k] * force
-            for i in range(spans[row, 0], spans[row, 1]):
-                acceleration[i] += answers[row, i] * force
-            for i in range(spans[row, 2], spans[row, 3]):
-                acceleration[i] += answers[row, i] * force
