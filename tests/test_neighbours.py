@@ -11,7 +11,6 @@ import numpy as np
 import rcare_marl
 from rcare_marl.engines import make_world
 from rcare_marl.engines.mujoco_world import MujocoWorld
-from rcare_marl.engines.simulation import SIDES
 from rcare_marl.pose import Pose
 from rcare_marl.scene.mjcf import mjcf
 from rcare_marl.scene.scene import Scene, scene_of
@@ -27,7 +26,7 @@ class Rival:
         assert isinstance(world, MujocoWorld)
         assert world.sim is not None
         self._data = world.sim.data
-        files = mjcf(scene, drives=False, parts=False, sides=SIDES)
+        files = mjcf(scene, drives=False, parts=False, as_bullet=True)
         assets = {name: text.encode() for name, text in files.items()}
         self._model = mujoco.MjModel.from_xml_string(files["scene.xml"], assets)
         for name in ("geom_margin", "geom_size"):

@@ -15,8 +15,8 @@ that moves at its wished speed, and with `a = (v' - v) / dt`
 The rows are solved as Bullet solves them, by projected Gauss-Seidel over accelerations with the same number
 of sweeps, from nothing in each step. That is no detail: in thirty sweeps Bullet's forces on a pressed
 mouth stay a fifth below what they converge to, since the bond between hand and spoon is slow to solve.
-What can reach each other by touches and bonds is an island, and as in Bullet each is solved by itself, until
-a sweep changes no row's speed by more than `SETTLED`.
+What can reach each other by touches and bonds is an island, and what is so near that its boxes overlap with
+it. As in Bullet each is solved by itself, until a sweep changes no row's speed by more than `SETTLED`.
 
 The force of a motor is then what really acted in the step, as Bullet tells it.
 """
@@ -31,7 +31,8 @@ from rcare_marl.tree.least_squares import put
 
 from . import native
 from .caps import cut_speeds
-from .native import call, real, whole, word
+from .frictions import place_frictions
+from .native import CONTACT_ROW, EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, call, real, whole, word
 from .neighbours import keep_list
 
 ERP = 0.2  # share of the error of bonds and joint limits that Bullet removes in a physics step
@@ -39,10 +40,8 @@ CONTACT_ERP = 0.08  # the same of the overlap of rigid bodies
 SLOP = 1e-5  # [m] of overlap that Bullet leaves
 # [rad or m] past its limit from where on Bullet stops a joint, but moves it back no more.
 FAR_PAST = -0.04
-MOTOR_GIVE = 1e-4  # R of a motor or bond as a share of what its joint alone gives way by
-CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
+GIVE = 1e-9  # R of what is rigid, as a share of what joints give way by
 SETTLED = 1e-7**0.5  # [m/s or rad/s] PyBullet's threshold of a residual, which Bullet squares
-EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
 LANES = 8  # how many numbers compiled code takes at once, our own choice
 PLAIN, FIRST, SECOND, TURNING = range(4)  # what limits the force of a row: numbers, or a cone
 
@@ -72,8 +71,8 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
             freedom is, shape [nv]; see `motor_table`; greatest forces of motors by degree of freedom, and of
             bonds by equality; share of the error of each equality that is removed in a physics step;
             friction, stiffness (0 if rigid), damping and rounding [m] of each geom, shape [ngeom, 4]; the
-            number of its body, and of its tree of degrees of freedom, -1 if it cannot move; how each
-            degree of freedom turns and moves, `cdof`; greatest speed of each degree of freedom.
+            number of its body, of its link, and of its tree of degrees of freedom, -1 if it cannot move; how
+            each degree of freedom turns and moves, `cdof`; greatest speed of each degree of freedom.
         near: See `Neighbours.compiled`.
         felt: Whether to work out what joints transmit, shape [1]; `subtree_com`, `xpos` and `xmat`, and
             where to keep what they are in this step.
@@ -91,6 +90,7 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
         shares,
         surfaces,
         owners,
+        links,
         bearers,
         ways,
         caps,
@@ -122,12 +122,14 @@ def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  #
             dt, qpos, qvel, joints, motors, (greatest, strengths), shares, first, wished, soft, most
         )
         rows = sizes, starts, columns, jacobian
-        _shift_frictions(places, rows, (kinds, speeds), surfaces, inertia[5], bearers, ways, qvel)
+        place_frictions(places, rows, (kinds, speeds), surfaces, inertia[5], bearers, ways, qvel)
         contacts = _write_contacts(
-            dt, places, (kinds, speeds, gives), surfaces, owners, wished, soft, touched
+            dt, places, (kinds, speeds, gives), surfaces, (owners, links), wished, soft, touched
         )
         wants = soft, wished, most, smooth
-        _solve_islands(sweeps[0], dt, inertia, kinds, rows, wants, contacts, forces, acceleration)
+        _solve_islands(
+            sweeps[0], dt, inertia, near[-1][2], kinds, rows, wants, contacts, forces, acceleration
+        )
         _push(rows, (kinds, ids), forces, pushes, acted)
     cut_speeds(qvel, acceleration, caps, dt)
     feels, present, kept = felt
@@ -151,7 +153,7 @@ def _write_joints(  # type: ignore[no-untyped-def]
             if kinds[row] == LIMIT_ROW and errors[row] < FAR_PAST:
                 share = 0.0
             wished[row] = (-share * errors[row] / dt - speeds[row]) / dt
-            soft[row] = MOTOR_GIVE * gives[row]
+            soft[row] = GIVE * gives[row]
             if kinds[row] == EQUALITY_ROW:
                 most[row] = strengths[ids[row]]
         elif kinds[row] == FRICTION_ROW:
@@ -161,60 +163,39 @@ def _write_joints(  # type: ignore[no-untyped-def]
                 speed += gain * (target - positions[joints[dof]]) / dt
             speed = min(max(speed, -fastest), fastest)
             wished[row] = (speed - velocities[dof]) / dt
-            soft[row] = MOTOR_GIVE * gives[row]
+            soft[row] = GIVE * gives[row]
             most[row] = greatest[dof]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _shift_frictions(places, rows, told, surfaces, trees, bearers, ways, velocities) -> None:  # type: ignore[no-untyped-def]
-    """Let friction act where Bullet has it: on the surface of each body, and not halfway.
-
-    Links of one tree that touch each other are left as they are.
-    """
-    sizes, starts, columns, jacobian = rows
-    kinds, speeds = told
-    data = places[native.DATA]
-    start = word(data + places[native.CONTACT])
-    for i in range(whole(data + places[native.NCON], 1)[0]):
-        here = start + i * places[native.CONTACT_SIZE]
-        first = whole(here + places[native.EFC_ADDRESS], 1)[0]
-        if first < 0 or kinds[first] != CONTACT_ROW or whole(here + places[native.DIM], 1)[0] < 3:
-            continue
-        geoms = whole(here + places[native.GEOM], 2)
-        one, other = geoms[0], geoms[1]
-        if bearers[one] == bearers[other]:
-            continue
-        half = 0.5 * real(here + places[native.DIST], 1)[0]
-        frame = real(here + places[native.FRAME], 9)  # looks from one to the other
-        for row in range(first + 1, first + 3):
-            side = frame[3 * (row - first) : 3 * (row - first) + 3]
-            x = frame[1] * side[2] - frame[2] * side[1]
-            y = frame[2] * side[0] - frame[0] * side[2]
-            z = frame[0] * side[1] - frame[1] * side[0]
-            for k in range(starts[row], starts[row] + sizes[row]):
-                dof = columns[k]
-                # (turn x way of the point) . side; of one it is the other way, and counts negatively.
-                out = half - surfaces[other if trees[dof] == bearers[other] else one, 3]
-                change = out * (ways[dof, 0] * x + ways[dof, 1] * y + ways[dof, 2] * z)
-                jacobian[k] += change
-                speeds[row] += change * velocities[dof]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _write_contacts(dt, places, rows, surfaces, owners, wished, soft, touched):  # type: ignore[no-untyped-def]
+def _write_contacts(dt, places, rows, surfaces, holders, wished, soft, touched):  # type: ignore[no-untyped-def]
     """Write what contacts want and how they give way.
+
+    Those of the same two links come the other way round, as they mostly do in Bullet.
 
     Returns:
         First row of each contact, -1 if it has none, and how many rows, shape [ncon, 2]; friction along the
             surface, about the normal and of rolling, shape [ncon, 3].
     """
     kinds, speeds, gives = rows
+    owners, links = holders
     data = places[native.DATA]
     count = whole(data + places[native.NCON], 1)[0]
     held, frictions = np.empty((count, 2), np.int64), np.empty((count, 3))
     start = word(data + places[native.CONTACT])
+    pairs = np.empty((count, 2), np.int64)
     for i in range(count):
-        here = start + i * places[native.CONTACT_SIZE]
+        geoms = whole(start + i * places[native.CONTACT_SIZE] + places[native.GEOM], 2)
+        one, other = links[geoms[0]], links[geoms[1]]
+        pairs[i, 0], pairs[i, 1] = min(one, other), max(one, other)
+    begin = end = 0
+    for number in range(count):
+        if number == end:
+            begin = end
+            while end < count and (pairs[end] == pairs[begin]).all():
+                end += 1
+        i = begin + end - 1 - number
+        here = start + number * places[native.CONTACT_SIZE]
         row = whole(here + places[native.EFC_ADDRESS], 1)[0]
         held[i, 0] = -1
         if row < 0 or kinds[row] != CONTACT_ROW:
@@ -229,7 +210,7 @@ def _write_contacts(dt, places, rows, surfaces, owners, wished, soft, touched): 
         touched[owners[one]] = touched[owners[other]] = True
         near = gives[row]
         first, second = surfaces[one, 1], surfaces[other, 1]
-        give = CONTACT_GIVE * near
+        give = GIVE * near
         speed = -gap / dt if gap > 0.0 else -CONTACT_ERP * gap / dt
         if first > 0.0 or second > 0.0:
             spring = first + second
@@ -243,15 +224,15 @@ def _write_contacts(dt, places, rows, surfaces, owners, wished, soft, touched): 
         soft[row] = give
         for k in range(1, size):
             wished[row + k] = -speeds[row + k] / dt
-            soft[row + k] = CONTACT_GIVE * near
+            soft[row + k] = GIVE * near
         frictions[i, 0] = surfaces[one, 0] * surfaces[other, 0]
         frictions[i, 1], frictions[i, 2] = friction[2], friction[3]
     return held, frictions
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _islands(rows, trees):  # type: ignore[no-untyped-def]
-    """Sort rows by what they can reach through each other.
+def _islands(rows, trees, near):  # type: ignore[no-untyped-def]
+    """Sort rows by what they can reach through each other, or through what is `near`.
 
     Returns:
         The rows, those of an island one after the other and as they were within it, shape [nefc]; the end of
@@ -259,7 +240,7 @@ def _islands(rows, trees):  # type: ignore[no-untyped-def]
     """
     sizes, starts, columns, _ = rows
     count = len(sizes)
-    joined, homes = np.arange(trees.max() + 1), np.zeros(count, np.int64)
+    joined, homes = near.copy(), np.zeros(count, np.int64)
     for row in range(count):
         for k in range(starts[row], starts[row] + sizes[row]):
             tree = trees[columns[k]]
@@ -290,11 +271,11 @@ def _islands(rows, trees):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _solve_islands(  # type: ignore[no-untyped-def]
-    sweeps, dt, inertia, kinds, rows, wants, contacts, forces, acceleration
+    sweeps, dt, inertia, near, kinds, rows, wants, contacts, forces, acceleration
 ) -> None:
     """Solve all rows, island by island; write their forces, and add what these do to accelerations."""
     soft, wished, most, smooth = wants
-    order, ends, numbers, joined = _islands(rows, inertia[5])
+    order, ends, numbers, joined = _islands(rows, inertia[5], near)
     begin, own = 0, np.zeros(len(order), np.int64)
     for at, end in enumerate(ends):
         island = order[begin:end]

@@ -84,6 +84,7 @@ CONTACT_FIELDS = ("dist", "frame", "friction", "dim", "geom", "efc_address")
     EFC_FORCE,
 ) = range(12, 25)
 DIST, FRAME, FRICTION, DIM, GEOM, EFC_ADDRESS, CONTACT_SIZE = range(25, 32)
+EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
 _VALUES: dict[str, Any] = {
     "int": ctypes.c_int,
     "float": ctypes.c_float,

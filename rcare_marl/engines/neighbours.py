@@ -9,6 +9,7 @@ list was made.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numba
@@ -17,6 +18,9 @@ import numpy.typing as npt
 
 from .native import Ints, struct, whole
 
+# [m] that boxes are apart, beyond the skin, up to where what touches something is solved together: about
+# Bullet's, which has boxes round links that are wider by its threshold of contacts, 0.02, on each side.
+TOGETHER = 0.02
 SKIN = 0.02  # [m]; our own choice: 0.04 and 0.08 are no faster, and slower of limb repositioning
 MOST = 1 << 17  # pairs of geoms in a list
 
@@ -28,13 +32,18 @@ class Neighbours:
         compiled: What `keep_list` takes.
     """
 
-    def __init__(self, model: Any, data: Any) -> None:
-        """Take a scene whose shapes and margins no longer change."""
+    def __init__(self, model: Any, data: Any, bodies: Sequence[Ints]) -> None:
+        """Take a scene whose shapes and margins no longer change, and the numbers of each body's links."""
         count, still = model.nbody, model.body_weldid
         self._apart = np.triu(still[:, None] != still[None], 1)
         self._meets = _meeting(model) & self._apart
         self._is_stale = np.ones(1, np.bool_)
         self.mark()
+        trees = model.body_treeid.astype(np.int64)
+        whole = np.arange(model.ntree)
+        for links in bodies:
+            own = np.unique(trees[links])
+            whole[own[own >= 0]] = own.max()
         begins, counts = (a.astype(np.int64) for a in (model.body_geomadr, model.body_geomnum))
         boxes = model.geom_aabb.reshape(-1, 2, 3)
         reach = np.zeros(count)
@@ -42,8 +51,10 @@ class Neighbours:
         np.maximum.at(reach, model.geom_bodyid, far)
         rubs = model.geom_condim.astype(np.int32), model.geom_friction, model.geom_margin.copy()
         most = min(int((np.cumsum(counts) - counts) @ counts), MOST)
-        whole = {name: np.zeros(most, np.int32) for name in ("dim", "geom1", "geom2", "signature")}
-        written = whole | {"margin": np.zeros(most), "friction": np.zeros((most, 5))}
+        counted = {
+            name: np.zeros(most, np.int32) for name in ("dim", "geom1", "geom2", "signature")
+        }
+        written = counted | {"margin": np.zeros(most), "friction": np.zeros((most, 5))}
         self._nothing = np.zeros(
             (most, 5)
         )  # rows of contacts get what they want from `bullet_rows`
@@ -68,6 +79,7 @@ class Neighbours:
             (np.flatnonzero(counts), begins, counts, np.zeros((count, 2, 3)), self._meets),
             rubs,
             tuple(written.values()),
+            (trees, whole, whole.copy()),
         )
 
     def switch(self, one: Ints, other: Ints, enabled: bool) -> None:
@@ -113,9 +125,10 @@ def keep_list(near) -> None:  # type: ignore[no-untyped-def]
             and its box in the world with half of the skin, least and greatest corner, shape [ngeom, 2, 3].
             Links that have geoms; first and number of those of each link; the box of each link; and who
             meets, shape [nbody, nbody]. Of each geom the kind of contact, friction and margin; and the
-            same of pairs, with geoms and links, as MuJoCo has them.
+            same of pairs, with geoms and links, as MuJoCo has them. The tree of each link, -1 if it cannot
+            move; of each tree the number of its body; and the number by which it goes with all that is near.
     """
-    place, is_stale, links, _, (solid, _, _, _, _), _, _ = near
+    place, is_stale, links, _, (solid, _, _, _, _), _, _, _ = near
     spots, turns, old_spots, old_turns, reach = links
     if not is_stale[0]:
         moved = 0.0
@@ -129,6 +142,7 @@ def keep_list(near) -> None:  # type: ignore[no-untyped-def]
         if moved <= 0.5 * SKIN:
             return
     _find_boxes(near)
+    _join(near)
     whole(place, 1)[0] = _find_pairs(near)
     is_stale[0] = False
 
@@ -136,7 +150,7 @@ def keep_list(near) -> None:  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def _find_boxes(near) -> None:  # type: ignore[no-untyped-def]
     """Find the boxes of all links that have moved."""
-    _, _, links, geoms, (solid, begins, counts, hulls, _), (_, _, margins), _ = near
+    _, _, links, geoms, (solid, begins, counts, hulls, _), (_, _, margins), _, _ = near
     spots, turns, old_spots, old_turns, _ = links
     geom_spots, geom_turns, boxes, found = geoms
     for link in solid:
@@ -166,21 +180,38 @@ def _find_boxes(near) -> None:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _join(near) -> None:  # type: ignore[no-untyped-def]
+    """Give trees that are near each other one number."""
+    _, _, _, _, (solid, _, _, hulls, meets), _, _, (trees, whole, joined) = near
+    for tree in range(len(whole)):
+        joined[tree] = whole[tree]
+    for i, one in enumerate(solid):
+        for other in solid[i + 1 :]:
+            if min(trees[one], trees[other]) < 0 or not meets[one, other]:
+                continue
+            first, second = joined[trees[one]], joined[trees[other]]
+            if first != second and not _are_apart(hulls[one], hulls[other], TOGETHER):
+                for tree in range(len(joined)):
+                    if joined[tree] == second:
+                        joined[tree] = first
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _find_pairs(near) -> int:  # type: ignore[no-untyped-def]
     """Write the pairs of geoms whose boxes overlap, and return how many."""
-    _, _, _, (_, _, _, boxes), (solid, begins, counts, hulls, meets), rubs, written = near
+    _, _, _, (_, _, _, boxes), (solid, begins, counts, hulls, meets), rubs, written, _ = near
     kinds, frictions, margins = rubs
     sizes, ones, others, signatures, gaps, rubbing = written
     count = 0
     for i, one in enumerate(solid):
         for other in solid[i + 1 :]:
-            if not meets[one, other] or _are_apart(hulls[one], hulls[other]):
+            if not meets[one, other] or _are_apart(hulls[one], hulls[other], 0.0):
                 continue
             for a in range(begins[one], begins[one] + counts[one]):
-                if _are_apart(boxes[a], hulls[other]):
+                if _are_apart(boxes[a], hulls[other], 0.0):
                     continue
                 for b in range(begins[other], begins[other] + counts[other]):
-                    if _are_apart(boxes[a], boxes[b]):
+                    if _are_apart(boxes[a], boxes[b], 0.0):
                         continue
                     if count == len(ones):
                         raise MemoryError(
@@ -197,9 +228,9 @@ def _find_pairs(near) -> int:  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _are_apart(one, other):  # type: ignore[no-untyped-def]
-    """Return whether two boxes, least and greatest corner, have nothing in common."""
+def _are_apart(one, other, gap):  # type: ignore[no-untyped-def]
+    """Return whether two boxes, least and greatest corner, are farther apart than `gap` along an axis [m]."""
     for k in range(3):
-        if one[0, k] > other[1, k] or other[0, k] > one[1, k]:
+        if one[0, k] - gap > other[1, k] or other[0, k] - gap > one[1, k]:
             return True
     return False
