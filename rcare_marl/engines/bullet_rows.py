@@ -183,16 +183,16 @@ def _write_contacts(dt, places, rows, surfaces, holders, wished, soft, touched):
     count = whole(data + places[native.NCON], 1)[0]
     held, frictions = np.empty((count, 2), np.int64), np.empty((count, 3))
     start = word(data + places[native.CONTACT])
-    pairs = np.empty((count, 2), np.int64)
+    pairs = np.empty(count, np.int64)
     for i in range(count):
         geoms = whole(start + i * places[native.CONTACT_SIZE] + places[native.GEOM], 2)
         one, other = links[geoms[0]], links[geoms[1]]
-        pairs[i, 0], pairs[i, 1] = min(one, other), max(one, other)
+        pairs[i] = (min(one, other) << 32) + max(one, other)
     begin = end = 0
     for number in range(count):
         if number == end:
             begin = end
-            while end < count and (pairs[end] == pairs[begin]).all():
+            while end < count and pairs[end] == pairs[begin]:
                 end += 1
         i = begin + end - 1 - number
         here = start + number * places[native.CONTACT_SIZE]
@@ -235,8 +235,8 @@ def _islands(rows, trees, near):  # type: ignore[no-untyped-def]
     """Sort rows by what they can reach through each other, or through what is `near`.
 
     Returns:
-        The rows, those of an island one after the other and as they were within it, shape [nefc]; the end of
-            each island among them, and the number that it goes by; and that number of each tree.
+        The rows, those of an island one after the other and as they were within it, shape [nefc]; and the
+            end of each island among them.
     """
     sizes, starts, columns, _ = rows
     count = len(sizes)
@@ -251,11 +251,7 @@ def _islands(rows, trees, near):  # type: ignore[no-untyped-def]
                 for each in range(len(joined)):
                     if joined[each] == other:
                         joined[each] = one
-    order, ends, numbers = (
-        np.empty(count, np.int64),
-        np.empty(count, np.int64),
-        np.empty_like(homes),
-    )
+    order, ends = np.empty(count, np.int64), np.empty(count, np.int64)
     found = islands = 0
     for number in range(len(joined)):
         before = found
@@ -264,9 +260,9 @@ def _islands(rows, trees, near):  # type: ignore[no-untyped-def]
                 order[found] = row
                 found += 1
         if found > before:
-            ends[islands], numbers[islands] = found, number
+            ends[islands] = found
             islands += 1
-    return order, ends[:islands], numbers, joined
+    return order, ends[:islands]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -275,18 +271,18 @@ def _solve_islands(  # type: ignore[no-untyped-def]
 ) -> None:
     """Solve all rows, island by island; write their forces, and add what these do to accelerations."""
     soft, wished, most, smooth = wants
-    order, ends, numbers, joined = _islands(rows, inertia[5], near)
+    order, ends = _islands(rows, inertia[5], near)
     begin, own = 0, np.zeros(len(order), np.int64)
-    for at, end in enumerate(ends):
+    for end in ends:
         island = order[begin:end]
         for place in range(end - begin):
             own[island[place]] = place
-        answers = _answers(inertia, rows, island, joined == numbers[at])
+        answers, moved = _answers(inertia, rows, island)
         solver = _coupling(rows, island, answers, soft, wished, smooth)
         steps = _steps(island, own, kinds, contacts[0])
         _solve(sweeps, dt, island, steps, kinds, most, solver, contacts[1], forces)
-        for tree in range(len(joined)):
-            if joined[tree] == numbers[at]:
+        for tree in range(len(moved)):
+            if moved[tree]:
                 for i in range(inertia[6][tree], inertia[6][tree] + inertia[7][tree]):
                     for place in range(end - begin):
                         acceleration[i] += answers[i, place] * forces[island[place]]
@@ -294,22 +290,24 @@ def _solve_islands(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _answers(inertia, rows, island, chosen):  # type: ignore[no-untyped-def]
-    """Return how joints answer a unit force of each row of an island of `chosen` trees.
+def _answers(inertia, rows, island):  # type: ignore[no-untyped-def]
+    """Return how joints answer a unit force of each row of an island.
 
     Returns:
-        Accelerations, shape [nv, n or a little more], zero beyond: compiled code takes `LANES` at once.
+        Accelerations, shape [nv, n or a little more], zero beyond: compiled code takes `LANES` at once; and
+            of each tree whether a row moves it.
     """
-    factors, inverse, lengths, begins, others, _, firsts, numbers = inertia
+    factors, inverse, lengths, begins, others, trees, firsts, numbers = inertia
     sizes, starts, columns, jacobian = rows
     wide = -(-len(island) // LANES) * LANES
-    answers = np.zeros((len(inverse), wide))
+    answers, moved = np.zeros((len(inverse), wide)), np.zeros(len(firsts), np.bool_)
     for place in range(len(island)):
         row = island[place]
         for k in range(starts[row], starts[row] + sizes[row]):
             answers[columns[k], place] = jacobian[k]
-    for tree in range(len(chosen)):
-        if not chosen[tree]:
+            moved[trees[columns[k]]] = True
+    for tree in range(len(moved)):
+        if not moved[tree]:
             continue
         low, high = firsts[tree], firsts[tree] + numbers[tree]
         for i in range(high - 1, low - 1, -1):  # of L^T D L
@@ -325,7 +323,7 @@ def _answers(inertia, rows, island, chosen):  # type: ignore[no-untyped-def]
                 factor, theirs = factors[k], answers[others[k]]
                 for place in range(wide):
                     mine[place] -= factor * theirs[place]
-    return answers
+    return answers, moved
 
 
 @numba.njit(cache=True, error_model="numpy")

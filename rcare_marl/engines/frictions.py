@@ -34,8 +34,8 @@ def place_frictions(places, rows, told, surfaces, trees, bearers, ways, velociti
         one, other = geoms[0], geoms[1]
         if bearers[one] != bearers[other]:
             half = 0.5 * real(here + places[native.DIST], 1)[0]
-            outs = half - surfaces[one, 3], half - surfaces[other, 3]
-            _shift(rows, speeds, first, frame, outs, trees == bearers[other], ways, velocities)
+            outs = half - surfaces[one, 3], half - surfaces[other, 3], bearers[other]
+            _shift(rows, speeds, first, frame, outs, trees, ways, velocities)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -71,8 +71,8 @@ def _turn_rows(rows, speeds, row, cosine, sine) -> None:  # type: ignore[no-unty
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _shift(rows, speeds, first, frame, outs, is_second, ways, velocities) -> None:  # type: ignore[no-untyped-def]
-    """Let the friction of a contact act `outs` beyond its middle: on each of both bodies [m]."""
+def _shift(rows, speeds, first, frame, outs, trees, ways, velocities) -> None:  # type: ignore[no-untyped-def]
+    """Let the friction of a contact act beyond its middle: `outs` on each body [m]; and the second's tree."""
     sizes, starts, columns, jacobian = rows
     for row in range(first + 1, first + 3):
         side = frame[3 * (row - first) : 3 * (row - first) + 3]
@@ -82,7 +82,7 @@ def _shift(rows, speeds, first, frame, outs, is_second, ways, velocities) -> Non
         for k in range(starts[row], starts[row] + sizes[row]):
             dof = columns[k]
             # (turn x way of the point) . side; of one it is the other way, and counts negatively.
-            out = outs[1] if is_second[dof] else outs[0]
+            out = outs[1] if trees[dof] == outs[2] else outs[0]
             change = out * (ways[dof, 0] * x + ways[dof, 1] * y + ways[dof, 2] * z)
             jacobian[k] += change
             speeds[row] += change * velocities[dof]
