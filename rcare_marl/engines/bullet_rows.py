@@ -15,8 +15,8 @@ that moves at its wished speed, and with `a = (v' - v) / dt`
 The rows are solved as Bullet solves them, by projected Gauss-Seidel over accelerations with the same number
 of sweeps, from nothing in each step. That is no detail: in thirty sweeps Bullet's forces on a pressed
 mouth stay a fifth below what they converge to, since the bond between hand and spoon is slow to solve.
-What can reach each other by touches and bonds is an island, and as in Bullet each is solved by itself, until
-a sweep changes no row's speed by more than `SETTLED`.
+What can reach each other by touches and bonds is an island, and what is so near that its boxes overlap with
+it. As in Bullet each is solved by itself, until a sweep changes no row's speed by more than `SETTLED`.
 
 The force of a motor is then what really acted in the step, as Bullet tells it.
 """
@@ -31,17 +31,18 @@ from rcare_marl.tree.least_squares import put
 
 from . import native
 from .caps import cut_speeds
-from .native import call, real, whole, word
+from .frictions import place_frictions
+from .native import CONTACT_ROW, EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, call, real, whole, word
+from .neighbours import keep_list
 
 ERP = 0.2  # share of the error of bonds and joint limits that Bullet removes in a physics step
 CONTACT_ERP = 0.08  # the same of the overlap of rigid bodies
 SLOP = 1e-5  # [m] of overlap that Bullet leaves
 # [rad or m] past its limit from where on Bullet stops a joint, but moves it back no more.
 FAR_PAST = -0.04
-MOTOR_GIVE = 1e-4  # R of a motor or bond as a share of what its joint alone gives way by
-CONTACT_GIVE = 1e-3  # the same for rigid contacts and friction
+GIVE = 1e-9  # R of what is rigid, as a share of what joints give way by
 SETTLED = 1e-7**0.5  # [m/s or rad/s] PyBullet's threshold of a residual, which Bullet squares
-EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
+LANES = 8  # how many numbers compiled code takes at once, our own choice
 PLAIN, FIRST, SECOND, TURNING = range(4)  # what limits the force of a row: numbers, or a cone
 
 
@@ -57,7 +58,7 @@ def motor_table(count: int) -> Array:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type: ignore[no-untyped-def]
+def physics_step(places, state, inertia, rules, near, felt, touched) -> None:  # type: ignore[no-untyped-def]
     """Advance a scene by one physics step.
 
     Args:
@@ -70,8 +71,9 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
             freedom is, shape [nv]; see `motor_table`; greatest forces of motors by degree of freedom, and of
             bonds by equality; share of the error of each equality that is removed in a physics step;
             friction, stiffness (0 if rigid), damping and rounding [m] of each geom, shape [ngeom, 4]; the
-            number of its body, and of its tree of degrees of freedom, -1 if it cannot move; how each
-            degree of freedom turns and moves, `cdof`; greatest speed of each degree of freedom.
+            number of its body, of its link, and of its tree of degrees of freedom, -1 if it cannot move; how
+            each degree of freedom turns and moves, `cdof`; greatest speed of each degree of freedom.
+        near: See `Neighbours.compiled`.
         felt: Whether to work out what joints transmit, shape [1]; `subtree_com`, `xpos` and `xmat`, and
             where to keep what they are in this step.
         touched: Of each body, whether it touches something, written.
@@ -88,12 +90,15 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
         shares,
         surfaces,
         owners,
+        links,
         bearers,
         ways,
         caps,
     ) = rules
-    call(places[native.STEP_1], model, data)
-    call(places[native.ACCELERATION], model, data)
+    call(places[native.KINEMATICS], model, data)
+    keep_list(near)
+    for stage in range(native.COM, native.ACCELERATION + 1):
+        call(places[stage], model, data)
     cut_speeds(qvel, smooth, caps, dt)
     put(smooth, acceleration)
     pushes[:] = acted[:] = 0.0
@@ -117,17 +122,15 @@ def physics_step(places, state, inertia, rules, felt, touched) -> None:  # type:
             dt, qpos, qvel, joints, motors, (greatest, strengths), shares, first, wished, soft, most
         )
         rows = sizes, starts, columns, jacobian
-        _shift_frictions(places, rows, (kinds, speeds), surfaces, inertia[5], bearers, ways, qvel)
+        place_frictions(places, rows, (kinds, speeds), surfaces, inertia[5], bearers, ways, qvel)
         contacts = _write_contacts(
-            dt, places, (kinds, speeds, gives), surfaces, owners, wished, soft, touched
+            dt, places, (kinds, speeds, gives), surfaces, (owners, links), wished, soft, touched
         )
-        answers, spans = _answers(inertia, rows)
         wants = soft, wished, most, smooth
-        order, ends = _islands(spans, inertia[5])
         _solve_islands(
-            sweeps[0], dt, (order, ends), kinds, rows, answers, spans, wants, contacts, forces
+            sweeps[0], dt, inertia, near[-1][2], kinds, rows, wants, contacts, forces, acceleration
         )
-        _push(rows, (kinds, ids), forces, answers, spans, acceleration, pushes, acted)
+        _push(rows, (kinds, ids), forces, pushes, acted)
     cut_speeds(qvel, acceleration, caps, dt)
     feels, present, kept = felt
     if feels[0]:
@@ -150,7 +153,7 @@ def _write_joints(  # type: ignore[no-untyped-def]
             if kinds[row] == LIMIT_ROW and errors[row] < FAR_PAST:
                 share = 0.0
             wished[row] = (-share * errors[row] / dt - speeds[row]) / dt
-            soft[row] = MOTOR_GIVE * gives[row]
+            soft[row] = GIVE * gives[row]
             if kinds[row] == EQUALITY_ROW:
                 most[row] = strengths[ids[row]]
         elif kinds[row] == FRICTION_ROW:
@@ -160,60 +163,39 @@ def _write_joints(  # type: ignore[no-untyped-def]
                 speed += gain * (target - positions[joints[dof]]) / dt
             speed = min(max(speed, -fastest), fastest)
             wished[row] = (speed - velocities[dof]) / dt
-            soft[row] = MOTOR_GIVE * gives[row]
+            soft[row] = GIVE * gives[row]
             most[row] = greatest[dof]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _shift_frictions(places, rows, told, surfaces, trees, bearers, ways, velocities) -> None:  # type: ignore[no-untyped-def]
-    """Let friction act where Bullet has it: on the surface of each body, and not halfway.
-
-    Links of one tree that touch each other are left as they are.
-    """
-    sizes, starts, columns, jacobian = rows
-    kinds, speeds = told
-    data = places[native.DATA]
-    start = word(data + places[native.CONTACT])
-    for i in range(whole(data + places[native.NCON], 1)[0]):
-        here = start + i * places[native.CONTACT_SIZE]
-        first = whole(here + places[native.EFC_ADDRESS], 1)[0]
-        if first < 0 or kinds[first] != CONTACT_ROW or whole(here + places[native.DIM], 1)[0] < 3:
-            continue
-        geoms = whole(here + places[native.GEOM], 2)
-        one, other = geoms[0], geoms[1]
-        if bearers[one] == bearers[other]:
-            continue
-        half = 0.5 * real(here + places[native.DIST], 1)[0]
-        frame = real(here + places[native.FRAME], 9)  # looks from one to the other
-        for row in range(first + 1, first + 3):
-            side = frame[3 * (row - first) : 3 * (row - first) + 3]
-            x = frame[1] * side[2] - frame[2] * side[1]
-            y = frame[2] * side[0] - frame[0] * side[2]
-            z = frame[0] * side[1] - frame[1] * side[0]
-            for k in range(starts[row], starts[row] + sizes[row]):
-                dof = columns[k]
-                # (turn x way of the point) . side; of one it is the other way, and counts negatively.
-                out = half - surfaces[other if trees[dof] == bearers[other] else one, 3]
-                change = out * (ways[dof, 0] * x + ways[dof, 1] * y + ways[dof, 2] * z)
-                jacobian[k] += change
-                speeds[row] += change * velocities[dof]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _write_contacts(dt, places, rows, surfaces, owners, wished, soft, touched):  # type: ignore[no-untyped-def]
+def _write_contacts(dt, places, rows, surfaces, holders, wished, soft, touched):  # type: ignore[no-untyped-def]
     """Write what contacts want and how they give way.
+
+    Those of the same two links come the other way round, as they mostly do in Bullet.
 
     Returns:
         First row of each contact, -1 if it has none, and how many rows, shape [ncon, 2]; friction along the
             surface, about the normal and of rolling, shape [ncon, 3].
     """
     kinds, speeds, gives = rows
+    owners, links = holders
     data = places[native.DATA]
     count = whole(data + places[native.NCON], 1)[0]
     held, frictions = np.empty((count, 2), np.int64), np.empty((count, 3))
     start = word(data + places[native.CONTACT])
+    pairs = np.empty(count, np.int64)
     for i in range(count):
-        here = start + i * places[native.CONTACT_SIZE]
+        geoms = whole(start + i * places[native.CONTACT_SIZE] + places[native.GEOM], 2)
+        one, other = links[geoms[0]], links[geoms[1]]
+        pairs[i] = (min(one, other) << 32) + max(one, other)
+    begin = end = 0
+    for number in range(count):
+        if number == end:
+            begin = end
+            while end < count and pairs[end] == pairs[begin]:
+                end += 1
+        i = begin + end - 1 - number
+        here = start + number * places[native.CONTACT_SIZE]
         row = whole(here + places[native.EFC_ADDRESS], 1)[0]
         held[i, 0] = -1
         if row < 0 or kinds[row] != CONTACT_ROW:
@@ -228,7 +210,7 @@ def _write_contacts(dt, places, rows, surfaces, owners, wished, soft, touched): 
         touched[owners[one]] = touched[owners[other]] = True
         near = gives[row]
         first, second = surfaces[one, 1], surfaces[other, 1]
-        give = CONTACT_GIVE * near
+        give = GIVE * near
         speed = -gap / dt if gap > 0.0 else -CONTACT_ERP * gap / dt
         if first > 0.0 or second > 0.0:
             spring = first + second
@@ -242,71 +224,39 @@ def _write_contacts(dt, places, rows, surfaces, owners, wished, soft, touched): 
         soft[row] = give
         for k in range(1, size):
             wished[row + k] = -speeds[row + k] / dt
-            soft[row + k] = CONTACT_GIVE * near
+            soft[row + k] = GIVE * near
         frictions[i, 0] = surfaces[one, 0] * surfaces[other, 0]
         frictions[i, 1], frictions[i, 2] = friction[2], friction[3]
     return held, frictions
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _answers(inertia, rows):  # type: ignore[no-untyped-def]
-    """Return how joints answer a unit force of each row.
-
-    Returns:
-        Accelerations, shape [nefc, nv], written within the spans only; and first and end of up to two spans
-            of degrees of freedom, shape [nefc, 4].
-    """
-    factors, inverse, lengths, begins, others, trees, firsts, numbers = inertia
-    sizes, starts, columns, jacobian = rows
-    count = len(sizes)
-    answers, spans = np.empty((count, len(trees))), np.zeros((count, 4), np.int64)
-    for row in range(count):
-        answer, span = answers[row], spans[row]
-        for k in range(starts[row], starts[row] + sizes[row]):
-            dof = columns[k]
-            if not (span[0] <= dof < span[1] or span[2] <= dof < span[3]):
-                at = 0 if span[1] == 0 else 2
-                span[at] = firsts[trees[dof]]
-                span[at + 1] = span[at] + numbers[trees[dof]]
-                answer[span[at] : span[at + 1]] = 0.0
-            answer[dof] = jacobian[k]
-        for at in range(0, 4, 2):
-            low, high = span[at], span[at + 1]
-            for i in range(high - 1, low - 1, -1):  # of L^T D L
-                if answer[i] != 0.0:
-                    for k in range(begins[i], begins[i] + lengths[i] - 1):
-                        answer[others[k]] -= factors[k] * answer[i]
-            for i in range(low, high):
-                total = answer[i] * inverse[i]
-                for k in range(begins[i], begins[i] + lengths[i] - 1):
-                    total -= factors[k] * answer[others[k]]
-                answer[i] = total
-    return answers, spans
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _islands(spans, trees):  # type: ignore[no-untyped-def]
-    """Sort rows by what they can reach through each other.
+def _islands(rows, trees, near):  # type: ignore[no-untyped-def]
+    """Sort rows by what they can reach through each other, or through what is `near`.
 
     Returns:
         The rows, those of an island one after the other and as they were within it, shape [nefc]; and the
             end of each island among them.
     """
-    count = len(spans)
-    joined = np.arange(trees.max() + 1)
+    sizes, starts, columns, _ = rows
+    count = len(sizes)
+    joined, homes = near.copy(), np.zeros(count, np.int64)
     for row in range(count):
-        if spans[row, 3] > 0:
-            one, other = joined[trees[spans[row, 0]]], joined[trees[spans[row, 2]]]
+        for k in range(starts[row], starts[row] + sizes[row]):
+            tree = trees[columns[k]]
+            if k == starts[row]:
+                homes[row] = tree
+            one, other = joined[homes[row]], joined[tree]
             if one != other:
-                for k in range(len(joined)):
-                    if joined[k] == other:
-                        joined[k] = one
+                for each in range(len(joined)):
+                    if joined[each] == other:
+                        joined[each] = one
     order, ends = np.empty(count, np.int64), np.empty(count, np.int64)
     found = islands = 0
-    for tree in range(len(joined)):
+    for number in range(len(joined)):
         before = found
         for row in range(count):
-            if joined[trees[spans[row, 0]]] == tree:
+            if joined[homes[row]] == number:
                 order[found] = row
                 found += 1
         if found > before:
@@ -317,46 +267,84 @@ def _islands(spans, trees):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _solve_islands(  # type: ignore[no-untyped-def]
-    sweeps, dt, islands, kinds, rows, answers, spans, wants, contacts, forces
+    sweeps, dt, inertia, near, kinds, rows, wants, contacts, forces, acceleration
 ) -> None:
-    """Solve all rows, island by island, and write their forces."""
+    """Solve all rows, island by island; write their forces, and add what these do to accelerations."""
     soft, wished, most, smooth = wants
-    order, ends = islands
+    order, ends = _islands(rows, inertia[5], near)
     begin, own = 0, np.zeros(len(order), np.int64)
     for end in ends:
         island = order[begin:end]
         for place in range(end - begin):
             own[island[place]] = place
-        solver = _coupling(rows, island, answers, spans, soft, wished, smooth)
-        steps, others = _steps(island, own, kinds, contacts[0])
-        _solve(sweeps, dt, island, steps, others, kinds, most, solver, contacts[1], forces)
+        answers, moved = _answers(inertia, rows, island)
+        solver = _coupling(rows, island, answers, soft, wished, smooth)
+        steps = _steps(island, own, kinds, contacts[0])
+        _solve(sweeps, dt, island, steps, kinds, most, solver, contacts[1], forces)
+        for tree in range(len(moved)):
+            if moved[tree]:
+                for i in range(inertia[6][tree], inertia[6][tree] + inertia[7][tree]):
+                    for place in range(end - begin):
+                        acceleration[i] += answers[i, place] * forces[island[place]]
         begin = end
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _coupling(rows, island, answers, spans, soft, wished, acceleration):  # type: ignore[no-untyped-def]
+def _answers(inertia, rows, island):  # type: ignore[no-untyped-def]
+    """Return how joints answer a unit force of each row of an island.
+
+    Returns:
+        Accelerations, shape [nv, n or a little more], zero beyond: compiled code takes `LANES` at once; and
+            of each tree whether a row moves it.
+    """
+    factors, inverse, lengths, begins, others, trees, firsts, numbers = inertia
+    sizes, starts, columns, jacobian = rows
+    wide = -(-len(island) // LANES) * LANES
+    answers, moved = np.zeros((len(inverse), wide)), np.zeros(len(firsts), np.bool_)
+    for place in range(len(island)):
+        row = island[place]
+        for k in range(starts[row], starts[row] + sizes[row]):
+            answers[columns[k], place] = jacobian[k]
+            moved[trees[columns[k]]] = True
+    for tree in range(len(moved)):
+        if not moved[tree]:
+            continue
+        low, high = firsts[tree], firsts[tree] + numbers[tree]
+        for i in range(high - 1, low - 1, -1):  # of L^T D L
+            for k in range(begins[i], begins[i] + lengths[i] - 1):
+                factor, mine, theirs = factors[k], answers[i], answers[others[k]]
+                for place in range(wide):
+                    theirs[place] -= factor * mine[place]
+        for i in range(low, high):
+            mine = answers[i]
+            for place in range(wide):
+                mine[place] *= inverse[i]
+            for k in range(begins[i], begins[i] + lengths[i] - 1):
+                factor, theirs = factors[k], answers[others[k]]
+                for place in range(wide):
+                    mine[place] -= factor * theirs[place]
+    return answers, moved
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _coupling(rows, island, answers, soft, wished, acceleration):  # type: ignore[no-untyped-def]
     """Return by how much force each row of an island is changed by a unit force of another.
 
     Returns:
         The change in every other row by a force in one, shape [n, n]; the force that each row wants while
-            the others have none; and its acceleration by a unit force of its own, shape [n].
+            the others have none; and its acceleration by a unit force of its own, shape [n]. The last axis
+            is as wide as that of `answers`.
     """
     sizes, starts, columns, jacobian = rows
-    count, width = len(island), answers.shape[1]
-    across = np.zeros((width, count))
-    for place in range(count):
-        row = island[place]
-        for at in range(0, 4, 2):
-            for i in range(spans[row, at], spans[row, at + 1]):
-                across[i, place] = answers[row, i]
-    coupling, wanted, scales = np.zeros((count, count)), np.empty(count), np.empty(count)
+    count, wide = len(island), answers.shape[1]
+    coupling, wanted, scales = np.zeros((count, wide)), np.zeros(wide), np.ones(wide)
     for place in range(count):
         row = island[place]
         mine, miss = coupling[place], -wished[row]
         for k in range(starts[row], starts[row] + sizes[row]):
-            share, column = jacobian[k], across[columns[k]]
+            share, column = jacobian[k], answers[columns[k]]
             miss += share * acceleration[columns[k]]
-            for other in range(count):
+            for other in range(wide):
                 mine[other] += share * column[other]
         mine[place] += soft[row]
         scales[place] = mine[place]
@@ -364,7 +352,7 @@ def _coupling(rows, island, answers, spans, soft, wished, acceleration):  # type
     inverse = 1.0 / scales
     for place in range(count):  # what row does to others is what others do to it
         mine = coupling[place]
-        for other in range(count):
+        for other in range(wide):
             mine[other] *= inverse[other]
         mine[place] = 0.0
     return coupling, wanted, scales
@@ -372,20 +360,24 @@ def _coupling(rows, island, answers, spans, soft, wished, acceleration):  # type
 
 @numba.njit(cache=True, error_model="numpy")
 def _steps(island, places, kinds, contacts):  # type: ignore[no-untyped-def]
-    """Write a sweep of an island: motors and limits, bonds, the normals of contacts, then their friction.
+    """Write two sweeps of an island: motors and limits, bonds, the normals of contacts, then their friction.
 
     Returns:
         Of each step the place of its row, which of the constants below it is, the place of the contact's
-            normal and the contact, shape [n, 4]; and how many come before the contacts.
+            normal and the contact, shape [2, n + 1, 4]. In the first sweep motors, limits and bonds go the
+            other way round. The last steps only stand there.
     """
     count, found = len(island), 0
-    steps = np.zeros((count, 4), np.int64)
+    both = np.zeros((2, count + 1, 4), np.int64)
+    steps = both[1]
     for equalities in (False, True):
         for place in range(count):
             kind = kinds[island[place]]
             if kind < CONTACT_ROW and (kind == EQUALITY_ROW) == equalities:
                 steps[found, 0] = place
                 found += 1
+    for step in range(found):
+        both[0, step, 0] = steps[found - 1 - step, 0]
     others, normals = found, np.full(len(contacts), -1)
     for i in range(len(contacts)):
         row = contacts[i, 0]
@@ -401,32 +393,36 @@ def _steps(island, places, kinds, contacts):  # type: ignore[no-untyped-def]
             steps[found, 1] = TURNING if k < size else FIRST + k - size
             steps[found, 2], steps[found, 3] = normals[i], i
             found += 1
-    return steps, others
+    for step in range(others, found):
+        for k in range(4):
+            both[0, step, k] = steps[step, k]
+    return both
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _solve(  # type: ignore[no-untyped-def]
-    sweeps, dt, island, steps, others, kinds, most, own, frictions, forces
+    sweeps, dt, island, both, kinds, most, own, frictions, forces
 ) -> None:
     """Solve an island's rows in Bullet's order, from nothing.
 
-    Motors, limits and bonds go the other way round in every other sweep. What a row changes in the others is
-    written here once and in no function: numba would count its arrays at each call, which takes ten times
-    as long.
+    What a row changes in the others is written here once and in no function: numba would count its arrays
+    at each call, which takes ten times as long. What the next row wants is worked out beside it, since to
+    read what was just written takes as long as the rest of a row.
     """
     coupling, wanted, scales = own
-    count = len(island)
+    count, wide = len(island), len(wanted)
     solved, least, greatest = np.zeros(count), np.zeros(count), np.empty(count)
     for place in range(count):
         greatest[place] = most[island[place]]
         if kinds[island[place]] <= FRICTION_ROW:
             least[place] = -greatest[place]
     for sweep in range(sweeps):
+        steps = both[sweep % 2]
         change = before = second = 0.0
-        for k in range(count):
-            step = k if sweep % 2 or k >= others else others - 1 - k
-            place, kind = steps[step, 0], steps[step, 1]
-            force = wanted[place]
+        ahead = wanted[steps[0, 0]]
+        for step in range(count):
+            place, kind, following = steps[step, 0], steps[step, 1], steps[step + 1, 0]
+            force, ahead = ahead, wanted[following]
             if kind == PLAIN:
                 force = min(max(force, least[place]), greatest[place])
             elif kind == SECOND:
@@ -449,7 +445,8 @@ def _solve(  # type: ignore[no-untyped-def]
             moved = force - solved[place]
             if moved != 0.0:
                 solved[place] = force
-                for other in range(count):
+                ahead -= coupling[place, following] * moved
+                for other in range(wide):
                     wanted[other] -= coupling[place, other] * moved
             moved *= scales[place]
             if kind == FIRST:
@@ -463,8 +460,8 @@ def _solve(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _push(rows, told, forces, answers, spans, acceleration, pushes, acted) -> None:  # type: ignore[no-untyped-def]
-    """Add what the forces of the rows do to accelerations and forces of joints; tell what motors did."""
+def _push(rows, told, forces, pushes, acted) -> None:  # type: ignore[no-untyped-def]
+    """Add what the forces of the rows do to forces of joints; tell what motors did."""
     sizes, starts, columns, jacobian = rows
     kinds, ids = told
     for row in range(len(kinds)):
@@ -474,7 +471,3 @@ def _push(rows, told, forces, answers, spans, acceleration, pushes, acted) -> No
         if force != 0.0:
             for k in range(starts[row], starts[row] + sizes[row]):
                 pushes[columns[k]] += jacobian[k] * force
-            for i in range(spans[row, 0], spans[row, 1]):
-                acceleration[i] += answers[row, i] * force
-            for i in range(spans[row, 2], spans[row, 3]):
-                acceleration[i] += answers[row, i] * force

@@ -17,7 +17,6 @@ from rcare_marl.world import World
 
 from .mujoco_body import MujocoBody
 from .native import Ints
-from .pair_switch import PairSwitch
 from .simulation import BodyPlaces, Simulation
 from .spare_bonds import SpareBonds
 
@@ -59,7 +58,6 @@ class MujocoWorld(World):
     body_type = MujocoBody
     bond_type = MujocoBond
     spare_bonds: SpareBonds
-    _pairs: PairSwitch
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         self.sim: Simulation | None = None
@@ -75,7 +73,7 @@ class MujocoWorld(World):
         if self.sim is not None:
             self.sim.mark()
             self.spare_bonds.mark()
-            self._pairs.mark()
+            self.sim.neighbours.mark()
             self.filter.mark()
             self._marked_iterations = self.solver_iterations
             self._marked = [(bond, bond.is_active) for bond in self.bonds]
@@ -87,7 +85,6 @@ class MujocoWorld(World):
         self.sim.feels[0] = self._feels
         self._numbers: Mapping[int, int] = {body.uid: i for i, body in enumerate(self.bodies)}
         self.spare_bonds = SpareBonds(self.sim, self.bonds)
-        self._pairs = PairSwitch(self.sim)
         # Some skins have handles of their own on a body; a marker's plate goes with its carrier.
         for body in (*self.bodies, *(skin.body for skin in self.skins)):
             if isinstance(body, MujocoBody) and body.sim is None:
@@ -135,7 +132,7 @@ class MujocoWorld(World):
         self._restore_bonds()
         self.set_solver_iterations(self._marked_iterations)
         self.spare_bonds.rewind()
-        self._pairs.rewind()
+        self.sim.neighbours.rewind()
         self.filter.rewind()
         self.sim.rewind()
         for matter in self.matter:
@@ -179,7 +176,11 @@ class MujocoWorld(World):
         first, second = (self.body_places(body) for body in (a, b))
         chosen = range(-1, a.link_count) if links_a is None else links_a
         others = range(-1, b.link_count) if links_b is None else links_b
-        self._pairs.switch(first, second, enabled, links_a=chosen, links_b=others)
+        one, other = (
+            places.links[[link + 1 for link in which]]
+            for places, which in ((first, chosen), (second, others))
+        )
+        self.sim.neighbours.switch(one, other, enabled)
 
     def _points(self, a: Body, b: Body | None) -> Sequence[Any]:
         if self.sim is None:

@@ -25,7 +25,18 @@ from rcare_marl.errors import ConfigError
 intrinsic: Any = _intrinsic  # its stub has the caller give what numba gives
 Ints = npt.NDArray[np.int64]
 # Each takes a model and its data.
-FUNCTIONS = ("mj_step1", "mj_fwdAcceleration", "mj_Euler", "mj_rnePostConstraint")
+FUNCTIONS = (
+    "mj_kinematics",
+    "mj_comPos",
+    "mj_makeM",
+    "mj_factorM",
+    "mj_collision",
+    "mj_makeConstraint",
+    "mj_fwdVelocity",
+    "mj_fwdAcceleration",
+    "mj_Euler",
+    "mj_rnePostConstraint",
+)
 FIELDS = (  # of mjData
     "ncon",
     "nefc",
@@ -42,8 +53,21 @@ FIELDS = (  # of mjData
     "efc_force",
 )
 CONTACT_FIELDS = ("dist", "frame", "friction", "dim", "geom", "efc_address")
-MODEL, DATA = 0, 1  # places in `addresses`; then those of functions, fields, and of a contact's
-STEP_1, ACCELERATION, EULER, RNE = range(2, 6)
+# Places in `addresses`: of functions, fields, and those of a contact.
+(
+    MODEL,
+    DATA,
+    KINEMATICS,
+    COM,
+    MATRIX,
+    FACTORS,
+    COLLISION,
+    ROWS,
+    VELOCITY,
+    ACCELERATION,
+    EULER,
+    RNE,
+) = range(12)
 (
     NCON,
     NEFC,
@@ -58,8 +82,9 @@ STEP_1, ACCELERATION, EULER, RNE = range(2, 6)
     EFC_DIAG,
     EFC_VEL,
     EFC_FORCE,
-) = range(6, 19)
-DIST, FRAME, FRICTION, DIM, GEOM, EFC_ADDRESS, CONTACT_SIZE = range(19, 26)
+) = range(12, 25)
+DIST, FRAME, FRICTION, DIM, GEOM, EFC_ADDRESS, CONTACT_SIZE = range(25, 32)
+EQUALITY_ROW, FRICTION_ROW, LIMIT_ROW, CONTACT_ROW = 0, 1, 3, 7  # MuJoCo's mjtConstraint
 _VALUES: dict[str, Any] = {
     "int": ctypes.c_int,
     "float": ctypes.c_float,
@@ -73,19 +98,25 @@ _VALUES: dict[str, Any] = {
 
 
 @cache
-def _struct(name: str) -> Any:
+def struct(name: str) -> Any:
     """Return one of MuJoCo's structs for `ctypes`."""
     from mujoco.introspect import ast_nodes, structs
+
+    def laid_out(name: str, fields: Any) -> Any:
+        return type(
+            name, (ctypes.Structure,), {"_fields_": [(f.name, type_of(f.type)) for f in fields]}
+        )
 
     def type_of(kind: Any) -> Any:
         if isinstance(kind, ast_nodes.PointerType):
             return ctypes.c_void_p
         if isinstance(kind, ast_nodes.ArrayType):
             return type_of(kind.inner_type) * int(np.prod(kind.extents))
-        return _VALUES.get(kind.name) or _struct(kind.name)
+        if isinstance(kind, ast_nodes.AnonymousStructDecl):
+            return laid_out("unnamed", kind.fields)
+        return _VALUES.get(kind.name) or struct(kind.name)
 
-    fields = [(f.name, type_of(f.type)) for f in structs.STRUCTS[name].fields]
-    return type(name, (ctypes.Structure,), {"_fields_": fields})
+    return laid_out(name, structs.STRUCTS[name].fields)
 
 
 def addresses(model: Any, data: Any) -> Ints:
@@ -94,7 +125,7 @@ def addresses(model: Any, data: Any) -> Ints:
     Raises:
         ConfigError: If this version of MuJoCo lays its data out otherwise than it says.
     """
-    kind, contact = _struct("mjData"), _struct("mjContact")
+    kind, contact = struct("mjData"), struct("mjContact")
     seen = kind.from_address(data._address)
     told = (seen.nefc, seen.ncon, seen.qpos, seen.qfrc_applied)
     real = (data.nefc, data.ncon, data.qpos.ctypes.data, data.qfrc_applied.ctypes.data)

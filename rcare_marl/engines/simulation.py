@@ -17,13 +17,13 @@ from .bullet_rows import ERP, motor_table, physics_step
 from .caps import USUAL
 from .gaps import Gaps
 from .native import Ints, addresses
+from .neighbours import Neighbours
 
 # [m] from which on a contact of what has joints is reckoned with: an arm's way in a physics step.
 MARGIN = 0.001
 # [m] of Bullet's shapes with edges: its collision margin of what is read from a URDF.
 ROUNDING = 0.001
-SIDES = 32  # of the prisms that are Bullet's cylinders
-SPARE_BONDS, SPARE_PAIRS = 8, 512  # that an episode can make, and keep apart
+SPARE_BONDS = 8  # that an episode can make
 DEFAULT_IMPULSE = 1.0  # [N·m·s or N·s] of the motor that Bullet gives to a joint that nobody drives
 TIGHT = 2.05  # time constant of joint limits, in physics steps
 NOTHING = np.zeros(0, np.int64)
@@ -74,6 +74,7 @@ class Simulation:
         motor_forces: What the motor of each degree of freedom did in the last step [N·m or N], shape [nv].
         touched: Of each body, whether it touched something in the last step.
         surfaces: Friction, stiffness, damping and rounding of each geom, shape [ngeom, 4].
+        neighbours: Who meets, and what of it is near.
         compiled: What `physics_step` takes.
     """
 
@@ -83,8 +84,7 @@ class Simulation:
         Raises:
             ConfigError: If MuJoCo cannot tell so many bodies apart.
         """
-        spare = SPARE_BONDS, SPARE_PAIRS
-        files = mjcf(scene, drives=False, parts=False, spare=spare, sides=SIDES)
+        files = mjcf(scene, drives=False, parts=False, spare=SPARE_BONDS, as_bullet=True)
         assets = {name: text.encode() for name, text in files.items()}
         self.model = model = mujoco.MjModel.from_xml_string(files["scene.xml"], assets)
         self.data = data = mujoco.MjData(model)
@@ -117,6 +117,7 @@ class Simulation:
         self._joint_of = model.jnt_qposadr[model.dof_jntid].astype(np.int64)  # of free bases unused
         self.touched = np.zeros(len(bodies), np.bool_)
         self.motor_forces = np.zeros(model.nv)
+        self.neighbours = Neighbours(model, data, [places.links for places in self.places])
         self.compiled = self._compiled()
         self._gaps = Gaps(model, data, self.surfaces[:, 3].copy())
         self._compared: dict[Any, tuple[Ints, Ints, Ints]] = {}
@@ -183,8 +184,9 @@ class Simulation:
         trees = model.dof_treeid, model.tree_dofadr, model.tree_dofnum
         limits = self.motor_limits, self.strengths
         rules = (self._dt, self._sweeps, self._joint_of, self.motors, *limits, self._shares)
-        bearers = model.body_treeid[model.geom_bodyid].astype(np.int64)
-        surfaces = self.surfaces, self._geom_body, bearers, data.cdof, self.caps
+        links = model.geom_bodyid.astype(np.int64)
+        bearers = model.body_treeid[links].astype(np.int64)
+        surfaces = self.surfaces, self._geom_body, links, bearers, data.cdof, self.caps
         places = addresses(model, data)
         written = data.qfrc_constraint, self.motor_forces
         return (
@@ -192,6 +194,7 @@ class Simulation:
             (*state, *written),
             (*factors, *trees),
             (*rules, *surfaces),
+            self.neighbours.compiled,
             self._felt,
             self.touched,
         )

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain, product
+from itertools import product
 from xml.etree import ElementTree as xml
+
+import numpy as np
 
 from rcare_marl.errors import ConfigError
 from rcare_marl.model.mesh_file import hulls
 from rcare_marl.model.shape import Shape
 from rcare_marl.model.urdf import FRAME_INERTIA, FRAME_MASS, Joint, Link, joint_pose
-from rcare_marl.pose import Pose
+from rcare_marl.pose import Array, Pose
 
 from .drawing import Drawn
 from .scene import Bond, Place, Scene, SceneBody, apart
@@ -23,6 +25,8 @@ from .scene import Bond, Place, Scene, SceneBody, apart
 BITS = 31  # of MuJoCo's masks; its integers have a sign
 USUAL_FRICTION = 0.5  # Bullet's
 SOLREF = "0.0085 1"  # twice the physics step and a little: as rigid as MuJoCo stays stable
+SIDES = 32  # of the prisms that are Bullet's cylinders
+GRID = 10216  # steps along each edge of its box on which Bullet's hulls have their corners
 START = "start"  # name of the key frame
 _DULL = "dull"  # name of the material of all that is drawn
 _SEEN, _SOLID = "2", "3"  # geom groups that MuJoCo's viewer shows, and hides
@@ -44,8 +48,8 @@ def mjcf(
     *,
     drives: bool = True,
     parts: bool = True,
-    spare: tuple[int, int] = (0, 0),
-    sides: int = 0,
+    spare: int = 0,
+    as_bullet: bool = False,
 ) -> dict[str, str]:
     """Return the files of a scene by name: `scene.xml` and the meshes that it needs.
 
@@ -54,13 +58,15 @@ def mjcf(
         drawings: What to draw of each link; only what collides if None.
         drives: Whether joints have actuators.
         parts: Whether what is held rigidly is a part of who holds it; a weld if not.
-        spare: Welds that hold nothing, and pairs kept apart that do not matter, for who changes them later.
-        sides: Of the prisms that stand for cylinders; 0 leaves cylinders.
+        spare: How many welds that hold nothing, for who makes bonds later.
+        as_bullet: Whether cylinders are the prisms that they are in Bullet, and corners where it has them.
 
     Raises:
         ConfigError: If more bodies of their own rules of contact are in it than MuJoCo can tell apart.
     """
-    return _Writer(scene, drawings or {}, drives=drives, parts=parts, sides=sides).files(*spare)
+    return _Writer(scene, drawings or {}, drives=drives, parts=parts, as_bullet=as_bullet).files(
+        spare
+    )
 
 
 class _Writer:
@@ -71,9 +77,10 @@ class _Writer:
         *,
         drives: bool,
         parts: bool,
-        sides: int,
+        as_bullet: bool,
     ) -> None:
-        self._drives, self._scene, self._drawings, self._sides = drives, scene, drawings, sides
+        self._drives, self._scene, self._drawings = drives, scene, drawings
+        self._as_bullet = as_bullet
         self._held = scene.held() if parts else {}
         self._files: dict[str, str] = {}
         self._prisms: set[str] = set()  # names of their meshes
@@ -109,7 +116,7 @@ class _Writer:
         self._geoms: dict[Place, list[str]] = {}
         self._start: list[float] = []
 
-    def files(self, bonds: int = 0, pairs: int = 0) -> dict[str, str]:
+    def files(self, spare: int) -> dict[str, str]:
         masks = self._masks()
         for body in self._scene.bodies.values():
             if body.name not in self._held:
@@ -125,10 +132,8 @@ class _Writer:
         first = next(iter(self._links.values()), None)
         if first is not None:
             name = first.get("name", "")
-            for i in range(bonds):
+            for i in range(spare):
                 _add(self._equalities, "weld", name=f"spare:{i}", body1=name, active="false")
-            for _ in range(pairs):
-                _add(self._contacts, "exclude", body1="world", body2=name)
         key = _add(_add(self._root, "keyframe"), "key", name=START)
         # Depth first, as MuJoCo counts joints.
         key.set("qpos", _text(self._positions(self._world)))
@@ -287,7 +292,10 @@ class _Writer:
             _add(element, "geom", **named(), **_placed(shape.pose()), **self._geometry(shape))
         for solid in link.hulls:
             for corners in hulls(solid.file):
-                rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in (corners * solid.scale).tolist()]
+                points = corners * solid.scale
+                if self._as_bullet:
+                    points = _rounded(points)
+                rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
                 file = self._mesh(f"{_plain(at)}_hull_{len(names)}", "\n".join(rows) + "\n")
                 _add(element, "geom", **named(), **_placed(solid.pose()), type="mesh", mesh=file)
 
@@ -296,7 +304,7 @@ class _Writer:
             return {"type": "box", "size": _text(0.5 * edge for edge in shape.size)}
         if shape.kind == "sphere":
             return {"type": "sphere", "size": repr(shape.radius)}
-        if shape.kind == "cylinder" and self._sides:
+        if shape.kind == "cylinder" and self._as_bullet:
             return {"type": "mesh", "mesh": self._prism(shape.radius, 0.5 * shape.span())}
         return {"type": shape.kind, "size": _text((shape.radius, 0.5 * shape.span()))}
 
@@ -304,10 +312,10 @@ class _Writer:
         name = f"prism:{radius!r}:{half!r}"
         if name not in self._prisms:
             self._prisms.add(name)
-            turns = [2 * math.pi * i / self._sides for i in range(self._sides)]
-            corners = [(radius * math.cos(t), radius * math.sin(t)) for t in turns]
-            points = [(x, y, z) for x, y in corners for z in (-half, half)]
-            _add(self._assets, "mesh", name=name, vertex=_text(chain.from_iterable(points)))
+            turns = [2 * math.pi * i / SIDES for i in range(SIDES)]
+            corners = [(radius * math.sin(t), radius * math.cos(t)) for t in turns]
+            points = _rounded(np.array([(x, y, z) for x, y in corners for z in (-half, half)]))
+            _add(self._assets, "mesh", name=name, vertex=_text(points.ravel()))
         return name
 
     def _mesh(self, name: str, text: str, **own: str) -> str:
@@ -333,6 +341,14 @@ class _Writer:
         else:
             (x, y, z), quat = bond.at.position, _quat(bond.at)
             _add(self._equalities, "weld", **ends, relpose=f"{_text((x, y, z))} {quat}")
+
+
+def _rounded(points: Array) -> Array:
+    """Return the corners that Bullet's hull of `points` has [m], shape [n, 3]: nearer to the middle."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    step, middle = (high - low) * (1 / GRID), (low + high) * 0.5
+    rounded: Array = np.trunc((points - middle) * (1 / step)) * step + middle
+    return rounded
 
 
 def _add(parent: xml.Element, tag: str, **attributes: str) -> xml.Element:
