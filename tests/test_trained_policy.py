@@ -14,7 +14,13 @@ from rcare_marl.baselines.evaluation.protocol import digest, read_record
 from rcare_marl.baselines.policy_file import PolicyFile
 
 FILES = sorted(trained.FOLDER.glob("*.npz"))
-SLOW = {"dressing", "ambulating_level1", "ambulating_level2", "social_coaching_everybody"}
+SLOW = {
+    "dressing",
+    "ambulating_level1",
+    "ambulating_level2",
+    "social_coaching_everybody",
+    "tooth_brushing_everybody",
+}
 EPISODES = 3
 
 
