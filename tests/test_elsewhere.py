@@ -65,7 +65,7 @@ def test_another_cast_is_warned_of_once_with_what_was_measured() -> None:
     ("task", "cast", "figure"),
     [
         ("limb_repositioning", {"recipient": "daniel"}, "1 of 20"),
-        ("drinking", {"robot": "pr2"}, "0 of 5"),
+        ("limb_repositioning", {"robot": "fetch"}, "1 of 10"),
     ],
 )
 def test_what_hardly_ever_works_is_refused_with_the_figure(
