@@ -97,9 +97,9 @@ class Arm(JointGroup):
             motors: What the motors do besides, shape [n].
             share: What `weight` is of that which counterbalancing springs carry.
         """
-        sprung = weight / share if self.counterbalanced else 0.0
         if self.counterbalanced and share == 1.0:
             return weight
+        sprung = weight / share if self.counterbalanced else 0.0
         room = np.maximum(self.effort - motors, 0.0)
         return np.asarray(sprung + np.minimum(np.maximum(weight - sprung, -room), room))
 

@@ -26,17 +26,14 @@ YIELD = 0.014  # [m/s] into the teeth for each newton that is lacking
 FAST, AWAY, SLOW = 0.15, 0.25, 0.06  # [m/s] before the face, off, within the mouth
 # [m] from the lips for who just said no; beyond where it counts as taken away
 ASK, FURTHER = 0.20, 0.03
-BESIDE = (
-    0.04  # [m] beside its way to the teeth, farther than which a brush in the mouth is at others
-)
+# [m] beside its way to the teeth, farther than which a brush in the mouth is at others
+BESIDE = 0.04
 NEAR = 0.006  # [m] beyond a stroke from its place at the teeth along the brush, where it presses and strokes
 LEANT = 3.0  # [N] on its way in, from which it comes out again
 DEEP, MOST = 0.01, 2.4  # [m] into the teeth, [N]: then it is not they that it feels
 FOLLOW, GIVE = 0.3, 0.02  # [m/s] with the head, and for each newton on its way out
-STRAIGHT, ASTRAY = (
-    0.01,
-    0.02,
-)  # [m] beside the line of the brush: goes in at its full speed, no further
+# [m] beside the line of the brush: goes in at its full speed, no further
+STRAIGHT, ASTRAY = 0.01, 0.02
 SINK, ALONG = 0.02, 0.08  # [m/s] onto the teeth, along them
 
 

@@ -35,9 +35,8 @@ DAMPING = 0.01  # of the least squares
 FEW_JOINTS_TURN = 0.03
 # An arm that weighs itself; our own choices. A load off the tool's point changes what it finds by 4 %.
 AS_KNOWN = 0.1  # share by which it may differ from its model and still counts as known
-UNEXPLAINED = (
-    0.05  # share of the torques that its weight may leave open: more, and something touches it
-)
+# Share of the torques that its weight may leave open: more, and something touches it.
+UNEXPLAINED = 0.05
 
 
 class ToolDelta(ToolMotion):
