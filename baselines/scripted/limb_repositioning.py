@@ -85,6 +85,10 @@ SPIN = 0.8  # [rad/s] of the plate at the arm
 ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
 LYING = 0.08  # [m] from its place, from where an arm on the pad creeps there by itself, or stays
 LEAN = 4.0  # [N] on the pad, of an arm that lies there
+AFLOAT = 0.045  # [m] over or below its place, of one whose hand lies on the thigh: a new try runs into it
+# Whose shoulder holds on, as by muscles, comes to lie with the hand on the thigh, unless the hand, so much of
+# the forearm beyond the wrist, is let go over the pad's middle; the plate goes out under it by SLIP [m].
+HAND_AHEAD, SLIP = 0.5, 0.015
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
 # [s]. An arm over the pad is not reached: it is left alone, as a push may have laid it.
@@ -118,6 +122,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         place = np.array(seat.position)
         if self.phase in HOLDING and self._is_lost(place):
             self.phase = "approach"
+            if self._is_out_of_reach():
+                self._let_go(place)
         self._watch(place)
         goal, turn, limit = getattr(self, "_" + self.phase)(place)
         if self.phase in ("slide", "lift"):
@@ -327,18 +333,18 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Hold the forearm steeply over the pad, until the elbow will swing back to its place."""
         task = self._task
         goal, turn = self._raised(ALONG, PITCH, DRAG)
-        goal[1] = seat[1] + task.state.gap[1]
+        goal[1] = seat[1] + self._aside(float(goal[1] - seat[1]))
         if self._lands() < SWAYED or task.time_limit - task.state.time < LATE:
             self.phase, self._pitch = "lower", math.asin(self._direction()[2])
         return goal, turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
         """Lower it, until the elbow will swing back to its place when the plate is gone."""
-        state = self._task.state
         self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
         goal, turn = self._raised(ALONG, self._pitch, 0.0)
-        goal[1] = seat[1] + state.gap[1]
-        if self._lands() > LANDS or seat[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR:
+        goal[1] = seat[1] + self._aside(float(goal[1] - seat[1]))
+        is_low = seat[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR
+        if (self._lands() > LANDS or is_low) and float(goal[1] - seat[1]) < CENTRED:
             self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
         return goal, turn, SLOW
 
@@ -351,6 +357,16 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if (is_down and tip < -LEVEL) or self._since > DROPPING:
             self._let_go(seat)
         return self._out.copy(), _turned(TIPPED) if is_down else np.array(now.quaternion), LEAVING
+
+    def _aside(self, under: float) -> float:
+        """Return how far out the plate goes to bring the forearm over the pad, and the hand off the lap [m].
+
+        Args:
+            under: How far out the middle of the plate would be under the forearm [m].
+        """
+        state = self._task.state
+        hand = state.wrist + HAND_AHEAD * (state.wrist - state.elbow)
+        return max(float(state.gap[1]), min(float(state.target[1] - hand[1]), under + SLIP))
 
     def _lands(self) -> float:
         """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
@@ -378,7 +394,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _is_out_of_reach(self) -> bool:
         """Return whether the cradle cannot fetch the arm: it lies inside of the armrest, or on the pad."""
         state, width = self._task.state, self._task.chair.armrest_size[1]
-        lies = state.pad_force >= LEAN and state.distance < LYING
+        lies = state.distance < LYING and (state.pad_force >= LEAN or abs(state.gap[2]) < AFLOAT)
         return bool(lies or state.wrist[1] < state.target[1] - 1.5 * width)
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
