@@ -156,7 +156,7 @@ class Drinking(Meal):
     def _set_cup(self, offset: Vector) -> None:
         """Put the robot where the cup in its hand stands upright before the face."""
         pose = self.cup_pose(self._start_rim(offset), (-1.0, 0.0, 0.0), 0.0)
-        self.robot.set_posture(self.robot.solve_ik(pose @ self.cup.in_tool.inverse()).posture)
+        self.robot.set_tool(pose @ self.cup.in_tool.inverse())
         self.cup.body.set_base(self.robot.tool_pose() @ self.cup.in_tool)
 
     def reset(self, rng: np.random.Generator) -> None:
