@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -119,11 +120,17 @@ class Arm(JointGroup):
         return min(others, key=lambda result: result.distance + TURN_WEIGHT * result.angle)
 
     def solutions(self, goal: Pose, seed: Array) -> Iterator[IkResult]:
-        """Yield what the search of `solve` finds from each of its starts, good or not."""
+        """Yield what the search of `solve` finds from each of its starts, good or not.
+
+        A joint that turns without limit gets there by the shorter way from `seed`.
+        """
+        endless = np.isinf(self.upper)
         for start in self._seeds(seed):
-            yield self.chain.solve(
+            found = self.chain.solve(
                 goal, start, self.lower, self.upper, rest=self.rest, turn_weight=TURN_WEIGHT
             )
+            turns = endless * np.rint((found.posture - seed) / (2 * np.pi))
+            yield replace(found, posture=found.posture - 2 * np.pi * turns)
 
     def _seeds(self, seed: Array) -> Iterator[Array]:
         yield seed

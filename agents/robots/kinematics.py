@@ -291,7 +291,4 @@ def _solve(arrays, tip, goal, seed, lower, upper, rest, turn_weight, iterations)
         damping = DAMPING if distance + angle > 0.1 else 0.1 * DAMPING
         step = bounded_step(matrix, wanted, q, lower, upper, pull, damping)
         q = q + step * min(1.0, MOST_STEP / max(np.abs(step).max(), 1e-9))
-    for i in range(len(q)):  # who turns without limit gets there by the shorter way
-        if upper[i] == math.inf:
-            q[i] -= 2 * math.pi * np.rint((q[i] - seed[i]) / (2 * math.pi))
     return q, distance, angle
