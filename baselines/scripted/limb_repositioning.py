@@ -50,6 +50,7 @@ PRESSING = ("approach", "free", "slide", "lift", "sway", "lower")
 TURNING = (*PRESSING, "drop")
 PUSHED, LIFTED, SWAYING, SINKING = 0.25, 0.2, 0.2, 0.13 # lead
 DOWN = 0.1
+LEVELLED = 0.1
 EARLY = 3.0
 REACHED = 0.045
 WAY_OVER = 0.05
@@ -138,16 +139,14 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             self._has_swung = self._lets_go = False
         if self._has_swung and not self._lets_go:
             is_low = state.plate[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR
-            self._lets_go = bool(is_low or lands > LANDS)
+            self._lets_go = bool(is_low or lands > LANDS or self._direction()[2] < LEVELLED)
         if self._lets_go:
             tip = rotate(seat.quaternion, (0.0, 0.0, 1.0))[2]
             return "leave" if tip < -LEVEL else "drop"
         if not self._holds(state.plate):
             return "approach"
         if height < -DOWN:
-            pad = task.chair.frame_in_world("armrest_left").position[0]
-            free = FREE - RELENTING * max(state.time - EARLY, 0.0)
-            if state.elbow[0] < pad - 0.5 * task.chair.armrest_size[0] + free:
+            if state.past_end < FREE - RELENTING * max(state.time - EARLY, 0.0):
                 return "free"
         if height < 0 and self._share_of(state.plate) < FIRST - NEAR / self._length():
             return "slide"
