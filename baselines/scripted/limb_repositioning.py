@@ -5,7 +5,8 @@ is pushed ahead by it. Once the hand is clear of the armrest it carries the fore
 wrist high there: under a steep forearm the elbow swings back, until the arm, let go, would come to its place.
 Then it goes down faster than the arm sinks, levels the plate, and is drawn out from under it. It yields where
 it presses, keeps over lap and belly, does not begin with an arm that may not be borne, and begins anew if the
-arm is stuck or does not stay.
+arm does not stay. What it does it tells by where arm and plate are; it keeps in mind only whether the elbow
+has swung back, and whether it lets go, of an arm that is up.
 """
 
 from __future__ import annotations
@@ -34,49 +35,43 @@ from .tool_script import ToolScript, limited, turning, unit
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
 FAST, SLOW = 0.2, 0.1  # [m/s] freely, and near or under the arm
 LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
-ACCELERATION = 0.8  # [m/s²]
 TIPPED = (
     0.22  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
 )
 LEVEL = 0.05  # of the tip below the root, as a sine, from where it leaves
 NEAR = 0.02  # [m] from a place that counts as reached
 STILL, SLOWLY = 0.03, 0.005  # [m/s] of the wrist of an arm that hangs still, and that sinks no more
-SWEEP = 0.5  # [rad/s] of the forearm on its arc
-LIFT = 0.17  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
-# [m] of the elbow before the armrest's rear end, when the forearm is free of it, and how much less a second.
-FREE, RELENTING = 0.03, 0.008
+DOWN = 0.1  # [m] of the wrist under its place, of an arm that hangs: nothing is kept in mind of it
+# [m] from the plate to where it holds an arm that hangs, at most, and one that is up; else that slipped off.
+HELD, LOST = 0.045, 0.08
+# [rad] that a forearm is led ahead of itself: out from behind the armrest, up, over the pad, and down.
+PUSHED, LIFTED, SWAYING, SINKING = 0.25, 0.2, 0.2, 0.13
+# [m] of the elbow before the armrest's rear end, when the forearm is free of it, and how much less a second
+# from EARLY [s] on.
+FREE, RELENTING, EARLY = 0.03, 0.008, 3.0
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
 PRESSING = ("approach", "free", "slide", "lift", "sway", "lower")
 TURNING = (*PRESSING, "drop")
-PUSHED, LIFTED, SWAYING, SINKING = 0.25, 0.2, 0.2, 0.13 # lead
-DOWN = 0.1
-LEVELLED = 0.1
-EARLY = 3.0
-REACHED = 0.045
-WAY_OVER = 0.05
-LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
 # Where the forearm points: while the elbow is behind the armrest, beside it, and over it.
 OUTWARD, BESIDE, ALONG = (0.58, 0.8, 0.1), (0.93, 0.35), (1.0, 0.0)
-# Where along the forearm the plate holds it, from elbow to wrist: nearest and farthest, and first. It slides
-# towards the elbow by DRAG a second, or less: all of it where the elbow is FULL [m] farther ahead than KEPT
-# [m], and as much towards the wrist where it is as much farther back. Friction takes the arm along.
+# Where along the forearm the plate holds it, from elbow to wrist: nearest and farthest, and first. It is
+# nearest where the elbow is FULL [m] farther ahead than KEPT [m], and farthest where it is as much farther
+# back. Friction takes the arm along.
 NEAREST, FARTHEST, FIRST = 0.8, 0.85, 0.8
-DRAG, KEPT, FULL = 0.03, 0.03, 0.04
-PITCH = 0.5  # [rad] of the wrist above the elbow, to which it is lifted at most
+KEPT, FULL = 0.03, 0.04
+# [rad] of the wrist above the elbow: to which it is lifted at most, if the elbow has swung back already, and
+# so level that it is let go.
+PITCH, FLAT, LEVELLED = 0.5, 0.15, 0.1
+FLATTER = 0.02  # [m] farther back than SWAYED, from where it is held flat
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
-RISING = 0.008  # [m/s] more, while a level forearm is too low
-HIGHER_UP = 0.05  # [m] that the plate follows an elbow that comes up by itself
-CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest
+RISING = 0.008  # [m] that the elbow is led up, while a level forearm is too low
+# [m] of the wrist over its place, before it goes over the armrest; less from WAY_OVER [m] beside it on
+CLEAR, WAY_OVER = 0.04, 0.05
 ROOM = 0.01  # [m] between plate, or hand, and armrest
 # What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
 # It is lowered from where it so comes to lie SWAYED ahead of its place, or LATE [s] before the end, and let
-# go where it comes to lie LANDS ahead [m].
-SWINGS, LANDS, SWAYED, LATE = 0.4, 0.01, -0.01, 6.0
-SINK = 0.4  # [rad/s] of the forearm on its way down
-DROP, DROPPING = (
-    0.08,
-    1.2,
-)  # [m] that the plate goes down to let go, faster than an arm sinks; [s] at most
+# go where it comes to lie LANDS ahead [m], or LATEST [s] before the end.
+SWINGS, LANDS, SWAYED, LATE, LATEST = 0.4, 0.01, -0.01, 6.0, 3.5
 ABOVE, NEARBY = 0.015, 0.03  # [m] between plate and belly or thighs, and from where it matters
 UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
 EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
@@ -84,19 +79,13 @@ EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, a
 CLOSE, SLOWER = 0.02, 0.5
 YIELDING = (0.4, 0.9)  # of the force limit: where it gets slower, and where it goes back
 AWAY = 0.2  # [m] that the plate is drawn out
-LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 SPIN = 0.8  # [rad/s] of the plate at the arm
 ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
-LYING = 0.08  # [m] from its place, from where an arm on the pad creeps there by itself, or stays
+# [m] from its place, from where an arm on the pad creeps there by itself, or stays, and one that is not on it
+LYING, NEARLY = 0.08, 0.06
 LEAN = 4.0  # [N] on the pad, of an arm that lies there
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
-# [s]. An arm over the pad is not reached: it is left alone, as a push may have laid it.
-PATIENCE = dict(reach=4.0, free=8.0, slide=4.0, lift=20.0, carry=6.0, lower=2.5)
-# [s] that a plate out of the way waits for an arm to rest, and one that is so near [m] to its place.
-FREED, SETTLES, NEARLY = 1.0, 6.0, 0.06
-HIGHER = 0.015  # [m] that a new try raises the elbow more
-LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
 FINGERS = ("index", "middle", "ring", "pinky", "thumb")
 HAND = ("left_wrist", *(f"left_{name}{k}" for name in FINGERS for k in (1, 2, 3)))
 
@@ -118,6 +107,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         place = np.array(seat.position)
         self.phase = self._see(seat)
         goal, turn, limit = getattr(self, "_" + self.phase)(place)
+        self._wrist = self._task.state.wrist
         if self.phase in ("slide", "lift"):
             goal = self._outside(seat, goal, turn)
         if self.phase in ("lift", "sway", "lower", "drop"):
@@ -131,30 +121,32 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         self._has_swung, self._lets_go = holds
 
     def _see(self, seat: Pose) -> str:
-        """Return the phase, by where arm and plate are; two things that hold over the pad are kept in mind."""
+        """Return the phase, by where arm and plate are, and by what is kept in mind of an arm that is up."""
         task, state = self._task, self._task.state
         height, aside = float(state.wrist[2] - state.target[2]), -float(state.gap[1])
-        lands = self._lands()
+        lands, left = self._lands(), task.time_limit - state.time
         if height < -DOWN:
             self._has_swung = self._lets_go = False
         if self._has_swung and not self._lets_go:
             is_low = state.plate[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR
-            self._lets_go = bool(is_low or lands > LANDS or self._direction()[2] < LEVELLED)
+            is_level = self._direction()[2] < LEVELLED
+            self._lets_go = bool(is_low or is_level or lands > LANDS or left < LATEST)
+        if self._lets_go and self._is_to_fetch():
+            self._has_swung = self._lets_go = False
         if self._lets_go:
             tip = rotate(seat.quaternion, (0.0, 0.0, 1.0))[2]
             return "leave" if tip < -LEVEL else "drop"
         if not self._holds(state.plate):
             return "approach"
-        if height < -DOWN:
-            if state.past_end < FREE - RELENTING * max(state.time - EARLY, 0.0):
-                return "free"
+        free = FREE - RELENTING * max(state.time - EARLY, 0.0)
+        if height < -DOWN and state.past_end < free:
+            return "free"
         if height < 0 and self._share_of(state.plate) < FIRST - NEAR / self._length():
             return "slide"
         part = min(max((aside - OVER) / WAY_OVER, 0.0), 1.0)
         if part > 0 and not (height > part * CLEAR and self._hand_over_pad() > part * ROOM):
             return "lift"
-        is_late = task.time_limit - state.time < LATE
-        if (aside < CENTRED and lands < SWAYED) or (aside < OVER and is_late):
+        if (aside < CENTRED and lands < SWAYED) or (aside < OVER and left < LATE):
             self._has_swung = True
         return "lower" if self._has_swung else "sway"
 
@@ -174,8 +166,6 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Go behind the forearm from outside, along a line, once the arm is still."""
         place, turn = self._task.hook()
         wrist = self._task.state.wrist
-        is_still = math.dist(wrist, self._wrist) < STILL * self._task.control_dt
-        self._wrist = wrist
         inward = rotate(turn, (0.0, 0.0, 1.0))
         back = rotate(turn, (-1.0, 0.0, 0.0))
         first, last = place - 0.11 * inward + 0.03 * back, place + 0.015 * back
@@ -183,7 +173,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         beside = float(np.linalg.norm(seat - first - (seat - first) @ way * way))
         if beside < NEAR:
             return last, turn, SLOW
-        if not is_still:  # it may swing back into the way
+        if not self._is_still(STILL):  # it may swing back into the way
             return seat, turn, SLOW
         if abs(float(first[2] - seat[2])) > 2 * NEAR:  # round the arm, and not through it
             aside = ASIDE + max(float(wrist[1]), float(self._task.state.elbow[1]))
@@ -191,6 +181,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
                 return np.array((seat[0], aside, seat[2])), turn, FAST
             first[1] = aside
         return first, turn, FAST
+
+    def _is_still(self, speed: float) -> bool:
+        return math.dist(self._task.state.wrist, self._wrist) < speed * self._task.control_dt
 
     def _direction(self) -> Array:
         along = self._task.state.wrist - self._task.state.elbow
@@ -206,7 +199,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     def _holds(self, place: Array) -> bool:
         """Return whether the plate is behind the forearm, or under it."""
         share = self._share_of(place)
-        near = LOST if self._task.state.wrist[2] > self._task.state.target[2] - DOWN else REACHED
+        near = LOST if self._task.state.wrist[2] > self._task.state.target[2] - DOWN else HELD
         return math.dist(self._task.hook(share)[0], place) < near
 
     def _led(self, towards: Sequence[float], lead: float) -> Array:
@@ -229,7 +222,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return place + PRESS * rotate(turn, (1.0, 0.0, 0.0)), turn, SLOW
 
     def _raised(self, way: Sequence[float], pitch: float, lead: float) -> tuple[Array, Array]:
-        """Return where the plate holds a forearm that is led to point a way, raised by `pitch` [rad], and its turn.
+        """Return where the plate holds a forearm that is led a way, raised by `pitch` [rad], and its turn.
 
         The plate slides along it, so that friction takes the elbow to where it is wished; and it gives way to
         what weighs on it.
@@ -238,7 +231,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         forearm = self._led((*way, math.tan(pitch)), lead)
         elbow = state.elbow.copy()
         if self.phase == "lift":
-            elbow[2] = max(float(elbow[2]) + (RISING if forearm[2] > -0.12 else 0.0), state.target[2] + RISE)
+            elbow[2] = max(
+                float(elbow[2]) + (RISING if forearm[2] > -0.12 else 0.0), state.target[2] + RISE
+            )
         back = min(max((self._ahead_by() - KEPT) / FULL, -1.0), 1.0)
         share = 0.5 * (NEAREST + FARTHEST) - 0.5 * (FARTHEST - NEAREST) * back
         place, turn = task.cradle.under(elbow, elbow + self._length() * forearm, task.radius, share)
@@ -281,7 +276,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _sway(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring it over the pad, and hold it steeply there, until the elbow will swing back to its place."""
-        goal, turn = self._raised(ALONG, PITCH, SWAYING)
+        steep = min(max(1.0 + (self._lands() - SWAYED) / FLATTER, 0.0), 1.0)
+        goal, turn = self._raised(ALONG, FLAT + steep * (PITCH - FLAT), SWAYING)
         goal[1] = seat[1] + self._task.state.gap[1]
         return goal, turn, SLOW
 
@@ -295,7 +291,8 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
         low = max(self._floor(), self._over_lap())
         now = self._task.seat_pose().quaternion
-        return np.array((*seat[:2], low)), _turned(TIPPED) if seat[2] < low + 0.5 * NEAR else np.array(now), LEAVING
+        turn = _turned(TIPPED) if seat[2] < low + 0.5 * NEAR else np.array(now)
+        return np.array((*seat[:2], low)), turn, LEAVING
 
     def _lands(self) -> float:
         """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
@@ -313,6 +310,15 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         half = 0.5 * self._task.cradle.model.figure("plate_length")
         out = (seat[0], self._task.state.target[1] + AWAY, self._floor() + half * math.sin(TIPPED))
         return np.array(out), _turned(TIPPED), LEAVING
+
+    def _is_to_fetch(self) -> bool:
+        """Return whether an arm that was let go lies still elsewhere, where the cradle comes behind it."""
+        state, width = self._task.state, self._task.chair.armrest_size[1]
+        is_out = state.plate[1] > state.target[1] + AWAY - NEAR
+        if not is_out or not self._is_still(SLOWLY) or state.rested > 0 or state.distance < NEARLY:
+            return False
+        lies = state.pad_force >= LEAN and state.distance < LYING
+        return not lies and bool(state.wrist[1] >= state.target[1] - 1.5 * width)
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
         velocity = limited(GAIN * (goal - seat.position), limit) * self._eagerness()
