@@ -95,7 +95,7 @@ class ToothBrushing(Meal):
         half = tip - middle - BRISTLES
         self.inside = MouthInside(world, self.recipient, body, (middle - half, middle + half))
         world.matter.append(self.inside)
-        self._mouth_at_rest, self._face_at_rest = self.recipient.mouth_and_face()
+        self._mouth_at_rest, self.face_at_rest = self.recipient.mouth_and_face()
         self._hold: Hold = (0.0, 0.0)
         self._hold = self._find_hold(world)
         self._set_brush(np.zeros(3))
@@ -184,7 +184,7 @@ class ToothBrushing(Meal):
 
     def _start_pose(self, offset: Array, hold: Hold | None = None) -> Pose:
         """Return the pose of the robot's tool before the face; the offset is ahead, across and up [m]."""
-        face = self._face_at_rest * (1.0, 1.0, 0.0)
+        face = self.face_at_rest * (1.0, 1.0, 0.0)
         face = face / np.linalg.norm(face)
         across = np.cross((0.0, 0.0, 1.0), face)
         gap = START_GAP[0] + float(offset[0])
