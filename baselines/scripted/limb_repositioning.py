@@ -59,10 +59,9 @@ OUTWARD, BESIDE, ALONG = (0.58, 0.8, 0.1), (0.93, 0.35), (1.0, 0.0)
 # back. Friction takes the arm along.
 NEAREST, FARTHEST, FIRST = 0.8, 0.85, 0.8
 KEPT, FULL = 0.03, 0.04
-# [rad] of the wrist above the elbow: to which it is lifted at most, if the elbow has swung back already, and
-# so level that it is let go.
-PITCH, FLAT, LEVELLED = 0.5, 0.15, 0.1
-FLATTER = 0.02  # [m] farther back than SWAYED, from where it is held flat
+# [rad] of the wrist above the elbow: to which it is lifted, and so level that it is let go.
+PITCH, LEVELLED = 0.5, 0.1
+ENOUGH = 0.02  # [m] farther back than SWAYED, from where it is not lifted higher
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
 RISING = 0.008  # [m] that the elbow is led up, while a level forearm is too low
 # [m] of the wrist over its place, before it goes over the armrest; less from WAY_OVER [m] beside it on
@@ -80,7 +79,8 @@ CLOSE, SLOWER = 0.02, 0.5
 YIELDING = (0.4, 0.9)  # of the force limit: where it gets slower, and where it goes back
 AWAY = 0.2  # [m] that the plate is drawn out
 SPIN = 0.8  # [rad/s] of the plate at the arm
-ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
+# [m] outside of the arm, where the plate passes it, if it is so much higher or lower
+ASIDE, ROUND = 0.15, 0.1
 # [m] from its place, from where an arm on the pad creeps there by itself, or stays, and one that is not on it
 LYING, NEARLY = 0.08, 0.06
 LEAN = 4.0  # [N] on the pad, of an arm that lies there
@@ -175,7 +175,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             return last, turn, SLOW
         if not self._is_still(STILL):  # it may swing back into the way
             return seat, turn, SLOW
-        if abs(float(first[2] - seat[2])) > 2 * NEAR:  # round the arm, and not through it
+        if abs(float(first[2] - seat[2])) > ROUND:  # round the arm, and not through it
             aside = ASIDE + max(float(wrist[1]), float(self._task.state.elbow[1]))
             if seat[1] < aside - NEAR:
                 return np.array((seat[0], aside, seat[2])), turn, FAST
@@ -276,8 +276,9 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _sway(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring it over the pad, and hold it steeply there, until the elbow will swing back to its place."""
-        steep = min(max(1.0 + (self._lands() - SWAYED) / FLATTER, 0.0), 1.0)
-        goal, turn = self._raised(ALONG, FLAT + steep * (PITCH - FLAT), SWAYING)
+        steep = min(max(1.0 + (self._lands() - SWAYED) / ENOUGH, 0.0), 1.0)
+        pitch = math.asin(self._direction()[2])
+        goal, turn = self._raised(ALONG, pitch + steep * (PITCH - pitch), SWAYING)
         goal[1] = seat[1] + self._task.state.gap[1]
         return goal, turn, SLOW
 
