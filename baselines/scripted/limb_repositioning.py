@@ -64,8 +64,7 @@ PITCH, LEVELLED = 0.5, 0.1
 ENOUGH = 0.02  # [m] farther back than SWAYED, from where it is not lifted higher
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
 RISING = 0.008  # [m] that the elbow is led up, while a level forearm is too low
-# [m] of the wrist over its place, before it goes over the armrest; less from WAY_OVER [m] beside it on
-CLEAR, WAY_OVER = 0.04, 0.05
+CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest; over it, less
 ROOM = 0.01  # [m] between plate, or hand, and armrest
 # What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
 # It is lowered from where it so comes to lie SWAYED ahead of its place, or LATE [s] before the end, and let
@@ -143,7 +142,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             return "free"
         if height < 0 and self._share_of(state.plate) < FIRST - NEAR / self._length():
             return "slide"
-        part = min(max((aside - OVER) / WAY_OVER, 0.0), 1.0)
+        part = min(max((aside - CENTRED) / (OVER - CENTRED), 0.0), 1.0)
         if part > 0 and not (height > part * CLEAR and self._hand_over_pad() > part * ROOM):
             return "lift"
         if (aside < CENTRED and lands < SWAYED) or (aside < OVER and left < LATE):
