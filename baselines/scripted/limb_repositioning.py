@@ -335,7 +335,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         task = self._task
         low, high = np.multiply(YIELDING, task.force_limit)
         eager = float(np.clip((high - task.state.force) / (high - low), -1.0, 1.0))
-        if self.phase != "lift":
+        if self.phase not in ("lift", "sway"):
             return eager
         forearm = task.recipient.frames[JOINT_INDEX["left_elbow"]].link
         apart, links = task.world.separation, (forearm, None)
