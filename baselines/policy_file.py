@@ -22,7 +22,7 @@ from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.learning.learner_env import kept, scale_of
 from rcare_marl.envs.learning.recipe import Scale
 from rcare_marl.envs.learning.view import View, ViewConfig
-from rcare_marl.envs.registry import policy_factory, register_policy_file, task_class
+from rcare_marl.envs.registry import register_policy_file, task_class, unguarded
 from rcare_marl.envs.task import part_name
 from rcare_marl.errors import ConfigError, near_files
 from rcare_marl.observable import VECTOR
@@ -242,7 +242,7 @@ class LearnedPolicy:
         self._base: Policy | None = None
         if file.residual is not None:
             self._residual = scale_of(file.residual, file.action_size, role)
-            self._base = policy_factory(file.task, part_name(role), BASE)(env, role)
+            self._base = unguarded(file.task, role, BASE)(env, role)
 
     def reset(self, rng: np.random.Generator) -> None:
         self._view.reset()

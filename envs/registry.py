@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import sys
 from collections.abc import Callable, Collection
-from functools import lru_cache, partial
+from functools import lru_cache, partial, wraps
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -216,6 +217,30 @@ def register_policy(task: str, role: str, name: str) -> Callable[[FactoryT], Fac
     return register
 
 
+def guard_policy(task: str, role: str, name: str, check: Callable[[CareEnv], None]) -> None:
+    """Have the cast checked before a policy plays; as `<name>_anyway` it plays unchecked.
+
+    Args:
+        task: Name of the task.
+        role: Who plays it.
+        name: Of the policy, which is registered already.
+        check: Raises a ConfigError where the policy is refused.
+
+    Raises:
+        UnknownNameError: If there is no such policy.
+    """
+    known = [n for t, r, n in _POLICIES if (t, r) == (task, role)]
+    check_name(f"policy of {role!r} in task {task!r}", name, known)
+    plain = _POLICIES[task, role, name]
+
+    @wraps(plain, updated=())
+    def checked(env: CareEnv, role: str) -> Policy:
+        check(env)
+        return plain(env, role)
+
+    _POLICIES[task, role, name], _POLICIES[task, role, f"{name}_anyway"] = checked, plain
+
+
 def register_policy_file(suffix: str) -> Callable[[LoaderT], LoaderT]:
     """Return a decorator that makes files of an ending, such as `.npz`, known as policies.
 
@@ -251,6 +276,11 @@ def policy_factory(task: str, role: str, name: str | Path) -> PolicyFactory:
     name = str(name)
     check_name(f"policy of {role!r} in task {task!r}", name, known)
     return _POLICIES.get((task, role, name)) or _COMMON[name]
+
+
+def unguarded(task: str, role: str, name: str) -> PolicyFactory:
+    """Return the factory of a policy by its name, whatever `guard_policy` checks; errors likewise."""
+    return inspect.unwrap(policy_factory(task, part_name(role), name))
 
 
 def is_policy_file(policy: object) -> bool:

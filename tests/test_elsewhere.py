@@ -1,4 +1,4 @@
-"""Shipped policies with casts that they were not trained with: warned of, or refused with the figure."""
+"""Shipped policies with casts of others: warned of, or refused with the figure; scripts with other robots."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from rcare_marl import assets
 from rcare_marl.baselines import trained
 from rcare_marl.baselines.trained import elsewhere
 from rcare_marl.cli import app
+from rcare_marl.envs import registry
 from rcare_marl.envs.cast import make_policy
 from rcare_marl.envs.homes import home_names
 from rcare_marl.envs.registry import task_class
@@ -104,6 +105,31 @@ def test_what_was_measured_is_of_what_there_is() -> None:
                     task_class(task).Options(**{key.removeprefix("options."): value})
                 else:
                     assert value in known[key]
+
+
+def test_a_robot_that_its_script_does_badly_with_is_refused_with_the_figure_and_who_does_better() -> (
+    None
+):
+    task, robot = "limb_repositioning", "pr2"
+    with pytest.raises(
+        ConfigError, match=r"robot pr2: 13 of 18.*Take one of .*kinova_gen3.*scripted_anyway"
+    ):
+        rcare_marl.make(task, robot=robot, policies={"robot": "scripted"})
+    with closing(rcare_marl.make(task, robot=robot)) as env:
+        for name in ("scripted_anyway", registry.unguarded(task, "robot", "scripted")):
+            assert type(make_policy(env, task, "robot", name)).__name__ == "ScriptedRepositioning"
+    placed = {"model": robot, "mount": "wheelchair_beside"}
+    rcare_marl.make(task, robot=placed, policies={"robot": "scripted"}).close()
+
+
+def test_what_was_measured_of_scripts_is_of_robots_that_reach() -> None:
+    for task, rows in elsewhere.figures(elsewhere.SCRIPTS).items():
+        seen = [tuple(sorted(row.cast.items())) for row in rows]
+        assert len(set(seen)) == len(seen)
+        for row in rows:
+            assert set(row.cast) <= {"robot", "level"} and row.cast.get("level", 1) in (1, 2, 3)
+            assert row.cast["robot"] in (task_class(task).reachable_by or ())
+            assert 0 <= row.done <= row.of and row.of >= 12 and row.force >= 0
 
 
 def test_the_command_line_says_it_in_a_line() -> None:

@@ -83,6 +83,10 @@ ASIDE, ROUND = 0.15, 0.1
 # [m] from its place, from where an arm on the pad creeps there by itself, or stays, and one that is not on it
 LYING, NEARLY = 0.08, 0.06
 LEAN = 4.0  # [N] on the pad, of an arm that lies there
+AFLOAT = 0.045  # [m] over or below its place, of one whose hand lies on the thigh: a new try runs into it
+# Whose shoulder holds on, as by muscles, comes to lie with the hand on the thigh, unless the hand, so much of
+# the forearm beyond the wrist, is let go over the pad's middle; the plate goes out under it by SLIP [m].
+HAND_AHEAD, SLIP = 0.5, 0.015
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
 FINGERS = ("index", "middle", "ring", "pinky", "thumb")
@@ -129,13 +133,17 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if self._has_swung and not self._lets_go:
             is_low = state.plate[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR
             is_level = self._direction()[2] < LEVELLED
-            self._lets_go = bool(is_low or is_level or lands > LANDS or left < LATEST)
+            lies = (is_low or is_level or lands > LANDS) and self._aside() < CENTRED
+            self._lets_go = bool(lies or left < LATEST)
+        holds = self._holds(state.plate)
+        if height > -DOWN and not holds and self._is_out_of_reach():
+            self._lets_go = True
         if self._lets_go and self._is_to_fetch():
             self._has_swung = self._lets_go = False
         if self._lets_go:
             tip = rotate(seat.quaternion, (0.0, 0.0, 1.0))[2]
             return "leave" if tip < -LEVEL else "drop"
-        if not self._holds(state.plate):
+        if not holds:
             return "approach"
         free = FREE - RELENTING * max(state.time - EARLY, 0.0)
         if height < -DOWN and state.past_end < free:
@@ -278,14 +286,21 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         steep = min(max(1.0 + (self._lands() - SWAYED) / ENOUGH, 0.0), 1.0)
         pitch = math.asin(self._direction()[2])
         goal, turn = self._raised(ALONG, pitch + steep * (PITCH - pitch), SWAYING)
-        goal[1] = seat[1] + self._task.state.gap[1]
+        goal[1] = seat[1] + self._aside()
         return goal, turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
         """Lower it, until the elbow will swing back to its place when the plate is gone."""
         goal, turn = self._raised(ALONG, 0.0, SINKING)
-        goal[1] = seat[1] + self._task.state.gap[1]
+        goal[1] = seat[1] + self._aside()
         return goal, turn, SLOW
+
+    def _aside(self) -> float:
+        """Return how far out the plate goes, to have the forearm over the pad and the hand off the lap [m]."""
+        state = self._task.state
+        under = float((self._task.hook(self._share_of(state.plate))[0] - state.plate)[1])
+        hand = state.wrist + HAND_AHEAD * (state.wrist - state.elbow)
+        return max(float(state.gap[1]), min(float(state.target[1] - hand[1]), under + SLIP))
 
     def _drop(self, seat: Array) -> tuple[Array, Array, float]:
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
@@ -313,12 +328,17 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _is_to_fetch(self) -> bool:
         """Return whether an arm that was let go lies still elsewhere, where the cradle comes behind it."""
-        state, width = self._task.state, self._task.chair.armrest_size[1]
+        state = self._task.state
         is_out = state.plate[1] > state.target[1] + AWAY - NEAR
         if not is_out or not self._is_still(SLOWLY) or state.rested > 0 or state.distance < NEARLY:
             return False
-        lies = state.pad_force >= LEAN and state.distance < LYING
-        return not lies and bool(state.wrist[1] >= state.target[1] - 1.5 * width)
+        return not self._is_out_of_reach()
+
+    def _is_out_of_reach(self) -> bool:
+        """Return whether the cradle cannot fetch the arm: it lies inside of the armrest, or on the pad."""
+        state, width = self._task.state, self._task.chair.armrest_size[1]
+        lies = state.distance < LYING and (state.pad_force >= LEAN or abs(state.gap[2]) < AFLOAT)
+        return bool(lies or state.wrist[1] < state.target[1] - 1.5 * width)
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
         velocity = limited(GAIN * (goal - seat.position), limit) * self._eagerness()

@@ -1,4 +1,7 @@
-"""Casts that a shipped policy was not trained with: what differs, and what was measured there."""
+"""What was measured of shipped policies with casts other than their own, and who is refused for it.
+
+Of a trained policy that is what differs from its training; of a scripted one the robot.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +21,18 @@ from rcare_marl.config import load, read_yaml
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.company import model_of
 from rcare_marl.envs.registry import task_class
+from rcare_marl.envs.task import part_name
 from rcare_marl.envs.task_options import TaskOptions
 from rcare_marl.errors import CastWarning, ConfigError
 
 from ..policy_file import PolicyFile
 
 MEASURED = Path(__file__).with_name("elsewhere.yaml")
+SCRIPTS = Path(__file__).parents[1] / "scripted" / "robots.yaml"
 SELDOM = 0.1  # share of episodes up to which a cast is refused; our own choice
 ANYWAY = "learned_anyway"  # name under which a refused policy plays
+ROBOT = "robot"
+MOSTLY = 0.9  # share of episodes from which on a script is played with a robot; our own choice
 USUAL_LEVEL = 1
 COMMON = frozenset(field.name for field in dataclasses.fields(TaskOptions))
 
@@ -35,7 +42,8 @@ class Figure:
     """What a policy came to with a cast.
 
     Attributes:
-        cast: What differs from its training: roles, `home`, `level`, and options as `options.mount`.
+        cast: What differs from its training: roles, `home`, `level`, and options as `options.mount`. Of a
+            script the robot, and the level if its task is measured at each.
         done: Episodes that ended in success.
         of: Episodes.
         force: Greatest force on the person in any of them [N].
@@ -55,10 +63,10 @@ class Figure:
         )
 
 
-@lru_cache(maxsize=1)
-def figures() -> dict[str, tuple[Figure, ...]]:
-    """Return what was measured of each shipped policy, by the name of its file."""
-    data = read_yaml(MEASURED)
+@lru_cache(maxsize=2)
+def figures(file: Path = MEASURED) -> dict[str, tuple[Figure, ...]]:
+    """Return what was measured of each trained policy, by the name of its file; of `SCRIPTS`, by the task."""
+    data = read_yaml(file)
     data.pop("about", None)
     out = {}
     for name, groups in data.items():
@@ -67,7 +75,7 @@ def figures() -> dict[str, tuple[Figure, ...]]:
             load(
                 Figure,
                 {"seeds": seeds, "cast": cast, "done": done, "of": of, "force": force},
-                str(MEASURED.name),
+                file.name,
             )
             for seeds, cast, done, of, force in rows
         )
@@ -173,6 +181,49 @@ def check_cast(env: CareEnv, file: PolicyFile, name: str, *, anyway: bool = Fals
         CastWarning,
         stacklevel=2,
     )
+
+
+def of_script(task: str, robot: str, level: int | None = None) -> list[Figure]:
+    """Return what was measured of the scripted policy of a task with a robot.
+
+    Args:
+        task: Name of the task.
+        robot: Name of the robot.
+        level: The level of accessibility; all that were measured if None.
+    """
+    rows = [row for row in figures(SCRIPTS).get(task, ()) if row.cast["robot"] == robot]
+    return [row for row in rows if level is None or row.cast.get("level", level) == level]
+
+
+def comes_off(figure: Figure) -> bool:
+    """Return whether a script came off often enough to be played with that robot."""
+    return figure.done >= MOSTLY * figure.of
+
+
+def check_robot(env: CareEnv, task: str) -> None:
+    """Refuse a robot with which the scripted policy of a task did not come off in nine of ten episodes.
+
+    The task's own robot is not refused, nor one that is given a place of its own.
+
+    Raises:
+        ConfigError: If it is refused, with what was measured, and with the robots that do better.
+    """
+    part, level = task_class(task).roles()[ROBOT], env.task.place.level
+    for role, agent in env.cast.items():
+        if part_name(role) != ROBOT or not isinstance(agent, Robot) or agent.chosen_mount:
+            continue
+        name = agent.files.model.name
+        poor = [row for row in of_script(task, name, level) if not comes_off(row)]
+        if poor and name != part.default:
+            others = {row.cast["robot"] for row in figures(SCRIPTS)[task]}
+            rated = {each: of_script(task, each, level) for each in others}
+            able = [each for each, rows in rated.items() if rows and all(map(comes_off, rows))]
+            better = ", ".join(sorted({*able, str(part.default)}))
+            raise ConfigError(
+                f"the scripted policy of {task!r} does not come off often enough with {_told(poor[0].cast)}: "
+                f"{poor[0]}; at least {MOSTLY:.0%} are asked for. Take one of {better}, a place of your own "
+                "for the robot, or 'scripted_anyway' to play it all the same"
+            )
 
 
 def _told(differing: Mapping[str, Any]) -> str:

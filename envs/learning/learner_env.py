@@ -16,7 +16,7 @@ from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.errors import ConfigError, check_name
 
 from ..cast import make_policy, memory_of, remind
-from ..registry import group_map
+from ..registry import group_map, unguarded
 from .recipe import EnvRecipe, Scale
 from .view import View
 
@@ -86,7 +86,8 @@ class LearnerEnv:
             self._refuse_arrays()
             self._views = self._make_views()
             self._bases: dict[str, Policy] = {
-                role: make_policy(env, recipe.task, role, "scripted") for role in recipe.residual
+                role: make_policy(env, recipe.task, role, unguarded(recipe.task, role, "scripted"))
+                for role in recipe.residual
             }
             teachers = self.demonstrators() if recipe.taught else {}
             self._bases |= teachers
@@ -291,12 +292,9 @@ class LearnerEnv:
             if role in self.recipe.residual:
                 shown[role] = StayStill(self._own_size(role))
                 continue
-            name = (
-                "scripted"
-                if isinstance(env.cast[role], Robot)
-                else self.recipe.partner_names(role)[0]
-            )
-            shown[role] = make_policy(env, task, role, name)
+            is_robot = isinstance(env.cast[role], Robot)
+            name = "scripted" if is_robot else self.recipe.partner_names(role)[0]
+            shown[role] = make_policy(env, task, role, unguarded(task, role, name))
         return shown
 
     def close(self) -> None:

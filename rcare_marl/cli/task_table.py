@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from rcare_marl import assets
+from rcare_marl.baselines.trained.elsewhere import Figure, comes_off, of_script
 from rcare_marl.console import markdown_table
 from rcare_marl.envs.registry import task_class, task_names
 
@@ -49,13 +50,22 @@ def _tasks() -> str:
 def _robots() -> str:
     tasks = [name for name in task_names() if task_class(name).reachable_by is not None]
     rows = [
-        (
-            f"`{robot}`",
-            *("yes" if robot in (task_class(t).reachable_by or ()) else "" for t in tasks),
-        )
-        for robot in assets.names("robots")
+        (f"`{robot}`", *(_reach(task, robot) for task in tasks)) for robot in assets.names("robots")
     ]
     return markdown_table(("robot", *(name.replace("_", " ") for name in tasks)), rows)
+
+
+def _reach(task: str, robot: str) -> str:
+    """Return what a robot comes to in a task: that it reaches, or how often its script came off."""
+    if robot not in (task_class(task).reachable_by or ()):
+        return ""
+    told = [_counted(row) for row in of_script(task, robot)]
+    return "<br>".join(told) or "yes"
+
+
+def _counted(row: Figure) -> str:
+    level = f"{row.cast['level']}: " if "level" in row.cast else ""
+    return f"{level}{row.done} of {row.of}{'' if comes_off(row) else ', **refused**'}"
 
 
 if __name__ == "__main__":
