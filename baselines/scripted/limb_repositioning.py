@@ -59,14 +59,12 @@ OUTWARD, BESIDE, ALONG = (0.58, 0.8, 0.1), (0.93, 0.35), (1.0, 0.0)
 # back. Friction takes the arm along.
 NEAREST, FARTHEST, FIRST = 0.8, 0.85, 0.8
 KEPT, FULL = 0.03, 0.04
-# [rad] of the wrist above the elbow: to which it is lifted at most, if the elbow has swung back already, and
-# so level that it is let go.
-PITCH, FLAT, LEVELLED = 0.5, 0.15, 0.1
-FLATTER = 0.02  # [m] farther back than SWAYED, from where it is held flat
+# [rad] of the wrist above the elbow: to which it is lifted, and so level that it is let go.
+PITCH, LEVELLED = 0.5, 0.1
+ENOUGH = 0.02  # [m] farther back than SWAYED, from where it is not lifted higher
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
 RISING = 0.008  # [m] that the elbow is led up, while a level forearm is too low
-# [m] of the wrist over its place, before it goes over the armrest; less from WAY_OVER [m] beside it on
-CLEAR, WAY_OVER = 0.04, 0.05
+CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest; over it, less
 ROOM = 0.01  # [m] between plate, or hand, and armrest
 # What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
 # It is lowered from where it so comes to lie SWAYED ahead of its place, or LATE [s] before the end, and let
@@ -80,10 +78,15 @@ CLOSE, SLOWER = 0.02, 0.5
 YIELDING = (0.4, 0.9)  # of the force limit: where it gets slower, and where it goes back
 AWAY = 0.2  # [m] that the plate is drawn out
 SPIN = 0.8  # [rad/s] of the plate at the arm
-ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
+# [m] outside of the arm, where the plate passes it, if it is so much higher or lower
+ASIDE, ROUND = 0.15, 0.1
 # [m] from its place, from where an arm on the pad creeps there by itself, or stays, and one that is not on it
 LYING, NEARLY = 0.08, 0.06
 LEAN = 4.0  # [N] on the pad, of an arm that lies there
+AFLOAT = 0.045  # [m] over or below its place, of one whose hand lies on the thigh: a new try runs into it
+# Whose shoulder holds on, as by muscles, comes to lie with the hand on the thigh, unless the hand, so much of
+# the forearm beyond the wrist, is let go over the pad's middle; the plate goes out under it by SLIP [m].
+HAND_AHEAD, SLIP = 0.5, 0.015
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
 FINGERS = ("index", "middle", "ring", "pinky", "thumb")
@@ -130,20 +133,24 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if self._has_swung and not self._lets_go:
             is_low = state.plate[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR
             is_level = self._direction()[2] < LEVELLED
-            self._lets_go = bool(is_low or is_level or lands > LANDS or left < LATEST)
+            lies = (is_low or is_level or lands > LANDS) and self._aside() < CENTRED
+            self._lets_go = bool(lies or left < LATEST)
+        holds = self._holds(state.plate)
+        if height > -DOWN and not holds and self._is_out_of_reach():
+            self._lets_go = True
         if self._lets_go and self._is_to_fetch():
             self._has_swung = self._lets_go = False
         if self._lets_go:
             tip = rotate(seat.quaternion, (0.0, 0.0, 1.0))[2]
             return "leave" if tip < -LEVEL else "drop"
-        if not self._holds(state.plate):
+        if not holds:
             return "approach"
         free = FREE - RELENTING * max(state.time - EARLY, 0.0)
         if height < -DOWN and state.past_end < free:
             return "free"
         if height < 0 and self._share_of(state.plate) < FIRST - NEAR / self._length():
             return "slide"
-        part = min(max((aside - OVER) / WAY_OVER, 0.0), 1.0)
+        part = min(max((aside - CENTRED) / (OVER - CENTRED), 0.0), 1.0)
         if part > 0 and not (height > part * CLEAR and self._hand_over_pad() > part * ROOM):
             return "lift"
         if (aside < CENTRED and lands < SWAYED) or (aside < OVER and left < LATE):
@@ -175,7 +182,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
             return last, turn, SLOW
         if not self._is_still(STILL):  # it may swing back into the way
             return seat, turn, SLOW
-        if abs(float(first[2] - seat[2])) > 2 * NEAR:  # round the arm, and not through it
+        if abs(float(first[2] - seat[2])) > ROUND:  # round the arm, and not through it
             aside = ASIDE + max(float(wrist[1]), float(self._task.state.elbow[1]))
             if seat[1] < aside - NEAR:
                 return np.array((seat[0], aside, seat[2])), turn, FAST
@@ -276,16 +283,24 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _sway(self, seat: Array) -> tuple[Array, Array, float]:
         """Bring it over the pad, and hold it steeply there, until the elbow will swing back to its place."""
-        steep = min(max(1.0 + (self._lands() - SWAYED) / FLATTER, 0.0), 1.0)
-        goal, turn = self._raised(ALONG, FLAT + steep * (PITCH - FLAT), SWAYING)
-        goal[1] = seat[1] + self._task.state.gap[1]
+        steep = min(max(1.0 + (self._lands() - SWAYED) / ENOUGH, 0.0), 1.0)
+        pitch = math.asin(self._direction()[2])
+        goal, turn = self._raised(ALONG, pitch + steep * (PITCH - pitch), SWAYING)
+        goal[1] = seat[1] + self._aside()
         return goal, turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
         """Lower it, until the elbow will swing back to its place when the plate is gone."""
         goal, turn = self._raised(ALONG, 0.0, SINKING)
-        goal[1] = seat[1] + self._task.state.gap[1]
+        goal[1] = seat[1] + self._aside()
         return goal, turn, SLOW
+
+    def _aside(self) -> float:
+        """Return how far out the plate goes, to have the forearm over the pad and the hand off the lap [m]."""
+        state = self._task.state
+        under = float((self._task.hook(self._share_of(state.plate))[0] - state.plate)[1])
+        hand = state.wrist + HAND_AHEAD * (state.wrist - state.elbow)
+        return max(float(state.gap[1]), min(float(state.target[1] - hand[1]), under + SLIP))
 
     def _drop(self, seat: Array) -> tuple[Array, Array, float]:
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
@@ -313,12 +328,17 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _is_to_fetch(self) -> bool:
         """Return whether an arm that was let go lies still elsewhere, where the cradle comes behind it."""
-        state, width = self._task.state, self._task.chair.armrest_size[1]
+        state = self._task.state
         is_out = state.plate[1] > state.target[1] + AWAY - NEAR
         if not is_out or not self._is_still(SLOWLY) or state.rested > 0 or state.distance < NEARLY:
             return False
-        lies = state.pad_force >= LEAN and state.distance < LYING
-        return not lies and bool(state.wrist[1] >= state.target[1] - 1.5 * width)
+        return not self._is_out_of_reach()
+
+    def _is_out_of_reach(self) -> bool:
+        """Return whether the cradle cannot fetch the arm: it lies inside of the armrest, or on the pad."""
+        state, width = self._task.state, self._task.chair.armrest_size[1]
+        lies = state.distance < LYING and (state.pad_force >= LEAN or abs(state.gap[2]) < AFLOAT)
+        return bool(lies or state.wrist[1] < state.target[1] - 1.5 * width)
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
         velocity = limited(GAIN * (goal - seat.position), limit) * self._eagerness()
@@ -335,7 +355,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         task = self._task
         low, high = np.multiply(YIELDING, task.force_limit)
         eager = float(np.clip((high - task.state.force) / (high - low), -1.0, 1.0))
-        if self.phase != "lift":
+        if self.phase not in ("lift", "sway"):
             return eager
         forearm = task.recipient.frames[JOINT_INDEX["left_elbow"]].link
         apart, links = task.world.separation, (forearm, None)
