@@ -1,4 +1,4 @@
-"""How fast experience is gathered and learned from, without the command line's packages.
+"""How fast experience is gathered and learned from.
 
 Method. One environment is stepped by itself, with random actions and with its resets; and several are
 stepped through `BatchedEnv` and TorchRL's collector, in this one process, with a fresh policy of two
