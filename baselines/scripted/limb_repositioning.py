@@ -5,7 +5,8 @@ is pushed ahead by it. Once the hand is clear of the armrest it carries the fore
 wrist high there: under a steep forearm the elbow swings back, until the arm, let go, would come to its place.
 Then it goes down faster than the arm sinks, levels the plate, and is drawn out from under it. It yields where
 it presses, keeps over lap and belly, does not begin with an arm that may not be borne, and begins anew if the
-arm is stuck or does not stay.
+arm does not stay. What it does it tells by where arm and plate are; it keeps in mind only whether the elbow
+has swung back, and whether it lets go, of an arm that is up.
 """
 
 from __future__ import annotations
@@ -28,51 +29,47 @@ from rcare_marl.pose import (
     rotate,
 )
 
-from .tool_script import ToolScript, limited, turning
+from .tool_script import ToolScript, limited, turning, unit
 
 # All our own choices.
 GAIN, TURN_GAIN = 3.0, 3.0  # [1/s]
 FAST, SLOW = 0.2, 0.1  # [m/s] freely, and near or under the arm
 LEAVING = 0.4  # [m/s] from under the arm: the faster, the less it takes along
-ACCELERATION = 0.8  # [m/s²]
 TIPPED = (
     0.22  # [rad] that its tip is lower as it leaves: the arm slides off, about as friction holds it
 )
 LEVEL = 0.05  # of the tip below the root, as a sine, from where it leaves
 NEAR = 0.02  # [m] from a place that counts as reached
 STILL, SLOWLY = 0.03, 0.005  # [m/s] of the wrist of an arm that hangs still, and that sinks no more
-SWEEP = 0.5  # [rad/s] of the forearm on its arc
-LIFT = 0.17  # [rad/s] likewise as it is lifted: a relaxed elbow gives way slowly, and else is pushed ahead
-# [m] of the elbow before the armrest's rear end, when the forearm is free of it, and how much less a second.
-FREE, RELENTING = 0.03, 0.008
+DOWN = 0.1  # [m] of the wrist under its place, of an arm that hangs: nothing is kept in mind of it
+# [m] from the plate to where it holds an arm that hangs, at most, and one that is up; else that slipped off.
+HELD, LOST = 0.045, 0.08
+# [rad] that a forearm is led ahead of itself: out from behind the armrest, up, over the pad, and down.
+PUSHED, LIFTED, SWAYING, SINKING = 0.25, 0.2, 0.2, 0.13
+# [m] of the elbow before the armrest's rear end, when the forearm is free of it, and how much less a second
+# from EARLY [s] on.
+FREE, RELENTING, EARLY = 0.03, 0.008, 3.0
 PRESS = 0.015  # [m] that the plate aims into the arm as it slides along it
-HOLDING = ("free", "slide", "lift", "carry", "sway")
-PHASES = ("approach", "reach", *HOLDING, "lower", "drop", "leave", "back")
-PRESSING = ("reach", *HOLDING, "lower", "back")
+PRESSING = ("approach", "free", "slide", "lift", "sway", "lower")
 TURNING = (*PRESSING, "drop")
-LEAD = 0.4  # [rad] that the wished arc is ahead of the forearm at most
 # Where the forearm points: while the elbow is behind the armrest, beside it, and over it.
 OUTWARD, BESIDE, ALONG = (0.58, 0.8, 0.1), (0.93, 0.35), (1.0, 0.0)
-# Where along the forearm the plate holds it, from elbow to wrist: nearest and farthest, and first. It slides
-# towards the elbow by DRAG a second, or less: all of it where the elbow is FULL [m] farther ahead than KEPT
-# [m], and as much towards the wrist where it is as much farther back. Friction takes the arm along.
+# Where along the forearm the plate holds it, from elbow to wrist: nearest and farthest, and first. It is
+# nearest where the elbow is FULL [m] farther ahead than KEPT [m], and farthest where it is as much farther
+# back. Friction takes the arm along.
 NEAREST, FARTHEST, FIRST = 0.8, 0.85, 0.8
-DRAG, KEPT, FULL = 0.03, 0.03, 0.04
-PITCH = 0.5  # [rad] of the wrist above the elbow, to which it is lifted at most
+KEPT, FULL = 0.03, 0.04
+# [rad] of the wrist above the elbow: to which it is lifted, and so level that it is let go.
+PITCH, LEVELLED = 0.5, 0.1
+ENOUGH = 0.02  # [m] farther back than SWAYED, from where it is not lifted higher
 RISE = 0.03  # [m] of the elbow over its place, while the forearm is lifted
-RISING = 0.015  # [m/s] more, while a level forearm is too low
-HIGHER_UP = 0.05  # [m] that the plate follows an elbow that comes up by itself
-CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest
+RISING = 0.008  # [m] that the elbow is led up, while a level forearm is too low
+CLEAR = 0.04  # [m] of the wrist over its place, before it goes over the armrest; over it, less
 ROOM = 0.01  # [m] between plate, or hand, and armrest
 # What hangs in the air swings back at the shoulder, until it lies: by SWINGS of the height of the wrist [1].
 # It is lowered from where it so comes to lie SWAYED ahead of its place, or LATE [s] before the end, and let
-# go where it comes to lie LANDS ahead [m].
-SWINGS, LANDS, SWAYED, LATE = 0.4, 0.01, -0.01, 6.0
-SINK = 0.4  # [rad/s] of the forearm on its way down
-DROP, DROPPING = (
-    0.08,
-    1.2,
-)  # [m] that the plate goes down to let go, faster than an arm sinks; [s] at most
+# go where it comes to lie LANDS ahead [m], or LATEST [s] before the end.
+SWINGS, LANDS, SWAYED, LATE, LATEST = 0.4, 0.01, -0.01, 6.0, 3.5
 ABOVE, NEARBY = 0.015, 0.03  # [m] between plate and belly or thighs, and from where it matters
 UNDER, HOVER = 0.012, 0.04  # [m] of the plate over the pad, at least, and as it yields
 EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, and by how much [m/N]
@@ -80,10 +77,11 @@ EASY, SOFT = 0.5, 0.0015  # of the force limit, from which the plate is lower, a
 CLOSE, SLOWER = 0.02, 0.5
 YIELDING = (0.4, 0.9)  # of the force limit: where it gets slower, and where it goes back
 AWAY = 0.2  # [m] that the plate is drawn out
-LOST = 0.08  # [m] from the plate to where it should be: the arm has slipped off
 SPIN = 0.8  # [rad/s] of the plate at the arm
-ASIDE = 0.15  # [m] outside of the arm, where the plate passes it
-LYING = 0.08  # [m] from its place, from where an arm on the pad creeps there by itself, or stays
+# [m] outside of the arm, where the plate passes it, if it is so much higher or lower
+ASIDE, ROUND = 0.15, 0.1
+# [m] from its place, from where an arm on the pad creeps there by itself, or stays, and one that is not on it
+LYING, NEARLY = 0.08, 0.06
 LEAN = 4.0  # [N] on the pad, of an arm that lies there
 AFLOAT = 0.045  # [m] over or below its place, of one whose hand lies on the thigh: a new try runs into it
 # Whose shoulder holds on, as by muscles, comes to lie with the hand on the thigh, unless the hand, so much of
@@ -91,12 +89,6 @@ AFLOAT = 0.045  # [m] over or below its place, of one whose hand lies on the thi
 HAND_AHEAD, SLIP = 0.5, 0.015
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
-# [s]. An arm over the pad is not reached: it is left alone, as a push may have laid it.
-PATIENCE = dict(reach=4.0, free=8.0, slide=4.0, lift=20.0, carry=6.0, lower=2.5)
-# [s] that a plate out of the way waits for an arm to rest, and one that is so near [m] to its place.
-FREED, SETTLES, NEARLY = 1.0, 6.0, 0.06
-HIGHER = 0.015  # [m] that a new try raises the elbow more
-LOWERED = 0.25  # [m] that a plate goes down with an arm that was stuck
 FINGERS = ("index", "middle", "ring", "pinky", "thumb")
 HAND = ("left_wrist", *(f"left_{name}{k}" for name in FINGERS for k in (1, 2, 3)))
 
@@ -108,37 +100,62 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
     KIND = LimbRepositioning
 
     def _begin(self) -> None:
-        self._velocity = np.zeros(3)
-        self.phase = "approach"
-        self._wrist = np.zeros(3)
-        self._tries, self._rise, self._share = 0, 0.0, FIRST
-        self._since, self._was = 0.0, self.phase  # [s] in which phase
-        self._forearm, self._pitch, self._out = np.zeros(3), 0.0, np.zeros(3)
+        self.phase, self._wrist = "approach", np.zeros(3)
+        self._has_swung = self._lets_go = False
 
     def act(self) -> Array:
         if not self._task.feasible.holds:  # nobody lifts what may not be borne
             return self._robot.tool_action(np.zeros(3), np.zeros(3))
         seat = self._task.seat_pose()
         place = np.array(seat.position)
-        if self.phase in HOLDING and self._is_lost(place):
-            self.phase = "approach"
-            if self._is_out_of_reach():
-                self._let_go(place)
-        self._watch(place)
+        self.phase = self._see(seat)
         goal, turn, limit = getattr(self, "_" + self.phase)(place)
+        self._wrist = self._task.state.wrist
         if self.phase in ("slide", "lift"):
             goal = self._outside(seat, goal, turn)
-        if self.phase in ("lift", "carry", "sway", "lower", "drop"):
+        if self.phase in ("lift", "sway", "lower", "drop"):
             goal[2] = max(float(goal[2]), self._over_lap())
         return self._towards(seat, goal, turn, limit)
 
     def memory(self) -> tuple[Sequence[object], Array]:
-        leaves = self.phase in ("drop", "leave", "back")
-        out = self._out - self._task.state.plate if leaves else np.zeros(3)
-        rest = (*self._velocity / FAST, *self._forearm, *out / LOWERED)
-        since, rise = self._since / PATIENCE["free"], self._rise / (2 * CLEAR)
-        values = (*rest, self._pitch / PITCH, since, self._tries / 5, rise, self._share)
-        return [self.phase == name for name in PHASES], np.clip(values, -1.0, 1.0)
+        return (self._has_swung, self._lets_go), np.zeros(0)
+
+    def recall(self, holds: Sequence[bool]) -> None:
+        self._has_swung, self._lets_go = holds
+
+    def _see(self, seat: Pose) -> str:
+        """Return the phase, by where arm and plate are, and by what is kept in mind of an arm that is up."""
+        task, state = self._task, self._task.state
+        height, aside = float(state.wrist[2] - state.target[2]), -float(state.gap[1])
+        lands, left = self._lands(), task.time_limit - state.time
+        if height < -DOWN:
+            self._has_swung = self._lets_go = False
+        if self._has_swung and not self._lets_go:
+            is_low = state.plate[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR
+            is_level = self._direction()[2] < LEVELLED
+            lies = (is_low or is_level or lands > LANDS) and self._aside() < CENTRED
+            self._lets_go = bool(lies or left < LATEST)
+        holds = self._holds(state.plate)
+        if height > -DOWN and not holds and self._is_out_of_reach():
+            self._lets_go = True
+        if self._lets_go and self._is_to_fetch():
+            self._has_swung = self._lets_go = False
+        if self._lets_go:
+            tip = rotate(seat.quaternion, (0.0, 0.0, 1.0))[2]
+            return "leave" if tip < -LEVEL else "drop"
+        if not holds:
+            return "approach"
+        free = FREE - RELENTING * max(state.time - EARLY, 0.0)
+        if height < -DOWN and state.past_end < free:
+            return "free"
+        if height < 0 and self._share_of(state.plate) < FIRST - NEAR / self._length():
+            return "slide"
+        part = min(max((aside - CENTRED) / (OVER - CENTRED), 0.0), 1.0)
+        if part > 0 and not (height > part * CLEAR and self._hand_over_pad() > part * ROOM):
+            return "lift"
+        if (aside < CENTRED and lands < SWAYED) or (aside < OVER and left < LATE):
+            self._has_swung = True
+        return "lower" if self._has_swung else "sway"
 
     def _outside(self, seat: Pose, goal: Array, turn: Array) -> Array:
         """Keep the tip of the plate from going under the armrest [m], shape [3]."""
@@ -152,125 +169,83 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         lacking = pad[1] + 0.5 * chair.armrest_size[1] + ROOM - tip
         return np.asarray(goal + (0.0, max(float(lacking), 0.0), 0.0))
 
-    def _watch(self, seat: Array) -> None:
-        """See whether the phase takes too long."""
-        self._since = self._since + self._task.control_dt if self.phase == self._was else 0.0
-        self._was = self.phase
-        if self._since <= PATIENCE.get(self.phase, math.inf):
-            return
-        if self.phase == "carry" and abs(float(self._task.state.gap[1])) < OVER:
-            self.phase = "lower"
-        elif self.phase == "lower":
-            self.phase, self._out, self._since = "drop", seat - (0.0, 0.0, DROP), 0.0
-        elif self.phase == "reach":
-            self._let_go(seat)
-        else:
-            self.phase, self._tries = "back", self._tries + 1
-            self._turn = np.array(self._task.seat_pose().quaternion)
-            self._out = seat + (0.0, 0.5 * AWAY, -LOWERED)
-
-    def _let_go(self, seat: Array) -> None:
-        half = 0.5 * self._task.cradle.model.figure("plate_length")
-        self.phase, self._flat = "leave", _turned(TIPPED)
-        self._out = seat + (0.0, AWAY, half * math.sin(TIPPED))
-
-    def _back(self, seat: Array) -> tuple[Array, Array, float]:
-        """Lower an arm that was stuck, outside of the armrest."""
-        if math.dist(seat, self._out) < NEAR or self._since > PATIENCE["carry"]:
-            self.phase = "approach"
-        return self._out, self._turn, SLOW
-
     def _approach(self, seat: Array) -> tuple[Array, Array, float]:
-        """Stand behind the forearm, outside of it."""
+        """Go behind the forearm from outside, along a line, once the arm is still."""
         place, turn = self._task.hook()
         wrist = self._task.state.wrist
-        is_still = math.dist(wrist, self._wrist) < STILL * self._task.control_dt
-        self._wrist = wrist
-        if not is_still:  # it may swing back into the way
-            return seat, turn, SLOW
         inward = rotate(turn, (0.0, 0.0, 1.0))
         back = rotate(turn, (-1.0, 0.0, 0.0))
-        goal = place - 0.11 * inward + 0.03 * back
-        if math.dist(seat, goal) < NEAR:
-            self.phase = "reach"
-        if (
-            self._tries and abs(float(goal[2] - seat[2])) > 2 * NEAR
-        ):  # round the arm, and not through it
+        first, last = place - 0.11 * inward + 0.03 * back, place + 0.015 * back
+        way = (last - first) / math.dist(last, first)
+        beside = float(np.linalg.norm(seat - first - (seat - first) @ way * way))
+        if beside < NEAR:
+            return last, turn, SLOW
+        if not self._is_still(STILL):  # it may swing back into the way
+            return seat, turn, SLOW
+        if abs(float(first[2] - seat[2])) > ROUND:  # round the arm, and not through it
             aside = ASIDE + max(float(wrist[1]), float(self._task.state.elbow[1]))
             if seat[1] < aside - NEAR:
                 return np.array((seat[0], aside, seat[2])), turn, FAST
-            goal[1] = aside
-        return goal, turn, FAST
+            first[1] = aside
+        return first, turn, FAST
 
-    def _reach(self, seat: Array) -> tuple[Array, Array, float]:
-        """Slide the plate behind the forearm."""
-        place, turn = self._task.hook()
-        goal = place + 0.015 * rotate(turn, (-1.0, 0.0, 0.0))
-        if math.dist(seat, goal) < 1.5 * NEAR:
-            self.phase, self._forearm = "free", self._direction()
-        return goal, turn, SLOW
+    def _is_still(self, speed: float) -> bool:
+        return math.dist(self._task.state.wrist, self._wrist) < speed * self._task.control_dt
 
     def _direction(self) -> Array:
         along = self._task.state.wrist - self._task.state.elbow
         return np.asarray(along / np.linalg.norm(along))
 
-    def _turn_to(self, towards: Array) -> None:
-        """Turn the wished direction of the forearm a step on."""
-        towards = towards / np.linalg.norm(towards)
-        left = math.acos(min(max(float(towards @ self._forearm), -1.0), 1.0))
-        speed = LIFT if self.phase == "lift" else SWEEP
-        part = min(1.0, speed * self._task.control_dt / max(left, 1e-6))
-        wished = (1 - part) * self._forearm + part * towards
-        self._forearm = wished / np.linalg.norm(wished)
+    def _length(self) -> float:
+        return math.dist(self._task.state.wrist, self._task.state.elbow)
 
-    def _ahead(self, share: float, towards: Array) -> tuple[Array, Array, float]:
-        """Push the forearm at `share` of its length towards a direction."""
-        task = self._task
-        place, turn = task.hook(share)
-        ahead = math.acos(min(max(float(self._direction() @ self._forearm), -1.0), 1.0))
-        if ahead < LEAD:
-            self._turn_to(towards)
-        forearm = float(np.linalg.norm(task.state.wrist - task.state.elbow))
-        return place + share * forearm * (self._forearm - self._direction()), turn, SLOW
+    def _share_of(self, place: Array) -> float:
+        """Return how far from elbow to wrist a place is."""
+        return float((place - self._task.state.elbow) @ self._direction()) / self._length()
+
+    def _holds(self, place: Array) -> bool:
+        """Return whether the plate is behind the forearm, or under it."""
+        share = self._share_of(place)
+        near = LOST if self._task.state.wrist[2] > self._task.state.target[2] - DOWN else HELD
+        return math.dist(self._task.hook(share)[0], place) < near
+
+    def _led(self, towards: Sequence[float], lead: float) -> Array:
+        """Return the direction of the forearm, turned to another by an angle [rad] at most."""
+        now, wished = self._direction(), unit(np.array(towards))
+        left = math.acos(min(max(float(wished @ now), -1.0), 1.0))
+        part = min(1.0, lead / max(left, 1e-6))
+        return unit((1 - part) * now + part * wished)
 
     def _free(self, seat: Array) -> tuple[Array, Array, float]:
         """Push the forearm out from behind the armrest."""
-        task = self._task
-        pad = task.chair.frame_in_world("armrest_left").position[0]
-        free = FREE - RELENTING * self._since
-        if task.state.elbow[0] > pad - 0.5 * task.chair.armrest_size[0] + free:
-            self.phase = "slide"
-        return self._ahead(HOOK_SHARE_HANGING, np.array(OUTWARD))
+        share = min(max(self._share_of(seat), HOOK_SHARE_HANGING), FIRST)
+        place, turn = self._task.hook(share)
+        ahead = self._led(OUTWARD, PUSHED) - self._direction()
+        return place + share * self._length() * ahead, turn, SLOW
 
     def _slide(self, seat: Array) -> tuple[Array, Array, float]:
         """Slide the plate towards the wrist."""
         place, turn = self._task.hook(FIRST)
-        goal = place + PRESS * rotate(turn, (1.0, 0.0, 0.0))
-        if abs(float((goal - seat) @ self._direction())) < NEAR:
-            self.phase, self._forearm, self._share = "lift", self._direction(), FIRST
-            self._rise = RISE + HIGHER * self._tries
-        return goal, turn, SLOW
+        return place + PRESS * rotate(turn, (1.0, 0.0, 0.0)), turn, SLOW
 
-    def _raised(self, way: Sequence[float], pitch: float, drag: float) -> tuple[Array, Array]:
-        """Return where the plate holds a forearm that points a way, raised by `pitch` [rad], and its turn.
+    def _raised(self, way: Sequence[float], pitch: float, lead: float) -> tuple[Array, Array]:
+        """Return where the plate holds a forearm that is led a way, raised by `pitch` [rad], and its turn.
 
-        The plate slides along it, by `drag` of its length a second at most, so that friction takes the elbow
-        to where it is wished; and it gives way to what weighs on it.
+        The plate slides along it, so that friction takes the elbow to where it is wished; and it gives way to
+        what weighs on it.
         """
-        task = self._task
-        self._turn_to(np.array((*way, math.tan(pitch))))
-        length = math.dist(task.state.wrist, task.state.elbow)
-        elbow, low = task.state.elbow.copy(), task.state.target[2] + self._rise
+        task, state = self._task, self._task.state
+        forearm = self._led((*way, math.tan(pitch)), lead)
+        elbow = state.elbow.copy()
         if self.phase == "lift":
-            elbow[2] = min(max(float(elbow[2]), low), low + HIGHER_UP)
+            elbow[2] = max(
+                float(elbow[2]) + (RISING if forearm[2] > -0.12 else 0.0), state.target[2] + RISE
+            )
         back = min(max((self._ahead_by() - KEPT) / FULL, -1.0), 1.0)
-        share = self._share - back * drag * task.control_dt
-        self._share = min(max(share, NEAREST), FARTHEST)
-        place, turn = task.cradle.under(
-            elbow, elbow + length * self._forearm, task.radius, self._share
-        )
+        share = 0.5 * (NEAREST + FARTHEST) - 0.5 * (FARTHEST - NEAREST) * back
+        place, turn = task.cradle.under(elbow, elbow + self._length() * forearm, task.radius, share)
         hovering = min(float(place[2]), self._floor() + HOVER)
-        place[2] -= SOFT * max(task.state.force - EASY * task.force_limit, 0.0)
+        place[2] -= SOFT * max(state.force - EASY * task.force_limit, 0.0)
         place[2] = max(float(place[2]), hovering)
         return place, turn
 
@@ -302,71 +277,37 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
 
     def _lift(self, seat: Array) -> tuple[Array, Array, float]:
         """Swing the forearm up, and steeper, until the elbow is where it swings back from to its place."""
-        task = self._task
-        goal, turn = self._raised(BESIDE, PITCH, DRAG)
-        goal[1] = min(float(goal[1]), float(task.hook(self._share)[0][1]))
-        is_up = task.state.wrist[2] > task.state.target[2] + CLEAR
-        is_up = is_up and self._hand_over_pad() > ROOM
-        if is_up:
-            self.phase, self._pitch = "carry", math.asin(self._direction()[2])
-        if self._forearm[2] > -0.12 and not is_up:
-            self._rise += RISING * task.control_dt
-        return goal, turn, SLOW
-
-    def _is_lost(self, seat: Array) -> bool:
-        """Return whether the forearm has slipped off the plate."""
-        task = self._task
-        forearm = task.state.wrist - task.state.elbow
-        share = float((seat - task.state.elbow) @ forearm / (forearm @ forearm))
-        return math.dist(task.hook(share)[0], seat) > LOST
-
-    def _carry(self, seat: Array) -> tuple[Array, Array, float]:
-        """Bring the raised forearm over the armrest."""
-        goal, turn = self._raised(ALONG, self._pitch, 0.0)
-        missed = float(self._task.state.gap[1])
-        goal[1] = seat[1] + missed
-        if missed > -CENTRED:
-            self.phase = "sway"
+        goal, turn = self._raised(BESIDE, PITCH, LIFTED)
+        goal[1] = min(float(goal[1]), float(self._task.hook(self._share_of(seat))[0][1]))
         return goal, turn, SLOW
 
     def _sway(self, seat: Array) -> tuple[Array, Array, float]:
-        """Hold the forearm steeply over the pad, until the elbow will swing back to its place."""
-        task = self._task
-        goal, turn = self._raised(ALONG, PITCH, DRAG)
-        goal[1] = seat[1] + self._aside(float(goal[1] - seat[1]))
-        if self._lands() < SWAYED or task.time_limit - task.state.time < LATE:
-            self.phase, self._pitch = "lower", math.asin(self._direction()[2])
+        """Bring it over the pad, and hold it steeply there, until the elbow will swing back to its place."""
+        steep = min(max(1.0 + (self._lands() - SWAYED) / ENOUGH, 0.0), 1.0)
+        pitch = math.asin(self._direction()[2])
+        goal, turn = self._raised(ALONG, pitch + steep * (PITCH - pitch), SWAYING)
+        goal[1] = seat[1] + self._aside()
         return goal, turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
         """Lower it, until the elbow will swing back to its place when the plate is gone."""
-        self._pitch = max(self._pitch - SINK * self._task.control_dt, 0.0)
-        goal, turn = self._raised(ALONG, self._pitch, 0.0)
-        goal[1] = seat[1] + self._aside(float(goal[1] - seat[1]))
-        is_low = seat[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR
-        if (self._lands() > LANDS or is_low) and float(goal[1] - seat[1]) < CENTRED:
-            self.phase, self._out = "drop", seat - (0.0, 0.0, DROP)
+        goal, turn = self._raised(ALONG, 0.0, SINKING)
+        goal[1] = seat[1] + self._aside()
         return goal, turn, SLOW
+
+    def _aside(self) -> float:
+        """Return how far out the plate goes, to have the forearm over the pad and the hand off the lap [m]."""
+        state = self._task.state
+        under = float((self._task.hook(self._share_of(state.plate))[0] - state.plate)[1])
+        hand = state.wrist + HAND_AHEAD * (state.wrist - state.elbow)
+        return max(float(state.gap[1]), min(float(state.target[1] - hand[1]), under + SLIP))
 
     def _drop(self, seat: Array) -> tuple[Array, Array, float]:
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
-        self._out[2] = max(float(self._out[2]), self._floor())
-        now = self._task.seat_pose()
-        is_down = seat[2] < max(float(self._out[2]), self._over_lap()) + 0.5 * NEAR
-        tip = rotate(now.quaternion, (0.0, 0.0, 1.0))[2]
-        if (is_down and tip < -LEVEL) or self._since > DROPPING:
-            self._let_go(seat)
-        return self._out.copy(), _turned(TIPPED) if is_down else np.array(now.quaternion), LEAVING
-
-    def _aside(self, under: float) -> float:
-        """Return how far out the plate goes to bring the forearm over the pad, and the hand off the lap [m].
-
-        Args:
-            under: How far out the middle of the plate would be under the forearm [m].
-        """
-        state = self._task.state
-        hand = state.wrist + HAND_AHEAD * (state.wrist - state.elbow)
-        return max(float(state.gap[1]), min(float(state.target[1] - hand[1]), under + SLIP))
+        low = max(self._floor(), self._over_lap())
+        now = self._task.seat_pose().quaternion
+        turn = _turned(TIPPED) if seat[2] < low + 0.5 * NEAR else np.array(now)
+        return np.array((*seat[:2], low)), turn, LEAVING
 
     def _lands(self) -> float:
         """Return how far ahead of its place the forearm would come to lie if it were let go now [m]."""
@@ -380,16 +321,18 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return float(state.elbow[0] + 0.5 * length - state.target[0])
 
     def _leave(self, seat: Array) -> tuple[Array, Array, float]:
-        """Draw the plate out, stay away, and begin anew if the arm does not stay."""
-        wrist = self._task.state.wrist
-        is_still = math.dist(wrist, self._wrist) < SLOWLY * self._task.control_dt
-        self._wrist = wrist
+        """Draw the plate out, and stay away."""
+        half = 0.5 * self._task.cradle.model.figure("plate_length")
+        out = (seat[0], self._task.state.target[1] + AWAY, self._floor() + half * math.sin(TIPPED))
+        return np.array(out), _turned(TIPPED), LEAVING
+
+    def _is_to_fetch(self) -> bool:
+        """Return whether an arm that was let go lies still elsewhere, where the cradle comes behind it."""
         state = self._task.state
-        waits = SETTLES if state.distance < NEARLY else FREED
-        is_over = self._since > waits and is_still and state.rested == 0.0
-        if is_over and not self._is_out_of_reach():
-            self.phase, self._tries = "approach", self._tries + 1
-        return self._out, self._flat, LEAVING
+        is_out = state.plate[1] > state.target[1] + AWAY - NEAR
+        if not is_out or not self._is_still(SLOWLY) or state.rested > 0 or state.distance < NEARLY:
+            return False
+        return not self._is_out_of_reach()
 
     def _is_out_of_reach(self) -> bool:
         """Return whether the cradle cannot fetch the arm: it lies inside of the armrest, or on the pad."""
@@ -398,16 +341,12 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return bool(lies or state.wrist[1] < state.target[1] - 1.5 * width)
 
     def _towards(self, seat: Pose, goal: Array, turn: Array, limit: float) -> Array:
-        wished = limited(GAIN * (goal - seat.position), limit) * self._eagerness()
-        most = (
-            ACCELERATION * self._task.control_dt * (5.0 if self.phase in ("drop", "leave") else 1.0)
-        )
-        self._velocity = self._velocity + limited(wished - self._velocity, most)
+        velocity = limited(GAIN * (goal - seat.position), limit) * self._eagerness()
         middle = np.array(seat.position)  # of the plate, about which it turns
         spin = turning(turn, seat.quaternion, TURN_GAIN)
         if self.phase in TURNING:
             spin = limited(spin, SPIN) * max(self._eagerness(), 0.0)
-        return self._about(middle, self._velocity, spin)
+        return self._about(middle, velocity, spin)
 
     def _eagerness(self) -> float:
         """Return the share of its speed with which it goes on, less the more it presses; negative: back."""
@@ -416,7 +355,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         task = self._task
         low, high = np.multiply(YIELDING, task.force_limit)
         eager = float(np.clip((high - task.state.force) / (high - low), -1.0, 1.0))
-        if self.phase != "lift":
+        if self.phase not in ("lift", "sway"):
             return eager
         forearm = task.recipient.frames[JOINT_INDEX["left_elbow"]].link
         apart, links = task.world.separation, (forearm, None)

@@ -72,7 +72,7 @@ class HandingOver(Meal):
 
     def reset(self, rng: np.random.Generator) -> None:
         tool = self._tool(START + rng.uniform(-SPREAD, SPREAD, 3), self._turn)
-        self.robot.set_posture(self.robot.solve_ik(tool).posture)
+        self.robot.set_tool(tool)
         self.cup.body.set_base(self.robot.tool_pose() @ self.cup.in_tool)
 
     def read(self, now: State, before: CupState | None) -> CupState:

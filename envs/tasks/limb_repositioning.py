@@ -81,6 +81,7 @@ class LimbRepositioningState(State):
     plate_up: Array  # out of its top, a unit vector, shape [3]
     plate_inward: Array  # to its tip, a unit vector, shape [3]
     reach: float  # from plate to hook [m]
+    past_end: float  # how far the elbow is before the armrest's rear end [m]
     pad_force: float  # how forearm and hand weigh on the pad [N]
     beyond: float  # most that a joint was beyond its passive range [rad]
     rested: float  # for how long the forearm has rested [s]
@@ -162,6 +163,7 @@ class LimbRepositioning(Task):
         person, pad = self.recipient, self.chair.frame_in_world("armrest_left")
         start = dict(zip(person.movable, person.positions, strict=True))
         most = 0.5 * self.chair.armrest_size[0] - TARGET_SPREAD[0]
+        self._rear = pad.position[0] - 0.5 * self.chair.armrest_size[0]
         along = min(max(float(self._lay(pad, start)[0] - pad.position[0]), -most), most)
         self._place = np.add(pad.position, (along, 0.0, self.radius))
         person.set_angles(start)
@@ -247,6 +249,7 @@ class LimbRepositioning(Task):
             plate_up=rotate(plate.quaternion, (1.0, 0.0, 0.0)),
             plate_inward=rotate(plate.quaternion, (0.0, 0.0, 1.0)),
             reach=math.dist(hook, plate.position),
+            past_end=float(self._elbow[0] - self._rear),
             pad_force=pad_force,
             beyond=max(past[0], beyond),
             rested=past[1] + self.control_dt if rests else 0.0,
@@ -281,6 +284,7 @@ class LimbRepositioning(Task):
             Seen("wrist_position", "m", 3, lambda s: s.wrist),
             Seen("forearm_to_target", "m", 3, lambda s: s.gap),
             Seen("force_on_armrest", "N", 1, lambda s: s.pad_force),
+            Seen("elbow_past_armrest", "m", 1, lambda s: s.past_end),
             self.contact_force(),
             self.time_left(),
         ]
