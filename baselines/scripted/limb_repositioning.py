@@ -296,7 +296,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         return goal, turn, SLOW
 
     def _aside(self) -> float:
-        """Return how far out the plate goes, to have the forearm over the pad and the hand off the lap [m]."""
+        """Return how far out the plate goes, with the forearm over the pad and the hand off the lap [m]."""
         state = self._task.state
         under = float((self._task.hook(self._share_of(state.plate))[0] - state.plate)[1])
         hand = state.wrist + HAND_AHEAD * (state.wrist - state.elbow)

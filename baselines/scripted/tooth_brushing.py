@@ -26,8 +26,8 @@ YIELD = 0.014  # [m/s] into the teeth for each newton that is lacking
 FAST, AWAY, SLOW = 0.15, 0.25, 0.06  # [m/s] before the face, off, within the mouth
 # [m] from the lips for who just said no; beyond where it counts as taken away
 ASK, FURTHER = 0.20, 0.03
-# Of the face below where it was at rest, along z, from which its brush would come from the lap; [m] ahead of the
-# mouth and above it, where it leads a head that is so bowed
+# Of the face below where it was at rest, along z, from which its brush would come from the lap; [m] ahead of
+# the mouth and above it, where it leads a head that is so bowed
 BOWED, LEAD, ABOVE = 0.2, 0.16, 0.06
 # [m] beside its way to the teeth, farther than which a brush in the mouth is at others
 BESIDE = 0.04
