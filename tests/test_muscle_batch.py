@@ -9,9 +9,8 @@ import numpy.typing as npt
 import pytest
 
 from rcare_marl.agents.people.actuation import muscle_kernel as kernel
-from rcare_marl.agents.people.actuation.drive import fitted_musculature, whole_chain
 from rcare_marl.agents.people.actuation.muscle_model import TENDONS, MuscleModel, Tendon
-from rcare_marl.agents.people.avatar import load_avatar
+from rcare_marl.agents.people.validation.reference_muscles import muscle_model
 from rcare_marl.errors import ActionError
 
 Array = npt.NDArray[np.float64]
@@ -23,10 +22,7 @@ PEOPLE = 5
 
 @lru_cache
 def model(tendon: Tendon = "quasi_static") -> MuscleModel:
-    avatar = load_avatar("karan")
-    chain = whole_chain(avatar.body_path(), avatar.height_m, avatar.mass_kg, avatar.sex)
-    muscles = fitted_musculature(avatar, None)
-    return MuscleModel(muscles.units, muscles.joints, chain, tendon=tendon)
+    return muscle_model("karan", tendon)
 
 
 def crowd(muscles: MuscleModel, people: int = PEOPLE) -> Inputs:

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from rcare_marl import assets
-from rcare_marl.agents.people.actuation.drive import fitted_musculature, whole_chain
+from rcare_marl.agents.people.actuation.drive import fitted_musculature
 from rcare_marl.agents.people.actuation.muscle_layout import crossing
 from rcare_marl.agents.people.actuation.muscle_lines import path_points
 from rcare_marl.agents.people.actuation.muscle_model import MuscleModel
@@ -23,6 +23,7 @@ from rcare_marl.agents.people.actuation.musculature import load_musculature
 from rcare_marl.agents.people.avatar import load_avatar
 from rcare_marl.agents.people.body.person_tree import person_tree
 from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, forward_kinematics
+from rcare_marl.agents.people.validation.reference_muscles import muscle_model
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 Array = npt.NDArray[np.float64]
@@ -45,9 +46,9 @@ PATHS = (
 
 @lru_cache
 def model(paths: tuple[str, ...] = PATHS) -> MuscleModel:
-    avatar = load_avatar("karan")
-    chain = whole_chain(avatar.body_path(), avatar.height_m, avatar.mass_kg, avatar.sex)
-    muscles = fitted_musculature(avatar, None)
+    muscles = fitted_musculature(load_avatar("karan"), None)
+    names = [dof.name for dof in DOFS]
+    chain = person_tree(whole_segments("karan"), muscles.joints, np.zeros(len(DOFS)), names)
     units = [
         dataclasses.replace(muscles.units[k], path=parse_path(path, "here"))
         for k, path in enumerate(paths)
@@ -59,11 +60,8 @@ def model(paths: tuple[str, ...] = PATHS) -> MuscleModel:
 def whole(name: str) -> tuple[MuscleModel, Array]:
     """Return all units of an avatar, and the passive range of the DoFs."""
     avatar = load_avatar(name)
-    chain = whole_chain(avatar.body_path(), avatar.height_m, avatar.mass_kg, avatar.sex)
-    muscles = fitted_musculature(avatar, None)
     limits = avatar.profile.limits("passive")
-    ranges = np.array([limits[dof.name] for dof in DOFS])
-    return MuscleModel(muscles.units, muscles.joints, chain), ranges
+    return muscle_model(name), np.array([limits[dof.name] for dof in DOFS])
 
 
 def postures(muscles: MuscleModel, count: int, seed: int = 0) -> Array:

@@ -19,10 +19,7 @@ TAKES = {
     "batch": ("task", "device", "steps", "seed", "processes"),
     "planning": ("robot", "queries", "rooms", "seed", "processes", "seconds"),
 }
-NOT_OF_TASKS = {"avatar", "seconds", "task", "processes", "device", "queries", "rooms"} | {
-    "episodes",
-    "policy",
-}
+OF_TASKS = {"steps", "seed", "robot", "recipient", "caregiver", "home", "level", "room"}
 MODULES = {
     **{"all": "task_suite", "avatars": "avatars", "homes": "homes"},
     **{"learning": ".training.throughput", "parity": "parity", "batch": "batch"},
@@ -40,7 +37,7 @@ def unwanted(what: str, options: Iterable[str]) -> list[str]:
         return [name for name in options if name not in TAKES[what]]
     if what not in task_names():
         raise UnknownNameError("task", what, (*task_names(), *TAKES))
-    return [name for name in options if name in NOT_OF_TASKS]
+    return [name for name in options if name not in OF_TASKS]
 
 
 def measure(what: str, options: Mapping[str, Any]) -> dict[str, Any]:

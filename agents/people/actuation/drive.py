@@ -18,9 +18,8 @@ from rcare_marl.tree.dynamics import holding_torques
 from rcare_marl.tree.joint_tree import JointTree
 from rcare_marl.world import GRAVITY
 
-from ..avatar import AvatarConfig, body_model, body_segments
+from ..avatar import AvatarConfig, body_model
 from ..body.anthropometry import Sex
-from ..body.person_tree import person_tree
 from ..body.posture import PostureConfig
 from ..body.skeleton import DOF_INDEX, DOFS, Dof
 from ..profile import clinical_norms, normal_strength
@@ -242,16 +241,6 @@ def _fitted_musculature(
         for unit in fitted.units
     ]
     return replace(fitted, units=tuple(weaker))
-
-
-def whole_chain(body: Path, height: float, mass: float, sex: Sex) -> JointTree:
-    """Return the moving parts of a body with all 112 DoFs."""
-    return person_tree(
-        body_segments(body, height, mass, sex),
-        body_model(body, height).joints,
-        np.zeros(len(DOFS)),
-        [dof.name for dof in DOFS],
-    )
 
 
 def _ashworth(avatar: AvatarConfig, rows: Sequence[Dof]) -> list[tuple[str, str]]:
