@@ -19,6 +19,7 @@ SLOW = {
     "ambulating_level1",
     "ambulating_level2",
     "social_coaching_everybody",
+    "limb_repositioning_everybody",
     "tooth_brushing_everybody",
 }
 EPISODES = 3
