@@ -67,7 +67,7 @@ def test_a_recorded_episode_names_its_person(six: CareEnv, tmp_path: Path) -> No
 
 
 def test_infos_tell_who_it_is_and_a_stage_outlives_the_person() -> None:
-    env = rcare_marl.make("scratching", recipient="population:test:3-4")
+    env = rcare_marl.make("feeding", recipient="population:test:3-4")
     infos = [env.reset(seed=seed)[1]["robot"]["recipient_person"] for seed in (0, 1)]
     assert infos == [0.0, 1.0]
     env.task.set_stage(force=2.0)

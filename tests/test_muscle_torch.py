@@ -21,7 +21,7 @@ from rcare_marl.agents.people.actuation.hill import (
     speed_curve,
     tendon_curve,
 )
-from rcare_marl.agents.people.actuation.muscle_layout import crosses
+from rcare_marl.agents.people.actuation.muscle_layout import crossing
 from rcare_marl.agents.people.actuation.muscle_model import TENDONS, MuscleModel, Tendon
 from rcare_marl.agents.people.actuation.muscle_torch import TorchMuscles, TorchState
 from rcare_marl.agents.people.avatar import body_model, body_segments, expand_movable, load_avatar
@@ -51,7 +51,7 @@ def model(
     segments = body_segments(path, avatar.height_m, avatar.mass_kg, avatar.sex)
     chain = person_tree(segments, joints, np.zeros(len(DOFS)), names)
     muscles = fitted_musculature(avatar, None)
-    units = [unit for unit in muscles.units if crosses(unit, chain)][:most]
+    units = [muscles.units[m] for m in crossing(muscles.units, chain)][:most]
     share = np.linspace(0.3, 1.0, len(units))
     made = MuscleModel(units, muscles.joints, chain, tendon=tendon, strength=share)
     made.table[::3, kernel.REFLEX_GAIN] = 0.5

@@ -12,7 +12,7 @@ import torch
 
 from rcare_marl import assets
 from rcare_marl.agents.people.actuation.drive import fitted_musculature, whole_chain
-from rcare_marl.agents.people.actuation.muscle_layout import crosses
+from rcare_marl.agents.people.actuation.muscle_layout import crossing
 from rcare_marl.agents.people.actuation.muscle_lines import path_points
 from rcare_marl.agents.people.actuation.muscle_model import MuscleModel
 from rcare_marl.agents.people.actuation.muscle_table import parse_path
@@ -229,7 +229,7 @@ def test_one_joint_of_the_shoulder_is_crossed_from_trunk_blade_and_scapula() -> 
         ("jaw_opening", ""),
     ):
         chain = person_tree(segments, muscles.joints, posture, [joint])
-        units = [unit for unit in muscles.units if crosses(unit, chain)]
+        units = [muscles.units[m] for m in crossing(muscles.units, chain)]
         assert {unit.name for unit in units} >= set(names.split())
         assert not any(unit.name.startswith("delt") for unit in units) or names
         one = MuscleModel(units, muscles.joints, chain)

@@ -136,15 +136,20 @@ def test_what_cannot_be_is_refused_by_name(given: Any, said: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "factor"),
-    [("kinova_gen3", 0.75), ("kinova_gen3", 1.0), ("pr2", 1.3), ("stretch_re1_dex", 1.0)],
+    ("task", "model", "factor"),
+    [
+        ("drinking", "kinova_gen3", 0.75),
+        ("drinking", "kinova_gen3", 1.0),
+        ("drinking", "pr2", 1.3),
+        ("feeding", "stretch_re1_dex", 1.0),
+    ],
 )
-def test_an_arm_that_is_not_as_heavy_as_its_model_weighs_itself(model: str, factor: float) -> None:
+def test_an_arm_that_is_not_as_heavy_as_its_model_weighs_itself(
+    task: str, model: str, factor: float
+) -> None:
     randomise = {"robot_mass": {"factor": factor}}
     policies = {"recipient": "still"}
-    with closing(
-        rcare_marl.make("drinking", robot=model, policies=policies, randomise=randomise)
-    ) as env:
+    with closing(rcare_marl.make(task, robot=model, policies=policies, randomise=randomise)) as env:
         env.reset(seed=4)
         robot = env.cast["robot"]
         assert isinstance(robot, Robot) and isinstance(robot.control, ToolDelta)
@@ -152,7 +157,7 @@ def test_an_arm_that_is_not_as_heavy_as_its_model_weighs_itself(model: str, fact
         for _ in range(15):
             env.step({"robot": np.zeros(env.action_space("robot").shape, np.float32)})
             heights.append(robot.tool_pose().position[2])
-        # The cup in its hand is no part of the arm.
+        # The cup or spoon in its hand is no part of the arm.
         assert robot.control.weight_share == pytest.approx(factor, abs=0.03)
         assert (robot.control.weight_share == 1.0) == (factor == 1.0)
         assert abs(heights[-1] - heights[4]) < 0.002

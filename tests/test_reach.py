@@ -27,7 +27,7 @@ def gap(env: CareEnv) -> float:
         ("bathing", "pr2", "morgan"),
         ("bathing", "pepper", "jose"),
         pytest.param("bathing", "pepper", "daniel", marks=pytest.mark.slow),
-        ("dressing", "fetch", "daniel"),
+        pytest.param("dressing", "fetch", "daniel", marks=pytest.mark.slow),
     ],
 )
 def test_a_robot_that_would_stand_in_somebody_starts_elsewhere(

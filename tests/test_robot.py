@@ -122,6 +122,34 @@ def test_inverse_kinematics_find_what_can_be_reached_the_same_every_time() -> No
     assert not robot.solve_ik(Pose((3.0, 0.0, 0.0))).is_within()
 
 
+def test_inverse_kinematics_wind_up_no_joint_and_keep_the_bend_of_a_start() -> None:
+    robot = gen3()
+    spawn(robot)
+    straight = np.array((-0.88, 0.94, 0.94, -0.02, 0.17, -1.17, 4.58))
+    there = robot.arm.chain.tip_pose(straight)
+    x, y, z = there.position
+    beyond = Pose((1.03 * x, y, z), there.quaternion)  # cannot be reached
+    turned = np.isinf(robot.arm.upper)
+    for bend in (-0.3, 0.3):
+        seed = straight + bend * np.eye(7)[3]
+        assert np.abs(robot.solve_ik(beyond, seed=seed).posture - seed)[turned].max() < np.pi + 1e-6
+        robot.set_tool(beyond, seed)
+        assert np.abs(robot.arm.positions() - seed).max() < 1.0
+
+
+def test_a_nearly_straight_arm_goes_on() -> None:
+    robot = gen3()
+    world = spawn(robot)
+    robot.set_posture((-1.41, 0.7, 1.12, -0.21, 0.31, -1.75, 4.52))
+    start = tool_position(robot)
+    action = np.array(
+        (-0.12, 0.46, 0.31, 0.12, -0.07, -0.06)
+    )  # it once swung to and fro here, and stayed
+    for _ in range(6):
+        advance(world, robot, action)
+    assert np.linalg.norm(tool_position(robot) - start) > 0.01
+
+
 def test_tool_moves_as_commanded_and_holds_still_without() -> None:
     robot = gen3(posture="wheelchair_right")
     world = spawn(robot)

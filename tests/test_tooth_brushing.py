@@ -56,6 +56,13 @@ def test_who_is_heavy_or_bent_has_all_teeth_brushed(who: int) -> None:
     env.close()
 
 
+def test_who_only_lets_it_happen_opens_a_little_and_has_all_teeth_brushed() -> None:
+    env = made("daniel", "passive")
+    play(env, 1)
+    assert env.task.succeeded() and env.task.state.peak_force < 5.0
+    env.close()
+
+
 def test_a_mouth_that_stays_closed_is_not_entered() -> None:
     env = made(partner="still")
     env.reset(seed=0)

@@ -18,6 +18,8 @@ SLOW = {
     "dressing",
     "ambulating_level1",
     "ambulating_level2",
+    "drinking_everybody",
+    "scratching_everybody",
     "social_coaching_everybody",
     "limb_repositioning_everybody",
     "tooth_brushing_everybody",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from .kinematics import Chain, IkResult
 
 # Starts of inverse kinematics after the posture that it was given: around it, and anywhere.
 _SEEDS, _FAR_SEEDS = 12, 24
+NEAR = (0.03, 0.2)  # [m], [rad] that a start may miss; our own choice
 TURN_WEIGHT = 0.3  # of a radian against a metre, in inverse kinematics
 LEAST_ROOM = 0.1  # share of its effort that a motor keeps beside the weight; our own choice
 
@@ -103,25 +105,32 @@ class Arm(JointGroup):
         room = np.maximum(self.effort - motors, 0.0)
         return np.asarray(sprung + np.minimum(np.maximum(weight - sprung, -room), room))
 
-    def solve(self, goal: Pose, seed: Array) -> IkResult:
+    def solve(self, goal: Pose, seed: Array, *, near: bool = False) -> IkResult:
         """Return the posture that puts the tool at `goal`: the first good one, else the best.
 
         The search starts at `seed`, then at the rest posture, then at postures around both, then
-        anywhere within the limits; these are the same on every call.
+        anywhere within the limits; these are the same on every call. What is found there is bent another way
+        and may reach across somebody. With `near` 3 cm and 0.2 rad may be missed rather than that.
         """
         others = []
         for found in self.solutions(goal, seed):
-            if found.is_within():
+            if found.is_within(*(NEAR if near else ())):
                 return found
             others.append(found)
         return min(others, key=lambda result: result.distance + TURN_WEIGHT * result.angle)
 
     def solutions(self, goal: Pose, seed: Array) -> Iterator[IkResult]:
-        """Yield what the search of `solve` finds from each of its starts, good or not."""
+        """Yield what the search of `solve` finds from each of its starts, good or not.
+
+        A joint that turns without limit gets there by the shorter way from `seed`.
+        """
+        endless = np.isinf(self.upper)
         for start in self._seeds(seed):
-            yield self.chain.solve(
+            found = self.chain.solve(
                 goal, start, self.lower, self.upper, rest=self.rest, turn_weight=TURN_WEIGHT
             )
+            turns = endless * np.rint((found.posture - seed) / (2 * np.pi))
+            yield replace(found, posture=found.posture - 2 * np.pi * turns)
 
     def _seeds(self, seed: Array) -> Iterator[Array]:
         yield seed

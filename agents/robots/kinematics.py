@@ -28,6 +28,8 @@ from rcare_marl.world import GRAVITY
 
 DAMPING = 0.02  # of the least squares; keeps steps small near singular postures
 ITERATIONS = 60  # of inverse kinematics, at most
+# [rad] or [m] of a joint in an iteration: near a singular posture it would wind up; our own choice.
+MOST_STEP = 0.5
 
 
 @dataclass(frozen=True)
@@ -287,5 +289,6 @@ def _solve(arrays, tip, goal, seed, lower, upper, rest, turn_weight, iterations)
         pull = 0.05 * (rest - q) if k < iterations // 2 else np.zeros(len(q))
         # Far away the damping calms, close by it would only slow the last steps down.
         damping = DAMPING if distance + angle > 0.1 else 0.1 * DAMPING
-        q = q + bounded_step(matrix, wanted, q, lower, upper, pull, damping)
+        step = bounded_step(matrix, wanted, q, lower, upper, pull, damping)
+        q = q + step * min(1.0, MOST_STEP / max(np.abs(step).max(), 1e-9))
     return q, distance, angle

@@ -411,6 +411,10 @@ class Robot(Agent):
         """Teleport the main arm to `posture` [rad or m], shape [n], within limits, and hold it."""
         self._teleport(self.arm, np.asarray(posture, np.float64))
 
+    def set_tool(self, pose: Pose, near: Array | None = None) -> None:
+        """Teleport the main arm, bent as it is or as in the posture `near` [n], with its tool at `pose`."""
+        self.set_posture(self.solve_ik(pose, seed=near, near=True).posture)
+
     def _teleport(self, arm: Arm, posture: Array) -> None:
         arm.teleport(np.clip(posture, arm.lower, arm.upper))
         self._renew()
@@ -418,22 +422,18 @@ class Robot(Agent):
     def tool_pose(self, arm: str | None = None) -> Pose:
         """Return the pose of the tool in the world, of the main arm if none is named."""
         chosen = self._named_arm(arm)
-        if chosen.is_carried:
-            chosen.track()
         return chosen.chain.tip_pose(chosen.positions())
 
     def _named_arm(self, arm: str | None) -> Arm:
-        if arm is None:
-            return self.arm
-        check_name(f"arm of {self.name!r} that moves", arm, self.arms)
-        return self.arms[arm]
+        if arm is not None:
+            check_name(f"arm of {self.name!r} that moves", arm, self.arms)
+        chosen = self.arm if arm is None else self.arms[arm]
+        if chosen.is_carried:
+            chosen.track()
+        return chosen
 
     def solve_ik(
-        self,
-        pose: Pose,
-        *,
-        seed: Sequence[float] | Array | None = None,
-        arm: str | None = None,
+        self, pose: Pose, *, seed: Array | None = None, arm: str | None = None, near: bool = False
     ) -> IkResult:
         """Return the posture that puts the tool at `pose`, within limits; nothing moves.
 
@@ -441,12 +441,11 @@ class Robot(Agent):
             pose: The wished pose of the tool in the world.
             seed: Posture to start from; the present one if None.
             arm: Which arm; the main one if None.
+            near: Whether to miss `pose` a little rather than to bend the arm another way, see `Arm.solve`.
         """
         chosen = self._named_arm(arm)
-        if chosen.is_carried:
-            chosen.track()
         start = chosen.positions() if seed is None else np.asarray(seed, np.float64)
-        return chosen.solve(pose, start)
+        return chosen.solve(pose, start, near=near)
 
     def grasp(self, body: Body, body_in_tool: Pose = Pose(), *, force: float = 500.0) -> Attachment:
         """Put the base of `body` at `body_in_tool` in the main tool's frame and bond it there.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import nullcontext
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -38,6 +39,8 @@ def shorten(loss: SACLoss, actor: Actor, critic: TensorDictModule) -> None:
         return SquashedNormal(location, scale, actor.shape.low)
 
     loss.actor_network.get_dist = distribution
+    # `actor` has its weights where the loss's own copy would be lent them at each question.
+    loss.actor_network_params.__dict__["to_module"] = lambda *_, **__: nullcontext()
 
 
 class SquashedNormal:

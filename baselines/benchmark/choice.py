@@ -15,21 +15,14 @@ TAKES = {
     "avatars": ("avatar", "seconds"),
     "homes": ("home", "level", "steps"),
     "learning": ("task", "processes", "seconds"),
-    "parity": ("task", "seed", "episodes", "processes", "policy"),
+    "parity": ("task", "level", "seed", "episodes", "processes", "policy"),
     "batch": ("task", "device", "steps", "seed", "processes"),
     "planning": ("robot", "queries", "rooms", "seed", "processes", "seconds"),
 }
-NOT_OF_TASKS = (
-    "avatar",
-    "seconds",
-    "task",
-    "processes",
-    "device",
-    "queries",
-    "rooms",
+NOT_OF_TASKS = {"avatar", "seconds", "task", "processes", "device", "queries", "rooms"} | {
     "episodes",
     "policy",
-)
+}
 MODULES = {
     **{"all": "task_suite", "avatars": "avatars", "homes": "homes"},
     **{"learning": ".training.throughput", "parity": "parity", "batch": "batch"},

@@ -29,7 +29,12 @@ BLOCK = 25  # episodes that a process plays in one scene
 
 
 def compare(
-    task: str, episodes: int, seed: int, processes: int, policy: str | None = None
+    task: str,
+    episodes: int,
+    seed: int,
+    processes: int,
+    policy: str | None = None,
+    level: int | None = None,
 ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
     """Return what each policy came to on either engine, and figures with their bounds.
 
@@ -39,6 +44,7 @@ def compare(
         seed: The first of them.
         processes: How many work side by side.
         policy: The policy; all that ship if None.
+        level: Of the furniture or door, see `rcare_marl.make`.
 
     Raises:
         UnknownNameError: If there is no such policy.
@@ -51,7 +57,7 @@ def compare(
     blocks = [(first, min(BLOCK, episodes - first)) for first in range(0, episodes, BLOCK)]
     played = [(policy, engine) for policy in policies for engine in ENGINES]
     jobs = [
-        Job(task, {lead: policy}, count, seed + first, {}, {"engine": engine})
+        Job(task, {lead: policy}, count, seed + first, {}, {"engine": engine, "level": level})
         for policy, engine in played
         for first, count in blocks
     ]

@@ -76,6 +76,7 @@ def bench(
     episodes: int = 0,
     processes: str = "1",
     policy: str | None = None,
+    level: int | None = None,
 ) -> dict[str, Any]:
     """Return all figures, as plain values for JSON.
 
@@ -86,6 +87,7 @@ def bench(
         episodes: Of each shipped policy on each engine.
         processes: How many play these side by side.
         policy: Which of them; all if None.
+        level: Of the furniture or door, see `rcare_marl.make`.
 
     Raises:
         ConfigError: If the count of processes is none.
@@ -94,7 +96,7 @@ def bench(
     side_by_side = one_count("parity", processes)
     with ExitStack() as stack:
         bullet, mujoco = pair = tuple(
-            stack.enter_context(closing(make(task, engine=name))) for name in ENGINES
+            stack.enter_context(closing(make(task, engine=name, level=level))) for name in ENGINES
         )
         values = {"link_pose_m": 0.0, "arm_rad": 0.0, "person_rad": 0.0}
         for number in range(seed, seed + EPISODES):
@@ -107,7 +109,7 @@ def bench(
                     env.reset(seed=number)
             apart = _drift(bullet, mujoco, np.random.default_rng(number))
             values |= {key: max(values[key], value) for key, value in apart.items()}
-    result: dict[str, Any] = {"task": task, "seed": seed, "episodes": EPISODES}
+    result: dict[str, Any] = {"task": task, "level": level, "seed": seed, "episodes": EPISODES}
     if task == "feeding":
         seeds = range(FIRST_PRESS, FIRST_PRESS + postures)
         pressed = [presses(name, seeds) for name in ENGINES]
@@ -124,7 +126,7 @@ def bench(
         if key in values
     }
     if episodes:
-        told, figures = engine_episodes.compare(task, episodes, seed, side_by_side, policy)
+        told, figures = engine_episodes.compare(task, episodes, seed, side_by_side, policy, level)
         result |= {"policies": told, "processes": side_by_side}
         result["figures"] |= figures
     return result | {"met": all(figure["met"] for figure in result["figures"].values())}

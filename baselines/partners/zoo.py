@@ -38,10 +38,9 @@ from rcare_marl.agents.people.sampling.population import avatar_fields, find_ava
 from rcare_marl.agents.policy import Policy
 from rcare_marl.cache import cached
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.registry import policy_names, register_policy, task_class, task_names
+from rcare_marl.envs.registry import Offers, policy_names, register_policy, task_class, task_names
 from rcare_marl.envs.scenes.meal import OPEN_MOUTH
 from rcare_marl.envs.task import Role
-from rcare_marl.envs.tasks.drinking import Drinking
 from rcare_marl.envs.tasks.feeding import Feeding
 from rcare_marl.errors import ConfigError, check_name
 from rcare_marl.pose import Array
@@ -125,7 +124,7 @@ class Temperament:
             )
         self._env, self._person, self._mood, self._seed = env, person, mood, seed
         self._slack = GoAlong(person, env.task.control_dt)
-        self._offer = offer_of(env)
+        self._offer = env.task.offered_position if isinstance(env.task, Offers) else None
         self._eater: AvatarBehaviour | None = None
         self._start: Mapping[str, float] = {}
         self.habits = Habits.drawn(np.random.default_rng(seed or 0))
@@ -169,14 +168,6 @@ class Temperament:
         if resists:
             return self._person.action_towards(self._start, self._env.task.control_dt)
         return self._slack.act()
-
-
-def offer_of(env: CareEnv) -> Callable[[], Array] | None:
-    """Return what tells where the food or drink of a meal is in the world [m]; None without a meal."""
-    task = env.task
-    if isinstance(task, Feeding):
-        return lambda: task.state.bowl
-    return (lambda: task.state.rim) if isinstance(task, Drinking) else None
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,9 @@ EDGE, DEEP = (
 )  # [m] from the hinge, where the lid is pushed: by its lip, and when it is up
 BELOW = 0.02  # [m] under the lip, where the hand comes in
 APPROACH = np.array((0.06, 0.0, -0.03))  # [m] from the lip, where it lines up
-LINED_UP = 0.012  # [m] across or up that it may be off before it goes under the lip
+LINED_UP = 0.012  # [m] across or up that it may be off as it goes under the lip
 NEAR = 0.003  # [m] from there it begins to lift
-SLIPPED = 0.03  # [m] over the lip of a shut lid: the hand missed it
+SLIPPED = 0.012  # [m] over the lip of a shut lid: the hand missed it
 LEAD = math.radians(12)  # that the hand is ahead of the lid
 STARTED = math.radians(1.5)  # from where on the lid follows
 GAIN = 3.0  # [1/s]
@@ -37,9 +37,6 @@ class ScriptedToileting(ToolScript[Toileting]):
     """Puts the fingers under the lip, and pushes the lid along its arc until it is open."""
 
     KIND = Toileting
-
-    def _begin(self) -> None:
-        self._is_lined_up = self._is_under = False
 
     def act(self) -> Array:
         pose = self._robot.tool_pose()
@@ -54,16 +51,12 @@ class ScriptedToileting(ToolScript[Toileting]):
             share = min(angle / math.radians(60), 1.0)
             along = EDGE + share * (DEEP - EDGE)
             return task.lip_at(angle + LEAD, along) - PAD, FAST
-        lip = task.lip_at(0.0)
-        if tool[2] > lip[2] + SLIPPED:
-            self._is_lined_up = self._is_under = False
-        line_up = lip + APPROACH
-        off = np.abs(tool - line_up)[1:].max()
-        self._is_lined_up = self._is_lined_up or off < LINED_UP
-        if not self._is_lined_up:
-            return line_up, FAST
-        under = task.lip_at(0.0, EDGE) - PAD
-        self._is_under = self._is_under or tool[0] - under[0] < NEAR
-        if not self._is_under:
+        lip, under = task.lip_at(0.0), task.lip_at(0.0, EDGE) - PAD
+        across, up = np.abs(tool - lip - APPROACH)[1:]
+        ahead, risen = tool[0] - under[0], max(tool[2] - under[2] + BELOW, 0.0)
+        # Seen, not kept in mind, so that who imitates it need not remember; the lid pushes the hand ahead.
+        if ahead < NEAR + risen and across < LINED_UP and tool[2] < lip[2] + SLIPPED:
+            return task.lip_at(LEAD, EDGE) - PAD, SLOW
+        if max(across, up) < LINED_UP:
             return under - (0.0, 0.0, BELOW), FAST
-        return task.lip_at(LEAD, EDGE) - PAD, SLOW
+        return lip + APPROACH, FAST

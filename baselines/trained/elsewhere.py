@@ -195,9 +195,10 @@ def of_script(task: str, robot: str, level: int | None = None) -> list[Figure]:
     return [row for row in rows if level is None or row.cast.get("level", level) == level]
 
 
-def comes_off(figure: Figure) -> bool:
-    """Return whether a script came off often enough to be played with that robot."""
-    return figure.done >= MOSTLY * figure.of
+def is_refused(task: str, figure: Figure) -> bool:
+    """Return whether a script came off too seldom to be played with that robot, if not the task's own."""
+    is_own = figure.cast["robot"] == task_class(task).roles()[ROBOT].default
+    return not is_own and figure.done < MOSTLY * figure.of
 
 
 def check_robot(env: CareEnv, task: str) -> None:
@@ -208,17 +209,20 @@ def check_robot(env: CareEnv, task: str) -> None:
     Raises:
         ConfigError: If it is refused, with what was measured, and with the robots that do better.
     """
-    part, level = task_class(task).roles()[ROBOT], env.task.place.level
+    level = env.task.place.level
     for role, agent in env.cast.items():
         if part_name(role) != ROBOT or not isinstance(agent, Robot) or agent.chosen_mount:
             continue
-        name = agent.files.model.name
-        poor = [row for row in of_script(task, name, level) if not comes_off(row)]
-        if poor and name != part.default:
+        poor = [r for r in of_script(task, agent.files.model.name, level) if is_refused(task, r)]
+        if poor:
             others = {row.cast["robot"] for row in figures(SCRIPTS)[task]}
             rated = {each: of_script(task, each, level) for each in others}
-            able = [each for each, rows in rated.items() if rows and all(map(comes_off, rows))]
-            better = ", ".join(sorted({*able, str(part.default)}))
+            able = (
+                n
+                for n, rows in rated.items()
+                if rows and not any(is_refused(task, r) for r in rows)
+            )
+            better = ", ".join(sorted({*able, str(task_class(task).roles()[ROBOT].default)}))
             raise ConfigError(
                 f"the scripted policy of {task!r} does not come off often enough with {_told(poor[0].cast)}: "
                 f"{poor[0]}; at least {MOSTLY:.0%} are asked for. Take one of {better}, a place of your own "

@@ -171,11 +171,13 @@ class _AsyncCollector(MultiAsyncCollector):
             values = [weights[name] for name in names]
             places[values[0].data_ptr()] = values
         batches = super().iterator()
-        while (batch := self._next(batches)) is not None:
-            yield batch
+        while True:
             with torch.no_grad():
                 for values in places.values():
                     torch._foreach_copy_(values, list(self._learned.state_dict().values()))
+            if (batch := self._next(batches)) is None:
+                return
+            yield batch
 
     def _next(self, batches: Iterator[TensorDictBase]) -> TensorDictBase | None:
         try:

@@ -1,6 +1,4 @@
-"""How fast experience is gathered and learned from; runs by itself, without the command line's packages.
-
-    python -m rcare_marl.baselines.training.throughput --processes 1,4,16 --json
+"""How fast experience is gathered and learned from.
 
 Method. One environment is stepped by itself, with random actions and with its resets; and several are
 stepped through `BatchedEnv` and TorchRL's collector, in this one process, with a fresh policy of two
@@ -23,14 +21,11 @@ the whole, both processor time again.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
-import json
 import os
 import platform
 import statistics
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -336,22 +331,3 @@ def process_counts(text: str) -> list[int]:
         return [int(part) for part in text.split(",")]
     except ValueError:
         raise ConfigError(f"processes is a list such as 1,4,16, got {text!r}") from None
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, and write JSON or lines of text."""
-    parser = argparse.ArgumentParser(description="How fast learning is.")
-    parser.add_argument("--task", default=TASK)
-    parser.add_argument("--processes", default=PROCESSES, help="counts, such as 1,4,16")
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="time of each measurement")
-    parser.add_argument("--envs", type=int, default=ENVS, help="environments of each process")
-    parser.add_argument("--json", action="store_true")
-    given = parser.parse_args(arguments)
-    counts = process_counts(given.processes)
-    result = measure(given.task, processes=counts, seconds=given.seconds, envs=given.envs)
-    text = json.dumps(result, indent=2) if given.json else "\n".join(map(": ".join, lines(result)))
-    sys.stdout.write(text + "\n")
-
-
-if __name__ == "__main__":
-    main()

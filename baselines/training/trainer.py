@@ -6,6 +6,7 @@ import json
 import random
 import time
 from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
@@ -29,6 +30,7 @@ from rcare_marl.provenance import machine, versions
 
 from ..evaluation.evaluate import Episode, run_episode
 from . import checkpoint
+from .cluster import ASYNC
 from .collector import make_collector, set_stage, shut_down
 from .config import VALIDATION_SEED, Curriculum, TrainConfig
 from .demonstration import demonstrate
@@ -144,12 +146,18 @@ class Trainer:
         )
         made = BatchedEnv(config.recipe(), count=count, workers=workers, seed=config.seed)
         with closing(made) as env:
-            return self._run(env)
+            try:
+                return self._run(env)
+            finally:
+                if self._collecting is not None:
+                    shut_down(self._collecting.result(), close_envs=False)
 
     def _run(self, env: BatchedEnv) -> TrainResult:
         config = self.config
         settings = config.algorithm_config()
         self._begun, self._env = time.monotonic(), env
+        self._collecting: Future[Any] | None = None  # what starts while demonstrations are played
+        self._copied: dict[str, float] = {}  # figures of what was copied from demonstrations
         self._algorithm = algorithm = make_algorithm(config.algo, settings, env, seed=config.seed)
         self._curriculum = curriculum = Curriculum(config.curriculum)
         is_begun = self._last.is_file()
@@ -159,13 +167,7 @@ class Trainer:
             self._progress = _Progress()
             env.set_stage(curriculum.stage)
             if config.demonstrations.are_wanted:
-                source = config.demonstrations.path
-                doing = "playing" if source is None else f"reading {source}:"
-                self._say(f"{doing} {config.demonstrations.episodes or 'all'} demonstrations")
-                with closing(LearnerEnv(config.recipe())) as shown:
-                    demos = demonstrate(shown, config.demonstrations, config.seed)
-                self._say("copying the demonstrations")
-                algorithm.add_demonstrations(demos)
+                self._take_demonstrations()
             self._write_beginnings()  # what cannot begin leaves no trace
         else:
             self._say("playing again what led to the checkpoint")
@@ -188,16 +190,29 @@ class Trainer:
             if self._reporter is not None:
                 self._reporter.close()
 
+    def _take_demonstrations(self) -> None:
+        """Take them; asynchronous workers start at the same time, which takes them longer."""
+        wanted, workers = self.config.demonstrations, self.config.workers
+        with ThreadPoolExecutor(1) as pool:
+            if isinstance(workers, str) and workers.startswith(ASYNC):
+                self._collecting = pool.submit(self._collector)
+            doing = "playing" if wanted.path is None else f"reading {wanted.path}:"
+            self._say(f"{doing} {wanted.episodes or 'all'} demonstrations")
+            with closing(LearnerEnv(self.config.recipe())) as shown:
+                found = demonstrate(shown, wanted, self.config.seed)
+            self._say("learning from the demonstrations")
+            self._copied = self._algorithm.add_demonstrations(found)
+
     def _loop(self) -> TrainResult:
         config, progress, algorithm = self.config, self._progress, self._algorithm
         begun, before = self._begun, progress.seconds
         reached = progress.passes >= 2
         if progress.steps >= config.steps or reached:
             return self._result(reached)
-        collector = self._collector()
+        collector = self._collecting.result() if self._collecting else self._collector()
         tally = _Tally(self._env)
         progress.seconds = before + time.monotonic() - begun
-        if progress.steps == 0 and config.demonstrations.are_wanted:
+        if self._copied:
             self._say("evaluating what copying alone came to")
             self._tell(0, self._assess())
         self._say(f"learning; an evaluation and a checkpoint every {config.interval:,} steps")
@@ -246,7 +261,8 @@ class Trainer:
                 learned = 0.0
                 since, since_steps, updates = time.monotonic(), progress.steps, algorithm.updates
         finally:
-            shut_down(collector, close_envs=False)
+            if self._collecting is None:
+                shut_down(collector, close_envs=False)
         return self._result(reached)
 
     def _collector(self) -> Any:

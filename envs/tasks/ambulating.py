@@ -195,7 +195,7 @@ class Ambulating(Task):
 
     def reset(self, rng: np.random.Generator) -> None:
         start = self._start_pose(rng.uniform(-1, 1, 3))
-        self.robot.set_posture(self.robot.solve_ik(start, seed=self._seed).posture)
+        self.robot.set_tool(start, self._seed)
         self._pushing.take()
         if self.way is not None:
             self.way.reset()

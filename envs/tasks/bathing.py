@@ -191,7 +191,7 @@ class Bathing(Task):
 
     def _set_sponge(self, face: Pose) -> None:
         """Put the robot where the face of the sponge in its hand is at `face`."""
-        self.robot.set_posture(self.robot.solve_ik(self._tool_for(face)).posture)
+        self.robot.set_tool(self._tool_for(face))
         self.sponge.body.set_base(self.robot.tool_pose() @ self._grip)
 
     def reset(self, rng: np.random.Generator) -> None:

@@ -142,7 +142,8 @@ class Drinking(Meal):
             all_the_way=True,
             within=lambda found: found.distance + MISS_TURN * found.angle < MISS,
         )
-        self._handle = search.find(trials, "the lips with the cup in its hand").trial.hold
+        found = search.find(trials, "the lips with the cup in its hand")
+        self._handle, self.robot.arm.rest = found.trial.hold, found.posture
 
     def cup_pose(self, rim: Vector, way: Vector, tilt: float) -> Pose:
         """Return where the cup is when it is held as here; see `Cup.pouring`."""
@@ -156,7 +157,7 @@ class Drinking(Meal):
     def _set_cup(self, offset: Vector) -> None:
         """Put the robot where the cup in its hand stands upright before the face."""
         pose = self.cup_pose(self._start_rim(offset), (-1.0, 0.0, 0.0), 0.0)
-        self.robot.set_posture(self.robot.solve_ik(pose @ self.cup.in_tool.inverse()).posture)
+        self.robot.set_tool(pose @ self.cup.in_tool.inverse(), self.robot.arm.rest)
         self.cup.body.set_base(self.robot.tool_pose() @ self.cup.in_tool)
 
     def reset(self, rng: np.random.Generator) -> None:

@@ -158,7 +158,7 @@ class Feeding(Meal):
 
     def _set_spoon(self, bowl: Pose) -> None:
         """Put the robot where the bowl of the spoon in its hand is at `bowl`."""
-        self.robot.set_posture(self.robot.solve_ik(self.tool_for(bowl)).posture)
+        self.robot.set_tool(self.tool_for(bowl))
         self._spoon_body.set_base(self.robot.tool_pose() @ self._spoon.in_tool)
 
     def reset(self, rng: np.random.Generator) -> None:

@@ -12,6 +12,7 @@ from rcare_marl.world import World
 
 from ..care_env import CareEnv
 from ..devices import Cup
+from ..feasibility import Feasibility
 from ..reach import Trial
 from ..registry import register_policy, register_task
 from ..scenes.meal import Meal, MealOptions
@@ -59,6 +60,8 @@ class HandingOver(Meal):
         super().build(world)
         hands, self.cup = self.recipient.hands, Cup()
         self.side = max(hands, key=lambda side: hands[side].force, default="right")
+        if self.side not in hands or hands[self.side].force <= 0.0:
+            self.feasible = Feasibility(False, "neither hand of the recipient closes")
         body, self._joint = self.cup.spawn(world), f"{self.side}_middle1"
         self.recipient.may_take(body, hand=self.side)
         trials = [Trial([self._tool(at, q) for at in (START, OFFER)], hold=q) for q in TURNS]
@@ -72,7 +75,7 @@ class HandingOver(Meal):
 
     def reset(self, rng: np.random.Generator) -> None:
         tool = self._tool(START + rng.uniform(-SPREAD, SPREAD, 3), self._turn)
-        self.robot.set_posture(self.robot.solve_ik(tool).posture)
+        self.robot.set_tool(tool)
         self.cup.body.set_base(self.robot.tool_pose() @ self.cup.in_tool)
 
     def read(self, now: State, before: CupState | None) -> CupState:

@@ -159,7 +159,7 @@ class PhyrcBathing(Challenge):
         assert gripper is not None  # or there were no score
         gripper.drive(gripper.config.opened, teleport=True)
         start = self._start(rng.uniform(-START_SPREAD, START_SPREAD, 3))
-        robot.set_posture(robot.solve_ik(start, seed=robot.arm.rest).posture)
+        robot.set_tool(start, robot.arm.rest)
         self.score.reset()
 
     def after_substep(self) -> None:

@@ -233,7 +233,7 @@ class PhyrcDressing(Challenge):
         self.gown.reset()
         above = self.gown.seam + (0.0, 0.0, ABOVE) + hand
         start = Pose(tuple(above.tolist()), self.turn)
-        robot.set_posture(robot.solve_ik(start, seed=robot.arm.rest).posture)
+        robot.set_tool(start, robot.arm.rest)
         self._pinch.reset()
         self.score.reset()
 

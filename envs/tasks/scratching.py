@@ -222,7 +222,7 @@ class Scratching(Meal):
         first = first / np.linalg.norm(first)
         at = place + gap * out + offset[0] * first + offset[1] * np.cross(out, first)
         self.robot.arm.rest = near = self._near[self._site]
-        found = self.robot.solve_ik(self._tool_for(at, out), seed=near).posture
+        found = self.robot.solve_ik(self._tool_for(at, out), seed=near, near=True).posture
         turned = np.abs(np.angle(np.exp(1j * (found - near))))  # whole turns are none
         # Another way to bend the arm may sweep over the person: then it starts over the middle.
         self.robot.set_posture(found if turned.max() < OTHER_WAY else near)

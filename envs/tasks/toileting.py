@@ -189,7 +189,7 @@ class Toileting(Task):
     def reset(self, rng: np.random.Generator) -> None:
         start = self._start_pose(rng.uniform(-1, 1, 3))
         # From where it was found to be clear: a base that slides must not slide into a wall.
-        self.robot.set_posture(self.robot.solve_ik(start, seed=self._posture).posture)
+        self.robot.set_tool(start, self._posture)
         self._pushing.take()
 
     def after_substep(self) -> None:

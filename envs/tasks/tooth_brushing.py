@@ -37,8 +37,9 @@ STROKE = 0.01  # [m/s] along the teeth at least
 BRUSHED = 3.0  # [s] of strokes that clean a quadrant, in place of the 30 s that are advised
 # Of the arch's depth, behind the foremost tooth, where a brush is aimed at: the premolars.
 BACK = 0.42
-# [rad] by which the brush comes in from the other side, by which it points up or down to its row of teeth.
-YAW, PITCH = math.radians(10), math.radians(12)
+# [rad] by which the brush comes in from the other side, and by which it points up to either row of teeth: the
+# same however far the jaw is open, for a turn about the bristles does not matter to them.
+YAW, PITCH, LOWER = math.radians(10), math.radians(12), math.radians(9)
 START_GAP = (0.13, 0.19)  # [m] from the lips to the tip at the start
 START_SPREAD = (0.04, 0.03)  # [m] across and up, uniform each way
 HEAD_TURN, HEAD_TILT = math.radians(12), math.radians(6)  # uniform, each way
@@ -94,7 +95,7 @@ class ToothBrushing(Meal):
         half = tip - middle - BRISTLES
         self.inside = MouthInside(world, self.recipient, body, (middle - half, middle + half))
         world.matter.append(self.inside)
-        self._mouth_at_rest, self._face_at_rest = self.recipient.mouth_and_face()
+        self._mouth_at_rest, self.face_at_rest = self.recipient.mouth_and_face()
         self._hold: Hold = (0.0, 0.0)
         self._hold = self._find_hold(world)
         self._set_brush(np.zeros(3))
@@ -155,16 +156,18 @@ class ToothBrushing(Meal):
         """
         pitch, _ = hold or self._hold
         row, side = divmod(quadrant, 2)
-        aside, up = (1.0, -1.0)[side], (1.0, -1.0)[row]
+        aside = (1.0, -1.0)[side]
         frame = self.inside.frame(row)
         node, outward = self.inside.arches[row].beside(aside, BACK)
         turn = aside * YAW
-        rise = up * PITCH + (0.0 if row else pitch)  # from below the lower lip is in the way
+        rise = (
+            LOWER if row else PITCH + pitch
+        )  # the lower less: from below the lower lip is in the way
         into = np.array(
             (math.sin(turn) * math.cos(rise), math.sin(rise), -math.cos(turn) * math.cos(rise))
         )
         place = frame[:3, :3] @ (node + (CROWN + BRISTLES) * outward) + frame[:3, 3]
-        return place, frame[:3, :3] @ outward, frame[:3, :3] @ into
+        return place, frame[:3, :3] @ outward, self.inside.frame(0)[:3, :3] @ into
 
     def brush_quaternion(self, into: Array, hold: Hold | None = None) -> Array:
         """Return how the brush is turned that points along a unit vector of the world, shape [4]."""
@@ -181,7 +184,7 @@ class ToothBrushing(Meal):
 
     def _start_pose(self, offset: Array, hold: Hold | None = None) -> Pose:
         """Return the pose of the robot's tool before the face; the offset is ahead, across and up [m]."""
-        face = self._face_at_rest * (1.0, 1.0, 0.0)
+        face = self.face_at_rest * (1.0, 1.0, 0.0)
         face = face / np.linalg.norm(face)
         across = np.cross((0.0, 0.0, 1.0), face)
         gap = START_GAP[0] + float(offset[0])
@@ -190,8 +193,7 @@ class ToothBrushing(Meal):
 
     def _set_brush(self, offset: Array) -> None:
         """Put the robot where the brush starts."""
-        found = self.robot.solve_ik(self._start_pose(offset), seed=self._near)
-        self.robot.set_posture(found.posture)
+        self.robot.set_tool(self._start_pose(offset), self._near)
         self.brush.body.set_base(self.robot.tool_pose())
 
     def reset(self, rng: np.random.Generator) -> None:

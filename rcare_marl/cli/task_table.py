@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from rcare_marl import assets
-from rcare_marl.baselines.trained.elsewhere import Figure, comes_off, of_script
+from rcare_marl.baselines.trained.elsewhere import Figure, is_refused, of_script
 from rcare_marl.console import markdown_table
 from rcare_marl.envs.registry import task_class, task_names
 
@@ -59,13 +59,13 @@ def _reach(task: str, robot: str) -> str:
     """Return what a robot comes to in a task: that it reaches, or how often its script came off."""
     if robot not in (task_class(task).reachable_by or ()):
         return ""
-    told = [_counted(row) for row in of_script(task, robot)]
+    told = [_counted(task, row) for row in of_script(task, robot)]
     return "<br>".join(told) or "yes"
 
 
-def _counted(row: Figure) -> str:
+def _counted(task: str, row: Figure) -> str:
     level = f"{row.cast['level']}: " if "level" in row.cast else ""
-    return f"{level}{row.done} of {row.of}{'' if comes_off(row) else ', **refused**'}"
+    return f"{level}{row.done} of {row.of}{', **refused**' if is_refused(task, row) else ''}"
 
 
 if __name__ == "__main__":

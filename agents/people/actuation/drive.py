@@ -27,7 +27,7 @@ from ..profile import clinical_norms, normal_strength
 from ..strength import StrengthMap, tissue_share
 from .actuation import Actuation, Shaking
 from .graded import motion_limits, normal_torques, torque_share, unit_shares
-from .muscle_layout import crosses
+from .muscle_layout import crossing
 from .muscle_model import MuscleModel, Tendon
 from .muscular import Excitation, MuscleDrive
 from .musculature import Musculature, load_musculature
@@ -191,7 +191,7 @@ def _muscles(
 ) -> tuple[MuscleModel, dict[str, list[int]]]:
     """Return the muscles that cross moving DoFs, with a person's strength and reflexes, and groups."""
     muscles = fitted_musculature(avatar, config.musculature)
-    chosen = [m for m, unit in enumerate(muscles.units) if crosses(unit, chain)]
+    chosen = crossing(muscles.units, chain)
     if not chosen:
         raise ConfigError(
             f"no muscle of the musculature crosses a movable degree of freedom of {avatar.name!r}"

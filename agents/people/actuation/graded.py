@@ -38,7 +38,7 @@ from ..strength import (
     tissue_share,
 )
 from . import muscle_kernel as kernel
-from .muscle_layout import crosses
+from .muscle_layout import crossing
 from .muscle_model import MuscleModel
 from .muscle_unit import MuscleUnit
 from .musculature import Musculature
@@ -258,7 +258,7 @@ def _found_holding(frame: Frame, muscles: Musculature, side: str, group: str) ->
     if test is None:
         return Holding(LEAST_HOLDING, 0.0, frozenset())
     chain = one_joint(frame, test.angles, DOFS[test.dof].name)
-    units = [unit for unit in muscles.units if crosses(unit, chain)]
+    units = [muscles.units[m] for m in crossing(muscles.units, chain)]
     members = np.array([u.side == side and u.clinical_group == group for u in units], np.bool_)
     if not members.any():
         return Holding(LEAST_HOLDING, 0.0, frozenset())

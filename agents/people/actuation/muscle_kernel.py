@@ -65,6 +65,8 @@ RIGID, QUASI_STATIC, IMPLICIT_TENDON = 0, 1, 2
 # [slack lengths] A tendon in balance lies between: fibres pull with -0.1 to 3.9 F_max at any state.
 SHORTEST_TENDON, LONGEST_TENDON = 0.98, 1.09
 BALANCED = 1e-11  # [F_max]: between fibre and tendon, where the implicit mode is content
+MOST_TENSION = 4.0  # [F_max]: above what active and capped passive force can be together
+BISECTIONS = 50
 
 
 class Muscles(NamedTuple):
@@ -194,6 +196,21 @@ def pull(units, state, dt, mode) -> None:  # type: ignore[no-untyped-def]
         damping = force * (a * active * speed_slope / units[m, SPEED] + DAMPING)
         state[IMPLICIT, m] = dt * (damping + dt * stiffness)
         state[GROWTH, m] = dt * stiffness * state[RATE, m]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def balance(units, state) -> None:  # type: ignore[no-untyped-def]
+    """Do as `pull` does, with elastic tendons that are in balance with their fibres."""
+    low, high = np.zeros(units.shape[0]), np.full(units.shape[0], MOST_TENSION)
+    for _ in range(BISECTIONS):  # a stretched tendon never gains force faster than it needs it
+        guess = 0.5 * (low + high)
+        state[TENDON] = guess
+        pull(units, state, 0.0, QUASI_STATIC)
+        for m in range(units.shape[0]):
+            if state[TENDON, m] > guess[m]:
+                low[m] = guess[m]
+            else:
+                high[m] = guess[m]
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -230,12 +230,16 @@ def make_layout(units: Sequence[MuscleUnit], joints: Array, chain: JointTree) ->
     )
 
 
-def crosses(unit: MuscleUnit, chain: JointTree) -> bool:
-    """Return whether any DoF of the chain can change a muscle's length."""
+def crossing(units: Sequence[MuscleUnit], chain: JointTree) -> list[int]:
+    """Return which of the muscles some DoF of the chain can change in length."""
     carriage = _Carriage(chain, np.zeros((len(JOINTS), 3)))  # where is of no concern
-    parts = {carriage.place(point.joint, chain)[0] for point in unit.path}
-    parts |= {carriage.place(p.parent, chain)[0] for p in unit.path if p.parent}
-    return len({carriage.motion(part) for part in parts}) > 1
+    found = []
+    for m, unit in enumerate(units):
+        carriers = {j for point in unit.path for j in (point.joint, point.parent) if j}
+        parts = {carriage.place(carrier, chain)[0] for carrier in carriers}
+        if len({carriage.motion(part) for part in parts}) > 1:
+            found.append(m)
+    return found
 
 
 def _point(

@@ -21,8 +21,6 @@ from .muscle_unit import MuscleUnit
 
 Tendon = Literal["rigid", "quasi_static", "implicit"]
 TENDONS: tuple[Tendon, ...] = get_args(Tendon)
-MOST_TENSION = 4.0  # [F_max]: above what active and capped passive force can be together
-BISECTIONS = 50
 
 
 class MuscleModel:
@@ -235,13 +233,8 @@ class MuscleModel:
         state[kernel.LENGTH] = self.lengths(q)
         if self.tendon == "rigid":
             kernel.pull(self.table, state, 0.0, kernel.RIGID)
-            return state
-        low, high = np.zeros(len(self.units)), np.full(len(self.units), MOST_TENSION)
-        for _ in range(BISECTIONS):  # a stretched tendon never gains force faster than it needs it
-            state[kernel.TENDON] = guess = 0.5 * (low + high)
-            kernel.pull(self.table, state, 0.0, kernel.QUASI_STATIC)
-            is_more = state[kernel.TENDON] > guess
-            low, high = np.where(is_more, guess, low), np.where(is_more, high, guess)
+        else:
+            kernel.balance(self.table, state)
         return state
 
 

@@ -177,8 +177,9 @@ class MuscleDrive:
         model.table[:, kernel.VOLUNTARY] = 1.0
         self._reflex = reflex
         paths = reflex_paths(model, self._posture)
-        self._reflex_paths = paths if reflex is not None else paths[:0]
+        self._reflex_paths = paths[:0]
         if reflex is not None:
+            self._reflex_paths = paths = paths[reflex.answers[paths[:, 1], paths[:, 2]]]
             reflex.excite_by(reflex_capacity(model, self._posture, passive, paths))
         self._told, self._involuntary = np.zeros((2, len(model.units)))
         self._no_share = np.zeros((len(self.names), 2))

@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numba
 import numpy as np
+import numpy.typing as npt
 
 from rcare_marl import assets
 from rcare_marl.config import load
@@ -181,6 +182,11 @@ class StretchReflex:
         figures = np.array((self._per_stretch, self._pace))
         past = figures, self._late, self._next
         self.compiled = table, *past, self.share, strength, self._pull
+
+    @property
+    def answers(self) -> npt.NDArray[np.bool_]:
+        """Which DoFs answer stretch, against and along the axis, shape [n, 2]."""
+        return self._table[:, :, MOST] > 0.0
 
     def excite_by(self, capacity: Array) -> None:
         """Make shares of normal strength excitations of muscles.

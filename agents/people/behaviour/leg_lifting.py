@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from py_trees import composites
+from py_trees import composites, decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -15,6 +15,7 @@ from rcare_marl.pose import Pose
 from ...agent import Array
 from ..human import Human
 from ..motion.caregiving import Caregiving, Do
+from ..motion.skill import HAND_SPEED
 from .behaviour_tree import BehaviourTree
 from .leaves import Intent
 
@@ -22,6 +23,7 @@ from .leaves import Intent
 LIFT_SPEED, LOWER_SPEED = 0.15, 0.15  # [m/s] of the hand with a leg in it
 AT_GRIP = 0.05  # [m] from the place on the foot, where the hand closes
 GRASP = 200.0  # [N] that a hand holds a leg with, along each axis: a firm grip
+TRIES = 2  # times that the hand goes to the foot
 NEAR_LEG, PASSING = 0.06, 0.12  # [m] from where a hand with a leg has arrived, or may go on
 
 
@@ -73,7 +75,9 @@ class Hold(Behaviour):
 
 
 class LegLifting(BehaviourTree):
-    """Walks up, kneels, grasps, lifts, holds, lowers, lets go. What goes wrong ends in letting go.
+    """Walks up, kneels, grasps, at the second try more slowly, lifts, holds, lowers, and lets go.
+
+    What goes wrong else ends in letting go.
 
     Attributes:
         caregiving: Who does it.
@@ -91,10 +95,22 @@ class LegLifting(BehaviourTree):
         caregiving.strives = True
         intent: Intent = {}
         way: list[Array] = []  # of the hand, from where it took the leg
+        tries = 0
+
+        def kneel(do: Caregiving) -> None:
+            nonlocal tries
+            tries = 0
+            do.kneel(lift.knee)
 
         def grasp(do: Caregiving) -> None:
-            do.reach(lift.before, palm=lift.palm, fingers=lift.fingers, near=0.12)
-            do.reach(lift.grip, palm=lift.palm, fingers=lift.fingers, near=AT_GRIP)
+            nonlocal tries
+            if tries:  # aiming beside its way has swung it astray: begin anew, more slowly
+                do.lower_arm()
+                do.aside = np.zeros(3)
+            tries += 1
+            slow = HAND_SPEED / tries
+            do.reach(lift.before, palm=lift.palm, fingers=lift.fingers, near=0.12, speed=slow)
+            do.reach(lift.grip, palm=lift.palm, fingers=lift.fingers, near=AT_GRIP, speed=slow)
             do.grasp(lift.person, lift.part, force=GRASP)
 
         def raise_leg(do: Caregiving) -> None:
@@ -125,8 +141,8 @@ class LegLifting(BehaviourTree):
             memory=True,
             children=[
                 leaf("walk up", lambda do: do.walk_along(lift.corners, lift.stand[2])),
-                leaf("kneel", lambda do: do.kneel(lift.knee)),
-                leaf("grasp the ankle", grasp),
+                leaf("kneel", kneel),
+                decorators.Retry("try", leaf("grasp the ankle", grasp), TRIES),
                 leaf("raise the leg", raise_leg),
                 Hold("hold it", caregiving, intent, lift.is_done),
                 leaf("lower the leg", lower_leg),
