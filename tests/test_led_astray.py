@@ -18,13 +18,14 @@ SPANS = ((15, 25), (50, 60))  # control steps in which chance moves the hand
         pytest.param("ambulating", {"level": 2}, 1.0, id="lever"),
         pytest.param("ambulating", {"level": 3}, 1.0, id="panel"),
         pytest.param("scratching", {}, 0.3, id="itch"),
+        pytest.param("limb_repositioning", {}, 0.3, id="arm"),
         pytest.param("tooth_brushing", {}, 0.3, id="teeth", marks=pytest.mark.slow),
     ],
 )
 def test_a_script_whose_hand_was_led_astray_begins_anew(
     task: str, place: dict[str, int], most: float
 ) -> None:
-    person = "cooperative" if task == "tooth_brushing" else "still"
+    person = "still" if task in ("ambulating", "scratching") else "cooperative"
     env = rcare_marl.make(task, policies={"recipient": person}, **place)  # type: ignore[arg-type]
     script = make_policy(env, task, "robot", "scripted")
     env.reset(seed=0)

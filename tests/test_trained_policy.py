@@ -21,6 +21,7 @@ SLOW = {
     "drinking_everybody",
     "scratching_everybody",
     "social_coaching_everybody",
+    "limb_repositioning_everybody",
     "tooth_brushing_everybody",
 }
 EPISODES = 3

@@ -133,10 +133,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if self._has_swung and not self._lets_go:
             is_low = state.plate[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR
             is_level = self._direction()[2] < LEVELLED
-            lies = (is_low or is_level or lands > LANDS) and self._aside() < CENTRED
+            under = float((self._raised(ALONG, 0.0, SINKING)[0] - state.plate)[1])
+            lies = (is_low or is_level or lands > LANDS) and self._aside(under) < CENTRED
             self._lets_go = bool(lies or left < LATEST)
         holds = self._holds(state.plate)
-        if height > -DOWN and not holds and self._is_out_of_reach():
+        if height > -DOWN and not holds and abs(aside) < OVER and self._is_out_of_reach():
             self._lets_go = True
         if self._lets_go and self._is_to_fetch():
             self._has_swung = self._lets_go = False
@@ -153,7 +154,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         part = min(max((aside - CENTRED) / (OVER - CENTRED), 0.0), 1.0)
         if part > 0 and not (height > part * CLEAR and self._hand_over_pad() > part * ROOM):
             return "lift"
-        if (aside < CENTRED and lands < SWAYED) or (aside < OVER and left < LATE):
+        if (aside < CENTRED + SLIP and lands < SWAYED) or (aside < OVER and left < LATE):
             self._has_swung = True
         return "lower" if self._has_swung else "sway"
 
@@ -286,19 +287,22 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         steep = min(max(1.0 + (self._lands() - SWAYED) / ENOUGH, 0.0), 1.0)
         pitch = math.asin(self._direction()[2])
         goal, turn = self._raised(ALONG, pitch + steep * (PITCH - pitch), SWAYING)
-        goal[1] = seat[1] + self._aside()
+        goal[1] = seat[1] + self._aside(float(goal[1] - seat[1]))
         return goal, turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
         """Lower it, until the elbow will swing back to its place when the plate is gone."""
         goal, turn = self._raised(ALONG, 0.0, SINKING)
-        goal[1] = seat[1] + self._aside()
+        goal[1] = seat[1] + self._aside(float(goal[1] - seat[1]))
         return goal, turn, SLOW
 
-    def _aside(self) -> float:
-        """Return how far out the plate goes, with the forearm over the pad and the hand off the lap [m]."""
+    def _aside(self, under: float) -> float:
+        """Return how far out the plate goes to bring the forearm over the pad, and the hand off the lap [m].
+
+        Args:
+            under: How far out the middle of the plate would be under the forearm [m].
+        """
         state = self._task.state
-        under = float((self._task.hook(self._share_of(state.plate))[0] - state.plate)[1])
         hand = state.wrist + HAND_AHEAD * (state.wrist - state.elbow)
         return max(float(state.gap[1]), min(float(state.target[1] - hand[1]), under + SLIP))
 
