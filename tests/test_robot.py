@@ -137,19 +137,6 @@ def test_inverse_kinematics_wind_up_no_joint_and_keep_the_bend_of_a_start() -> N
         assert np.abs(robot.arm.positions() - seed).max() < 1.0
 
 
-def test_a_nearly_straight_arm_goes_on() -> None:
-    robot = gen3()
-    world = spawn(robot)
-    robot.set_posture((-1.41, 0.7, 1.12, -0.21, 0.31, -1.75, 4.52))
-    start = tool_position(robot)
-    action = np.array(
-        (-0.12, 0.46, 0.31, 0.12, -0.07, -0.06)
-    )  # it once swung to and fro here, and stayed
-    for _ in range(6):
-        advance(world, robot, action)
-    assert np.linalg.norm(tool_position(robot) - start) > 0.01
-
-
 def test_tool_moves_as_commanded_and_holds_still_without() -> None:
     robot = gen3(posture="wheelchair_right")
     world = spawn(robot)

@@ -31,10 +31,6 @@ HEADROOM = 1.5  # motor torque over what `contact_force` at the tool takes
 FELT = 0.4  # share of `contact_force` that counts as contact
 YIELD = 0.002  # way of the target into a light contact, and back out of one twice too hard [m]
 DAMPING = 0.01  # of the least squares
-STEPS, BACK = (
-    6,
-    0.25,
-)  # of the least squares at most; share of a step that is left where it led away
 # Weight of a radian against a metre where fewer than six joints cannot do both: place comes first.
 FEW_JOINTS_TURN = 0.03
 # An arm that weighs itself; our own choices. A load off the tool's point changes what it finds by 4 %.
@@ -290,27 +286,14 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
 
     n = len(target)
     start = target.copy()
-    speed = math.sqrt((twist[:3] ** 2).sum()) + 0.2 * math.sqrt((twist[3:] ** 2).sum())
-    pull = rest - start
-    for i in range(n):
-        if upper[i] == math.inf:  # of a joint that turns without limit, by the shorter way
-            pull[i] -= 2 * math.pi * np.rint(pull[i] / (2 * math.pi))
-    pull *= REST_PULL * min(speed / 0.25, 1.0) * duration
-    error, least, kept = np.empty(6), math.inf, target.copy()
-    for k in range(STEPS):
+    pull = _pull(rest - start, upper, twist) * duration
+    error = np.empty(6)
+    for k in range(4):
         place_chain(tree, tip, target, frames, there)
         put(turned[:, 3] - there[:, 3], error[:3])
         put(weight * rotation_vector(turned, there), error[3:])
-        size = (error**2).sum()
-        if k > 0 and size < 1e-10:
+        if k > 0 and (error**2).sum() < 1e-10:
             break
-        if size > least:  # too far, as a straight arm would: it swung to and fro, and stayed
-            put(kept + BACK * (target - kept), target)
-            continue
-        if k == STEPS - 1:
-            break
-        least = size
-        put(target, kept)
         matrix = jacobian(tree, frames, last, there[:, 3])
         np.multiply(matrix[3:], weight, matrix[3:])
         target += bounded_step(matrix, error, target, lower, upper, pull, DAMPING)
@@ -340,6 +323,16 @@ def _follow(arrays, tip, limits, goal, target, felt, twist, duration, gentleness
         way = abs(target[i] - positions[i])
         speeds[i] = min(max(way / duration, RETURN_SPEED), velocity[i])
     return speeds, forces, hold
+
+
+@numba.njit(cache=True)
+def _pull(away, upper, twist):  # type: ignore[no-untyped-def]
+    """Return how fast joints are drawn to rest [n], the shorter way where they turn without limit."""
+    for i in range(len(away)):
+        if upper[i] == math.inf:
+            away[i] -= 2 * math.pi * np.rint(away[i] / (2 * math.pi))
+    speed = math.sqrt((twist[:3] ** 2).sum()) + 0.2 * math.sqrt((twist[3:] ** 2).sum())
+    return REST_PULL * min(speed / 0.25, 1.0) * away
 
 
 @numba.njit(cache=True)
