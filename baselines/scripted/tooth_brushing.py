@@ -28,7 +28,7 @@ FAST, AWAY, SLOW = 0.15, 0.25, 0.06  # [m/s] before the face, off, within the mo
 ASK, FURTHER = 0.20, 0.03
 # Of the face below where it was at rest, along z, from which its brush would come from the lap; [m] ahead of
 # the mouth and above it, where it leads a head that is so bowed
-BOWED, LEAD, ABOVE = 0.2, 0.16, 0.06
+BOWED, LEAD, ABOVE = 0.14, 0.16, 0.06
 # [m] beside its way to the teeth, farther than which a brush in the mouth is at others
 BESIDE = 0.04
 NEAR = 0.006  # [m] beyond a stroke from its place at the teeth along the brush, where it presses and strokes
