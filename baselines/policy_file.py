@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rcare_marl.agents.policy import Policy
+from rcare_marl.agents.robots.robot import Robot
 from rcare_marl.atomic_file import read_arrays, write_arrays
 from rcare_marl.config import load
 from rcare_marl.envs.care_env import CareEnv
@@ -252,6 +253,8 @@ class LearnedPolicy:
             self._base.reset(rng)
 
     def act(self) -> npt.NDArray[np.float64]:
+        if not self._env.task.feasible.holds and isinstance(self._env.cast[self._role], Robot):
+            return np.zeros(self._size)  # nobody begins with what cannot be done for this person
         seen = self._env.observe(self._role)
         values: Weights = self._view.read(seen[VECTOR] if isinstance(seen, dict) else seen)
         base = None if self._base is None else np.array(self._base.act())

@@ -74,7 +74,9 @@ class ScriptedDressing(ToolScript[Dressing]):
         whole = self._task.leg.shank + REACH + SPARE
         values = (self._along / whole, self._since / EASED, self._shy / MOST_OFF)
         off = OFF[self._eased % len(OFF)] / OFF[-1]
-        return (self._left,), np.clip((*values, off), 0.0, 1.0)
+        swings = 2.0 * math.pi * self._caught / SWAY
+        sway = (math.cos(swings), math.sin(swings))
+        return (self._left,), np.array((*np.clip((*values, off), 0.0, 1.0), *sway))
 
     def _goal(self, here: Array) -> Array:
         """Return where the tool goes [m], shape [3]."""
