@@ -27,10 +27,15 @@ ACCELERATION = 0.5  # [m/s²] that keeps the water in the cup
 AT_LIPS = (0.006, -0.014)  # [m] of the rim from the mouth, ahead and up, while it pours
 ARRIVED = 0.012  # [m] from there, before the cup is tilted to drink
 LEANING = math.radians(28)  # tilt with which it comes: the bottom stays clear of the chin
+# [N] from which a chest is in the way of the bottom; tilt with which that is lifted off it, short of pouring,
+# how nearly, and [m] from the mouth: there it pours, which frees it to come nearer
+BLOCKED, FULL, ALMOST, AT_MOUTH = 1.0, math.radians(43), math.radians(2), 0.038
+PRESS, YIELD = 3.0, 0.02  # [N] that it may press with, and [m/s] off for each newton more
 TILT_RATE = 0.35  # [rad/s]
 LAST = math.radians(92)  # farther the cup is not tilted
 ASK = 0.20  # [m] from mouth to rim, where it is offered to who just said no
 CLEAR = 0.03  # [m] beyond where it counts as taken away
+HASTE = 1.5  # [m/s²] back from who said no
 UPRIGHT_RATE = 1.0  # [rad/s] at which it is set upright then
 
 
@@ -58,13 +63,18 @@ class ScriptedDrinking(ToolScript[Drinking]):
         if offers and seen.refusal.is_no:
             goal = seen.mouth + ASK * unit(seen.rim - seen.mouth)
         error = goal - seen.rim
+        is_blocked = is_open and seen.force > BLOCKED
         is_there = is_open and float(np.linalg.norm(error)) < ARRIVED
+        is_there |= is_blocked and seen.distance < AT_MOUTH and seen.tilt > FULL - ALMOST
         # A little ahead of the cup as it is: what lags behind, or is pushed, is not wound up.
-        tilt = min(seen.tilt + TILT_RATE / TURN_GAIN, LAST if is_there else max(seen.tilt, LEANING))
+        leaning = LAST if is_there else FULL if is_blocked else LEANING
+        tilt = min(seen.tilt + TILT_RATE / TURN_GAIN, max(seen.tilt, leaning))
         if not offers:
-            tilt = max(seen.tilt - UPRIGHT_RATE / TURN_GAIN, 0.0)
+            keeps = min(seen.tilt, FULL) if seen.distance < NEAR else 0.0  # off the chest first
+            tilt = max(seen.tilt - UPRIGHT_RATE / TURN_GAIN, keeps)
         wished = limited(GAIN * error, SLOW if offers and seen.distance < NEAR else FAST)
-        step = ACCELERATION * task.control_dt
+        wished = wished + YIELD * max(seen.force - (PRESS if offers else 0.0), 0.0) * self._ahead
+        step = (ACCELERATION if offers else HASTE) * task.control_dt
         self._velocity = self._velocity + limited(wished - self._velocity, step)
         wanted = task.cup_pose(seen.rim, -self._ahead, tilt).quaternion
         turn = turning(wanted, seen.turn, TURN_GAIN)
