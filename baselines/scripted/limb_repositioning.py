@@ -133,8 +133,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if self._has_swung and not self._lets_go:
             is_low = state.plate[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR
             is_level = self._direction()[2] < LEVELLED
-            under = float((self._raised(ALONG, 0.0, SINKING)[0] - state.plate)[1])
-            lies = (is_low or is_level or lands > LANDS) and self._aside(under) < CENTRED
+            lies = (is_low or is_level or lands > LANDS) and self._is_over_pad()
             self._lets_go = bool(lies or left < LATEST)
         holds = self._holds(state.plate)
         if height > -DOWN and not holds and abs(aside) < OVER and self._is_out_of_reach():
@@ -154,7 +153,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         part = min(max((aside - CENTRED) / (OVER - CENTRED), 0.0), 1.0)
         if part > 0 and not (height > part * CLEAR and self._hand_over_pad() > part * ROOM):
             return "lift"
-        if (aside < CENTRED + SLIP and lands < SWAYED) or (aside < OVER and left < LATE):
+        if (lands < SWAYED and self._is_over_pad()) or (aside < OVER and left < LATE):
             self._has_swung = True
         return "lower" if self._has_swung else "sway"
 
@@ -305,6 +304,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         state = self._task.state
         hand = state.wrist + HAND_AHEAD * (state.wrist - state.elbow)
         return max(float(state.gap[1]), min(float(state.target[1] - hand[1]), under + SLIP))
+
+    def _is_over_pad(self) -> bool:
+        """Return whether the plate has brought the forearm over the pad, neither too far out nor in."""
+        under = float((self._raised(ALONG, 0.0, SINKING)[0] - self._task.state.plate)[1])
+        return abs(self._aside(under)) < CENTRED
 
     def _drop(self, seat: Array) -> tuple[Array, Array, float]:
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
