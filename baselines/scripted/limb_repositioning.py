@@ -87,6 +87,8 @@ AFLOAT = 0.045  # [m] over or below its place, of one whose hand lies on the thi
 # Whose shoulder holds on, as by muscles, comes to lie with the hand on the thigh, unless the hand, so much of
 # the forearm beyond the wrist, is let go over the pad's middle; the plate goes out under it by SLIP [m].
 HAND_AHEAD, SLIP = 0.5, 0.015
+# [m] that an arm would come to lie behind its place, from where the plate takes it ahead, and how far.
+BEHIND, TAKEN = 0.03, 0.04
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
 FINGERS = ("index", "middle", "ring", "pinky", "thumb")
@@ -286,14 +288,17 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         steep = min(max(1.0 + (self._lands() - SWAYED) / ENOUGH, 0.0), 1.0)
         pitch = math.asin(self._direction()[2])
         goal, turn = self._raised(ALONG, pitch + steep * (PITCH - pitch), SWAYING)
-        goal[1] = seat[1] + self._aside(float(goal[1] - seat[1]))
-        return goal, turn, SLOW
+        return self._over(seat, goal), turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
         """Lower it, until the elbow will swing back to its place when the plate is gone."""
         goal, turn = self._raised(ALONG, 0.0, SINKING)
-        goal[1] = seat[1] + self._aside(float(goal[1] - seat[1]))
-        return goal, turn, SLOW
+        return self._over(seat, goal), turn, SLOW
+
+    def _over(self, seat: Array, goal: Array) -> Array:
+        """Return where the plate goes to bring the forearm over its place, and ahead if far behind [m]."""
+        ahead = min(max(-BEHIND - self._lands(), 0.0), TAKEN)
+        return np.array((goal[0] + ahead, seat[1] + self._aside(float(goal[1] - seat[1])), goal[2]))
 
     def _aside(self, under: float) -> float:
         """Return how far out the plate goes to bring the forearm over the pad, and the hand off the lap [m].
