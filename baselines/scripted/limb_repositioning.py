@@ -87,6 +87,8 @@ AFLOAT = 0.045  # [m] over or below its place, of one whose hand lies on the thi
 # Whose shoulder holds on, as by muscles, comes to lie with the hand on the thigh, unless the hand, so much of
 # the forearm beyond the wrist, is let go over the pad's middle; the plate goes out under it by SLIP [m].
 HAND_AHEAD, SLIP = 0.5, 0.015
+# [m] that an arm would come to lie behind its place, from where the plate takes it ahead, and how far.
+BEHIND, TAKEN = 0.03, 0.04
 CENTRED = 0.01  # [m] from its place across the pad, where it may be let go
 OVER = 0.035  # [m] from there, where the armrest is below it still
 FINGERS = ("index", "middle", "ring", "pinky", "thumb")
@@ -133,8 +135,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         if self._has_swung and not self._lets_go:
             is_low = state.plate[2] < max(self._floor(), self._over_lap()) + 0.5 * NEAR
             is_level = self._direction()[2] < LEVELLED
-            under = float((self._raised(ALONG, 0.0, SINKING)[0] - state.plate)[1])
-            lies = (is_low or is_level or lands > LANDS) and self._aside(under) < CENTRED
+            lies = (is_low or is_level or lands > LANDS) and self._is_over_pad()
             self._lets_go = bool(lies or left < LATEST)
         holds = self._holds(state.plate)
         if height > -DOWN and not holds and abs(aside) < OVER and self._is_out_of_reach():
@@ -154,7 +155,7 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         part = min(max((aside - CENTRED) / (OVER - CENTRED), 0.0), 1.0)
         if part > 0 and not (height > part * CLEAR and self._hand_over_pad() > part * ROOM):
             return "lift"
-        if (aside < CENTRED + SLIP and lands < SWAYED) or (aside < OVER and left < LATE):
+        if (lands < SWAYED and self._is_over_pad()) or (aside < OVER and left < LATE):
             self._has_swung = True
         return "lower" if self._has_swung else "sway"
 
@@ -287,14 +288,17 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         steep = min(max(1.0 + (self._lands() - SWAYED) / ENOUGH, 0.0), 1.0)
         pitch = math.asin(self._direction()[2])
         goal, turn = self._raised(ALONG, pitch + steep * (PITCH - pitch), SWAYING)
-        goal[1] = seat[1] + self._aside(float(goal[1] - seat[1]))
-        return goal, turn, SLOW
+        return self._over(seat, goal), turn, SLOW
 
     def _lower(self, seat: Array) -> tuple[Array, Array, float]:
         """Lower it, until the elbow will swing back to its place when the plate is gone."""
         goal, turn = self._raised(ALONG, 0.0, SINKING)
-        goal[1] = seat[1] + self._aside(float(goal[1] - seat[1]))
-        return goal, turn, SLOW
+        return self._over(seat, goal), turn, SLOW
+
+    def _over(self, seat: Array, goal: Array) -> Array:
+        """Return where the plate goes to bring the forearm over its place, and ahead if far behind [m]."""
+        ahead = min(max(-BEHIND - self._lands(), 0.0), TAKEN)
+        return np.array((goal[0] + ahead, seat[1] + self._aside(float(goal[1] - seat[1])), goal[2]))
 
     def _aside(self, under: float) -> float:
         """Return how far out the plate goes to bring the forearm over the pad, and the hand off the lap [m].
@@ -305,6 +309,11 @@ class ScriptedRepositioning(ToolScript[LimbRepositioning]):
         state = self._task.state
         hand = state.wrist + HAND_AHEAD * (state.wrist - state.elbow)
         return max(float(state.gap[1]), min(float(state.target[1] - hand[1]), under + SLIP))
+
+    def _is_over_pad(self) -> bool:
+        """Return whether the plate has brought the forearm over the pad, neither too far out nor in."""
+        under = float((self._raised(ALONG, 0.0, SINKING)[0] - self._task.state.plate)[1])
+        return abs(self._aside(under)) < CENTRED
 
     def _drop(self, seat: Array) -> tuple[Array, Array, float]:
         """Take the plate down, faster than the forearm sinks: the elbow swings back, as nothing holds it."""
