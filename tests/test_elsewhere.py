@@ -16,6 +16,7 @@ from rcare_marl.baselines import trained
 from rcare_marl.baselines.trained import elsewhere
 from rcare_marl.cli import app
 from rcare_marl.envs import registry
+from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.cast import make_policy
 from rcare_marl.envs.homes import home_names
 from rcare_marl.envs.registry import task_class
@@ -29,15 +30,18 @@ def _every_warning() -> Iterator[None]:
         yield
 
 
-def play(task: str, name: str = "learned", **cast: Any) -> list[str]:
-    """Return what is warned of when a shipped policy plays in a cast."""
-    with (
-        closing(rcare_marl.make(task, **cast)) as env,
-        warnings.catch_warnings(record=True) as told,
-    ):
+def warned(env: CareEnv, task: str, name: str) -> list[str]:
+    """Return what is warned of when a shipped policy plays in an environment."""
+    with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         make_policy(env, task, "robot", name)
     return [str(each.message) for each in told if each.category is CastWarning]
+
+
+def play(task: str, name: str = "learned", **cast: Any) -> list[str]:
+    """Return what is warned of when a shipped policy plays in a cast."""
+    with closing(rcare_marl.make(task, **cast)) as env:
+        return warned(env, task, name)
 
 
 def test_who_it_was_trained_with_is_nothing_to_speak_of() -> None:
@@ -73,13 +77,13 @@ def test_another_cast_is_warned_of_once_with_what_was_measured() -> None:
 def test_what_hardly_ever_works_is_refused_with_the_figure(
     task: str, name: str, cast: dict[str, Any], figure: str
 ) -> None:
-    with pytest.raises(ConfigError, match=f"{figure}.*learned_anyway"):
-        play(task, name, **cast)
-    if name == trained.NAME:
-        with closing(rcare_marl.make(task, **cast)) as env:
+    with closing(rcare_marl.make(task, **cast)) as env:
+        with pytest.raises(ConfigError, match=f"{figure}.*learned_anyway"):
+            make_policy(env, task, "robot", name)
+        if name == trained.NAME:
             assert trained.best_policy(env, task) == "scripted"
-        (text,) = play(task, elsewhere.ANYWAY, **cast)
-        assert figure in text
+            (text,) = warned(env, task, elsewhere.ANYWAY)
+            assert figure in text
 
 
 def test_a_robot_besides_does_not_help() -> None:
