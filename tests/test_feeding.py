@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from typing import cast
 
 import numpy as np
@@ -15,6 +16,7 @@ from rcare_marl import assets
 from rcare_marl.agents.people.eating import COUGHING, Eating, Mouthful
 from rcare_marl.baselines.scripted.feeding import ScriptedFeeding
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.scenes.meal import OPEN_MOUTH
 from rcare_marl.envs.tasks import feeding
 from rcare_marl.envs.tasks.feeding import Feeding
 from rcare_marl.errors import ConfigError
@@ -277,3 +279,17 @@ def test_the_script_plans_anew_when_the_bag_is_moved_into_its_way() -> None:
         assert env.world.contact_force(robot.body, hose) == 0
     assert len(found) > 1 and task.succeeded()
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("person", "opens"), [("population:train:425", True), ("population:train:426", False)]
+)
+def test_by_muscles_a_jaw_of_grade_2_opens_with_gravity_and_a_weaker_one_does_not(
+    person: str, opens: bool
+) -> None:
+    recipient = {"model": person, "actuation": "muscle"}
+    with closing(rcare_marl.make("feeding", policies=BOTH, recipient=recipient)) as env:
+        env.reset(seed=0)
+        for _ in range(20):
+            env.step({})
+        assert (task_of(env).state.jaw > OPEN_MOUTH) == opens

@@ -53,12 +53,14 @@ class MmtTest:
         range_deg: From where to where, in clinical degrees of it.
         body: How the person sits or lies, so that gravity resists.
         with_deg: Clinical degrees of other motions; the joints not named are straight.
+        back: Action group of muscles that are graded by the way back, such as what opens a jaw.
     """
 
     motion: str
     range_deg: tuple[float, float]
     body: Lying
     with_deg: dict[str, float] = field(default_factory=dict)
+    back: str = ""
 
     def __post_init__(self) -> None:
         if not self.range_deg[0] < self.range_deg[1]:

@@ -214,20 +214,26 @@ def unit_shares(
     if strength == "linear":
         return np.array([strength_share(grade, "linear") for grade in grades])
     frame = frame_of(avatar)
-    graded: dict[tuple[str, str], float] = {}
+    graded: dict[tuple[str, str, bool], float] = {}
     for unit, grade in zip(units, grades, strict=True):
         if 0.0 < grade < 5.0:
-            graded[unit.side, unit.clinical_group] = grade
+            graded[unit.side, unit.clinical_group, _pulls_back(unit)] = grade
     found = {group: _holding(frame, muscles, key, *group) for group in graded}
     out = np.array([float(grade == 5.0) for grade in grades])
     for m, (unit, grade) in enumerate(zip(units, grades, strict=True)):
         if not 0.0 < grade < 5.0:
             continue
-        out[m] = _activation(grade, found[unit.side, unit.clinical_group])
-        for (side, group), holding in found.items():  # those that it must help
-            if side == unit.side and unit.name in holding.makers:
-                out[m] = max(out[m], _activation(min(grade, graded[side, group]), holding))
+        out[m] = _activation(grade, found[unit.side, unit.clinical_group, _pulls_back(unit)])
+        for group, holding in found.items():  # those that it must help
+            if group[0] == unit.side and unit.name in holding.makers:
+                out[m] = max(out[m], _activation(min(grade, graded[group]), holding))
     return out
+
+
+def _pulls_back(unit: MuscleUnit) -> bool:
+    """Return whether a muscle takes the limb back whence its group's test moves it."""
+    test = mmt_tests().tests.get(unit.clinical_group)
+    return test is not None and bool(test.back) and unit.action_group == test.back
 
 
 def _activation(grade: float, holding: Holding) -> float:
@@ -244,22 +250,29 @@ def _holding(
     key: tuple[str | None, tuple[int, int]],
     side: str,
     group: str,
+    back: bool,
 ) -> Holding:
-    asked = (*frame, *key, side, group)
+    asked = (*frame, *key, side, group, back)
     if asked not in _known:
         if len(_known) > 1024:
             _known.clear()
-        _known[asked] = _found_holding(frame, muscles, side, group)
+        _known[asked] = _found_holding(frame, muscles, side, group, back)
     return _known[asked]
 
 
-def _found_holding(frame: Frame, muscles: Musculature, side: str, group: str) -> Holding:
+def _found_holding(
+    frame: Frame, muscles: Musculature, side: str, group: str, back: bool
+) -> Holding:
     test = body_test(frame, side, group)
     if test is None:
         return Holding(LEAST_HOLDING, 0.0, frozenset())
+    if back:
+        test = test._replace(sign=-test.sign, path=test.path[::-1], weight=-test.weight[::-1])
     chain = one_joint(frame, test.angles, DOFS[test.dof].name)
     units = [muscles.units[m] for m in crossing(muscles.units, chain)]
-    members = np.array([u.side == side and u.clinical_group == group for u in units], np.bool_)
+    members = np.array(
+        [(u.side, u.clinical_group, _pulls_back(u)) == (side, group, back) for u in units], np.bool_
+    )
     if not members.any():
         return Holding(LEAST_HOLDING, 0.0, frozenset())
     test = _most_of(test)
