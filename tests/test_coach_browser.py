@@ -117,6 +117,7 @@ def performance(exercise: Exercise, share: float) -> list[dict[str, Any]]:
     return out
 
 
+@pytest.mark.slow
 def test_a_right_performance_in_a_headset_turns_green_and_a_wrong_one_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
