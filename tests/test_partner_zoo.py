@@ -22,7 +22,7 @@ from rcare_marl.baselines.partners import (
     partner_zoo,
     trembling,
 )
-from rcare_marl.baselines.partners.zoo import TemperamentFactory
+from rcare_marl.baselines.partners.zoo import MOODS, TemperamentFactory
 from rcare_marl.baselines.policy_file import PolicyFile
 from rcare_marl.envs import CareEnv
 from rcare_marl.envs.learning import EnvRecipe
@@ -198,6 +198,19 @@ def test_limbs_are_pulled_back_in_spells_and_slack_between() -> None:
     pulled = policy.act()
     policy.habits = Habits(0.1, 0.5, first=0.0, spell=1.0, lull=90.0)
     assert (pulled < 0).any() and not np.array_equal(pulled, policy.act())
+    env.close()
+
+
+@pytest.mark.parametrize("mood", MOODS)
+def test_who_is_not_taken_by_a_limb_holds_the_head_up(mood: str) -> None:
+    env = rcare_marl.make("scratching", policies={"robot": "still", "recipient": mood})
+    env.reset(seed=0)
+    person = env.cast["recipient"]
+    assert isinstance(person, Human)
+    before = person.mouth_position()
+    for _ in range(50):
+        env.step({})
+    assert np.linalg.norm(person.mouth_position() - before) < 0.01
     env.close()
 
 

@@ -11,7 +11,8 @@ from episode import play
 import rcare_marl
 from rcare_marl import assets
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.tasks.scratching import PRESS, RELIEF, SITES, Scratching
+from rcare_marl.envs.scenes.skin_spot import FREE
+from rcare_marl.envs.tasks.scratching import GAPS, PRESS, RELIEF, SITES, Scratching
 from rcare_marl.errors import ConfigError
 
 
@@ -56,6 +57,14 @@ def test_it_itches_near_where_the_person_says() -> None:
         state = cast(Scratching, env.task).state
         assert np.linalg.norm(state.said - state.itch) < 0.015
         assert state.site.sum() == 1
+    env.close()
+
+
+def test_it_itches_where_no_thumb_is_in_the_way() -> None:
+    env = made("natalia", options={"site": "hand"})  # hers is up: the hand's top lies under it
+    play(env, 0)
+    task = cast(Scratching, env.task)
+    assert task._itch.room(GAPS) > FREE and task.succeeded()
     env.close()
 
 

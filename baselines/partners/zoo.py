@@ -31,7 +31,7 @@ from rcare_marl.agents.people.behaviour.avatar_tree import (
     behaviour_of,
 )
 from rcare_marl.agents.people.behaviour.behaviour_tree import GoAlong
-from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS
+from rcare_marl.agents.people.body.skeleton import DOF_INDEX, DOFS, SIDES
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.profile import clinical_norms
 from rcare_marl.agents.people.sampling.population import avatar_fields, find_avatar
@@ -94,7 +94,7 @@ class Temperament:
     """A person of one mood: a policy for the recipient of any task.
 
         passive    at a meal: opens the mouth late and little, and does not turn to the spoon; elsewhere
-                   lets the limbs go where they are taken
+                   lets the limbs go where they are taken, and holds trunk and head if only those move
         resisting  by spells: at a meal turns away and presses the lips; elsewhere pulls back to where the
                    limbs were; between two spells does what is asked
 
@@ -124,6 +124,7 @@ class Temperament:
             )
         self._env, self._person, self._mood, self._seed = env, person, mood, seed
         self._slack = GoAlong(person, env.task.control_dt)
+        self._has_limbs = any(dof.startswith(SIDES) for dof in person.movable)
         self._offer = env.task.offered_position if isinstance(env.task, Offers) else None
         self._eater: AvatarBehaviour | None = None
         self._start: Mapping[str, float] = {}
@@ -165,7 +166,7 @@ class Temperament:
         if self._eater is not None:
             self._eater.cues.refuses = resists
             return self._eater.act()
-        if resists:
+        if resists or not self._has_limbs:  # the head is held
             return self._person.action_towards(self._start, self._env.task.control_dt)
         return self._slack.act()
 

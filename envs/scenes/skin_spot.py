@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +16,9 @@ from rcare_marl.pose import Array, conjugate, rotate
 
 FAR = 0.3  # [m] from which skin is looked for
 NEAR = 1e-4  # [m] from it, where it is found
+# [rad] from the top of a limb to its outside, the first where nothing else of the person comes so near [m]
+# to the way out: a thumb that is up lies over the top of its hand. Our own choices.
+OUTWARD, FREE = tuple(math.radians(a) for a in (0, 20, 40, 60, 80)), 0.015
 FACING = 0.5  # how far the way out of a cheek looks ahead, for one to the side; our own choice
 
 
@@ -42,6 +48,20 @@ class SkinSpot:
         """Return a point of the world in the frame of the joint [m], shape [3]."""
         pose = self.person.joint_pose(self.joint)
         return rotate(conjugate(pose.quaternion), np.subtract(point, pose.position))
+
+    def room(self, heights: Sequence[float]) -> float:
+        """Return how far the way out of it stays from the person's other segments [m], where it is looked at.
+
+        Args:
+            heights: Over the skin [m].
+        """
+        place, out = self.in_world()
+        points, gaps = [place + height * out for height in heights], [np.inf]
+        for joint, segment in self.person.segments.items():
+            if joint != self.joint and segment.shapes:
+                seen = [replace(self, joint=joint).seen_from(point) for point in points]
+                gaps += [shape.distance(point) for shape in segment.shapes for point in seen]
+        return float(min(gaps))
 
 
 def spot_on(person: Human, joint: str, inner: Array, out: Array) -> SkinSpot:
@@ -86,6 +106,34 @@ def limb_spot(person: Human, joint: str, end: str, share: float, tilt: float) ->
     up = up / np.linalg.norm(up)
     out = np.cos(tilt) * up + np.sin(tilt) * np.cross(axis, up)
     return spot_on(person, joint, share * way, out)
+
+
+def free_side(
+    person: Human,
+    joint: str,
+    end: str,
+    shares: Sequence[float],
+    about: float,
+    heights: Sequence[float],
+) -> float:
+    """Return how far from the top of a limb nothing else of the person is over it, if anywhere [rad].
+
+    Args:
+        person: Whose limb it is; spawned.
+        joint: SMPL-X joint that it moves with.
+        end: The joint at its far end.
+        shares: Of the way there, the least and the most.
+        about: How far each way about the limb it has to be free [rad].
+        heights: Over the skin, where that is looked at [m].
+    """
+    outward = 1.0 if joint.startswith("right") else -1.0
+    corners = list(itertools.product(shares, (-about, about)))
+
+    def room(up: float) -> float:
+        spots = (limb_spot(person, joint, end, share, up + tilt) for share, tilt in corners)
+        return min(FREE, *(spot.room(heights) for spot in spots))
+
+    return max((outward * tilt for tilt in OUTWARD), key=room)
 
 
 def cheek_spot(person: Human, side: str, shift: Array) -> SkinSpot:

@@ -20,7 +20,7 @@ from ..reach import Trial
 from ..registry import register_task
 from ..scenes.meal import MOVABLE, Meal, MealOptions
 from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
-from ..scenes.skin_spot import SkinSpot, cheek_spot, limb_spot
+from ..scenes.skin_spot import SkinSpot, cheek_spot, free_side, limb_spot
 from ..state import Seen, State, Values, clip, tolerance
 from ..task import Role
 
@@ -117,6 +117,7 @@ class Scratching(Meal):
         body = self.tool.spawn(world)
         world.set_collision(body, self.chair.body, False)
         self._side: dict[Site, str] = {}
+        self._up: dict[tuple[Site, str], float] = {}  # see `free_side`
         self._near: dict[Site, Array] = {}  # postures of the arm before each site
         wanted = SITES if self.options.site == "any" else (self.options.site,)
         self._holds: dict[Site, Hold] = {}
@@ -144,7 +145,10 @@ class Scratching(Meal):
         if site == "cheek":
             return cheek_spot(self.recipient, side, shift)
         joint, end = ("elbow", "wrist") if site == "forearm" else ("wrist", "middle1")
-        return limb_spot(self.recipient, f"{side}_{joint}", f"{side}_{end}", along, about)
+        limb = self.recipient, f"{side}_{joint}", f"{side}_{end}"
+        if (site, side) not in self._up:
+            self._up[site, side] = free_side(*limb, ALONG[site], ABOUT, GAPS)
+        return limb_spot(*limb, along, self._up[site, side] + about)
 
     def _find_hold(self, world: World, site: Site) -> Hold:
         """Find how the robot brings the tool to a site, clear of people: on its own side, or the other.
