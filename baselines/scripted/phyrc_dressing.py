@@ -44,7 +44,8 @@ UPWARDS = np.array((0.0, 0.0, 1.0))
 class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
     """Lines up over the seam, closes on it, waits, and pulls the sleeve to the shoulder.
 
-    A sleeve that is caught it eases back and to the side, and pulls again.
+    A sleeve that is caught it eases back and to the side, and pulls again: back to before the fist where
+    this is not through the cuff yet, since the edge of the armhole then hangs over its knuckles.
     """
 
     KIND, WITH_GRIPPER = PhyrcDressing, True
@@ -88,10 +89,12 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
             self._steps -= 1
             if self._steps == 0 or np.linalg.norm(self._back - tool) < NEAR:
                 self._phase, self._nearest, self._still = "pull", math.inf, 0
-            return _towards(self._back - tool, PULL)
+            return _towards(self._back - tool, FAST)
         way = self._way()
         if self._is_caught(float(np.linalg.norm(way[-1] - tool))):
             back = BACK * min(1.0 + MORE * self._eased, MOST)
+            if not self._is_through():
+                back = max(back, float((way[0] - tool) @ self._offset(1.0, 0.0, 0.0)))
             self._eased += 1
             up = UP if self._eased % 2 else -UP  # the lower rim comes free where the fingers sink
             self._back = tool + self._offset(back, self._side * ASIDE, up)
@@ -117,6 +120,11 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
                 self._before = max(self._before - CREEP, BEYOND)
         elif covered < self._best:
             self._before = min(self._before + CREEP, OUTSIDE)
+
+    def _is_through(self) -> bool:
+        """Return whether the cuff is past the wrist."""
+        state = self._task.state
+        return float((state.cuff - state.arm[0]) @ self._offset(1.0, 0.0, 0.0)) < 0.0
 
     def _is_caught(self, gap: float) -> bool:
         """Return whether the sleeve has stopped on its way, or hurts; gap [m] to where it is to go."""
