@@ -197,9 +197,8 @@ def test_a_robot_that_cannot_reach_says_so(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FEEDERS)
 def test_the_scripted_feeder_can_use_every_robot_that_reaches(name: str) -> None:
-    env = rcare_marl.make(
-        "feeding", robot=name, policies={"robot": "scripted", "recipient": "cooperative"}
-    )
+    policies = {"robot": "scripted_anyway", "recipient": "cooperative"}
+    env = rcare_marl.make("feeding", robot=name, policies=policies)
     fed = 0
     for seed in range(5):
         env.reset(seed=seed)
