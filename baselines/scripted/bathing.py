@@ -76,9 +76,7 @@ class ScriptedBathing(ToolScript[Bathing]):
 
     def _round(self) -> float:
         """Return how much farther round the arm it wipes [rad], where the trunk is near."""
-        apart, person = self._task.world.separation, self._task.recipient.body
-        gap = apart(self._task.sponge.body, person, within=BESIDE, links=(-1, -1))
-        return MOST_ROUND * min(max(1.0 - gap / BESIDE, 0.0), 1.0)
+        return MOST_ROUND * min(max(1.0 - self._task.state.trunk_gap / BESIDE, 0.0), 1.0)
 
     def memory(self) -> tuple[Sequence[object], Array]:
         return (self._offering.is_on,), np.zeros(0)

@@ -33,6 +33,7 @@ LEAST_COVERAGE = 0.3  # share of the skin that must be wiped: success of Assisti
 # Of the way from shoulder to elbow, where wiping begins, and about the arm: as near to the shoulder as
 # the sponge keeps off the chest; own choice.
 START_SHARE, START_ANGLE = 0.38, math.radians(-12)
+TRUNK_SEEN = 0.05  # [m] of room beside the sponge that is observed, at most; own choice
 TARGET_SHARE = (0.85, 0.95)  # of the way to the elbow: randomised, as the paper says; own choice
 TARGET_ANGLE = math.radians(15)  # about the arm, uniform each way; own choice
 OFFERED, TAKEN_AWAY = (
@@ -87,6 +88,7 @@ class BathingState(State):
     elbow: Array  # likewise
     push: Array  # force of the sponge on the recipient in the last physics step [N], shape [3]
     push_size: float  # its size [N]
+    trunk_gap: float  # from the sponge to the trunk beside it [m], `TRUNK_SEEN` at most
     covered: float  # share of the skin to be wiped that was
     gained: float  # what it grew by in the control step
     # where the present stroke began, as a share of the way to the elbow; infinite between strokes
@@ -221,6 +223,8 @@ class Bathing(Task):
         if presses:
             begun = math.inf if before is None else before.stroke_from
             stroke_from = min(begun, self.skin.progress(face))
+        sponge, person = self.sponge.body, self.recipient.body
+        trunk_gap = self.world.separation(sponge, person, within=TRUNK_SEEN, links=(-1, -1))
         ease = self.options.tolerance
         is_there = stroke_from < STROKE_FROM and distance < REACHED * ease
         is_reached = is_there and covered * ease >= self.options.least_coverage
@@ -238,6 +242,7 @@ class Bathing(Task):
             elbow=elbow,
             push=push,
             push_size=float(np.linalg.norm(push)),
+            trunk_gap=trunk_gap,
             covered=covered,
             gained=covered if before is None else covered - before.covered,
             stroke_from=stroke_from,
@@ -267,6 +272,7 @@ class Bathing(Task):
             self.contact_force(),
             Seen("coverage", "1", 1, lambda s: s.covered),
             Seen("in_stroke", "1", 1, lambda s: s.stroke_from < STROKE_FROM),
+            Seen("trunk_gap", "m", 1, lambda s: s.trunk_gap),
             self.time_left(),
             *refusal_seen(self.options),
         ]
