@@ -126,7 +126,7 @@ def make(
     stage = partial(_scene, task, given, policies, (home, level, room))
     if drawn := drawn_people(cls.roles(), cast):
         company = Company(cast, drawn, stage)
-        env = company.play(0, lambda scene: CareEnv(*scene, **how, company=company))
+        env = company.play(0, lambda scene: CareEnv(*scene, **how, company=company), {})
         cast = company.resolved(cast)
     else:
         env = CareEnv(*stage(cast), **how)

@@ -137,8 +137,8 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             self.close()  # a sensor may hold a renderer already
             raise
 
-    def _change_people(self, company: Company) -> None:
-        """Build the scene anew, with those who play in the coming episode.
+    def _change_people(self, company: Company, passed: Mapping[str, str]) -> None:
+        """Build the scene anew, with those who play in the coming episode, but for who is passed over.
 
         An episode of them is then the same whatever was played before.
 
@@ -153,7 +153,7 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             self.close()
             self._stage(scene)
 
-        company.play(self.seed, stage)
+        company.play(self.seed, stage, passed)
         self.setup = {**self.setup, "cast": company.resolved(self.setup["cast"])}
         if (now := self._table()) != before:
             self.close()
@@ -236,10 +236,8 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             for name, thing in place.obstacles:
                 gap = self.world.separation(self.cast[role].body, thing, within=0.01)
                 if gap < -OVERLAP:
-                    what = "choose another room, mount or posture"
-                    return (
-                        f"{role!r} stands in {name} of {place.name} by {-1e3 * gap:.0f} mm: {what}"
-                    )
+                    where = f"{role!r} stands in {name} of {place.name} by {-1e3 * gap:.0f} mm"
+                    return f"{where}: choose another room, mount or posture"
         return None
 
     def _overlap(self) -> str | None:
@@ -312,38 +310,29 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
     ) -> tuple[dict[str, Obs], dict[str, dict[str, Any]]]:
         """Begin an episode, which is a function of its seed and of the actions of all roles.
 
-        Without a `seed` it is drawn: by chance at first, and by the last seed that was given since.
-        `options` has no meaning yet and is there for PettingZoo.
+        Without a `seed` it is drawn: by chance at first, and by the last seed that was given since;
+        `options` is there for PettingZoo.
         """
         self._check_open()
         check_type("options", options, (Mapping, type(None)), "a mapping or None")
-        company = self.company
         if seed is None:
             self.seed = int(self.seeds.integers(2**32))
         else:
             if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
                 raise ConfigError(f"a seed is a whole number from 0 on, got {shown(seed)}")
             self.seed, self.seeds = int(seed), np.random.default_rng([seed, 1])
+        company, passed = self.company, dict[str, str]()  # who has no clear start, and why
         if company is not None and (self.has_begun or not company.is_next(self.seed)):
-            self._change_people(company)
-        rng = np.random.default_rng(self.seed)
-        robots = [role for role, agent in self.cast.items() if isinstance(agent, Robot)]
-        self.randomiser.begin(self.seed, self.task.coming_spread)
-        for _ in range(STARTS):
-            self.world.rewind()
-            for agent in self._order:
-                agent.reset(rng)
-            self.task.begin(rng)
-            if (fault := self._overlap() or self._in_house(robots)) is None:
-                break
-        else:
-            raise ConfigError(f"no start in {STARTS} is clear: {fault}")
+            self._change_people(company, passed)
+        while isinstance(rng := self._find_start(), str):
+            if company is None:
+                raise ConfigError(rng)
+            self._change_people(company, passed := passed | {company.who(): rng})
         for suite in self._suites:
             suite.reset(rng)
         self._sense()
         self._room.begin()
-        # Policies and the scene may draw while the episode runs. Each has chance of its own, so that the
-        # scene meets the same whoever decides.
+        # Policies and the scene have chance of their own: the scene meets the same whoever decides.
         chance = np.random.default_rng(0)
         chance.bit_generator.state = rng.bit_generator.state
         rng.bit_generator.advance(APART)  # type: ignore[attr-defined]  # PCG64 has it
@@ -360,6 +349,20 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             {role: self._vectors[role].read() for role in self.agents},
             self._infos({role: self.task.paid(role, self.task.state) for role in self.agents}),
         )
+
+    def _find_start(self) -> np.random.Generator | str:
+        """Draw starts until one is clear; return what drew it, or what is wrong with the last."""
+        rng = np.random.default_rng(self.seed)
+        self.randomiser.begin(self.seed, self.task.coming_spread)
+        robots = [role for role, agent in self.cast.items() if isinstance(agent, Robot)]
+        for _ in range(STARTS):
+            self.world.rewind()
+            for agent in self._order:
+                agent.reset(rng)
+            self.task.begin(rng)
+            if (fault := self._overlap() or self._in_house(robots)) is None:
+                return rng
+        return f"no start in {STARTS} is clear: {fault}"
 
     def step(self, actions: dict[str, Action]) -> Outcome:
         """Let everybody act for one control step.
@@ -415,8 +418,8 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
         self.randomiser.look()
 
     def _infos(self, terms: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Any]]:
-        task = self.task
-        shared = {"success": task.succeeded(), "feasible": task.feasible.holds, **task.report()}
+        feasible = self.task.feasible.holds
+        shared = {"success": self.task.succeeded(), "feasible": feasible, **self.task.report()}
         shared |= self.told() | (self.company.numbers() if self.company is not None else {})
         same = {name: float(value) for name, value in shared.items()}
         return {
@@ -446,8 +449,7 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
             raise ActionError(f"action of {role!r} is no array of numbers: {error}") from error
         if action.shape != wanted:
             raise ActionError(f"action of {role!r} must have shape {wanted}, got {action.shape}")
-        values = action.tolist()
-        if not math.isfinite(sum(values)):
+        if not math.isfinite(sum(values := action.tolist())):
             raise ActionError(f"action of {role!r} must be finite, got {action}")
         low = self.cast[role].action_low
         if low == 0.0:  # what only pulls cannot push: a sign that the ranges were mixed up
@@ -459,10 +461,8 @@ class CareEnv(ByRecipe, ParallelEnv[str, Obs, Action]):
     def _check_excitation(self, role: str, values: list[float]) -> None:
         for i, value in enumerate(values):
             if not -ROUNDING <= value <= 1.0 + ROUNDING:
-                name = self.cast[role].action_names[i]
-                raise ActionError(
-                    f"action of {role!r}: {name} is {value}, but excitations lie in [0, 1]"
-                )
+                said = f"action of {role!r}: {self.cast[role].action_names[i]} is {value}"
+                raise ActionError(f"{said}, but excitations lie in [0, 1]")
 
     def render(self) -> npt.NDArray[np.uint8] | None:
         """Return a picture, shape [height, width, 3], or bring the live page up to date.

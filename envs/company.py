@@ -31,7 +31,7 @@ class Company:
 
     The seed of the episode says who: person `seed % n` of n, so that as many seeds in a row meet
     everybody once. Who cannot be cast, by the task or by the robot's reach, is noted with the reason, and
-    the next one plays.
+    the next one plays; so it is in an episode that has no start in which nobody touches a robot.
 
     Attributes:
         called: By role, the name that stands for all who may play it, such as `population:train`.
@@ -56,21 +56,28 @@ class Company:
         """Return whether those who play now are those of an episode's seed."""
         return next(self._order(seed), None) == self.playing
 
-    def play(self, seed: int, build: Callable[[Scene], T]) -> T:
+    def play(self, seed: int, build: Callable[[Scene], T], passed: Mapping[str, str]) -> T:
         """Return what `build` makes of the scene with those of an episode's seed.
+
+        Args:
+            seed: Of the episode.
+            build: Makes something of a scene.
+            passed: Who does not play in this episode, and why.
 
         Raises:
             ConfigError: If nobody can be cast; it gives the last reason.
         """
-        reason = "everybody was refused before"
+        reason = ["everybody was refused before", *passed.values()][-1]
         for chosen in islice(self._order(seed), TRIES):
             self.playing = chosen
+            if self.who() in passed:
+                continue
             try:
                 return build(self._make_scene(self.resolved(self._cast)))
             except ConfigError as error:
                 reason = str(error)
-                self.refused[self._who()] = reason
-        raise ConfigError(f"cannot cast {self._who()}, nor those before: {reason}")
+                self.refused[self.who()] = reason
+        raise ConfigError(f"cannot cast {self.who()}, nor those before: {reason}")
 
     def _order(self, seed: int) -> Iterator[dict[str, str]]:
         """Yield who may play, beginning with those of a seed, without those who were refused."""
@@ -84,7 +91,8 @@ class Company:
             if " and ".join(chosen.values()) not in self.refused:
                 yield chosen
 
-    def _who(self) -> str:
+    def who(self) -> str:
+        """Return the names of those who play now."""
         return " and ".join(self.playing.values())
 
     def numbers(self) -> dict[str, float]:

@@ -107,6 +107,26 @@ def test_who_cannot_be_cast_is_passed_over_and_told(monkeypatch: pytest.MonkeyPa
         rcare_marl.make("bathing", recipient="six")
 
 
+def test_who_has_no_clear_start_is_passed_over_in_that_episode(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    env = rcare_marl.make("bathing", recipient="six")
+    env.reset(seed=2)
+    free, found = env.company.playing["recipient"], CareEnv._find_start  # type: ignore[union-attr]
+
+    def none(self: CareEnv) -> object:
+        crowded = self.company.playing["recipient"] == free and self.seed == 2  # type: ignore[union-attr]
+        return "no start is clear" if crowded else found(self)
+
+    monkeypatch.setattr(CareEnv, "_find_start", none)
+    met = []
+    for seed in (2, 3, 8, 2):
+        env.reset(seed=seed)
+        met.append(env.company.playing["recipient"])  # type: ignore[union-attr]
+    assert met == [met[1], met[1], free, met[1]]
+    assert met[1] != free and not env.company.refused  # type: ignore[union-attr]
+
+
 def test_who_observes_otherwise_is_refused_by_name(
     six: CareEnv, monkeypatch: pytest.MonkeyPatch
 ) -> None:
