@@ -20,6 +20,7 @@ from .tool_script import Beat, ToolScript, limited, unit
 # All our own choices.
 PRESS, TOUCH = 1.3, 0.1  # [N] that it presses with, and that count as contact
 REACHED, LEVEL = 0.018, 0.2  # [m], [rad] from where it waits, before it goes in
+ENOUGH = 0.6  # [N] with which it strokes at full speed, less with less
 STROKE, STROKING = 0.007, 0.04  # [m] each way at most, [m/s] of its strokes
 GAIN, TURN_GAIN, BACK = 3.0, 2.5, 1.5  # [1/s], the last of a stroke to its middle
 YIELD = 0.014  # [m/s] into the teeth for each newton that is lacking
@@ -134,9 +135,10 @@ class ScriptedToothBrushing(ToolScript[ToothBrushing]):
         along = unit(into - (into @ outward) * outward)
         at = float(off @ along)
         aside = off - at * along
-        linear = (self._way * STROKING - BACK * at) * along
-        linear = linear - GAIN * (aside - (aside @ outward) * outward)
         press = float(seen.cleaning[self._quadrant])
+        to_and_fro = self._way * STROKING * min(press / ENOUGH, 1.0)  # once it presses
+        linear = (to_and_fro - BACK * at) * along
+        linear = linear - GAIN * (aside - (aside @ outward) * outward)
         is_beyond = float(off @ outward) < -DEEP
         inward = YIELD * (PRESS - press) if press > TOUCH else SINK
         if seen.press > MOST or (press <= TOUCH and is_beyond):  # something else is in the way
