@@ -175,10 +175,9 @@ def _end(connections: list[Connection], processes: list[BaseProcess], rest: list
         if process.pid is None:
             continue  # it never started
         process.join(PATIENCE)
-        for insist in (process.terminate, process.kill):
-            if process.is_alive():
-                insist()
-                process.join(PATIENCE)
+        if process.is_alive():
+            process.kill()
+            process.join(PATIENCE)
     for connection in connections:
         connection.close()
     for part in rest:
@@ -217,7 +216,8 @@ def serve(
         seed: Of the batch.
         places: Numbers of the environments in the batch.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the learner, who ends us
+    for kind in (signal.SIGINT, signal.SIGTERM):  # for the learner, who ends us: all of a job get them
+        signal.signal(kind, signal.SIG_IGN)
     station: Station | None = None
     board: Board | None = None
     while True:
