@@ -24,6 +24,7 @@ from .tool_script import ToolScript, limited, turning, unit
 
 # All our own choices.
 PRESS = 3.5  # [N], in the middle of the 1 to 6 N that score
+PEAK = 0.5  # of the greatest force in a control step that counts like the mean
 TOUCH = 0.3  # [N] that count as contact
 YIELD = 0.008  # [m/s] into the skin for each newton that is lacking
 SINK, FAST, SLOW, WIPE = (
@@ -197,7 +198,9 @@ class ScriptedPhyrcBathing(ToolScript[PhyrcBathing]):
         top = skin.place(share, stroke.angle)[0]
         sign = float(np.sign(stroke.end - stroke.start))
         way = skin.direction() * sign
-        force, height = task.state.push, float(face[2] - top[2])
+        # Somebody may shake: what counts is the mean of a control step, or so much of its peak.
+        force = max(task.state.push, PEAK * float(task.state.force))
+        height = float(face[2] - top[2])
         if self._phase == "lift":
             if height > HOVER:
                 self._next_stroke()
