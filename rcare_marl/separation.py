@@ -74,7 +74,7 @@ class LinkBoxes:
             for link, shapes in self._shapes.items():
                 if _are_round(shapes):
                     pose = self._body.link_pose(link)
-                    rows += [_box_of(shape, pose @ shape.pose) for shape in shapes]
+                    rows += [box_of(shape, pose @ shape.pose) for shape in shapes]
                 else:
                     rows.append(self._box(link))
             self._boxes[len(self._moving) :] = rows
@@ -146,7 +146,7 @@ def _are_round(shapes: Sequence[VisualShape]) -> bool:
     return all(shape.kind in ROUND for shape in shapes)
 
 
-def _box_of(shape: VisualShape, pose: Pose) -> tuple[float, ...]:
+def box_of(shape: VisualShape, pose: Pose) -> tuple[float, ...]:
     """Return lower and upper corner of the box round a shape that is at `pose` in the world [m]."""
     turn, size = matrix_from_quaternion(pose.quaternion), shape.size
     if shape.kind == "box":

@@ -355,6 +355,12 @@ class World:
             found.extend(matter.contacts(a, b))
         return found
 
+    def nearest(self, a: Body, b: Body, *, within: float) -> list[Contact]:
+        """Return the nearest points of links of two bodies, closer than `within` [m], without forces."""
+        self.show()
+        points = bullet.getClosestPoints(a.uid, b.uid, within, physicsClientId=self.client) or ()
+        return [Contact(p[3], p[4], p[6], p[7], p[8], 0.0) for p in points]
+
     def touches(self, a: Body) -> list[Touch]:
         """Return what others' contacts did to `a` in the last step; soft matter's friction is in `force`."""
         found = []

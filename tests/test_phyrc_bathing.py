@@ -13,7 +13,10 @@ from variants import few
 
 import rcare_marl
 from rcare_marl import assets
+from rcare_marl.baselines.scripted.phyrc_bathing import KEEP, ScriptedPhyrcBathing
+from rcare_marl.contact import Contact
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.phyrc.bath_scene import BED_RAISE
 from rcare_marl.envs.phyrc.bath_score import BathScore
 from rcare_marl.envs.phyrc.phyrc_score import ScoreSheet
 from rcare_marl.envs.tasks.phyrc_bathing import PhyrcBathing
@@ -113,6 +116,47 @@ def test_the_sponge_is_brought_to_every_avatar_and_washes(avatar: str) -> None:
     env = rcare_marl.make("phyrc_bathing", recipient=avatar, policies=BOTH)
     play(env, 0)
     assert task_of(env).report()["score"] > 15.0  # three items of five, and some of the last
+    env.close()
+
+
+def test_the_bed_is_lowered_until_heavy_people_lie_clear_of_the_table() -> None:
+    env = rcare_marl.make("phyrc_bathing", recipient="population:train:81")  # 117 kg, 1.60 m
+    scene, person = task_of(env).scene, task_of(env).recipient
+    assert scene.bed.position("height") < BED_RAISE
+    for seed in range(90010, 90020):
+        env.reset(seed=seed)
+        for thing in (scene.table, scene.basin, scene.sponge):
+            assert env.world.separation(person.body, thing.body, within=0.1) > 0.0
+    env.close()
+
+
+def test_who_does_not_fit_under_the_table_is_refused() -> None:
+    with pytest.raises(ConfigError, match="does not fit under the table over the bed"):
+        rcare_marl.make("phyrc_bathing", recipient="population:train:807")  # 121 kg, 1.63 m
+
+
+def test_nothing_hard_is_moved_onto_the_person(scripted: CareEnv) -> None:
+    scripted.reset(seed=0)
+    script = cast(ScriptedPhyrcBathing, scripted.policies["robot"])
+    place = (0.0, 0.0, 0.0)
+
+    def near(gap: float, *normal: float) -> Contact:
+        return Contact(0, 0, place, cast(tuple[float, float, float], normal), gap, 0.0)
+
+    down, along = np.array((0.0, 0.0, -0.1)), np.array((0.1, 0.0, 0.0))
+    script._near = [near(KEEP, 0.0, 0.0, 1.0)]
+    assert script._spared(down) == pytest.approx(0.0)
+    assert script._spared(along) == pytest.approx(along)
+    script._near = [near(0.0, 0.0, 0.0, 1.0), near(KEEP, -1.0, 0.0, 0.0)]
+    x, _, z = script._spared(along)  # out of what is touched, and not into what is beside it
+    assert x == pytest.approx(0.0) and z > 0.0
+
+
+@pytest.mark.slow
+def test_the_plate_of_the_sponge_spares_a_forearm_that_lies_on_the_thigh() -> None:
+    env = rcare_marl.make("phyrc_bathing", recipient="karan", policies=BOTH)
+    play(env, 90003)  # of the seeds that it was tuned on: 22 N before
+    assert task_of(env).succeeded() and task_of(env).report()["peak_force_n"] < 12.0
     env.close()
 
 

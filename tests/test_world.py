@@ -39,6 +39,10 @@ def test_a_lifted_box_touches_nothing(world: World) -> None:
     run(world, 2)
     assert world.contact_force(box) == 0.0
     assert world.separation(box, world.bodies[0], within=2.0) == pytest.approx(0.9, abs=0.01)
+    assert not world.nearest(box, world.bodies[0], within=0.5)
+    for near in world.nearest(box, world.bodies[0], within=2.0):
+        assert near.distance == pytest.approx(0.9, abs=0.01)
+        assert near.normal == pytest.approx((0.0, 0.0, 1.0), abs=0.01)
 
 
 def test_rewind_brings_back_the_marked_state_to_the_bit(world: World) -> None:

@@ -11,7 +11,9 @@ import numpy as np
 from rcare_marl.agents.people.body.skeleton import SIDES
 from rcare_marl.agents.people.human import Human
 from rcare_marl.body import Body
+from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, about_z, quaternion_from_matrix
+from rcare_marl.separation import box_of
 from rcare_marl.world import World
 
 from ..devices import Device, HospitalBed, Sponge, WashBasin, lay_under, move_under
@@ -21,7 +23,8 @@ from ..scenes.wiped_skin import WipedSkin, pad
 PERSON_SPREAD = 0.10  # [m] along and across, uniform each way
 JOINT_SPREAD = math.radians(15)  # of shoulder, hip and elbow, uniform each way
 # Our own choices.
-BED_RAISE = 0.17  # [m] of the platform over its lowest
+BED_RAISE = 0.17  # [m] of the platform over its lowest, less for who else comes up to the table
+TOP, CLEAR = 0.022, 0.01  # [m] thickness of the table's top, and between it and who lies under it
 TABLE_AT, TABLE_OVER = (-0.38, 0.08), 0.31  # [m] middle of the top, its height over the mattress
 SPONGE_Y, BASIN_Y = -0.34, -0.08  # [m] from the middle of the table
 DEPTH_SHARE = 0.8  # of the sponge that a hand over the rim puts under water
@@ -127,6 +130,35 @@ class BathScene:
             world.sleeping.add(body)
         self._cushions: dict[str, Body] = {}
 
+    def lower(self, person: Human) -> None:
+        """Lower the bed so far that a person fits under the table, wherever they are laid.
+
+        Raises:
+            ConfigError: If the bed does not go so far down.
+        """
+        body, half = person.body, 0.5 * self.table.model.figure("depth") + PERSON_SPREAD
+        shapes = [
+            (link, shape) for link in body.solid_links() for shape in body.collision_shapes(link)
+        ]
+        boxes = np.array(
+            [box_of(shape, body.link_pose(link) @ shape.pose) for link, shape in shapes]
+        )
+        is_under = (boxes[:, 0] < TABLE_AT[0] + half) & (boxes[:, 3] > TABLE_AT[0] - half)
+        under = self.table.frame_in_world("top").position[2] - TOP - CLEAR
+        self._lowered = max(float(boxes[is_under, 5].max(initial=under)) - under, 0.0)
+        if self._lowered > BED_RAISE:
+            raise ConfigError(
+                f"{person.name!r} does not fit under the table over the bed: "
+                f"{100 * (self._lowered - BED_RAISE):.0f} cm are lacking"
+            )
+        self.bed.set_position("height", BED_RAISE - self._lowered)
+        person.place(self._lying(person, np.zeros(2)))
+
+    def _lying(self, person: Human, shift: Array) -> Pose:
+        """Return where the pelvis of a person is, who was spawned on the raised bed, shifted by [m], [2]."""
+        x, y, z = person.pelvis.position
+        return Pose((x + shift[0], y + shift[1], z - self._lowered), person.pelvis.quaternion)
+
     def lay_cushions(self, person: Human, limbs: WashedLimbs, world: World) -> None:
         """Lay a cushion under each arm of a person."""
         for side in SIDES:
@@ -141,8 +173,7 @@ class BathScene:
         """Lay a person, who lies in the posture of the start, somewhere else, and cushions under them."""
         shift = rng.uniform(-PERSON_SPREAD, PERSON_SPREAD, 2)
         turns = rng.uniform(-JOINT_SPREAD, JOINT_SPREAD, (3, 2))
-        x, y, z = person.pelvis.position
-        person.place(Pose((x + shift[0], y + shift[1], z), person.pelvis.quaternion))
+        person.place(self._lying(person, shift))
         dofs = ("shoulder_abduction", "hip_abduction", "elbow_flexion")
         for (i, dof), (k, side) in itertools.product(enumerate(dofs), enumerate(SIDES)):
             name = f"{side}_{dof}"

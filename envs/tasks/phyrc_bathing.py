@@ -104,6 +104,7 @@ class PhyrcBathing(Challenge):
 
     def build(self, world: World) -> None:
         person, robot = self.recipient, self.robot
+        self.scene.lower(person)
         self.let_overlap(self.scene.bed.body, self.scene.table.body)
         person.supports.append(self.scene.bed.body)
         self.limbs = WashedLimbs(person, world)
