@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 
 from rcare_marl.agents.people.avatar import load_avatar
 from rcare_marl.agents.people.sampling.population import person_hash
+from rcare_marl.baselines.evaluation import matrix as module
 from rcare_marl.baselines.evaluation.evaluate import Evaluation, evaluate, lead_policies
 from rcare_marl.baselines.evaluation.matrix import (
     Cell,
@@ -73,6 +75,22 @@ def test_an_axis_takes_nothing_beside_it() -> None:
         MatrixPlan("toileting", parse_over("partners=still"))
     with pytest.raises(ConfigError, match="nobody plays the caregiver"):
         MatrixPlan("bathing", parse_over("partners=caregiver:still"))
+
+
+def test_each_person_has_seeds_of_their_own_the_same_in_every_cell(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    over = parse_over("people=kim+karan,partners=still+passive")
+    plan = MatrixPlan("feeding", over, episodes=3, seed=7)
+    expected = [("kim", 7), ("kim", 7), ("karan", 10), ("karan", 10)]
+    assert [(cell.person, cell.seed) for cell in plan.cells()] == expected
+    whole = MatrixPlan("feeding", parse_over("people=population:test"), episodes=1, seed=20)
+    assert [cell.seed for cell in whole.cells()] == list(range(20, 220))
+    part = MatrixPlan("feeding", parse_over("people=population:test:10-19"), episodes=1, seed=30)
+    assert [cell.seed for cell in part.cells()] == [cell.seed for cell in whole.cells()[10:20]]
+    monkeypatch.setattr(module, "evaluate", lambda *_, **given: given["seed"])
+    assert [cell.evaluation() for cell in plan.cells()] == [7, 7, 10, 10]
+    assert {cell.seed for cell in replace(plan, own_seeds=False).cells()} == {7}
 
 
 def test_cells_are_evaluations_and_refusals_are_rows(

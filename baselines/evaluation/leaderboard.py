@@ -37,7 +37,7 @@ FOLDER = Path(__file__).resolve().parents[1] / "leaderboard"
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a protocol; attributes as of `MatrixPlan`."""
+    """One row of a protocol; attributes as of `MatrixPlan`, with the same seeds for everybody."""
 
     seed: int
     episodes: int
@@ -47,7 +47,7 @@ class Row:
 
     def plan(self, task: str, policy: str) -> MatrixPlan:
         """Return what is to be run for a policy; errors as of `MatrixPlan`."""
-        return MatrixPlan(task, policy=policy, **vars(self))
+        return MatrixPlan(task, policy=policy, own_seeds=False, **vars(self))
 
     @property
     def people(self) -> tuple[str, ...]:

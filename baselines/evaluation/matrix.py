@@ -175,7 +175,9 @@ class MatrixPlan:
         policy: Of the robot.
         others: Policy of single other roles.
         episodes: How many of each cell.
-        seed: Episode i of each cell has the seed `seed + i`.
+        seed: Of the first episode of the first person, and of everybody if not `own_seeds`.
+        own_seeds: Whether each person of the axis has seeds of their own, so that one hard start does not
+            hit all of them: episode i of the k-th has `seed + k * episodes + i`, in every cell with them.
         options: Settings of the task.
         cast: Who plays beside, by role, and where.
         randomise: What is another in each episode, see `rcare_marl.make`; kept as a mapping.
@@ -194,6 +196,7 @@ class MatrixPlan:
     options: Mapping[str, Any] = field(default_factory=dict)
     cast: Mapping[str, Any] = field(default_factory=dict)
     randomise: Any = None
+    own_seeds: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "randomise", Randomisation.of(self.randomise).to_dict())
@@ -226,7 +229,13 @@ class MatrixPlan:
     def cells(self) -> tuple[Cell, ...]:
         """Return the cells in order, the last axis the fastest."""
         axes = [axis_values(self.task, a, self.over[a]) if a in self.over else ("",) for a in AXES]
-        return tuple(Cell(self, *values) for values in itertools.product(*axes))
+        people, *others = axes
+        step = self.episodes if self.own_seeds else 0
+        return tuple(
+            Cell(self, person, robot, partner, home, seed)
+            for person, seed in zip(people, itertools.count(self.seed, step), strict=False)
+            for robot, partner, home in itertools.product(*others)
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
@@ -236,13 +245,17 @@ class MatrixPlan:
 
 @dataclass(frozen=True)
 class Cell:
-    """One person, robot, partner and home; empty where that is as the plan's cast has it."""
+    """One person, robot, partner and home; empty where that is as the plan's cast has it.
+
+    Episode i of it has the seed `seed + i`.
+    """
 
     plan: MatrixPlan
     person: str
     robot: str
     partner: str
     home: str
+    seed: int
 
     @property
     def name(self) -> str:
@@ -280,7 +293,7 @@ class Cell:
             plan.task,
             policies,
             episodes=plan.episodes,
-            seed=plan.seed,
+            seed=self.seed,
             options=plan.options,
             cast=cast,
             randomise=plan.randomise,

@@ -76,11 +76,13 @@ def _report(matrix: Matrix, output: Path | None, as_json: bool) -> None:
 def show(matrix: Matrix) -> None:
     """Print a table of all cells, and one of the sums."""
     plan, screen = matrix.plan, console()
-    last = plan.seed + plan.episodes - 1
+    seeds = [each.seed for each in plan.cells()]
+    last = seeds[-1] + plan.episodes - 1
+    of = " of each" if seeds[-1] == plan.seed else f", {plan.episodes} for each person"
     fixed = {"policy": plan.policy, **plan.others, **plan.options, **plan.cast}
     fixed |= {"perturbed": "+".join(plan.randomise)} if plan.randomise else {}
     beside = ", ".join(f"{name} {value}" for name, value in fixed.items())
-    title = f"{plan.task}: {beside}; seeds {plan.seed} to {last} of each"
+    title = f"{plan.task}: {beside}; seeds {plan.seed} to {last}{of}"
     axes = [ONE[axis] for axis in plan.cells()[0].values()]
     total, sums = matrix.total(), list[tuple[str, ...]]()
     shown = NUMBERS if total["room_clearance_m"] is None else (*NUMBERS, IN_ROOM)
