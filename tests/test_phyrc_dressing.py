@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from typing import cast
@@ -11,9 +12,12 @@ import pytest
 from episode import play
 
 import rcare_marl
+from rcare_marl.agents.people.avatar import body_model, load_avatar
+from rcare_marl.agents.people.garment import tailor
 from rcare_marl.envs.care_env import CareEnv
 from rcare_marl.envs.feasibility import girth_along
 from rcare_marl.envs.phyrc.arm_cover import ArmCover, widest_gap
+from rcare_marl.envs.phyrc.gown_stand import hang
 from rcare_marl.envs.phyrc.phyrc_score import ScoreSheet
 from rcare_marl.envs.scenes.leg_path import pierced
 from rcare_marl.envs.tasks.phyrc_dressing import PhyrcDressing
@@ -128,7 +132,7 @@ def test_the_scripted_robot_pulls_the_sleeve_to_the_shoulder(scripted: CareEnv) 
     assert not task.succeeded()  # that is told at the end
 
 
-def test_a_sleeve_that_is_caught_is_eased_back_towards_the_hand(scripted: CareEnv) -> None:
+def test_a_sleeve_is_pulled_the_slower_the_more_it_presses(scripted: CareEnv) -> None:
     scripted.reset(seed=6)
     task = task_of(scripted)
     while not task.state.is_held:
@@ -136,11 +140,27 @@ def test_a_sleeve_that_is_caught_is_eased_back_towards_the_hand(scripted: CareEn
     robot = scripted.policies["robot"]
     robot.act()
     # Nobody steps the world: the hand stays where it is.
-    ways = [math.copysign(1.0, float(robot.act()[:3] @ task.out)) for _ in range(40)]
-    turns = [k for k in range(1, 40) if ways[k] != ways[k - 1]]
-    assert ways[0] < 0 and len(turns) == 2
-    pulled, eased = turns[0], turns[1] - turns[0]
-    assert 10 <= pulled <= 12 and eased == 20  # a second without headway, and two seconds back
+    speeds = []
+    for force in (0.0, 20.0, 30.0, 36.0, 40.0):
+        pressed = dataclasses.replace(task.state.safety["recipient"], force=force)
+        task.state = dataclasses.replace(task.state, safety={"recipient": pressed})
+        speeds.append(-float(robot.act()[:3] @ task.out))
+    assert speeds[0] == pytest.approx(speeds[1]) and speeds[1] > speeds[2] > 0.0
+    assert speeds[3] == pytest.approx(0.0, abs=1e-6) and speeds[4] < 0.0
+
+
+@pytest.mark.parametrize("name", ("daniel", "natalia", "kim"))
+def test_an_armhole_hangs_open_round_the_hand_for_tall_and_small(name: str) -> None:
+    avatar = load_avatar(name)
+    gown = hang(tailor("bed_jacket", body_model(avatar.body_path(), avatar.height_m)))
+    for ring in (gown.armhole, gown.cuffs["left"]):
+        _, aside, up = gown.positions[ring].T
+        assert np.hypot(aside, up).min() > 0.05  # a fist is 8 cm high
+        assert widest_gap(np.arctan2(up, aside)) < math.radians(90)  # but for the seam above
+    seam, height = gown.clips["left"], gown.positions[:, 2]
+    assert height[seam].min() > height[gown.armhole].max() - 0.02
+    # No pocket hangs out ahead, where knees would be drawn into it.
+    assert gown.positions[:, 0].max() < gown.positions[gown.cuffs["left"], 0].mean() + 0.2
 
 
 @pytest.mark.slow

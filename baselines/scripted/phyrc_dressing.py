@@ -6,8 +6,6 @@ sleeve. It needs a gripper that moves.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from rcare_marl.envs.phyrc.dressing_score import ITEMS
@@ -23,16 +21,11 @@ FAST, SLOW, PULL = 0.20, 0.06, 0.07  # [m/s] through the air, at the seam, with 
 NEAR, NEARER = 0.03, 0.012  # [m] that count as there: on the way, and at the seam
 OVER_SEAM = 0.08  # [m] where the hand lines up
 # [m] from places over the arm to where the sleeve is led: out along the arm, to the robot's side, and up.
-# The best of 17 ways in 40 episodes each, rounded, and so are the figures of easing: docs/phyrc.md.
-BEFORE_FIST, OVER_WRIST, OVER_ELBOW = (0.1, 0.02, 0.0), (-0.015, 0.015, 0.035), (0.0, 0.025, 0.005)
+BEFORE_FIST, OVER_WRIST, OVER_ELBOW = (0.1, 0.02, 0.04), (-0.015, 0.015, 0.035), (0.0, 0.025, 0.005)
 BESIDE_NECK = 0.04  # [m] before the shoulder, where the fingers stop
-YIELDING, SLOWEST = (20.0, 36.0), 0.25  # [N] on the person: where it gets slower, and slowest
-HEADWAY, STUCK = 0.01, 10  # [m] that are to be made in so many steps, or the sleeve is caught
-CAUGHT_FORCE = 32.0  # [N] on the person, above which it is too
-ARRIVED = 0.06  # [m] from the shoulder, from where on it is not
-BACK, ASIDE, UP = 0.085, 0.05, 0.03  # [m] that the hand goes back then, in the same directions
-BACK_STEPS = 20  # at most
-MORE, MOST = 0.3, 2.0  # of the way back that each further one is longer, times at most
+YIELDING = 20.0, 36.0  # [N] on the person: where it gets slower, and stops
+BACK = -0.5  # of its speed that it goes back with at most
+ARRIVED = 0.06  # [m] from the shoulder, where the sleeve is nearly up
 TIRED, ABOUT = 25, 2.5  # steps after which so many times `NEAR` or `NEARER` do
 BEYOND, OUTSIDE = -0.04, 0.12  # [m] before the shoulder, as far in and out as the fingers then go
 CREEP = 0.004  # [m] of that in a step
@@ -42,23 +35,14 @@ UPWARDS = np.array((0.0, 0.0, 1.0))
 
 @register_policy("phyrc_dressing", "robot", "scripted")
 class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
-    """Lines up over the seam, closes on it, waits, and pulls the sleeve to the shoulder.
-
-    A sleeve that is caught it eases back and to the side, and pulls again: back to before the fist where
-    this is not through the cuff yet, since the edge of the armhole then hangs over its knuckles.
-    """
+    """Lines up over the seam, closes, and pulls the sleeve to the shoulder, slower where it presses."""
 
     KIND, WITH_GRIPPER = PhyrcDressing, True
 
     def _begin(self) -> None:
         self._phase, self._leg = "line up", 0
-        self._nearest, self._still = math.inf, 0  # [m] to the shoulder, and steps without headway
-        self._side, self._steps, self._back = -1.0, 0, np.zeros(3)
-        self._waited, self._eased = 0, 0  # steps in a phase, and times that it went back
-        self._before, self._best = (
-            BESIDE_NECK,
-            0.0,
-        )  # [m] from the shoulder, and the most that was covered
+        self._waited = 0  # steps in a phase
+        self._before, self._best = BESIDE_NECK, 0.0  # [m] from the shoulder; most that was covered
 
     def act(self) -> Array:
         task, pose = self._task, self._robot.tool_pose()
@@ -85,20 +69,7 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
             if task.state.is_held:
                 self._phase = "pull"
             return np.zeros(3)
-        if self._phase == "ease":
-            self._steps -= 1
-            if self._steps == 0 or np.linalg.norm(self._back - tool) < NEAR:
-                self._phase, self._nearest, self._still = "pull", math.inf, 0
-            return _towards(self._back - tool, FAST)
         way = self._way()
-        if self._is_caught(float(np.linalg.norm(way[-1] - tool))):
-            back = BACK * min(1.0 + MORE * self._eased, MOST)
-            if not self._is_through():
-                back = max(back, float((way[0] - tool) @ self._offset(1.0, 0.0, 0.0)))
-            self._eased += 1
-            up = UP if self._eased % 2 else -UP  # the lower rim comes free where the fingers sink
-            self._back = tool + self._offset(back, self._side * ASIDE, up)
-            self._phase, self._steps, self._side = "ease", BACK_STEPS, -self._side
         if np.linalg.norm(way[self._leg] - tool) < NEAR and self._leg < len(way) - 1:
             self._leg += 1
         if self._leg == len(way) - 1 and np.linalg.norm(way[-1] - tool) < ARRIVED:
@@ -106,9 +77,9 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
         return _towards(way[self._leg] - tool, PULL * self._eagerness())
 
     def _eagerness(self) -> float:
-        """Return the share of its speed with which it pulls, less the more it presses."""
+        """Return the share of its speed with which it pulls, by how it presses; below 0 it goes back."""
         low, high = YIELDING
-        return min(max((high - self._task.state.force) / (high - low), SLOWEST), 1.0)
+        return min(max((high - self._task.state.force) / (high - low), BACK), 1.0)
 
     def _finish(self) -> None:
         """At the shoulder: go on until cloth lies over it, then back if the sleeve left the forearm."""
@@ -120,20 +91,6 @@ class ScriptedPhyrcDressing(ToolScript[PhyrcDressing]):
                 self._before = max(self._before - CREEP, BEYOND)
         elif covered < self._best:
             self._before = min(self._before + CREEP, OUTSIDE)
-
-    def _is_through(self) -> bool:
-        """Return whether the cuff is past the wrist."""
-        state = self._task.state
-        return float((state.cuff - state.arm[0]) @ self._offset(1.0, 0.0, 0.0)) < 0.0
-
-    def _is_caught(self, gap: float) -> bool:
-        """Return whether the sleeve has stopped on its way, or hurts; gap [m] to where it is to go."""
-        if gap < self._nearest - HEADWAY:
-            self._nearest, self._still = gap, 0
-        else:
-            self._still += 1
-        is_stopped = self._still >= STUCK or self._task.state.force > CAUGHT_FORCE
-        return is_stopped and gap > ARRIVED
 
     def _way(self) -> list[Array]:
         """Return where the fingers go: before the fist, over wrist and elbow, to the shoulder [m]."""

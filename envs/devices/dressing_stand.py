@@ -1,10 +1,13 @@
-"""A dressing stand: it holds a garment with one sleeve open, on a hoop that slides along."""
+"""A dressing stand: it holds a garment with one sleeve open, on hoops that slide along."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+
+import numpy as np
 
 from rcare_marl.model.shape import Shape, Triple
+from rcare_marl.pose import Array
 
 from .device import Device
 
@@ -18,22 +21,32 @@ class DressingStand(Device):
     Frames: `armhole`, `hoop` (on the slide, its middle).
     """
 
-    def __init__(self, height: float, clips: Sequence[Triple] = ()) -> None:
-        """Choose the height of the armhole [m], and where clips are from there [m].
+    def __init__(
+        self, height: float, clips: Sequence[Array] = (), armhole: Array | None = None
+    ) -> None:
+        """Choose the height of the armhole, where clips are, and how a second hoop goes along it.
+
+        Args:
+            height: Of the armhole [m].
+            clips: Where they are from there [m], each of shape [3].
+            armhole: Points of the second hoop, which is open above, from there [m], shape [n, 3].
 
         Raises:
             ConfigError: If the post does not go so far up or down.
         """
         super().__init__("dressing_stand", fixed={"height": height})
-        beam = self.model.links["beam"]
-        shapes, (_, y, z) = list(beam.visual), self.model.joints["slide"].at
-        for clip in clips:  # wires that give way
-            wire = ((clip[0], y, z), clip)
-            shapes += [
-                Shape(kind="tube", material="steel", radius=0.0015, points=wire).coarse(),
-                Shape(kind="sphere", material="clip", radius=0.007, at=clip).coarse(),
-            ]
-        self.model = self.model.with_shapes("beam", shapes)
+        middle = np.array(self.model.joints["slide"].at)
+        wires = [((clip[0], *middle[1:]), clip) for clip in clips]  # that give way
+        balls = [
+            Shape(kind="sphere", material="clip", radius=0.007, at=_triple(clip)) for clip in clips
+        ]
+        self._draw("beam", [*(_wire(wire, 0.0015) for wire in wires), *balls])
+        if armhole is not None:
+            self._draw("slide", [_wire((np.zeros(3), *(armhole - middle)), 0.003)])
+
+    def _draw(self, link: str, shapes: Iterable[Shape]) -> None:
+        drawn = [*self.model.links[link].visual, *(shape.coarse() for shape in shapes)]
+        self.model = self.model.with_shapes(link, drawn)
 
     @property
     def travel(self) -> float:
@@ -42,11 +55,15 @@ class DressingStand(Device):
 
     def reset(self) -> None:
         super().reset()
-        self._drive_slide(0.0, self.model.figure("latch"))
+        self.brake()
 
     def open_latch(self) -> None:
         """Let the spring draw the hoop."""
         self._drive_slide(self.model.figure("speed"), self.model.figure("spring"))
+
+    def brake(self) -> None:
+        """Brake the hoops where they are."""
+        self._drive_slide(0.0, self.model.figure("latch"))
 
     def _drive_slide(self, speed: float, force: float) -> None:
         self.body.drive_velocities([self.body.joint("slide").index], [speed], [force])
@@ -55,3 +72,13 @@ class DressingStand(Device):
     def travelled(self) -> float:
         """How far the hoop has slid towards the person [m]."""
         return self.body.joint_states([self.body.joint("slide").index])[0][0]
+
+
+def _wire(way: Iterable[Iterable[float]], radius: float) -> Shape:
+    points = tuple(_triple(point) for point in way)
+    return Shape(kind="tube", material="steel", radius=radius, points=points)
+
+
+def _triple(point: Iterable[float]) -> Triple:
+    x, y, z = (float(value) for value in point)
+    return x, y, z

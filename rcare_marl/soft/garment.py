@@ -412,6 +412,7 @@ def _add_sleeve(
         row = out.add(np.column_stack((x, y, z)), _LEFT)
         out.join(above, row, closed=True)
         above = row
+    out.ring(f"{name}_armhole", armhole)
     out.ring(f"{name}_cuff", above)
 
 
