@@ -216,7 +216,8 @@ def serve(
         seed: Of the batch.
         places: Numbers of the environments in the batch.
     """
-    for kind in (signal.SIGINT, signal.SIGTERM):  # for the learner, who ends us: all of a job get them
+    # For the learner, who ends us: all of a job get them.
+    for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_IGN)
     station: Station | None = None
     board: Board | None = None
