@@ -11,6 +11,7 @@ from episode import play
 import rcare_marl
 from rcare_marl import assets
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.scenes.refusal import LAST_NO
 from rcare_marl.envs.scenes.skin_spot import FREE
 from rcare_marl.envs.tasks.scratching import GAPS, PRESS, RELIEF, SITES, Scratching
 from rcare_marl.errors import ConfigError
@@ -73,6 +74,15 @@ def test_who_says_no_is_not_scratched() -> None:
     play(env, 0)
     report = env.task.report()
     assert env.task.succeeded() and report["pressed_after_no_n"] <= PRESS[1]
+    env.close()
+
+
+def test_a_cheek_that_is_turned_away_is_offered_to_until_the_third_no() -> None:
+    env = made("natalia", partner="refusing", options={"site": "cheek"})
+    play(env, 0)
+    report = env.task.report()
+    assert env.task.succeeded() and report["refusals"] == LAST_NO
+    assert report["pressed_after_no_n"] <= PRESS[1]
     env.close()
 
 
