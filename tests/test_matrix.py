@@ -89,7 +89,8 @@ def test_each_person_has_seeds_of_their_own_the_same_in_every_cell(
     part = MatrixPlan("feeding", parse_over("people=population:test:10-19"), episodes=1, seed=30)
     assert [cell.seed for cell in part.cells()] == [cell.seed for cell in whole.cells()[10:20]]
     monkeypatch.setattr(module, "evaluate", lambda *_, **given: given["seed"])
-    assert [cell.evaluation() for cell in plan.cells()] == [7, 7, 10, 10]
+    found: list[object] = [cell.evaluation() for cell in plan.cells()]
+    assert found == [7, 7, 10, 10]
     assert {cell.seed for cell in replace(plan, own_seeds=False).cells()} == {7}
 
 
