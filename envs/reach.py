@@ -8,11 +8,11 @@ Mechanisms, Int. J. of Robotics Research 4 (1985).
 
 from __future__ import annotations
 
-import dataclasses
+import contextlib
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -129,6 +129,22 @@ class ReachSearch:
         robot.place(found.base)
         return found
 
+    def find_most(self, trials: Sequence[Trial], ends: Sequence[int], what: str) -> Reach:
+        """Return the best start for the most of their ways: as `find`, up to the last end that it can.
+
+        Args:
+            trials: What is tried, the best first.
+            ends: How many poses of each way count, from the least that will do to all.
+            what: What is to be reached, for the error.
+
+        Raises:
+            ConfigError: If nothing will do up to the first end.
+        """
+        for end in reversed(ends[1:]):
+            with contextlib.suppress(ConfigError):
+                return self.find([replace(trial, way=trial.way[:end]) for trial in trials], what)
+        return self.find([replace(trial, way=trial.way[: ends[0]]) for trial in trials], what)
+
     def starting(self, trials: Iterable[Trial]) -> list[Trial]:
         """Return the trials whose first pose is reached and clear of people now.
 
@@ -145,7 +161,7 @@ class ReachSearch:
         return []
 
     def _starts(self, trial: Trial, home: Array) -> bool:
-        start = dataclasses.replace(trial, way=trial.way[:1])
+        start = replace(trial, way=trial.way[:1])
         return self._tried(start, [], home) is not None
 
     def _best(
@@ -223,7 +239,7 @@ class ReachSearch:
         for base in places_round(trials[0].base or stood):
             robot.place(base)
             if all(self._gap(thing, APART) >= APART for thing in things):
-                yield from (dataclasses.replace(trial, base=base) for trial in own)
+                yield from (replace(trial, base=base) for trial in own)
 
     def _refusal(self, misses: Sequence[IkResult], what: str) -> str:
         robot = self.robot

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rcare_marl.agents.people.behaviour.subtree import AVERT
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.human import Human
 from rcare_marl.errors import ConfigError
@@ -147,3 +148,23 @@ def cheek_spot(person: Human, side: str, shift: Array) -> SkinSpot:
     aside = 1.0 if side == "left" else -1.0
     inner = person.segments["jaw"].shapes[0].centre + (0.0, *shift)
     return spot_on(person, "jaw", inner, np.array((aside, 0.0, FACING)))
+
+
+def averted(person: Human, dofs: Sequence[str]) -> Iterator[bool]:
+    """Turn somebody's face to either side, as far as that is possible, and ahead again at the end.
+
+    Args:
+        person: Who.
+        dofs: Those of `dofs` that turn the face do; if there are none, it stays ahead.
+
+    Yields:
+        Whether the face is turned: first it is not.
+    """
+    yield False
+    turns = [dof for dof in dofs if dof.endswith("rotation_left")]
+    ahead = {dof: person.angle(dof) for dof in turns}
+    able = {dof: person.active[person.movable.index(dof)] for dof in turns}
+    for turn in (AVERT, -AVERT) if turns else ():
+        person.set_angles({dof: float(np.clip(turn, *able[dof])) for dof in turns})
+        yield True
+    person.set_angles(ahead)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
-from rcare_marl.agents.people.behaviour.subtree import AVERT
 from rcare_marl.agents.people.human import Human
 from rcare_marl.errors import ConfigError
 from rcare_marl.pose import Array, Pose, quaternion_from_matrix, turn_to
@@ -21,7 +20,7 @@ from ..reach import Trial
 from ..registry import register_task
 from ..scenes.meal import MOVABLE, Meal, MealOptions
 from ..scenes.refusal import Refusal, RefusalOptions, refusal_seen
-from ..scenes.skin_spot import SkinSpot, cheek_spot, free_side, limb_spot
+from ..scenes.skin_spot import SkinSpot, averted, cheek_spot, free_side, limb_spot
 from ..state import Seen, State, Values, clip, tolerance
 from ..task import Role
 
@@ -178,14 +177,14 @@ class Scratching(Meal):
     def _hold_there(self, world: World, site: Site) -> Hold:
         """Find how the tool leans and is rolled for a site on the side that is set."""
         spot = self._spot(site, sum(ALONG.get(site, (0.0, 0.0))) / 2, 0.0, np.zeros(2))
-        holds = list(itertools.product(LEANS, ROUND, ROLLS))
-        ways: list[list[Pose]] = [[] for _ in holds]
+        ways: dict[Hold, list[Pose]] = {h: [] for h in itertools.product(LEANS, ROUND, ROLLS)}
         ends = []
-        for gaps in self._faces(site):
-            place, out = spot.in_world()
-            for way, turn in zip(ways, holds, strict=True):
+        for is_averted in averted(self.recipient, self._head_dofs if site == "cheek" else ()):
+            (place, out), gaps = spot.in_world(), GAPS[1:3] if is_averted else GAPS
+            for turn, way in ways.items():
                 way += [self._tool_for(place + gap * out, out, turn) for gap in gaps]
-            ends.append(len(ways[0]))
+            ends.append(len(way))
+        trials = [Trial(way, hold=turn) for turn, way in ways.items()]
         search = self.search(
             world,
             all_the_way=True,
@@ -195,29 +194,9 @@ class Scratching(Meal):
             crowding=self.crowding,
             rests=True,
         )
-        for end in reversed(ends):  # to averted faces as well, if any hold comes there
-            trials = [Trial(way[:end], hold=hold) for way, hold in zip(ways, holds, strict=True)]
-            try:
-                found = search.find(trials, f"the {site}")
-                break
-            except ConfigError:
-                if end == ends[0]:
-                    raise
-        self._near[site] = found.posture
-        hold: Hold = found.trial.hold
+        found = search.find_most(trials, ends, f"the {site}")
+        self._near[site], hold = found.posture, found.trial.hold
         return hold
-
-    def _faces(self, site: Site) -> Iterator[Sequence[float]]:
-        """Yield from how far off to come to a site [m]: the face ahead, then, for a cheek, averted."""
-        yield GAPS
-        person, parts = self.recipient, self._head_dofs if site == "cheek" else []
-        dofs = [dof for dof in parts if dof.endswith("rotation_left")]
-        ahead = {dof: person.angle(dof) for dof in dofs}
-        able = {dof: person.active[person.movable.index(dof)] for dof in dofs}
-        for turn in (AVERT, -AVERT) if dofs else ():
-            person.set_angles({dof: float(np.clip(turn, *able[dof])) for dof in dofs})
-            yield GAPS[1:3]
-        person.set_angles(ahead)
 
     def tool_quaternion(self, out: Array, hold: Hold | None = None) -> Array:
         """Return how the tool is turned that points into the skin, shape [4].
