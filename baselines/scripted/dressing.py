@@ -13,11 +13,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.registry import register_policy
+from rcare_marl.envs.scenes.dressing_state import EASE
 from rcare_marl.envs.scenes.hanging_shorts import hold_start, tip
-from rcare_marl.envs.scenes.start_posture import room_beside
-from rcare_marl.envs.tasks.dressing import REACH, Dressing
+from rcare_marl.envs.tasks.dressing import LIFTED, REACH, Dressing
 from rcare_marl.pose import Array
 
 from .tool_script import ToolScript, limited, turning
@@ -30,11 +29,8 @@ LAG = 0.07  # [m] that the tool may be behind before the pull goes on
 CAUGHT = 0.05  # [m] that the tool is behind when the hem has caught
 INWARD = (0.0, 0.04)  # [m] to the other leg, from the knee on: it sways between the two
 SWAY = 1.5  # [s] there and back
-LIFTED = 0.1  # [m] of the ankle from where it is when the leg is up: a heavy one hangs a little
 SPARE = 0.03  # [m] that it pulls beyond where the task expects it to need to
-EASED, HEADWAY = 2.0, 0.03  # [s] in which the hem has to make so many [m], or the pull is eased
-EASE = 0.08  # [m] that it goes back then
-OFF = (0.0, 0.02, 0.04, 0.06)  # [m] off the leg, each time another, and from the first again
+OFF = (0.0, 0.02, 0.04, 0.06)  # [m] off the leg: another after each stall, and from the first again
 MOST_OFF = 0.06  # [m] off the leg for its thigh
 CLOSE, NEARING = 0.006, 3.0  # [m] from trunk and arms, at least; [1/s] as it comes near them
 RETREAT = 0.05  # [m/s] along the leg, from which on it goes away from them
@@ -56,8 +52,7 @@ class ScriptedDressing(ToolScript[Dressing]):
         self._start = hold_start(self._task.leg)
         self._along, self._left = self._start, False
         self._caught = 0.0  # [s] in all
-        self._hem, self._since = 0.0, 0.0  # [m] as far as the hem was, and [s] ago
-        self._eased = 0  # times
+        self._stalls = 0
         self._shy = 0.0  # [m] farther off the leg, for its thigh
         self._turn = np.array(self._robot.tool_pose().quaternion)
         self._out = np.zeros(3)
@@ -72,8 +67,8 @@ class ScriptedDressing(ToolScript[Dressing]):
 
     def memory(self) -> tuple[Sequence[object], Array]:
         whole = self._task.leg.shank + REACH + SPARE
-        values = (self._along / whole, self._since / EASED, self._shy / MOST_OFF)
-        off = OFF[self._eased % len(OFF)] / OFF[-1]
+        values = (self._along / whole, self._shy / MOST_OFF)
+        off = OFF[self._stalls % len(OFF)] / OFF[-1]
         swings = 2.0 * math.pi * self._caught / SWAY
         sway = (math.cos(swings), math.sin(swings))
         return (self._left,), np.array((*np.clip((*values, off), 0.0, 1.0), *sway))
@@ -87,7 +82,7 @@ class ScriptedDressing(ToolScript[Dressing]):
             return self._out
         is_up = float(np.linalg.norm(task.state.to_lifted)) < LIFTED
         self._keep_off(is_up)
-        off = OFF[self._eased % len(OFF)] + self._shy
+        off = OFF[self._stalls % len(OFF)] + self._shy
         goal = tip(task.leg, self._along) + off * task.leg.front(self._along)
         lag = float(np.linalg.norm(goal - here))
         if is_up and lag < LAG:
@@ -95,8 +90,9 @@ class ScriptedDressing(ToolScript[Dressing]):
             eager = min(max((high - task.state.force) / (high - low), -1.0), 1.0)
             step = PULL * eager * task.control_dt
             self._along = min(self._along + step, task.leg.shank + REACH + SPARE)
-        if is_up:
-            self._ease()
+        if task.state.stalls > self._stalls:
+            self._stalls = task.state.stalls
+            self._along = max(self._along - EASE, self._start)
         if is_up and lag > CAUGHT:
             self._caught += task.control_dt
         return goal + (0.0, -task.outward * self._inward(), 0.0)
@@ -104,32 +100,17 @@ class ScriptedDressing(ToolScript[Dressing]):
     def _kept_clear(self, wished: Array) -> Array:
         """Return a velocity [m/s] that comes near trunk and arms slowly, and not too near, shape [3]."""
         task = self._task
-        room = room_beside(self._robot.body, task.recipient.body, task.world)
         onward = task.leg.direction(task.leg.shank + task.leg.thigh)
-        most = NEARING * (room - CLOSE)
+        most = NEARING * (task.state.trunk_gap - CLOSE)
         if float(wished @ onward) > -RETREAT:
             wished = limited(wished, max(most, 0.0))
         return wished + min(most, 0.0) * onward
 
     def _keep_off(self, is_up: bool) -> None:
         """Go farther off the leg where its thigh comes near, and back again; the more while it is bent."""
-        task, person = self._task, self._task.recipient
-        thigh = (person.body, person.frames[JOINT_INDEX[f"{task.side}_hip"]].link)
         wanted = UP if is_up else BENT
-        room = min(task.world.gaps([thigh], self._robot.body, within=2 * BENT))
-        self._shy += SHY * (wanted - room) * task.control_dt
+        self._shy += SHY * (wanted - self._task.state.thigh_gap) * self._task.control_dt
         self._shy = min(max(self._shy, 0.0), MOST_OFF)
-
-    def _ease(self) -> None:
-        """Go back if the hem makes no headway."""
-        along = self._task.state.along
-        self._since += self._task.control_dt
-        if along > self._hem + HEADWAY or self._along <= self._start:
-            self._hem, self._since = max(along, self._hem), 0.0
-        elif self._since > EASED:
-            self._along = max(self._along - EASE, self._start)
-            self._eased += 1
-            self._since, self._hem = 0.0, along - EASE
 
     def _inward(self) -> float:
         """Return how far to the other leg it pulls [m]: all the way until the hem catches."""

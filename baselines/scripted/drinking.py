@@ -47,19 +47,16 @@ class ScriptedDrinking(ToolScript[Drinking]):
 
     def _begin(self) -> None:
         self._velocity, self._offering = np.zeros(3), Offering()
-        self._mouth: Array | None = None
-        self._ahead = np.array((1.0, 0.0, 0.0))
 
     def act(self) -> Array:
         task, seen = self._task, self._task.state
         offers = self._offering.goes_on(seen.refusal, seen.time)
-        if self._mouth is None or (offers and not seen.refusal.turned):  # nobody is chased
-            self._mouth, self._ahead = seen.mouth, seen.ahead
         ahead, up = AT_LIPS
-        lips = self._mouth + ahead * self._ahead + (0.0, 0.0, up)
+        # Nobody who turns away is chased.
+        lips = seen.mouth_faced + ahead * seen.ahead_faced + (0.0, 0.0, up)
         is_open = offers and not seen.refusal.is_no and seen.jaw >= OPEN_MOUTH
         away = WAIT_IN_FRONT if offers else TAKEN_AWAY + CLEAR
-        goal = lips if is_open else lips + away * self._ahead
+        goal = lips if is_open else lips + away * seen.ahead_faced
         if offers and seen.refusal.is_no:
             goal = seen.mouth + ASK * unit(seen.rim - seen.mouth)
         error = goal - seen.rim
@@ -73,10 +70,12 @@ class ScriptedDrinking(ToolScript[Drinking]):
             keeps = min(seen.tilt, FULL) if seen.distance < NEAR else 0.0  # off the chest first
             tilt = max(seen.tilt - UPRIGHT_RATE / TURN_GAIN, keeps)
         wished = limited(GAIN * error, SLOW if offers and seen.distance < NEAR else FAST)
-        wished = wished + YIELD * max(seen.force - (PRESS if offers else 0.0), 0.0) * self._ahead
+        wished = (
+            wished + YIELD * max(seen.force - (PRESS if offers else 0.0), 0.0) * seen.ahead_faced
+        )
         step = (ACCELERATION if offers else HASTE) * task.control_dt
         self._velocity = self._velocity + limited(wished - self._velocity, step)
-        wanted = task.cup_pose(seen.rim, -self._ahead, tilt).quaternion
+        wanted = task.cup_pose(seen.rim, -seen.ahead_faced, tilt).quaternion
         turn = turning(wanted, seen.turn, TURN_GAIN)
         return self._about(seen.rim, self._velocity, turn)  # so that turning does not move the rim
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from rcare_marl.agents.people.behaviour.behaviour_tree import GoAlong
 from rcare_marl.agents.people.behaviour.leg_lifting import LegLift, LegLifting
+from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.agents.people.garment import tailor
 from rcare_marl.agents.people.human import Human
 from rcare_marl.agents.people.motion.caregiving import Caregiving
@@ -26,9 +27,10 @@ from ..care_env import CareEnv
 from ..devices import Wheelchair, chair_for
 from ..rectangle import Rectangle
 from ..registry import register_policy, register_task
+from ..scenes.dressing_state import DressingState, headway
 from ..scenes.hanging_shorts import hang, hold_start, tip
 from ..scenes.leg_path import LIFT_SPREAD, LiftableLeg, fit_chair, let_leg_stand
-from ..scenes.start_posture import pulling_search, pulling_trials
+from ..scenes.start_posture import pulling_search, pulling_trials, room_beside
 from ..state import Seen, State, Values, tolerance, where
 from ..task import CHAIR_ROBOTS, Role, Task
 from ..task_options import TaskOptions
@@ -38,6 +40,7 @@ FORCE_LIMIT = 40.0
 COMFORT_FORCE = 20.0  # [N] free of penalty in `shaped`: comfort of the user of the RCareWorld paper
 TARGET = (0.0, 0.015)  # [m] past the knee, uniform; the paper randomises targets on the knee
 TIME_LIMIT = 40.0  # [s]; own choice: half of it passes until the leg is up
+LIFTED = 0.1  # [m] of the ankle from where it is when the leg is up: a heavy one hangs a little
 LOWERED = 0.08  # [m] from where the foot stood, where it stands again; own choice
 # Of the caregiver, all our own choices: the palm beside the foot's middle, where she kneels down before the
 # foot and to the outside of it, and how far she walks up [m].
@@ -47,6 +50,7 @@ ARMREST = 0.2  # [m], desk length: clothes pass beside
 STAND_STEPS, SETTLE_STEPS = 240, 720  # physics steps in which leg and shorts come to rest, once
 HELPER = 0.08  # [m] before the foot, where the room of the caregiver begins; own choice
 REACH = 0.26  # [m] past the knee, as far as a hand has room before the belly
+THIGH_SEEN = 0.06  # [m] of room over the thigh that is observed, at most; own choice
 
 MOVABLE = ("right_hip_flexion", "right_knee_flexion")
 SEAT = "wheelchair_legs_free"
@@ -69,27 +73,6 @@ class DressingOptions(TaskOptions):
     until: Literal["target", "lowered"] = "target"
     garment: str = "running_shorts"
     force_limit: float = FORCE_LIMIT
-
-
-@dataclass(frozen=True, eq=False)
-class DressingState(State):
-    """What dressing reads."""
-
-    hem: Array  # middle of the hem [m], shape [3]
-    gap: Array  # from there to its target [m], shape [3]
-    distance: float  # length of that [m]
-    along: float  # how far from the ankle the leg goes through the hem [m]
-    target_along: float  # how far it is to go [m]
-    is_around: bool  # whether the hem goes round the leg, once
-    is_held: bool  # whether the robot still holds the waistband
-    is_past: bool  # whether the hem has been at its target, round the leg
-    tool: Array  # where the robot's tool is [m], shape [3]
-    joints: Array  # ankle, knee and hip [m], shape [3, 3]
-    to_lifted: Array  # from the ankle to where it is when the leg is up [m], shape [3]
-    raised: float  # from where the foot is to where it stood [m]
-    cloth_force: float  # with which the shorts press on the recipient now, summed [N]
-    cloth_peak: float  # the greatest of the episode [N]
-    strain: float  # greatest strain of the cloth in the episode
 
 
 @register_task("dressing")
@@ -168,6 +151,7 @@ class Dressing(Task):
         let_leg_stand(world, person, self.chair, self.side)
         self._rest(STAND_STEPS)
         self.leg = LiftableLeg(person, self.side)
+        self._thigh = (person.body, person.frames[JOINT_INDEX[f"{self.side}_hip"]].link)
         held = hold_start(self.leg)
         start = tip(self.leg, held)
         self.leg.lift()
@@ -227,6 +211,10 @@ class Dressing(Task):
         hem, target = ring.mean(axis=0), leg.at(target_along)
         gap, strain = target - hem, float(self.cloth.strain.max())
         is_there = is_around and self._comes_to(along, target_along)
+        robot, person = self.robot.body, self.recipient.body
+        to_lifted = leg.to_lifted()
+        is_up = float(np.linalg.norm(to_lifted)) < LIFTED
+        stalled, stalls, reached = headway(along, before, self.control_dt if is_up else 0.0)
         return DressingState(
             **vars(now),
             hem=hem,
@@ -239,7 +227,12 @@ class Dressing(Task):
             is_past=is_there or (before is not None and before.is_past),
             tool=np.array(self.robot.tool_pose().position),
             joints=np.array(leg.points[1:4]),
-            to_lifted=leg.to_lifted(),
+            stalled=stalled,
+            stalls=stalls,
+            reached=reached,
+            to_lifted=to_lifted,
+            trunk_gap=room_beside(robot, person, self.world),
+            thigh_gap=min(self.world.gaps([self._thigh], robot, within=THIGH_SEEN)),
             raised=math.dist(leg.foot_hold(), leg.stood),
             cloth_force=self._cloth_force,
             cloth_peak=self._cloth_peak,
@@ -255,6 +248,8 @@ class Dressing(Task):
             Seen("hem_position", "m", 3, lambda s: s.hem),
             Seen("hem_to_target", "m", 3, lambda s: s.gap),
             Seen("hem_past_ankle", "m", 1, lambda s: s.along),
+            Seen("hem_stalled", "s", 1, lambda s: s.stalled),
+            Seen("hem_stalls", "1", 1, lambda s: s.stalls),
             Seen("around_leg", "1", 1, lambda s: s.is_around),
             Seen("waistband_held", "1", 1, lambda s: s.is_held),
             Seen("grip_position", "m", 3, lambda s: s.tool),
@@ -262,6 +257,8 @@ class Dressing(Task):
             Seen("knee_position", "m", 3, lambda s: s.joints[..., 1, :]),
             Seen("hip_position", "m", 3, lambda s: s.joints[..., 2, :]),
             Seen("foot_to_lifted", "m", 3, lambda s: s.to_lifted),
+            Seen("trunk_gap", "m", 1, lambda s: s.trunk_gap),
+            Seen("thigh_gap", "m", 1, lambda s: s.thigh_gap),
             self.contact_force(),
             Seen("cloth_load", "N", 1, lambda s: s.cloth_force),
             self.time_left(),

@@ -71,7 +71,8 @@ class DrinkingState(State):
     tilt: float  # of the cup from upright [rad]
     mouth: Array  # the place to bring things to, in front of the lips [m], shape [3]
     face: Array  # where the face looks, a unit vector, shape [3]
-    ahead: Array  # the same, level
+    mouth_faced: Array  # where the mouth was when the face was last not turned away [m], shape [3]
+    ahead_faced: Array  # where the face looked then, level, a unit vector, shape [3]
     jaw: float  # how far the jaw is open [rad]
     distance: float  # from rim to mouth [m]
     is_spilled: Flags  # of each particle of water, whether it was ever lost, shape [n]
@@ -193,6 +194,8 @@ class Drinking(Meal):
         drunk = float(np.mean(self._drunk))
         arrived = -1.0 if before is None else before.time_to_drink
         is_first = arrived < 0 and drunk * self.options.tolerance >= LEAST_DRUNK
+        refusal = self.refused(now, before, mouth.face, rim - mouth.position)
+        kept = before if refusal.turned else None
         return DrinkingState(
             **vars(now),
             rim=rim,
@@ -201,7 +204,8 @@ class Drinking(Meal):
             tilt=math.acos(min(max(float(up[2]), -1.0), 1.0)),
             mouth=mouth.position,
             face=mouth.face,
-            ahead=mouth.ahead,
+            mouth_faced=mouth.position if kept is None else kept.mouth_faced,
+            ahead_faced=mouth.ahead if kept is None else kept.ahead_faced,
             jaw=mouth.jaw,
             distance=float(np.linalg.norm(mouth.position - rim)),
             is_spilled=spilled,
@@ -209,13 +213,15 @@ class Drinking(Meal):
             drunk=drunk,
             spilled=float(np.mean(spilled & ~self._drunk)),
             time_to_drink=now.time if is_first else arrived,
-            refusal=self.refused(now, before, mouth.face, rim - mouth.position),
+            refusal=refusal,
         )
 
     def observables(self, role: str) -> Sequence[Seen]:
         return [
             Seen("rim_position", "m", 3, lambda s: s.rim),
             Seen("rim_to_mouth", "m", 3, lambda s: s.mouth - s.rim),
+            Seen("rim_to_mouth_faced", "m", 3, lambda s: s.mouth_faced - s.rim),
+            Seen("ahead_faced", "1", 3, lambda s: s.ahead_faced),
             Seen("cup_up", "1", 3, lambda s: s.up),
             Seen("face_direction", "1", 3, lambda s: s.face),
             Seen("jaw_opening", "rad", 1, lambda s: s.jaw),
