@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -16,6 +17,7 @@ import rcare_marl
 from rcare_marl.agents.people.behaviour.leg_lifting import LegLifting
 from rcare_marl.agents.people.motion.caregiving import Caregiving
 from rcare_marl.envs.care_env import CareEnv
+from rcare_marl.envs.scenes.dressing_state import EASE, HEADWAY, STALLED, headway
 from rcare_marl.envs.scenes.leg_path import LegPath
 from rcare_marl.envs.tasks.dressing import Dressing, DressingOptions
 from rcare_marl.errors import ConfigError
@@ -159,6 +161,27 @@ def test_a_caregiver_is_learnable_and_its_actions_without_a_policy_give_the_same
     learned.step({**still, "caregiver": action})
     assert helper.hands["left"].held is None
     learned.close()
+
+
+def test_a_hem_that_makes_no_headway_with_the_leg_up_counts_as_stalled_after_two_seconds(
+    free: CareEnv,
+) -> None:
+    free.reset(seed=0)
+    state = cast(Dressing, free.task).state
+
+    def after(steps: int, along: float, elapsed: float = CONTROL_DT) -> tuple[float, int, float]:
+        found = (0.0, 0, 0.1)
+        for _ in range(steps):
+            before = replace(state, stalled=found[0], stalls=found[1], reached=found[2])
+            found = headway(along, before, elapsed)
+        return found
+
+    stuck = 0.1 + 0.9 * HEADWAY
+    enough = next(n for n in range(1, 100) if after(n, stuck)[1])
+    assert enough * CONTROL_DT == pytest.approx(STALLED, abs=1.01 * CONTROL_DT)
+    assert after(enough, stuck) == pytest.approx((0.0, 1, stuck - EASE))
+    assert after(enough, stuck, elapsed=0.0) == (0.0, 0, stuck)  # the leg is not up
+    assert after(1, 0.1 + 1.1 * HEADWAY) == pytest.approx((0.0, 0, 0.1 + 1.1 * HEADWAY))
 
 
 def test_an_open_gripper_lets_the_waistband_go_and_a_reset_takes_it_again(free: CareEnv) -> None:

@@ -45,6 +45,23 @@ def learned() -> Iterator[CareEnv]:
     env.close()
 
 
+def test_where_the_mouth_was_is_kept_while_the_face_is_turned_away() -> None:
+    env = rcare_marl.make("drinking", policies={"robot": "scripted", "recipient": "refusing"})
+    env.reset(seed=0)
+    task, turned, apart = task_of(env), 0, 0.0
+    while not env.is_over and turned < 15:
+        kept = task.state.mouth_faced
+        env.step({})
+        state = task.state
+        turned += bool(state.refusal.turned)
+        expected = kept if state.refusal.turned else state.mouth
+        assert np.array_equal(state.mouth_faced, expected)
+        apart = max(apart, float(np.linalg.norm(state.mouth - state.mouth_faced)))
+    env.close()
+    assert turned == 15
+    assert apart > 0.01  # [m]: so there was something to keep
+
+
 @pytest.mark.parametrize("seed", few(range(3), 0))
 def test_the_scripted_robot_gives_karan_to_drink(scripted: CareEnv, seed: int) -> None:
     task = run(scripted, seed)
