@@ -17,7 +17,14 @@ from rcare_marl.agents.coaching.exercise import (
 from rcare_marl.agents.coaching.imitation import reach_of
 from rcare_marl.agents.coaching.recognition.recogniser import Frame, Judgement, Repetition
 from rcare_marl.agents.coaching.recognition.rule_recogniser import RuleRecogniser
-from rcare_marl.agents.coaching.session import Demonstration, Order, Session, programme, top_speed
+from rcare_marl.agents.coaching.session import (
+    SPENT,
+    Demonstration,
+    Order,
+    Session,
+    programme,
+    top_speed,
+)
 from rcare_marl.agents.coaching.style import Style
 from rcare_marl.agents.coaching.tree import AGAIN, LONGEST_REST, MORE_TIRED, PATIENCE, Coach
 from rcare_marl.agents.coaching.upper_body import MOTION_INDEX, MOTIONS
@@ -279,6 +286,31 @@ def test_who_does_not_recover_by_resting_is_led_on_and_rests_again_when_more_tir
     assert lesson.go(2.0).act == "show" and lesson.go(20.0).act == "show"
     lesson.session.fatigue = 0.7 + 1.5 * MORE_TIRED
     assert lesson.go().act == "rest"
+
+
+def test_who_fell_short_for_being_tired_rests_before_each_further_repetition_of_it() -> None:
+    def after(*errors: str) -> str:
+        lesson.go(2.0)
+        lesson.told.finds(*errors)
+        return lesson.go().act
+
+    lesson = Lesson(repetitions=4)
+    lesson.session.fatigue = 0.3
+    assert after() == "show"  # tired, and it goes well
+    assert after("range", "direction") == "show"  # wrong in another way
+    assert after("range") == "rest"
+    lesson.session.fatigue = 0.13
+    assert lesson.go().act == "rest"
+    lesson.session.fatigue = SPENT  # of 0.4 of 0.3, no less
+    assert lesson.go().act == "show"
+    lesson.session.fatigue = 0.2
+    assert after() == "rest"
+    lesson.session.fatigue = 0.1
+    assert after() == "show"
+    lesson.session.fatigue = 0.2
+    assert after() == "next"  # the fourth
+    lesson.go(8.0)
+    assert lesson.session.index == 1 and after() == "show"  # another exercise
 
 
 def test_nothing_is_said_before_the_last_sentence_is_over() -> None:

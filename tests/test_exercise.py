@@ -18,6 +18,7 @@ from rcare_marl.agents.coaching.exercise import (
     load_exercise,
     load_exercises,
 )
+from rcare_marl.agents.coaching.imitation import reach_of as imitated_reach
 from rcare_marl.agents.coaching.sources.arm_pose import (
     arm_motion,
     axes_of,
@@ -42,6 +43,7 @@ from rcare_marl.agents.coaching.upper_body import (
     turn_y,
     turn_z,
 )
+from rcare_marl.agents.people.avatar import load_avatar
 from rcare_marl.errors import ConfigError, UnknownNameError
 
 BODY = UpperBody.of_height(1.7)
@@ -252,6 +254,15 @@ def test_what_nobody_can_do_is_left_out() -> None:
     assert turned.can_do and np.degrees(turned.keys[:, 5].min()) > -4
     nothing = reach_of(left_shoulder_elevation=(0, 14), right_shoulder_elevation=(0, 14))
     assert not load_exercise("front_raise").adapted(nothing).can_do
+
+
+def test_who_cannot_draw_a_raised_arm_to_the_front_is_asked_for_the_other_exercises_only() -> None:
+    weak = replace(reach_of(), sweeps=(False, True))
+    assert load_exercise("chest_expansion").adapted(weak).parts == ("right_arm",)
+    for name in ("lateral_raise", "upper_lift", "front_raise"):
+        assert load_exercise(name).adapted(weak).parts == ("left_arm", "right_arm")
+    assert imitated_reach(load_avatar("natalia").profile).sweeps == (False, False)  # grade 1
+    assert imitated_reach(load_avatar("kim").profile).sweeps == (True, True)
 
 
 def test_one_side_of_an_exercise_leaves_the_other_at_rest() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,11 +16,11 @@ import rcare_marl
 from rcare_marl.agents.coaching.recognition.recogniser import Judgement, Repetition
 from rcare_marl.agents.coaching.session import Order
 from rcare_marl.agents.coaching.style import BRISK, Style
-from rcare_marl.agents.coaching.upper_body import ARM
+from rcare_marl.agents.coaching.upper_body import ARM, directions
 from rcare_marl.agents.people.avatar import AvatarConfig, load_avatar
 from rcare_marl.agents.people.body.skeleton import JOINT_INDEX
 from rcare_marl.envs.care_env import CareEnv
-from rcare_marl.envs.coaching.coaching_task import SIZE, encode
+from rcare_marl.envs.coaching.coaching_task import EXPLAINING, GENEROUS, RESTING, SIZE, encode
 from rcare_marl.envs.coaching.learner import Learner
 from rcare_marl.envs.devices import Wheelchair
 from rcare_marl.envs.tasks.social_coaching import SocialCoaching
@@ -27,7 +28,7 @@ from rcare_marl.errors import ConfigError, UnknownNameError
 from rcare_marl.world import World
 
 PARTNERS = {"robot": "scripted", "recipient": "learner"}
-EXERCISES = {"daniel": 5, "jose": 1, "karan": 5, "kim": 5, "morgan": 1, "natalia": 5}
+EXERCISES = {"daniel": 5, "jose": 1, "karan": 5, "kim": 5, "morgan": 1, "natalia": 4}
 
 
 def make(**settings: Any) -> CareEnv:
@@ -91,6 +92,33 @@ def test_the_scripted_coach_copes_with_learners_of_many_kinds(seed: int) -> None
     play(env, seed)
     assert env.task.succeeded()
     env.close()
+
+
+def test_a_learner_goes_to_every_key_pose_also_where_one_is_lower_than_another() -> None:
+    env = make(recipient="kim", options={"exercises": ["chest_expansion"]})
+    env.reset(seed=93100)
+    task, learner = task_of(env), learner_of(env)
+    keys, arm, seen = task.session.exercise.keys, ARM["left"], []
+    while task.session.time < 4.0:
+        env.step({})
+        seen.append(task.trainee.seen)
+    assert learner.mistake == "none" and keys[1, arm.start] < keys[2, arm.start]
+    away = directions(np.array(seen))["left_arm"] @ directions(keys[1])["left_arm"]
+    assert math.degrees(math.acos(away.max())) < 1.0
+    env.close()
+
+
+def test_who_tires_is_given_time_to_rest() -> None:
+    limits = {}
+    for name in ("kim", "karan"):
+        env = make(recipient=name)
+        task = task_of(env)
+        exercises = task.session.exercises
+        shown = sum(exercise.duration for exercise in exercises) * task.options.repetitions
+        limits[name] = (task.time_limit - GENEROUS * shown) / len(exercises)
+        env.close()
+    assert limits["karan"] == pytest.approx(EXPLAINING, abs=0.1)
+    assert limits["kim"] == pytest.approx(EXPLAINING + RESTING, abs=0.1)
 
 
 def test_a_session_is_a_function_of_the_seed() -> None:

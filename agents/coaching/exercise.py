@@ -19,6 +19,7 @@ from rcare_marl.pose import Array
 from .upper_body import ARM, ARM_MOTIONS, MOTION_INDEX, MOTIONS, SIDES, directions
 
 PARTS = ("left_arm", "right_arm", "head", "trunk")
+ARMS = PARTS[:2]
 HEAD, TRUNK = slice(3, 6), slice(0, 3)
 COLUMNS = {"left_arm": ARM["left"], "right_arm": ARM["right"], "head": HEAD, "trunk": TRUNK}
 SMALLEST = math.radians(8)  # a part that moves less is no part of an exercise; our own choice
@@ -106,12 +107,14 @@ class Reach:
         high: Greatest angle [rad], shape [16]; of the elevation of an arm: to the side.
         front: Greatest elevation to the front of left and right arm [rad]; as to the side if None.
         straightens: Whether they straighten both elbows; how bent elbows are is not judged else.
+        sweeps: Whether left and right arm, once raised, go from the side to the front.
     """
 
     low: Array
     high: Array
     front: tuple[float, float] | None = None
     straightens: bool = True
+    sweeps: tuple[bool, bool] = (True, True)
 
     def __post_init__(self) -> None:
         for name in ("low", "high"):
@@ -198,6 +201,18 @@ class Exercise:
         excursions = self.excursions(self.keys)
         return tuple(part for part in PARTS if excursions[part] >= SMALLEST)
 
+    @cached_property
+    def _swept(self) -> tuple[str, ...]:
+        """Arms that go from the side to the front while they are raised."""
+        found = []
+        for side, part in zip(SIDES, ARMS, strict=True):
+            elevation, plane = self.keys[1:-1, ARM[side]][:, :2].T
+            closes = np.diff(plane) >= SMALLEST
+            is_up = np.minimum(elevation[:-1], elevation[1:]) - self.keys[0, ARM[side].start]
+            if (closes & (is_up >= SMALLEST)).any():
+                found.append(part)
+        return tuple(found)
+
     @property
     def can_do(self) -> bool:
         """Whether there is anything to do in it."""
@@ -246,7 +261,8 @@ class Exercise:
             way = _between(goals[part], own[part][0])
             nearer = way - _between(goals[part], own[part])
             lost = nearer < np.maximum(SMALLEST, SMALLEST_SHARE * way)
-            if lost[asked].any() if part.endswith("arm") else lost[asked].all():
+            is_beyond = lost[asked].any() if part.endswith("arm") else lost[asked].all()
+            if is_beyond or part in self._swept and not reach.sweeps[ARMS.index(part)]:
                 keys[:, COLUMNS[part]] = keys[0, COLUMNS[part]]
         judged = self.judged if reach.straightens else replace(self.judged, elbow_deg=180.0)
         return replace(self._with_keys(keys), judged=judged)

@@ -168,6 +168,8 @@ def _near(angles: Array, before: Array) -> Array:
 
 
 AGAINST_GRAVITY = 3.0  # grade from which a muscle moves a limb against its weight
+# Grade from which a raised arm is drawn across to the front, where gravity neither helps nor hinders.
+WITHOUT_GRAVITY = 2.0
 ACROSS = math.radians(45.0)  # how far an arm goes past the front, over the body; AAOS, from memory
 
 
@@ -226,7 +228,9 @@ def reach_of(profile: ClinicalProfile, seated: Array | None = None) -> Reach:
             *(clinical[f"elbow_{n}"][1] for n in ("flexion", "pronation")),
         )
         front[-1] = most[1]
-    return Reach(np.minimum(low, high), np.maximum(low, high), (front[0], front[1]))
+    low, high = np.minimum(low, high), np.maximum(low, high)
+    left, right = (can_sweep(profile, side) for side in SIDES)
+    return Reach(low, high, (front[0], front[1]), sweeps=(left, right))
 
 
 def can_raise(profile: ClinicalProfile, side: str, motion: str) -> bool:
@@ -234,6 +238,12 @@ def can_raise(profile: ClinicalProfile, side: str, motion: str) -> bool:
     dof = DOFS[DOF_INDEX[f"{side}_shoulder_{motion}"]]
     low, high = profile.limits("active")[dof.name]
     return high > low and profile.grade(dof, positive=True) >= AGAINST_GRAVITY
+
+
+def can_sweep(profile: ClinicalProfile, side: str) -> bool:
+    """Return whether the adductors of a shoulder draw a raised arm from the side to the front."""
+    dof = DOFS[DOF_INDEX[f"{side}_shoulder_abduction"]]
+    return profile.grade(dof, positive=False) >= WITHOUT_GRAVITY
 
 
 def raised_sides(profile: ClinicalProfile) -> tuple[str, ...]:

@@ -251,7 +251,8 @@ class Session(Lesson):
     @property
     def is_spent(self) -> bool:
         found = self.judgement.finished
-        return found is not None and self.fatigue > SPENT and not SHORT.isdisjoint(found.errors)
+        is_short = found is not None and bool(found.errors) and SHORT.issuperset(found.errors)
+        return is_short and self.fatigue > SPENT
 
     @property
     def right_count(self) -> int:

@@ -35,12 +35,12 @@ from py_trees.composites import Parallel
 from ..people.behaviour.leaves import Condition, first_of, when
 from .body import CoachBody
 from .recognition.recogniser import Frame
-from .session import Demonstration, Lesson, Order, Session, Word
+from .session import SPENT, Demonstration, Lesson, Order, Session, Word
 
 # All our own choices.
 PATIENCE = 2.5  # repetitions as shown, without a right one, after which the coach encourages
-RECOVERS = 0.9  # who falls short for being tired rests so much longer, as a share of what is left
-LONGEST_REST = 30.0  # [s]: who is still tired then does not recover by resting, and is led on
+RECOVERS = 0.6  # who falls short for being tired rests so much longer, as a share of what is left
+LONGEST_REST = 45.0  # [s]: who is still tired then does not recover by resting, and is led on
 MORE_TIRED = 0.1  # and rests again when they are so much more tired
 AGAIN = 8.0  # [s] between two encouragements
 SLOWER = 0.75  # tempo while it encourages
@@ -60,6 +60,8 @@ class Intent:
         more: Fatigue from which it rests where resting did not help; 0 where the style says.
         rests_to: Fatigue until which it does.
         rested_from: When it began to [s].
+        eased: Index of the exercise in which somebody tired fell short, -1 for none, and the fatigue until
+            which they rest after each repetition of it.
         reminded_at: When something was wrong last, or the hint to it was said [s].
         anew_at: When a repetition was begun anew [s].
     """
@@ -72,6 +74,7 @@ class Intent:
         self.order = Order()
         self.slow_for, self.called_at, self.calls = -1, -np.inf, 0
         self.rests, self.more, self.rests_to, self.rested_from = False, 0.0, 0.0, 0.0
+        self.eased = (-1, 1.0)
         self.reminded_at, self.anew_at = np.inf, -np.inf
 
     def stand(self) -> None:
@@ -181,11 +184,16 @@ def coach_tree(session: Lesson, intent: Intent) -> Behaviour:
 
     def is_tired() -> bool:
         if not intent.rests:
-            limit = intent.more or session.style.tired
-            intent.rests = session.is_spent or session.fatigue > limit
-            intent.rested_from, tired = session.time, session.fatigue
-            tired = session.style.tired if tired > limit else RECOVERS * tired
-            intent.rests_to = session.style.rests_to * tired
+            limit, tired = intent.more or session.style.tired, session.fatigue
+            if session.is_spent:
+                fresh = max(session.style.rests_to * RECOVERS * tired, SPENT)
+                intent.eased = (session.index, fresh)
+            is_between = session.judgement.finished is not None and not session.is_done
+            is_eased = is_between and intent.eased[0] == session.index and not intent.more
+            intent.rests = tired > limit or session.is_spent or is_eased and tired > intent.eased[1]
+            intent.rested_from = session.time
+            most = session.style.rests_to * session.style.tired
+            intent.rests_to = most if tired > limit else intent.eased[1]
         elif session.fatigue <= intent.rests_to:
             intent.rests, intent.more = False, 0.0
         elif session.time - intent.rested_from > LONGEST_REST:

@@ -31,6 +31,7 @@ from .seat import Seat, stand
 from .trainee import SocialCoachingOptions, Trainee, TraineeState, head_of, trainee_rewards
 
 EXPLAINING = 8.0  # [s] of the time limit for each exercise of each person; our own choice
+RESTING = 30.0  # [s] for each of those who tire; our own choice
 GENEROUS = 3.0  # time limit over the duration of all right repetitions as shown; our own choice
 
 
@@ -211,8 +212,11 @@ class CoachingTask(Task):
         )
         shown: Sequence[Exercise] = self.session.exercises
         time = sum(exercise.duration for exercise in shown) * self.options.repetitions
-        asked = sum(len(trainee.session.exercises) for trainee in self.trainees.values())
-        steps = math.ceil((GENEROUS * time + EXPLAINING * asked) / self.control_dt)
+        allowed = GENEROUS * time
+        for trainee in self.trainees.values():
+            extra = EXPLAINING + RESTING * trainee.tires
+            allowed += extra * len(trainee.session.exercises)
+        steps = math.ceil(allowed / self.control_dt)
         self.time_limit = steps * self.control_dt
 
     def reset(self, rng: np.random.Generator) -> None:

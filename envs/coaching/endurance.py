@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -53,7 +54,8 @@ def reach_within_strength(reach: Reach, person: Human, seated: Array) -> Reach:
             front[i] = most[1]
         else:
             high[at] = min(most)
-    return Reach(low, high, (front[0], front[1]) if front else None, straightens)
+    most_ahead = (front[0], front[1]) if front else None
+    return replace(reach, low=low, high=high, front=most_ahead, straightens=straightens)
 
 
 class _Raised:

@@ -220,7 +220,8 @@ class Learner:
         hung = Imitation(self._limits)(keys[0])
         for side in SIDES:
             elevations = keys[:, ARM[side].start]
-            high = max(float(elevations[0]) + BARELY, min(IS_CLEAR, float(elevations.max())))
+            risen = elevations[elevations > elevations[0] + BARELY]
+            high = min(IS_CLEAR, float(risen.min())) if len(risen) else elevations[0] + BARELY
             low = min(HANGS, 0.5 * (float(elevations[0]) + high))
             up = (float(wished[ARM[side].start]) - low) / (high - low)
             share = 1.0 - min(max(up, 0.0), 1.0)

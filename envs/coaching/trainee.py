@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -123,6 +123,7 @@ class Trainee:
         person: Who it is.
         seen: Angles of the upper body as the simulator knows them [rad], shape [16].
         reach: What the person can do, seated as they are.
+        tires: Whether strength, and not range alone, ends how far their arms rise.
         speed: How fast what is shown goes at most, for this person to follow [rad/s].
         session: What is asked of them and what they have done; once `ask` was called.
         kind: Which kind of learner they are in this episode.
@@ -136,12 +137,14 @@ class Trainee:
         self._hurts_from = math.inf  # elevation of an arm [rad]
         self._order = [DOF_INDEX[dof] for dof in person.movable]
         self._begin_to_look()
-        self.reach, self.speed = reach_of(person.avatar.profile, self.seen), SPEED
+        within_range = reach_of(person.avatar.profile, self.seen)
         if isinstance(person.drive, MuscleDrive):
-            self.reach = reach_of_muscles(self.reach)
-            self.speed = SPEED_OF_MUSCLES
+            self.reach, self.speed = reach_of_muscles(within_range), SPEED_OF_MUSCLES
+            self.tires = False
         else:
-            self.reach = reach_within_strength(self.reach, person, self.seen)
+            self.reach, self.speed = reach_within_strength(within_range, person, self.seen), SPEED
+            lower = self.reach.high[RAISED] < within_range.high[RAISED]
+            self.tires = bool(lower.any()) or self.reach.front != within_range.front
 
     def ask(self, exercises: Sequence[Exercise], repetitions: int) -> None:
         """Give the person their programme."""
@@ -303,7 +306,8 @@ def reach_of_muscles(reach: Reach) -> Reach:
     turn = MOTION_INDEX["neck_rotation_left"]
     low[turn], high[turn] = min(low[turn] + MUSCLES_NECK, 0.0), max(high[turn] - MUSCLES_NECK, 0.0)
     most = reach.front or (math.inf, math.inf)
-    return Reach(low, high, (min(most[0], MUSCLES_FRONT), min(most[1], MUSCLES_FRONT)))
+    front = (min(most[0], MUSCLES_FRONT), min(most[1], MUSCLES_FRONT))
+    return replace(reach, low=low, high=high, front=front)
 
 
 def head_of(robot: Robot) -> Array:
