@@ -31,7 +31,7 @@ from .seat import Seat, stand
 from .trainee import SocialCoachingOptions, Trainee, TraineeState, head_of, trainee_rewards
 
 EXPLAINING = 8.0  # [s] of the time limit for each exercise of each person; our own choice
-RESTING = 30.0  # [s] for each of those who tire; our own choice
+RESTING = 30.0  # likewise, of each person whose strength ends how far an arm rises; our own choice
 GENEROUS = 3.0  # time limit over the duration of all right repetitions as shown; our own choice
 
 
