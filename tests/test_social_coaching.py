@@ -54,6 +54,14 @@ def led() -> Iterator[CareEnv]:
     env.close()
 
 
+@pytest.fixture(scope="module")
+def kim() -> Iterator[CareEnv]:
+    """Kim, whose strength ends how far her arms rise, with an exercise of several key poses."""
+    env = make(recipient="kim", options={"exercises": ["chest_expansion"]})
+    yield env
+    env.close()
+
+
 def held(env: CareEnv) -> None:
     """Run a session and hold it to what every session keeps."""
     task, shown = task_of(env), []
@@ -94,31 +102,27 @@ def test_the_scripted_coach_copes_with_learners_of_many_kinds(seed: int) -> None
     env.close()
 
 
-def test_a_learner_goes_to_every_key_pose_also_where_one_is_lower_than_another() -> None:
-    env = make(recipient="kim", options={"exercises": ["chest_expansion"]})
-    env.reset(seed=93100)
-    task, learner = task_of(env), learner_of(env)
-    keys, arm, seen = task.session.exercise.keys, ARM["left"], []
+def test_a_learner_goes_to_every_key_pose_also_where_one_is_lower_than_another(
+    kim: CareEnv,
+) -> None:
+    kim.reset(seed=93100)
+    task, seen = task_of(kim), []
+    keys, arm = task.session.exercise.keys, ARM["left"]
     while task.session.time < 4.0:
-        env.step({})
+        kim.step({})
         seen.append(task.trainee.seen)
-    assert learner.mistake == "none" and keys[1, arm.start] < keys[2, arm.start]
+    assert learner_of(kim).mistake == "none" and keys[1, arm.start] < keys[2, arm.start]
     away = directions(np.array(seen))["left_arm"] @ directions(keys[1])["left_arm"]
     assert math.degrees(math.acos(away.max())) < 1.0
-    env.close()
 
 
-def test_who_tires_is_given_time_to_rest() -> None:
-    limits = {}
-    for name in ("kim", "karan"):
-        env = make(recipient=name)
+def test_who_tires_is_given_time_to_rest(kim: CareEnv, led: CareEnv) -> None:
+    for env, allowed in ((kim, EXPLAINING + RESTING), (led, EXPLAINING)):
         task = task_of(env)
         exercises = task.session.exercises
         shown = sum(exercise.duration for exercise in exercises) * task.options.repetitions
-        limits[name] = (task.time_limit - GENEROUS * shown) / len(exercises)
-        env.close()
-    assert limits["karan"] == pytest.approx(EXPLAINING, abs=0.1)
-    assert limits["kim"] == pytest.approx(EXPLAINING + RESTING, abs=0.1)
+        rest = (task.time_limit - GENEROUS * shown) / len(exercises)
+        assert rest == pytest.approx(allowed, abs=0.1)
 
 
 def test_a_session_is_a_function_of_the_seed() -> None:
