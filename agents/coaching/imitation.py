@@ -168,8 +168,8 @@ def _near(angles: Array, before: Array) -> Array:
 
 
 AGAINST_GRAVITY = 3.0  # grade from which a muscle moves a limb against its weight
-# Grade from which a raised arm is drawn across to the front, where gravity neither helps nor hinders: what
-# grade 2 means in manual muscle testing (Daniels & Worthingham). That it takes the adductors is our own choice.
+# Grade from which a raised arm is drawn across to the front, where gravity neither helps nor hinders, as
+# grade 2 means (Daniels & Worthingham); that it takes the adductors is our own choice.
 WITHOUT_GRAVITY = 2.0
 ACROSS = math.radians(45.0)  # how far an arm goes past the front, over the body; AAOS, from memory
 
